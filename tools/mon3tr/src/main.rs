@@ -1,0 +1,2 @@
+//! The `mon3tr` command.
+fn main() {}
