@@ -1,1 +1,28 @@
-//! (being built)
+//! SPMM3, the skinned person model of Mon3tr (paper, section IV): what a person is and how 215 motion numbers move
+//! them. It holds the data and the arithmetic; it does not run networks, draw pictures or talk to a network.
+//!
+//! A frame's way through this crate: [`MotionParams`] -> [`Skeleton::pose`] -> [`SkinningTransforms`] -> (the deform
+//! graph of [`networks`], run elsewhere) -> posed vertices and residuals -> [`BoundGaussians::pose`] -> [`GaussianSet`].
+//!
+//! Space: metres, y up, the person faces +z and +x is the person's left.
+
+mod binding;
+mod controllers;
+mod error;
+mod gaussians;
+mod geodesic;
+mod joint;
+mod motion;
+pub mod networks;
+mod skeleton;
+mod template;
+
+pub use binding::{BoundGaussians, PlanarVertices};
+pub use controllers::{Controllers, NEIGHBOURS};
+pub use error::PersonError;
+pub use gaussians::{ATTRIBUTES, GaussianSet, SH_C0, attribute};
+pub use geodesic::EdgeGraph;
+pub use joint::{JOINTS, Joint};
+pub use motion::{BODY, EXPRESSION, HANDS, MotionParams, PARAMS};
+pub use skeleton::{JointTransforms, Skeleton, SkinningTransforms};
+pub use template::{INFLUENCES, SkinWeights, Template};

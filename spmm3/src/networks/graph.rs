@@ -1,0 +1,339 @@
+//! The deform graph: F_mesh -> LBS and F_attr in one static ONNX graph.
+//!
+//! Shapes are static, rank is at most 4, tensors are planar and inputs and outputs FP32: the form that both the CPU and
+//! the Hexagon NPU run whole. Stored FP16 and 8-bit weights are widened by constant nodes, which ONNX Runtime folds when
+//! it loads the graph, so that they cost nothing per frame.
+
+use super::onnx::{Attribute, Graph, Model, Node, OperatorSet, Tensor, ValueInfo, data_type};
+use super::{AttributeNetwork, Dense, MeshNetwork};
+use crate::{ATTRIBUTES, Controllers, JOINTS, NEIGHBOURS, PARAMS, PersonError, Template};
+use prost::Message;
+
+/// Names of the graph's inputs.
+pub mod input {
+    /// [1, 215] motion parameters P.
+    pub const MOTION: &str = "motion";
+    /// [12, 55] skinning transforms, planes as in [`crate::SkinningTransforms`].
+    pub const SKINNING: &str = "skinning";
+}
+
+/// Names of the graph's outputs.
+pub mod output {
+    /// [3, N_v] posed vertices, metres, root translation left out.
+    pub const VERTICES: &str = "posed_vertices";
+    /// [14, N_g] attribute residuals in the triangles' frames.
+    pub const RESIDUALS: &str = "residuals";
+}
+
+const OPSET: i64 = 17;
+const IR_VERSION: i64 = 8;
+
+/// Everything the deform graph is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct DeformGraph<'a> {
+    /// Canonical vertices and skinning weights.
+    pub template: &'a Template,
+    /// Neighbourhoods and virtual masses.
+    pub controllers: &'a Controllers,
+    /// F_mesh.
+    pub mesh: &'a MeshNetwork,
+    /// F_attr.
+    pub attributes: &'a AttributeNetwork,
+}
+
+impl DeformGraph<'_> {
+    /// Writes the graph as an ONNX model.
+    ///
+    /// # Errors
+    /// If the networks do not fit the template, the controllers or each other.
+    pub fn to_onnx(&self) -> Result<Vec<u8>, PersonError> {
+        let vertices = self.template.vertices().len();
+        let gaussians = self.controllers.neighbours().len();
+        self.mesh.check(vertices)?;
+        self.attributes
+            .check(self.controllers.vertices().len(), gaussians)?;
+        let mut writer = Writer::default();
+        self.mesh_and_skinning(&mut writer);
+        self.attribute_residuals(&mut writer);
+        let graph = Graph {
+            node: writer.nodes,
+            name: Some("deform".into()),
+            initializer: writer.tensors,
+            input: vec![
+                ValueInfo::float(input::MOTION, &[1, dim(PARAMS)]),
+                ValueInfo::float(input::SKINNING, &[12, dim(JOINTS)]),
+            ],
+            output: vec![
+                ValueInfo::float(output::VERTICES, &[3, dim(vertices)]),
+                ValueInfo::float(output::RESIDUALS, &[dim(ATTRIBUTES), dim(gaussians)]),
+            ],
+        };
+        let model = Model {
+            ir_version: Some(IR_VERSION),
+            producer_name: Some("mon3tr".into()),
+            graph: Some(graph),
+            opset_import: vec![OperatorSet {
+                domain: Some(String::new()),
+                version: Some(OPSET),
+            }],
+        };
+        Ok(model.encode_to_vec())
+    }
+
+    /// `V_final = LBS(V_template + F_mesh(P))`, on planes.
+    fn mesh_and_skinning(&self, w: &mut Writer) {
+        let vertices = dim(self.template.vertices().len());
+        let mesh = self.mesh;
+        let hidden = w.dense("mesh.first", input::MOTION, &mesh.first);
+        let hidden = w.silu("mesh.first", &hidden);
+        let hidden = w.dense("mesh.second", &hidden, &mesh.second);
+        let hidden = w.silu("mesh.second", &hidden);
+        let code = w.dense("mesh.code", &hidden, &mesh.code);
+
+        let decoder = &mesh.decoder;
+        let values = w.int8(
+            "mesh.decoder.values",
+            &[dim(decoder.rank()), 3 * vertices],
+            decoder.values(),
+        );
+        let scales = w.half("mesh.decoder.scales", &[1, 3 * vertices], decoder.scales());
+        let unit = w.float("mesh.decoder.unit", &[1], &[decoder.unit()]);
+        let scales = w.op("Mul", "mesh.decoder.scaled", &[&scales, &unit], &[]);
+        let fields = w.op("Mul", "mesh.decoder", &[&values, &scales], &[]);
+        // The rest shape joins the bias: one addition of constants at bake instead of one per frame.
+        let canonical: Vec<f32> = (0..3)
+            .flat_map(|axis| self.template.vertices().iter().map(move |v| v[axis]))
+            .zip(decoder.mean())
+            .map(|(rest, mean)| rest + mean)
+            .collect();
+        let bias = w.float("mesh.canonical", &[3 * vertices], &canonical);
+        let shaped = w.op("Gemm", "mesh.offsets", &[&code, &fields, &bias], &[]);
+        let shape = w.int64("mesh.planes.shape", &[3, vertices]);
+        let planes = w.op("Reshape", "mesh.planes", &[&shaped, &shape], &[]);
+
+        let weights = self.template.dense_weights_transposed();
+        let weights = w.float("skin.weights", &[dim(JOINTS), vertices], &weights);
+        let matrices = w.op("MatMul", "skin.matrices", &[input::SKINNING, &weights], &[]);
+        let mut sum = w.slice("skin.translation", &matrices, 9, 12);
+        for axis in 0..3 {
+            let coordinate = w.slice(&format!("skin.rest{axis}"), &planes, axis, axis + 1);
+            let column = w.slice(
+                &format!("skin.column{axis}"),
+                &matrices,
+                3 * axis,
+                3 * axis + 3,
+            );
+            let term = w.op(
+                "Mul",
+                &format!("skin.term{axis}"),
+                &[&column, &coordinate],
+                &[],
+            );
+            sum = if axis == 2 {
+                w.op_named("Add", output::VERTICES, &[&term, &sum], &[])
+            } else {
+                w.op("Add", &format!("skin.sum{axis}"), &[&term, &sum], &[])
+            };
+        }
+    }
+
+    /// `Delta G_i = sum_b F_i[b] Delta G_i^b`, with F_i mixed from the three controllers' potentials.
+    fn attribute_residuals(&self, w: &mut Writer) {
+        let network = self.attributes;
+        let controllers = self.controllers.vertices().len();
+        let gaussians = dim(self.controllers.neighbours().len());
+        let (hidden, bases) = (dim(network.hidden(controllers)), dim(network.bases.bases()));
+        let controllers = dim(controllers);
+
+        let units = w.dense("attr.first", input::MOTION, &network.first);
+        let units = w.silu("attr.first", &units);
+        let shape = w.int64("attr.rows.shape", &[controllers, 1, hidden]);
+        let rows = w.op("Reshape", "attr.rows", &[&units, &shape], &[]);
+        let second = w.half(
+            "attr.second.weights",
+            &[controllers, hidden, bases],
+            &network.second,
+        );
+        let potentials = w.op("MatMul", "attr.second.product", &[&rows, &second], &[]);
+        let bias = w.float(
+            "attr.second.bias",
+            &[controllers, 1, bases],
+            &network.second_bias,
+        );
+        let potentials = w.op("Add", "attr.second", &[&potentials, &bias], &[]);
+        let shape = w.int64("attr.potentials.shape", &[controllers, bases]);
+        let potentials = w.op("Reshape", "attr.potentials", &[&potentials, &shape], &[]);
+
+        let mut force: Option<String> = None;
+        for k in 0..NEIGHBOURS {
+            let index: Vec<i32> = self
+                .controllers
+                .neighbours()
+                .iter()
+                .map(|n| i32::from(n[k]))
+                .collect();
+            let mass: Vec<f32> = self.controllers.masses().iter().map(|m| m[k]).collect();
+            let index = w.int32(&format!("attr.neighbour{k}"), &[gaussians], &index);
+            let mass = w.float(&format!("attr.mass{k}"), &[gaussians, 1], &mass);
+            let axis = [Attribute::int("axis", 0)];
+            let pulled = w.op(
+                "Gather",
+                &format!("attr.pull{k}"),
+                &[&potentials, &index],
+                &axis,
+            );
+            let pulled = w.op("Mul", &format!("attr.share{k}"), &[&pulled, &mass], &[]);
+            force = Some(match force {
+                None => pulled,
+                Some(sum) => w.op("Add", &format!("attr.force{k}"), &[&sum, &pulled], &[]),
+            });
+        }
+        let order = [Attribute::ints("perm", &[1, 0])];
+        let force = w.op(
+            "Transpose",
+            "attr.force",
+            &[force.as_deref().unwrap_or_default()],
+            &order,
+        );
+
+        let quantised = &network.bases;
+        let attributes = dim(ATTRIBUTES);
+        let values = w.int8(
+            "attr.bases.values",
+            &[attributes, bases, gaussians],
+            quantised.values(),
+        );
+        let scales = w.half(
+            "attr.bases.scales",
+            &[attributes, 1, gaussians],
+            quantised.scales(),
+        );
+        let units = w.float("attr.bases.units", &[attributes, 1, 1], quantised.units());
+        let scales = w.op("Mul", "attr.bases.scaled", &[&scales, &units], &[]);
+        let full = w.op("Mul", "attr.bases", &[&values, &scales], &[]);
+        let weighed = w.op("Mul", "attr.weighed", &[&full, &force], &[]);
+        let axes = w.int64("attr.axes", &[1]);
+        w.op_named(
+            "ReduceSum",
+            output::RESIDUALS,
+            &[&weighed, &axes],
+            &[Attribute::int("keepdims", 0)],
+        );
+    }
+}
+
+/// Sizes in this crate stay far below `i64::MAX`.
+fn dim(size: usize) -> i64 {
+    i64::try_from(size).unwrap_or(i64::MAX)
+}
+
+/// Collects nodes and initializers; every method returns the name of the value it made.
+#[derive(Default)]
+struct Writer {
+    nodes: Vec<Node>,
+    tensors: Vec<Tensor>,
+}
+
+impl Writer {
+    fn op(&mut self, op: &str, name: &str, inputs: &[&str], attributes: &[Attribute]) -> String {
+        self.op_named(op, &format!("{name}.out"), inputs, attributes)
+    }
+
+    fn op_named(
+        &mut self,
+        op: &str,
+        output: &str,
+        inputs: &[&str],
+        attributes: &[Attribute],
+    ) -> String {
+        self.nodes.push(Node {
+            input: inputs.iter().map(|i| (*i).to_owned()).collect(),
+            output: vec![output.to_owned()],
+            name: Some(format!("{output}.{op}")),
+            op_type: Some(op.to_owned()),
+            attribute: attributes.to_vec(),
+        });
+        output.to_owned()
+    }
+
+    fn dense(&mut self, name: &str, x: &str, layer: &Dense) -> String {
+        let (inputs, outputs) = (dim(layer.inputs()), dim(layer.outputs()));
+        let weights = self.half(
+            &format!("{name}.weights"),
+            &[inputs, outputs],
+            layer.weights(),
+        );
+        let bias = self.float(&format!("{name}.bias"), &[outputs], layer.bias());
+        self.op("Gemm", name, &[x, &weights, &bias], &[])
+    }
+
+    fn silu(&mut self, name: &str, x: &str) -> String {
+        let gate = self.op("Sigmoid", &format!("{name}.gate"), &[x], &[]);
+        self.op("Mul", &format!("{name}.silu"), &[x, &gate], &[])
+    }
+
+    /// Rows `from..to` of a matrix.
+    fn slice(&mut self, name: &str, x: &str, from: i64, to: i64) -> String {
+        let starts = self.int64(&format!("{name}.from"), &[from]);
+        let ends = self.int64(&format!("{name}.to"), &[to]);
+        let axes = self.int64(&format!("{name}.axis"), &[0]);
+        self.op("Slice", name, &[x, &starts, &ends, &axes], &[])
+    }
+
+    fn tensor(&mut self, name: &str, kind: i32, dims: &[i64], raw: Vec<u8>) -> String {
+        self.tensors.push(Tensor {
+            dims: dims.to_vec(),
+            data_type: Some(kind),
+            name: Some(name.to_owned()),
+            raw_data: Some(raw),
+        });
+        name.to_owned()
+    }
+
+    fn float(&mut self, name: &str, dims: &[i64], values: &[f32]) -> String {
+        self.tensor(
+            name,
+            data_type::FLOAT,
+            dims,
+            values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+        )
+    }
+
+    fn int32(&mut self, name: &str, dims: &[i64], values: &[i32]) -> String {
+        self.tensor(
+            name,
+            data_type::INT32,
+            dims,
+            values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+        )
+    }
+
+    /// A one-dimensional list of 64-bit integers: a shape or slice bound.
+    fn int64(&mut self, name: &str, values: &[i64]) -> String {
+        let raw = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.tensor(name, data_type::INT64, &[dim(values.len())], raw)
+    }
+
+    /// FP16 constants, widened to FP32.
+    fn half(&mut self, name: &str, dims: &[i64], values: &[half::f16]) -> String {
+        let raw = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let stored = self.tensor(name, data_type::FLOAT16, dims, raw);
+        self.widened(name, &stored)
+    }
+
+    /// 8-bit constants, widened to FP32.
+    fn int8(&mut self, name: &str, dims: &[i64], values: &[i8]) -> String {
+        let stored = self.tensor(
+            name,
+            data_type::INT8,
+            dims,
+            bytemuck::cast_slice(values).to_vec(),
+        );
+        self.widened(name, &stored)
+    }
+
+    fn widened(&mut self, name: &str, stored: &str) -> String {
+        let to = [Attribute::int("to", i64::from(data_type::FLOAT))];
+        self.op("Cast", &format!("{name}.f32"), &[stored], &to)
+    }
+}

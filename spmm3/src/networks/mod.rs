@@ -1,0 +1,14 @@
+//! F_mesh and F_attr of the paper: their weights, and the one static ONNX graph that holds both and the LBS between.
+//!
+//! This module describes networks and writes them down; `npu-runtime` runs them and `tools/reconstruct` fits them.
+
+mod attributes;
+mod graph;
+mod layer;
+mod mesh;
+mod onnx;
+
+pub use attributes::{AttributeNetwork, QuantisedBases};
+pub use graph::{DeformGraph, input, output};
+pub use layer::Dense;
+pub use mesh::{MeshNetwork, QuantisedDecoder};
