@@ -9,6 +9,7 @@
 mod binding;
 mod controllers;
 mod error;
+mod expression;
 mod gaussians;
 mod geodesic;
 mod joint;
@@ -20,6 +21,7 @@ mod template;
 pub use binding::{BoundGaussians, PlanarVertices};
 pub use controllers::{Controllers, NEIGHBOURS};
 pub use error::PersonError;
+pub use expression::{ExpressionPreset, Expressions};
 pub use gaussians::{ATTRIBUTES, GaussianSet, SH_C0, attribute};
 pub use geodesic::EdgeGraph;
 pub use joint::{JOINTS, Joint};
