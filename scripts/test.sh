@@ -1,0 +1,45 @@
+# shellcheck shell=bash
+# Runs the workspace's tests and counts them. Sourced by ./run.
+#
+# A test that cannot run for want of a component prints `skipped: why` and passes (with CI=true it fails). Cargo hides what
+# passing tests print, so they are run with --show-output: all of it goes to the log, the screen gets it without, and the
+# skipped ones are listed at the end: none is skipped silently.
+
+run_tests() {
+	local log=$MON3TR_CACHE/test.log status=0 what=(--workspace) one
+	for one in "$@"; do
+		case $one in
+		--) break ;;
+		-p | --package | -p* | --package=*) what=() ;;
+		esac
+	done
+	# Options for the tests themselves come after a `--`, which may be there already.
+	case " $* " in *" -- "*) set -- "$@" --show-output ;; *) set -- "$@" -- --show-output ;; esac
+	cargo test --manifest-path "$repo/Cargo.toml" "${what[@]}" --no-fail-fast "$@" 2>&1 |
+		tee "$log" |
+		awk '/^successes:$/ { hidden = 1 } /^(failures:|test result:)/ { hidden = 0 } !hidden { print; fflush() }' || status=$?
+	summarise_tests "$log"
+	if [ "$status" != 0 ]; then
+		say "Tests failed. The whole output is in $log"
+	fi
+	return "$status"
+}
+
+# summarise_tests LOG: the sum over cargo's `test result` lines, and every skipped test with its reason.
+summarise_tests() {
+	awk '
+		/^test result:/ {
+			for (i = 2; i <= NF; i++) {
+				if ($i ~ /^passed/) passed += $(i - 1)
+				if ($i ~ /^failed/) failed += $(i - 1)
+				if ($i ~ /^ignored/) ignored += $(i - 1)
+			}
+		}
+		/^---- .* stdout ----$/ { name = $2 }
+		/^skipped: / { skipped++; reasons = reasons "  " name ": " $0 "\n" }
+		END {
+			printf "\n%d tests ran: %d passed, %d failed; besides %d ignored, and %d of the passed skipped\n",
+				passed + failed, passed, failed, ignored, skipped
+			printf "%s", reasons
+		}' "$1"
+}
