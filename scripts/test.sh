@@ -1,4 +1,4 @@
-# shellcheck shell=bash
+# shellcheck shell=bash disable=SC2154 # run sets what is not assigned here
 # Runs the workspace's tests and counts them. Sourced by ./run.
 #
 # A test that cannot run for want of a component prints `skipped: why` and passes (with CI=true it fails). Cargo hides what
