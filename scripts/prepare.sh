@@ -125,12 +125,13 @@ find_todo() {
 }
 
 export_environment() {
-	local root=$lavapipe_prefix/root
+	local root=$lavapipe_prefix/root runner=CARGO_TARGET_${cargo_target}_RUNNER
 	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
 	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi
 	if [ "$vulkan_from" = machine ]; then
 		# A wrapper left in the environment would hide the machine's hardware drivers.
 		unset MON3TR_RUNNER
+		if [ "${!runner:-}" = "$lavapipe_prefix/run" ]; then unset "$runner"; fi
 		say "Vulkan: this machine's own ($vulkan_why)"
 		return
 	fi
@@ -139,6 +140,6 @@ export_environment() {
 	export VK_LAYER_PATH=$root/usr/share/vulkan/explicit_layer.d
 	export XKB_CONFIG_ROOT=$root/usr/share/X11/xkb
 	export MON3TR_RUNNER=$lavapipe_prefix/run
-	export "CARGO_TARGET_${cargo_target}_RUNNER=$MON3TR_RUNNER"
+	export "$runner=$MON3TR_RUNNER"
 	say "Vulkan: lavapipe $(lavapipe_version) from the cache (this machine's own: $vulkan_why)"
 }

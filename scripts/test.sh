@@ -6,7 +6,8 @@
 # skipped ones are listed at the end: none is skipped silently.
 
 run_tests() {
-	local log=$MON3TR_CACHE/test.log status=0 what=(--workspace) one
+	local log=${CARGO_TARGET_DIR:-$repo/target}/run-test.log status=0 what=(--workspace) one
+	mkdir -p "$(dirname "$log")"
 	for one in "$@"; do
 		case $one in
 		--) break ;;
@@ -17,7 +18,7 @@ run_tests() {
 	case " $* " in *" -- "*) set -- "$@" --show-output ;; *) set -- "$@" -- --show-output ;; esac
 	cargo test --manifest-path "$repo/Cargo.toml" "${what[@]}" --no-fail-fast "$@" 2>&1 |
 		tee "$log" |
-		awk '/^successes:$/ { hidden = 1 } /^(failures:|test result:)/ { hidden = 0 } !hidden { print; fflush() }' || status=$?
+		sed --unbuffered '/^successes:$/,/^\(failures:\|test result:\)/ { /^\(failures:\|test result:\)/! d }' || status=$?
 	summarise_tests "$log"
 	if [ "$status" != 0 ]; then
 		say "Tests failed. The whole output is in $log"
