@@ -1,4 +1,4 @@
-# shellcheck shell=bash
+# shellcheck shell=bash disable=SC2034 # lavapipe.sh reads fetch_gone
 # Fetching into the cache: every file is pinned by its SHA-256, written under a temporary name and renamed when it is whole
 # and right, so that an interrupted set-up goes on where it stopped. Sourced by ./run; does not know what is fetched.
 
@@ -14,9 +14,11 @@ has_sha256() {
 	[ -f "$1" ] && [ "$(sha256sum "$1" | cut -d' ' -f1)" = "$2" ]
 }
 
-# fetch URL SHA256 FILE: FILE exists and is right afterwards, or this returns 1 and $fetch_error says why in one line.
+# fetch URL SHA256 FILE: FILE exists and is right afterwards, or this returns 1 and $fetch_error says why in one line;
+# $fetch_gone is 1 if the server answered that it has no such file.
 fetch() {
 	local url=$1 sha256=$2 file=$3 part=$3.part try meter=--silent why
+	fetch_gone=0
 	if [ -f "$file" ]; then return 0; fi
 	if [ -t 2 ]; then meter=--progress-bar; fi
 	mkdir -p "$(dirname "$file")"
@@ -25,8 +27,9 @@ fetch() {
 		if [ "$try" = 2 ]; then rm -f "$part"; fi
 		if ! has_sha256 "$part" "$sha256"; then
 			if ! why=$(curl --fail --location --retry 3 --connect-timeout 20 --speed-limit 1000 --speed-time 60 \
-				--continue-at - "$meter" --write-out '%{errormsg}' --output "$part" "$url"); then
-				fetch_error="could not fetch $url: ${why:-curl failed}"
+				--continue-at - "$meter" --write-out '%{http_code} %{errormsg}' --output "$part" "$url"); then
+				fetch_error="could not fetch $url: ${why#* }"
+				case $why in 404* | 410*) fetch_gone=1 && return 1 ;; esac
 				continue
 			fi
 			if ! has_sha256 "$part" "$sha256"; then
@@ -40,10 +43,12 @@ fetch() {
 	return 1
 }
 
-# must_fetch URL SHA256 FILE
-must_fetch() {
-	fetch "$@" || die "$fetch_error. Check the network (a proxy is set with https_proxy=...) and run the command again; what is already here is kept."
+die_of_network() {
+	die "$fetch_error. Check the network (a proxy is set with https_proxy=...) and run the command again; what is already here is kept."
 }
+
+# must_fetch URL SHA256 FILE
+must_fetch() { fetch "$@" || die_of_network; }
 
 # is_stamped FOLDER PINS: FOLDER was completed from exactly these pins. Only reads the stamp: nothing is hashed again.
 is_stamped() {

@@ -27,7 +27,7 @@ fetch_moved_package() {
 	local name=$1 version=$2 sha256=$3 path=$4 debs=$5 suite snapshot now
 	suite=$(sed -n 's/^suite //p' "$lavapipe_lock")
 	snapshot=$(sed -n 's/^snapshot //p' "$lavapipe_lock")
-	say "  $name $version is not on $debian_mirror any more ($fetch_error)"
+	say "  $name $version is not on $debian_mirror any more, as happens after a Debian point release"
 	say "  trying Debian's archive, snapshot.debian.org"
 	if fetch "$debian_snapshot/$snapshot/$path" "$sha256" "$debs/$sha256.deb"; then
 		echo "$debs/$sha256.deb"
@@ -101,7 +101,10 @@ install_lavapipe() {
 	while read -r name version sha256 _ path; do
 		if [ -z "$path" ] || [ "$name" = "#" ]; then continue; fi
 		deb=$debs/$sha256.deb
-		fetch "$debian_mirror/$path" "$sha256" "$deb" || deb=$(fetch_moved_package "$name" "$version" "$sha256" "$path" "$debs")
+		if ! fetch "$debian_mirror/$path" "$sha256" "$deb"; then
+			if [ "$fetch_gone" = 0 ]; then die_of_network; fi
+			deb=$(fetch_moved_package "$name" "$version" "$sha256" "$path" "$debs")
+		fi
 		into=$new/root
 		if [ "$name" = libc6 ]; then into=$new/libc; fi
 		dpkg-deb --extract "$deb" "$into" || die "could not unpack $deb: is the disk full? Delete that file and run the command again."
@@ -116,14 +119,10 @@ install_lavapipe() {
 trim_lavapipe() {
 	local lib=$1/root/usr/lib/$deb_triplet share=$1/root/usr/share
 	find "$lib" -name 'libvulkan_*.so' ! -name libvulkan_lvp.so -delete
-	find "$share/vulkan/icd.d" -name '*.json' ! -name 'lvp_icd*' -delete
-	find "$share/vulkan/explicit_layer.d" -name '*.json' ! -name 'VkLayer_khronos_validation.json' -delete
+	find "$share/vulkan/icd.d" -name '*.json' ! -name lvp_icd.json -delete
+	find "$share/vulkan/explicit_layer.d" -name '*.json' ! -name VkLayer_khronos_validation.json -delete
 	rm -rf "$share/vulkan/implicit_layer.d" "$lib"/libVkLayer_INTEL_* "$lib"/libVkLayer_MESA_*
 	rm -rf "$1/root/usr/bin" "$share/bug" "$share/lintian" "$share/man" "$share/locale" "$1/libc/usr/lib/$deb_triplet/gconv" "$1/libc/usr/share/locale"
 	# Copyright files stay: this is other people's work.
 	find "$share/doc" "$1/libc/usr/share/doc" -name '*changelog*' -delete
-	# Debian's arm64 names the manifest by architecture in some versions; the wrapper knows one name.
-	if [ ! -e "$share/vulkan/icd.d/lvp_icd.json" ]; then
-		mv "$share"/vulkan/icd.d/lvp_icd.*.json "$share/vulkan/icd.d/lvp_icd.json"
-	fi
 }

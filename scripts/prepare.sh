@@ -57,15 +57,18 @@ install_debs() {
 	{
 		"${as_root[@]}" apt-get update -qq &&
 			"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing_debs[@]}"
-	} >&2 || die "apt-get could not install ${missing_debs[*]}: install them by hand, then run the command again"
+	} >/dev/null || die "apt-get could not install ${missing_debs[*]}: install them by hand, then run the command again"
 }
 
-# choose_vulkan auto|lavapipe|NAME [--layer]: sets vulkan_from (machine or cache) and vulkan_why.
+# choose_vulkan auto|lavapipe|NAME [--layer]: sets vulkan_from (machine or cache), vulkan_good (0 or 1: the machine's own)
+# and vulkan_why.
 choose_vulkan() {
 	local wanted=$1
 	case ${wanted,,} in *lavapipe* | *llvmpipe*) wanted=lavapipe ;; esac
 	vulkan_from=machine
+	vulkan_good=1
 	if vulkan_why=$(python3 "$repo/scripts/probe-vulkan.py" "$wanted" "${@:2}" 2>/dev/null); then return; fi
+	vulkan_good=0
 	vulkan_why=${vulkan_why:-probing its Vulkan failed}
 	# A device asked for by name is the machine's or nobody's: the program then says what there is.
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
@@ -114,7 +117,7 @@ find_todo() {
 		todo+=("debs|${missing_debs[*]} from this machine's Debian/Ubuntu archive (needs root): Rust links programs through a C compiler")
 	fi
 	if [ "$vulkan_from" = cache ] && ! is_stamped "$lavapipe_prefix" "$(lavapipe_pins)"; then
-		todo+=("install_lavapipe|Mesa lavapipe $(lavapipe_version), Vulkan's loader and validation layer, with their libraries, from Debian ($(lavapipe_bytes) MB), because of this machine's own Vulkan: $vulkan_why")
+		todo+=("install_lavapipe|Mesa lavapipe $(lavapipe_version), Vulkan's loader and validation layer, with their libraries, from Debian ($(lavapipe_bytes) MB), because this machine's own Vulkan will not do: $vulkan_why")
 	fi
 	if [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
 		todo+=("install_onnxruntime|ONNX Runtime $ort_version's shared library from PyPI (24 MB): runs the networks that deform the avatar")
@@ -132,7 +135,11 @@ export_environment() {
 		# A wrapper left in the environment would hide the machine's hardware drivers.
 		unset MON3TR_RUNNER
 		if [ "${!runner:-}" = "$lavapipe_prefix/run" ]; then unset "$runner"; fi
-		say "Vulkan: this machine's own ($vulkan_why)"
+		if [ "$vulkan_good" = 1 ]; then
+			say "Vulkan: this machine's own ($vulkan_why)"
+		else
+			say "Vulkan: this machine's own, because a device was asked for by name; but $vulkan_why"
+		fi
 		return
 	fi
 	export VK_DRIVER_FILES=$root/usr/share/vulkan/icd.d/lvp_icd.json
@@ -141,5 +148,5 @@ export_environment() {
 	export XKB_CONFIG_ROOT=$root/usr/share/X11/xkb
 	export MON3TR_RUNNER=$lavapipe_prefix/run
 	export "$runner=$MON3TR_RUNNER"
-	say "Vulkan: lavapipe $(lavapipe_version) from the cache (this machine's own: $vulkan_why)"
+	say "Vulkan: lavapipe $(lavapipe_version) from the cache (this machine's own will not do: $vulkan_why)"
 }
