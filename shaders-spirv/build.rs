@@ -1,0 +1,126 @@
+//! Compiles `shaders/*.comp|.vert|.frag` to SPIR-V 1.3 and writes one Rust constant for each.
+//!
+//! The compiler is glslang's own C++ source, built by `cc`: a C++ compiler is the only prerequisite.
+//! A shader that does not compile stops the build with `FILE:LINE: message`.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs, process};
+
+use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
+use glslang::{
+    Compiler, CompilerOptions, Shader, ShaderInput, ShaderMessage, ShaderSource, ShaderStage,
+    SourceLanguage, SpirvVersion, Target, VulkanVersion,
+};
+
+const FOLDER: &str = "shaders";
+
+fn main() {
+    println!("cargo:rerun-if-changed={FOLDER}");
+    match build() {
+        Ok(()) => {}
+        Err(message) => {
+            eprintln!("{message}");
+            process::exit(1);
+        }
+    }
+}
+
+fn build() -> Result<(), String> {
+    let mut paths: Vec<PathBuf> = fs::read_dir(FOLDER)
+        .map_err(|why| format!("{FOLDER}: {why}"))?
+        .map(|entry| entry.map(|entry| entry.path()))
+        .collect::<Result<_, _>>()
+        .map_err(|why| format!("{FOLDER}: {why}"))?;
+    paths.sort();
+
+    let mut generated = String::new();
+    for path in &paths {
+        let stage = match path.extension().and_then(|extension| extension.to_str()) {
+            Some("comp") => ShaderStage::Compute,
+            Some("vert") => ShaderStage::Vertex,
+            Some("frag") => ShaderStage::Fragment,
+            _ => continue,
+        };
+        let words = compile(path, stage)?;
+        let name = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+        let constant = name.to_uppercase();
+        let file = path.display();
+        writeln!(
+            generated,
+            "/// `{file}`.\npub const {constant}: Shader = Shader {{ name: {name:?}, words: &{words:?} }};"
+        )
+        .map_err(|why| why.to_string())?;
+    }
+    let out = env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR for build scripts")?;
+    let out = Path::new(&out).join("shaders.rs");
+    fs::write(&out, generated).map_err(|why| format!("{}: {why}", out.display()))
+}
+
+fn compile(path: &Path, stage: ShaderStage) -> Result<Vec<u32>, String> {
+    let text = fs::read_to_string(path).map_err(|why| format!("{}: {why}", path.display()))?;
+    let compiler = Compiler::acquire().ok_or("glslang did not start")?;
+    let source = ShaderSource::from(text);
+    let options = CompilerOptions {
+        source_language: SourceLanguage::GLSL,
+        target: Target::Vulkan {
+            version: VulkanVersion::Vulkan1_1,
+            spirv_version: SpirvVersion::SPIRV1_3,
+        },
+        version_profile: None,
+        messages: ShaderMessage::DEFAULT,
+    };
+    let mut includes = Includes;
+    let input = ShaderInput::new(
+        &source,
+        stage,
+        &options,
+        None::<&[(&str, Option<&str>)]>,
+        Some(&mut includes),
+    )
+    .map_err(|why| format!("{}: {why}", path.display()))?;
+    Shader::new(compiler, input)
+        .parse()
+        .and_then(|shader| shader.compile())
+        .map_err(|why| located(path, &why.to_string()))
+}
+
+/// Turns glslang's `ERROR: 0:12: message` (the file) and `ERROR: name.glsl:12: message` (an include)
+/// into `shaders-spirv/shaders/FILE:12: message`, which editors and people can follow.
+fn located(path: &Path, log: &str) -> String {
+    let shader = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let mut lines = String::new();
+    for line in log.lines() {
+        let Some(rest) = line.find("ERROR: ").map(|at| &line[at + "ERROR: ".len()..]) else {
+            continue;
+        };
+        let line = match rest.split_once(':') {
+            Some(("0", rest)) => format!("shaders-spirv/{FOLDER}/{shader}:{rest}\n"),
+            Some((file, rest)) if file.contains(".glsl") => {
+                format!("shaders-spirv/{FOLDER}/{file}:{rest} (included from {shader})\n")
+            }
+            _ => format!("shaders-spirv/{FOLDER}/{shader}: {rest}\n"),
+        };
+        lines.push_str(&line);
+    }
+    if lines.is_empty() { format!("{}: {log}", path.display()) } else { lines }
+}
+
+/// Reads `#include "NAME"` from the shader folder.
+struct Includes;
+
+impl IncludeHandler for Includes {
+    fn include(
+        &mut self,
+        _kind: IncludeType,
+        name: &str,
+        _from: &str,
+        depth: usize,
+    ) -> Option<IncludeResult> {
+        if depth > 8 {
+            return None;
+        }
+        let data = fs::read_to_string(Path::new(FOLDER).join(name)).ok()?;
+        Some(IncludeResult { name: name.to_owned(), data })
+    }
+}

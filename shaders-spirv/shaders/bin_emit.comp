@@ -1,0 +1,32 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "bin.glsl"
+
+layout(constant_id = 0) const uint GROUP = 64u;
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 5, std430) readonly buffer TileStarts { uint tile_starts[]; };
+layout(set = 0, binding = 6, std430) writeonly buffer Pairs { uint pairs[]; };
+
+void main() {
+    uint lane = gl_GlobalInvocationID.x;
+    uint view = gl_GlobalInvocationID.y;
+    if (lane >= frame.lane_count) return;
+    // Too many for the list: the host reads this total too, grows the list and draws again.
+    if (tile_starts[frame.view_count * tile_count()] > frame.pair_capacity) return;
+    uint row = (view * frame.lane_count + lane) * tile_count();
+    uvec2 run = lane_run(lane);
+    for (uint i = run.x; i < run.y; ++i) {
+        uint splat = view * frame.gaussian_count + order[i];
+        uint rect = rects[splat];
+        uint x0 = rect & 255u, y0 = (rect >> 8) & 255u, x1 = (rect >> 16) & 255u, y1 = rect >> 24;
+        for (uint y = y0; y <= y1; ++y) {
+            for (uint x = x0; x <= x1; ++x) {
+                uint tile = y * frame.tiles_x + x;
+                uint next = table[row + tile];
+                table[row + tile] = next + 1u;
+                pairs[tile_starts[view * tile_count() + tile] + next] = splat;
+            }
+        }
+    }
+}

@@ -1,0 +1,44 @@
+// What every stage of one picture shares: cameras, sizes, limits. Mirrors `FrameParams` in src/frame.rs.
+
+const uint TILE = 16u;          // pixels along a tile's side
+const uint DROPPED = 0xFFFFFFFFu; // depth value of a Gaussian that no view sees
+const uint EMPTY_RECT = 0x00000001u; // first tile behind the last one: covers nothing
+
+struct ViewParams {
+    vec4 image_from_world[3]; // rows; image frame: x right, y down, z forward, metres
+    vec4 intrinsics;          // fx, fy, cx, cy in pixels
+    vec4 slope_limits;        // least and greatest x/z, least and greatest y/z in the Jacobian
+    vec4 clip;                // near plane in metres, then nothing
+};
+
+layout(set = 0, binding = 0, std140) uniform FrameParams {
+    ViewParams views[2];
+    vec4 depth_plane;         // head depth of p = dot(xyz, p) + w, metres
+    uint gaussian_count;
+    uint view_count;
+    uint width;
+    uint height;
+    uint tiles_x;
+    uint tiles_y;
+    uint lane_count;
+    uint pair_capacity;
+} frame;
+
+// A Gaussian as one view sees it. With d = pixel centre - (mean_x, mean_y):
+//   alpha = exp2(log2_opacity - (ux*d.x + uy*d.y)^2 - (wy*d.y)^2)
+// which is opacity * exp(-q/2) with q from the Cholesky factor of the inverse covariance: for thin
+// splats far steadier in f32 than a dx^2 + 2b dx dy + c dy^2.
+struct Splat {
+    float mean_x, mean_y;
+    float ux, uy;
+    float wy;
+    float log2_opacity;
+    uint red_green; // halves
+    uint blue;      // half, upper 16 bits unused
+};
+
+const float LOG2_ALPHA_CUT = -7.994353436858858; // log2(1/255)
+
+bool finite(float x) { return (floatBitsToUint(x) & 0x7F800000u) != 0x7F800000u; }
+bool finite(vec3 v) { return finite(v.x) && finite(v.y) && finite(v.z); }
+bool finite(vec4 v) { return finite(v.xyz) && finite(v.w); }

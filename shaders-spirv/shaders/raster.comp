@@ -1,0 +1,126 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#extension GL_KHR_shader_subgroup_vote : require
+#include "frame.glsl"
+
+// A workgroup draws a 16x16 tile; each of its subgroups owns one block of it (8x8 pixels, 16x8 where a
+// subgroup is 128 wide). Each lane tests one listed splat against the block; those that touch it are handed
+// round by shuffles and blended front to back until the whole block lets less than 1/255 through.
+
+layout(constant_id = 0) const uint GROUP = 32u;
+layout(constant_id = 1) const uint SUBGROUP = 8u; // invocations of one subgroup: 4, 8, ... 128
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 1, std430) readonly buffer Splats { Splat splats[]; };
+layout(set = 0, binding = 2, std430) readonly buffer TileStarts { uint tile_starts[]; };
+layout(set = 0, binding = 3, std430) readonly buffer Pairs { uint pairs[]; };
+layout(set = 0, binding = 4, rgba16f) uniform writeonly image2DArray picture;
+
+const uint BLOCK_WIDTH = SUBGROUP > 64u ? 16u : 8u;
+const uint BLOCK_HEIGHT = 8u;
+const uint PIXELS = BLOCK_WIDTH * BLOCK_HEIGHT / SUBGROUP; // per lane
+const uint BLOCKS_X = TILE / BLOCK_WIDTH;
+const uint BALLOT_WORDS = (SUBGROUP + 31u) / 32u;
+const float ALPHA_MOST = 0.99;
+const float TRANSMITTANCE_CUT = 1.0 / 255.0;
+// Room for rounding in the block test, which must never drop what a pixel would have kept.
+const float TEST_SLACK = 1e-3;
+
+float square(float x) { return x * x; }
+
+// Greatest log2(alpha) of the splat over the pixel centres in [low, high].
+float block_peak(Splat s, vec2 low, vec2 high) {
+    vec2 near = low - vec2(s.mean_x, s.mean_y);
+    vec2 far = high - vec2(s.mean_x, s.mean_y);
+    if (near.x <= 0.0 && far.x >= 0.0 && near.y <= 0.0 && far.y >= 0.0) return s.log2_opacity;
+    // The quadratic is convex: its least lies on a side that faces the mean.
+    float least = 3.4e38;
+    if (near.x > 0.0 || far.x < 0.0) {
+        float x = near.x > 0.0 ? near.x : far.x;
+        float y = clamp(-s.ux * s.uy * x / (s.uy * s.uy + s.wy * s.wy), near.y, far.y);
+        least = square(s.ux * x + s.uy * y) + square(s.wy * y);
+    }
+    if (near.y > 0.0 || far.y < 0.0) {
+        float y = near.y > 0.0 ? near.y : far.y;
+        float x = clamp(-s.uy * y / s.ux, near.x, far.x);
+        least = min(least, square(s.ux * x + s.uy * y) + square(s.wy * y));
+    }
+    return s.log2_opacity - least;
+}
+
+void main() {
+    uint view = gl_WorkGroupID.z;
+    uvec2 tile = gl_WorkGroupID.xy;
+    uint lane = gl_SubgroupInvocationID;
+    uvec2 block = tile * TILE
+        + uvec2(gl_SubgroupID % BLOCKS_X, gl_SubgroupID / BLOCKS_X) * uvec2(BLOCK_WIDTH, BLOCK_HEIGHT);
+    uvec2 size = uvec2(frame.width, frame.height);
+    if (any(greaterThanEqual(block, size))) return;
+
+    uint tile_count = frame.tiles_x * frame.tiles_y;
+    uint list = view * tile_count + tile.y * frame.tiles_x + tile.x;
+    uint start = tile_starts[list];
+    uint end = tile_starts[list + 1u];
+    // The lists did not fit and were not written; the host draws again.
+    if (tile_starts[frame.view_count * tile_count] > frame.pair_capacity) end = start;
+
+    vec2 low = vec2(block) + 0.5;
+    vec2 high = min(vec2(block + uvec2(BLOCK_WIDTH, BLOCK_HEIGHT)), vec2(size)) - 0.5;
+    vec3 colour[PIXELS];
+    float transmittance[PIXELS];
+    for (uint i = 0u; i < PIXELS; ++i) {
+        uint pixel = i * SUBGROUP + lane;
+        uvec2 at = block + uvec2(pixel % BLOCK_WIDTH, pixel / BLOCK_WIDTH);
+        colour[i] = vec3(0.0);
+        // Pixels beyond the picture's edge count as finished.
+        transmittance[i] = all(lessThan(at, size)) ? 1.0 : 0.0;
+    }
+
+    for (uint base = start; base < end; base += SUBGROUP) {
+        Splat own;
+        bool touches = false;
+        if (base + lane < end) {
+            own = splats[pairs[base + lane]];
+            touches = block_peak(own, low, high) > LOG2_ALPHA_CUT - TEST_SLACK;
+        }
+        uvec4 touching = subgroupBallot(touches);
+        for (uint word = 0u; word < BALLOT_WORDS; ++word) {
+            uint left = touching[word];
+            while (left != 0u) {
+                uint from = word * 32u + uint(findLSB(left));
+                left &= left - 1u;
+                float mean_x = subgroupShuffle(own.mean_x, from);
+                float mean_y = subgroupShuffle(own.mean_y, from);
+                float ux = subgroupShuffle(own.ux, from);
+                float uy = subgroupShuffle(own.uy, from);
+                float wy = subgroupShuffle(own.wy, from);
+                float log2_opacity = subgroupShuffle(own.log2_opacity, from);
+                vec3 rgb = vec3(unpackHalf2x16(subgroupShuffle(own.red_green, from)),
+                                unpackHalf2x16(subgroupShuffle(own.blue, from)).x);
+                for (uint i = 0u; i < PIXELS; ++i) {
+                    uint pixel = i * SUBGROUP + lane;
+                    float dx = float(block.x + pixel % BLOCK_WIDTH) + 0.5 - mean_x;
+                    float dy = float(block.y + pixel / BLOCK_WIDTH) + 0.5 - mean_y;
+                    float log2_alpha = log2_opacity - square(ux * dx + uy * dy) - square(wy * dy);
+                    float alpha = log2_alpha >= LOG2_ALPHA_CUT ? min(exp2(log2_alpha), ALPHA_MOST) : 0.0;
+                    colour[i] += (alpha * transmittance[i]) * rgb;
+                    transmittance[i] -= alpha * transmittance[i];
+                }
+            }
+        }
+        float most = 0.0;
+        for (uint i = 0u; i < PIXELS; ++i) most = max(most, transmittance[i]);
+        if (subgroupAll(most < TRANSMITTANCE_CUT)) break;
+    }
+
+    for (uint i = 0u; i < PIXELS; ++i) {
+        uint pixel = i * SUBGROUP + lane;
+        uvec2 at = block + uvec2(pixel % BLOCK_WIDTH, pixel / BLOCK_WIDTH);
+        if (all(lessThan(at, size))) {
+            imageStore(picture, ivec3(at, view), vec4(colour[i], 1.0 - transmittance[i]));
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The structs in Rust lie in memory as the compiled shaders say they do.
+
+use std::collections::BTreeMap;
+use std::mem::{offset_of, size_of};
+
+use shaders_spirv::{FrameParams, PackedGaussian, Shader, Splat, ViewParams};
+
+const OP_NAME: u32 = 5;
+const OP_MEMBER_NAME: u32 = 6;
+const OP_DECORATE: u32 = 71;
+const OP_MEMBER_DECORATE: u32 = 72;
+const OP_TYPE_RUNTIME_ARRAY: u32 = 29;
+const OFFSET: u32 = 35;
+const ARRAY_STRIDE: u32 = 6;
+
+/// What a module says of one named struct: offsets by member name, and the stride of a runtime array of it.
+struct Layout {
+    offsets: BTreeMap<String, u32>,
+    stride: Option<u32>,
+}
+
+fn text(words: &[u32]) -> String {
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+    String::from_utf8_lossy(&bytes[..end]).into_owned()
+}
+
+fn layout(shader: Shader, name: &str) -> Layout {
+    let mut names = BTreeMap::new();
+    let mut members = BTreeMap::new();
+    let mut offsets = BTreeMap::new();
+    let mut strides = BTreeMap::new();
+    let mut runtime_arrays = BTreeMap::new();
+    let mut rest = &shader.words[5..];
+    while let [head, ..] = rest {
+        let length = (head >> 16) as usize;
+        let operands = &rest[1..length];
+        match head & 0xFFFF {
+            OP_NAME => _ = names.insert(operands[0], text(&operands[1..])),
+            OP_MEMBER_NAME => _ = members.insert((operands[0], operands[1]), text(&operands[2..])),
+            OP_MEMBER_DECORATE if operands[2] == OFFSET => {
+                offsets.insert((operands[0], operands[1]), operands[3]);
+            }
+            OP_DECORATE if operands[1] == ARRAY_STRIDE => _ = strides.insert(operands[0], operands[2]),
+            OP_TYPE_RUNTIME_ARRAY => _ = runtime_arrays.insert(operands[0], operands[1]),
+            _ => {}
+        }
+        rest = &rest[length..];
+    }
+    // glslang keeps an undecorated twin of a struct that also lives in registers: take the laid-out one.
+    let id = names
+        .iter()
+        .find(|(id, found)| *found == name && offsets.contains_key(&(**id, 0)))
+        .map(|(id, _)| *id)
+        .unwrap_or_else(|| panic!("{}: no laid-out struct {name}", shader.name));
+    Layout {
+        offsets: offsets
+            .iter()
+            .filter(|((owner, _), _)| *owner == id)
+            .map(|(member, offset)| (members[member].clone(), *offset))
+            .collect(),
+        stride: runtime_arrays
+            .iter()
+            .find(|(_, element)| **element == id)
+            .and_then(|(array, _)| strides.get(array).copied()),
+    }
+}
+
+macro_rules! assert_layout {
+    ($shader:expr, $struct:ident { $($member:ident: $field:ident),+ $(,)? }) => {{
+        let layout = layout($shader, stringify!($struct));
+        let rust = BTreeMap::from([$((stringify!($member).to_owned(),
+            u32::try_from(offset_of!($struct, $field)).expect("a small struct"))),+]);
+        assert_eq!(layout.offsets, rust, "offsets of {}", stringify!($struct));
+        layout.stride
+    }};
+}
+
+#[test]
+fn frame_parameters_lie_as_the_shader_reads_them() {
+    for shader in [shaders_spirv::PROJECT, shaders_spirv::BIN_EMIT, shaders_spirv::RASTER] {
+        assert_layout!(shader, FrameParams {
+            views: views,
+            depth_plane: depth_plane,
+            gaussian_count: gaussian_count,
+            view_count: view_count,
+            width: width,
+            height: height,
+            tiles_x: tiles_x,
+            tiles_y: tiles_y,
+            lane_count: lane_count,
+            pair_capacity: pair_capacity,
+        });
+    }
+    assert_layout!(shaders_spirv::PROJECT, ViewParams {
+        image_from_world: image_from_world,
+        intrinsics: intrinsics,
+        slope_limits: slope_limits,
+        clip: clip,
+    });
+    assert_eq!(size_of::<ViewParams>(), 96, "two of them stand in an array of stride 96");
+}
+
+#[test]
+fn gaussians_lie_as_the_shader_reads_them() {
+    let stride = assert_layout!(shaders_spirv::PROJECT, PackedGaussian {
+        position_opacity: position,
+        rotation: rotation,
+        scale: scale,
+        colour: colour,
+    });
+    assert_eq!(stride, Some(64), "array stride in the shader");
+    assert_eq!(size_of::<PackedGaussian>(), 64, "size in Rust");
+    assert_eq!(offset_of!(PackedGaussian, opacity), 12, "opacity is position_opacity.w");
+}
+
+#[test]
+fn splats_lie_as_the_shader_reads_them() {
+    for shader in [shaders_spirv::PROJECT, shaders_spirv::RASTER] {
+        let stride = assert_layout!(shader, Splat {
+            mean_x: mean_x,
+            mean_y: mean_y,
+            ux: ux,
+            uy: uy,
+            wy: wy,
+            log2_opacity: log2_opacity,
+            red_green: red_green,
+            blue: blue,
+        });
+        assert_eq!(stride, Some(32), "array stride in {}", shader.name);
+    }
+    assert_eq!(size_of::<Splat>(), 32, "size in Rust");
+}
