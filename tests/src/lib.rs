@@ -1,1 +1,3 @@
-//! (being built)
+//! What the end-to-end tests share: slow references in f64, written apart from the code under test.
+
+pub mod splat_reference;

@@ -1,0 +1,139 @@
+//! What can go wrong on the way to a picture, each with what to do about it.
+
+use ash::vk;
+
+/// Why the renderer could not open a device or draw.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RenderError {
+    /// There is no Vulkan loader on this machine.
+    #[error(
+        "no Vulkan loader (libvulkan) found: install it and a driver (Debian, Ubuntu: `apt install libvulkan1 mesa-vulkan-drivers`)"
+    )]
+    NoLoader(#[source] ash::LoadingError),
+    /// The loader finds no driver, or no driver finds a device.
+    #[error(
+        "no Vulkan device found: install a Vulkan driver (Debian, Ubuntu: `apt install mesa-vulkan-drivers`, which also has lavapipe for machines without a GPU) or point VK_DRIVER_FILES at one"
+    )]
+    NoDevice,
+    /// A device was asked for by name and none has it.
+    #[error("no Vulkan device matches `{wanted}`; this machine has: {}", present.join(", "))]
+    NoSuchDevice {
+        /// What was asked for.
+        wanted: String,
+        /// Names of the devices there are.
+        present: Vec<String>,
+    },
+    /// The device lacks something that the shaders need.
+    #[error("{device} cannot run the splat shaders: it lacks {}; update its driver or choose another device", lacks.join(", "))]
+    Unsupported {
+        /// The device's name.
+        device: String,
+        /// What is missing.
+        lacks: Vec<String>,
+    },
+    /// Validation was asked for but its layer is not installed.
+    #[error(
+        "the validation layer VK_LAYER_KHRONOS_validation is not installed (Debian, Ubuntu: `apt install vulkan-validationlayers`, or point VK_LAYER_PATH at it)"
+    )]
+    NoValidationLayer,
+    /// The device has no memory left for a buffer or image.
+    #[error("out of memory during {what} ({bytes} bytes asked for): use fewer Gaussians or a smaller picture")]
+    OutOfMemory {
+        /// What the memory was for.
+        what: &'static str,
+        /// How much was asked for.
+        bytes: u64,
+    },
+    /// A buffer would be larger than the device lets a shader address.
+    #[error("{what} needs {bytes} bytes, more than the {limit} bytes one buffer may have on this device: use fewer Gaussians or a smaller picture")]
+    TooLarge {
+        /// What the buffer was for.
+        what: &'static str,
+        /// How much was needed.
+        bytes: u64,
+        /// How much the device allows.
+        limit: u64,
+    },
+    /// More Gaussians than the renderer was made for.
+    #[error("{count} Gaussians given to a renderer made for at most {limit}")]
+    TooManyGaussians {
+        /// How many were given.
+        count: usize,
+        /// How many fit.
+        limit: u32,
+    },
+    /// The Gaussians cover too many tiles together.
+    #[error(
+        "the Gaussians cover {pairs} screen tiles together, more than the {limit} that fit: use fewer or smaller Gaussians, or a smaller picture"
+    )]
+    TooManyPairs {
+        /// (Gaussian, tile) pairs in the picture; `u32::MAX` stands for that or more.
+        pairs: u32,
+        /// How many the device's largest buffer holds.
+        limit: u32,
+    },
+    /// The picture's size or number of views cannot be drawn.
+    #[error("cannot draw {views} view(s) of {width}x{height} pixels: 1 or 2 views of 1x1 to 4096x4096 can be drawn")]
+    PictureSize {
+        /// Width in pixels.
+        width: u32,
+        /// Height in pixels.
+        height: u32,
+        /// Views.
+        views: u32,
+    },
+    /// A camera does not fit the picture or is no camera.
+    #[error("camera {view}: {problem}")]
+    Camera {
+        /// Which view's camera.
+        view: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// There is no such view to read.
+    #[error("view {view} does not exist: the renderer has {views}")]
+    NoSuchView {
+        /// What was asked for.
+        view: u32,
+        /// How many there are.
+        views: u32,
+    },
+    /// The driver gave the device up.
+    #[error("the Vulkan device was lost during {0} (driver crash, reset or removal): open it again")]
+    DeviceLost(&'static str),
+    /// The device did not finish in time.
+    #[error("the Vulkan device did not finish {what} within {seconds} s")]
+    Timeout {
+        /// What it was doing.
+        what: &'static str,
+        /// How long we waited.
+        seconds: u64,
+    },
+    /// Any other failure of a Vulkan call.
+    #[error("{call} failed: {result}")]
+    Vulkan {
+        /// The call.
+        call: &'static str,
+        /// What it returned.
+        result: vk::Result,
+    },
+}
+
+/// Adds to a Vulkan result the name of the call that gave it.
+pub(crate) trait VkContext<T> {
+    /// The value, or the error that tells what to do.
+    fn during(self, call: &'static str) -> Result<T, RenderError>;
+}
+
+impl<T> VkContext<T> for Result<T, vk::Result> {
+    fn during(self, call: &'static str) -> Result<T, RenderError> {
+        self.map_err(|result| match result {
+            vk::Result::ERROR_DEVICE_LOST => RenderError::DeviceLost(call),
+            vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
+                RenderError::OutOfMemory { what: call, bytes: 0 }
+            }
+            result => RenderError::Vulkan { call, result },
+        })
+    }
+}

@@ -1,0 +1,170 @@
+//! The opened Vulkan device: one queue that draws and computes, and what the rest must know of it.
+
+use std::ffi::CStr;
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ash::{ext, khr, vk};
+
+use crate::choice::{GpuChoice, rank};
+use crate::error::{RenderError, VkContext};
+use crate::instance::{Instance, contains};
+use crate::physical::{Candidate, DeviceInfo, Subgroup};
+use crate::validation::Messenger;
+
+/// A Vulkan device, its queue and its instance. Everything drawn with holds an `Arc` of it.
+pub struct Gpu {
+    // Dropped in this order.
+    device: Device,
+    messenger: Option<Messenger>,
+    pub(crate) instance: Instance,
+    pub(crate) physical: vk::PhysicalDevice,
+    pub(crate) limits: vk::PhysicalDeviceLimits,
+    pub(crate) memory: vk::PhysicalDeviceMemoryProperties,
+    pub(crate) subgroup: Subgroup,
+    pub(crate) queue_family: u32,
+    /// Bits of a timestamp that count; 0 where the queue has none.
+    pub(crate) timestamp_bits: u32,
+    pub(crate) has_swapchain: bool,
+    // Vulkan wants submissions to a queue one at a time.
+    queue: Mutex<vk::Queue>,
+    info: DeviceInfo,
+}
+
+struct Device(ash::Device);
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // SAFETY: every object made from the device holds an `Arc<Gpu>`, so none is left.
+        unsafe { self.0.destroy_device(None) };
+    }
+}
+
+impl fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Gpu").field("info", &self.info).field("subgroup", &self.subgroup).finish()
+    }
+}
+
+impl Gpu {
+    /// Opens the chosen device, with the validation layer's messages logged and counted if asked for.
+    ///
+    /// # Errors
+    /// No loader, no device, no device of that name, a device that lacks what the shaders need, or no
+    /// validation layer: each says what to do.
+    pub fn open(choice: &GpuChoice, validation: bool) -> Result<Arc<Self>, RenderError> {
+        let instance = Instance::new(validation)?;
+        let messenger =
+            validation.then(|| Messenger::new(&instance.entry, &instance.handle)).transpose()?;
+        let chosen = choose(&instance, choice)?;
+        let subgroup = chosen.subgroup(&instance.handle)?;
+        let (queue_family, family) = chosen.queue_family(&instance.handle)?;
+        let has_swapchain =
+            instance.has_surface && contains(&chosen.extensions, khr::swapchain::NAME);
+        let device = open_device(&instance, &chosen, subgroup, queue_family, has_swapchain)?;
+        // SAFETY: the family and its first queue were asked for when the device was made.
+        let queue = unsafe { device.0.get_device_queue(queue_family, 0) };
+        // SAFETY: the handle belongs to this instance.
+        let memory =
+            unsafe { instance.handle.get_physical_device_memory_properties(chosen.handle) };
+        log::info!(
+            "Vulkan device: {} ({}, Vulkan {}, subgroups of {})",
+            chosen.info.name,
+            chosen.info.driver,
+            chosen.info.api_version,
+            subgroup.size
+        );
+        Ok(Arc::new(Self {
+            device,
+            messenger,
+            physical: chosen.handle,
+            limits: chosen.limits,
+            memory,
+            subgroup,
+            queue_family,
+            timestamp_bits: family.timestamp_valid_bits,
+            has_swapchain,
+            queue: Mutex::new(queue),
+            info: chosen.info,
+            instance,
+        }))
+    }
+
+    /// The device's name, driver and version.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    /// Invocations in a subgroup of this device.
+    pub fn subgroup_size(&self) -> u32 {
+        self.subgroup.size
+    }
+
+    /// How many warnings and errors the validation layer has given so far; 0 without the layer.
+    pub fn validation_messages(&self) -> u32 {
+        self.messenger.as_ref().map_or(0, Messenger::count)
+    }
+
+    /// The device's functions.
+    pub(crate) fn device(&self) -> &ash::Device {
+        &self.device.0
+    }
+
+    /// Runs `use_queue` while no one else uses the queue.
+    pub(crate) fn with_queue<T>(&self, use_queue: impl FnOnce(vk::Queue) -> T) -> T {
+        use_queue(*self.queue.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+fn choose(instance: &Instance, choice: &GpuChoice) -> Result<Candidate, RenderError> {
+    // SAFETY: no preconditions.
+    let handles = unsafe { instance.handle.enumerate_physical_devices() }
+        .during("vkEnumeratePhysicalDevices")?;
+    let mut candidates = handles
+        .into_iter()
+        .map(|handle| Candidate::read(&instance.handle, handle))
+        .collect::<Result<Vec<_>, _>>()?;
+    if candidates.is_empty() {
+        return Err(RenderError::NoDevice);
+    }
+    candidates.sort_by_key(|candidate| rank(candidate.kind));
+    let present = candidates.iter().map(|candidate| candidate.info.name.clone()).collect();
+    candidates
+        .into_iter()
+        .find(|candidate| choice.accepts(&candidate.info.name, candidate.driver_id))
+        .ok_or_else(|| RenderError::NoSuchDevice { wanted: choice.to_string(), present })
+}
+
+fn open_device(
+    instance: &Instance,
+    chosen: &Candidate,
+    subgroup: Subgroup,
+    queue_family: u32,
+    has_swapchain: bool,
+) -> Result<Device, RenderError> {
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default()
+        .queue_family_index(queue_family)
+        .queue_priorities(&priorities)];
+    let mut extensions: Vec<&CStr> = Vec::new();
+    if has_swapchain {
+        extensions.push(khr::swapchain::NAME);
+    }
+    if subgroup.can_be_required && chosen.api_version < vk::API_VERSION_1_3 {
+        extensions.push(ext::subgroup_size_control::NAME);
+    }
+    let extensions: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
+    let mut control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
+        .subgroup_size_control(true)
+        .compute_full_subgroups(true);
+    let mut info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions);
+    if subgroup.can_be_required {
+        info = info.push_next(&mut control);
+    }
+    // SAFETY: all names and structures live until the call returns; features were checked to be there.
+    unsafe { instance.handle.create_device(chosen.handle, &info, None) }
+        .during("vkCreateDevice")
+        .map(Device)
+}

@@ -1,0 +1,266 @@
+//! The tile back end: lists the splats of each 16x16 tile in order, then blends each tile by itself.
+//!
+//! A person is drawn many times over: blending stops as soon as what lies behind no longer shows, which
+//! is where this wins over drawing quads.
+
+use std::sync::Arc;
+
+use ash::vk;
+use shaders_spirv::{FrameParams, TILE_PIXELS};
+
+use crate::buffer::{Buffer, Place};
+use crate::commands::barrier;
+use crate::error::RenderError;
+use crate::front::Front;
+use crate::gpu::Gpu;
+use crate::pipeline::{ComputePipeline, Resource, Specialisation};
+use crate::scan::Scan;
+use crate::target::Target;
+
+/// Invocations per workgroup of the listing passes: small, since there are few lanes.
+const LANE_GROUP: u32 = 32;
+/// Invocations per workgroup of the pass over tiles.
+const TILE_GROUP: u32 = 64;
+/// The lanes' table grows with their number: no more than this.
+const TABLE_BYTES: u64 = 64 << 20;
+
+/// Sizes that do not change from picture to picture.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Layout {
+    pub(crate) tiles_x: u32,
+    pub(crate) tiles_y: u32,
+    pub(crate) views: u32,
+    /// Invocations that share the sorted splats among them.
+    pub(crate) lanes: u32,
+}
+
+impl Layout {
+    fn new(gpu: &Gpu, target: &Target) -> Self {
+        let tiles_x = target.width.div_ceil(TILE_PIXELS);
+        let tiles_y = target.height.div_ceil(TILE_PIXELS);
+        // A software driver has a few cores to feed, a GPU thousands of lanes.
+        let mut lanes = if gpu.info().is_cpu { 128 } else { 1024 };
+        let limit = TABLE_BYTES.min(u64::from(gpu.limits.max_storage_buffer_range));
+        let row = u64::from(tiles_x) * u64::from(tiles_y) * u64::from(target.layers) * 4;
+        while lanes > LANE_GROUP && row * u64::from(lanes) > limit {
+            lanes /= 2;
+        }
+        Self { tiles_x, tiles_y, views: target.layers, lanes }
+    }
+
+    fn tiles(self) -> u32 {
+        self.tiles_x * self.tiles_y
+    }
+
+    /// Lists there are: one per tile and view.
+    fn lists(self) -> u32 {
+        self.tiles() * self.views
+    }
+}
+
+/// The passes and what they hand one another.
+pub(crate) struct Tiles {
+    gpu: Arc<Gpu>,
+    layout: Layout,
+    count: ComputePipeline,
+    lanes: ComputePipeline,
+    scan: Scan,
+    emit: ComputePipeline,
+    raster: ComputePipeline,
+    table: Buffer,
+    tile_starts: Buffer,
+    pairs: Buffer,
+    total: Buffer,
+}
+
+impl Tiles {
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        front: &Front,
+        target: &Target,
+        max_gaussians: u32,
+    ) -> Result<Self, RenderError> {
+        let layout = Layout::new(gpu, target);
+        let table = Buffer::storage(
+            gpu,
+            "tile counts",
+            u64::from(layout.lists()) * u64::from(layout.lanes) * 4,
+        )?;
+        // One more than there are lists: the end of the last, which is the number of all pairs.
+        let tile_starts =
+            Buffer::storage(gpu, "tile lists", (u64::from(layout.lists()) + 1) * 4)?;
+        let total = Buffer::new(
+            gpu,
+            "pair count",
+            4,
+            vk::BufferUsageFlags::empty(),
+            Place::ReadBack,
+        )?;
+        let pairs = pair_list(gpu, first_capacity(gpu, max_gaussians, layout))?;
+        let resources = binning(front, &table, &tile_starts, &pairs);
+        let make = |shader, group, resources: &[Resource<'_>]| {
+            let specialisation = Specialisation { constants: &[group], ..Default::default() };
+            ComputePipeline::new(gpu, shader, specialisation, resources)
+        };
+        let size = gpu.subgroup.size;
+        let blocks_per_tile = if size > 64 { 2 } else { 4 };
+        let raster = ComputePipeline::new(
+            gpu,
+            shaders_spirv::RASTER,
+            Specialisation {
+                constants: &[blocks_per_tile * size, size],
+                fixed_subgroups: true,
+                ..Default::default()
+            },
+            &rastering(front, &tile_starts, &pairs, target),
+        )?;
+        Ok(Self {
+            gpu: Arc::clone(gpu),
+            layout,
+            count: make(shaders_spirv::BIN_COUNT, LANE_GROUP, &resources[..5])?,
+            lanes: make(shaders_spirv::BIN_LANES, TILE_GROUP, &resources[..6])?,
+            scan: Scan::new(gpu, &tile_starts, layout.lists() + 1)?,
+            emit: make(shaders_spirv::BIN_EMIT, LANE_GROUP, &resources)?,
+            raster,
+            table,
+            tile_starts,
+            pairs,
+            total,
+        })
+    }
+
+    pub(crate) fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// Pairs of Gaussian and tile that the lists have room for.
+    pub(crate) fn pair_capacity(&self) -> u32 {
+        u32::try_from(self.pairs.size() / 4).unwrap_or(u32::MAX)
+    }
+
+    /// Pairs of the last picture: more than the capacity if nothing was drawn for want of room.
+    pub(crate) fn pairs_wanted(&self) -> u32 {
+        self.total.read::<u32>(1).first().copied().unwrap_or_default()
+    }
+
+    /// Makes room for `wanted` pairs and some more. The device is idle.
+    pub(crate) fn grow(
+        &mut self,
+        wanted: u32,
+        front: &Front,
+        target: &Target,
+    ) -> Result<(), RenderError> {
+        let limit = pair_limit(&self.gpu);
+        if wanted > limit {
+            return Err(RenderError::TooManyPairs { pairs: wanted, limit });
+        }
+        let roomy = wanted.saturating_add(wanted / 4).min(limit);
+        log::debug!("tile lists grow to {roomy} pairs");
+        // The old list is freed only after the new one is bound: no set ever names a freed buffer.
+        let pairs = pair_list(&self.gpu, roomy)?;
+        let _old = std::mem::replace(&mut self.pairs, pairs);
+        self.emit.bind(&binning(front, &self.table, &self.tile_starts, &self.pairs));
+        self.raster.bind(&rastering(front, &self.tile_starts, &self.pairs, target));
+        Ok(())
+    }
+
+    /// Records the filling of the tiles' lists.
+    pub(crate) fn record_bin(&self, commands: vk::CommandBuffer) {
+        let device = self.gpu.device();
+        // SAFETY: the command buffer is being recorded; both buffers can be a copy's target.
+        unsafe {
+            device.cmd_fill_buffer(commands, self.table.handle(), 0, vk::WHOLE_SIZE, 0);
+            device.cmd_fill_buffer(commands, self.tile_starts.handle(), 0, vk::WHOLE_SIZE, 0);
+        }
+        barrier(&self.gpu, commands);
+        let Layout { lanes, views, .. } = self.layout;
+        let by_lane = [lanes.div_ceil(LANE_GROUP), views, 1];
+        self.count.dispatch(commands, &[], by_lane);
+        barrier(&self.gpu, commands);
+        let by_tile = [self.layout.tiles().div_ceil(TILE_GROUP), views, 1];
+        self.lanes.dispatch(commands, &[], by_tile);
+        barrier(&self.gpu, commands);
+        self.scan.record(commands);
+        self.emit.dispatch(commands, &[], by_lane);
+        let region = [vk::BufferCopy {
+            src_offset: u64::from(self.layout.lists()) * 4,
+            dst_offset: 0,
+            size: 4,
+        }];
+        // SAFETY: the source ends with that element, the target holds one.
+        unsafe {
+            device.cmd_copy_buffer(
+                commands,
+                self.tile_starts.handle(),
+                self.total.handle(),
+                &region,
+            );
+        }
+        barrier(&self.gpu, commands);
+    }
+
+    /// Records the blending of all tiles of all views. The target is in `GENERAL` layout.
+    pub(crate) fn record_raster(&self, commands: vk::CommandBuffer) {
+        let Layout { tiles_x, tiles_y, views, .. } = self.layout;
+        self.raster.dispatch(commands, &[], [tiles_x, tiles_y, views]);
+        barrier(&self.gpu, commands);
+    }
+
+    /// Fills in what the passes read of sizes.
+    pub(crate) fn describe(&self, frame: &mut FrameParams) {
+        frame.tiles_x = self.layout.tiles_x;
+        frame.tiles_y = self.layout.tiles_y;
+        frame.lane_count = self.layout.lanes;
+        frame.pair_capacity = self.pair_capacity();
+    }
+}
+
+fn binning<'a>(
+    front: &'a Front,
+    table: &'a Buffer,
+    tile_starts: &'a Buffer,
+    pairs: &'a Buffer,
+) -> [Resource<'a>; 7] {
+    [
+        Resource::Uniform(front.frame()),
+        Resource::Storage(front.sort().order()),
+        Resource::Storage(front.sort().bins()),
+        Resource::Storage(front.rects()),
+        Resource::Storage(table),
+        Resource::Storage(tile_starts),
+        Resource::Storage(pairs),
+    ]
+}
+
+fn rastering<'a>(
+    front: &'a Front,
+    tile_starts: &'a Buffer,
+    pairs: &'a Buffer,
+    target: &'a Target,
+) -> [Resource<'a>; 5] {
+    [
+        Resource::Uniform(front.frame()),
+        Resource::Storage(front.splats()),
+        Resource::Storage(tile_starts),
+        Resource::Storage(pairs),
+        Resource::Image(target),
+    ]
+}
+
+fn pair_list(gpu: &Arc<Gpu>, capacity: u32) -> Result<Buffer, RenderError> {
+    Buffer::storage(gpu, "tile lists", u64::from(capacity) * 4)
+}
+
+/// The most pairs one buffer holds.
+fn pair_limit(gpu: &Gpu) -> u32 {
+    gpu.limits.max_storage_buffer_range / 4
+}
+
+/// A person's Gaussians touch about four tiles each; more makes the list grow.
+fn first_capacity(gpu: &Gpu, max_gaussians: u32, layout: Layout) -> u32 {
+    max_gaussians
+        .saturating_mul(8)
+        .saturating_mul(layout.views)
+        .clamp(1 << 16, 1 << 24)
+        .min(pair_limit(gpu))
+}
