@@ -6,6 +6,7 @@
 
 use crate::{ATTRIBUTES, GaussianSet, PersonError, Template, attribute};
 use glam::{Mat3, Quat, Vec3};
+use half::f16;
 use rayon::prelude::*;
 
 /// Gaussians handled by one task: large enough to hide the hand-over, small enough to balance two cores.
@@ -131,6 +132,21 @@ impl BoundGaussians {
             }
         }
         Self::new(template, triangles, barycentrics, attributes)
+    }
+
+    /// These Gaussians as an avatar package keeps them: attributes and barycentrics rounded to half precision.
+    ///
+    /// The relative error is 2^-11: 0.0005 of a 1 mm offset, 0.0025 of a log-scale of -5, 10 um on a 2 cm edge. Fit
+    /// networks against the rounded Gaussians, so that they see what the receiver sees.
+    #[must_use]
+    pub fn quantised(mut self) -> Self {
+        let round = |value: &mut f32| *value = f16::from_f32(*value).to_f32();
+        self.attributes.iter_mut().for_each(round);
+        self.barycentrics
+            .as_flattened_mut()
+            .iter_mut()
+            .for_each(round);
+        self
     }
 
     /// Number of Gaussians N_g.

@@ -15,6 +15,7 @@ mod geodesic;
 mod joint;
 mod motion;
 pub mod networks;
+pub mod package;
 mod skeleton;
 mod template;
 
@@ -26,5 +27,6 @@ pub use gaussians::{ATTRIBUTES, GaussianSet, SH_C0, attribute};
 pub use geodesic::EdgeGraph;
 pub use joint::{JOINTS, Joint};
 pub use motion::{BODY, EXPRESSION, HANDS, MotionParams, PARAMS};
+pub use package::{Avatar, PackageError};
 pub use skeleton::{JointTransforms, Skeleton, SkinningTransforms};
 pub use template::{INFLUENCES, SkinWeights, Template};

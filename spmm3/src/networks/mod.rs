@@ -4,11 +4,13 @@
 
 mod attributes;
 mod graph;
+mod inspect;
 mod layer;
 mod mesh;
 mod onnx;
 
 pub use attributes::{AttributeNetwork, QuantisedBases};
 pub use graph::{DeformGraph, input, output};
+pub use inspect::{GraphRefused, GraphSignature};
 pub use layer::Dense;
 pub use mesh::{MeshNetwork, QuantisedDecoder};

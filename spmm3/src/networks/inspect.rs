@@ -1,0 +1,289 @@
+//! Reads what a deform graph promises and contains, without trusting it and without copying it.
+//!
+//! ONNX can name files to load, loops to run and custom libraries' operators. A package comes from somebody else, so the
+//! graph may only be what a static feed-forward network needs: known operators, numbers inside the file, all finite.
+
+use super::onnx::{ValueInfo, data_type};
+use half::f16;
+use prost::Message;
+
+/// Operators a deform graph may use: static, without control flow, each known to the CPU and the NPU provider.
+const OPERATORS: [&str; 11] = [
+    "Add",
+    "Cast",
+    "Gather",
+    "Gemm",
+    "MatMul",
+    "Mul",
+    "ReduceSum",
+    "Reshape",
+    "Sigmoid",
+    "Slice",
+    "Transpose",
+];
+
+/// Most nodes, and most stored tensors, of a graph. Ours has about 60.
+const MAX_PARTS: usize = 4096;
+/// Most bytes of one description of an input, an output or a node.
+const MAX_DESCRIPTION: usize = 4096;
+
+/// What a graph declares to the outside.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct GraphSignature {
+    /// Inputs in order: name and static shape of a float tensor.
+    pub inputs: Vec<(String, Vec<usize>)>,
+    /// Outputs in order.
+    pub outputs: Vec<(String, Vec<usize>)>,
+    /// B, if the graph stores its deformation bases as [`super::DeformGraph`] does.
+    pub bases: Option<usize>,
+}
+
+/// Why a graph is refused, in words.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct GraphRefused(String);
+
+type Checked<T> = Result<T, GraphRefused>;
+
+fn refuse<T>(reason: impl Into<String>) -> Checked<T> {
+    Err(GraphRefused(reason.into()))
+}
+
+impl GraphSignature {
+    /// Reads `model`, the bytes of an ONNX file, and checks every node and stored tensor in it.
+    ///
+    /// # Errors
+    /// If it is not an ONNX graph, or holds what a deform graph has no need of.
+    pub fn read(model: &[u8]) -> Checked<Self> {
+        let mut graph = None;
+        for field in Fields(model) {
+            match field? {
+                (7, Value::Bytes(bytes)) if graph.is_none() => graph = Some(bytes),
+                (7 | 20 | 25, _) => return refuse("more than one static graph"),
+                _ => {}
+            }
+        }
+        let Some(graph) = graph else {
+            return refuse("no graph in it");
+        };
+        let mut signature = Self::default();
+        let (mut nodes, mut tensors) = (0, 0);
+        for field in Fields(graph) {
+            match field? {
+                (1, Value::Bytes(node)) => {
+                    nodes += 1;
+                    check_node(node)?;
+                }
+                (5, Value::Bytes(tensor)) => {
+                    tensors += 1;
+                    let (name, dims) = check_tensor(tensor)?;
+                    if let ("attr.bases.values", [_, bases, _]) = (name, &dims[..]) {
+                        signature.bases = Some(*bases);
+                    }
+                }
+                (11, Value::Bytes(port)) => signature.inputs.push(read_port(port)?),
+                (12, Value::Bytes(port)) => signature.outputs.push(read_port(port)?),
+                (2 | 10, _) => {}
+                (number, _) => return refuse(format!("the graph holds field {number}")),
+            }
+            if nodes.max(tensors) > MAX_PARTS
+                || signature.inputs.len().max(signature.outputs.len()) > 8
+            {
+                return refuse("more nodes, tensors, inputs or outputs than a deform graph has");
+            }
+        }
+        Ok(signature)
+    }
+}
+
+/// A float tensor's name and static shape.
+fn read_port(bytes: &[u8]) -> Checked<(String, Vec<usize>)> {
+    if bytes.len() > MAX_DESCRIPTION {
+        return refuse("an input or output described at too great length");
+    }
+    let info = ValueInfo::decode(bytes).map_err(|e| GraphRefused(e.to_string()))?;
+    let name = info.name.unwrap_or_default();
+    let tensor = info.r#type.and_then(|t| t.tensor_type);
+    let Some(tensor) = tensor.filter(|t| t.elem_type == Some(data_type::FLOAT)) else {
+        return refuse(format!("{name} is not a float tensor"));
+    };
+    let shape = tensor.shape.map(|s| s.dim).unwrap_or_default();
+    let sizes = shape
+        .iter()
+        .map(|d| d.dim_value.and_then(|v| usize::try_from(v).ok()))
+        .collect::<Option<Vec<usize>>>();
+    match sizes {
+        Some(sizes) => Ok((name, sizes)),
+        None => refuse(format!("{name} has no static shape")),
+    }
+}
+
+/// Only known operators of ONNX itself, and no sub-graphs or tensors in attributes.
+fn check_node(bytes: &[u8]) -> Checked<()> {
+    if bytes.len() > MAX_DESCRIPTION {
+        return refuse("a node described at too great length");
+    }
+    let mut operator = None;
+    for field in Fields(bytes) {
+        match field? {
+            (4, Value::Bytes(op)) => operator = Some(op),
+            (5, Value::Bytes(attribute)) => {
+                for part in Fields(attribute) {
+                    if let (5 | 6 | 9..=12 | 14.., Value::Bytes(_)) = part? {
+                        return refuse("a node with a graph or tensor in an attribute");
+                    }
+                }
+            }
+            (7, Value::Bytes(domain)) if !domain.is_empty() => {
+                return refuse("an operator of a foreign domain");
+            }
+            _ => {}
+        }
+    }
+    let operator = String::from_utf8_lossy(operator.unwrap_or_default());
+    if OPERATORS.contains(&&*operator) {
+        Ok(())
+    } else {
+        refuse(format!(
+            "operator {operator:?}, which a deform graph does not use"
+        ))
+    }
+}
+
+/// Numbers stored in the file, as many as the shape says, and finite. Gives the tensor's name and shape.
+fn check_tensor(bytes: &[u8]) -> Checked<(&str, Vec<usize>)> {
+    let (mut name, mut kind, mut raw) = ("", 0, None);
+    let mut dims: Vec<usize> = Vec::new();
+    for field in Fields(bytes) {
+        match field? {
+            (1, Value::Number(dim)) if dims.len() < 4 => {
+                dims.push(usize::try_from(dim).unwrap_or(usize::MAX));
+            }
+            (1, Value::Bytes(mut packed)) => {
+                while !packed.is_empty() && dims.len() < 4 {
+                    dims.push(usize::try_from(varint(&mut packed)?).unwrap_or(usize::MAX));
+                }
+                if !packed.is_empty() {
+                    return refuse("a stored tensor of rank above 4");
+                }
+            }
+            (2, Value::Number(number)) => kind = number,
+            (8, Value::Bytes(text)) => name = std::str::from_utf8(text).unwrap_or("?"),
+            (9, Value::Bytes(data)) if raw.is_none() => raw = Some(data),
+            (12, _) => {}
+            (number, _) => {
+                return refuse(format!(
+                    "stored tensor {name} has field {number}: its numbers must be raw data in this file"
+                ));
+            }
+        }
+    }
+    let raw = raw.unwrap_or_default();
+    let width = match i32::try_from(kind) {
+        Ok(data_type::FLOAT | data_type::INT32) => 4,
+        Ok(data_type::FLOAT16) => 2,
+        Ok(data_type::INT8) => 1,
+        Ok(data_type::INT64) => 8,
+        _ => return refuse(format!("stored tensor {name} has element type {kind}")),
+    };
+    let needed = dims
+        .iter()
+        .try_fold(width, |size: usize, dim| size.checked_mul(*dim));
+    if needed != Some(raw.len()) {
+        return refuse(format!(
+            "stored tensor {name} has {} bytes for shape {dims:?}",
+            raw.len()
+        ));
+    }
+    let finite = match i32::try_from(kind) {
+        Ok(data_type::FLOAT) => raw
+            .as_chunks()
+            .0
+            .iter()
+            .all(|b| f32::from_le_bytes(*b).is_finite()),
+        Ok(data_type::FLOAT16) => raw
+            .as_chunks()
+            .0
+            .iter()
+            .all(|b| f16::from_le_bytes(*b).is_finite()),
+        _ => true,
+    };
+    if finite {
+        Ok((name, dims))
+    } else {
+        refuse(format!(
+            "stored tensor {name} holds a number that is not finite"
+        ))
+    }
+}
+
+/// One protobuf field's content.
+enum Value<'a> {
+    Number(u64),
+    Bytes(&'a [u8]),
+    Fixed,
+}
+
+/// Walks a protobuf message's fields in place. Decoding a hostile message into structs could cost a hundred times its
+/// size; walking costs nothing.
+struct Fields<'a>(&'a [u8]);
+
+impl<'a> Iterator for Fields<'a> {
+    type Item = Checked<(u64, Value<'a>)>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.0.is_empty() {
+            return None;
+        }
+        let field = read_field(&mut self.0);
+        if field.is_err() {
+            self.0 = &[];
+        }
+        Some(field)
+    }
+}
+
+fn read_field<'a>(rest: &mut &'a [u8]) -> Checked<(u64, Value<'a>)> {
+    let key = varint(rest)?;
+    let value = match key & 7 {
+        0 => Value::Number(varint(rest)?),
+        1 => {
+            take(rest, 8)?;
+            Value::Fixed
+        }
+        2 => {
+            let length = varint(rest)?;
+            Value::Bytes(take(rest, usize::try_from(length).unwrap_or(usize::MAX))?)
+        }
+        5 => {
+            take(rest, 4)?;
+            Value::Fixed
+        }
+        _ => return refuse("not an ONNX file"),
+    };
+    Ok((key >> 3, value))
+}
+
+fn take<'a>(rest: &mut &'a [u8], length: usize) -> Checked<&'a [u8]> {
+    match rest.split_at_checked(length) {
+        Some((head, tail)) => {
+            *rest = tail;
+            Ok(head)
+        }
+        None => refuse("cut short"),
+    }
+}
+
+fn varint(rest: &mut &[u8]) -> Checked<u64> {
+    let mut value = 0u64;
+    for shift in (0..64).step_by(7) {
+        let [byte] = take(rest, 1)? else {
+            return refuse("cut short");
+        };
+        value |= u64::from(byte & 0x7f) << shift;
+        if byte & 0x80 == 0 {
+            return Ok(value);
+        }
+    }
+    refuse("not an ONNX file")
+}

@@ -1,0 +1,79 @@
+//! What can be wrong with an avatar package.
+
+use crate::PersonError;
+use std::path::PathBuf;
+
+/// A package that cannot be written, or that must not be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PackageError {
+    /// The file system refused.
+    #[error("cannot {action} {}", path.display())]
+    File {
+        /// "open", "write" or "replace".
+        action: &'static str,
+        /// The package's path.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The bytes are no avatar package, or its archive is damaged.
+    #[error(
+        "this is no intact avatar package ({reason}); fetch it again, or rebuild it with `mon3tr bake`"
+    )]
+    Archive {
+        /// What is wrong with the archive.
+        reason: String,
+    },
+    /// The package was written by a newer program.
+    #[error(
+        "the package has format version {found}, but this program reads only up to {newest}: update mon3tr, or rebuild \
+         the avatar with `mon3tr bake`"
+    )]
+    Newer {
+        /// The package's format version.
+        found: u32,
+        /// The newest version this program reads.
+        newest: u32,
+    },
+    /// A member is missing, damaged, or not what the manifest says.
+    #[error("package member {member}: {reason}")]
+    Member {
+        /// The member's name.
+        member: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A member's numbers contradict each other.
+    #[error("package member {member}: {source}")]
+    Contents {
+        /// The member's name.
+        member: String,
+        /// The contradiction.
+        #[source]
+        source: PersonError,
+    },
+}
+
+impl PackageError {
+    pub(super) fn member(member: &str, reason: impl Into<String>) -> Self {
+        Self::Member {
+            member: member.to_owned(),
+            reason: reason.into(),
+        }
+    }
+
+    pub(super) fn archive(reason: impl Into<String>) -> Self {
+        Self::Archive {
+            reason: reason.into(),
+        }
+    }
+
+    pub(super) fn contents(member: &str) -> impl FnOnce(PersonError) -> Self + '_ {
+        move |source| Self::Contents {
+            member: member.to_owned(),
+            source,
+        }
+    }
+}

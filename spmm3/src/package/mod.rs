@@ -1,0 +1,18 @@
+//! The avatar package, `.m3a`: one plain zip that common tools open, with a manifest, safetensors and an ONNX graph.
+//!
+//! Written deterministically; read as somebody else's file. Every size, hash, type, shape, index and number is checked
+//! against the manifest and the limits here before anything uses it. It does not fetch packages and runs no network.
+
+mod archive;
+mod avatar;
+mod error;
+mod manifest;
+mod tensors;
+
+pub use archive::{MAX_BYTES, MAX_MEMBERS};
+pub use avatar::Avatar;
+pub use error::PackageError;
+pub use manifest::{
+    Counts, ExpressionEntry, FORMAT, MAX_CONTROLLERS, MAX_FACES, MAX_GAUSSIANS, MAX_VERTICES,
+    Manifest, MemberEntry, TensorEntry, VERSION,
+};
