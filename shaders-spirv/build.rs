@@ -43,7 +43,10 @@ fn build() -> Result<(), String> {
             _ => continue,
         };
         let words = compile(path, stage)?;
-        let name = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+        let name = path
+            .file_stem()
+            .and_then(|stem| stem.to_str())
+            .unwrap_or_default();
         let constant = name.to_uppercase();
         let file = path.display();
         writeln!(
@@ -88,7 +91,10 @@ fn compile(path: &Path, stage: ShaderStage) -> Result<Vec<u32>, String> {
 /// Turns glslang's `ERROR: 0:12: message` (the file) and `ERROR: name.glsl:12: message` (an include)
 /// into `shaders-spirv/shaders/FILE:12: message`, which editors and people can follow.
 fn located(path: &Path, log: &str) -> String {
-    let shader = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let shader = path
+        .file_name()
+        .and_then(|name| name.to_str())
+        .unwrap_or_default();
     let mut lines = String::new();
     for line in log.lines() {
         let Some(rest) = line.find("ERROR: ").map(|at| &line[at + "ERROR: ".len()..]) else {
@@ -103,7 +109,11 @@ fn located(path: &Path, log: &str) -> String {
         };
         lines.push_str(&line);
     }
-    if lines.is_empty() { format!("{}: {log}", path.display()) } else { lines }
+    if lines.is_empty() {
+        format!("{}: {log}", path.display())
+    } else {
+        lines
+    }
 }
 
 /// Reads `#include "NAME"` from the shader folder.
@@ -121,6 +131,9 @@ impl IncludeHandler for Includes {
             return None;
         }
         let data = fs::read_to_string(Path::new(FOLDER).join(name)).ok()?;
-        Some(IncludeResult { name: name.to_owned(), data })
+        Some(IncludeResult {
+            name: name.to_owned(),
+            data,
+        })
     }
 }

@@ -17,7 +17,9 @@ layout(local_size_x_id = 0) in;
 layout(set = 0, binding = 1, std430) readonly buffer Splats { Splat splats[]; };
 layout(set = 0, binding = 2, std430) readonly buffer TileStarts { uint tile_starts[]; };
 layout(set = 0, binding = 3, std430) readonly buffer Pairs { uint pairs[]; };
-layout(set = 0, binding = 4, rgba16f) uniform writeonly image2DArray picture;
+// [view][row][column] as four halves: premultiplied red, green, blue, alpha. A buffer, not an image: Mesa 25's
+// llvmpipe loses stores to images of 64-bit pixels in some of a wide subgroup's lanes, and is slow at the rest.
+layout(set = 0, binding = 4, std430) writeonly buffer Picture { uvec2 picture[]; };
 
 const uint BLOCK_WIDTH = SUBGROUP > 64u ? 16u : 8u;
 const uint BLOCK_HEIGHT = 8u;
@@ -120,7 +122,8 @@ void main() {
         uint pixel = i * SUBGROUP + lane;
         uvec2 at = block + uvec2(pixel % BLOCK_WIDTH, pixel / BLOCK_WIDTH);
         if (all(lessThan(at, size))) {
-            imageStore(picture, ivec3(at, view), vec4(colour[i], 1.0 - transmittance[i]));
+            picture[(view * size.y + at.y) * size.x + at.x] = uvec2(
+                packHalf2x16(colour[i].rg), packHalf2x16(vec2(colour[i].b, 1.0 - transmittance[i])));
         }
     }
 }

@@ -19,3 +19,7 @@ uint saturating_add(uint a, uint b) {
     uint sum = a + b;
     return sum < a ? 0xFFFFFFFFu : sum;
 }
+
+// Position in the workgroup, subgroup by subgroup: the order that gl_LocalInvocationID usually has, but which
+// the specification does not promise.
+uint group_index() { return gl_SubgroupID * gl_SubgroupSize + gl_SubgroupInvocationID; }

@@ -5,7 +5,7 @@
 #include "scan.glsl"
 
 void main() {
-    uint first = gl_WorkGroupID.x * BLOCK + gl_LocalInvocationID.x * PER_INVOCATION;
+    uint first = gl_WorkGroupID.x * BLOCK + group_index() * PER_INVOCATION;
     uint own[PER_INVOCATION];
     uint sum = 0u;
     for (uint i = 0u; i < PER_INVOCATION; ++i) {
@@ -16,7 +16,7 @@ void main() {
     uint subgroup_sum = subgroupAdd(sum);
     if (subgroupElect()) subgroup_sums[gl_SubgroupID] = subgroup_sum;
     barrier();
-    if (gl_LocalInvocationID.x == 0u) {
+    if (group_index() == 0u) {
         uint total = 0u;
         for (uint i = 0u; i < gl_WorkGroupID.x; ++i) total = saturating_add(total, block_sums[i]);
         for (uint i = 0u; i < gl_NumSubgroups; ++i) {

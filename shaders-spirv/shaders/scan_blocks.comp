@@ -5,13 +5,13 @@
 #include "scan.glsl"
 
 void main() {
-    uint first = gl_WorkGroupID.x * BLOCK + gl_LocalInvocationID.x * PER_INVOCATION;
+    uint first = gl_WorkGroupID.x * BLOCK + group_index() * PER_INVOCATION;
     uint sum = 0u;
     for (uint i = first; i < min(first + PER_INVOCATION, params.element_count); ++i) sum += elements[i];
     sum = subgroupAdd(sum);
     if (subgroupElect()) subgroup_sums[gl_SubgroupID] = sum;
     barrier();
-    if (gl_LocalInvocationID.x == 0u) {
+    if (group_index() == 0u) {
         uint total = 0u;
         for (uint i = 0u; i < gl_NumSubgroups; ++i) total = saturating_add(total, subgroup_sums[i]);
         block_sums[gl_WorkGroupID.x] = total;

@@ -35,6 +35,14 @@ impl PackedGaussian {
         opacity: f32,
         colour: [f32; 3],
     ) -> Self {
-        Self { position, opacity, rotation, scale, padding_0: 0.0, colour, padding_1: 0.0 }
+        Self {
+            position,
+            opacity,
+            rotation,
+            scale,
+            padding_0: 0.0,
+            colour,
+            padding_1: 0.0,
+        }
     }
 }

@@ -21,7 +21,10 @@ struct Layout {
 
 fn text(words: &[u32]) -> String {
     let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+    let end = bytes
+        .iter()
+        .position(|byte| *byte == 0)
+        .unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).into_owned()
 }
 
@@ -41,7 +44,9 @@ fn layout(shader: Shader, name: &str) -> Layout {
             OP_MEMBER_DECORATE if operands[2] == OFFSET => {
                 offsets.insert((operands[0], operands[1]), operands[3]);
             }
-            OP_DECORATE if operands[1] == ARRAY_STRIDE => _ = strides.insert(operands[0], operands[2]),
+            OP_DECORATE if operands[1] == ARRAY_STRIDE => {
+                _ = strides.insert(operands[0], operands[2])
+            }
             OP_TYPE_RUNTIME_ARRAY => _ = runtime_arrays.insert(operands[0], operands[1]),
             _ => {}
         }
@@ -78,55 +83,79 @@ macro_rules! assert_layout {
 
 #[test]
 fn frame_parameters_lie_as_the_shader_reads_them() {
-    for shader in [shaders_spirv::PROJECT, shaders_spirv::BIN_EMIT, shaders_spirv::RASTER] {
-        assert_layout!(shader, FrameParams {
-            views: views,
-            depth_plane: depth_plane,
-            gaussian_count: gaussian_count,
-            view_count: view_count,
-            width: width,
-            height: height,
-            tiles_x: tiles_x,
-            tiles_y: tiles_y,
-            lane_count: lane_count,
-            pair_capacity: pair_capacity,
-        });
+    for shader in [
+        shaders_spirv::PROJECT,
+        shaders_spirv::BIN_EMIT,
+        shaders_spirv::RASTER,
+    ] {
+        assert_layout!(
+            shader,
+            FrameParams {
+                views: views,
+                depth_plane: depth_plane,
+                gaussian_count: gaussian_count,
+                view_count: view_count,
+                width: width,
+                height: height,
+                tiles_x: tiles_x,
+                tiles_y: tiles_y,
+                lane_count: lane_count,
+                pair_capacity: pair_capacity,
+            }
+        );
     }
-    assert_layout!(shaders_spirv::PROJECT, ViewParams {
-        image_from_world: image_from_world,
-        intrinsics: intrinsics,
-        slope_limits: slope_limits,
-        clip: clip,
-    });
-    assert_eq!(size_of::<ViewParams>(), 96, "two of them stand in an array of stride 96");
+    assert_layout!(
+        shaders_spirv::PROJECT,
+        ViewParams {
+            image_from_world: image_from_world,
+            intrinsics: intrinsics,
+            slope_limits: slope_limits,
+            clip: clip,
+        }
+    );
+    assert_eq!(
+        size_of::<ViewParams>(),
+        96,
+        "two of them stand in an array of stride 96"
+    );
 }
 
 #[test]
 fn gaussians_lie_as_the_shader_reads_them() {
-    let stride = assert_layout!(shaders_spirv::PROJECT, PackedGaussian {
-        position_opacity: position,
-        rotation: rotation,
-        scale: scale,
-        colour: colour,
-    });
+    let stride = assert_layout!(
+        shaders_spirv::PROJECT,
+        PackedGaussian {
+            position_opacity: position,
+            rotation: rotation,
+            scale: scale,
+            colour: colour,
+        }
+    );
     assert_eq!(stride, Some(64), "array stride in the shader");
     assert_eq!(size_of::<PackedGaussian>(), 64, "size in Rust");
-    assert_eq!(offset_of!(PackedGaussian, opacity), 12, "opacity is position_opacity.w");
+    assert_eq!(
+        offset_of!(PackedGaussian, opacity),
+        12,
+        "opacity is position_opacity.w"
+    );
 }
 
 #[test]
 fn splats_lie_as_the_shader_reads_them() {
     for shader in [shaders_spirv::PROJECT, shaders_spirv::RASTER] {
-        let stride = assert_layout!(shader, Splat {
-            mean_x: mean_x,
-            mean_y: mean_y,
-            ux: ux,
-            uy: uy,
-            wy: wy,
-            log2_opacity: log2_opacity,
-            red_green: red_green,
-            blue: blue,
-        });
+        let stride = assert_layout!(
+            shader,
+            Splat {
+                mean_x: mean_x,
+                mean_y: mean_y,
+                ux: ux,
+                uy: uy,
+                wy: wy,
+                log2_opacity: log2_opacity,
+                red_green: red_green,
+                blue: blue,
+            }
+        );
         assert_eq!(stride, Some(32), "array stride in {}", shader.name);
     }
     assert_eq!(size_of::<Splat>(), 32, "size in Rust");

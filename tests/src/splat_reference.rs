@@ -63,14 +63,30 @@ fn transposed(a: &Mat3) -> Mat3 {
 fn rotation(quaternion: [f32; 4]) -> Mat3 {
     let [x, y, z, w] = quaternion.map(f64::from);
     [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        [
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y - z * w),
+            2.0 * (x * z + y * w),
+        ],
+        [
+            2.0 * (x * y + z * w),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z - x * w),
+        ],
+        [
+            2.0 * (x * z - y * w),
+            2.0 * (y * z + x * w),
+            1.0 - 2.0 * (x * x + y * y),
+        ],
     ]
 }
 
 /// The pixels of one axis whose centres lie within `mean +- reach`.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped first")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped first"
+)]
 #[expect(clippy::cast_precision_loss, reason = "pixel counts are small")]
 fn pixels_within(mean: f64, reach: f64, count: usize) -> Option<RangeInclusive<usize>> {
     let first = (mean - reach - 0.5).ceil().max(0.0);
@@ -87,8 +103,9 @@ fn project(gaussian: &PackedGaussian, camera: &Camera) -> Option<Projected> {
         })
     });
     let t: Vec3 = std::array::from_fn(|row| {
-        let turned: f64 =
-            (0..3).map(|column| view[row][column] * f64::from(gaussian.position[column])).sum();
+        let turned: f64 = (0..3)
+            .map(|column| view[row][column] * f64::from(gaussian.position[column]))
+            .sum();
         turned + flip[row] * f64::from(camera.camera_from_world.translation[row])
     });
     if t[2] <= f64::from(camera.near) {
@@ -99,12 +116,14 @@ fn project(gaussian: &PackedGaussian, camera: &Camera) -> Option<Projected> {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
 
     let half_tan = [0.5 * width / fx, 0.5 * height / fy];
-    let x = (t[0] / t[2])
-        .clamp(-cx / fx - 0.3 * half_tan[0], (width - cx) / fx + 0.3 * half_tan[0])
-        * t[2];
-    let y = (t[1] / t[2])
-        .clamp(-cy / fy - 0.3 * half_tan[1], (height - cy) / fy + 0.3 * half_tan[1])
-        * t[2];
+    let x = (t[0] / t[2]).clamp(
+        -cx / fx - 0.3 * half_tan[0],
+        (width - cx) / fx + 0.3 * half_tan[0],
+    ) * t[2];
+    let y = (t[1] / t[2]).clamp(
+        -cy / fy - 0.3 * half_tan[1],
+        (height - cy) / fy + 0.3 * half_tan[1],
+    ) * t[2];
     let jacobian: Mat3 = [
         [fx / t[2], 0.0, -fx * x / (t[2] * t[2])],
         [0.0, fy / t[2], -fy * y / (t[2] * t[2])],
@@ -115,8 +134,10 @@ fn project(gaussian: &PackedGaussian, camera: &Camera) -> Option<Projected> {
         std::array::from_fn(|i| std::array::from_fn(|j| turn[i][j] * f64::from(gaussian.scale[j])));
     let covariance_3d = product(&axes, &transposed(&axes));
     let image_from_world = product(&jacobian, &view);
-    let covariance =
-        product(&product(&image_from_world, &covariance_3d), &transposed(&image_from_world));
+    let covariance = product(
+        &product(&image_from_world, &covariance_3d),
+        &transposed(&image_from_world),
+    );
     let a = covariance[0][0] + LOW_PASS;
     let b = covariance[0][1];
     let c = covariance[1][1] + LOW_PASS;
@@ -141,8 +162,10 @@ fn project(gaussian: &PackedGaussian, camera: &Camera) -> Option<Projected> {
 
 /// Draws all Gaussians, which are finite, as one camera sees them.
 pub fn render(gaussians: &[PackedGaussian], camera: &Camera) -> ReferencePicture {
-    let mut splats: Vec<Projected> =
-        gaussians.par_iter().filter_map(|gaussian| project(gaussian, camera)).collect();
+    let mut splats: Vec<Projected> = gaussians
+        .par_iter()
+        .filter_map(|gaussian| project(gaussian, camera))
+        .collect();
     // Stable: equal depths stay in the order of their index.
     splats.par_sort_by(|a, b| a.depth.partial_cmp(&b.depth).unwrap_or(Ordering::Equal));
 
@@ -154,10 +177,22 @@ pub fn render(gaussians: &[PackedGaussian], camera: &Camera) -> ReferencePicture
         }
     }
     let mut pixels = vec![[0.0; 4]; width * height];
-    pixels.par_chunks_exact_mut(width).zip(&by_row).enumerate().for_each(|(y, (row, touching))| {
-        blend_row(row, y, touching.iter().map(|index| &splats[*index as usize]));
-    });
-    ReferencePicture { width, height, pixels }
+    pixels
+        .par_chunks_exact_mut(width)
+        .zip(&by_row)
+        .enumerate()
+        .for_each(|(y, (row, touching))| {
+            blend_row(
+                row,
+                y,
+                touching.iter().map(|index| &splats[*index as usize]),
+            );
+        });
+    ReferencePicture {
+        width,
+        height,
+        pixels,
+    }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "pixel counts are small")]
@@ -218,6 +253,14 @@ pub fn psnr(got: &Image, expected: &ReferencePicture, within: PixelBox) -> f64 {
 /// The reference in the renderer's picture type, to be looked at.
 #[expect(clippy::cast_possible_truncation, reason = "for the eye")]
 pub fn to_image(picture: &ReferencePicture) -> Option<Image> {
-    let pixels = picture.pixels.iter().map(|pixel| pixel.map(|value| value as f32)).collect();
-    Image::new(u32::try_from(picture.width).ok()?, u32::try_from(picture.height).ok()?, pixels)
+    let pixels = picture
+        .pixels
+        .iter()
+        .map(|pixel| pixel.map(|value| value as f32))
+        .collect();
+    Image::new(
+        u32::try_from(picture.width).ok()?,
+        u32::try_from(picture.height).ok()?,
+        pixels,
+    )
 }

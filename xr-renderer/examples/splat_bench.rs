@@ -49,7 +49,11 @@ fn main() -> Result<()> {
         Camera::look_at(eye, target, Vec3::Y, 0.8, arguments.size, arguments.size)
     };
     let eyes = [eye(-0.032), eye(0.032)];
-    let cameras = if arguments.stereo { &eyes[..] } else { &eyes[..1] };
+    let cameras = if arguments.stereo {
+        &eyes[..]
+    } else {
+        &eyes[..1]
+    };
 
     let mut times = Vec::new();
     for _ in 0..arguments.frames.max(1) {
@@ -61,7 +65,12 @@ fn main() -> Result<()> {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
     };
-    println!("{} ({}), subgroups of {}", gpu.info().name, gpu.info().driver, gpu.subgroup_size());
+    println!(
+        "{} ({}), subgroups of {}",
+        gpu.info().name,
+        gpu.info().driver,
+        gpu.subgroup_size()
+    );
     println!(
         "{} Gaussians, {views} x {size}x{size}, {pairs} tile pairs, median of {} pictures",
         arguments.gaussians,
@@ -82,7 +91,10 @@ fn main() -> Result<()> {
     }
     if let Some(path) = arguments.out {
         let image = renderer.read_back(0)?;
-        let grey = xr_renderer::Background::Gradient { top: [0.32; 3], bottom: [0.12; 3] };
+        let grey = xr_renderer::Background::Gradient {
+            top: [0.32; 3],
+            bottom: [0.12; 3],
+        };
         let mut bytes = format!("P6 {} {} 255\n", image.width(), image.height()).into_bytes();
         bytes.extend(image.over(grey));
         std::fs::write(&path, bytes).with_context(|| format!("writing {}", path.display()))?;
@@ -94,12 +106,37 @@ fn main() -> Result<()> {
 fn standing_figure(count: u32) -> Vec<PackedGaussian> {
     // Centre and half axes in metres, share of the Gaussians, colour.
     const PARTS: [([f32; 3], [f32; 3], f32, [f32; 3]); 6] = [
-        ([0.0, 1.62, 0.0], [0.09, 0.13, 0.11], 0.2, [0.85, 0.64, 0.52]),
+        (
+            [0.0, 1.62, 0.0],
+            [0.09, 0.13, 0.11],
+            0.2,
+            [0.85, 0.64, 0.52],
+        ),
         ([0.0, 1.15, 0.0], [0.2, 0.34, 0.13], 0.35, [0.2, 0.3, 0.5]),
-        ([-0.28, 1.1, 0.0], [0.06, 0.34, 0.06], 0.1, [0.22, 0.33, 0.55]),
-        ([0.28, 1.1, 0.0], [0.06, 0.34, 0.06], 0.1, [0.22, 0.33, 0.55]),
-        ([-0.1, 0.42, 0.0], [0.09, 0.44, 0.1], 0.125, [0.18, 0.18, 0.2]),
-        ([0.1, 0.42, 0.0], [0.09, 0.44, 0.1], 0.125, [0.18, 0.18, 0.2]),
+        (
+            [-0.28, 1.1, 0.0],
+            [0.06, 0.34, 0.06],
+            0.1,
+            [0.22, 0.33, 0.55],
+        ),
+        (
+            [0.28, 1.1, 0.0],
+            [0.06, 0.34, 0.06],
+            0.1,
+            [0.22, 0.33, 0.55],
+        ),
+        (
+            [-0.1, 0.42, 0.0],
+            [0.09, 0.44, 0.1],
+            0.125,
+            [0.18, 0.18, 0.2],
+        ),
+        (
+            [0.1, 0.42, 0.0],
+            [0.09, 0.44, 0.1],
+            0.125,
+            [0.18, 0.18, 0.2],
+        ),
     ];
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
     let mut gaussians = Vec::with_capacity(count as usize);
@@ -119,12 +156,16 @@ fn standing_figure(count: u32) -> Vec<PackedGaussian> {
         let normal = (direction / axes).normalize();
         let area = axes.x * axes.y + axes.y * axes.z + axes.z * axes.x;
         #[expect(clippy::cast_precision_loss, reason = "a rough spacing")]
-        let spacing = 1.6 * (area / (share * count as f32)).sqrt();
+        let spacing = 2.2 * (area / (share * count as f32)).sqrt();
         let shade = 0.55 + 0.45 * normal.dot(Vec3::new(0.3, 0.6, 0.74)).max(0.0);
         gaussians.push(PackedGaussian::new(
             (Vec3::from(centre) + direction * axes).to_array(),
             Quat::from_rotation_arc(Vec3::Z, normal).to_array(),
-            [spacing, spacing * (0.6 + 0.8 * random.unit()), 0.1 * spacing],
+            [
+                spacing,
+                spacing * (0.6 + 0.8 * random.unit()),
+                0.1 * spacing,
+            ],
             0.6 + 0.4 * random.unit(),
             colour.map(|channel| channel * shade * (0.9 + 0.2 * random.unit())),
         ));

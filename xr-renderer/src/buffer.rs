@@ -25,11 +25,9 @@ impl Place {
     fn memory(self) -> &'static [vk::MemoryPropertyFlags] {
         use vk::MemoryPropertyFlags as Flags;
         const ANY: Flags = Flags::empty();
-        const SHARED: Flags = Flags::from_raw(
-            Flags::HOST_VISIBLE.as_raw() | Flags::HOST_COHERENT.as_raw(),
-        );
-        const CACHED: Flags =
-            Flags::from_raw(SHARED.as_raw() | Flags::HOST_CACHED.as_raw());
+        const SHARED: Flags =
+            Flags::from_raw(Flags::HOST_VISIBLE.as_raw() | Flags::HOST_COHERENT.as_raw());
+        const CACHED: Flags = Flags::from_raw(SHARED.as_raw() | Flags::HOST_CACHED.as_raw());
         match self {
             Self::Device => &[Flags::DEVICE_LOCAL, ANY],
             Self::Upload => &[SHARED],
@@ -64,14 +62,16 @@ impl Buffer {
         let size = size.max(16).next_multiple_of(4);
         let limit = u64::from(gpu.limits.max_storage_buffer_range);
         if usage.contains(vk::BufferUsageFlags::STORAGE_BUFFER) && size > limit {
-            return Err(RenderError::TooLarge { what, bytes: size, limit });
+            return Err(RenderError::TooLarge {
+                what,
+                bytes: size,
+                limit,
+            });
         }
-        let usage =
-            usage | vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
+        let usage = usage | vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the structure is complete.
-        let handle =
-            unsafe { gpu.device().create_buffer(&info, None) }.during("vkCreateBuffer")?;
+        let handle = unsafe { gpu.device().create_buffer(&info, None) }.during("vkCreateBuffer")?;
         // Owns the handle from here on, so that an error below frees it.
         let mut buffer = Self {
             gpu: Arc::clone(gpu),
@@ -89,7 +89,12 @@ impl Buffer {
         if place != Place::Device {
             // SAFETY: the memory is host visible and not mapped yet.
             let address = unsafe {
-                gpu.device().map_memory(buffer.memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty())
+                gpu.device().map_memory(
+                    buffer.memory,
+                    0,
+                    vk::WHOLE_SIZE,
+                    vk::MemoryMapFlags::empty(),
+                )
             }
             .during("vkMapMemory")?;
             buffer.mapped = NonNull::new(address.cast());
@@ -103,7 +108,13 @@ impl Buffer {
         what: &'static str,
         size: u64,
     ) -> Result<Self, RenderError> {
-        Self::new(gpu, what, size, vk::BufferUsageFlags::STORAGE_BUFFER, Place::Device)
+        Self::new(
+            gpu,
+            what,
+            size,
+            vk::BufferUsageFlags::STORAGE_BUFFER,
+            Place::Device,
+        )
     }
 
     pub(crate) fn handle(&self) -> vk::Buffer {
@@ -118,18 +129,35 @@ impl Buffer {
     /// device is not reading it.
     pub(crate) fn write<T: Pod>(&mut self, values: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(values);
-        let Some(target) = self.mapped else { unreachable!("made for uploads") };
-        assert!(bytes.len() as u64 <= self.size, "{} bytes into {}", bytes.len(), self.size);
+        let Some(target) = self.mapped else {
+            unreachable!("made for uploads")
+        };
+        assert!(
+            bytes.len() as u64 <= self.size,
+            "{} bytes into {}",
+            bytes.len(),
+            self.size
+        );
         // SAFETY: the mapping is `size` bytes long, ours, and disjoint from `values`.
-        unsafe { target.as_ptr().copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
+        unsafe {
+            target
+                .as_ptr()
+                .copy_from_nonoverlapping(bytes.as_ptr(), bytes.len())
+        };
     }
 
     /// The buffer's first `count` values. The caller made the buffer for reading back, large enough, and
     /// the device has finished writing.
     pub(crate) fn read<T: Pod>(&self, count: usize) -> Vec<T> {
-        let Some(source) = self.mapped else { unreachable!("made for reading back") };
+        let Some(source) = self.mapped else {
+            unreachable!("made for reading back")
+        };
         let bytes = count * size_of::<T>();
-        assert!(bytes as u64 <= self.size, "{bytes} bytes out of {}", self.size);
+        assert!(
+            bytes as u64 <= self.size,
+            "{bytes} bytes out of {}",
+            self.size
+        );
         let mut values = vec![T::zeroed(); count];
         // SAFETY: the mapping is `size` bytes long and holds initialised, coherent memory; T is plain data.
         unsafe {
@@ -167,14 +195,24 @@ pub(crate) fn allocate(
             })
         })
         .map(|(index, _)| index)
-        .ok_or(RenderError::OutOfMemory { what, bytes: needs.size })?;
-    let info =
-        vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(index);
+        .ok_or(RenderError::OutOfMemory {
+            what,
+            bytes: needs.size,
+        })?;
+    let info = vk::MemoryAllocateInfo::default()
+        .allocation_size(needs.size)
+        .memory_type_index(index);
     // SAFETY: the type index is one of the device's.
     unsafe { gpu.device().allocate_memory(&info, None) }.map_err(|result| match result {
         vk::Result::ERROR_OUT_OF_DEVICE_MEMORY
         | vk::Result::ERROR_OUT_OF_HOST_MEMORY
-        | vk::Result::ERROR_TOO_MANY_OBJECTS => RenderError::OutOfMemory { what, bytes: needs.size },
-        result => RenderError::Vulkan { call: "vkAllocateMemory", result },
+        | vk::Result::ERROR_TOO_MANY_OBJECTS => RenderError::OutOfMemory {
+            what,
+            bytes: needs.size,
+        },
+        result => RenderError::Vulkan {
+            call: "vkAllocateMemory",
+            result,
+        },
     })
 }

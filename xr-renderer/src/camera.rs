@@ -57,7 +57,10 @@ impl Camera {
         height: u32,
     ) -> Self {
         let back = (eye - target).normalize_or(Vec3::Z);
-        let right = up.cross(back).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
+        let right = up
+            .cross(back)
+            .try_normalize()
+            .unwrap_or_else(|| back.any_orthonormal_vector());
         let world_from_camera = Mat3A::from_cols(
             Vec3A::from(right),
             Vec3A::from(back.cross(right)),
@@ -81,13 +84,7 @@ impl Camera {
     }
 
     /// An eye at a pose (`position` and `orientation` in the world, as OpenXR gives them).
-    pub fn from_fov(
-        position: Vec3,
-        orientation: Quat,
-        fov: Fov,
-        width: u32,
-        height: u32,
-    ) -> Self {
+    pub fn from_fov(position: Vec3, orientation: Quat, fov: Fov, width: u32, height: u32) -> Self {
         let (left, right) = (fov.left.tan(), fov.right.tan());
         let (up, down) = (fov.up.tan(), fov.down.tan());
         let fx = pixels(width) / (right - left);
@@ -161,7 +158,11 @@ impl Camera {
 pub(crate) fn head_depth_plane(cameras: &[Camera]) -> [f32; 4] {
     let share = 1.0 / pixels(u32::try_from(cameras.len().max(1)).unwrap_or(1));
     let centre = cameras.iter().map(Camera::position).sum::<Vec3>() * share;
-    let forward = cameras.iter().map(Camera::forward).sum::<Vec3>().normalize_or(Vec3::NEG_Z);
+    let forward = cameras
+        .iter()
+        .map(Camera::forward)
+        .sum::<Vec3>()
+        .normalize_or(Vec3::NEG_Z);
     forward.extend(-forward.dot(centre)).to_array()
 }
 
@@ -178,18 +179,35 @@ mod tests {
     fn image_point(camera: &Camera, world: Vec3) -> [f32; 2] {
         let params = camera.params();
         let point = world.extend(1.0);
-        let [x, y, z] = params.image_from_world.map(|row| glam::Vec4::from(row).dot(point));
-        [x / z * params.intrinsics[0] + params.intrinsics[2], y / z * params.intrinsics[1] + params.intrinsics[3]]
+        let [x, y, z] = params
+            .image_from_world
+            .map(|row| glam::Vec4::from(row).dot(point));
+        [
+            x / z * params.intrinsics[0] + params.intrinsics[2],
+            y / z * params.intrinsics[1] + params.intrinsics[3],
+        ]
     }
 
     #[test]
     fn a_look_at_camera_sees_its_target_in_the_centre_and_up_above_it() {
-        let camera =
-            Camera::look_at(Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.0, 1.0, 0.0), Vec3::Y, 0.8, 640, 480);
+        let camera = Camera::look_at(
+            Vec3::new(1.0, 2.0, 3.0),
+            Vec3::new(0.0, 1.0, 0.0),
+            Vec3::Y,
+            0.8,
+            640,
+            480,
+        );
         let [x, y] = image_point(&camera, Vec3::new(0.0, 1.0, 0.0));
-        assert!((x - 320.0).abs() < 1e-3 && (y - 240.0).abs() < 1e-3, "target at {x}, {y}");
+        assert!(
+            (x - 320.0).abs() < 1e-3 && (y - 240.0).abs() < 1e-3,
+            "target at {x}, {y}"
+        );
         let [_, above] = image_point(&camera, Vec3::new(0.0, 1.1, 0.0));
-        assert!(above < y, "higher in the world is higher in the picture (y down): {above}");
+        assert!(
+            above < y,
+            "higher in the world is higher in the picture (y down): {above}"
+        );
         assert!(camera.problem().is_none(), "{:?}", camera.problem());
     }
 
@@ -201,17 +219,38 @@ mod tests {
 
     #[test]
     fn the_edges_of_an_asymmetric_view_land_on_the_edges_of_the_picture() {
-        let fov = Fov { left: -0.9, right: 0.7, up: 0.6, down: -0.8 };
+        let fov = Fov {
+            left: -0.9,
+            right: 0.7,
+            up: 0.6,
+            down: -0.8,
+        };
         let camera = Camera::from_fov(Vec3::ZERO, Quat::IDENTITY, fov, 800, 600);
         let [left, top] = image_point(&camera, Vec3::new(fov.left.tan(), fov.up.tan(), -1.0));
-        assert!(left.abs() < 1e-3 && top.abs() < 1e-3, "upper left corner at {left}, {top}");
-        let [right, bottom] = image_point(&camera, Vec3::new(fov.right.tan(), fov.down.tan(), -1.0));
-        assert!((right - 800.0).abs() < 1e-2 && (bottom - 600.0).abs() < 1e-2, "{right}, {bottom}");
+        assert!(
+            left.abs() < 1e-3 && top.abs() < 1e-3,
+            "upper left corner at {left}, {top}"
+        );
+        let [right, bottom] =
+            image_point(&camera, Vec3::new(fov.right.tan(), fov.down.tan(), -1.0));
+        assert!(
+            (right - 800.0).abs() < 1e-2 && (bottom - 600.0).abs() < 1e-2,
+            "{right}, {bottom}"
+        );
     }
 
     #[test]
     fn eyes_side_by_side_share_one_depth_with_each_of_them() {
-        let eye = |x| Camera::look_at(Vec3::new(x, 1.6, 2.0), Vec3::new(x, 1.2, 0.0), Vec3::Y, 1.0, 64, 64);
+        let eye = |x| {
+            Camera::look_at(
+                Vec3::new(x, 1.6, 2.0),
+                Vec3::new(x, 1.2, 0.0),
+                Vec3::Y,
+                1.0,
+                64,
+                64,
+            )
+        };
         let eyes = [eye(-0.03), eye(0.03)];
         let plane = glam::Vec4::from(head_depth_plane(&eyes));
         let point = Vec3::new(0.3, 1.0, -0.5);
@@ -226,9 +265,19 @@ mod tests {
     fn a_scaled_or_broken_camera_is_named_as_such() {
         let mut camera = Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 1.0, 64, 64);
         camera.camera_from_world.matrix3 *= 2.0;
-        assert!(camera.problem().is_some_and(|problem| problem.contains("rigid")), "scaled");
+        assert!(
+            camera
+                .problem()
+                .is_some_and(|problem| problem.contains("rigid")),
+            "scaled"
+        );
         camera = Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 1.0, 64, 64);
         camera.fx = f32::NAN;
-        assert!(camera.problem().is_some_and(|problem| problem.contains("finite")), "NaN");
+        assert!(
+            camera
+                .problem()
+                .is_some_and(|problem| problem.contains("finite")),
+            "NaN"
+        );
     }
 }

@@ -79,14 +79,29 @@ mod tests {
     #[test]
     fn a_name_matches_any_part_of_a_device_name_in_any_case() {
         let choice = GpuChoice::Named("h200".to_owned());
-        assert!(choice.accepts("NVIDIA H200", vk::DriverId::NVIDIA_PROPRIETARY), "other case");
-        assert!(!choice.accepts("llvmpipe (LLVM 19)", vk::DriverId::MESA_LLVMPIPE), "other name");
+        assert!(
+            choice.accepts("NVIDIA H200", vk::DriverId::NVIDIA_PROPRIETARY),
+            "other case"
+        );
+        assert!(
+            !choice.accepts("llvmpipe (LLVM 19)", vk::DriverId::MESA_LLVMPIPE),
+            "other name"
+        );
     }
 
     #[test]
     fn lavapipe_is_known_by_its_driver_or_its_name() {
-        assert!(GpuChoice::Lavapipe.accepts("anything", vk::DriverId::MESA_LLVMPIPE), "by driver");
-        assert!(GpuChoice::Lavapipe.accepts("llvmpipe (LLVM 15)", vk::DriverId::default()), "by name");
-        assert!(!GpuChoice::Lavapipe.accepts("NVIDIA", vk::DriverId::NVIDIA_PROPRIETARY), "a GPU");
+        assert!(
+            GpuChoice::Lavapipe.accepts("anything", vk::DriverId::MESA_LLVMPIPE),
+            "by driver"
+        );
+        assert!(
+            GpuChoice::Lavapipe.accepts("llvmpipe (LLVM 15)", vk::DriverId::default()),
+            "by name"
+        );
+        assert!(
+            !GpuChoice::Lavapipe.accepts("NVIDIA", vk::DriverId::NVIDIA_PROPRIETARY),
+            "a GPU"
+        );
     }
 }

@@ -41,9 +41,11 @@ impl Commands {
             .during("vkAllocateCommandBuffers")?;
         commands.buffer = buffers.first().copied().unwrap_or_default();
         // SAFETY: no preconditions.
-        commands.fence =
-            unsafe { gpu.device().create_fence(&vk::FenceCreateInfo::default(), None) }
-                .during("vkCreateFence")?;
+        commands.fence = unsafe {
+            gpu.device()
+                .create_fence(&vk::FenceCreateInfo::default(), None)
+        }
+        .during("vkCreateFence")?;
         Ok(commands)
     }
 
@@ -61,7 +63,9 @@ impl Commands {
             device
                 .reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty())
                 .during("vkResetCommandPool")?;
-            device.begin_command_buffer(self.buffer, &begin).during("vkBeginCommandBuffer")?;
+            device
+                .begin_command_buffer(self.buffer, &begin)
+                .during("vkBeginCommandBuffer")?;
         }
         record(self.buffer);
         let buffers = [self.buffer];
@@ -69,11 +73,18 @@ impl Commands {
         let fences = [self.fence];
         // SAFETY: the buffer is recorded, the fence unsignalled, the queue locked.
         unsafe {
-            device.end_command_buffer(self.buffer).during("vkEndCommandBuffer")?;
-            self.gpu.with_queue(|queue| device.queue_submit(queue, &submit, self.fence)).during(what)?;
+            device
+                .end_command_buffer(self.buffer)
+                .during("vkEndCommandBuffer")?;
+            self.gpu
+                .with_queue(|queue| device.queue_submit(queue, &submit, self.fence))
+                .during(what)?;
             match device.wait_for_fences(&fences, true, PATIENCE_SECONDS * 1_000_000_000) {
                 Err(vk::Result::TIMEOUT) => {
-                    return Err(RenderError::Timeout { what, seconds: PATIENCE_SECONDS });
+                    return Err(RenderError::Timeout {
+                        what,
+                        seconds: PATIENCE_SECONDS,
+                    });
                 }
                 done => done.during(what)?,
             }
@@ -86,7 +97,10 @@ impl Drop for Commands {
     fn drop(&mut self) {
         // SAFETY: after an error work may still be under way: wait for it. A lost device returns at once.
         unsafe {
-            if let Err(result) = self.gpu.with_queue(|queue| self.gpu.device().queue_wait_idle(queue)) {
+            if let Err(result) = self
+                .gpu
+                .with_queue(|queue| self.gpu.device().queue_wait_idle(queue))
+            {
                 log::warn!("waiting for the Vulkan queue failed: {result}");
             }
             self.gpu.device().destroy_fence(self.fence, None);

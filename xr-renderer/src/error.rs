@@ -38,7 +38,9 @@ pub enum RenderError {
     )]
     NoValidationLayer,
     /// The device has no memory left for a buffer or image.
-    #[error("out of memory during {what} ({bytes} bytes asked for): use fewer Gaussians or a smaller picture")]
+    #[error(
+        "out of memory during {what} ({bytes} bytes asked for): use fewer Gaussians or a smaller picture"
+    )]
     OutOfMemory {
         /// What the memory was for.
         what: &'static str,
@@ -46,7 +48,9 @@ pub enum RenderError {
         bytes: u64,
     },
     /// A buffer would be larger than the device lets a shader address.
-    #[error("{what} needs {bytes} bytes, more than the {limit} bytes one buffer may have on this device: use fewer Gaussians or a smaller picture")]
+    #[error(
+        "{what} needs {bytes} bytes, more than the {limit} bytes one buffer may have on this device: use fewer Gaussians or a smaller picture"
+    )]
     TooLarge {
         /// What the buffer was for.
         what: &'static str,
@@ -74,7 +78,9 @@ pub enum RenderError {
         limit: u32,
     },
     /// The picture's size or number of views cannot be drawn.
-    #[error("cannot draw {views} view(s) of {width}x{height} pixels: 1 or 2 views of 1x1 to 4096x4096 can be drawn")]
+    #[error(
+        "cannot draw {views} view(s) of {width}x{height} pixels: 1 or 2 views of 1x1 to 4096x4096 can be drawn"
+    )]
     PictureSize {
         /// Width in pixels.
         width: u32,
@@ -100,7 +106,9 @@ pub enum RenderError {
         views: u32,
     },
     /// The driver gave the device up.
-    #[error("the Vulkan device was lost during {0} (driver crash, reset or removal): open it again")]
+    #[error(
+        "the Vulkan device was lost during {0} (driver crash, reset or removal): open it again"
+    )]
     DeviceLost(&'static str),
     /// The device did not finish in time.
     #[error("the Vulkan device did not finish {what} within {seconds} s")]
@@ -131,7 +139,10 @@ impl<T> VkContext<T> for Result<T, vk::Result> {
         self.map_err(|result| match result {
             vk::Result::ERROR_DEVICE_LOST => RenderError::DeviceLost(call),
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
-                RenderError::OutOfMemory { what: call, bytes: 0 }
+                RenderError::OutOfMemory {
+                    what: call,
+                    bytes: 0,
+                }
             }
             result => RenderError::Vulkan { call, result },
         })

@@ -40,8 +40,13 @@ impl Front {
         let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
         let uniform = vk::BufferUsageFlags::UNIFORM_BUFFER;
 
-        let frame =
-            Buffer::new(gpu, "cameras", size_of::<FrameParams>() as u64, uniform, Place::Upload)?;
+        let frame = Buffer::new(
+            gpu,
+            "cameras",
+            size_of::<FrameParams>() as u64,
+            uniform,
+            Place::Upload,
+        )?;
         let staging = Buffer::new(gpu, "Gaussians", bytes, storage, Place::Upload)?;
         let gaussians = (!gpu.info().is_cpu)
             .then(|| Buffer::storage(gpu, "Gaussians", bytes))
@@ -53,7 +58,10 @@ impl Front {
         let project = ComputePipeline::new(
             gpu,
             shaders_spirv::PROJECT,
-            Specialisation { constants: &[GROUP], ..Default::default() },
+            Specialisation {
+                constants: &[GROUP],
+                ..Default::default()
+            },
             &[
                 Resource::Uniform(&frame),
                 Resource::Storage(gaussians.as_ref().unwrap_or(&staging)),
@@ -132,7 +140,8 @@ impl Front {
     }
 
     pub(crate) fn record_project(&self, commands: vk::CommandBuffer, count: u32) {
-        self.project.dispatch(commands, &[], [count.div_ceil(GROUP), 1, 1]);
+        self.project
+            .dispatch(commands, &[], [count.div_ceil(GROUP), 1, 1]);
         barrier(&self.gpu, commands);
     }
 

@@ -42,7 +42,10 @@ impl Drop for Device {
 
 impl fmt::Debug for Gpu {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Gpu").field("info", &self.info).field("subgroup", &self.subgroup).finish()
+        f.debug_struct("Gpu")
+            .field("info", &self.info)
+            .field("subgroup", &self.subgroup)
+            .finish()
     }
 }
 
@@ -54,8 +57,9 @@ impl Gpu {
     /// validation layer: each says what to do.
     pub fn open(choice: &GpuChoice, validation: bool) -> Result<Arc<Self>, RenderError> {
         let instance = Instance::new(validation)?;
-        let messenger =
-            validation.then(|| Messenger::new(&instance.entry, &instance.handle)).transpose()?;
+        let messenger = validation
+            .then(|| Messenger::new(&instance.entry, &instance.handle))
+            .transpose()?;
         let chosen = choose(&instance, choice)?;
         let subgroup = chosen.subgroup(&instance.handle)?;
         let (queue_family, family) = chosen.queue_family(&instance.handle)?;
@@ -65,8 +69,11 @@ impl Gpu {
         // SAFETY: the family and its first queue were asked for when the device was made.
         let queue = unsafe { device.0.get_device_queue(queue_family, 0) };
         // SAFETY: the handle belongs to this instance.
-        let memory =
-            unsafe { instance.handle.get_physical_device_memory_properties(chosen.handle) };
+        let memory = unsafe {
+            instance
+                .handle
+                .get_physical_device_memory_properties(chosen.handle)
+        };
         log::info!(
             "Vulkan device: {} ({}, Vulkan {}, subgroups of {})",
             chosen.info.name,
@@ -128,11 +135,17 @@ fn choose(instance: &Instance, choice: &GpuChoice) -> Result<Candidate, RenderEr
         return Err(RenderError::NoDevice);
     }
     candidates.sort_by_key(|candidate| rank(candidate.kind));
-    let present = candidates.iter().map(|candidate| candidate.info.name.clone()).collect();
+    let present = candidates
+        .iter()
+        .map(|candidate| candidate.info.name.clone())
+        .collect();
     candidates
         .into_iter()
         .find(|candidate| choice.accepts(&candidate.info.name, candidate.driver_id))
-        .ok_or_else(|| RenderError::NoSuchDevice { wanted: choice.to_string(), present })
+        .ok_or_else(|| RenderError::NoSuchDevice {
+            wanted: choice.to_string(),
+            present,
+        })
 }
 
 fn open_device(

@@ -38,15 +38,20 @@ impl Instance {
         // SAFETY: no preconditions.
         let offered = unsafe { entry.enumerate_instance_extension_properties(None) }
             .during("vkEnumerateInstanceExtensionProperties")?;
-        let mut extensions: Vec<&CStr> =
-            WANTED.into_iter().filter(|wanted| contains(&offered, wanted)).collect();
+        let mut extensions: Vec<&CStr> = WANTED
+            .into_iter()
+            .filter(|wanted| contains(&offered, wanted))
+            .collect();
         let has_surface = extensions.contains(&khr::surface::NAME);
         let mut layers = Vec::new();
         if with_validation {
             // SAFETY: no preconditions.
             let present = unsafe { entry.enumerate_instance_layer_properties() }
                 .during("vkEnumerateInstanceLayerProperties")?;
-            if !present.iter().any(|layer| layer.layer_name_as_c_str() == Ok(validation::LAYER)) {
+            if !present
+                .iter()
+                .any(|layer| layer.layer_name_as_c_str() == Ok(validation::LAYER))
+            {
                 return Err(RenderError::NoValidationLayer);
             }
             layers.push(validation::LAYER.as_ptr());
@@ -65,11 +70,19 @@ impl Instance {
             info = info.push_next(&mut features);
         }
         // SAFETY: names and structures live until the call returns.
-        let handle = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
-            vk::Result::ERROR_INCOMPATIBLE_DRIVER => RenderError::NoDevice,
-            result => RenderError::Vulkan { call: "vkCreateInstance", result },
-        })?;
-        Ok(Self { entry, handle, has_surface })
+        let handle =
+            unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
+                vk::Result::ERROR_INCOMPATIBLE_DRIVER => RenderError::NoDevice,
+                result => RenderError::Vulkan {
+                    call: "vkCreateInstance",
+                    result,
+                },
+            })?;
+        Ok(Self {
+            entry,
+            handle,
+            has_surface,
+        })
     }
 }
 
@@ -82,5 +95,7 @@ impl Drop for Instance {
 
 /// Whether an extension is among those offered.
 pub(crate) fn contains(offered: &[vk::ExtensionProperties], wanted: &CStr) -> bool {
-    offered.iter().any(|extension| extension.extension_name_as_c_str() == Ok(wanted))
+    offered
+        .iter()
+        .any(|extension| extension.extension_name_as_c_str() == Ok(wanted))
 }

@@ -39,7 +39,9 @@ pub(crate) struct Candidate {
 }
 
 fn text(bytes: Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>) -> String {
-    bytes.map(|text| text.to_string_lossy().into_owned()).unwrap_or_default()
+    bytes
+        .map(|text| text.to_string_lossy().into_owned())
+        .unwrap_or_default()
 }
 
 fn version(packed: u32) -> String {
@@ -95,7 +97,10 @@ impl Candidate {
     }
 
     fn lacks(&self, what: impl Into<String>) -> RenderError {
-        RenderError::Unsupported { device: self.info.name.clone(), lacks: vec![what.into()] }
+        RenderError::Unsupported {
+            device: self.info.name.clone(),
+            lacks: vec![what.into()],
+        }
     }
 
     /// The first family that both draws and computes.
@@ -143,7 +148,10 @@ impl Candidate {
         .filter(|(feature, _)| !base.supported_operations.contains(*feature))
         .map(|(_, name)| format!("subgroup {name} operations"))
         .collect();
-        if !base.supported_stages.contains(vk::ShaderStageFlags::COMPUTE) {
+        if !base
+            .supported_stages
+            .contains(vk::ShaderStageFlags::COMPUTE)
+        {
             lacks.push("subgroup operations in compute shaders".to_owned());
         }
         let size = base.subgroup_size;
@@ -154,14 +162,22 @@ impl Candidate {
             lacks.push("256 invocations in a compute workgroup".to_owned());
         }
         if !lacks.is_empty() {
-            return Err(RenderError::Unsupported { device: self.info.name.clone(), lacks });
+            return Err(RenderError::Unsupported {
+                device: self.info.name.clone(),
+                lacks,
+            });
         }
         let can_be_required = has_control
             && control_features.subgroup_size_control == vk::TRUE
             && control_features.compute_full_subgroups == vk::TRUE
-            && control.required_subgroup_size_stages.contains(vk::ShaderStageFlags::COMPUTE)
+            && control
+                .required_subgroup_size_stages
+                .contains(vk::ShaderStageFlags::COMPUTE)
             && (control.min_subgroup_size..=control.max_subgroup_size).contains(&size);
-        Ok(Subgroup { size, can_be_required })
+        Ok(Subgroup {
+            size,
+            can_be_required,
+        })
     }
 
     /// Whether the structures of subgroup size control may be chained.

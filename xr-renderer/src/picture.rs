@@ -42,7 +42,11 @@ impl Image {
     /// A picture from its pixels; nothing if their number does not fit the size.
     pub fn new(width: u32, height: u32, pixels: Vec<[f32; 4]>) -> Option<Self> {
         let fits = u64::from(width) * u64::from(height) == pixels.len() as u64;
-        fits.then_some(Self { width, height, pixels })
+        fits.then_some(Self {
+            width,
+            height,
+            pixels,
+        })
     }
 
     /// Width in pixels.
@@ -62,7 +66,11 @@ impl Image {
 
     /// Premultiplied RGBA in 8 bits; the colours are display values, so no transfer function is applied.
     pub fn to_rgba8(&self) -> Vec<u8> {
-        self.pixels.iter().flatten().map(|value| to_u8(*value)).collect()
+        self.pixels
+            .iter()
+            .flatten()
+            .map(|value| to_u8(*value))
+            .collect()
     }
 
     /// RGB in 8 bits over a background.
@@ -100,11 +108,18 @@ mod tests {
         let image = Image::new(1, 2, vec![[0.5, 0.0, 0.0, 0.5], [0.0; 4]]).expect("2 pixels");
         let top = [0.0, 1.0, 0.0];
         let bottom = [0.0, 0.0, 1.0];
-        assert_eq!(image.over(Background::Gradient { top, bottom }), [128, 128, 0, 0, 0, 255], "rows");
+        assert_eq!(
+            image.over(Background::Gradient { top, bottom }),
+            [128, 128, 0, 0, 0, 255],
+            "rows"
+        );
     }
 
     #[test]
     fn a_picture_needs_as_many_pixels_as_its_size_says() {
-        assert!(Image::new(2, 2, vec![[0.0; 4]; 3]).is_none(), "3 of 4 pixels");
+        assert!(
+            Image::new(2, 2, vec![[0.0; 4]; 3]).is_none(),
+            "3 of 4 pixels"
+        );
     }
 }

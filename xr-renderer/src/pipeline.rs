@@ -8,14 +8,12 @@ use shaders_spirv::Shader;
 use crate::buffer::Buffer;
 use crate::error::{RenderError, VkContext};
 use crate::gpu::Gpu;
-use crate::target::Target;
 
 /// Something a shader binds; its place in the list is its binding number.
 #[derive(Clone, Copy)]
 pub(crate) enum Resource<'a> {
     Storage(&'a Buffer),
     Uniform(&'a Buffer),
-    Image(&'a Target),
 }
 
 impl Resource<'_> {
@@ -23,7 +21,6 @@ impl Resource<'_> {
         match self {
             Self::Storage(_) => vk::DescriptorType::STORAGE_BUFFER,
             Self::Uniform(_) => vk::DescriptorType::UNIFORM_BUFFER,
-            Self::Image(_) => vk::DescriptorType::STORAGE_IMAGE,
         }
     }
 }
@@ -116,7 +113,11 @@ impl ComputePipeline {
         let module = Module::new(&self.gpu, shader)?;
         let entries: Vec<_> = (0u32..)
             .zip(specialisation.constants)
-            .map(|(id, _)| vk::SpecializationMapEntry { constant_id: id, offset: id * 4, size: 4 })
+            .map(|(id, _)| vk::SpecializationMapEntry {
+                constant_id: id,
+                offset: id * 4,
+                size: 4,
+            })
             .collect();
         let constants = vk::SpecializationInfo::default()
             .map_entries(&entries)
@@ -133,11 +134,15 @@ impl ComputePipeline {
                 .flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS)
                 .push_next(&mut required);
         }
-        let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout)];
+        let info = [vk::ComputePipelineCreateInfo::default()
+            .stage(stage)
+            .layout(self.layout)];
         // SAFETY: module, layout and specialisation live until the call returns.
         let made =
             unsafe { device.create_compute_pipelines(vk::PipelineCache::null(), &info, None) };
-        let pipelines = made.map_err(|(_, result)| result).during("vkCreateComputePipelines")?;
+        let pipelines = made
+            .map_err(|(_, result)| result)
+            .during("vkCreateComputePipelines")?;
         self.pipeline = pipelines.first().copied().unwrap_or_default();
         Ok(())
     }
@@ -146,9 +151,14 @@ impl ComputePipeline {
         let device = self.gpu.device();
         let sizes: Vec<_> = resources
             .iter()
-            .map(|resource| vk::DescriptorPoolSize { ty: resource.kind(), descriptor_count: 1 })
+            .map(|resource| vk::DescriptorPoolSize {
+                ty: resource.kind(),
+                descriptor_count: 1,
+            })
             .collect();
-        let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
+        let info = vk::DescriptorPoolCreateInfo::default()
+            .max_sets(1)
+            .pool_sizes(&sizes);
         // SAFETY: the structure is complete.
         self.pool = unsafe { device.create_descriptor_pool(&info, None) }
             .during("vkCreateDescriptorPool")?;
@@ -157,8 +167,8 @@ impl ComputePipeline {
             .descriptor_pool(self.pool)
             .set_layouts(&layouts);
         // SAFETY: pool and layout are alive, and the pool has room for one set.
-        let sets = unsafe { device.allocate_descriptor_sets(&info) }
-            .during("vkAllocateDescriptorSets")?;
+        let sets =
+            unsafe { device.allocate_descriptor_sets(&info) }.during("vkAllocateDescriptorSets")?;
         self.set = sets.first().copied().unwrap_or_default();
         Ok(())
     }
@@ -167,30 +177,17 @@ impl ComputePipeline {
     /// outlive its next use.
     pub(crate) fn bind(&mut self, resources: &[Resource<'_>]) {
         for (binding, resource) in (0..).zip(resources) {
+            let (Resource::Storage(buffer) | Resource::Uniform(buffer)) = resource;
+            let buffers = [vk::DescriptorBufferInfo {
+                buffer: buffer.handle(),
+                offset: 0,
+                range: buffer.size(),
+            }];
             let write = vk::WriteDescriptorSet::default()
                 .dst_set(self.set)
                 .dst_binding(binding)
-                .descriptor_type(resource.kind());
-            let buffers;
-            let images;
-            let write = match resource {
-                Resource::Storage(buffer) | Resource::Uniform(buffer) => {
-                    buffers = [vk::DescriptorBufferInfo {
-                        buffer: buffer.handle(),
-                        offset: 0,
-                        range: buffer.size(),
-                    }];
-                    write.buffer_info(&buffers)
-                }
-                Resource::Image(target) => {
-                    images = [vk::DescriptorImageInfo {
-                        sampler: vk::Sampler::null(),
-                        image_view: target.view(),
-                        image_layout: vk::ImageLayout::GENERAL,
-                    }];
-                    write.image_info(&images)
-                }
-            };
+                .descriptor_type(resource.kind())
+                .buffer_info(&buffers);
             // SAFETY: the set is not in use (the caller's promise), the resources are alive.
             unsafe { self.gpu.device().update_descriptor_sets(&[write], &[]) };
         }

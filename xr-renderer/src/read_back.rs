@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use ash::vk;
-use half::f16;
 use half::slice::HalfFloatSliceExt;
 
 use crate::buffer::{Buffer, Place};
@@ -11,7 +10,7 @@ use crate::commands::{Commands, barrier};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::picture::Image;
-use crate::target::Target;
+use crate::target::{Pixel, Target};
 
 /// A host-visible copy of one layer of a target.
 pub(crate) struct ReadBack {
@@ -20,12 +19,19 @@ pub(crate) struct ReadBack {
 
 impl ReadBack {
     pub(crate) fn new(gpu: &Arc<Gpu>, target: &Target) -> Result<Self, RenderError> {
-        let bytes = u64::from(target.width) * u64::from(target.height) * 8;
         let usage = vk::BufferUsageFlags::empty();
-        Ok(Self { buffer: Buffer::new(gpu, "picture read-back", bytes, usage, Place::ReadBack)? })
+        Ok(Self {
+            buffer: Buffer::new(
+                gpu,
+                "picture read-back",
+                target.layer_bytes(),
+                usage,
+                Place::ReadBack,
+            )?,
+        })
     }
 
-    /// Copies one layer to the host. The target holds a finished picture in `GENERAL` layout.
+    /// Copies one layer to the host. The layer exists, its picture is finished.
     pub(crate) fn read(
         &self,
         gpu: &Gpu,
@@ -33,16 +39,18 @@ impl ReadBack {
         target: &Target,
         layer: u32,
     ) -> Result<Image, RenderError> {
-        let region = [vk::BufferImageCopy::default()
-            .image_subresource(target.layer(layer))
-            .image_extent(target.extent())];
+        let bytes = target.layer_bytes();
+        let region = [vk::BufferCopy {
+            src_offset: u64::from(layer) * bytes,
+            dst_offset: 0,
+            size: bytes,
+        }];
         commands.run("the read-back", |commands| {
-            // SAFETY: the buffer holds a layer, which exists and is in the named layout.
+            // SAFETY: the layer lies in the target, and the read-back buffer holds one.
             unsafe {
-                gpu.device().cmd_copy_image_to_buffer(
+                gpu.device().cmd_copy_buffer(
                     commands,
-                    target.image(),
-                    vk::ImageLayout::GENERAL,
+                    target.buffer.handle(),
                     self.buffer.handle(),
                     &region,
                 );
@@ -50,9 +58,11 @@ impl ReadBack {
             barrier(gpu, commands);
         })?;
         let count = target.width as usize * target.height as usize;
-        let halves: Vec<[f16; 4]> = self.buffer.read(count);
+        let halves: Vec<Pixel> = self.buffer.read(count);
         let mut pixels = vec![[0.0f32; 4]; count];
-        halves.as_flattened().convert_to_f32_slice(pixels.as_flattened_mut());
+        halves
+            .as_flattened()
+            .convert_to_f32_slice(pixels.as_flattened_mut());
         Ok(Image::new(target.width, target.height, pixels)
             .unwrap_or_else(|| unreachable!("the buffer holds as many pixels as the target")))
     }

@@ -26,8 +26,10 @@ impl Scan {
         let sums = u64::from(count.div_ceil(SCAN_BLOCK)) * 4;
         let block_sums = Buffer::storage(gpu, "prefix sums", sums)?;
         let resources = [Resource::Storage(elements), Resource::Storage(&block_sums)];
-        let specialisation =
-            Specialisation { push_bytes: 4, fixed_subgroups: true, ..Default::default() };
+        let specialisation = Specialisation {
+            push_bytes: 4,
+            ..Default::default()
+        };
         let make = |shader| ComputePipeline::new(gpu, shader, specialisation, &resources);
         Ok(Self {
             gpu: Arc::clone(gpu),

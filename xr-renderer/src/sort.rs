@@ -41,8 +41,11 @@ impl SortPasses {
         let order = Buffer::storage(gpu, "sorted order", u64::from(capacity) * 4)?;
         let resources = [values, range, &bins, &order].map(Resource::Storage);
         let make = |shader, resources: &[Resource<'_>]| {
-            let specialisation =
-                Specialisation { constants: &[GROUP], push_bytes: 4, ..Default::default() };
+            let specialisation = Specialisation {
+                constants: &[GROUP],
+                push_bytes: 4,
+                ..Default::default()
+            };
             ComputePipeline::new(gpu, shader, specialisation, resources)
         };
         Ok(Self {
@@ -70,13 +73,9 @@ impl SortPasses {
     pub(crate) fn record_clear(&self, commands: vk::CommandBuffer) {
         // SAFETY: the command buffer is being recorded; the buffer can be a copy's target.
         unsafe {
-            self.gpu.device().cmd_fill_buffer(
-                commands,
-                self.bins.handle(),
-                0,
-                vk::WHOLE_SIZE,
-                0,
-            );
+            self.gpu
+                .device()
+                .cmd_fill_buffer(commands, self.bins.handle(), 0, vk::WHOLE_SIZE, 0);
         }
     }
 
@@ -106,7 +105,9 @@ pub struct Sorter {
 
 impl std::fmt::Debug for Sorter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Sorter").field("capacity", &self.capacity).finish_non_exhaustive()
+        f.debug_struct("Sorter")
+            .field("capacity", &self.capacity)
+            .finish_non_exhaustive()
     }
 }
 
@@ -138,9 +139,13 @@ impl Sorter {
     /// # Errors
     /// More keys than the sorter was made for, or a device that fails.
     pub fn sort_keys(&mut self, keys: &[u16]) -> Result<Vec<u32>, RenderError> {
-        let count = u32::try_from(keys.len()).ok().filter(|count| *count <= self.capacity).ok_or(
-            RenderError::TooManyGaussians { count: keys.len(), limit: self.capacity },
-        )?;
+        let count = u32::try_from(keys.len())
+            .ok()
+            .filter(|count| *count <= self.capacity)
+            .ok_or(RenderError::TooManyGaussians {
+                count: keys.len(),
+                limit: self.capacity,
+            })?;
         let values: Vec<u32> = keys.iter().map(|key| u32::from(*key)).collect();
         self.values.write(&values);
         let (passes, order) = (&self.passes, &self.order);

@@ -65,7 +65,11 @@ impl SplatRenderer {
     ) -> Result<Self, RenderError> {
         let sizes = 1..=MOST_PIXELS;
         if !sizes.contains(&width) || !sizes.contains(&height) || !(1..=2).contains(&views) {
-            return Err(RenderError::PictureSize { width, height, views });
+            return Err(RenderError::PictureSize {
+                width,
+                height,
+                views,
+            });
         }
         let mut commands = Commands::new(&gpu)?;
         let target = Target::new(&gpu, width, height, views)?;
@@ -142,13 +146,22 @@ impl SplatRenderer {
     /// No such view, or a device that fails.
     pub fn read_back(&mut self, view: u32) -> Result<Image, RenderError> {
         if view >= self.target.layers {
-            return Err(RenderError::NoSuchView { view, views: self.target.layers });
+            return Err(RenderError::NoSuchView {
+                view,
+                views: self.target.layers,
+            });
         }
-        self.read_back.read(&self.gpu, &mut self.commands, &self.target, view)
+        self.read_back
+            .read(&self.gpu, &mut self.commands, &self.target, view)
     }
 
     fn check(&self, cameras: &[Camera]) -> Result<(), RenderError> {
-        let Target { width, height, layers, .. } = self.target;
+        let Target {
+            width,
+            height,
+            layers,
+            ..
+        } = self.target;
         if cameras.len() != layers as usize {
             let problem = format!("{} cameras for {layers} view(s)", cameras.len());
             return Err(RenderError::Camera { view: 0, problem });
@@ -208,7 +221,10 @@ impl SplatRenderer {
 
     fn read_times(&self, host_upload: f64) -> Result<StageTimes, RenderError> {
         let Some(timestamps) = &self.timestamps else {
-            return Ok(StageTimes { upload: host_upload, ..Default::default() });
+            return Ok(StageTimes {
+                upload: host_upload,
+                ..Default::default()
+            });
         };
         let [start, uploaded, projected, sorted, binned, drawn] = timestamps.read()?;
         Ok(StageTimes {
@@ -221,34 +237,12 @@ impl SplatRenderer {
     }
 }
 
-/// Brings a new target into the layout it stays in, transparent.
+/// Makes a new target transparent.
 fn clear(gpu: &Gpu, commands: vk::CommandBuffer, target: &Target) {
-    let to_general = vk::ImageMemoryBarrier::default()
-        .old_layout(vk::ImageLayout::UNDEFINED)
-        .new_layout(vk::ImageLayout::GENERAL)
-        .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-        .dst_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-        .image(target.image())
-        .subresource_range(target.all());
-    // SAFETY: the command buffer is being recorded; no one else uses the image yet.
+    // SAFETY: the command buffer is being recorded; the buffer can be a copy's target.
     unsafe {
-        gpu.device().cmd_pipeline_barrier(
-            commands,
-            vk::PipelineStageFlags::TOP_OF_PIPE,
-            vk::PipelineStageFlags::TRANSFER,
-            vk::DependencyFlags::empty(),
-            &[],
-            &[],
-            &[to_general],
-        );
-        gpu.device().cmd_clear_color_image(
-            commands,
-            target.image(),
-            vk::ImageLayout::GENERAL,
-            &vk::ClearColorValue::default(),
-            &[target.all()],
-        );
+        gpu.device()
+            .cmd_fill_buffer(commands, target.buffer.handle(), 0, vk::WHOLE_SIZE, 0);
     }
     barrier(gpu, commands);
 }

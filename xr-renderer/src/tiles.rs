@@ -26,12 +26,12 @@ const TABLE_BYTES: u64 = 64 << 20;
 
 /// Sizes that do not change from picture to picture.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Layout {
-    pub(crate) tiles_x: u32,
-    pub(crate) tiles_y: u32,
-    pub(crate) views: u32,
+struct Layout {
+    tiles_x: u32,
+    tiles_y: u32,
+    views: u32,
     /// Invocations that share the sorted splats among them.
-    pub(crate) lanes: u32,
+    lanes: u32,
 }
 
 impl Layout {
@@ -45,7 +45,12 @@ impl Layout {
         while lanes > LANE_GROUP && row * u64::from(lanes) > limit {
             lanes /= 2;
         }
-        Self { tiles_x, tiles_y, views: target.layers, lanes }
+        Self {
+            tiles_x,
+            tiles_y,
+            views: target.layers,
+            lanes,
+        }
     }
 
     fn tiles(self) -> u32 {
@@ -87,8 +92,7 @@ impl Tiles {
             u64::from(layout.lists()) * u64::from(layout.lanes) * 4,
         )?;
         // One more than there are lists: the end of the last, which is the number of all pairs.
-        let tile_starts =
-            Buffer::storage(gpu, "tile lists", (u64::from(layout.lists()) + 1) * 4)?;
+        let tile_starts = Buffer::storage(gpu, "tile lists", (u64::from(layout.lists()) + 1) * 4)?;
         let total = Buffer::new(
             gpu,
             "pair count",
@@ -99,7 +103,10 @@ impl Tiles {
         let pairs = pair_list(gpu, first_capacity(gpu, max_gaussians, layout))?;
         let resources = binning(front, &table, &tile_starts, &pairs);
         let make = |shader, group, resources: &[Resource<'_>]| {
-            let specialisation = Specialisation { constants: &[group], ..Default::default() };
+            let specialisation = Specialisation {
+                constants: &[group],
+                ..Default::default()
+            };
             ComputePipeline::new(gpu, shader, specialisation, resources)
         };
         let size = gpu.subgroup.size;
@@ -129,10 +136,6 @@ impl Tiles {
         })
     }
 
-    pub(crate) fn layout(&self) -> Layout {
-        self.layout
-    }
-
     /// Pairs of Gaussian and tile that the lists have room for.
     pub(crate) fn pair_capacity(&self) -> u32 {
         u32::try_from(self.pairs.size() / 4).unwrap_or(u32::MAX)
@@ -140,7 +143,11 @@ impl Tiles {
 
     /// Pairs of the last picture: more than the capacity if nothing was drawn for want of room.
     pub(crate) fn pairs_wanted(&self) -> u32 {
-        self.total.read::<u32>(1).first().copied().unwrap_or_default()
+        self.total
+            .read::<u32>(1)
+            .first()
+            .copied()
+            .unwrap_or_default()
     }
 
     /// Makes room for `wanted` pairs and some more. The device is idle.
@@ -152,15 +159,20 @@ impl Tiles {
     ) -> Result<(), RenderError> {
         let limit = pair_limit(&self.gpu);
         if wanted > limit {
-            return Err(RenderError::TooManyPairs { pairs: wanted, limit });
+            return Err(RenderError::TooManyPairs {
+                pairs: wanted,
+                limit,
+            });
         }
         let roomy = wanted.saturating_add(wanted / 4).min(limit);
         log::debug!("tile lists grow to {roomy} pairs");
         // The old list is freed only after the new one is bound: no set ever names a freed buffer.
         let pairs = pair_list(&self.gpu, roomy)?;
         let _old = std::mem::replace(&mut self.pairs, pairs);
-        self.emit.bind(&binning(front, &self.table, &self.tile_starts, &self.pairs));
-        self.raster.bind(&rastering(front, &self.tile_starts, &self.pairs, target));
+        self.emit
+            .bind(&binning(front, &self.table, &self.tile_starts, &self.pairs));
+        self.raster
+            .bind(&rastering(front, &self.tile_starts, &self.pairs, target));
         Ok(())
     }
 
@@ -199,10 +211,16 @@ impl Tiles {
         barrier(&self.gpu, commands);
     }
 
-    /// Records the blending of all tiles of all views. The target is in `GENERAL` layout.
+    /// Records the blending of all tiles of all views.
     pub(crate) fn record_raster(&self, commands: vk::CommandBuffer) {
-        let Layout { tiles_x, tiles_y, views, .. } = self.layout;
-        self.raster.dispatch(commands, &[], [tiles_x, tiles_y, views]);
+        let Layout {
+            tiles_x,
+            tiles_y,
+            views,
+            ..
+        } = self.layout;
+        self.raster
+            .dispatch(commands, &[], [tiles_x, tiles_y, views]);
         barrier(&self.gpu, commands);
     }
 
@@ -243,7 +261,7 @@ fn rastering<'a>(
         Resource::Storage(front.splats()),
         Resource::Storage(tile_starts),
         Resource::Storage(pairs),
-        Resource::Image(target),
+        Resource::Storage(&target.buffer),
     ]
 }
 

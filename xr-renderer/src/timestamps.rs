@@ -47,13 +47,20 @@ impl<const POINTS: usize> Timestamps<POINTS> {
         // SAFETY: the structure is complete.
         let pool =
             unsafe { gpu.device().create_query_pool(&info, None) }.during("vkCreateQueryPool")?;
-        Ok(Some(Self { gpu: Arc::clone(gpu), pool }))
+        Ok(Some(Self {
+            gpu: Arc::clone(gpu),
+            pool,
+        }))
     }
 
     /// Records the reset that must come before the points.
     pub(crate) fn record_reset(&self, commands: vk::CommandBuffer) {
         // SAFETY: the command buffer is being recorded, the pool has that many queries.
-        unsafe { self.gpu.device().cmd_reset_query_pool(commands, self.pool, 0, count(POINTS)) };
+        unsafe {
+            self.gpu
+                .device()
+                .cmd_reset_query_pool(commands, self.pool, 0, count(POINTS))
+        };
     }
 
     /// Records that all work so far is done.
@@ -86,7 +93,10 @@ impl<const POINTS: usize> Timestamps<POINTS> {
         let mask = u64::MAX >> (64 - self.gpu.timestamp_bits.min(64));
         let milliseconds = f64::from(self.gpu.limits.timestamp_period) * 1e-6;
         let first = ticks.first().copied().unwrap_or_default();
-        #[expect(clippy::cast_precision_loss, reason = "differences of a frame's length")]
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "differences of a frame's length"
+        )]
         Ok(ticks.map(|tick| (tick.wrapping_sub(first) & mask) as f64 * milliseconds))
     }
 }

@@ -36,7 +36,11 @@ impl Messenger {
         // SAFETY: the counter outlives the messenger (both are freed with self, the messenger first).
         let handle = unsafe { loader.create_debug_utils_messenger(&info, None) }
             .during("vkCreateDebugUtilsMessengerEXT")?;
-        Ok(Self { loader, handle, count })
+        Ok(Self {
+            loader,
+            handle,
+            count,
+        })
     }
 
     pub(crate) fn count(&self) -> u32 {
@@ -60,7 +64,11 @@ unsafe extern "system" fn receive(
     // SAFETY: the layer passes a valid structure with a null or NUL-terminated message.
     let message = unsafe {
         let text = (*data).p_message;
-        if text.is_null() { "".into() } else { CStr::from_ptr(text).to_string_lossy() }
+        if text.is_null() {
+            "".into()
+        } else {
+            CStr::from_ptr(text).to_string_lossy()
+        }
     };
     // General messages are the loader's (a driver file that is missing, say), not about our calls.
     if kind == vk::DebugUtilsMessageTypeFlagsEXT::GENERAL {
