@@ -1,1 +1,16 @@
-//! (being built)
+//! The receiver: an avatar and motion parameters in, pictures and per-stage times out.
+//!
+//! A frame's way through this crate: [`Deformer::deform`] (kinematics, deform graph, F_m2g) -> [`pack`] -> the splat
+//! renderer, all told to a [`Profile`].
+
+mod deform;
+mod error;
+mod pack;
+mod profile;
+mod receiver;
+
+pub use deform::Deformer;
+pub use error::ReceiverError;
+pub use pack::pack;
+pub use profile::{Profile, Stage, StageSummary, Unit};
+pub use receiver::Receiver;

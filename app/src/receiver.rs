@@ -1,0 +1,80 @@
+//! The whole receiver path for one frame, on one thread: deform, pack, draw.
+
+use crate::{Deformer, Profile, ReceiverError, Stage, pack};
+use shaders_spirv::PackedGaussian;
+use spmm3::MotionParams;
+use xr_renderer::{Camera, SplatRenderer};
+
+/// An avatar, and the renderer that shows it.
+#[derive(Debug)]
+pub struct Receiver {
+    deformer: Deformer,
+    renderer: SplatRenderer,
+    packed: Vec<PackedGaussian>,
+    profile: Profile,
+}
+
+impl Receiver {
+    /// Joins a loaded avatar and a renderer.
+    #[must_use]
+    pub fn new(deformer: Deformer, renderer: SplatRenderer) -> Self {
+        let packed = vec![bytemuck::Zeroable::zeroed(); deformer.gaussians()];
+        Self {
+            deformer,
+            renderer,
+            packed,
+            profile: Profile::default(),
+        }
+    }
+
+    /// Deforms the avatar to `motion` and draws it once for each of `cameras` (one, or two for stereo).
+    /// The pictures are then in [`Self::renderer`].
+    ///
+    /// # Errors
+    /// If the deform graph or the renderer fails.
+    pub fn frame(
+        &mut self,
+        motion: &MotionParams,
+        cameras: &[Camera],
+    ) -> Result<(), ReceiverError> {
+        let gaussians = self.deformer.deform(motion, &mut self.profile)?;
+        let started = std::time::Instant::now();
+        pack(gaussians, &mut self.packed);
+        self.profile.record(Stage::Pack, started.elapsed());
+        self.renderer.render(&self.packed, cameras)?;
+        let times = self.renderer.stage_times();
+        for (stage, milliseconds) in [
+            (Stage::Upload, times.upload),
+            (Stage::Project, times.project),
+            (Stage::Sort, times.sort),
+            (Stage::Bin, times.bin),
+            (Stage::Raster, times.raster),
+        ] {
+            self.profile.record_ms(stage, milliseconds);
+        }
+        Ok(())
+    }
+
+    /// The avatar's side.
+    #[must_use]
+    pub fn deformer(&self) -> &Deformer {
+        &self.deformer
+    }
+
+    /// The Gaussians of the last frame in the renderer's layout.
+    #[must_use]
+    pub fn packed(&self) -> &[PackedGaussian] {
+        &self.packed
+    }
+
+    /// The renderer's side, which holds the last pictures.
+    pub fn renderer(&mut self) -> &mut SplatRenderer {
+        &mut self.renderer
+    }
+
+    /// Times of every frame so far.
+    #[must_use]
+    pub fn profile(&self) -> &Profile {
+        &self.profile
+    }
+}
