@@ -66,8 +66,10 @@ void main() {
     uint list = view * tile_count + tile.y * frame.tiles_x + tile.x;
     uint start = tile_starts[list];
     uint end = tile_starts[list + 1u];
+    // The picture was cleared: nothing to write where there is nothing.
+    if (start == end) return;
     // The lists did not fit and were not written; the host draws again.
-    if (tile_starts[frame.view_count * tile_count] > frame.pair_capacity) end = start;
+    if (tile_starts[frame.view_count * tile_count] > frame.pair_capacity) return;
 
     vec2 low = vec2(block) + 0.5;
     vec2 high = min(vec2(block + uvec2(BLOCK_WIDTH, BLOCK_HEIGHT)), vec2(size)) - 0.5;

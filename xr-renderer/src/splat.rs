@@ -195,7 +195,8 @@ impl SplatRenderer {
     }
 
     fn draw(&mut self, count: u32) -> Result<(), RenderError> {
-        let (front, tiles, timestamps) = (&self.front, &self.tiles, self.timestamps.as_ref());
+        let (front, tiles, target) = (&self.front, &self.tiles, &self.target);
+        let timestamps = self.timestamps.as_ref();
         let point = |commands: vk::CommandBuffer, index: usize| {
             if let Some(timestamps) = timestamps {
                 timestamps.record_point(commands, index);
@@ -212,7 +213,7 @@ impl SplatRenderer {
             point(commands, 2);
             front.record_sort(commands, count);
             point(commands, 3);
-            tiles.record_bin(commands);
+            tiles.record_bin(commands, target);
             point(commands, 4);
             tiles.record_raster(commands);
             point(commands, 5);

@@ -176,11 +176,12 @@ impl Tiles {
         Ok(())
     }
 
-    /// Records the filling of the tiles' lists.
-    pub(crate) fn record_bin(&self, commands: vk::CommandBuffer) {
+    /// Records the filling of the tiles' lists, and clears the picture, of which only touched tiles are drawn.
+    pub(crate) fn record_bin(&self, commands: vk::CommandBuffer, target: &Target) {
         let device = self.gpu.device();
-        // SAFETY: the command buffer is being recorded; both buffers can be a copy's target.
+        // SAFETY: the command buffer is being recorded; the buffers can be a copy's target.
         unsafe {
+            device.cmd_fill_buffer(commands, target.buffer.handle(), 0, vk::WHOLE_SIZE, 0);
             device.cmd_fill_buffer(commands, self.table.handle(), 0, vk::WHOLE_SIZE, 0);
             device.cmd_fill_buffer(commands, self.tile_starts.handle(), 0, vk::WHOLE_SIZE, 0);
         }
@@ -211,7 +212,7 @@ impl Tiles {
         barrier(&self.gpu, commands);
     }
 
-    /// Records the blending of all tiles of all views.
+    /// Records the blending of all tiles of all views into the cleared picture.
     pub(crate) fn record_raster(&self, commands: vk::CommandBuffer) {
         let Layout {
             tiles_x,

@@ -1,0 +1,615 @@
+//! The renderer's pictures against the f64 reference, its sort against std's, and inputs at the edge.
+//!
+//! Every test runs with the validation layer on and demands that it stays silent.
+
+use std::cell::RefCell;
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use glam::{EulerRot, Quat, Vec3};
+use mon3tr_tests::splat_reference::{self, PixelBox, ReferencePicture};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestRunner};
+use xr_renderer::{
+    Background, Camera, Fov, Gpu, GpuChoice, Image, PackedGaussian, RenderError, Sorter,
+    SplatRenderer,
+};
+
+// Least PSNR in dB. Rounding to 8 bits alone is 59.
+
+/// Few Gaussians over one another: colours in half floats and arithmetic in f32 are all that differs.
+const SPARSE: f64 = 68.0;
+/// Blending stops where less than 1/255 shows through, which the reference does not.
+const CROWDED: f64 = 58.0;
+/// The same, where nearly every pixel stops early: 48 is what losing 1/255 everywhere would give.
+const OPAQUE: f64 = 50.0;
+
+/// Counts what the renderer logs of validation, also when no `Gpu` is left to ask.
+struct CountingLogger;
+
+static LOGGED_MESSAGES: AtomicU32 = AtomicU32::new(0);
+
+impl log::Log for CountingLogger {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.level() <= log::Level::Warn
+    }
+
+    fn log(&self, record: &log::Record<'_>) {
+        if self.enabled(record.metadata()) {
+            LOGGED_MESSAGES.fetch_add(1, Ordering::SeqCst);
+            eprintln!("{}: {}", record.level(), record.args());
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+/// Opens the device that `MON3TR_GPU` names (`auto` without it); the reason where Vulkan is missing.
+fn open_gpu() -> Result<Arc<Gpu>, String> {
+    static LOGGER: OnceLock<()> = OnceLock::new();
+    LOGGER.get_or_init(|| {
+        log::set_logger(&CountingLogger).expect("the only logger");
+        log::set_max_level(log::LevelFilter::Warn);
+    });
+    let choice = std::env::var("MON3TR_GPU").unwrap_or_default();
+    match Gpu::open(&choice.parse().expect("any text is a choice"), true) {
+        Ok(gpu) => Ok(gpu),
+        Err(
+            why @ (RenderError::NoLoader(_)
+            | RenderError::NoDevice
+            | RenderError::NoValidationLayer),
+        ) => Err(why.to_string()),
+        Err(why) => panic!("{why}"),
+    }
+}
+
+/// The device, or nothing after a line that says why; on CI that is a failure.
+fn or_skip(opened: Result<Arc<Gpu>, String>) -> Option<Arc<Gpu>> {
+    opened
+        .map_err(|why| {
+            assert!(
+                std::env::var("CI").as_deref() != Ok("true"),
+                "no Vulkan device: {why}"
+            );
+            println!("skipped: no Vulkan device: {why}");
+        })
+        .ok()
+}
+
+/// One device for all tests of this file.
+fn gpu() -> Option<Arc<Gpu>> {
+    static GPU: OnceLock<Result<Arc<Gpu>, String>> = OnceLock::new();
+    or_skip(GPU.get_or_init(open_gpu).clone())
+}
+
+fn assert_silent(gpu: &Gpu) {
+    assert_eq!(
+        gpu.validation_messages(),
+        0,
+        "validation messages (logged above)"
+    );
+}
+
+/// Random Gaussians in a ball of 1 m: sizes over a factor of 40, needles and discs among them, colours
+/// that leave 0..=1 on both sides.
+fn random_gaussians(count: usize, seed: u64) -> Vec<PackedGaussian> {
+    let mut state = seed | 1;
+    let mut unit = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        f32::from(u16::try_from(state >> 48).expect("16 bits")) / 65_536.0
+    };
+    (0..count)
+        .map(|_| {
+            let position = loop {
+                let position = Vec3::from_array(std::array::from_fn(|_| 2.0 * unit() - 1.0));
+                if position.length() < 1.0 {
+                    break position;
+                }
+            };
+            let rotation = Quat::from_euler(
+                EulerRot::XYZ,
+                std::f32::consts::TAU * unit(),
+                std::f32::consts::PI * unit(),
+                std::f32::consts::TAU * unit(),
+            );
+            PackedGaussian::new(
+                position.to_array(),
+                rotation.to_array(),
+                std::array::from_fn(|_| 0.002 * 40f32.powf(unit())),
+                unit(),
+                std::array::from_fn(|_| 1.4 * unit() - 0.2),
+            )
+        })
+        .collect()
+}
+
+fn front_camera(width: u32, height: u32) -> Camera {
+    Camera::look_at(
+        Vec3::new(0.4, 0.5, 3.0),
+        Vec3::ZERO,
+        Vec3::Y,
+        0.75,
+        width,
+        height,
+    )
+}
+
+/// Two eyes 64 mm apart that look the same way, with the lopsided fields of view of a headset's.
+fn eyes(width: u32, height: u32) -> [Camera; 2] {
+    let turn = Quat::from_rotation_y(0.15);
+    let fov = |left, right| Fov {
+        left,
+        right,
+        up: 0.4,
+        down: -0.5,
+    };
+    let eye = |side: f32, fov| {
+        let position = Vec3::new(0.4, 0.1, 2.6) + turn * Vec3::new(0.032 * side, 0.0, 0.0);
+        Camera::from_fov(position, turn, fov, width, height)
+    };
+    [eye(-1.0, fov(-0.55, 0.42)), eye(1.0, fov(-0.42, 0.55))]
+}
+
+fn draw(gpu: &Arc<Gpu>, gaussians: &[PackedGaussian], cameras: &[Camera]) -> Vec<Image> {
+    let views = u32::try_from(cameras.len()).expect("few");
+    let count = u32::try_from(gaussians.len()).expect("few");
+    let (width, height) = (cameras[0].width, cameras[0].height);
+    let mut renderer =
+        SplatRenderer::new(Arc::clone(gpu), count, width, height, views).expect("a renderer");
+    renderer.render(gaussians, cameras).expect("a picture");
+    (0..views)
+        .map(|view| renderer.read_back(view).expect("a view"))
+        .collect()
+}
+
+/// Draws, compares with the reference over what the reference covers, and leaves the pictures on failure.
+fn assert_drawn_as_reference(
+    gpu: &Arc<Gpu>,
+    name: &str,
+    gaussians: &[PackedGaussian],
+    cameras: &[Camera],
+    least: f64,
+) {
+    for (view, (got, camera)) in draw(gpu, gaussians, cameras)
+        .iter()
+        .zip(cameras)
+        .enumerate()
+    {
+        let expected = splat_reference::render(gaussians, camera);
+        let within = splat_reference::covered_box(&expected).expect("something to see");
+        let psnr = splat_reference::psnr(got, &expected, within);
+        println!(
+            "{name}, view {view}: {psnr:.1} dB over {}x{} pixels, subgroups of {}",
+            within.right - within.left + 1,
+            within.bottom - within.top + 1,
+            gpu.subgroup_size()
+        );
+        if psnr.is_nan() || psnr < least || std::env::var_os("MON3TR_KEEP_PICTURES").is_some() {
+            let folder = keep_pictures(&format!("{name}-{view}"), got, &expected, within);
+            assert!(
+                psnr >= least,
+                "{name}, view {view}: {psnr:.1} dB, below {least}; see {folder}*.png"
+            );
+        }
+    }
+    assert_silent(gpu);
+}
+
+/// Leaves got, expected and difference (x16) as PNGs; returns the common start of their paths.
+fn keep_pictures(name: &str, got: &Image, expected: &ReferencePicture, within: PixelBox) -> String {
+    let start = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("splat-{name}-"));
+    let start = start.display().to_string();
+    let expected = splat_reference::to_image(expected).expect("as large as it says");
+    let difference = got
+        .pixels()
+        .iter()
+        .zip(expected.pixels())
+        .map(|(got, expected)| {
+            let channel = |index: usize| 16.0 * (got[index] - expected[index]).abs();
+            [channel(0), channel(1), channel(2), 1.0]
+        });
+    let difference =
+        Image::new(got.width(), got.height(), difference.collect()).expect("same size");
+    for (kind, image) in [
+        ("got", got),
+        ("expected", &expected),
+        ("difference", &difference),
+    ] {
+        let bytes = image.over(Background::Colour([0.1; 3]));
+        let path = format!("{start}{kind}.png");
+        image::save_buffer(
+            &path,
+            &bytes,
+            image.width(),
+            image.height(),
+            image::ColorType::Rgb8,
+        )
+        .unwrap_or_else(|why| panic!("{path}: {why}"));
+    }
+    println!("kept {start}*.png (covered: {within:?})");
+    start
+}
+
+#[test]
+fn twenty_thousand_random_gaussians_look_as_the_reference_says() {
+    let Some(gpu) = gpu() else { return };
+    let gaussians = random_gaussians(20_000, 7);
+    assert_drawn_as_reference(
+        &gpu,
+        "mono",
+        &gaussians,
+        &[front_camera(1024, 1024)],
+        CROWDED,
+    );
+}
+
+#[test]
+fn both_eyes_see_what_the_reference_says() {
+    let Some(gpu) = gpu() else { return };
+    let gaussians = random_gaussians(20_000, 11);
+    assert_drawn_as_reference(&gpu, "stereo", &gaussians, &eyes(768, 700), CROWDED);
+}
+
+#[test]
+fn a_picture_whose_sides_are_no_multiple_of_a_tile_is_whole() {
+    let Some(gpu) = gpu() else { return };
+    let gaussians = random_gaussians(2_000, 3);
+    assert_drawn_as_reference(&gpu, "odd", &gaussians, &[front_camera(333, 217)], SPARSE);
+    assert_drawn_as_reference(&gpu, "thin", &gaussians, &[front_camera(1, 500)], SPARSE);
+}
+
+#[test]
+fn a_camera_among_the_gaussians_draws_those_before_it() {
+    let Some(gpu) = gpu() else { return };
+    let gaussians = random_gaussians(20_000, 5);
+    let camera = Camera::look_at(Vec3::splat(0.05), Vec3::X, Vec3::Y, 1.2, 512, 512);
+    assert_drawn_as_reference(&gpu, "within", &gaussians, &[camera], OPAQUE);
+}
+
+#[test]
+fn one_gaussian_is_drawn() {
+    let Some(gpu) = gpu() else { return };
+    let gaussians = [PackedGaussian::new(
+        [0.0; 3],
+        [0.0, 0.0, 0.0, 1.0],
+        [0.3, 0.1, 0.1],
+        1.0,
+        [1.0, 0.5, 0.2],
+    )];
+    assert_drawn_as_reference(&gpu, "one", &gaussians, &[front_camera(256, 256)], SPARSE);
+}
+
+#[test]
+fn many_gaussians_in_one_place_are_blended_in_the_order_of_their_index() {
+    let Some(gpu) = gpu() else { return };
+    // Same place, other colours: a wrong order among equals shows.
+    let mut gaussians = random_gaussians(20_000, 13);
+    for gaussian in &mut gaussians {
+        gaussian.position = [0.1, 0.2, 0.0];
+        gaussian.opacity *= 0.2;
+    }
+    assert_drawn_as_reference(
+        &gpu,
+        "identical",
+        &gaussians,
+        &[front_camera(512, 512)],
+        CROWDED,
+    );
+}
+
+#[test]
+fn gaussians_larger_than_the_picture_make_the_tile_lists_grow() {
+    let Some(gpu) = gpu() else { return };
+    let mut gaussians = random_gaussians(1_500, 17);
+    for gaussian in &mut gaussians {
+        gaussian.scale = gaussian.scale.map(|scale| 60.0 * scale);
+        gaussian.opacity *= 0.05;
+    }
+    assert_drawn_as_reference(&gpu, "large", &gaussians, &[front_camera(512, 512)], OPAQUE);
+}
+
+#[test]
+fn more_pairs_than_the_device_can_list_are_an_error_that_says_so() {
+    let Some(gpu) = gpu() else { return };
+    let mut gaussians = random_gaussians(16_000, 19);
+    for gaussian in &mut gaussians {
+        gaussian.scale = [40.0; 3];
+        gaussian.opacity = 1.0;
+    }
+    let mut renderer =
+        SplatRenderer::new(Arc::clone(&gpu), 16_000, 1024, 1024, 1).expect("a renderer");
+    match renderer.render(&gaussians, &[front_camera(1024, 1024)]) {
+        Err(RenderError::TooManyPairs { pairs, limit }) => {
+            assert!(pairs > limit, "{pairs} pairs, {limit} fit");
+        }
+        // A device with larger buffers may draw them.
+        other => assert!(!gpu.info().is_cpu && other.is_ok(), "{other:?}"),
+    }
+    let few = random_gaussians(100, 1);
+    renderer
+        .render(&few, &[front_camera(1024, 1024)])
+        .expect("the renderer still draws");
+    assert_silent(&gpu);
+}
+
+#[test]
+fn nothing_to_draw_is_a_transparent_picture() {
+    let Some(gpu) = gpu() else { return };
+    let camera = front_camera(100, 100);
+    let mut renderer =
+        SplatRenderer::new(Arc::clone(&gpu), 1_000, 100, 100, 1).expect("a renderer");
+    let transparent = |renderer: &mut SplatRenderer, why: &str| {
+        let image = renderer.read_back(0).expect("a picture");
+        assert!(
+            image.pixels().iter().flatten().all(|value| *value == 0.0),
+            "{why}"
+        );
+    };
+    transparent(&mut renderer, "before the first picture");
+    let gaussians = random_gaussians(1_000, 23);
+    renderer.render(&gaussians, &[camera]).expect("a picture");
+    renderer
+        .render(&[], &[camera])
+        .expect("a picture of nothing");
+    transparent(&mut renderer, "no Gaussians");
+    let away = Camera::look_at(Vec3::Z * 3.0, Vec3::Z * 6.0, Vec3::Y, 0.75, 100, 100);
+    renderer
+        .render(&gaussians, &[away])
+        .expect("a picture of nothing");
+    transparent(&mut renderer, "all behind the camera");
+    assert_silent(&gpu);
+}
+
+#[test]
+fn a_renderer_without_room_for_gaussians_draws_nothing() {
+    let Some(gpu) = gpu() else { return };
+    let image = draw(&gpu, &[], &[front_camera(64, 64)]).remove(0);
+    assert!(
+        image.pixels().iter().flatten().all(|value| *value == 0.0),
+        "nothing drawn"
+    );
+    assert_silent(&gpu);
+}
+
+#[test]
+fn gaussians_with_broken_numbers_are_left_out() {
+    let Some(gpu) = gpu() else { return };
+    let good = random_gaussians(3_000, 29);
+    let mut mixed = Vec::new();
+    for (index, gaussian) in good.iter().enumerate() {
+        let mut broken = *gaussian;
+        let value = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][index % 3];
+        match index % 6 {
+            0 => broken.position[index % 3] = value,
+            1 => broken.opacity = value,
+            2 => broken.rotation[index % 4] = value,
+            3 => broken.scale[index % 3] = value,
+            4 => broken.colour[index % 3] = value,
+            _ => broken.scale = [3e38; 3],
+        }
+        mixed.extend([broken, *gaussian]);
+    }
+    let cameras = eyes(320, 320);
+    let expected = draw(&gpu, &good, &cameras);
+    let got = draw(&gpu, &mixed, &cameras);
+    assert!(got == expected, "the broken ones change nothing");
+    assert_silent(&gpu);
+}
+
+#[test]
+fn the_same_input_gives_the_same_picture_to_the_last_bit() {
+    let Some(gpu) = gpu() else { return };
+    let mut gaussians = random_gaussians(20_000, 31);
+    for gaussian in &mut gaussians[..10_000] {
+        gaussian.position[2] = 0.25;
+    }
+    let cameras = eyes(400, 400);
+    let first = draw(&gpu, &gaussians, &cameras);
+    for _ in 0..3 {
+        assert!(draw(&gpu, &gaussians, &cameras) == first, "another picture");
+    }
+    assert_silent(&gpu);
+}
+
+#[test]
+fn what_does_not_fit_the_renderer_is_refused_by_name() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = SplatRenderer::new(Arc::clone(&gpu), 10, 64, 64, 1).expect("a renderer");
+    let camera = front_camera(64, 64);
+    let error = renderer
+        .render(&random_gaussians(11, 1), &[camera])
+        .expect_err("11 of 10");
+    assert!(error.to_string().contains("11 Gaussians"), "{error}");
+    let error = renderer
+        .render(&[], &[camera, camera])
+        .expect_err("2 cameras");
+    assert!(
+        error.to_string().contains("2 cameras for 1 view"),
+        "{error}"
+    );
+    let error = renderer
+        .render(&[], &[front_camera(64, 32)])
+        .expect_err("other size");
+    assert!(error.to_string().contains("64x32"), "{error}");
+    let mut scaled = camera;
+    scaled.camera_from_world.matrix3 *= 1.5;
+    let error = renderer
+        .render(&[], &[scaled])
+        .expect_err("no rigid camera");
+    assert!(error.to_string().contains("rigid"), "{error}");
+    let error = renderer.read_back(1).expect_err("1 view");
+    assert!(error.to_string().contains("view 1"), "{error}");
+    let error = SplatRenderer::new(Arc::clone(&gpu), 10, 5000, 64, 1).expect_err("too wide");
+    assert!(error.to_string().contains("5000x64"), "{error}");
+    let error = SplatRenderer::new(Arc::clone(&gpu), u32::MAX, 64, 64, 1).expect_err("too many");
+    assert!(error.to_string().contains("fewer Gaussians"), "{error}");
+    assert_silent(&gpu);
+}
+
+#[test]
+fn a_device_that_is_not_there_is_refused_with_those_that_are() {
+    let Some(gpu) = gpu() else { return };
+    let wanted = GpuChoice::Named("no such device".to_owned());
+    let error = Gpu::open(&wanted, false)
+        .expect_err("no such device")
+        .to_string();
+    assert!(
+        error.contains("no such device") && error.contains(&gpu.info().name),
+        "{error}"
+    );
+}
+
+#[test]
+fn stage_times_are_measured_and_add_up() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer =
+        SplatRenderer::new(Arc::clone(&gpu), 20_000, 512, 512, 1).expect("a renderer");
+    renderer
+        .render(&random_gaussians(20_000, 37), &[front_camera(512, 512)])
+        .expect("a picture");
+    let times = renderer.stage_times();
+    let stages = [
+        times.upload,
+        times.project,
+        times.sort,
+        times.bin,
+        times.raster,
+    ];
+    assert!(
+        stages.iter().all(|stage| *stage > 0.0 && *stage < 60_000.0),
+        "{times:?}"
+    );
+    assert!(
+        (times.total() - stages.iter().sum::<f64>()).abs() < 1e-9,
+        "{times:?}"
+    );
+}
+
+#[test]
+fn a_closed_device_leaves_no_object_behind() {
+    let Some(gpu) = or_skip(open_gpu()) else {
+        return;
+    };
+    let image = draw(&gpu, &random_gaussians(500, 41), &eyes(128, 128)).remove(0);
+    assert!(
+        image.pixels().iter().any(|pixel| pixel[3] > 0.0),
+        "something drawn"
+    );
+    Sorter::new(&gpu, 1_000)
+        .and_then(|mut sorter| sorter.sort_keys(&[3, 1, 2]))
+        .expect("a sort");
+    assert_eq!(Arc::strong_count(&gpu), 1, "holders of the device");
+    drop(gpu);
+    // The layer lists leaked objects when the device and the instance go.
+    assert_eq!(
+        LOGGED_MESSAGES.load(Ordering::SeqCst),
+        0,
+        "messages (logged above)"
+    );
+}
+
+#[test]
+fn the_picture_is_right_for_every_subgroup_size_of_the_software_driver() {
+    let Some(gpu) = gpu() else { return };
+    if gpu.info().name.contains("llvmpipe") {
+        for (bits, size) in [("128", 4), ("512", 16)] {
+            let this = std::env::args().next().expect("a program's name");
+            // Where Vulkan lives in a prefix, programs are started through a runner.
+            let mut command = match std::env::var("MON3TR_RUNNER") {
+                Ok(runner) => {
+                    let mut command = Command::new(runner);
+                    command.arg(&this);
+                    command
+                }
+                Err(_) => Command::new(&this),
+            };
+            let output = command
+                .args([
+                    "--nocapture",
+                    "--test-threads=1",
+                    "_reference_says",
+                    "sorts_as_std",
+                ])
+                .env("LP_NATIVE_VECTOR_WIDTH", bits)
+                .output()
+                .unwrap_or_else(|why| panic!("{this}: {why}"));
+            let text = String::from_utf8_lossy(&output.stdout);
+            assert!(
+                output.status.success(),
+                "{bits} bits:\n{text}{}",
+                String::from_utf8_lossy(&output.stderr)
+            );
+            let expected = format!("subgroups of {size}");
+            assert_eq!(
+                text.matches(&expected).count(),
+                3,
+                "three views with {expected}:\n{text}"
+            );
+        }
+    } else {
+        println!(
+            "skipped: {} has one subgroup size: {}",
+            gpu.info().name,
+            gpu.subgroup_size()
+        );
+    }
+}
+
+fn stable_order(keys: &[u16]) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..u32::try_from(keys.len()).expect("few")).collect();
+    order.sort_by_key(|index| keys[*index as usize]);
+    order
+}
+
+#[test]
+fn the_device_sorts_as_std_does_at_every_size() {
+    let Some(gpu) = gpu() else { return };
+    let mut sorter = Sorter::new(&gpu, 300_000).expect("a sorter");
+    let mut state = 0x2545_F491u32;
+    for count in [0, 1, 2, 255, 65_537, 300_000] {
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            u16::try_from(state >> 16).expect("16 bits")
+        };
+        let spread: Vec<u16> = (0..count).map(|_| random()).collect();
+        let crowded: Vec<u16> = (0..count).map(|_| random() % 50).collect();
+        let equal = vec![u16::MAX; count];
+        for (keys, kind) in [(spread, "spread"), (crowded, "crowded"), (equal, "equal")] {
+            let got = sorter.sort_keys(&keys).expect("a sort");
+            assert!(
+                got == stable_order(&keys),
+                "{count} {kind} keys are out of order"
+            );
+        }
+    }
+    assert!(
+        sorter.sort_keys(&[0; 300_001]).is_err(),
+        "one more than fits"
+    );
+    assert_silent(&gpu);
+}
+
+#[test]
+fn the_device_sorts_as_std_does_whatever_the_keys() {
+    let Some(gpu) = gpu() else { return };
+    let sorter = RefCell::new(Sorter::new(&gpu, 4_000).expect("a sorter"));
+    let keys = prop_oneof![
+        proptest::collection::vec(any::<u16>(), 0..4_000),
+        proptest::collection::vec(0u16..8, 0..1_000),
+        proptest::collection::vec(65_530u16.., 0..1_000),
+    ];
+    let mut runner = TestRunner::new(Config::with_cases(64));
+    runner
+        .run(&keys, |keys| {
+            let sorted = sorter.borrow_mut().sort_keys(&keys);
+            let got = sorted.map_err(|why| TestCaseError::fail(why.to_string()))?;
+            prop_assert_eq!(got, stable_order(&keys));
+            Ok(())
+        })
+        .unwrap_or_else(|why| panic!("{why}"));
+    assert_silent(&gpu);
+}
