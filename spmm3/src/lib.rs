@@ -7,6 +7,7 @@
 //! Space: metres, y up, the person faces +z and +x is the person's left.
 
 mod binding;
+mod clip;
 mod controllers;
 mod error;
 mod expression;
@@ -20,6 +21,7 @@ mod skeleton;
 mod template;
 
 pub use binding::{BoundGaussians, PlanarVertices};
+pub use clip::{LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Playback};
 pub use controllers::{Controllers, NEIGHBOURS};
 pub use error::PersonError;
 pub use expression::{ExpressionPreset, Expressions};

@@ -1,0 +1,245 @@
+//! NumPy arrays inside an `.npz` archive.
+//!
+//! Own code of a few lines on purpose: the crates for it parse the header's Python literal recursively, so that a
+//! hostile header of nested brackets overflows the stack, and bring an arbitrary-precision integer and a grammar engine.
+//! Here a header is three known keys, and no byte is read beyond what shape and type account for.
+
+use super::{MotionError, narrow};
+use std::io::{Cursor, Read};
+use zip::ZipArchive;
+
+/// Bytes of the largest array: the longest clip's poses in double precision.
+const MAX_ARRAY: usize = 300 << 20;
+const MAX_HEADER: usize = 64 << 10;
+
+/// An array of numbers, row-major whatever its order in the file.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Array {
+    pub(super) shape: Vec<usize>,
+    pub(super) values: Vec<f32>,
+}
+
+impl Array {
+    /// Rows of a [F, ...] array, or the one row of a flat array; `width` numbers each.
+    pub(super) fn rows(&self, name: &str, width: usize) -> Result<&[f32], MotionError> {
+        let inner: usize = self.shape.iter().skip(1).product();
+        let fits =
+            (self.shape.len() >= 2 && inner == width) || (self.shape == [width] && width > 0);
+        if fits {
+            Ok(&self.values)
+        } else {
+            Err(MotionError::array(
+                name,
+                format!(
+                    "has shape {:?} where [frames, {width}] is needed",
+                    self.shape
+                ),
+            ))
+        }
+    }
+
+    /// Numbers per frame.
+    pub(super) fn width(&self) -> usize {
+        match self.shape.as_slice() {
+            [flat] => *flat,
+            shape => shape.iter().skip(1).product(),
+        }
+    }
+}
+
+/// An `.npz` held in memory.
+#[derive(Debug)]
+pub(super) struct Npz<'a> {
+    archive: ZipArchive<Cursor<&'a [u8]>>,
+}
+
+impl<'a> Npz<'a> {
+    pub(super) fn open(bytes: &'a [u8]) -> Result<Self, MotionError> {
+        Ok(Self {
+            archive: ZipArchive::new(Cursor::new(bytes))?,
+        })
+    }
+
+    /// Names of the arrays.
+    pub(super) fn names(&self) -> Vec<String> {
+        self.archive
+            .file_names()
+            .filter_map(|name| Some(name.ok()?.strip_suffix(".npy")?.to_owned()))
+            .collect()
+    }
+
+    /// Reads one array of numbers; `None` if the archive has none of that name.
+    pub(super) fn array(&mut self, name: &str) -> Result<Option<Array>, MotionError> {
+        let member = format!("{name}.npy");
+        if self.archive.index_for_name(&member).is_none() {
+            return Ok(None);
+        }
+        let mut file = self.archive.by_name(&member)?;
+        read_array(name, &mut file).map(Some)
+    }
+}
+
+fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
+    let fail = |reason: String| MotionError::array(name, reason);
+    let damaged = |e: std::io::Error| MotionError::array(name, format!("cannot be read: {e}"));
+    let mut start = [0; 8];
+    file.read_exact(&mut start).map_err(damaged)?;
+    let [magic @ .., major, _minor] = start;
+    if magic != *b"\x93NUMPY" {
+        return Err(fail("is not a NumPy array".to_owned()));
+    }
+    let length = if major == 1 {
+        let mut length = [0; 2];
+        file.read_exact(&mut length).map_err(damaged)?;
+        usize::from(u16::from_le_bytes(length))
+    } else {
+        let mut length = [0; 4];
+        file.read_exact(&mut length).map_err(damaged)?;
+        usize::try_from(u32::from_le_bytes(length)).unwrap_or(usize::MAX)
+    };
+    if length > MAX_HEADER {
+        return Err(fail(format!("has a header of {length} bytes")));
+    }
+    let mut header = vec![0; length];
+    file.read_exact(&mut header).map_err(damaged)?;
+    let header = String::from_utf8_lossy(&header).into_owned();
+    let field = |key: &str| {
+        field(&header, key)
+            .ok_or_else(|| MotionError::array(name, format!("has no `{key}` in its header")))
+    };
+    let kind = field("descr")?;
+    let kind = kind
+        .strip_prefix(['\'', '"'])
+        .and_then(|k| k.split(['\'', '"']).next())
+        .ok_or_else(|| fail("holds records or objects, not numbers".to_owned()))?;
+    let element = Element::of(kind).ok_or_else(|| {
+        fail(format!(
+            "has type {kind:.20}; floating point or integer numbers are needed"
+        ))
+    })?;
+    let fortran = field("fortran_order")?.starts_with("True");
+    let shape = shape(field("shape")?)
+        .ok_or_else(|| fail("has an unreadable shape in its header".to_owned()))?;
+    let bytes = shape
+        .iter()
+        .try_fold(element.bytes, |n, d| n.checked_mul(*d))
+        .filter(|bytes| *bytes <= MAX_ARRAY)
+        .ok_or_else(|| {
+            fail(format!(
+                "of shape {shape:?} is larger than the longest clip this reads"
+            ))
+        })?;
+    // `take` grows the buffer with what is really there; the claimed size is only compared afterwards.
+    let mut data = Vec::new();
+    file.take(bytes as u64)
+        .read_to_end(&mut data)
+        .map_err(damaged)?;
+    if data.len() != bytes {
+        return Err(fail(format!(
+            "holds {} bytes where shape {shape:?} needs {bytes}",
+            data.len()
+        )));
+    }
+    let values: Vec<f32> = data
+        .chunks_exact(element.bytes)
+        .map(|chunk| element.read(chunk))
+        .collect();
+    if let Some(at) = values.iter().position(|v| !v.is_finite()) {
+        return Err(fail(format!("value {at} is not a finite number")));
+    }
+    let values = if fortran && shape.len() > 1 {
+        row_major(&values, &shape)
+    } else {
+        values
+    };
+    Ok(Array { shape, values })
+}
+
+/// Type of an array's numbers.
+#[derive(Debug, Clone, Copy)]
+struct Element {
+    bytes: usize,
+    float: bool,
+    big_endian: bool,
+}
+
+impl Element {
+    fn of(kind: &str) -> Option<Self> {
+        let (order, rest) = kind.split_at_checked(1)?;
+        let (float, bytes) = match rest {
+            "f2" => (true, 2),
+            "f4" => (true, 4),
+            "f8" => (true, 8),
+            "i2" => (false, 2),
+            "i4" => (false, 4),
+            "i8" => (false, 8),
+            _ => return None,
+        };
+        matches!(order, "<" | ">" | "=" | "|").then_some(Self {
+            bytes,
+            float,
+            big_endian: order == ">",
+        })
+    }
+
+    fn read(self, chunk: &[u8]) -> f32 {
+        let mut wide = [0; 8];
+        for (to, from) in wide.iter_mut().zip(chunk) {
+            *to = *from;
+        }
+        if self.big_endian {
+            wide[..self.bytes.min(8)].reverse();
+        }
+        let [a, b, c, d, ..] = wide;
+        match (self.float, self.bytes) {
+            (true, 2) => half::f16::from_le_bytes([a, b]).to_f32(),
+            (true, 4) => f32::from_le_bytes([a, b, c, d]),
+            (true, _) => narrow(f64::from_le_bytes(wide)),
+            (false, 2) => f32::from(i16::from_le_bytes([a, b])),
+            (false, 4) => narrow(f64::from(i32::from_le_bytes([a, b, c, d]))),
+            (false, _) => i64::from_le_bytes(wide) as f32,
+        }
+    }
+}
+
+/// The text after `'key':`.
+fn field<'a>(header: &'a str, key: &str) -> Option<&'a str> {
+    let (_, rest) = header
+        .split_once(&format!("'{key}'"))
+        .or_else(|| header.split_once(&format!("\"{key}\"")))?;
+    Some(rest.trim_start().strip_prefix(':')?.trim_start())
+}
+
+fn shape(text: &str) -> Option<Vec<usize>> {
+    let (inside, _) = text.strip_prefix('(')?.split_once(')')?;
+    inside
+        .split(',')
+        .map(str::trim)
+        .filter(|d| !d.is_empty())
+        .map(|d| d.trim_end_matches('L').parse().ok())
+        .collect::<Option<Vec<usize>>>()
+        .filter(|shape| shape.len() <= 4)
+}
+
+/// Column-major to row-major.
+fn row_major(values: &[f32], shape: &[usize]) -> Vec<f32> {
+    let mut at = vec![0; shape.len()];
+    let mut out = Vec::with_capacity(values.len());
+    for _ in 0..values.len() {
+        let (index, _) = at
+            .iter()
+            .zip(shape)
+            .fold((0, 1), |(index, stride), (i, d)| {
+                (index + i * stride, stride * d)
+            });
+        out.push(values[index]);
+        for (i, d) in at.iter_mut().zip(shape).rev() {
+            *i += 1;
+            if *i < *d {
+                break;
+            }
+            *i = 0;
+        }
+    }
+    out
+}
