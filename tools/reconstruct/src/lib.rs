@@ -1,1 +1,13 @@
-//! (being built)
+//! Builds avatars offline (paper, section IV-C): a person's meshes, textures and morph targets in; the template, its
+//! Gaussians and what the networks learn from out. Nothing here runs during a call.
+
+mod error;
+pub mod makehuman;
+mod person;
+mod shading;
+
+pub use error::ReconstructError;
+pub use person::{
+    ColouredGaussians, EXPRESSIONS_USED, Part, Person, Texture, build_gaussians, shaded_colour,
+};
+pub use shading::Light;

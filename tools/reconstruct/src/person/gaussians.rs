@@ -1,0 +1,296 @@
+//! Covers the template with flat Gaussians: a regular grid of cells on every quad, so that neither holes nor clumps
+//! appear (random points need three times as many for the same look).
+
+use super::{Part, Person};
+use crate::shading::{Light, vertex_normals};
+use glam::{Mat2, Mat3, Quat, Vec2, Vec3};
+use rayon::prelude::*;
+use spmm3::{GaussianSet, SH_C0};
+
+/// Standard deviation over cell size: neighbours overlap without blurring the texture.
+const SIGMA_OF_CELL: f32 = 0.62;
+
+/// Thickness over the smaller standard deviation.
+const THICKNESS: f32 = 0.25;
+
+const OPACITY: f32 = 0.98;
+
+/// Cells of hair, brows and lashes more transparent than this are left out.
+const MIN_ALPHA: f32 = 0.12;
+
+/// How far Gaussians lift off the flat quad towards the smooth surface its normals suggest (Phong tessellation).
+const ROUNDNESS: f32 = 0.6;
+
+/// Gaussians on a person's template, in the template's space, and what they were made from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColouredGaussians {
+    /// The Gaussians; their colours are lit as the T-pose is.
+    pub gaussians: GaussianSet,
+    /// [N_g] unlit colour, sRGB 0..=1.
+    pub albedo: Vec<Vec3>,
+    /// [N_g] triangle of the template each one lies on.
+    pub triangles: Vec<u32>,
+    /// [N_g] barycentric weights of that triangle's second and third corner.
+    pub barycentrics: Vec<[f32; 2]>,
+    /// [N_g] part of the person.
+    pub parts: Vec<Part>,
+}
+
+impl ColouredGaussians {
+    /// Number of Gaussians N_g.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty()
+    }
+
+    /// [N_g] colours (spherical harmonics of degree 0) under `factors`, one light factor a vertex of `person`'s
+    /// template as [`Light::factors`] gives them.
+    #[must_use]
+    pub fn lit_colours(&self, person: &Person, factors: &[Vec3]) -> Vec<Vec3> {
+        let faces = person.template().faces();
+        self.triangles
+            .par_iter()
+            .zip(&self.barycentrics)
+            .zip(&self.albedo)
+            .map(|((triangle, [v, w]), albedo)| {
+                let [a, b, c] = faces[*triangle as usize].map(|i| factors[i as usize]);
+                shaded_colour(*albedo, a * (1.0 - v - w) + b * *v + c * *w)
+            })
+            .collect()
+    }
+}
+
+/// Colour coefficient (spherical harmonics of degree 0) of a surface of `albedo` (sRGB 0..=1) under a light `factor`.
+#[must_use]
+pub fn shaded_colour(albedo: Vec3, factor: Vec3) -> Vec3 {
+    ((albedo * factor).clamp(Vec3::ZERO, Vec3::ONE) - 0.5) / SH_C0
+}
+
+/// Gaussians a metre along an edge, relative to cloth.
+fn density(part: Part) -> f32 {
+    match part {
+        Part::Face => 3.2,
+        Part::Head | Part::Teeth | Part::Tongue => 1.6,
+        Part::Hand => 2.0,
+        Part::Skin => 1.2,
+        Part::Jacket | Part::Shirt | Part::Jeans | Part::Shoes => 1.0,
+        Part::Hair => 1.7,
+        Part::Eyes | Part::Brows => 5.0,
+        Part::Lashes => 6.0,
+    }
+}
+
+/// Covers `person` with about `target_count` Gaussians (within 1 % from 20,000 up to 400,000), densest on the face.
+///
+/// The result depends on nothing but its arguments.
+#[must_use]
+pub fn build_gaussians(person: &Person, target_count: usize) -> ColouredGaussians {
+    let surface = Surface::new(person);
+    // The count falls as the spacing grows: bisect its logarithm.
+    let (mut fine, mut coarse) = (2e-4f32.ln(), 0.5f32.ln());
+    let mut spacing = 0.5 * (fine + coarse);
+    for _ in 0..24 {
+        let count = surface.count(spacing.exp());
+        if count.abs_diff(target_count) * 400 <= target_count {
+            break;
+        }
+        if count > target_count {
+            fine = spacing;
+        } else {
+            coarse = spacing;
+        }
+        spacing = 0.5 * (fine + coarse);
+    }
+    let cells = surface.cells(spacing.exp());
+    let mut out = ColouredGaussians {
+        gaussians: GaussianSet::zeroed(cells.len()),
+        albedo: cells.iter().map(|c| c.albedo).collect(),
+        triangles: cells.iter().map(|c| c.triangle).collect(),
+        barycentrics: cells.iter().map(|c| c.barycentric).collect(),
+        parts: cells.iter().map(|c| c.part).collect(),
+    };
+    for (i, cell) in cells.iter().enumerate() {
+        out.gaussians.positions[i] = cell.position;
+        out.gaussians.rotations[i] = cell.rotation;
+        out.gaussians.log_scales[i] = cell.scales.map(f32::ln);
+        out.gaussians.opacity_logits[i] = (cell.opacity / (1.0 - cell.opacity)).ln();
+    }
+    let factors = Light::new(person).factors(person.template().vertices());
+    out.gaussians.colours = out.lit_colours(person, &factors);
+    out
+}
+
+/// One Gaussian to be.
+struct Cell {
+    position: Vec3,
+    rotation: Quat,
+    scales: Vec3,
+    opacity: f32,
+    albedo: Vec3,
+    triangle: u32,
+    barycentric: [f32; 2],
+    part: Part,
+}
+
+/// The template's quads, smoothly curved.
+struct Surface<'a> {
+    person: &'a Person,
+    normals: Vec<Vec3>,
+}
+
+/// One quad of the surface.
+struct Patch {
+    corners: [Vec3; 4],
+    normals: [Vec3; 4],
+    uvs: [Vec2; 4],
+    part: Part,
+}
+
+fn bilinear<T>(corners: &[T; 4], u: f32, v: f32) -> T
+where
+    T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
+{
+    corners[0] * ((1.0 - u) * (1.0 - v))
+        + corners[1] * (u * (1.0 - v))
+        + corners[2] * (u * v)
+        + corners[3] * ((1.0 - u) * v)
+}
+
+impl Patch {
+    /// Cells along the two edges.
+    fn grid(&self, spacing: f32) -> (u32, u32) {
+        let [a, b, c, d] = self.corners;
+        let cells = |length: f32| {
+            #[allow(clippy::cast_possible_truncation, reason = "an edge has few cells")]
+            let cells = (length * density(self.part) / spacing).round().clamp(1.0, 1000.0) as u32;
+            cells
+        };
+        (
+            cells(0.5 * (a.distance(b) + d.distance(c))),
+            cells(0.5 * (a.distance(d) + b.distance(c))),
+        )
+    }
+
+    /// Phong tessellation (Boubekeur and Alexa 2008) on a bilinear patch.
+    fn point(&self, u: f32, v: f32) -> Vec3 {
+        let flat = bilinear(&self.corners, u, v);
+        let mut onto = [Vec3::ZERO; 4];
+        for k in 0..4 {
+            onto[k] = flat - self.normals[k] * (flat - self.corners[k]).dot(self.normals[k]);
+        }
+        flat.lerp(bilinear(&onto, u, v), ROUNDNESS)
+    }
+
+    fn cell(&self, quad: u32, (i, j): (u32, u32), (n_u, n_v): (u32, u32), person: &Person) -> Option<Cell> {
+        let size = Vec2::new(1.0 / n_u as f32, 1.0 / n_v as f32);
+        let low = Vec2::new(i as f32, j as f32) * size;
+        let (u, v) = (low + 0.5 * size).into();
+        let (mut albedo, alpha) = person
+            .texture(self.part)
+            .mean(|x, y| bilinear(&self.uvs, low.x + x * size.x, low.y + y * size.y));
+        let mut opacity = OPACITY;
+        match self.part {
+            Part::Hair | Part::Brows | Part::Lashes => {
+                if alpha < MIN_ALPHA {
+                    return None;
+                }
+                opacity *= alpha * if self.part == Part::Brows { 0.5 } else { 1.0 };
+            }
+            Part::Teeth => albedo *= 0.7,
+            _ => {}
+        }
+        let along_u = self.point(u + 0.5 * size.x, v) - self.point(u - 0.5 * size.x, v);
+        let along_v = self.point(u, v + 0.5 * size.y) - self.point(u, v - 0.5 * size.y);
+        let normal = along_u.cross(along_v).try_normalize()?;
+        let x = along_u.try_normalize()?;
+        let y = normal.cross(x);
+        // A skewed cell's covariance in its plane: its principal axes are the Gaussian's.
+        let cell = Mat2::from_cols(
+            Vec2::new(along_u.length(), 0.0),
+            Vec2::new(along_v.dot(x), along_v.dot(y)),
+        );
+        let covariance = cell * cell.transpose();
+        let (p, q, r) = (
+            covariance.x_axis.x,
+            covariance.x_axis.y,
+            covariance.y_axis.y,
+        );
+        let turn = 0.5 * (2.0 * q).atan2(p - r);
+        let spread = (0.25 * (p - r) * (p - r) + q * q).sqrt();
+        let major = (0.5 * (p + r) + spread).sqrt();
+        let minor = (0.5 * (p + r) - spread).max(1e-12).sqrt();
+        let axis = x * turn.cos() + y * turn.sin();
+        let (major, minor) = (SIGMA_OF_CELL * major, SIGMA_OF_CELL * minor.max(0.05 * major));
+        let scales = Vec3::new(major, minor, THICKNESS * minor).max(Vec3::splat(2e-5));
+        // The halves of the quad are 012 and 023.
+        let (half, barycentric) = if v <= u {
+            (0, [u - v, v])
+        } else {
+            (1, [u, v - u])
+        };
+        Some(Cell {
+            position: self.point(u, v),
+            rotation: Quat::from_mat3(&Mat3::from_cols(axis, normal.cross(axis), normal)).normalize(),
+            scales,
+            opacity,
+            albedo,
+            triangle: 2 * quad + half,
+            barycentric,
+            part: self.part,
+        })
+    }
+}
+
+impl<'a> Surface<'a> {
+    fn new(person: &'a Person) -> Self {
+        let template = person.template();
+        Self {
+            person,
+            normals: vertex_normals(template.vertices(), template.faces()),
+        }
+    }
+
+    fn patch(&self, quad: u32) -> Patch {
+        let (first, second) = (2 * quad as usize, 2 * quad as usize + 1);
+        let faces = self.person.template().faces();
+        let [a, b, c] = faces[first];
+        let corners = [a, b, c, faces[second][2]];
+        let uvs = self.person.uvs();
+        Patch {
+            corners: corners.map(|v| self.person.template().vertices()[v as usize]),
+            normals: corners.map(|v| self.normals[v as usize]),
+            uvs: [uvs[first][0], uvs[first][1], uvs[first][2], uvs[second][2]],
+            part: self.person.parts()[first],
+        }
+    }
+
+    fn quads(&self) -> impl IndexedParallelIterator<Item = u32> {
+        let quads = u32::try_from(self.person.parts().len() / 2).unwrap_or(0);
+        (0..quads).into_par_iter()
+    }
+
+    fn count(&self, spacing: f32) -> usize {
+        self.quads()
+            .map(|quad| self.cells_of(quad, spacing).count())
+            .sum()
+    }
+
+    fn cells(&self, spacing: f32) -> Vec<Cell> {
+        self.quads()
+            .flat_map_iter(|quad| self.cells_of(quad, spacing))
+            .collect()
+    }
+
+    fn cells_of(&self, quad: u32, spacing: f32) -> impl Iterator<Item = Cell> {
+        let patch = self.patch(quad);
+        let grid = patch.grid(spacing);
+        (0..grid.0 * grid.1)
+            .filter_map(move |k| patch.cell(quad, (k % grid.0, k / grid.0), grid, self.person))
+    }
+}

@@ -1,0 +1,114 @@
+//! The person an avatar is built from: a template in T-pose with labels, textures and an expression basis, and
+//! Gaussians on its surface. It decides what the person looks like; how cloth moves and what the networks learn is
+//! decided elsewhere.
+
+mod assemble;
+mod bridges;
+mod demo;
+mod expression;
+mod gaussians;
+mod joints;
+mod part;
+mod recipe;
+mod texture;
+mod tpose;
+
+pub use expression::EXPRESSIONS_USED;
+pub use gaussians::{ColouredGaussians, build_gaussians, shaded_colour};
+pub use part::Part;
+pub use texture::Texture;
+
+use glam::{Vec2, Vec3};
+use spmm3::{Expressions, Skeleton, Template};
+
+/// A textured, skinned person in T-pose with a face that can talk.
+///
+/// Metres, y up, soles at y = 0, facing +z, arms along x.
+#[derive(Debug, Clone)]
+pub struct Person {
+    template: Template,
+    skeleton: Skeleton,
+    parts: Vec<Part>,
+    uvs: Vec<[Vec2; 3]>,
+    textures: Vec<Texture>,
+    expressions: Vec<Vec<Vec3>>,
+    presets: Expressions,
+    bridges: Vec<(u32, u32)>,
+}
+
+impl Person {
+    /// The mesh [N_v] in T-pose. Its triangles come in pairs: 2q and 2q + 1 are the halves 012 and 023 of quad q.
+    #[must_use]
+    pub fn template(&self) -> &Template {
+        &self.template
+    }
+
+    /// The 55 joints in T-pose.
+    #[must_use]
+    pub fn skeleton(&self) -> &Skeleton {
+        &self.skeleton
+    }
+
+    /// [N_f] part of each triangle.
+    #[must_use]
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// [N_f] texture coordinates at each triangle's corners, v up.
+    #[must_use]
+    pub fn uvs(&self) -> &[[Vec2; 3]] {
+        &self.uvs
+    }
+
+    /// The texture of a part.
+    #[must_use]
+    pub fn texture(&self, part: Part) -> &Texture {
+        &self.textures[part.index()]
+    }
+
+    /// [16][N_v] offsets in T-pose, metres per unit of the expression coefficient of that number. Coefficients past
+    /// these move nothing.
+    #[must_use]
+    pub fn expressions(&self) -> &[Vec<Vec3>] {
+        &self.expressions
+    }
+
+    /// Named expressions.
+    #[must_use]
+    pub fn presets(&self) -> &Expressions {
+        &self.presets
+    }
+
+    /// Pairs of vertices where separate surfaces (body, garments, hair) touch: for [`spmm3::EdgeGraph::new`].
+    #[must_use]
+    pub fn bridges(&self) -> &[(u32, u32)] {
+        &self.bridges
+    }
+
+    /// The T-pose with a facial expression: the template's vertices plus the basis weighted by `coefficients`.
+    #[must_use]
+    pub fn expressed(&self, coefficients: &[f32]) -> Vec<Vec3> {
+        let mut vertices = self.template.vertices().to_vec();
+        for (coefficient, offsets) in coefficients.iter().zip(&self.expressions) {
+            if *coefficient != 0.0 {
+                for (vertex, offset) in vertices.iter_mut().zip(offsets) {
+                    *vertex += *coefficient * *offset;
+                }
+            }
+        }
+        vertices
+    }
+
+    /// One part per vertex: that of the last triangle that uses it.
+    #[must_use]
+    pub fn vertex_parts(&self) -> Vec<Part> {
+        let mut parts = vec![Part::Skin; self.template.vertices().len()];
+        for (face, part) in self.template.faces().iter().zip(&self.parts) {
+            for corner in face {
+                parts[*corner as usize] = *part;
+            }
+        }
+        parts
+    }
+}
