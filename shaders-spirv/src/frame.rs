@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 
 /// One view's camera; `ViewParams` in `shaders/frame.glsl` (std140).
 ///
-/// The image frame is OpenCV's: x right, y down, z forward, metres.
+/// The image frame is `OpenCV`'s: x right, y down, z forward, metres.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ViewParams {

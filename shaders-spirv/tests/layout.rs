@@ -45,7 +45,7 @@ fn layout(shader: Shader, name: &str) -> Layout {
                 offsets.insert((operands[0], operands[1]), operands[3]);
             }
             OP_DECORATE if operands[1] == ARRAY_STRIDE => {
-                _ = strides.insert(operands[0], operands[2])
+                strides.insert(operands[0], operands[2]);
             }
             OP_TYPE_RUNTIME_ARRAY => _ = runtime_arrays.insert(operands[0], operands[1]),
             _ => {}

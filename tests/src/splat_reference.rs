@@ -91,7 +91,7 @@ fn rotation(quaternion: [f32; 4]) -> Mat3 {
 fn pixels_within(mean: f64, reach: f64, count: usize) -> Option<RangeInclusive<usize>> {
     let first = (mean - reach - 0.5).ceil().max(0.0);
     let last = (mean + reach - 0.5).floor().min(count as f64 - 1.0);
-    (first <= last).then(|| first as usize..=last as usize)
+    (first <= last).then_some(first as usize..=last as usize)
 }
 
 fn project(gaussian: &PackedGaussian, camera: &Camera) -> Option<Projected> {

@@ -13,8 +13,8 @@ use mon3tr_tests::splat_reference::{self, PixelBox, ReferencePicture};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use xr_renderer::{
-    Background, Camera, Fov, Gpu, GpuChoice, Image, PackedGaussian, RenderError, Sorter,
-    SplatRenderer,
+    Background, Camera, Fov, Gpu, GpuChoice, Image, PackedGaussian, RenderError, Shown, Sorter,
+    SplatRenderer, WindowTarget,
 };
 
 // Least PSNR in dB. Rounding to 8 bits alone is 59.
@@ -557,6 +557,40 @@ fn the_picture_is_right_for_every_subgroup_size_of_the_software_driver() {
             gpu.subgroup_size()
         );
     }
+}
+
+#[test]
+fn a_window_is_shown_pictures_while_its_size_changes() {
+    let Some(gpu) = gpu() else { return };
+    // Drivers without headless surfaces exist: there is no window to show anything in.
+    let mut window = match WindowTarget::headless(&gpu, 300, 200) {
+        Ok(window) => window,
+        Err(why @ RenderError::NoPresentation { .. }) if !gpu.info().is_cpu => {
+            println!("skipped: {why}");
+            return;
+        }
+        Err(why) => panic!("{why}"),
+    };
+    let mut renderer = SplatRenderer::new(Arc::clone(&gpu), 500, 64, 64, 1).expect("a renderer");
+    renderer
+        .render(&random_gaussians(500, 43), &[front_camera(64, 64)])
+        .expect("a picture");
+    for size in [(300, 200), (300, 200), (64, 64), (1000, 50), (1, 1)] {
+        window.resize(size.0, size.1);
+        for _ in 0..3 {
+            let shown = window
+                .present(&renderer, Background::Colour([0.2; 3]))
+                .expect("the window lives");
+            assert_eq!(shown, Shown::Yes, "a window of {size:?}");
+        }
+    }
+    let other = open_gpu().expect("a second device like the first");
+    let stranger = SplatRenderer::new(other, 1, 64, 64, 1).expect("a renderer");
+    window
+        .present(&stranger, Background::Colour([0.2; 3]))
+        .expect_err("a renderer on another device");
+    drop(window);
+    assert_silent(&gpu);
 }
 
 fn stable_order(keys: &[u16]) -> Vec<u32> {

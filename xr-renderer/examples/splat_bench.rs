@@ -78,16 +78,15 @@ fn main() -> Result<()> {
         size = arguments.size,
         pairs = renderer.tile_pairs(),
     );
-    let stages: [(&str, fn(&StageTimes) -> f64); 6] = [
-        ("upload", |t| t.upload),
-        ("project", |t| t.project),
-        ("sort", |t| t.sort),
-        ("bin", |t| t.bin),
-        ("raster", |t| t.raster),
-        ("all", StageTimes::total),
-    ];
-    for (name, stage) in stages {
-        println!("{name:>8} {:8.2} ms", median(stage));
+    for (name, milliseconds) in [
+        ("upload", median(|t| t.upload)),
+        ("project", median(|t| t.project)),
+        ("sort", median(|t| t.sort)),
+        ("bin", median(|t| t.bin)),
+        ("raster", median(|t| t.raster)),
+        ("all", median(StageTimes::total)),
+    ] {
+        println!("{name:>8} {milliseconds:8.2} ms");
     }
     if let Some(path) = arguments.out {
         let image = renderer.read_back(0)?;
@@ -102,64 +101,55 @@ fn main() -> Result<()> {
     Ok(())
 }
 
+/// An ellipsoid of a body.
+struct Part {
+    centre: Vec3,
+    /// Half axes, metres.
+    axes: Vec3,
+    /// Of all Gaussians.
+    share: f32,
+    colour: [f32; 3],
+}
+
 /// Flat splats on the skin of a body made of ellipsoids, opaque and overlapping as a scan's are.
 fn standing_figure(count: u32) -> Vec<PackedGaussian> {
-    // Centre and half axes in metres, share of the Gaussians, colour.
-    const PARTS: [([f32; 3], [f32; 3], f32, [f32; 3]); 6] = [
-        (
-            [0.0, 1.62, 0.0],
-            [0.09, 0.13, 0.11],
-            0.2,
-            [0.85, 0.64, 0.52],
-        ),
-        ([0.0, 1.15, 0.0], [0.2, 0.34, 0.13], 0.35, [0.2, 0.3, 0.5]),
-        (
-            [-0.28, 1.1, 0.0],
-            [0.06, 0.34, 0.06],
-            0.1,
-            [0.22, 0.33, 0.55],
-        ),
-        (
-            [0.28, 1.1, 0.0],
-            [0.06, 0.34, 0.06],
-            0.1,
-            [0.22, 0.33, 0.55],
-        ),
-        (
-            [-0.1, 0.42, 0.0],
-            [0.09, 0.44, 0.1],
-            0.125,
-            [0.18, 0.18, 0.2],
-        ),
-        (
-            [0.1, 0.42, 0.0],
-            [0.09, 0.44, 0.1],
-            0.125,
-            [0.18, 0.18, 0.2],
-        ),
+    let part = |centre, axes, share, colour| Part {
+        centre: Vec3::from_array(centre),
+        axes: Vec3::from_array(axes),
+        share,
+        colour,
+    };
+    let (skin, jacket, trousers) = ([0.85, 0.64, 0.52], [0.2, 0.3, 0.5], [0.18, 0.18, 0.2]);
+    let parts = [
+        part([0.0, 1.62, 0.0], [0.09, 0.13, 0.11], 0.2, skin),
+        part([0.0, 1.15, 0.0], [0.2, 0.34, 0.13], 0.35, jacket),
+        part([-0.28, 1.1, 0.0], [0.06, 0.34, 0.06], 0.1, jacket),
+        part([0.28, 1.1, 0.0], [0.06, 0.34, 0.06], 0.1, jacket),
+        part([-0.1, 0.42, 0.0], [0.09, 0.44, 0.1], 0.125, trousers),
+        part([0.1, 0.42, 0.0], [0.09, 0.44, 0.1], 0.125, trousers),
     ];
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
     let mut gaussians = Vec::with_capacity(count as usize);
     for _ in 0..count {
         let mut pick = random.unit();
-        let (centre, axes, share, colour) = *PARTS
-            .iter()
-            .find(|(_, _, share, _)| {
-                pick -= share;
-                pick < 0.0
-            })
-            .unwrap_or(&PARTS[0]);
-        let direction = Vec3::from_array(std::array::from_fn(|_| random.unit() - 0.5))
-            .try_normalize()
-            .unwrap_or(Vec3::Y);
-        let axes = Vec3::from(axes);
+        let chosen = parts.iter().find(|part| {
+            pick -= part.share;
+            pick < 0.0
+        });
+        let &Part {
+            centre,
+            axes,
+            share,
+            colour,
+        } = chosen.unwrap_or(&parts[0]);
+        let direction = random.direction_by_area(axes);
         let normal = (direction / axes).normalize();
         let area = axes.x * axes.y + axes.y * axes.z + axes.z * axes.x;
         #[expect(clippy::cast_precision_loss, reason = "a rough spacing")]
         let spacing = 2.2 * (area / (share * count as f32)).sqrt();
         let shade = 0.55 + 0.45 * normal.dot(Vec3::new(0.3, 0.6, 0.74)).max(0.0);
         gaussians.push(PackedGaussian::new(
-            (Vec3::from(centre) + direction * axes).to_array(),
+            (centre + direction * axes).to_array(),
             Quat::from_rotation_arc(Vec3::Z, normal).to_array(),
             [
                 spacing,
@@ -177,6 +167,21 @@ fn standing_figure(count: u32) -> Vec<PackedGaussian> {
 struct Random(u64);
 
 impl Random {
+    /// A direction whose point on an ellipsoid is as likely to lie on one patch as on any of the same area.
+    fn direction_by_area(&mut self, axes: Vec3) -> Vec3 {
+        loop {
+            let direction = Vec3::from_array(std::array::from_fn(|_| 2.0 * self.unit() - 1.0));
+            let length = direction.length();
+            if !(0.1..=1.0).contains(&length) {
+                continue;
+            }
+            let direction = direction / length;
+            if self.unit() < (direction / axes).length() * axes.min_element() {
+                return direction;
+            }
+        }
+    }
+
     /// 0..1.
     #[expect(clippy::cast_precision_loss, reason = "24 bits fit")]
     fn unit(&mut self) -> f32 {

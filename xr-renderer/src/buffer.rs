@@ -142,8 +142,8 @@ impl Buffer {
         unsafe {
             target
                 .as_ptr()
-                .copy_from_nonoverlapping(bytes.as_ptr(), bytes.len())
-        };
+                .copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
+        }
     }
 
     /// The buffer's first `count` values. The caller made the buffer for reading back, large enough, and

@@ -13,7 +13,7 @@ const DEFAULT_NEAR: f32 = 0.05;
 /// A view of the world and the picture it makes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Rigid. As in OpenXR the camera looks along its -z, with y up and x right; metres.
+    /// Rigid. As in `OpenXR` the camera looks along its -z, with y up and x right; metres.
     pub camera_from_world: Affine3A,
     /// Horizontal focal length, pixels.
     pub fx: f32,
@@ -31,7 +31,7 @@ pub struct Camera {
     pub near: f32,
 }
 
-/// Half angles of a view in radians, signed as in OpenXR: left and down are negative as a rule.
+/// Half angles of a view in radians, signed as in `OpenXR`: left and down are negative as a rule.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fov {
     /// Angle to the left edge.
@@ -83,7 +83,7 @@ impl Camera {
         }
     }
 
-    /// An eye at a pose (`position` and `orientation` in the world, as OpenXR gives them).
+    /// An eye at a pose (`position` and `orientation` in the world, as `OpenXR` gives them).
     pub fn from_fov(position: Vec3, orientation: Quat, fov: Fov, width: u32, height: u32) -> Self {
         let (left, right) = (fov.left.tan(), fov.right.tan());
         let (up, down) = (fov.up.tan(), fov.down.tan());

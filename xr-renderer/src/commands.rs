@@ -55,6 +55,17 @@ impl Commands {
         what: &'static str,
         record: impl FnOnce(vk::CommandBuffer),
     ) -> Result<(), RenderError> {
+        self.run_between(what, &[], &[], record)
+    }
+
+    /// As [`Self::run`]; the device's copies begin after `wait` and its end signals `signal`.
+    pub(crate) fn run_between(
+        &mut self,
+        what: &'static str,
+        wait: &[vk::Semaphore],
+        signal: &[vk::Semaphore],
+        record: impl FnOnce(vk::CommandBuffer),
+    ) -> Result<(), RenderError> {
         let device = self.gpu.device();
         let begin = vk::CommandBufferBeginInfo::default()
             .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
@@ -69,7 +80,12 @@ impl Commands {
         }
         record(self.buffer);
         let buffers = [self.buffer];
-        let submit = [vk::SubmitInfo::default().command_buffers(&buffers)];
+        let stages = vec![vk::PipelineStageFlags::TRANSFER; wait.len()];
+        let submit = [vk::SubmitInfo::default()
+            .wait_semaphores(wait)
+            .wait_dst_stage_mask(&stages)
+            .signal_semaphores(signal)
+            .command_buffers(&buffers)];
         let fences = [self.fence];
         // SAFETY: the buffer is recorded, the fence unsignalled, the queue locked.
         unsafe {

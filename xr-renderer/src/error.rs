@@ -59,8 +59,10 @@ pub enum RenderError {
         /// How much the device allows.
         limit: u64,
     },
-    /// More Gaussians than the renderer was made for.
-    #[error("{count} Gaussians given to a renderer made for at most {limit}")]
+    /// More Gaussians than the renderer was made for, or than any on this device can take.
+    #[error(
+        "{count} Gaussians are more than the {limit} that this renderer can take: use fewer Gaussians"
+    )]
     TooManyGaussians {
         /// How many were given.
         count: usize,
@@ -104,6 +106,16 @@ pub enum RenderError {
         view: u32,
         /// How many there are.
         views: u32,
+    },
+    /// The device cannot show pictures in this window.
+    #[error(
+        "{device} cannot show pictures in this window: {why}; render to files instead, or choose another device"
+    )]
+    NoPresentation {
+        /// The device's name.
+        device: String,
+        /// What is missing.
+        why: String,
     },
     /// The driver gave the device up.
     #[error(

@@ -63,8 +63,8 @@ impl Gpu {
         let chosen = choose(&instance, choice)?;
         let subgroup = chosen.subgroup(&instance.handle)?;
         let (queue_family, family) = chosen.queue_family(&instance.handle)?;
-        let has_swapchain =
-            instance.has_surface && contains(&chosen.extensions, khr::swapchain::NAME);
+        let has_swapchain = instance.surface_extensions.contains(&khr::surface::NAME)
+            && contains(&chosen.extensions, khr::swapchain::NAME);
         let device = open_device(&instance, &chosen, subgroup, queue_family, has_swapchain)?;
         // SAFETY: the family and its first queue were asked for when the device was made.
         let queue = unsafe { device.0.get_device_queue(queue_family, 0) };

@@ -11,16 +11,17 @@ use crate::validation;
 pub(crate) struct Instance {
     pub(crate) entry: ash::Entry,
     pub(crate) handle: ash::Instance,
-    /// Whether surfaces of some windowing system can be made.
-    pub(crate) has_surface: bool,
+    /// Extensions enabled for making surfaces.
+    pub(crate) surface_extensions: Vec<&'static CStr>,
 }
 
 /// Surface extensions are taken where offered, so that a window can be opened later.
-const WANTED: [&CStr; 4] = [
+const WANTED: [&CStr; 5] = [
     khr::surface::NAME,
     khr::xlib_surface::NAME,
     khr::xcb_surface::NAME,
     khr::wayland_surface::NAME,
+    ext::headless_surface::NAME,
 ];
 
 impl Instance {
@@ -38,11 +39,11 @@ impl Instance {
         // SAFETY: no preconditions.
         let offered = unsafe { entry.enumerate_instance_extension_properties(None) }
             .during("vkEnumerateInstanceExtensionProperties")?;
-        let mut extensions: Vec<&CStr> = WANTED
+        let surface_extensions: Vec<&'static CStr> = WANTED
             .into_iter()
             .filter(|wanted| contains(&offered, wanted))
             .collect();
-        let has_surface = extensions.contains(&khr::surface::NAME);
+        let mut extensions = surface_extensions.clone();
         let mut layers = Vec::new();
         if with_validation {
             // SAFETY: no preconditions.
@@ -81,7 +82,7 @@ impl Instance {
         Ok(Self {
             entry,
             handle,
-            has_surface,
+            surface_extensions,
         })
     }
 }

@@ -15,6 +15,14 @@ pub enum Background {
 }
 
 impl Background {
+    /// The colours of the upper and the lower edge.
+    pub(crate) fn ends(self) -> ([f32; 3], [f32; 3]) {
+        match self {
+            Self::Colour(colour) => (colour, colour),
+            Self::Gradient { top, bottom } => (top, bottom),
+        }
+    }
+
     /// The colour of a row.
     fn row(self, y: u32, height: u32) -> [f32; 3] {
         match self {

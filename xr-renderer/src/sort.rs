@@ -37,6 +37,13 @@ impl SortPasses {
         values: &Buffer,
         range: &Buffer,
     ) -> Result<Self, RenderError> {
+        let most = gpu.limits.max_compute_work_group_count[0].saturating_mul(GROUP);
+        if capacity > most {
+            return Err(RenderError::TooManyGaussians {
+                count: capacity as usize,
+                limit: most,
+            });
+        }
         let bins = Buffer::storage(gpu, "sort bins", u64::from(BINS) * 4)?;
         let order = Buffer::storage(gpu, "sorted order", u64::from(capacity) * 4)?;
         let resources = [values, range, &bins, &order].map(Resource::Storage);

@@ -155,6 +155,16 @@ impl SplatRenderer {
             .read(&self.gpu, &mut self.commands, &self.target, view)
     }
 
+    /// Where the pictures lie on the device.
+    pub(crate) fn target(&self) -> &Target {
+        &self.target
+    }
+
+    /// The device it draws on.
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
     fn check(&self, cameras: &[Camera]) -> Result<(), RenderError> {
         let Target {
             width,

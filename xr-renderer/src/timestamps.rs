@@ -59,8 +59,8 @@ impl<const POINTS: usize> Timestamps<POINTS> {
         unsafe {
             self.gpu
                 .device()
-                .cmd_reset_query_pool(commands, self.pool, 0, count(POINTS))
-        };
+                .cmd_reset_query_pool(commands, self.pool, 0, count(POINTS));
+        }
     }
 
     /// Records that all work so far is done.

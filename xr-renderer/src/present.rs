@@ -1,0 +1,282 @@
+//! Showing the first view in a window, over a background.
+//!
+//! The picture is fitted into the window on the device. No event loop: the caller owns the window.
+
+use std::sync::Arc;
+
+use ash::vk;
+use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
+
+use crate::buffer::Buffer;
+use crate::commands::{Commands, barrier};
+use crate::error::RenderError;
+use crate::gpu::Gpu;
+use crate::picture::Background;
+use crate::pipeline::{ComputePipeline, Resource, Specialisation};
+use crate::splat::SplatRenderer;
+use crate::surface::{Surface, refused};
+use crate::swapchain::Swapchain;
+
+const GROUP: u32 = 64;
+/// Of `ComposeParams` in the shader.
+const PUSH_WORDS: usize = 14;
+const PUSH_BYTES: u32 = 56;
+
+/// What became of a picture that was to be shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shown {
+    /// The window has it.
+    Yes,
+    /// The window was changing or has no area (minimised): draw again later.
+    NotNow,
+}
+
+/// A window that pictures are shown in. Keeps the window alive.
+pub struct WindowTarget {
+    // Dropped in this order: commands wait for the device, the surface goes after its swapchain.
+    commands: Commands,
+    swapchain: Option<Swapchain>,
+    surface: Surface,
+    composed: Option<Composed>,
+    wanted: vk::Extent2D,
+    gpu: Arc<Gpu>,
+}
+
+/// The window's pixels before they are copied to one of its images.
+struct Composed {
+    pixels: Buffer,
+    extent: vk::Extent2D,
+    pipeline: ComputePipeline,
+}
+
+impl std::fmt::Debug for WindowTarget {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("WindowTarget")
+            .field("wanted", &self.wanted)
+            .finish_non_exhaustive()
+    }
+}
+
+impl WindowTarget {
+    /// Takes a window to show pictures in; its inner size in pixels counts where the windowing system
+    /// leaves the size of the images to us (Wayland).
+    ///
+    /// # Errors
+    /// A device or driver that cannot show pictures in this window.
+    pub fn new<W>(
+        gpu: &Arc<Gpu>,
+        window: Arc<W>,
+        width: u32,
+        height: u32,
+    ) -> Result<Self, RenderError>
+    where
+        W: HasWindowHandle + HasDisplayHandle + Send + Sync + 'static,
+    {
+        Self::on(gpu, Surface::of_window(gpu, window)?, width, height)
+    }
+
+    /// A window that no one sees, for tests of the way to the screen.
+    ///
+    /// # Errors
+    /// A driver without `VK_EXT_headless_surface`.
+    pub fn headless(gpu: &Arc<Gpu>, width: u32, height: u32) -> Result<Self, RenderError> {
+        Self::on(gpu, Surface::headless(gpu)?, width, height)
+    }
+
+    fn on(gpu: &Arc<Gpu>, surface: Surface, width: u32, height: u32) -> Result<Self, RenderError> {
+        // Told now rather than at the first picture.
+        let _format = surface.format()?;
+        Ok(Self {
+            commands: Commands::new(gpu)?,
+            swapchain: None,
+            surface,
+            composed: None,
+            wanted: vk::Extent2D { width, height },
+            gpu: Arc::clone(gpu),
+        })
+    }
+
+    /// Says that the window's inner size is now another one, in pixels.
+    pub fn resize(&mut self, width: u32, height: u32) {
+        self.wanted = vk::Extent2D { width, height };
+        self.composed = None;
+        if let Some(swapchain) = &mut self.swapchain {
+            // Of no area: no picture fits it, so the next one makes a new swapchain.
+            swapchain.extent = vk::Extent2D::default();
+        }
+    }
+
+    /// Shows the renderer's first view, waiting for the display if it is busy.
+    ///
+    /// # Errors
+    /// A renderer on another device, a device that fails, or a window that is gone.
+    pub fn present(
+        &mut self,
+        renderer: &SplatRenderer,
+        background: Background,
+    ) -> Result<Shown, RenderError> {
+        if !Arc::ptr_eq(renderer.gpu(), &self.gpu) {
+            return Err(refused(&self.gpu, "the renderer draws on another device"));
+        }
+        if self
+            .swapchain
+            .as_ref()
+            .is_none_or(|swapchain| swapchain.extent.width == 0)
+        {
+            self.renew()?;
+        }
+        let Some(swapchain) = &self.swapchain else {
+            return Ok(Shown::NotNow);
+        };
+        // The picture's buffer may be another renderer's each time.
+        let composed = Composed::new(&self.gpu, renderer, swapchain.extent, self.composed.take())?;
+        let Some(index) = swapchain.acquire()? else {
+            self.resize(self.wanted.width, self.wanted.height);
+            return Ok(Shown::NotNow);
+        };
+        let (image, written) = swapchain.image(index);
+        let push = push_words(renderer, swapchain, background);
+        let gpu = &self.gpu;
+        self.commands
+            .run_between("showing", &[swapchain.acquired], &[written], |commands| {
+                composed.record(gpu, commands, &push, image);
+            })?;
+        self.composed = Some(composed);
+        if !swapchain.present(index)? {
+            self.resize(self.wanted.width, self.wanted.height);
+        }
+        Ok(Shown::Yes)
+    }
+
+    /// A swapchain for the window as it is now; none while it has no area.
+    fn renew(&mut self) -> Result<(), RenderError> {
+        self.composed = None;
+        let old = self.swapchain.take();
+        self.swapchain = Swapchain::new(&self.gpu, &self.surface, self.wanted, old)?;
+        Ok(())
+    }
+}
+
+impl Composed {
+    /// Pixels of the window's size, reusing the last ones if they are that large. The device is idle.
+    fn new(
+        gpu: &Arc<Gpu>,
+        renderer: &SplatRenderer,
+        extent: vk::Extent2D,
+        last: Option<Self>,
+    ) -> Result<Self, RenderError> {
+        let picture = Resource::Storage(&renderer.target().buffer);
+        if let Some(mut last) = last.filter(|last| last.extent == extent) {
+            last.pipeline
+                .bind(&[picture, Resource::Storage(&last.pixels)]);
+            return Ok(last);
+        }
+        let bytes = u64::from(extent.width) * u64::from(extent.height) * 4;
+        let pixels = Buffer::storage(gpu, "the window's pixels", bytes)?;
+        let specialisation = Specialisation {
+            constants: &[GROUP],
+            push_bytes: PUSH_BYTES,
+            fixed_subgroups: false,
+        };
+        let resources = [picture, Resource::Storage(&pixels)];
+        let pipeline =
+            ComputePipeline::new(gpu, shaders_spirv::COMPOSE, specialisation, &resources)?;
+        Ok(Self {
+            pixels,
+            extent,
+            pipeline,
+        })
+    }
+
+    fn record(
+        &self,
+        gpu: &Gpu,
+        commands: vk::CommandBuffer,
+        push: &[u32; PUSH_WORDS],
+        image: vk::Image,
+    ) {
+        let vk::Extent2D { width, height } = self.extent;
+        self.pipeline
+            .dispatch(commands, push, [width.div_ceil(GROUP), height, 1]);
+        barrier(gpu, commands);
+        let range = vk::ImageSubresourceRange {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            base_mip_level: 0,
+            level_count: 1,
+            base_array_layer: 0,
+            layer_count: 1,
+        };
+        let change = vk::ImageMemoryBarrier::default()
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(image)
+            .subresource_range(range);
+        let writable = change
+            .old_layout(vk::ImageLayout::UNDEFINED)
+            .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
+            .dst_access_mask(vk::AccessFlags::TRANSFER_WRITE);
+        let showable = change
+            .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
+            .new_layout(vk::ImageLayout::PRESENT_SRC_KHR)
+            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE);
+        let region = [vk::BufferImageCopy::default()
+            .image_subresource(vk::ImageSubresourceLayers {
+                aspect_mask: vk::ImageAspectFlags::COLOR,
+                mip_level: 0,
+                base_array_layer: 0,
+                layer_count: 1,
+            })
+            .image_extent(vk::Extent3D {
+                width,
+                height,
+                depth: 1,
+            })];
+        let transfer = vk::PipelineStageFlags::TRANSFER;
+        let end = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
+        let none = vk::DependencyFlags::empty();
+        let device = gpu.device();
+        // SAFETY: the command buffer is being recorded; the image is acquired (its semaphore holds back
+        // transfers) and as large as the region, which the buffer fills.
+        unsafe {
+            device.cmd_pipeline_barrier(commands, transfer, transfer, none, &[], &[], &[writable]);
+            device.cmd_copy_buffer_to_image(
+                commands,
+                self.pixels.handle(),
+                image,
+                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                &region,
+            );
+            device.cmd_pipeline_barrier(commands, transfer, end, none, &[], &[], &[showable]);
+        }
+    }
+}
+
+/// `ComposeParams` in `shaders/compose.comp`, as words.
+fn push_words(
+    renderer: &SplatRenderer,
+    swapchain: &Swapchain,
+    background: Background,
+) -> [u32; PUSH_WORDS] {
+    let (top, bottom) = background.ends();
+    let [t0, t1, t2] = top.map(f32::to_bits);
+    let [b0, b1, b2] = bottom.map(f32::to_bits);
+    let target = renderer.target();
+    let vk::Extent2D { width, height } = swapchain.extent;
+    let blue_first = u32::from(swapchain.blue_first);
+    [
+        t0,
+        t1,
+        t2,
+        0,
+        b0,
+        b1,
+        b2,
+        0,
+        target.width,
+        target.height,
+        width,
+        height,
+        0,
+        blue_first,
+    ]
+}
