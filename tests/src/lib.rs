@@ -1,3 +1,5 @@
 //! What the end-to-end tests share: slow references in f64, written apart from the code under test.
 
 pub mod splat_reference;
+pub mod splat_scenes;
+pub mod vulkan;

@@ -1,19 +1,19 @@
-//! The renderer's pictures against the f64 reference, its sort against std's, and inputs at the edge.
+//! The renderer's pictures against the f64 reference, and inputs at the edge.
 //!
 //! Every test runs with the validation layer on and demands that it stays silent.
 
-use std::cell::RefCell;
 use std::path::Path;
-use std::process::Command;
-use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
-use glam::{EulerRot, Quat, Vec3};
+use glam::Vec3;
 use mon3tr_tests::splat_reference::{self, PixelBox, ReferencePicture};
-use proptest::prelude::*;
-use proptest::test_runner::{Config, TestRunner};
+use mon3tr_tests::splat_scenes::{captured_gaussians, eyes, front_camera, random_gaussians};
+use mon3tr_tests::vulkan::{
+    LOGGED_MESSAGES, assert_silent, gpu, open_gpu, or_skip, rerun_with_other_subgroups,
+};
 use xr_renderer::{
-    Background, Camera, Fov, Gpu, GpuChoice, Image, PackedGaussian, RenderError, Shown, Sorter,
+    Background, Camera, Gpu, GpuChoice, Image, PackedGaussian, RenderError, Shown, Sorter,
     SplatRenderer, WindowTarget,
 };
 
@@ -25,134 +25,6 @@ const SPARSE: f64 = 68.0;
 const CROWDED: f64 = 58.0;
 /// The same, where nearly every pixel stops early: 48 is what losing 1/255 everywhere would give.
 const OPAQUE: f64 = 50.0;
-
-/// Counts what the renderer logs of validation, also when no `Gpu` is left to ask.
-struct CountingLogger;
-
-static LOGGED_MESSAGES: AtomicU32 = AtomicU32::new(0);
-
-impl log::Log for CountingLogger {
-    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        metadata.level() <= log::Level::Warn
-    }
-
-    fn log(&self, record: &log::Record<'_>) {
-        if self.enabled(record.metadata()) {
-            LOGGED_MESSAGES.fetch_add(1, Ordering::SeqCst);
-            eprintln!("{}: {}", record.level(), record.args());
-        }
-    }
-
-    fn flush(&self) {}
-}
-
-/// Opens the device that `MON3TR_GPU` names (`auto` without it); the reason where Vulkan is missing.
-fn open_gpu() -> Result<Arc<Gpu>, String> {
-    static LOGGER: OnceLock<()> = OnceLock::new();
-    LOGGER.get_or_init(|| {
-        log::set_logger(&CountingLogger).expect("the only logger");
-        log::set_max_level(log::LevelFilter::Warn);
-    });
-    let choice = std::env::var("MON3TR_GPU").unwrap_or_default();
-    match Gpu::open(&choice.parse().expect("any text is a choice"), true) {
-        Ok(gpu) => Ok(gpu),
-        Err(
-            why @ (RenderError::NoLoader(_)
-            | RenderError::NoDevice
-            | RenderError::NoValidationLayer),
-        ) => Err(why.to_string()),
-        Err(why) => panic!("{why}"),
-    }
-}
-
-/// The device, or nothing after a line that says why; on CI that is a failure.
-fn or_skip(opened: Result<Arc<Gpu>, String>) -> Option<Arc<Gpu>> {
-    opened
-        .map_err(|why| {
-            assert!(
-                std::env::var("CI").as_deref() != Ok("true"),
-                "no Vulkan device: {why}"
-            );
-            println!("skipped: no Vulkan device: {why}");
-        })
-        .ok()
-}
-
-/// One device for all tests of this file.
-fn gpu() -> Option<Arc<Gpu>> {
-    static GPU: OnceLock<Result<Arc<Gpu>, String>> = OnceLock::new();
-    or_skip(GPU.get_or_init(open_gpu).clone())
-}
-
-fn assert_silent(gpu: &Gpu) {
-    assert_eq!(
-        gpu.validation_messages(),
-        0,
-        "validation messages (logged above)"
-    );
-}
-
-/// Random Gaussians in a ball of 1 m: sizes over a factor of 40, needles and discs among them, colours
-/// that leave 0..=1 on both sides.
-fn random_gaussians(count: usize, seed: u64) -> Vec<PackedGaussian> {
-    let mut state = seed | 1;
-    let mut unit = move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        f32::from(u16::try_from(state >> 48).expect("16 bits")) / 65_536.0
-    };
-    (0..count)
-        .map(|_| {
-            let position = loop {
-                let position = Vec3::from_array(std::array::from_fn(|_| 2.0 * unit() - 1.0));
-                if position.length() < 1.0 {
-                    break position;
-                }
-            };
-            let rotation = Quat::from_euler(
-                EulerRot::XYZ,
-                std::f32::consts::TAU * unit(),
-                std::f32::consts::PI * unit(),
-                std::f32::consts::TAU * unit(),
-            );
-            PackedGaussian::new(
-                position.to_array(),
-                rotation.to_array(),
-                std::array::from_fn(|_| 0.002 * 40f32.powf(unit())),
-                unit(),
-                std::array::from_fn(|_| 1.4 * unit() - 0.2),
-            )
-        })
-        .collect()
-}
-
-fn front_camera(width: u32, height: u32) -> Camera {
-    Camera::look_at(
-        Vec3::new(0.4, 0.5, 3.0),
-        Vec3::ZERO,
-        Vec3::Y,
-        0.75,
-        width,
-        height,
-    )
-}
-
-/// Two eyes 64 mm apart that look the same way, with the lopsided fields of view of a headset's.
-fn eyes(width: u32, height: u32) -> [Camera; 2] {
-    let turn = Quat::from_rotation_y(0.15);
-    let fov = |left, right| Fov {
-        left,
-        right,
-        up: 0.4,
-        down: -0.5,
-    };
-    let eye = |side: f32, fov| {
-        let position = Vec3::new(0.4, 0.1, 2.6) + turn * Vec3::new(0.032 * side, 0.0, 0.0);
-        Camera::from_fov(position, turn, fov, width, height)
-    };
-    [eye(-1.0, fov(-0.55, 0.42)), eye(1.0, fov(-0.42, 0.55))]
-}
 
 fn draw(gpu: &Arc<Gpu>, gaussians: &[PackedGaussian], cameras: &[Camera]) -> Vec<Image> {
     let views = u32::try_from(cameras.len()).expect("few");
@@ -252,6 +124,28 @@ fn both_eyes_see_what_the_reference_says() {
     let Some(gpu) = gpu() else { return };
     let gaussians = random_gaussians(20_000, 11);
     assert_drawn_as_reference(&gpu, "stereo", &gaussians, &eyes(768, 700), CROWDED);
+}
+
+#[test]
+fn a_captured_scene_looks_as_the_reference_says() {
+    let Some(gpu) = gpu() else { return };
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/splats/playbot3.ply");
+    let Ok(bytes) = std::fs::read(&path) else {
+        println!("skipped: {} is not there", path.display());
+        return;
+    };
+    let gaussians = captured_gaussians(&bytes);
+    assert_eq!(gaussians.len(), 31_000, "Gaussians in the capture");
+    let middle = gaussians
+        .iter()
+        .map(|gaussian| Vec3::from(gaussian.position))
+        .sum::<Vec3>()
+        / 31_000.0;
+    // Captures stand on their head: y down, as their cameras saw it.
+    let target = middle + Vec3::new(0.0, -0.45, 0.0);
+    let eye = target + Vec3::new(1.1, -0.5, 2.2);
+    let camera = Camera::look_at(eye, target, Vec3::NEG_Y, 0.8, 1024, 1024);
+    assert_drawn_as_reference(&gpu, "captured", &gaussians, &[camera], CROWDED);
 }
 
 #[test]
@@ -513,53 +407,6 @@ fn a_closed_device_leaves_no_object_behind() {
 }
 
 #[test]
-fn the_picture_is_right_for_every_subgroup_size_of_the_software_driver() {
-    let Some(gpu) = gpu() else { return };
-    if gpu.info().name.contains("llvmpipe") {
-        for (bits, size) in [("128", 4), ("512", 16)] {
-            let this = std::env::args().next().expect("a program's name");
-            // Where Vulkan lives in a prefix, programs are started through a runner.
-            let mut command = match std::env::var("MON3TR_RUNNER") {
-                Ok(runner) => {
-                    let mut command = Command::new(runner);
-                    command.arg(&this);
-                    command
-                }
-                Err(_) => Command::new(&this),
-            };
-            let output = command
-                .args([
-                    "--nocapture",
-                    "--test-threads=1",
-                    "_reference_says",
-                    "sorts_as_std",
-                ])
-                .env("LP_NATIVE_VECTOR_WIDTH", bits)
-                .output()
-                .unwrap_or_else(|why| panic!("{this}: {why}"));
-            let text = String::from_utf8_lossy(&output.stdout);
-            assert!(
-                output.status.success(),
-                "{bits} bits:\n{text}{}",
-                String::from_utf8_lossy(&output.stderr)
-            );
-            let expected = format!("subgroups of {size}");
-            assert_eq!(
-                text.matches(&expected).count(),
-                3,
-                "three views with {expected}:\n{text}"
-            );
-        }
-    } else {
-        println!(
-            "skipped: {} has one subgroup size: {}",
-            gpu.info().name,
-            gpu.subgroup_size()
-        );
-    }
-}
-
-#[test]
 fn a_window_is_shown_pictures_while_its_size_changes() {
     let Some(gpu) = gpu() else { return };
     // Drivers without headless surfaces exist: there is no window to show anything in.
@@ -593,57 +440,12 @@ fn a_window_is_shown_pictures_while_its_size_changes() {
     assert_silent(&gpu);
 }
 
-fn stable_order(keys: &[u16]) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..u32::try_from(keys.len()).expect("few")).collect();
-    order.sort_by_key(|index| keys[*index as usize]);
-    order
-}
-
 #[test]
-fn the_device_sorts_as_std_does_at_every_size() {
+fn the_picture_is_right_for_every_subgroup_size_of_the_software_driver() {
     let Some(gpu) = gpu() else { return };
-    let mut sorter = Sorter::new(&gpu, 300_000).expect("a sorter");
-    let mut state = 0x2545_F491u32;
-    for count in [0, 1, 2, 255, 65_537, 300_000] {
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            u16::try_from(state >> 16).expect("16 bits")
-        };
-        let spread: Vec<u16> = (0..count).map(|_| random()).collect();
-        let crowded: Vec<u16> = (0..count).map(|_| random() % 50).collect();
-        let equal = vec![u16::MAX; count];
-        for (keys, kind) in [(spread, "spread"), (crowded, "crowded"), (equal, "equal")] {
-            let got = sorter.sort_keys(&keys).expect("a sort");
-            assert!(
-                got == stable_order(&keys),
-                "{count} {kind} keys are out of order"
-            );
-        }
+    for (size, text) in rerun_with_other_subgroups(&gpu, &["_reference_says"]) {
+        let expected = format!("subgroups of {size}");
+        let views = text.matches(&expected).count();
+        assert!(views >= 3, "at least three views with {expected}:\n{text}");
     }
-    assert!(
-        sorter.sort_keys(&[0; 300_001]).is_err(),
-        "one more than fits"
-    );
-    assert_silent(&gpu);
-}
-
-#[test]
-fn the_device_sorts_as_std_does_whatever_the_keys() {
-    let Some(gpu) = gpu() else { return };
-    let sorter = RefCell::new(Sorter::new(&gpu, 4_000).expect("a sorter"));
-    let keys = prop_oneof![
-        proptest::collection::vec(any::<u16>(), 0..4_000),
-        proptest::collection::vec(0u16..8, 0..1_000),
-        proptest::collection::vec(65_530u16.., 0..1_000),
-    ];
-    let mut runner = TestRunner::new(Config::with_cases(64));
-    runner
-        .run(&keys, |keys| {
-            let sorted = sorter.borrow_mut().sort_keys(&keys);
-            let got = sorted.map_err(|why| TestCaseError::fail(why.to_string()))?;
-            prop_assert_eq!(got, stable_order(&keys));
-            Ok(())
-        })
-        .unwrap_or_else(|why| panic!("{why}"));
-    assert_silent(&gpu);
 }
