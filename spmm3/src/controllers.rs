@@ -205,22 +205,30 @@ fn strongest(
     }
     candidates.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
     candidates.truncate(16);
-    let mut forces: Vec<(u16, f32)> = candidates
-        .iter()
-        .map(|(controller, distance)| {
-            let other = template.skin()[controllers[usize::from(*controller)] as usize].dense();
-            (*controller, cosine(skin, &other) / (distance + EPSILON))
-        })
-        .collect();
-    forces.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    let kept = [forces[0], forces[1], forces[2]];
-    let total: f32 = kept.iter().map(|(_, force)| force).sum();
-    let masses = if total > 0.0 {
-        kept.map(|(_, force)| force / total)
-    } else {
-        [1.0, 0.0, 0.0]
+    let pull = |similarity: &dyn Fn(u16) -> f32| {
+        let mut forces: Vec<(u16, f32)> = candidates
+            .iter()
+            .map(|(controller, distance)| {
+                let force = similarity(*controller) / (distance + EPSILON);
+                (*controller, force)
+            })
+            .collect();
+        forces.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        [forces[0], forces[1], forces[2]]
     };
-    (kept.map(|(controller, _)| controller), masses)
+    let mut kept = pull(&|controller| {
+        let other = template.skin()[controllers[usize::from(controller)] as usize].dense();
+        cosine(skin, &other)
+    });
+    if kept[0].1 <= 0.0 {
+        // No controller nearby shares a joint with this Gaussian: the nearest ones hold it.
+        kept = pull(&|_| 1.0);
+    }
+    let total: f32 = kept.iter().map(|(_, force)| force).sum();
+    (
+        kept.map(|(controller, _)| controller),
+        kept.map(|(_, force)| force / total),
+    )
 }
 
 fn cosine(a: &[f32], b: &[f32]) -> f32 {

@@ -1,0 +1,100 @@
+//! The deform graph on ONNX Runtime against the f64 reference.
+
+use mon3tr_tests::person_reference as reference;
+use mon3tr_tests::synthetic::{Puppet, Random};
+use npu_runtime::{Provider, Runtime, Session, TensorSpec};
+use spmm3::networks::{input, output};
+use spmm3::{ATTRIBUTES, JOINTS, PARAMS, SkinningTransforms};
+
+/// ONNX Runtime, or `None` (said aloud) where it is not installed and nobody promised that it is.
+fn runtime() -> Option<Runtime> {
+    match Runtime::open(None) {
+        Ok(runtime) => Some(runtime),
+        Err(e) if std::env::var_os("CI").is_some_and(|ci| ci == "true") => {
+            panic!("ONNX Runtime is needed here: {e}")
+        }
+        Err(e) => {
+            println!("skipped: {e}");
+            None
+        }
+    }
+}
+
+#[test]
+fn the_graph_poses_mesh_and_attributes_as_in_f64() {
+    let Some(runtime) = runtime() else { return };
+    let puppet = Puppet::small();
+    let (vertices, gaussians) = (puppet.template.vertices().len(), puppet.gaussians.len());
+    let mut session = Session::new(
+        &runtime,
+        &puppet.graph().to_onnx().expect("the networks fit"),
+        Provider::Cpu { threads: 2 },
+        &[
+            TensorSpec::new(input::MOTION, &[1, PARAMS]),
+            TensorSpec::new(input::SKINNING, &[12, JOINTS]),
+        ],
+        &[
+            TensorSpec::new(output::VERTICES, &[3, vertices]),
+            TensorSpec::new(output::RESIDUALS, &[ATTRIBUTES, gaussians]),
+        ],
+    )
+    .expect("ONNX Runtime takes the graph");
+    let rest = puppet.skeleton.rest_positions();
+    let (mut worst_vertex, mut largest_offset) = (0.0f64, 0.0f64);
+    let mut worst_attribute = [0.0f64; ATTRIBUTES];
+    let mut largest_attribute = [0.0f64; ATTRIBUTES];
+    for seed in 0..20 {
+        let motion = Random::new(seed).motion(0.6);
+        let mut transforms = SkinningTransforms::default();
+        puppet
+            .skeleton
+            .skinning(&puppet.skeleton.pose(&motion), &mut transforms);
+        session.input_mut(0).copy_from_slice(motion.values());
+        session.input_mut(1).copy_from_slice(&transforms.0);
+        session.run().expect("the graph runs");
+
+        let posed = reference::posed_mesh(&puppet.template, rest, &puppet.mesh, motion.values());
+        for (v, want) in posed.iter().enumerate() {
+            let got = [0, 1, 2].map(|axis| f64::from(session.output(0)[axis * vertices + v]));
+            worst_vertex = worst_vertex.max(reference::norm(reference::sub(*want, got)));
+        }
+        for offset in reference::mesh_offsets(&puppet.mesh, motion.values()) {
+            largest_offset = largest_offset.max(reference::norm(offset));
+        }
+        let residuals =
+            reference::residuals(&puppet.attributes, &puppet.controllers, motion.values());
+        for (i, want) in residuals.iter().enumerate() {
+            for (plane, want) in want.iter().enumerate() {
+                let got = f64::from(session.output(1)[plane * gaussians + i]);
+                worst_attribute[plane] = worst_attribute[plane].max((got - want).abs());
+                largest_attribute[plane] = largest_attribute[plane].max(want.abs());
+            }
+        }
+    }
+    println!(
+        "max vertex error {:.5} mm over offsets of up to {:.1} mm",
+        worst_vertex * 1e3,
+        largest_offset * 1e3
+    );
+    println!(
+        "max attribute errors {:?} over residuals of up to {largest_attribute:.3?}",
+        worst_attribute.map(|e| format!("{e:.1e}"))
+    );
+    assert!(
+        worst_vertex <= 0.05e-3,
+        "a vertex is {} mm off",
+        worst_vertex * 1e3
+    );
+    assert!(
+        (0.005..0.2).contains(&largest_offset),
+        "F_mesh should matter: {largest_offset} m"
+    );
+    for plane in 0..ATTRIBUTES {
+        let (error, reach) = (worst_attribute[plane], largest_attribute[plane]);
+        assert!(reach > 0.0, "plane {plane} never moves");
+        assert!(
+            error <= 1e-5 * reach,
+            "plane {plane} is {error} off over a reach of {reach}"
+        );
+    }
+}
