@@ -74,18 +74,19 @@ impl Controllers {
     /// falls back to the straight distance). Distances run to the Gaussian's triangle's corners and on to its anchor.
     ///
     /// # Errors
-    /// If there are fewer than three controllers or a controller's vertex is out of range.
+    /// If there are fewer than three controllers, more than 16 bits can count, or a controller's vertex is out of range.
     pub fn tie(
         template: &Template,
         graph: &EdgeGraph,
         gaussians: &BoundGaussians,
         vertices: Vec<u32>,
     ) -> Result<Self, PersonError> {
-        if vertices.len() < NEIGHBOURS {
+        let most = usize::from(u16::MAX);
+        if !(NEIGHBOURS..=most).contains(&vertices.len()) {
             return Err(PersonError::Count {
                 what: "controllers",
                 got: vertices.len(),
-                expected: NEIGHBOURS,
+                expected: vertices.len().clamp(NEIGHBOURS, most),
             });
         }
         let points = template.vertices();
@@ -94,7 +95,10 @@ impl Controllers {
             vertices.iter().map(|v| *v as usize),
             points.len(),
         )?;
-        let near = nearby_controllers(graph, template, &vertices);
+        let seats: Vec<Seat> = vertices
+            .par_iter()
+            .map(|vertex| Seat::new(template, graph, *vertex))
+            .collect();
         let (neighbours, masses) = gaussians
             .corners()
             .par_iter()
@@ -105,25 +109,16 @@ impl Controllers {
                 let anchor = a * shares[0] + b * shares[1] + c * shares[2];
                 let mut skin = [0.0f32; crate::JOINTS];
                 for (corner, share) in corners.iter().zip(shares) {
-                    for (sum, weight) in skin
-                        .iter_mut()
-                        .zip(template.skin()[*corner as usize].dense())
-                    {
-                        *sum += share * weight;
+                    let corner = template.skin()[*corner as usize];
+                    for (joint, weight) in corner.joints.iter().zip(corner.weights) {
+                        skin[usize::from(*joint)] += share * weight;
                     }
                 }
-                let mut candidates: Vec<(u16, f32)> = Vec::new();
-                for corner in corners {
-                    let last = points[*corner as usize].distance(anchor);
-                    for (controller, distance) in &near[*corner as usize] {
-                        let total = distance + last;
-                        match candidates.iter_mut().find(|(known, _)| known == controller) {
-                            Some((_, best)) => *best = best.min(total),
-                            None => candidates.push((*controller, total)),
-                        }
-                    }
-                }
-                strongest(template, &vertices, &skin, anchor, &mut candidates)
+                let last = [a, b, c].map(|corner| corner.distance(anchor));
+                strongest(&seats, &skin, anchor, |seat| {
+                    let through = |k: usize| seat.walked[corners[k] as usize] + last[k];
+                    through(0).min(through(1)).min(through(2))
+                })
             })
             .unzip();
         Self::new(template, vertices, neighbours, masses)
@@ -148,80 +143,64 @@ impl Controllers {
     }
 }
 
-/// For every vertex the controllers nearest along the surface: (controller, metres), nearest first.
-fn nearby_controllers(
-    graph: &EdgeGraph,
-    template: &Template,
-    controllers: &[u32],
-) -> Vec<Vec<(u16, f32)>> {
-    const KEPT: usize = 8;
-    let points = template.vertices();
-    // Each controller floods as far as its KEPT-th nearest fellow, which covers every vertex between them.
-    let floods: Vec<Vec<(u32, f32)>> = controllers
-        .par_iter()
-        .map(|source| {
-            let mut straight: Vec<f32> = controllers
-                .iter()
-                .map(|c| points[*source as usize].distance(points[*c as usize]))
-                .collect();
-            straight.sort_unstable_by(f32::total_cmp);
-            let reach = straight[KEPT.min(straight.len() - 1)] * 1.5;
-            graph.reachable(*source, reach)
-        })
-        .collect();
-    let mut near = vec![Vec::new(); points.len()];
-    for (controller, flood) in floods.iter().enumerate() {
-        let Ok(controller) = u16::try_from(controller) else {
-            break;
-        };
-        for (vertex, distance) in flood {
-            near[*vertex as usize].push((controller, *distance));
-        }
-    }
-    for list in &mut near {
-        list.sort_unstable_by(|a: &(u16, f32), b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-        list.truncate(KEPT);
-    }
-    near
+/// A controller's place and what is known from there.
+struct Seat {
+    position: Vec3,
+    skin: [f32; crate::JOINTS],
+    /// Distance along the surface to every vertex, metres; infinite where no way leads.
+    walked: Vec<f32>,
 }
 
+impl Seat {
+    fn new(template: &Template, graph: &EdgeGraph, vertex: u32) -> Self {
+        let mut walked = vec![f32::INFINITY; template.vertices().len()];
+        for (reached, distance) in graph.reachable(vertex, f32::MAX) {
+            walked[reached as usize] = distance;
+        }
+        Self {
+            position: template.vertices()[vertex as usize],
+            skin: template.skin()[vertex as usize].dense(),
+            walked,
+        }
+    }
+}
+
+/// The three seats that pull hardest at a Gaussian with weights `skin` at `anchor`, and their shares.
 fn strongest(
-    template: &Template,
-    controllers: &[u32],
+    seats: &[Seat],
     skin: &[f32; crate::JOINTS],
     anchor: Vec3,
-    candidates: &mut Vec<(u16, f32)>,
+    geodesic: impl Fn(&Seat) -> f32,
 ) -> ([u16; NEIGHBOURS], [f32; NEIGHBOURS]) {
-    if candidates.len() < NEIGHBOURS {
+    let mut distances: Vec<f32> = seats.iter().map(geodesic).collect();
+    if distances.iter().filter(|d| d.is_finite()).count() < NEIGHBOURS {
         // An island no controller sits on (an eyelash, a button): straight distance is all there is.
-        for (controller, vertex) in (0u16..).zip(controllers) {
-            if candidates.iter().all(|(known, _)| *known != controller) {
-                candidates.push((
-                    controller,
-                    template.vertices()[*vertex as usize].distance(anchor),
-                ));
+        for (distance, seat) in distances.iter_mut().zip(seats) {
+            if distance.is_infinite() {
+                *distance = seat.position.distance(anchor);
             }
         }
     }
-    candidates.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-    candidates.truncate(16);
-    let pull = |similarity: &dyn Fn(u16) -> f32| {
-        let mut forces: Vec<(u16, f32)> = candidates
-            .iter()
-            .map(|(controller, distance)| {
-                let force = similarity(*controller) / (distance + EPSILON);
-                (*controller, force)
-            })
-            .collect();
-        forces.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        [forces[0], forces[1], forces[2]]
+    let pull = |similarity: &dyn Fn(&Seat) -> f32| {
+        let mut kept = [(0u16, -1.0f32); NEIGHBOURS];
+        for ((controller, seat), distance) in (0u16..).zip(seats).zip(&distances) {
+            let nearness = 1.0 / (distance + EPSILON);
+            // Similarity is at most 1, so that most seats are settled by their distance alone.
+            if nearness <= kept[NEIGHBOURS - 1].1 {
+                continue;
+            }
+            let force = similarity(seat) * nearness;
+            let at = kept.partition_point(|(_, other)| *other >= force);
+            if at < NEIGHBOURS {
+                kept[at..].rotate_right(1);
+                kept[at] = (controller, force);
+            }
+        }
+        kept
     };
-    let mut kept = pull(&|controller| {
-        let other = template.skin()[controllers[usize::from(controller)] as usize].dense();
-        cosine(skin, &other)
-    });
+    let mut kept = pull(&|seat| cosine(skin, &seat.skin));
     if kept[0].1 <= 0.0 {
-        // No controller nearby shares a joint with this Gaussian: the nearest ones hold it.
+        // No controller shares a joint with this Gaussian: the nearest ones hold it.
         kept = pull(&|_| 1.0);
     }
     let total: f32 = kept.iter().map(|(_, force)| force).sum();
@@ -231,11 +210,12 @@ fn strongest(
     )
 }
 
+/// S_skin: cosine of the angle between two dense weight vectors.
 fn cosine(a: &[f32], b: &[f32]) -> f32 {
     let dot = |x: &[f32], y: &[f32]| x.iter().zip(y).map(|(p, q)| p * q).sum::<f32>();
-    let norms = (dot(a, a) * dot(b, b)).sqrt();
-    if norms > 0.0 {
-        (dot(a, b) / norms).clamp(0.0, 1.0)
+    let lengths = (dot(a, a) * dot(b, b)).sqrt();
+    if lengths > 0.0 {
+        (dot(a, b) / lengths).clamp(0.0, 1.0)
     } else {
         0.0
     }

@@ -94,20 +94,21 @@ impl EdgeGraph {
 
     /// Distance in metres from `source` to every vertex within `reach` metres, in order of distance.
     pub fn reachable(&self, source: u32, reach: f32) -> Vec<(u32, f32)> {
-        let mut best: HashMap<u32, f32> = HashMap::from([(source, 0.0)]);
+        let mut best = vec![f32::INFINITY; self.len()];
+        best[source as usize] = 0.0;
         let mut heap = BinaryHeap::from([Reverse(Frontier(0.0, source))]);
         let mut settled = Vec::new();
         while let Some(Reverse(Frontier(distance, vertex))) = heap.pop() {
-            if best.get(&vertex).is_some_and(|d| *d < distance) {
+            let at = vertex as usize;
+            if best[at] < distance {
                 continue;
             }
             settled.push((vertex, distance));
-            let range =
-                self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize;
+            let range = self.starts[at] as usize..self.starts[at + 1] as usize;
             for (to, length) in &self.targets[range] {
                 let through = distance + length;
-                if through <= reach && best.get(to).is_none_or(|d| through < *d) {
-                    best.insert(*to, through);
+                if through <= reach && through < best[*to as usize] {
+                    best[*to as usize] = through;
                     heap.push(Reverse(Frontier(through, *to)));
                 }
             }

@@ -21,6 +21,10 @@ fn far(a: V3, b: Vec3) -> f64 {
 }
 
 /// [3, N_v] planes, as the deform graph gives them.
+#[allow(
+    clippy::cast_possible_truncation,
+    reason = "the graph gives single precision"
+)]
 fn planar(points: &[V3]) -> Vec<f32> {
     (0..3)
         .flat_map(|axis| points.iter().map(move |p| p[axis] as f32))

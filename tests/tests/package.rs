@@ -1,0 +1,103 @@
+//! Avatar packages: what is saved is what is loaded.
+
+use mon3tr_tests::synthetic::Puppet;
+use spmm3::package::Manifest;
+use spmm3::{Avatar, PackageError};
+use std::io::Cursor;
+
+fn avatar() -> Avatar {
+    Puppet::small().avatar()
+}
+
+#[test]
+fn a_saved_avatar_loads_as_it_was_and_saves_to_the_same_bytes() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("puppet.m3a");
+    let avatar = avatar();
+    let size = avatar.save(&path).expect("the puppet saves");
+    let first = std::fs::read(&path).expect("the package is there");
+    assert_eq!(first.len() as u64, size, "the size that save reports");
+    let loaded = Avatar::load(&path).expect("the puppet loads");
+    assert!(loaded == avatar, "loading changed the avatar");
+    loaded.save(&path).expect("the loaded puppet saves over it");
+    let second = std::fs::read(&path).expect("the package is still there");
+    assert!(first == second, "the second save differs");
+    let left: Vec<_> = std::fs::read_dir(folder.path())
+        .expect("the folder lists")
+        .collect();
+    assert_eq!(
+        left.len(),
+        1,
+        "save left something beside the package: {left:?}"
+    );
+}
+
+#[test]
+fn an_avatar_in_full_precision_loads_rounded_as_quantised_says() {
+    let puppet = Puppet::small();
+    let gaussians = spmm3::BoundGaussians::bind(
+        &puppet.template,
+        &puppet.at_rest,
+        puppet.gaussians.triangles().to_vec(),
+        puppet.gaussians.barycentrics().to_vec(),
+    )
+    .expect("the Gaussians bind");
+    let full = Avatar {
+        gaussians,
+        ..puppet.avatar()
+    };
+    let bytes = full.to_bytes().expect("the puppet packs");
+    let loaded = Avatar::read(Cursor::new(bytes)).expect("the puppet loads");
+    assert!(
+        loaded != full,
+        "nothing was rounded: the test proves nothing"
+    );
+    assert!(loaded == full.quantised(), "it is rounded otherwise");
+}
+
+#[test]
+fn the_manifest_alone_tells_what_is_in_a_package() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("puppet.m3a");
+    let avatar = avatar();
+    avatar.save(&path).expect("the puppet saves");
+    let manifest = Manifest::load(&path).expect("the manifest loads");
+    assert_eq!(manifest.name, avatar.name, "name");
+    assert_eq!(manifest.licence, avatar.licence, "licence");
+    assert_eq!(manifest.counts.gaussians, 2_000, "Gaussians");
+    assert_eq!(manifest.counts.controllers, 16, "controllers");
+    assert_eq!(manifest.counts.bases, Some(5), "bases");
+    assert_eq!(manifest.report, avatar.report, "report");
+    let graph = manifest.member("deform.onnx").expect("the graph is listed");
+    assert_eq!(graph.bytes, avatar.deform_graph.len() as u64, "graph size");
+    assert_eq!(graph.tensors["residuals"].shape, [14, 2_000], "its output");
+}
+
+#[test]
+fn an_avatar_whose_parts_do_not_fit_each_other_is_not_saved() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("puppet.m3a");
+    avatar().save(&path).expect("the puppet saves");
+    let before = std::fs::read(&path).expect("the package is there");
+    let mut broken = avatar();
+    let other = Puppet::new(mon3tr_tests::synthetic::PuppetSize {
+        gaussians: 1_000,
+        ..mon3tr_tests::synthetic::PuppetSize::SMALL
+    });
+    broken.gaussians = other.gaussians;
+    let error = broken
+        .save(&path)
+        .expect_err("1,000 Gaussians on 2,000 ties");
+    assert!(
+        matches!(&error, PackageError::Member { member, .. } if member == "controllers.safetensors"),
+        "{error}"
+    );
+    let after = std::fs::read(&path).expect("the package is still there");
+    assert!(before == after, "a failed save touched the old package");
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let error = Avatar::load("no/such/puppet.m3a".as_ref()).expect_err("there is none");
+    assert!(error.to_string().contains("no/such/puppet.m3a"), "{error}");
+}
