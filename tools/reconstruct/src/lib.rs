@@ -1,6 +1,7 @@
 //! Builds avatars offline (paper, section IV-C): a person's meshes, textures and morph targets in; the template, its
 //! Gaussians and what the networks learn from out. Nothing here runs during a call.
 
+mod depth_map;
 mod error;
 pub mod makehuman;
 mod person;

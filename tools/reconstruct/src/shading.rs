@@ -3,15 +3,16 @@
 //!
 //! It is made for smooth, plausible light in a few tens of milliseconds a pose, not for sharp shadows.
 
+use crate::depth_map::DepthMap;
 use crate::{Part, Person};
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Directions the sky is sampled in.
 const SKY_DIRECTIONS: u16 = 32;
 
 /// Texels along a depth map's side: about 1 cm each on a person with spread arms.
-const MAP: usize = 192;
+const MAP: usize = 160;
 
 /// How far a vertex is lifted off its surface before it is tested, and by how much it may lie deeper, metres: more than
 /// a texel, so that a surface does not shade itself.
@@ -23,6 +24,9 @@ const PENUMBRA: f32 = 0.01;
 
 /// Rounds of averaging over neighbours, which take the depth maps' steps out.
 const SMOOTHING: usize = 3;
+
+/// Direction of the key light: high and from the person's left.
+const TOWARDS_KEY: Vec3 = Vec3::new(0.55, 0.62, 0.75);
 
 /// Light from one direction.
 #[derive(Debug, Clone, Copy)]
@@ -48,7 +52,7 @@ impl Light {
     #[must_use]
     pub fn new(person: &Person) -> Self {
         let faces = person.template().faces().to_vec();
-        let casts = |part: &Part| !matches!(part, Part::Brows | Part::Lashes | Part::Eyes);
+        let casts = |part: &Part| !matches!(part, Part::Brows | Part::Lashes | Part::Eyes | Part::Teeth | Part::Tongue);
         let casters = faces
             .iter()
             .zip(person.parts())
@@ -68,7 +72,7 @@ impl Light {
                 // Eyes in their sockets would go dull, an open mouth black.
                 Part::Eyes => (0.35, 0.8),
                 Part::Lashes | Part::Brows => (0.5, 0.7),
-                Part::Teeth | Part::Tongue => (1.0, 0.45),
+                Part::Teeth | Part::Tongue => (0.6, 0.7),
                 _ => (1.0, 0.12),
             })
             .collect();
@@ -112,7 +116,7 @@ impl Light {
     }
 
     fn light_from(&self, ray: Ray, vertices: &[Vec3], normals: &[Vec3]) -> Vec<Vec3> {
-        let map = DepthMap::new(ray.direction, vertices, &self.casters);
+        let map = DepthMap::new(ray.direction, MAP, vertices, &self.casters);
         vertices
             .iter()
             .zip(normals)
@@ -123,7 +127,7 @@ impl Light {
                     return Vec3::ZERO;
                 }
                 let lifted = *vertex + *normal * LIFT + ray.direction * BIAS;
-                ray.radiance * (facing * map.visibility(lifted))
+                ray.radiance * (facing * map.visibility(lifted, PENUMBRA))
             })
             .collect()
     }
@@ -148,16 +152,11 @@ impl Light {
 /// The light: sky, key and fill, scaled so that a surface that looks at the viewer gets about 1.
 fn rays() -> Vec<Ray> {
     let mut rays = Vec::new();
-    let golden = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
-    for k in 0..SKY_DIRECTIONS {
-        let y = 1.0 - 2.0 * (f32::from(k) + 0.5) / f32::from(SKY_DIRECTIONS);
-        let ring = (1.0 - y * y).sqrt();
-        let angle = golden * f32::from(k);
-        let direction = Vec3::new(ring * angle.cos(), y, ring * angle.sin());
+    for direction in sphere_directions(SKY_DIRECTIONS) {
         // Cool from above, a little warm bounce from the floor.
         let sky = Vec3::new(0.94, 0.98, 1.06);
         let floor = Vec3::new(0.50, 0.46, 0.42);
-        let radiance = floor.lerp(sky, 0.5 + 0.5 * y) * (1.0 + 0.25 * direction.z);
+        let radiance = floor.lerp(sky, 0.5 + 0.5 * direction.y);
         rays.push(Ray {
             direction,
             radiance: radiance * (1.9 / f32::from(SKY_DIRECTIONS)),
@@ -169,7 +168,7 @@ fn rays() -> Vec<Ray> {
         let y = towards.cross(x);
         for k in 0..count {
             let r = radius * ((f32::from(k) + 0.5) / f32::from(count)).sqrt();
-            let angle = golden * f32::from(k);
+            let angle = golden_angle() * f32::from(k);
             let direction = (towards + (x * angle.cos() + y * angle.sin()) * r).normalize();
             rays.push(Ray {
                 direction,
@@ -177,8 +176,10 @@ fn rays() -> Vec<Ray> {
             });
         }
     };
-    lamp(Vec3::new(0.55, 0.62, 0.75), 0.35, 8, Vec3::new(0.62, 0.58, 0.52));
-    lamp(Vec3::new(-0.8, 0.25, 0.55), 0.3, 4, Vec3::new(0.13, 0.15, 0.18));
+    lamp(TOWARDS_KEY, 0.35, 8, Vec3::new(0.62, 0.58, 0.52));
+    lamp(Vec3::new(-0.8, 0.25, 0.55), 0.3, 4, Vec3::new(0.15, 0.17, 0.20));
+    // From behind, so that the back is not in the dark.
+    lamp(Vec3::new(-0.35, 0.6, -0.8), 0.3, 4, Vec3::new(0.32, 0.33, 0.35));
     let towards_viewer = Vec3::new(0.0, 0.15, 1.0).normalize();
     let reference: f32 = rays
         .iter()
@@ -193,97 +194,23 @@ fn rays() -> Vec<Ray> {
     rays
 }
 
-/// The surface nearest to a distant light.
-struct DepthMap {
-    light_from_person: Mat3,
-    low: Vec3,
-    texels_per_metre: f32,
-    /// Height towards the light, metres.
-    nearest: Vec<f32>,
+/// The normal of a mirror that shows the key light to a viewer in front.
+pub(crate) fn half_way_to_key() -> Vec3 {
+    (TOWARDS_KEY.normalize() + Vec3::Z).normalize()
 }
 
-impl DepthMap {
-    fn new(towards: Vec3, vertices: &[Vec3], casters: &[[u32; 3]]) -> Self {
-        let x = towards.any_orthonormal_vector();
-        let person_from_light = Mat3::from_cols(x, towards.cross(x), towards);
-        let light_from_person = person_from_light.transpose();
-        let seen: Vec<Vec3> = vertices.iter().map(|v| light_from_person * *v).collect();
-        let low = seen.iter().copied().fold(Vec3::INFINITY, Vec3::min);
-        let high = seen.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
-        // Two texels of margin on every side.
-        let extent = (high - low).truncate().max_element().max(1e-3);
-        let texels_per_metre = (MAP - 4) as f32 / extent;
-        let low = low - 2.0 / texels_per_metre;
-        let mut map = Self {
-            light_from_person,
-            low,
-            texels_per_metre,
-            nearest: vec![f32::NEG_INFINITY; MAP * MAP],
-        };
-        for caster in casters {
-            let [a, b, c] = caster.map(|v| {
-                let p = seen[v as usize];
-                ((p - low) * texels_per_metre).truncate().extend(p.z)
-            });
-            map.draw(a, b, c);
-        }
-        map
-    }
+fn golden_angle() -> f32 {
+    std::f32::consts::PI * (3.0 - 5.0f32.sqrt())
+}
 
-    /// Draws a triangle in texels; a triangle too small to cover a texel's centre still marks the one it is in.
-    fn draw(&mut self, a: Vec3, b: Vec3, c: Vec3) {
-        let low = a.min(b).min(c);
-        let high = a.max(b).max(c);
-        let area = (b - a).truncate().perp_dot((c - a).truncate());
-        #[allow(clippy::cast_possible_truncation, reason = "texels of a small map")]
-        let texel = |v: f32| (v.max(0.0) as usize).min(MAP - 1);
-        let centre = (a + b + c) / 3.0;
-        self.mark(texel(centre.x), texel(centre.y), centre.z);
-        if area.abs() < 1e-6 {
-            return;
-        }
-        for y in texel(low.y)..=texel(high.y) {
-            for x in texel(low.x)..=texel(high.x) {
-                let p = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, 0.0);
-                let wb = (p - a).truncate().perp_dot((c - a).truncate()) / area;
-                let wc = (b - a).truncate().perp_dot((p - a).truncate()) / area;
-                if wb >= 0.0 && wc >= 0.0 && wb + wc <= 1.0 {
-                    self.mark(x, y, a.z + wb * (b.z - a.z) + wc * (c.z - a.z));
-                }
-            }
-        }
-    }
-
-    fn mark(&mut self, x: usize, y: usize, height: f32) {
-        let slot = &mut self.nearest[y * MAP + x];
-        *slot = slot.max(height);
-    }
-
-    /// How much of the light reaches `point`, 0..=1: soft tests of 3 x 3 texels under a quadratic B-spline.
-    fn visibility(&self, point: Vec3) -> f32 {
-        let seen = self.light_from_person * point;
-        let at = (seen - self.low) * self.texels_per_metre - 0.5;
-        let middle = at.round();
-        let past = at - middle;
-        let weights = |d: f32| {
-            [
-                0.5 * (0.5 - d) * (0.5 - d),
-                0.75 - d * d,
-                0.5 * (0.5 + d) * (0.5 + d),
-            ]
-        };
-        #[allow(clippy::cast_possible_truncation, reason = "clamped to the map")]
-        let texel = |v: f32| v.clamp(0.0, (MAP - 1) as f32) as usize;
-        let mut lit = 0.0;
-        for (j, wy) in (-1i8..).zip(weights(past.y)) {
-            let row = texel(middle.y + f32::from(j)) * MAP;
-            for (i, wx) in (-1i8..).zip(weights(past.x)) {
-                let height = self.nearest[row + texel(middle.x + f32::from(i))];
-                lit += wx * wy * (1.0 - (height - seen.z) / PENUMBRA).clamp(0.0, 1.0);
-            }
-        }
-        lit
-    }
+/// `count` directions spread evenly over the sphere (Fibonacci's spiral).
+pub(crate) fn sphere_directions(count: u16) -> impl Iterator<Item = Vec3> {
+    (0..count).map(move |k| {
+        let y = 1.0 - 2.0 * (f32::from(k) + 0.5) / f32::from(count);
+        let ring = (1.0 - y * y).sqrt();
+        let angle = golden_angle() * f32::from(k);
+        Vec3::new(ring * angle.cos(), y, ring * angle.sin())
+    })
 }
 
 /// Unit normals at the vertices, weighted by the faces' areas; up where a vertex has none.

@@ -118,7 +118,11 @@ fn textures(package: &Package) -> Result<Vec<Texture>, ReconstructError> {
             recipe::Pieces::ByCount(pieces) => pieces.iter().map(|(_, part)| *part).collect(),
         };
         for part in parts {
-            textures[part.index()] = texture.clone();
+            textures[part.index()] = if part == Part::Jacket {
+                texture.clone().with_lining()
+            } else {
+                texture.clone()
+            };
         }
     }
     Ok(textures)

@@ -1,14 +1,16 @@
 //! Covers the template with flat Gaussians: a regular grid of cells on every quad, so that neither holes nor clumps
 //! appear (random points need three times as many for the same look).
 
+use super::range_of_motion::range_of_motion;
+use super::visible::visible_faces;
 use super::{Part, Person};
-use crate::shading::{Light, vertex_normals};
+use crate::shading::{Light, half_way_to_key, vertex_normals};
 use glam::{Mat2, Mat3, Quat, Vec2, Vec3};
 use rayon::prelude::*;
 use spmm3::{GaussianSet, SH_C0};
 
 /// Standard deviation over cell size: neighbours overlap without blurring the texture.
-const SIGMA_OF_CELL: f32 = 0.62;
+const SIGMA_OF_CELL: f32 = 0.66;
 
 /// Thickness over the smaller standard deviation.
 const THICKNESS: f32 = 0.25;
@@ -17,6 +19,16 @@ const OPACITY: f32 = 0.98;
 
 /// Cells of hair, brows and lashes more transparent than this are left out.
 const MIN_ALPHA: f32 = 0.12;
+
+/// Normals of the eyeball that look further back than this never show between the lids (z component).
+const BACK_OF_THE_EYE: f32 = 0.1;
+
+/// Where the glint on the eye begins and how soft its edge is (cosines).
+const GLINT_EDGE: f32 = 0.982;
+const GLINT_BLUR: f32 = 0.008;
+
+/// A pose may stretch a cell this far; beyond, gaps are for the networks to close.
+const MAX_STRETCH: f32 = 3.0;
 
 /// How far Gaussians lift off the flat quad towards the smooth surface its normals suggest (Phong tessellation).
 const ROUNDNESS: f32 = 0.6;
@@ -76,13 +88,15 @@ pub fn shaded_colour(albedo: Vec3, factor: Vec3) -> Vec3 {
 fn density(part: Part) -> f32 {
     match part {
         Part::Face => 3.2,
-        Part::Head | Part::Teeth | Part::Tongue => 1.6,
+        Part::Head => 2.0,
+        Part::Teeth | Part::Tongue => 1.6,
         Part::Hand => 2.0,
         Part::Skin => 1.2,
         Part::Jacket | Part::Shirt | Part::Jeans | Part::Shoes => 1.0,
-        Part::Hair => 1.7,
-        Part::Eyes | Part::Brows => 5.0,
-        Part::Lashes => 6.0,
+        Part::Hair => 1.8,
+        Part::Eyes => 6.0,
+        Part::Brows => 8.0,
+        Part::Lashes => 9.0,
     }
 }
 
@@ -142,6 +156,15 @@ struct Cell {
 struct Surface<'a> {
     person: &'a Person,
     normals: Vec<Vec3>,
+    visible: Vec<bool>,
+    /// [N_f / 2] how far each quad's two edge directions stretch in some pose, 1..=3.
+    stretch: Vec<Vec2>,
+}
+
+/// The corners of a quad from its halves 012 and 023.
+fn corners(halves: &[[u32; 3]]) -> [u32; 4] {
+    let [a, b, c] = halves[0];
+    [a, b, c, halves[halves.len() - 1][2]]
 }
 
 /// One quad of the surface.
@@ -150,6 +173,15 @@ struct Patch {
     normals: [Vec3; 4],
     uvs: [Vec2; 4],
     part: Part,
+    stretch: Vec2,
+}
+
+/// Mean lengths of a quad's opposite edges: from corner 0 to 1, and from 0 to 3.
+fn edges([a, b, c, d]: [Vec3; 4]) -> Vec2 {
+    0.5 * Vec2::new(
+        a.distance(b) + d.distance(c),
+        a.distance(d) + b.distance(c),
+    )
 }
 
 fn bilinear<T>(corners: &[T; 4], u: f32, v: f32) -> T
@@ -165,16 +197,13 @@ where
 impl Patch {
     /// Cells along the two edges.
     fn grid(&self, spacing: f32) -> (u32, u32) {
-        let [a, b, c, d] = self.corners;
+        let lengths = edges(self.corners) * self.stretch;
         let cells = |length: f32| {
             #[allow(clippy::cast_possible_truncation, reason = "an edge has few cells")]
             let cells = (length * density(self.part) / spacing).round().clamp(1.0, 1000.0) as u32;
             cells
         };
-        (
-            cells(0.5 * (a.distance(b) + d.distance(c))),
-            cells(0.5 * (a.distance(d) + b.distance(c))),
-        )
+        (cells(lengths.x), cells(lengths.y))
     }
 
     /// Phong tessellation (Boubekeur and Alexa 2008) on a bilinear patch.
@@ -202,8 +231,14 @@ impl Patch {
                 }
                 opacity *= alpha * if self.part == Part::Brows { 0.5 } else { 1.0 };
             }
-            Part::Teeth => albedo *= 0.7,
+            Part::Teeth => albedo *= 0.8,
             _ => {}
+        }
+        if self.part == Part::Eyes {
+            // A glint where the key light mirrors towards the viewer: without it eyes look dead.
+            let towards = bilinear(&self.normals, u, v).normalize_or_zero();
+            let glint = ((towards.dot(half_way_to_key()) - GLINT_EDGE) / GLINT_BLUR).clamp(0.0, 1.0);
+            albedo = albedo.lerp(Vec3::ONE, 0.85 * glint);
         }
         let along_u = self.point(u + 0.5 * size.x, v) - self.point(u - 0.5 * size.x, v);
         let along_v = self.point(u, v + 0.5 * size.y) - self.point(u, v - 0.5 * size.y);
@@ -211,9 +246,11 @@ impl Patch {
         let x = along_u.try_normalize()?;
         let y = normal.cross(x);
         // A skewed cell's covariance in its plane: its principal axes are the Gaussian's.
+        // Gaussians do not grow with the mesh, so they are made for the pose that stretches them most: they overlap in
+        // this one, as a lid does that is folded away.
         let cell = Mat2::from_cols(
-            Vec2::new(along_u.length(), 0.0),
-            Vec2::new(along_v.dot(x), along_v.dot(y)),
+            Vec2::new(along_u.length(), 0.0) * self.stretch.x,
+            Vec2::new(along_v.dot(x), along_v.dot(y)) * self.stretch.y,
         );
         let covariance = cell * cell.transpose();
         let (p, q, r) = (
@@ -250,29 +287,56 @@ impl Patch {
 impl<'a> Surface<'a> {
     fn new(person: &'a Person) -> Self {
         let template = person.template();
+        let normals = vertex_normals(template.vertices(), template.faces());
+        let mut visible = visible_faces(person);
+        for ((visible, face), part) in visible.iter_mut().zip(template.faces()).zip(person.parts()) {
+            *visible &= *part != Part::Eyes || normals[face[0] as usize].z > BACK_OF_THE_EYE;
+        }
+        let range = range_of_motion(person);
+        let stretch = template
+            .faces()
+            .par_chunks(2)
+            .map(|halves| {
+                let lengths = |vertices: &[Vec3]| edges(corners(halves).map(|v| vertices[v as usize]));
+                let rest = lengths(template.vertices()).max(Vec2::splat(1e-6));
+                range
+                    .iter()
+                    .map(|posed| lengths(posed) / rest)
+                    .fold(Vec2::ONE, Vec2::max)
+                    .min(Vec2::splat(MAX_STRETCH))
+            })
+            .collect();
         Self {
             person,
-            normals: vertex_normals(template.vertices(), template.faces()),
+            normals,
+            visible,
+            stretch,
         }
     }
 
     fn patch(&self, quad: u32) -> Patch {
         let (first, second) = (2 * quad as usize, 2 * quad as usize + 1);
-        let faces = self.person.template().faces();
-        let [a, b, c] = faces[first];
-        let corners = [a, b, c, faces[second][2]];
+        let corners = corners(&self.person.template().faces()[first..=second]);
         let uvs = self.person.uvs();
         Patch {
             corners: corners.map(|v| self.person.template().vertices()[v as usize]),
             normals: corners.map(|v| self.normals[v as usize]),
             uvs: [uvs[first][0], uvs[first][1], uvs[first][2], uvs[second][2]],
             part: self.person.parts()[first],
+            stretch: self.stretch[quad as usize],
         }
     }
 
-    fn quads(&self) -> impl IndexedParallelIterator<Item = u32> {
+    fn quads(&self) -> impl ParallelIterator<Item = u32> {
         let quads = u32::try_from(self.person.parts().len() / 2).unwrap_or(0);
-        (0..quads).into_par_iter()
+        (0..quads)
+            .into_par_iter()
+            .filter(|quad| self.is_visible(*quad))
+    }
+
+    fn is_visible(&self, quad: u32) -> bool {
+        let first = 2 * quad as usize;
+        self.visible[first] || self.visible[first + 1]
     }
 
     fn count(&self, spacing: f32) -> usize {

@@ -9,17 +9,19 @@ mod expression;
 mod gaussians;
 mod joints;
 mod part;
+mod range_of_motion;
 mod recipe;
 mod texture;
 mod tpose;
+mod visible;
 
 pub use expression::EXPRESSIONS_USED;
 pub use gaussians::{ColouredGaussians, build_gaussians, shaded_colour};
 pub use part::Part;
 pub use texture::Texture;
 
-use glam::{Vec2, Vec3};
-use spmm3::{Expressions, Skeleton, Template};
+use glam::{Affine3A, Vec2, Vec3};
+use spmm3::{Expressions, Joint, MotionParams, Skeleton, SkinningTransforms, Template};
 
 /// A textured, skinned person in T-pose with a face that can talk.
 ///
@@ -98,6 +100,25 @@ impl Person {
             }
         }
         vertices
+    }
+
+    /// The mesh [N_v] of a motion by linear blend skinning alone, root translation left out: metres, the person's space.
+    #[must_use]
+    pub fn posed(&self, motion: &MotionParams) -> Vec<Vec3> {
+        let mut transforms = SkinningTransforms::default();
+        self.skeleton
+            .skinning(&self.skeleton.pose(motion), &mut transforms);
+        let maps: [Affine3A; spmm3::JOINTS] = Joint::ALL.map(|j| transforms.posed_from_rest(j));
+        self.expressed(motion.expression())
+            .iter()
+            .zip(self.template.skin())
+            .map(|(vertex, skin)| {
+                let moved = |(joint, weight): (&u8, f32)| {
+                    maps[usize::from(*joint)].transform_point3(*vertex) * weight
+                };
+                skin.joints.iter().zip(skin.weights).map(moved).sum()
+            })
+            .collect()
     }
 
     /// One part per vertex: that of the last triangle that uses it.

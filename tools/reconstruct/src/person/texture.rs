@@ -6,6 +6,12 @@ use image::RgbaImage;
 /// Texels that transparent borders are filled from, outwards: twice the widest seam.
 const BLEED: usize = 6;
 
+/// Cloth darker than this in every channel was left unpainted.
+const UNPAINTED: f32 = 0.11;
+
+/// Texels that unpainted cloth is filled from, outwards.
+const LINING: usize = 48;
+
 /// An RGBA image with colour bled past its transparent borders, so that seams do not show the background.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Texture {
@@ -27,14 +33,21 @@ impl Texture {
             height: image.height() as usize,
             texels,
         };
-        texture.bleed();
+        texture.bleed(|texel| texel.w > 0.02, BLEED);
         texture
     }
 
-    /// Gives fully transparent texels the mean colour of opaque neighbours; their alpha stays.
-    fn bleed(&mut self) {
-        let mut known: Vec<bool> = self.texels.iter().map(|t| t.w > 0.02).collect();
-        for _ in 0..BLEED {
+    /// The texture with what is nearly black filled in from around it: for cloth whose hidden lining was never painted.
+    #[must_use]
+    pub fn with_lining(mut self) -> Self {
+        self.bleed(|texel| texel.truncate().max_element() > UNPAINTED, LINING);
+        self
+    }
+
+    /// Gives texels that are not `painted` the mean colour of painted neighbours, so many rings far; alpha stays.
+    fn bleed(&mut self, painted: impl Fn(&Vec4) -> bool, rings: usize) {
+        let mut known: Vec<bool> = self.texels.iter().map(painted).collect();
+        for _ in 0..rings {
             let mut filled = Vec::new();
             for at in (0..self.texels.len()).filter(|at| !known[*at]) {
                 let mut sum = Vec4::ZERO;

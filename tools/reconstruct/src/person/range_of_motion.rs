@@ -1,0 +1,65 @@
+//! A few poses and expressions that between them stretch a person's surface about as far as it goes.
+
+use super::Person;
+use glam::Vec3;
+use spmm3::{Joint, MotionParams};
+
+/// Rotations (degrees about x, y, z) of left joints; the right ones mirror them.
+type Turns = &'static [(&'static str, [f32; 3])];
+
+const POSES: [Turns; 5] = [
+    ARMS_DOWN,
+    &[("collar", [0.0, 0.0, 15.0]), ("shoulder", [0.0, 0.0, 50.0])],
+    &[("elbow", [0.0, -110.0, 0.0])],
+    &[("hip", [-70.0, 0.0, 0.0]), ("knee", [80.0, 0.0, 0.0])],
+    &[
+        ("index1", [0.0, 0.0, -70.0]),
+        ("index2", [0.0, 0.0, -70.0]),
+        ("index3", [0.0, 0.0, -50.0]),
+        ("middle1", [0.0, 0.0, -70.0]),
+        ("middle2", [0.0, 0.0, -70.0]),
+        ("middle3", [0.0, 0.0, -50.0]),
+        ("ring1", [0.0, 0.0, -70.0]),
+        ("ring2", [0.0, 0.0, -70.0]),
+        ("ring3", [0.0, 0.0, -50.0]),
+        ("pinky1", [0.0, 0.0, -70.0]),
+        ("pinky2", [0.0, 0.0, -70.0]),
+        ("pinky3", [0.0, 0.0, -50.0]),
+    ],
+];
+
+const ARMS_DOWN: Turns = &[("shoulder", [0.0, 0.0, -70.0])];
+
+fn motion(turns: Turns) -> MotionParams {
+    let mut motion = MotionParams::default();
+    for joint in Joint::ALL {
+        for (name, degrees) in turns {
+            let angles = Vec3::from_array(*degrees) * 1f32.to_radians();
+            if joint.name().strip_prefix("left_") == Some(name) {
+                motion.set_axis_angle(joint, angles);
+            } else if joint.name().strip_prefix("right_") == Some(name) {
+                motion.set_axis_angle(joint, angles * Vec3::new(1.0, -1.0, -1.0));
+            }
+        }
+    }
+    motion
+}
+
+/// The mesh with hanging arms.
+pub(super) fn arms_down(person: &Person) -> Vec<Vec3> {
+    person.posed(&motion(ARMS_DOWN))
+}
+
+/// The mesh [N_v] in every pose and expression of the range.
+pub(super) fn range_of_motion(person: &Person) -> Vec<Vec<Vec3>> {
+    let poses = POSES.iter().map(|turns| motion(turns));
+    let faces = person.presets().values().map(|preset| {
+        let mut motion = MotionParams::default();
+        motion
+            .expression_mut()
+            .copy_from_slice(&preset.coefficients);
+        motion.set_axis_angle(Joint::Jaw, Vec3::X * preset.jaw);
+        motion
+    });
+    poses.chain(faces).map(|m| person.posed(&m)).collect()
+}
