@@ -9,7 +9,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Directions the sky is sampled in.
-const SKY_DIRECTIONS: u16 = 32;
+const SKY_DIRECTIONS: u16 = 26;
 
 /// Texels along a depth map's side: about 1 cm each on a person with spread arms.
 const MAP: usize = 160;
@@ -52,7 +52,12 @@ impl Light {
     #[must_use]
     pub fn new(person: &Person) -> Self {
         let faces = person.template().faces().to_vec();
-        let casts = |part: &Part| !matches!(part, Part::Brows | Part::Lashes | Part::Eyes | Part::Teeth | Part::Tongue);
+        let casts = |part: &Part| {
+            !matches!(
+                part,
+                Part::Brows | Part::Lashes | Part::Eyes | Part::Teeth | Part::Tongue
+            )
+        };
         let casters = faces
             .iter()
             .zip(person.parts())
@@ -72,7 +77,8 @@ impl Light {
                 // Eyes in their sockets would go dull, an open mouth black.
                 Part::Eyes => (0.35, 0.8),
                 Part::Lashes | Part::Brows => (0.5, 0.7),
-                Part::Teeth | Part::Tongue => (0.6, 0.7),
+                Part::Teeth => (0.6, 0.82),
+                Part::Tongue => (0.8, 0.5),
                 _ => (1.0, 0.12),
             })
             .collect();
@@ -108,9 +114,7 @@ impl Light {
             factors = self.smoothed(&factors);
         }
         for (factor, (strength, floor)) in factors.iter_mut().zip(&self.shade) {
-            *factor = Vec3::ONE
-                .lerp(*factor, *strength)
-                .max(Vec3::splat(*floor));
+            *factor = Vec3::ONE.lerp(*factor, *strength).max(Vec3::splat(*floor));
         }
         factors
     }
@@ -176,10 +180,20 @@ fn rays() -> Vec<Ray> {
             });
         }
     };
-    lamp(TOWARDS_KEY, 0.35, 8, Vec3::new(0.62, 0.58, 0.52));
-    lamp(Vec3::new(-0.8, 0.25, 0.55), 0.3, 4, Vec3::new(0.15, 0.17, 0.20));
+    lamp(TOWARDS_KEY, 0.35, 6, Vec3::new(0.62, 0.58, 0.52));
+    lamp(
+        Vec3::new(-0.8, 0.25, 0.55),
+        0.3,
+        3,
+        Vec3::new(0.15, 0.17, 0.20),
+    );
     // From behind, so that the back is not in the dark.
-    lamp(Vec3::new(-0.35, 0.6, -0.8), 0.3, 4, Vec3::new(0.32, 0.33, 0.35));
+    lamp(
+        Vec3::new(-0.35, 0.6, -0.8),
+        0.3,
+        3,
+        Vec3::new(0.32, 0.33, 0.35),
+    );
     let towards_viewer = Vec3::new(0.0, 0.15, 1.0).normalize();
     let reference: f32 = rays
         .iter()

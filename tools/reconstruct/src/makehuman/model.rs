@@ -174,7 +174,9 @@ fn decode_faces(flat: &[u32], vertices: usize, uvs: &[Vec2]) -> Result<Vec<Quad>
         }
         let corners = [body[0], body[1], body[2], body[3]];
         if corners.iter().any(|v| *v as usize >= vertices) {
-            return Err(format!("face {at} names vertices {corners:?} of {vertices}"));
+            return Err(format!(
+                "face {at} names vertices {corners:?} of {vertices}"
+            ));
         }
         let mut corner_uvs = [Vec2::ZERO; 4];
         for (slot, index) in corner_uvs.iter_mut().zip(&body[uv_at..uv_at + 4]) {

@@ -101,7 +101,11 @@ impl Proxy {
         if model.fit.is_empty() {
             return Err(wrong("it has no fit to the body (ref_vIdxs)"));
         }
-        if model.fit.iter().any(|(r, ..)| r.iter().any(|v| *v as usize >= bound)) {
+        if model
+            .fit
+            .iter()
+            .any(|(r, ..)| r.iter().any(|v| *v as usize >= bound))
+        {
             return Err(wrong("its fit names vertices the body lacks"));
         }
         if !matches!(model.delete.len(), n if n == 0 || n == bound) {

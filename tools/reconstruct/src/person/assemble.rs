@@ -12,6 +12,10 @@ use std::collections::BTreeMap;
 const TEETH_BACK: f32 = 0.035;
 const TEETH_WIDTH: f32 = 0.92;
 
+/// The tongue lies against the palate in the file; in an open mouth it must not hide the teeth.
+const TONGUE_BACK: f32 = 0.10;
+const TONGUE_DOWN: f32 = 0.06;
+
 /// The person before posing: quads over vertices anchored on the body.
 pub(super) struct Assembly {
     /// Faces; corners index the lists below.
@@ -52,13 +56,15 @@ impl Assembly {
             let parts = label(item, &proxy).map_err(|w| ReconstructError::content(&path, w))?;
             proxies.push((item, proxy, parts));
         }
-        let visible = |quad: &&Quad| {
-            quad.material == 0 && !quad.corners.iter().all(|v| covered[*v as usize])
-        };
+        let visible =
+            |quad: &&Quad| quad.material == 0 && !quad.corners.iter().all(|v| covered[*v as usize]);
         let skin: Vec<Quad> = model.quads.iter().filter(visible).copied().collect();
         let regions = BodyRegions::new(rig, body, &model.weights);
         let parts: Vec<Part> = skin.iter().map(|q| regions.part(q)).collect();
-        let anchors: Vec<Anchor> = (0..).take(model.vertices.len()).map(Anchor::body_vertex).collect();
+        let anchors: Vec<Anchor> = (0..)
+            .take(model.vertices.len())
+            .map(Anchor::body_vertex)
+            .collect();
         assembly.add(&skin, &parts, &anchors, &model.weights, Vec3::ONE);
         for (item, proxy, parts) in &proxies {
             let scale = item.made_on.scale(body);
@@ -108,6 +114,8 @@ impl Assembly {
             if *part == Part::Teeth {
                 vertex.z -= TEETH_BACK;
                 vertex.x *= TEETH_WIDTH;
+            } else if *part == Part::Tongue {
+                *vertex -= Vec3::new(0.0, TONGUE_DOWN, TONGUE_BACK);
             }
         }
         vertices
@@ -165,7 +173,10 @@ pub(super) fn connected(vertices: usize, quads: &[Quad]) -> Vec<u32> {
     }
     for quad in quads {
         for corner in &quad.corners[1..] {
-            let (a, b) = (root(&mut parent, quad.corners[0]), root(&mut parent, *corner));
+            let (a, b) = (
+                root(&mut parent, quad.corners[0]),
+                root(&mut parent, *corner),
+            );
             parent[a.max(b) as usize] = a.min(b);
         }
     }
@@ -219,8 +230,17 @@ impl<'a> BodyRegions<'a> {
         if share(&self.hand) > 0.5 {
             Part::Hand
         } else if share(&self.head) > 0.5 {
-            let z = quad.corners.iter().map(|v| self.body[*v as usize].z).sum::<f32>() / 4.0;
-            if z > self.face_behind { Part::Face } else { Part::Head }
+            let z = quad
+                .corners
+                .iter()
+                .map(|v| self.body[*v as usize].z)
+                .sum::<f32>()
+                / 4.0;
+            if z > self.face_behind {
+                Part::Face
+            } else {
+                Part::Head
+            }
         } else {
             Part::Skin
         }

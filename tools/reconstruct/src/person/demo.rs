@@ -18,7 +18,10 @@ impl Person {
     ///
     /// # Errors
     /// If a file is missing or damaged; the error names it.
-    pub fn demo(makehuman: &Path, mut progress: impl FnMut(&str)) -> Result<Self, ReconstructError> {
+    pub fn demo(
+        makehuman: &Path,
+        mut progress: impl FnMut(&str),
+    ) -> Result<Self, ReconstructError> {
         let package = Package::new(makehuman);
         let model_path = package.data("models/human_full_size.json");
         progress("decoding the body");
@@ -51,10 +54,10 @@ impl Person {
 
         progress("collapsing the weights to 55 joints");
         let bone_joints = joints::joints_of_rig(&rig, &model_path)?;
-        let skin = joints::collapse_weights(&assembly.weights, &bone_joints)
-            .iter()
-            .map(joints::strongest)
-            .collect();
+        let mut dense = joints::collapse_weights(&assembly.weights, &bone_joints);
+        let is_cloth: Vec<bool> = assembly.vertex_parts.iter().map(|p| p.is_cloth()).collect();
+        joints::smooth_cloth(&mut dense, &assembly.quads, &is_cloth);
+        let skin = dense.iter().map(joints::strongest).collect();
 
         progress("compressing the expressions");
         let names: Vec<String> = targets

@@ -3,6 +3,7 @@
 //! If each unit of U [34] is drawn independently with deviation s, the offsets' principal components are the singular
 //! vectors of U; scaling each by s times its singular value gives coefficients of unit variance, FLAME's convention.
 
+use super::recipe::NEUTRAL_EYES;
 use glam::Vec3;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -16,7 +17,11 @@ const UNIT_DEVIATION: f32 = 0.3;
 
 /// Named expressions: degrees of jaw opening and strengths of expression units. A unit's `*` stands for both sides.
 const PRESETS: [(&str, f32, &[(&str, f32)]); 11] = [
-    ("blink", 0.0, &[("eye-*-closure", 1.0)]),
+    (
+        "blink",
+        0.0,
+        &[("eye-*-closure", 1.0), ("eye-*-opened-up", -NEUTRAL_EYES)],
+    ),
     (
         "smile",
         0.0,
@@ -80,7 +85,11 @@ pub(super) fn compress(units: &[(String, Vec<Vec3>)]) -> ExpressionBasis {
         .iter()
         .map(|k| {
             let column = eigen.eigenvectors.column(*k);
-            let sign = if column[column.icamax()] < 0.0 { -1.0 } else { 1.0 };
+            let sign = if column[column.icamax()] < 0.0 {
+                -1.0
+            } else {
+                1.0
+            };
             #[allow(clippy::cast_possible_truncation, reason = "a unit vector's component")]
             column.iter().map(|v| (v * sign) as f32).collect()
         })

@@ -24,11 +24,13 @@ const MIN_ALPHA: f32 = 0.12;
 const BACK_OF_THE_EYE: f32 = 0.1;
 
 /// Where the glint on the eye begins and how soft its edge is (cosines).
-const GLINT_EDGE: f32 = 0.982;
-const GLINT_BLUR: f32 = 0.008;
+const GLINT_EDGE: f32 = 0.990;
+const GLINT_BLUR: f32 = 0.005;
 
-/// A pose may stretch a cell this far; beyond, gaps are for the networks to close.
-const MAX_STRETCH: f32 = 3.0;
+/// A pose may stretch a cell this far; beyond, gaps are for the networks to close. Lids unfold; cloth that shears would
+/// show larger Gaussians as spikes.
+const MAX_STRETCH_FACE: f32 = 3.0;
+const MAX_STRETCH: f32 = 1.6;
 
 /// How far Gaussians lift off the flat quad towards the smooth surface its normals suggest (Phong tessellation).
 const ROUNDNESS: f32 = 0.6;
@@ -174,14 +176,12 @@ struct Patch {
     uvs: [Vec2; 4],
     part: Part,
     stretch: Vec2,
+    roundness: f32,
 }
 
 /// Mean lengths of a quad's opposite edges: from corner 0 to 1, and from 0 to 3.
 fn edges([a, b, c, d]: [Vec3; 4]) -> Vec2 {
-    0.5 * Vec2::new(
-        a.distance(b) + d.distance(c),
-        a.distance(d) + b.distance(c),
-    )
+    0.5 * Vec2::new(a.distance(b) + d.distance(c), a.distance(d) + b.distance(c))
 }
 
 fn bilinear<T>(corners: &[T; 4], u: f32, v: f32) -> T
@@ -200,7 +200,9 @@ impl Patch {
         let lengths = edges(self.corners) * self.stretch;
         let cells = |length: f32| {
             #[allow(clippy::cast_possible_truncation, reason = "an edge has few cells")]
-            let cells = (length * density(self.part) / spacing).round().clamp(1.0, 1000.0) as u32;
+            let cells = (length * density(self.part) / spacing)
+                .round()
+                .clamp(1.0, 1000.0) as u32;
             cells
         };
         (cells(lengths.x), cells(lengths.y))
@@ -213,10 +215,16 @@ impl Patch {
         for k in 0..4 {
             onto[k] = flat - self.normals[k] * (flat - self.corners[k]).dot(self.normals[k]);
         }
-        flat.lerp(bilinear(&onto, u, v), ROUNDNESS)
+        flat.lerp(bilinear(&onto, u, v), self.roundness)
     }
 
-    fn cell(&self, quad: u32, (i, j): (u32, u32), (n_u, n_v): (u32, u32), person: &Person) -> Option<Cell> {
+    fn cell(
+        &self,
+        quad: u32,
+        (i, j): (u32, u32),
+        (n_u, n_v): (u32, u32),
+        person: &Person,
+    ) -> Option<Cell> {
         let size = Vec2::new(1.0 / n_u as f32, 1.0 / n_v as f32);
         let low = Vec2::new(i as f32, j as f32) * size;
         let (u, v) = (low + 0.5 * size).into();
@@ -231,13 +239,14 @@ impl Patch {
                 }
                 opacity *= alpha * if self.part == Part::Brows { 0.5 } else { 1.0 };
             }
-            Part::Teeth => albedo *= 0.8,
+            Part::Teeth => albedo *= Vec3::new(1.0, 0.97, 0.92),
             _ => {}
         }
         if self.part == Part::Eyes {
             // A glint where the key light mirrors towards the viewer: without it eyes look dead.
             let towards = bilinear(&self.normals, u, v).normalize_or_zero();
-            let glint = ((towards.dot(half_way_to_key()) - GLINT_EDGE) / GLINT_BLUR).clamp(0.0, 1.0);
+            let glint =
+                ((towards.dot(half_way_to_key()) - GLINT_EDGE) / GLINT_BLUR).clamp(0.0, 1.0);
             albedo = albedo.lerp(Vec3::ONE, 0.85 * glint);
         }
         let along_u = self.point(u + 0.5 * size.x, v) - self.point(u - 0.5 * size.x, v);
@@ -263,7 +272,10 @@ impl Patch {
         let major = (0.5 * (p + r) + spread).sqrt();
         let minor = (0.5 * (p + r) - spread).max(1e-12).sqrt();
         let axis = x * turn.cos() + y * turn.sin();
-        let (major, minor) = (SIGMA_OF_CELL * major, SIGMA_OF_CELL * minor.max(0.05 * major));
+        let (major, minor) = (
+            SIGMA_OF_CELL * major,
+            SIGMA_OF_CELL * minor.max(0.05 * major),
+        );
         let scales = Vec3::new(major, minor, THICKNESS * minor).max(Vec3::splat(2e-5));
         // The halves of the quad are 012 and 023.
         let (half, barycentric) = if v <= u {
@@ -273,7 +285,8 @@ impl Patch {
         };
         Some(Cell {
             position: self.point(u, v),
-            rotation: Quat::from_mat3(&Mat3::from_cols(axis, normal.cross(axis), normal)).normalize(),
+            rotation: Quat::from_mat3(&Mat3::from_cols(axis, normal.cross(axis), normal))
+                .normalize(),
             scales,
             opacity,
             albedo,
@@ -289,21 +302,28 @@ impl<'a> Surface<'a> {
         let template = person.template();
         let normals = vertex_normals(template.vertices(), template.faces());
         let mut visible = visible_faces(person);
-        for ((visible, face), part) in visible.iter_mut().zip(template.faces()).zip(person.parts()) {
+        for ((visible, face), part) in visible.iter_mut().zip(template.faces()).zip(person.parts())
+        {
             *visible &= *part != Part::Eyes || normals[face[0] as usize].z > BACK_OF_THE_EYE;
         }
         let range = range_of_motion(person);
         let stretch = template
             .faces()
             .par_chunks(2)
-            .map(|halves| {
-                let lengths = |vertices: &[Vec3]| edges(corners(halves).map(|v| vertices[v as usize]));
+            .zip(person.parts().par_chunks(2))
+            .map(|(halves, parts)| {
+                let limit = match parts[0] {
+                    Part::Face => MAX_STRETCH_FACE,
+                    _ => MAX_STRETCH,
+                };
+                let lengths =
+                    |vertices: &[Vec3]| edges(corners(halves).map(|v| vertices[v as usize]));
                 let rest = lengths(template.vertices()).max(Vec2::splat(1e-6));
                 range
                     .iter()
                     .map(|posed| lengths(posed) / rest)
                     .fold(Vec2::ONE, Vec2::max)
-                    .min(Vec2::splat(MAX_STRETCH))
+                    .min(Vec2::splat(limit))
             })
             .collect();
         Self {
@@ -318,9 +338,17 @@ impl<'a> Surface<'a> {
         let (first, second) = (2 * quad as usize, 2 * quad as usize + 1);
         let corners = corners(&self.person.template().faces()[first..=second]);
         let uvs = self.person.uvs();
+        let normals = corners.map(|v| self.normals[v as usize]);
+        let corners = corners.map(|v| self.person.template().vertices()[v as usize]);
+        let flat = (corners[2] - corners[0])
+            .cross(corners[3] - corners[1])
+            .normalize_or_zero();
+        let sharpest = normals.map(|n| n.dot(flat)).into_iter().fold(1.0, f32::min);
         Patch {
-            corners: corners.map(|v| self.person.template().vertices()[v as usize]),
-            normals: corners.map(|v| self.normals[v as usize]),
+            corners,
+            normals,
+            // A fold (a hem, the rim of a sole) is not a sampled curve: its normals would throw Gaussians off it.
+            roundness: ROUNDNESS * ((sharpest - 0.5) / 0.3).clamp(0.0, 1.0),
             uvs: [uvs[first][0], uvs[first][1], uvs[first][2], uvs[second][2]],
             part: self.person.parts()[first],
             stretch: self.stretch[quad as usize],

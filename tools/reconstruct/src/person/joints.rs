@@ -1,7 +1,7 @@
 //! From the 163 bones of MakeHuman's rig to SMPL-X's 55 joints.
 
 use crate::ReconstructError;
-use crate::makehuman::{BoneWeights, Rig};
+use crate::makehuman::{BoneWeights, Quad, Rig};
 use glam::Vec3;
 use spmm3::{INFLUENCES, JOINTS, Joint, SkinWeights};
 use std::path::Path;
@@ -119,7 +119,7 @@ pub(super) fn joints_of_rig(rig: &Rig, source: &Path) -> Result<Vec<Joint>, Reco
         .collect()
 }
 
-/// Sums weights over the bones of each joint and keeps the four largest.
+/// Sums weights over the bones of each joint: [N_v][55].
 pub(super) fn collapse_weights(weights: &[BoneWeights], joints: &[Joint]) -> Vec<[f32; JOINTS]> {
     weights
         .iter()
@@ -133,6 +133,32 @@ pub(super) fn collapse_weights(weights: &[BoneWeights], joints: &[Joint]) -> Vec
             dense
         })
         .collect()
+}
+
+/// Rounds of averaging cloth's weights with the neighbours'.
+const CLOTH_SMOOTHING: usize = 6;
+
+/// Spreads the weights of cloth over its surface. The files' weights step from the trunk to a sleeve over one edge,
+/// which tears when an arm is raised; `is_cloth` says which vertices to smooth.
+pub(super) fn smooth_cloth(dense: &mut [[f32; JOINTS]], quads: &[Quad], is_cloth: &[bool]) {
+    let mut neighbours = vec![Vec::new(); dense.len()];
+    for quad in quads {
+        for k in 0..4 {
+            let (a, b) = (quad.corners[k] as usize, quad.corners[(k + 1) % 4] as usize);
+            neighbours[a].push(b);
+            neighbours[b].push(a);
+        }
+    }
+    for _ in 0..CLOTH_SMOOTHING {
+        let before = dense.to_vec();
+        for (vertex, near) in neighbours.iter().enumerate().filter(|(v, _)| is_cloth[*v]) {
+            let share = 0.5 / near.len().max(1) as f32;
+            for joint in 0..JOINTS {
+                let around: f32 = near.iter().map(|n| before[*n][joint]).sum();
+                dense[vertex][joint] = 0.5 * before[vertex][joint] + share * around;
+            }
+        }
+    }
 }
 
 /// Keeps the strongest joints of a dense row and makes them sum to 1.

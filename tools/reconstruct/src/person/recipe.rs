@@ -42,11 +42,18 @@ pub(super) const MACROS: Macros = Macros {
 pub(super) const UNITS: &str = "expression/units/caucasian/";
 
 /// Expression units that are part of the neutral face: a friendlier one than the macros give.
-pub(super) const NEUTRAL: [(&str, f32); 3] = [
-    ("mouth-corner-puller", 0.18),
-    ("eyebrows-left-down", -0.25),
-    ("eyebrows-right-down", -0.25),
+pub(super) const NEUTRAL: [(&str, f32); 7] = [
+    ("mouth-corner-puller", 0.2),
+    ("eyebrows-left-down", -0.1),
+    ("eyebrows-right-down", -0.1),
+    ("eyebrows-left-extern-up", 0.3),
+    ("eyebrows-right-extern-up", 0.3),
+    ("eye-left-opened-up", NEUTRAL_EYES),
+    ("eye-right-opened-up", NEUTRAL_EYES),
 ];
+
+/// How wide the neutral face opens its eyes; a blink takes it back.
+pub(super) const NEUTRAL_EYES: f32 = 0.15;
 
 pub(super) const ITEMS: [Item; 8] = [
     Item {

@@ -83,7 +83,10 @@ impl Texture {
         let x = (uv.x * self.width as f32 - 0.5).clamp(0.0, (self.width - 1) as f32);
         let y = ((1.0 - uv.y) * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32);
         let (fx, fy) = (x.fract(), y.fract());
-        #[allow(clippy::cast_possible_truncation, reason = "clamped to the image above")]
+        #[allow(
+            clippy::cast_possible_truncation,
+            reason = "clamped to the image above"
+        )]
         let (x0, y0) = (x as usize, y as usize);
         let at = |x: usize, y: usize| {
             self.texels[y.min(self.height - 1) * self.width + x.min(self.width - 1)]
@@ -106,7 +109,11 @@ impl Texture {
             plain += texel.truncate();
             alpha += texel.w;
         }
-        let colour = if alpha > 1e-3 { sum / alpha } else { plain / 9.0 };
+        let colour = if alpha > 1e-3 {
+            sum / alpha
+        } else {
+            plain / 9.0
+        };
         (colour, alpha / 9.0)
     }
 }

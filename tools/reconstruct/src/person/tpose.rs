@@ -7,6 +7,9 @@ use glam::{Affine3A, Quat, Vec3};
 /// How far the collar bones rise with the arms, radians: about what a shoulder does by itself.
 const COLLAR_LIFT: f32 = 4.0 * std::f32::consts::PI / 180.0;
 
+/// How far the straight legs spread, radians: SMPL-X's do, and trouser legs stay apart.
+const LEG_SPREAD: f32 = 2.0 * std::f32::consts::PI / 180.0;
+
 /// How straight the fingers become: 1 aligns the phalanges, 0 keeps the rest pose's curl.
 const FINGER_STRAIGHTNESS: f32 = 0.75;
 
@@ -25,10 +28,7 @@ pub(super) fn straighten(rig: &Rig, heads: &[Vec3], tails: &[Vec3]) -> TPose {
     let chain = Chain { rig, heads, tails };
     for (index, bone) in rig.bones().iter().enumerate() {
         let (inherited, head) = match bone.parent {
-            Some(p) => (
-                turned[p],
-                posed[p] + turned[p] * (heads[index] - heads[p]),
-            ),
+            Some(p) => (turned[p], posed[p] + turned[p] * (heads[index] - heads[p])),
             None => (Quat::IDENTITY, heads[index]),
         };
         turned.push(chain.turn(&bone.name, inherited));
@@ -62,6 +62,7 @@ impl Chain<'_> {
             return inherited;
         };
         let outward = if side == "L" { Vec3::X } else { -Vec3::X };
+        let down = Quat::from_rotation_z(LEG_SPREAD * outward.x) * -Vec3::Y;
         let align = |turn: Quat, direction: Vec3, to: Vec3| {
             Quat::from_rotation_arc((turn * direction).normalize_or(to), to) * turn
         };
@@ -90,8 +91,8 @@ impl Chain<'_> {
                 let roll = self.palm_roll(straight, side, outward);
                 Quat::from_axis_angle(outward, roll) * straight
             }
-            "upperleg01" => align(inherited, between("upperleg01", "lowerleg01"), -Vec3::Y),
-            "lowerleg01" => align(inherited, between("lowerleg01", "foot"), -Vec3::Y),
+            "upperleg01" => align(inherited, between("upperleg01", "lowerleg01"), down),
+            "lowerleg01" => align(inherited, between("lowerleg01", "foot"), down),
             // The rest pose stands with flat soles.
             "foot" => Quat::IDENTITY,
             _ => self.finger(bare, side, inherited).unwrap_or(inherited),
@@ -112,10 +113,25 @@ impl Chain<'_> {
             Vec3::new(own.x, 0.25 * own.y, 0.8 * own.z)
         } else {
             // What the bone before it already carries is straight on.
-            inherited * if phalanx == "2" { first } else { (tail("2") - head("2")).normalize_or_zero() }
+            inherited
+                * if phalanx == "2" {
+                    first
+                } else {
+                    (tail("2") - head("2")).normalize_or_zero()
+                }
         };
-        let target = own.lerp(target.normalize_or(own), if phalanx == "1" { 1.0 } else { FINGER_STRAIGHTNESS });
-        Some(Quat::from_rotation_arc(own.normalize_or(Vec3::X), target.normalize_or(Vec3::X)) * inherited)
+        let target = own.lerp(
+            target.normalize_or(own),
+            if phalanx == "1" {
+                1.0
+            } else {
+                FINGER_STRAIGHTNESS
+            },
+        );
+        Some(
+            Quat::from_rotation_arc(own.normalize_or(Vec3::X), target.normalize_or(Vec3::X))
+                * inherited,
+        )
     }
 
     /// Angle about `outward` that brings the elbow's hinge upright.
