@@ -15,8 +15,11 @@ pub const EXPRESSIONS_USED: usize = 16;
 /// Assumed deviation of a unit's strength (0..=1) in ordinary talk.
 const UNIT_DEVIATION: f32 = 0.3;
 
-/// Named expressions: degrees of jaw opening and strengths of expression units. A unit's `*` stands for both sides.
-const PRESETS: [(&str, f32, &[(&str, f32)]); 11] = [
+/// A named expression: its name, the jaw's opening in degrees, strengths of expression units.
+type Preset = (&'static str, f32, &'static [(&'static str, f32)]);
+
+/// The named expressions. A unit's `*` stands for both sides.
+const PRESETS: [Preset; 11] = [
     (
         "blink",
         0.0,

@@ -11,6 +11,7 @@ mod joints;
 mod part;
 mod range_of_motion;
 mod recipe;
+mod surface;
 mod texture;
 mod tpose;
 mod visible;
