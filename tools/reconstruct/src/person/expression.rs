@@ -34,7 +34,15 @@ const PRESETS: [Preset; 11] = [
             ("eye-*-slit", 0.3),
         ],
     ),
-    ("brows_up", 0.0, &[("eyebrows-*-up", 1.0)]),
+    (
+        "brows_up",
+        0.0,
+        &[
+            ("eyebrows-*-up", 1.6),
+            ("eyebrows-*-inner-up", 0.8),
+            ("eyebrows-*-extern-up", 0.8),
+        ],
+    ),
     ("brows_down", 0.0, &[("eyebrows-*-down", 1.0)]),
     ("a", 11.0, &[]),
     (
