@@ -73,16 +73,20 @@ impl Bvh {
         }
         words.expect("Frame")?;
         words.expect("Time:")?;
-        let line = words.line();
-        let frame_seconds = f64::from(words.number("the frame time")?);
-        if !(1e-5..=60.0).contains(&frame_seconds) {
-            return Err(MotionError::bvh(
-                line,
-                format!(
-                    "a frame time of {frame_seconds} s makes no clip; it must lie in 0.00001..60"
-                ),
-            ));
-        }
+        let (line, word) = words.next("the frame time")?;
+        let frame_seconds: f64 = word
+            .parse()
+            .ok()
+            .filter(|seconds| (1e-5..=60.0).contains(seconds))
+            .ok_or_else(|| {
+                MotionError::bvh(
+                    line,
+                    format!(
+                        "a frame time of `{}` makes no clip; seconds in 0.00001..60 are needed",
+                        clip_word(word)
+                    ),
+                )
+            })?;
         let mut values = Vec::new();
         let mut line = line;
         while let Some((at, word)) = words.peek() {

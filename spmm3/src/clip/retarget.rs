@@ -205,6 +205,29 @@ impl<'a> Source<'a> {
         pose
     }
 
+    /// The one axis about which joint `lower` turns against `upper` in all frames, if there is one; positive is the way
+    /// it turns.
+    fn hinge(&self, upper: usize, lower: usize) -> Option<Vec3> {
+        let step = (self.bvh.frames() / 100).max(1);
+        let turns: Vec<Vec3> = (0..self.bvh.frames())
+            .step_by(step)
+            .map(|frame| {
+                let pose = self.pose(frame);
+                let turn = pose.rotations[upper].conjugate() * pose.rotations[lower];
+                if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis()
+            })
+            .collect();
+        let most = turns
+            .iter()
+            .max_by(|a, b| a.length().total_cmp(&b.length()))
+            .filter(|turn| turn.length() > 0.35)?;
+        let axis = most.normalize();
+        turns
+            .iter()
+            .all(|turn| turn.reject_from_normalized(axis).length() < 0.03)
+            .then_some(axis)
+    }
+
     /// Metres of our body per file unit of travel, sideways (x, z) and up (y).
     fn travel(
         &self,
@@ -278,6 +301,7 @@ impl Plan {
                     plan.follows[from.index()] = source.bvh.joints[b].parent;
                 }
                 plan.align(skeleton, from, to, source.rest.along(a, b));
+                plan.align_hinge(source, parts, skeleton, from, to);
             }
         }
         for (ankle, foot) in [
@@ -313,6 +337,46 @@ impl Plan {
             _ => Quat::IDENTITY,
         };
         self.set(from, swing * parent);
+    }
+
+    /// A mocap skeleton's elbow is often a pure hinge, askew to the rest pose's axes (CMU's by 30 degrees): there the
+    /// upper arm is turned about itself so that the hinge becomes ours, the vertical of a palm-down T-pose.
+    fn align_hinge(
+        &mut self,
+        source: &Source<'_>,
+        parts: &Parts,
+        skeleton: &Skeleton,
+        shoulder: Joint,
+        elbow: Joint,
+    ) {
+        let (wrist, ours) = match shoulder {
+            Joint::LeftShoulder => (Joint::LeftWrist, Vec3::NEG_Y),
+            Joint::RightShoulder => (Joint::RightWrist, Vec3::Y),
+            _ => return,
+        };
+        let (Some(upper), Some(lower), Some(hand)) = (
+            self.follows[shoulder.index()],
+            parts.named(elbow),
+            parts.named(wrist),
+        ) else {
+            return;
+        };
+        let along = |a, b| source.rest.along(a, b).unwrap_or(Vec3::ZERO);
+        let Some([start, _]) = self.spans[shoulder.index()] else {
+            return;
+        };
+        let (arm, forearm) = (along(start, lower), along(lower, hand));
+        let straight = arm.dot(forearm) > 0.985;
+        let Some(hinge) = source.hinge(upper, lower).filter(|_| straight) else {
+            return;
+        };
+        let bone = skeleton.rest_offset(elbow);
+        let swung = self.rest_from_t[shoulder.index()] * ours;
+        if let (Some(theirs), Some(ours)) = (frame(arm, hinge), frame(bone, ours))
+            && swung.dot(hinge) > 0.5
+        {
+            self.set(shoulder, Quat::from_mat3(&(theirs * ours.transpose())));
+        }
     }
 
     /// Feet stand flat in both rest poses, so only their heading is aligned; the slope from ankle to toe is a matter of

@@ -4,7 +4,7 @@ use crate::{Joint, MotionParams, Skeleton};
 use glam::{Mat3, Quat, Vec3};
 
 /// How much of a leg's length is always kept in hand, so that a planted leg never has to be straight.
-const SLACK: f32 = 0.012;
+const SLACK: f32 = 0.006;
 
 /// Puts the pelvis at its rest position plus `shift` (metres) turned by `turn`, and bends hips, knees and ankles so that
 /// both feet stay as they are in T-pose. Lowers the pelvis as far as the longer-reaching leg needs.
