@@ -9,10 +9,15 @@ use glam::Vec3;
 const HEEL: f32 = 0.055;
 const TOE: f32 = 0.07;
 
+/// Half a window of time in which somebody who stands or walks has stood on a sole, seconds.
+const WINDOW: f64 = 0.75;
+/// How far the floor may be from the whole clip's, metres.
+const DRIFT: f32 = 0.08;
+
 /// How a clip's height over the floor is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Height {
-    /// The file moves its root: one shift for the whole clip.
+    /// The file moves its root: the floor under it changes slowly, if at all.
     Travels,
     /// The file turns joints only: every frame stands on its lowest sole.
     Unknown,
@@ -49,28 +54,69 @@ fn lowest_sole(skeleton: &Skeleton, joints: &JointTransforms) -> f32 {
 }
 
 /// Shifts all frames so that the lowest sole is at y = 0 and the first frame's hips are at x = z = 0.
-///
-/// The clip's floor is the 20th percentile of the frames' lowest soles: a single bad frame does not lift the person,
-/// and neither does a jump.
-pub(super) fn stand(frames: &mut [MotionParams], skeleton: &Skeleton, height: Height) {
-    let mut lowest: Vec<f32> = frames
+pub(super) fn stand(
+    frames: &mut [MotionParams],
+    frame_seconds: f64,
+    skeleton: &Skeleton,
+    height: Height,
+) {
+    let lowest: Vec<f32> = frames
         .iter()
         .map(|frame| lowest_sole(skeleton, &skeleton.pose(frame)) + frame.root_translation.y)
         .collect();
-    if height == Height::Unknown {
-        for (frame, lowest) in frames.iter_mut().zip(&lowest) {
-            frame.root_translation.y -= lowest;
-        }
-        lowest.fill(0.0);
-    }
-    let mut sorted = lowest;
-    sorted.sort_by(f32::total_cmp);
-    let floor = sorted.get(sorted.len() / 5).copied().unwrap_or_default();
     let Some(start) = frames.first().map(|f| f.root_translation) else {
         return;
     };
     let hips = start + skeleton.rest_positions()[Joint::Pelvis.index()];
-    for frame in frames {
+    let floor = match height {
+        Height::Travels => floor_under(&lowest, frame_seconds),
+        Height::Unknown => lowest,
+    };
+    for (frame, floor) in frames.iter_mut().zip(floor) {
         frame.root_translation -= Vec3::new(hips.x, floor, hips.z);
     }
+}
+
+/// Height of the floor at each frame: a low percentile of the lowest soles within the window, smoothed.
+///
+/// It follows a floor that drifts (CMU's rises by 4 cm over a walk of 3 m: a matter of calibration). A step's or a
+/// jump's flight is shorter than the window and does not lift it, and further than [`DRIFT`] from the whole clip's floor
+/// it does not go, so that stairs and a sofa stay what they are.
+fn floor_under(lowest: &[f32], frame_seconds: f64) -> Vec<f32> {
+    let whole = percentile(lowest);
+    let half = super::floor_index((WINDOW / frame_seconds).clamp(1.0, 1e6));
+    // A knot every eighth of the window is enough, whatever the frame rate.
+    let step = (half / 8).max(1);
+    let knots: Vec<f32> = (0..lowest.len())
+        .step_by(step)
+        .map(|at| {
+            let window = &lowest[at.saturating_sub(half)..lowest.len().min(at + half + 1)];
+            percentile(window).clamp(whole - DRIFT, whole + DRIFT)
+        })
+        .collect();
+    let knot = |k: isize| {
+        let last = isize::try_from(knots.len()).map_or(0, |n| n - 1);
+        usize::try_from(k.clamp(0, last))
+            .ok()
+            .and_then(|k| knots.get(k).copied())
+            .unwrap_or(whole)
+    };
+    let smooth = |k: isize| {
+        let sum: f32 = (-4..=4).map(|d| knot(k + d)).sum();
+        sum / 9.0
+    };
+    (0..lowest.len())
+        .map(|at| {
+            let k = isize::try_from(at / step).unwrap_or(0);
+            let share = (at % step) as f32 / step as f32;
+            smooth(k) * (1.0 - share) + smooth(k + 1) * share
+        })
+        .collect()
+}
+
+/// The value that a fifth of the heights lie below: one bad frame does not decide.
+fn percentile(heights: &[f32]) -> f32 {
+    let mut sorted = heights.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    sorted.get(sorted.len() / 5).copied().unwrap_or_default()
 }

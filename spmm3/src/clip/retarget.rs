@@ -83,7 +83,7 @@ pub(super) fn retarget(
         );
         Height::Unknown
     };
-    ground::stand(&mut frames, skeleton, height);
+    ground::stand(&mut frames, bvh.frame_seconds, skeleton, height);
     if let Some(at) = frames.iter().position(|frame| !frame.is_finite()) {
         return Err(MotionError::bvh(
             0,
@@ -272,6 +272,10 @@ struct Plan {
     /// Source joints whose connecting line a limb takes.
     spans: [Option<[usize; 2]>; JOINTS],
     relaxed: [bool; 2],
+    /// How far the upper arms were turned about themselves for the elbow's hinge, left and right.
+    hinge_twist: [Quat; 2],
+    /// From the source's line from hips to neck, at rest, to ours.
+    our_from_their_torso: Quat,
 }
 
 impl Plan {
@@ -281,7 +285,17 @@ impl Plan {
             follows: [None; JOINTS],
             spans: [None; JOINTS],
             relaxed: [false; 2],
+            hinge_twist: [Quat::IDENTITY; 2],
+            our_from_their_torso: Quat::IDENTITY,
         };
+        let rest = skeleton.rest_positions();
+        let hips = (rest[Joint::LeftHip.index()] + rest[Joint::RightHip.index()]) * 0.5;
+        if let (Some(theirs), Some(ours)) = (
+            torso(&source.rest, parts),
+            (rest[Joint::Neck.index()] - hips).try_normalize(),
+        ) {
+            plan.our_from_their_torso = Quat::from_rotation_arc(theirs, ours);
+        }
         plan.follows[Joint::Pelvis.index()] = Some(parts.pelvis);
         plan.follows[Joint::LeftCollar.index()] = parts.collars[0];
         plan.follows[Joint::RightCollar.index()] = parts.collars[1];
@@ -349,9 +363,9 @@ impl Plan {
         shoulder: Joint,
         elbow: Joint,
     ) {
-        let (wrist, ours) = match shoulder {
-            Joint::LeftShoulder => (Joint::LeftWrist, Vec3::NEG_Y),
-            Joint::RightShoulder => (Joint::RightWrist, Vec3::Y),
+        let (side, wrist, ours) = match shoulder {
+            Joint::LeftShoulder => (0, Joint::LeftWrist, Vec3::NEG_Y),
+            Joint::RightShoulder => (1, Joint::RightWrist, Vec3::Y),
             _ => return,
         };
         let (Some(upper), Some(lower), Some(hand)) = (
@@ -375,7 +389,9 @@ impl Plan {
         if let (Some(theirs), Some(ours)) = (frame(arm, hinge), frame(bone, ours))
             && swung.dot(hinge) > 0.5
         {
+            let before = self.rest_from_t[shoulder.index()];
             self.set(shoulder, Quat::from_mat3(&(theirs * ours.transpose())));
+            self.hinge_twist[side] = self.rest_from_t[shoulder.index()] * before.conjugate();
         }
     }
 
@@ -416,7 +432,8 @@ impl Plan {
         self.set(foot, rest_from_t);
     }
 
-    /// Palm by two directions where both hands have fingers; a hand without fingers hangs on a T-pose's palm-down arm.
+    /// Palm by two directions where both hands have fingers; a hand without goes on from the forearm, on the assumption
+    /// that both T-poses hold their palms alike.
     fn align_hand(
         &mut self,
         source: &Source<'_>,
@@ -440,26 +457,24 @@ impl Plan {
             }
             _ => {
                 self.relaxed[side] = true;
-                let child = (0..source.bvh.joints.len())
-                    .find(|j| source.bvh.joints[*j].parent == Some(source_wrist));
-                let along = match child {
-                    Some(child) => source.rest.along(source_wrist, child),
-                    None => source.bvh.joints[source_wrist]
-                        .end
-                        .and_then(|end| (source.our_from_file * end).try_normalize()),
-                };
-                // Thumb forward, as in a T-pose with palms down and in an A-pose with palms in.
-                along.and_then(|along| frame(along, Vec3::Z))
+                None
             }
         };
-        match (ours, theirs) {
-            (Some(ours), Some(theirs)) => {
-                self.set(wrist, Quat::from_mat3(&(theirs * ours.transpose())));
-            }
-            _ => {
-                let elbow = wrist.parent().unwrap_or(wrist);
-                self.set(wrist, self.rest_from_t[elbow.index()]);
-            }
+        if let (Some(ours), Some(theirs)) = (ours, theirs) {
+            self.set(wrist, Quat::from_mat3(&(theirs * ours.transpose())));
+        } else {
+            let elbow = wrist.parent().unwrap_or(wrist);
+            let unswung = self.hinge_twist[side].conjugate() * self.rest_from_t[elbow.index()];
+            let ours = ours.map_or(Vec3::ZERO, |palm| unswung * palm.x_axis);
+            let theirs = (0..source.bvh.joints.len())
+                .find(|j| source.bvh.joints[*j].parent == Some(source_wrist))
+                .and_then(|child| source.rest.along(source_wrist, child))
+                // A stub of an end bone may point anywhere.
+                .filter(|theirs| theirs.dot(ours) > 0.7);
+            let swing = theirs.map_or(Quat::IDENTITY, |theirs| {
+                Quat::from_rotation_arc(ours, theirs)
+            });
+            self.set(wrist, swing * unswung);
         }
         for finger in fingers {
             for (k, joint) in finger.iter().enumerate() {
@@ -520,6 +535,7 @@ impl Plan {
                 f32::from(k) / 3.0,
             ));
         }
+        self.straighten_torso(&mut world, pose, parts, skeleton);
         let chest = parts.spine.last().copied().unwrap_or(parts.pelvis);
         world[Joint::Neck.index()] = match parts.neck.as_slice() {
             [] => parts
@@ -570,10 +586,65 @@ impl Plan {
         motion
     }
 
+    /// Rigs bend their backs at other heights than ours: turned alike, bone for bone, a deep bow would end elsewhere.
+    /// Turns the three spine joints together until hips and neck lie as the source's do, apart from what already
+    /// differs at rest.
+    fn straighten_torso(
+        &self,
+        world: &mut [Option<Quat>; JOINTS],
+        pose: &Pose,
+        parts: &Parts,
+        skeleton: &Skeleton,
+    ) {
+        let spine = [Joint::Spine1, Joint::Spine2, Joint::Spine3];
+        let above = [Joint::Spine2, Joint::Spine3, Joint::Neck];
+        let (Some(theirs), Some(pelvis)) = (torso(pose, parts), world[Joint::Pelvis.index()])
+        else {
+            return;
+        };
+        let chest = parts.spine.last().copied().unwrap_or(parts.pelvis);
+        let middle = pelvis.slerp(pose.rotations[chest], 0.5);
+        let wanted = middle * self.our_from_their_torso * middle.conjugate() * theirs;
+        let rest = skeleton.rest_positions();
+        let hips = (rest[Joint::LeftHip.index()] + rest[Joint::RightHip.index()]) * 0.5;
+        for _ in 0..3 {
+            let base = pelvis * (rest[Joint::Spine1.index()] - hips);
+            let back: Vec3 = spine
+                .iter()
+                .zip(above)
+                .filter_map(|(joint, next)| {
+                    Some(world[joint.index()]? * skeleton.rest_offset(next))
+                })
+                .sum();
+            // The foot of the back stays with the pelvis: aim the rest of the line.
+            let length = (base + back).length();
+            let (Some(now), Some(aim)) = (
+                back.try_normalize(),
+                (wanted * length - base).try_normalize(),
+            ) else {
+                return;
+            };
+            let swing = Quat::from_rotation_arc(now, aim);
+            for joint in spine {
+                if let Some(turn) = &mut world[joint.index()] {
+                    *turn = (swing * *turn).normalize();
+                }
+            }
+        }
+    }
+
     fn hip_middle(&self, pose: &Pose, parts: &Parts) -> Vec3 {
         let at = |joint: Joint| parts.named(joint).map_or(Vec3::ZERO, |j| pose.positions[j]);
         (at(Joint::LeftHip) + at(Joint::RightHip)) * 0.5
     }
+}
+
+/// Direction from the middle of the hips to the lowest neck bone, or to the head of a rig without neck.
+fn torso(pose: &Pose, parts: &Parts) -> Option<Vec3> {
+    let at = |joint: usize| pose.positions[joint];
+    let hips = (at(parts.named(Joint::LeftHip)?) + at(parts.named(Joint::RightHip)?)) * 0.5;
+    let neck = parts.neck.first().copied().or(parts.named(Joint::Head))?;
+    (at(neck) - hips).try_normalize()
 }
 
 /// Rotation at a share (0..=1) of the way up a chain of bones: of a bone of the chain where there are at least three,

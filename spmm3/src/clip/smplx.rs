@@ -69,7 +69,7 @@ pub(super) fn read(bytes: &[u8], skeleton: &Skeleton) -> Result<MotionClip, Moti
     } else {
         Height::Unknown
     };
-    ground::stand(&mut frames, skeleton, height);
+    ground::stand(&mut frames, 1.0 / rate, skeleton, height);
     if let Some(at) = frames.iter().position(|frame| !frame.is_finite()) {
         return Err(MotionError::array(
             "poses",
