@@ -1,2 +1,66 @@
-//! The `mon3tr` command.
-fn main() {}
+//! The `mon3tr` command: builds, shows and measures avatars.
+
+mod backdrop;
+mod commands;
+mod film;
+mod performance;
+mod progress;
+mod report;
+mod stage;
+mod surroundings;
+mod viewpoint;
+
+use clap::{Parser, Subcommand};
+use commands::{bake, demo, inspect, render};
+use std::process::ExitCode;
+use surroundings::Surroundings;
+
+/// Telepresence with pre-built Gaussian avatars: build, show and measure them.
+#[derive(Debug, Parser)]
+#[command(version, propagate_version = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    surroundings: Surroundings,
+    /// Say more: -v for what is chosen and why, -vv for everything
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Bake the demo avatar, move it, and leave pictures and per-stage times
+    Demo(demo::Options),
+    /// Build the demo avatar's package from MakeHuman's data
+    Bake(bake::Options),
+    /// Show what is in an avatar package
+    Inspect(inspect::Options),
+    /// Draw an avatar that follows a motion
+    Render(render::Options),
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let level = match arguments.verbose {
+        0 => log::LevelFilter::Warn,
+        1 => log::LevelFilter::Info,
+        _ => log::LevelFilter::Debug,
+    };
+    env_logger::Builder::new().filter_level(level).parse_default_env().init();
+    let surroundings = &arguments.surroundings;
+    let outcome = match &arguments.command {
+        Command::Demo(options) => demo::run(options, surroundings),
+        Command::Bake(options) => bake::run(options, surroundings),
+        Command::Inspect(options) => inspect::run(options),
+        Command::Render(options) => render::run(options, surroundings),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // One line with the whole chain of causes: what failed, why, what to do.
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

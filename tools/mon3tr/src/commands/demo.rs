@@ -1,0 +1,169 @@
+//! `mon3tr demo`: the main job in one command. Bakes the demo avatar if the cache has none, moves it, and leaves
+//! pictures and a table of stage times.
+
+use crate::commands::bake::{BakeChoices, baked_demo_avatar};
+use crate::film::{Film, write_png};
+use crate::performance::{MOTION_RATE, MotionOptions, Performance};
+use crate::progress;
+use crate::report::{RunReport, StageTable, write_json};
+use crate::stage::{Size, Stage, Views, load_avatar};
+use crate::surroundings::{Surroundings, make_folder};
+use crate::viewpoint::Viewpoint;
+use anyhow::Context;
+use image::{RgbImage, imageops};
+use npu_runtime::Runtime;
+use spmm3::Avatar;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use xr_renderer::Gpu;
+
+/// Moments on the contact sheet, columns x rows.
+const SHEET: (u32, u32) = (4, 2);
+
+/// Frames drawn to measure stereo.
+const STEREO_FRAMES: usize = 30;
+
+/// Options of `demo`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    #[command(flatten)]
+    motion: MotionOptions,
+    #[command(flatten)]
+    bake: BakeChoices,
+    /// Folder for the pictures; made if missing
+    #[arg(long, value_name = "FOLDER", default_value = "out/demo")]
+    out: PathBuf,
+    /// Size of one picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "1024x1024")]
+    size: Size,
+    /// Where the animation is seen from; as for render
+    #[arg(long, value_name = "VIEW", default_value = "three-quarter")]
+    camera: Viewpoint,
+    /// Write every figure as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What all pictures of one demo share.
+struct Show<'a> {
+    gpu: &'a Arc<Gpu>,
+    runtime: &'a Runtime,
+    avatar: &'a Avatar,
+    performance: &'a Performance,
+    out: &'a Path,
+    size: Size,
+}
+
+/// Runs `demo`.
+pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+    // The device and the runtime first: baking for minutes only to learn that neither is there would be unkind.
+    let gpu = surroundings.gpu()?;
+    let runtime = surroundings.runtime()?;
+    let package = baked_demo_avatar(&options.bake, surroundings)?;
+    let (avatar, figures) = load_avatar(&package)?;
+    let performance = options.motion.load(&avatar)?;
+    make_folder(&options.out)?;
+
+    let show = Show {
+        gpu: &gpu,
+        runtime: &runtime,
+        avatar: &avatar,
+        performance: &performance,
+        out: &options.out,
+        size: options.size,
+    };
+    let (mono, mut pictures) = show.animate(&options.camera)?;
+    let (stereo, stereo_picture) = show.stereo(&options.camera)?;
+    pictures.push(stereo_picture);
+    for view in ["front", "side", "back", "waist-up", "face", "hands"] {
+        pictures.push(show.still(view)?);
+    }
+    let report = RunReport {
+        bake: Some(avatar.report.clone()),
+        avatar: figures,
+        motion: performance.name.clone(),
+        motion_frames: performance.frames.len(),
+        vulkan_device: gpu.info().name.clone(),
+        vulkan_driver: gpu.info().driver.clone(),
+        onnx_runtime: runtime.version().to_owned(),
+        runs: vec![mono, stereo],
+        pictures,
+    };
+    report.print();
+    options.json.as_ref().map_or(Ok(()), |file| write_json(file, &report))
+}
+
+impl Show<'_> {
+    /// The whole motion as an animation, and its moments on one sheet.
+    fn animate(&self, viewpoint: &Viewpoint) -> anyhow::Result<(StageTable, Vec<PathBuf>)> {
+        let (animation, moments) = (self.out.join("animation.webp"), self.out.join("moments.png"));
+        let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, self.size, Views::Mono)?;
+        let film = Film::start(animation.clone(), MOTION_RATE);
+        let frames = self.performance.followed(self.avatar);
+        let total = frames.len();
+        let heading = self.performance.heading();
+        let count = (SHEET.0 * SHEET.1) as usize;
+        let mut sheet = RgbImage::new(self.size.width / 2 * SHEET.0, self.size.height / 2 * SHEET.1);
+        let mut placed = 0;
+        let bar = progress::bar("drawing", total);
+        for (k, (motion, floor)) in frames.enumerate() {
+            let picture = stage.picture(motion, viewpoint, floor, heading)?.swap_remove(0);
+            // Moments are spread evenly; a motion shorter than the sheet leaves cells empty.
+            if placed < count && k * count >= placed * total {
+                place(&mut sheet, &picture, placed);
+                placed += 1;
+            }
+            film.add(picture)?;
+            bar.inc(1);
+        }
+        bar.set_message("finishing the animation");
+        film.finish()?;
+        bar.finish_and_clear();
+        write_png(&moments, &sheet)?;
+        Ok((stage.times(), vec![animation, moments]))
+    }
+
+    /// Both eyes: times over some frames, and one picture of left and right side by side.
+    fn stereo(&self, viewpoint: &Viewpoint) -> anyhow::Result<(StageTable, PathBuf)> {
+        let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, self.size, Views::Stereo)?;
+        let heading = self.performance.heading();
+        let Size { width, height } = self.size;
+        let mut both = RgbImage::new(width * 2, height);
+        let frames: Vec<_> = self.performance.followed(self.avatar).collect();
+        let step = frames.len().div_ceil(STEREO_FRAMES).max(1);
+        let bar = progress::bar("drawing both eyes", frames.len().div_ceil(step));
+        for (motion, floor) in frames.into_iter().step_by(step) {
+            let pair = stage.picture(motion, viewpoint, floor, heading)?;
+            for (picture, x) in pair.iter().zip([0, i64::from(width)]) {
+                imageops::replace(&mut both, picture, x, 0);
+            }
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        let file = self.out.join("stereo.png");
+        write_png(&file, &both)?;
+        Ok((stage.times(), file))
+    }
+
+    /// The middle of the motion from one named place.
+    fn still(&self, view: &str) -> anyhow::Result<PathBuf> {
+        let viewpoint: Viewpoint = view.parse()?;
+        let mut frames = self.performance.followed(self.avatar);
+        let middle = frames.len() / 2;
+        let (motion, floor) = frames.nth(middle).context("the motion has no frames")?;
+        let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, self.size, Views::Mono)?;
+        let picture = stage.picture(motion, &viewpoint, floor, self.performance.heading())?.swap_remove(0);
+        let file = self.out.join(format!("{view}.png"));
+        write_png(&file, &picture)?;
+        Ok(file)
+    }
+}
+
+/// Puts `picture` at half size into cell `k` of the contact sheet.
+fn place(sheet: &mut RgbImage, picture: &RgbImage, k: usize) {
+    let (width, height) = (picture.width() / 2, picture.height() / 2);
+    let small = imageops::resize(picture, width, height, imageops::FilterType::Triangle);
+    let columns = SHEET.0 as usize;
+    let (column, row) = (k % columns, k / columns);
+    imageops::replace(sheet, &small, column as i64 * i64::from(width), row as i64 * i64::from(height));
+}

@@ -1,0 +1,77 @@
+//! `mon3tr inspect`: what is in an avatar package, after every check the receiver makes.
+
+use crate::report::{AvatarFigures, write_json};
+use crate::stage::load_avatar;
+use anyhow::Context;
+use glam::Vec3;
+use serde::Serialize;
+use spmm3::package::Manifest;
+use std::path::PathBuf;
+
+/// Options of `inspect`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Avatar package (.m3a)
+    #[arg(value_name = "PACKAGE")]
+    package: PathBuf,
+    /// Write every figure as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What `inspect` tells.
+#[derive(Debug, Serialize)]
+struct Inspection {
+    figures: AvatarFigures,
+    /// Corners of the template's bounding box, metres.
+    bounds_metres: [[f32; 3]; 2],
+    manifest: Manifest,
+}
+
+/// Runs `inspect`.
+pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    let (avatar, figures) = load_avatar(&options.package)?;
+    let manifest = Manifest::load(&options.package)
+        .with_context(|| format!("cannot read {}", options.package.display()))?;
+    let vertices = avatar.template.vertices();
+    let low = vertices.iter().copied().reduce(Vec3::min).unwrap_or_default();
+    let high = vertices.iter().copied().reduce(Vec3::max).unwrap_or_default();
+    let inspection =
+        Inspection { figures, bounds_metres: [low.to_array(), high.to_array()], manifest };
+    inspection.print();
+    options.json.as_ref().map_or(Ok(()), |file| write_json(file, &inspection))
+}
+
+impl Inspection {
+    fn print(&self) {
+        let (figures, manifest) = (&self.figures, &self.manifest);
+        let [low, high] = self.bounds_metres;
+        println!("{} ({}, format version {})", manifest.name, manifest.format, manifest.version);
+        println!("package      {} bytes", figures.package_bytes);
+        println!("Gaussians    {}", figures.gaussians);
+        println!("vertices     {}", figures.vertices);
+        println!("triangles    {}", figures.triangles);
+        println!("controllers  {}", figures.controllers);
+        if let Some(bases) = manifest.counts.bases {
+            println!("bases        {bases}");
+        }
+        println!(
+            "T-pose       {:.2} m wide, {:.2} m high, {:.2} m deep",
+            high[0] - low[0],
+            high[1] - low[1],
+            high[2] - low[2]
+        );
+        let expressions: Vec<&str> = manifest.expressions.keys().map(String::as_str).collect();
+        println!("expressions  {}", expressions.join(", "));
+        println!("from         {}", manifest.provenance);
+        println!("licence      {}", manifest.licence);
+        println!("\n{:<24} {:>10}  sha256", "member", "bytes");
+        for member in &manifest.members {
+            let digest = member.sha256.get(..16).unwrap_or(&member.sha256);
+            println!("{:<24} {:>10}  {digest}...", member.name, member.bytes);
+            for (name, tensor) in &member.tensors {
+                println!("  {name:<22} {:>10}  {:?}", tensor.dtype, tensor.shape);
+            }
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! One file per sub-command.
+
+pub(crate) mod bake;
+pub(crate) mod demo;
+pub(crate) mod inspect;
+pub(crate) mod render;

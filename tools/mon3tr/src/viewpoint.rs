@@ -1,0 +1,102 @@
+//! Where the camera stands: named places around the person, or exact ones.
+
+use anyhow::{Context, bail};
+use glam::{Quat, Vec3};
+use std::str::FromStr;
+use xr_renderer::Camera;
+
+/// Distance between the eyes in metres (the adult mean).
+const EYE_SPACING: f32 = 0.063;
+
+/// A place to look from, relative to where the person stands and faces.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Viewpoint {
+    /// Metres, relative to the floor point below the person, who faces +z.
+    eye: Vec3,
+    /// Metres, same frame.
+    target: Vec3,
+    /// Vertical field of view, degrees.
+    fov_degrees: f32,
+}
+
+/// Names for `--camera`, with what they show.
+const NAMED: [(&str, Viewpoint); 7] = [
+    ("front", Viewpoint::new([0.0, 1.05, 4.1], [0.0, 0.92, 0.0], 28.0)),
+    ("three-quarter", Viewpoint::new([2.2, 1.25, 3.5], [0.0, 0.92, 0.0], 28.0)),
+    ("side", Viewpoint::new([4.1, 1.05, 0.0], [0.0, 0.92, 0.0], 28.0)),
+    ("back", Viewpoint::new([0.0, 1.05, -4.1], [0.0, 0.92, 0.0], 28.0)),
+    ("waist-up", Viewpoint::new([0.35, 1.45, 1.9], [0.0, 1.32, 0.0], 28.0)),
+    ("face", Viewpoint::new([0.22, 1.62, 0.85], [0.0, 1.6, 0.05], 24.0)),
+    ("hands", Viewpoint::new([0.3, 1.3, 1.3], [0.0, 1.15, 0.2], 28.0)),
+];
+
+impl Viewpoint {
+    const fn new(eye: [f32; 3], target: [f32; 3], fov_degrees: f32) -> Self {
+        Self { eye: Vec3::from_array(eye), target: Vec3::from_array(target), fov_degrees }
+    }
+
+    /// The place as a camera of `width` x `height` pixels, for a person at `floor` (metres) who faces along `heading`.
+    pub(crate) fn camera(&self, floor: Vec3, heading: Quat, width: u32, height: u32) -> Camera {
+        let place = |p: Vec3| floor + heading * p;
+        let fov = self.fov_degrees.to_radians();
+        Camera::look_at(place(self.eye), place(self.target), Vec3::Y, fov, width, height)
+    }
+
+    /// The same place seen with two eyes: left, right.
+    pub(crate) fn stereo(&self, floor: Vec3, heading: Quat, width: u32, height: u32) -> [Camera; 2] {
+        let right = (self.target - self.eye).cross(Vec3::Y).normalize_or(Vec3::X) * (EYE_SPACING / 2.0);
+        let eye = |offset: Vec3| {
+            Self { eye: self.eye + offset, target: self.target + offset, ..*self }.camera(floor, heading, width, height)
+        };
+        [eye(-right), eye(right)]
+    }
+}
+
+impl FromStr for Viewpoint {
+    type Err = anyhow::Error;
+
+    /// A name of [`NAMED`], or `ex,ey,ez:tx,ty,tz[:fov]` (eye and target in metres, field of view in degrees).
+    fn from_str(text: &str) -> anyhow::Result<Self> {
+        if let Some((_, viewpoint)) = NAMED.iter().find(|(name, _)| *name == text) {
+            return Ok(*viewpoint);
+        }
+        let names = NAMED.map(|(name, _)| name).join(", ");
+        let parts: Vec<&str> = text.split(':').collect();
+        let (eye, target, fov) = match parts[..] {
+            [eye, target] => (eye, target, "28"),
+            [eye, target, fov] => (eye, target, fov),
+            _ => bail!("{text} is neither one of {names} nor EYE:TARGET[:FOV], e.g. 0,1.6,2:0,1.4,0:30"),
+        };
+        let point = |text: &str| -> anyhow::Result<[f32; 3]> {
+            let numbers: Vec<f32> = text
+                .split(',')
+                .map(|n| n.trim().parse().with_context(|| format!("{n} is not a number of metres")))
+                .collect::<anyhow::Result<_>>()?;
+            numbers.try_into().map_err(|_| anyhow::anyhow!("{text} is not three numbers x,y,z"))
+        };
+        let fov: f32 = fov.parse().with_context(|| format!("{fov} is not a field of view in degrees"))?;
+        if !(1.0..=150.0).contains(&fov) {
+            bail!("a field of view of {fov} degrees is outside 1..150");
+        }
+        Ok(Self::new(point(eye)?, point(target)?, fov))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_viewpoints_are_read() {
+        let read: Viewpoint = "1,2,3:0,1,0:40".parse().expect("a full viewpoint");
+        assert_eq!(read, Viewpoint::new([1.0, 2.0, 3.0], [0.0, 1.0, 0.0], 40.0));
+    }
+
+    #[test]
+    fn mistaken_viewpoints_name_what_is_possible() {
+        let error = "frnt".parse::<Viewpoint>().expect_err("no such name").to_string();
+        assert!(error.contains("three-quarter"), "{error}");
+        assert!("1,2:0,1,0".parse::<Viewpoint>().is_err(), "an eye of two numbers");
+        assert!("1,2,3:0,1,0:900".parse::<Viewpoint>().is_err(), "a field of view beyond a hemisphere");
+    }
+}
