@@ -72,6 +72,11 @@ impl Receiver {
         &mut self.renderer
     }
 
+    /// Goes on with another renderer, for pictures of another size.
+    pub fn replace_renderer(&mut self, renderer: SplatRenderer) {
+        self.renderer = renderer;
+    }
+
     /// Times of every frame so far.
     #[must_use]
     pub fn profile(&self) -> &Profile {

@@ -24,19 +24,25 @@ impl Shadow {
     /// The soft shadow that points of the body (metres, world) cast straight down: sharp and dark where they touch the
     /// floor, wide and faint higher up.
     pub(crate) fn of(body: &[Vec3]) -> Self {
-        let sum = body.iter().fold(Vec2::ZERO, |sum, p| sum + Vec2::new(p.x, p.z));
+        let sum = body
+            .iter()
+            .fold(Vec2::ZERO, |sum, p| sum + Vec2::new(p.x, p.z));
         let corner = sum / body.len().max(1) as f32 - SIDE / 2.0;
         let darkness = (0..CELLS * CELLS)
             .into_par_iter()
             .map(|cell| {
-                let at = corner + Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32) * (SIDE / (CELLS - 1) as f32);
+                let at = corner
+                    + Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32)
+                        * (SIDE / (CELLS - 1) as f32);
                 let covered: f32 = body
                     .iter()
                     .map(|p| {
                         let height = p.y.max(0.0);
-                        let radius = 0.07 + 0.22 * height;
-                        let share = 0.55 * (0.07 / radius).powf(1.2);
-                        share * (-at.distance_squared(Vec2::new(p.x, p.z)) / (2.0 * radius * radius)).exp()
+                        let radius = 0.06 + 0.14 * height;
+                        let share = 0.5 * (0.06 / radius).powi(2);
+                        share
+                            * (-at.distance_squared(Vec2::new(p.x, p.z)) / (2.0 * radius * radius))
+                                .exp()
                     })
                     .sum();
                 1.0 - (-covered).exp()
@@ -47,12 +53,17 @@ impl Shadow {
 
     fn at(&self, point: Vec2) -> f32 {
         let cell = (point - self.corner) * ((CELLS - 1) as f32 / SIDE);
-        let inside = cell.cmpge(Vec2::ZERO).all() && cell.cmplt(Vec2::splat((CELLS - 1) as f32)).all();
+        let inside =
+            cell.cmpge(Vec2::ZERO).all() && cell.cmplt(Vec2::splat((CELLS - 1) as f32)).all();
         if !inside {
             return 0.0;
         }
         let (low, part) = (cell.floor(), cell.fract());
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the map, checked above")]
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "inside the map, checked above"
+        )]
         let first = low.y as usize * CELLS + low.x as usize;
         let d = |offset: usize| self.darkness.get(first + offset).copied().unwrap_or(0.0);
         let near = d(0) + (d(1) - d(0)) * part.x;
@@ -67,27 +78,37 @@ pub(crate) fn compose(picture: &Image, camera: &Camera, shadow: &Shadow) -> Vec<
     let world_from_camera = camera.camera_from_world.inverse();
     let eye: Vec3 = world_from_camera.transform_point3(Vec3::ZERO);
     let mut rgb = vec![0u8; width * camera.height as usize * 3];
-    rgb.par_chunks_mut(width * 3).enumerate().for_each(|(y, row)| {
-        for (x, out) in row.chunks_exact_mut(3).enumerate() {
-            let [r, g, b, alpha] = picture.pixels()[y * width + x];
-            let behind = if alpha < 0.999 {
-                let ray = Vec3::new(
-                    (x as f32 + 0.5 - camera.cx) / camera.fx,
-                    -(y as f32 + 0.5 - camera.cy) / camera.fy,
-                    -1.0,
-                );
-                studio(eye, world_from_camera.transform_vector3(ray).normalize(), shadow)
-            } else {
-                Vec3::ZERO
-            };
-            let colour = Vec3::new(r, g, b) + behind * (1.0 - alpha.min(1.0));
-            for (channel, value) in out.iter_mut().zip(colour.to_array()) {
-                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
-                let byte = (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-                *channel = byte;
+    rgb.par_chunks_mut(width * 3)
+        .enumerate()
+        .for_each(|(y, row)| {
+            for (x, out) in row.chunks_exact_mut(3).enumerate() {
+                let [r, g, b, alpha] = picture.pixels()[y * width + x];
+                let behind = if alpha < 0.999 {
+                    let ray = Vec3::new(
+                        (x as f32 + 0.5 - camera.cx) / camera.fx,
+                        -(y as f32 + 0.5 - camera.cy) / camera.fy,
+                        -1.0,
+                    );
+                    studio(
+                        eye,
+                        world_from_camera.transform_vector3(ray).normalize(),
+                        shadow,
+                    )
+                } else {
+                    Vec3::ZERO
+                };
+                let colour = Vec3::new(r, g, b) + behind * (1.0 - alpha.min(1.0));
+                for (channel, value) in out.iter_mut().zip(colour.to_array()) {
+                    #[allow(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "clamped to 0..=255"
+                    )]
+                    let byte = (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+                    *channel = byte;
+                }
             }
-        }
-    });
+        });
     rgb
 }
 

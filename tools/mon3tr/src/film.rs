@@ -42,32 +42,49 @@ impl Film {
 
     /// Adds a frame; waits while the encoder is behind.
     pub(crate) fn add(&self, picture: RgbImage) -> anyhow::Result<()> {
-        self.frames.send(picture).map_err(|_| anyhow!("the animation's encoder stopped"))
+        self.frames
+            .send(picture)
+            .map_err(|_| anyhow!("the animation's encoder stopped"))
     }
 
     /// Ends the animation and writes its file.
     pub(crate) fn finish(self) -> anyhow::Result<()> {
         drop(self.frames);
-        self.encoder.join().map_err(|_| anyhow!("the animation's encoder failed"))?
+        self.encoder
+            .join()
+            .map_err(|_| anyhow!("the animation's encoder failed"))?
     }
 }
 
 fn encode(path: &Path, frame_rate: f64, waiting: &Receiver<RgbImage>) -> anyhow::Result<()> {
     // All frames are kept until the end: libwebp's animation encoder borrows them.
     let small: Vec<RgbImage> = waiting.iter().map(|picture| shrink(&picture)).collect();
-    let Some(first) = small.first() else { return Ok(()) };
-    let mut config = webp::WebPConfig::new().map_err(|()| anyhow!("libwebp refuses its default settings"))?;
+    let Some(first) = small.first() else {
+        return Ok(());
+    };
+    let mut config =
+        webp::WebPConfig::new().map_err(|()| anyhow!("libwebp refuses its default settings"))?;
     config.quality = ANIMATION_QUALITY;
     config.method = 3;
     config.thread_level = 1;
     let mut encoder = webp::AnimEncoder::new(first.width(), first.height(), &config);
     encoder.set_loop_count(0);
     for (k, picture) in small.iter().enumerate() {
-        #[allow(clippy::cast_possible_truncation, reason = "an animation of 24 days would be needed to overflow")]
+        #[allow(
+            clippy::cast_possible_truncation,
+            reason = "an animation of 24 days would be needed to overflow"
+        )]
         let shown_at_ms = (k as f64 * 1e3 / frame_rate).round() as i32;
-        encoder.add_frame(webp::AnimFrame::from_rgb(picture, picture.width(), picture.height(), shown_at_ms));
+        encoder.add_frame(webp::AnimFrame::from_rgb(
+            picture,
+            picture.width(),
+            picture.height(),
+            shown_at_ms,
+        ));
     }
-    let bytes = encoder.try_encode().map_err(|e| anyhow!("libwebp cannot encode the animation: {e:?}"))?;
+    let bytes = encoder
+        .try_encode()
+        .map_err(|e| anyhow!("libwebp cannot encode the animation: {e:?}"))?;
     std::fs::write(path, &*bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
@@ -78,5 +95,10 @@ fn shrink(picture: &RgbImage) -> RgbImage {
         return picture.clone();
     }
     let scaled = |side: u32| (side * ANIMATION_PIXELS / longest).max(1);
-    imageops::resize(picture, scaled(width), scaled(height), imageops::FilterType::Triangle)
+    imageops::resize(
+        picture,
+        scaled(width),
+        scaled(height),
+        imageops::FilterType::Triangle,
+    )
 }

@@ -9,6 +9,7 @@ mod report;
 mod stage;
 mod surroundings;
 mod viewpoint;
+mod window;
 
 use clap::{Parser, Subcommand};
 use commands::{bake, demo, inspect, render};
@@ -47,7 +48,10 @@ fn main() -> ExitCode {
         1 => log::LevelFilter::Info,
         _ => log::LevelFilter::Debug,
     };
-    env_logger::Builder::new().filter_level(level).parse_default_env().init();
+    env_logger::Builder::new()
+        .filter_level(level)
+        .parse_default_env()
+        .init();
     let surroundings = &arguments.surroundings;
     let outcome = match &arguments.command {
         Command::Demo(options) => demo::run(options, surroundings),

@@ -2,8 +2,8 @@
 
 use anyhow::{Context, bail};
 use glam::{Quat, Vec3};
-use spmm3::{LOOP_SECONDS, LoadOptions, MotionClip, Playback};
 use spmm3::{Avatar, Joint, MotionParams};
+use spmm3::{LOOP_SECONDS, LoadOptions, MotionClip, Playback};
 use std::path::Path;
 
 /// Motion rate of the paper's sender, frames per second.
@@ -34,31 +34,53 @@ impl MotionOptions {
     /// Loads the motion, fits it to `avatar`'s skeleton and samples it at 30 Hz.
     pub(crate) fn load(&self, avatar: &Avatar) -> anyhow::Result<Performance> {
         let clip = if self.motion == "built-in" {
-            MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, MOTION_RATE)
-                .context("cannot perform the built-in motion")?
+            MotionClip::built_in(
+                &avatar.skeleton,
+                &avatar.expressions,
+                LOOP_SECONDS,
+                MOTION_RATE,
+            )
+            .context("cannot perform the built-in motion")?
         } else {
-            let options = LoadOptions { bvh_scale: self.bvh_scale };
+            let options = LoadOptions {
+                bvh_scale: self.bvh_scale,
+            };
             MotionClip::load(Path::new(&self.motion), &avatar.skeleton, &options)
                 .with_context(|| format!("cannot use the motion {}", self.motion))?
         };
         for note in &clip.notes {
             log::info!("{}: {note}", clip.name);
         }
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a clip's frames fit memory")]
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a clip's frames fit memory"
+        )]
         let count = ((clip.duration() * MOTION_RATE).round() as usize).max(1);
         let (first, end) = self.frames.unwrap_or((0, None));
         let end = end.unwrap_or(count).min(count);
         if first >= end {
-            bail!("--frames {first}..{end}: the motion {} has the frames 0..{count} at 30 Hz", clip.name);
+            bail!(
+                "--frames {first}..{end}: the motion {} has the frames 0..{count} at 30 Hz",
+                clip.name
+            );
         }
-        let frames = (first..end).map(|k| clip.sample(k as f64 / MOTION_RATE, Playback::Clamp)).collect();
-        Ok(Performance { name: clip.name, frames })
+        let frames = (first..end)
+            .map(|k| clip.sample(k as f64 / MOTION_RATE, Playback::Clamp))
+            .collect();
+        Ok(Performance {
+            name: clip.name,
+            frames,
+        })
     }
 }
 
 impl Performance {
     /// Each frame's motion with the floor point that a camera keeps to.
-    pub(crate) fn followed<'a>(&'a self, avatar: &Avatar) -> impl ExactSizeIterator<Item = (&'a MotionParams, Vec3)> {
+    pub(crate) fn followed<'a>(
+        &'a self,
+        avatar: &Avatar,
+    ) -> impl ExactSizeIterator<Item = (&'a MotionParams, Vec3)> {
         self.frames.iter().zip(self.path(avatar))
     }
 
@@ -79,16 +101,27 @@ impl Performance {
 
     /// Which way the person faces on average, as a turn about y from +z.
     pub(crate) fn heading(&self) -> Quat {
-        let forward: Vec3 = self.frames.iter().map(|m| m.rotation(Joint::Pelvis) * Vec3::Z).sum();
+        let forward: Vec3 = self
+            .frames
+            .iter()
+            .map(|m| m.rotation(Joint::Pelvis) * Vec3::Z)
+            .sum();
         Quat::from_rotation_y(forward.x.atan2(forward.z))
     }
 }
 
 fn parse_range(text: &str) -> Result<(usize, Option<usize>), String> {
     let (first, end) = text.split_once("..").ok_or("write A..B, e.g. 0..90")?;
-    let number = |text: &str| text.parse::<usize>().map_err(|_| format!("{text} is not a frame number"));
+    let number = |text: &str| {
+        text.parse::<usize>()
+            .map_err(|_| format!("{text} is not a frame number"))
+    };
     let first = if first.is_empty() { 0 } else { number(first)? };
-    let end = if end.is_empty() { None } else { Some(number(end)?) };
+    let end = if end.is_empty() {
+        None
+    } else {
+        Some(number(end)?)
+    };
     if end.is_some_and(|end| end <= first) {
         return Err(format!("{text} holds no frame"));
     }

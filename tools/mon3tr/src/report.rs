@@ -49,16 +49,35 @@ pub(crate) struct StageTable {
 impl StageTable {
     pub(crate) fn new(views: usize, width: u32, height: u32, stages: Vec<StageSummary>) -> Self {
         let sum_of_medians_ms = stages.iter().map(|s| s.p50_ms).sum();
-        Self { views, width, height, stages, sum_of_medians_ms }
+        Self {
+            views,
+            width,
+            height,
+            stages,
+            sum_of_medians_ms,
+        }
     }
 
     fn print(&self) {
         let frames = self.stages.iter().map(|s| s.frames).max().unwrap_or(0);
         let views = if self.views == 2 { "stereo, 2 x " } else { "" };
-        println!("\n{views}{} x {} pixels, {frames} frames", self.width, self.height);
-        println!("{:<30} {:<5} {:>9} {:>9} {:>9}", "stage", "unit", "p50 ms", "p95 ms", "max ms");
+        println!(
+            "\n{views}{} x {} pixels, {frames} frames",
+            self.width, self.height
+        );
+        println!(
+            "{:<30} {:<5} {:>9} {:>9} {:>9}",
+            "stage", "unit", "p50 ms", "p95 ms", "max ms"
+        );
         for s in &self.stages {
-            println!("{:<30} {:<5} {:>9.2} {:>9.2} {:>9.2}", s.stage, s.unit.name(), s.p50_ms, s.p95_ms, s.max_ms);
+            println!(
+                "{:<30} {:<5} {:>9.2} {:>9.2} {:>9.2}",
+                s.stage,
+                s.unit.name(),
+                s.p50_ms,
+                s.p95_ms,
+                s.max_ms
+            );
         }
         println!("{:<36} {:>9.2}", "sum of medians", self.sum_of_medians_ms);
     }
@@ -68,9 +87,19 @@ impl RunReport {
     /// Prints the figures and where the pictures are.
     pub(crate) fn print(&self) {
         let a = &self.avatar;
-        println!("\navatar   {}: {} Gaussians, {} vertices", a.name, a.gaussians, a.vertices);
-        println!("package  {} ({:.1} MB)", a.package.display(), a.package_bytes as f64 / 1e6);
-        println!("motion   {} ({} frames at 30 Hz)", self.motion, self.motion_frames);
+        println!(
+            "\navatar   {}: {} Gaussians, {} vertices",
+            a.name, a.gaussians, a.vertices
+        );
+        println!(
+            "package  {} ({:.1} MB)",
+            a.package.display(),
+            a.package_bytes as f64 / 1e6
+        );
+        println!(
+            "motion   {} ({} frames at 30 Hz)",
+            self.motion, self.motion_frames
+        );
         println!("GPU      {} ({})", self.vulkan_device, self.vulkan_driver);
         println!("ORT      {}", self.onnx_runtime);
         for run in &self.runs {

@@ -28,8 +28,15 @@ impl std::str::FromStr for Size {
     fn from_str(text: &str) -> Result<Self, String> {
         let number = |text: &str| text.parse::<u32>().ok().filter(|n| (16..=4096).contains(n));
         text.split_once('x')
-            .and_then(|(w, h)| Some(Self { width: number(w)?, height: number(h)? }))
-            .ok_or_else(|| format!("{text} is not WIDTHxHEIGHT with sides of 16..4096 pixels, e.g. 1024x1024"))
+            .and_then(|(w, h)| {
+                Some(Self {
+                    width: number(w)?,
+                    height: number(h)?,
+                })
+            })
+            .ok_or_else(|| {
+                format!("{text} is not WIDTHxHEIGHT with sides of 16..4096 pixels, e.g. 1024x1024")
+            })
     }
 }
 
@@ -50,9 +57,11 @@ pub(crate) struct Stage {
 
 /// Loads a package and tells its sizes.
 pub(crate) fn load_avatar(path: &Path) -> anyhow::Result<(Avatar, AvatarFigures)> {
-    let avatar = Avatar::load(path).with_context(|| format!("cannot use the avatar package {}", path.display()))?;
-    let package_bytes =
-        std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
+    let avatar = Avatar::load(path)
+        .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
+    let package_bytes = std::fs::metadata(path)
+        .with_context(|| format!("cannot read {}", path.display()))?
+        .len();
     let figures = AvatarFigures {
         name: avatar.name.clone(),
         package: path.to_path_buf(),
@@ -77,9 +86,14 @@ impl Stage {
         let deformer = Deformer::new(runtime, avatar, Surroundings::provider())?;
         let count = if views == Views::Stereo { 2 } else { 1 };
         let gaussians = u32::try_from(avatar.gaussians.len()).context("too many Gaussians")?;
-        let renderer = SplatRenderer::new(Arc::clone(gpu), gaussians, size.width, size.height, count)
-            .context("cannot prepare the renderer")?;
-        Ok(Self { receiver: Receiver::new(deformer, renderer), size, views })
+        let renderer =
+            SplatRenderer::new(Arc::clone(gpu), gaussians, size.width, size.height, count)
+                .context("cannot prepare the renderer")?;
+        Ok(Self {
+            receiver: Receiver::new(deformer, renderer),
+            size,
+            views,
+        })
     }
 
     /// Draws one frame and returns its pictures before the studio: one, or left and right.
@@ -98,14 +112,19 @@ impl Stage {
         self.receiver.frame(motion, &cameras)?;
         let skeleton = self.receiver.deformer().skeleton();
         let joints = skeleton.pose(motion);
-        let body: Vec<Vec3> = spmm3::Joint::ALL.map(|j| joints.position(j) + motion.root_translation).to_vec();
+        let body: Vec<Vec3> = spmm3::Joint::ALL
+            .map(|j| joints.position(j) + motion.root_translation)
+            .to_vec();
         let shadow = Shadow::of(&body);
         let mut pictures = Vec::with_capacity(cameras.len());
         for (view, camera) in (0..).zip(&cameras) {
             let splatted = self.receiver.renderer().read_back(view)?;
             let rgb = compose(&splatted, camera, &shadow);
             let picture = RgbImage::from_raw(width, height, rgb);
-            pictures.push(picture.ok_or_else(|| anyhow!("the renderer returned a picture of another size"))?);
+            pictures.push(
+                picture
+                    .ok_or_else(|| anyhow!("the renderer returned a picture of another size"))?,
+            );
         }
         Ok(pictures)
     }
@@ -118,6 +137,11 @@ impl Stage {
             _ => Unit::Cpu,
         };
         let views = if self.views == Views::Stereo { 2 } else { 1 };
-        StageTable::new(views, self.size.width, self.size.height, self.receiver.profile().summary(unit))
+        StageTable::new(
+            views,
+            self.size.width,
+            self.size.height,
+            self.receiver.profile().summary(unit),
+        )
     }
 }

@@ -10,7 +10,13 @@ use xr_renderer::{Gpu, GpuChoice};
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Surroundings {
     /// Vulkan device: auto (the fastest kind there is), lavapipe, or part of a device's name
-    #[arg(long, value_name = "DEVICE", env = "MON3TR_GPU", default_value = "auto", global = true)]
+    #[arg(
+        long,
+        value_name = "DEVICE",
+        env = "MON3TR_GPU",
+        default_value = "auto",
+        global = true
+    )]
     gpu: GpuChoice,
     /// ONNX Runtime library of release 1.24 or newer [default: $ORT_DYLIB_PATH, else the system's]
     #[arg(long, value_name = "FILE", global = true)]
@@ -32,7 +38,9 @@ impl Surroundings {
 
     /// The provider that runs deform graphs: here the CPU, on every core.
     pub(crate) fn provider() -> Provider {
-        Provider::Cpu { threads: std::thread::available_parallelism().map_or(1, usize::from) }
+        Provider::Cpu {
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+        }
     }
 }
 
@@ -43,7 +51,11 @@ pub(crate) fn describe(gpu: &Gpu) -> String {
 
 /// The one folder for what is fetched or baked: `MON3TR_CACHE`, else the user's cache folder.
 pub(crate) fn cache() -> anyhow::Result<PathBuf> {
-    let from = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let from = |name: &str| {
+        std::env::var_os(name)
+            .filter(|value| !value.is_empty())
+            .map(PathBuf::from)
+    };
     from("MON3TR_CACHE")
         .or_else(|| from("XDG_CACHE_HOME").map(|path| path.join("mon3tr")))
         .or_else(|| from("HOME").map(|path| path.join(".cache/mon3tr")))
@@ -68,5 +80,6 @@ pub(crate) fn makehuman() -> anyhow::Result<PathBuf> {
 
 /// Makes the folder `path` and those above it.
 pub(crate) fn make_folder(path: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))
+    std::fs::create_dir_all(path)
+        .with_context(|| format!("cannot make the folder {}", path.display()))
 }

@@ -21,34 +21,99 @@ pub(crate) struct Viewpoint {
 
 /// Names for `--camera`, with what they show.
 const NAMED: [(&str, Viewpoint); 7] = [
-    ("front", Viewpoint::new([0.0, 1.05, 4.1], [0.0, 0.92, 0.0], 28.0)),
-    ("three-quarter", Viewpoint::new([2.2, 1.25, 3.5], [0.0, 0.92, 0.0], 28.0)),
-    ("side", Viewpoint::new([4.1, 1.05, 0.0], [0.0, 0.92, 0.0], 28.0)),
-    ("back", Viewpoint::new([0.0, 1.05, -4.1], [0.0, 0.92, 0.0], 28.0)),
-    ("waist-up", Viewpoint::new([0.35, 1.45, 1.9], [0.0, 1.32, 0.0], 28.0)),
-    ("face", Viewpoint::new([0.22, 1.62, 0.85], [0.0, 1.6, 0.05], 24.0)),
-    ("hands", Viewpoint::new([0.3, 1.3, 1.3], [0.0, 1.15, 0.2], 28.0)),
+    (
+        "front",
+        Viewpoint::new([0.0, 1.05, 4.1], [0.0, 0.92, 0.0], 28.0),
+    ),
+    (
+        "three-quarter",
+        Viewpoint::new([2.2, 1.25, 3.5], [0.0, 0.92, 0.0], 28.0),
+    ),
+    (
+        "side",
+        Viewpoint::new([4.1, 1.05, 0.0], [0.0, 0.92, 0.0], 28.0),
+    ),
+    (
+        "back",
+        Viewpoint::new([0.0, 1.05, -4.1], [0.0, 0.92, 0.0], 28.0),
+    ),
+    (
+        "waist-up",
+        Viewpoint::new([0.35, 1.45, 1.9], [0.0, 1.32, 0.0], 28.0),
+    ),
+    (
+        "face",
+        Viewpoint::new([0.22, 1.62, 0.85], [0.0, 1.6, 0.05], 24.0),
+    ),
+    (
+        "hands",
+        Viewpoint::new([0.3, 1.3, 1.3], [0.0, 1.15, 0.2], 28.0),
+    ),
 ];
 
 impl Viewpoint {
     const fn new(eye: [f32; 3], target: [f32; 3], fov_degrees: f32) -> Self {
-        Self { eye: Vec3::from_array(eye), target: Vec3::from_array(target), fov_degrees }
+        Self {
+            eye: Vec3::from_array(eye),
+            target: Vec3::from_array(target),
+            fov_degrees,
+        }
     }
 
     /// The place as a camera of `width` x `height` pixels, for a person at `floor` (metres) who faces along `heading`.
     pub(crate) fn camera(&self, floor: Vec3, heading: Quat, width: u32, height: u32) -> Camera {
         let place = |p: Vec3| floor + heading * p;
         let fov = self.fov_degrees.to_radians();
-        Camera::look_at(place(self.eye), place(self.target), Vec3::Y, fov, width, height)
+        Camera::look_at(
+            place(self.eye),
+            place(self.target),
+            Vec3::Y,
+            fov,
+            width,
+            height,
+        )
     }
 
     /// The same place seen with two eyes: left, right.
-    pub(crate) fn stereo(&self, floor: Vec3, heading: Quat, width: u32, height: u32) -> [Camera; 2] {
-        let right = (self.target - self.eye).cross(Vec3::Y).normalize_or(Vec3::X) * (EYE_SPACING / 2.0);
+    pub(crate) fn stereo(
+        &self,
+        floor: Vec3,
+        heading: Quat,
+        width: u32,
+        height: u32,
+    ) -> [Camera; 2] {
+        let right = (self.target - self.eye)
+            .cross(Vec3::Y)
+            .normalize_or(Vec3::X)
+            * (EYE_SPACING / 2.0);
         let eye = |offset: Vec3| {
-            Self { eye: self.eye + offset, target: self.target + offset, ..*self }.camera(floor, heading, width, height)
+            Self {
+                eye: self.eye + offset,
+                target: self.target + offset,
+                ..*self
+            }
+            .camera(floor, heading, width, height)
         };
         [eye(-right), eye(right)]
+    }
+}
+
+impl Viewpoint {
+    /// Turns the eye around its target: to the left by `yaw`, upwards by `pitch`, in radians, short of the poles.
+    pub(crate) fn orbit(&mut self, yaw: f32, pitch: f32) {
+        let arm = self.eye - self.target;
+        let distance = arm.length().max(f32::MIN_POSITIVE);
+        let up = (arm.y / distance).clamp(-1.0, 1.0).asin() + pitch;
+        let around = arm.x.atan2(arm.z) + yaw;
+        let turn = Quat::from_rotation_y(around) * Quat::from_rotation_x(-up.clamp(-1.4, 1.4));
+        self.eye = self.target + turn * Vec3::Z * distance;
+    }
+
+    /// Multiplies the distance from eye to target, within 0.3 to 20 m.
+    pub(crate) fn approach(&mut self, factor: f32) {
+        let arm = self.eye - self.target;
+        let distance = (arm.length() * factor).clamp(0.3, 20.0);
+        self.eye = self.target + arm.normalize_or(Vec3::Z) * distance;
     }
 }
 
@@ -65,16 +130,26 @@ impl FromStr for Viewpoint {
         let (eye, target, fov) = match parts[..] {
             [eye, target] => (eye, target, "28"),
             [eye, target, fov] => (eye, target, fov),
-            _ => bail!("{text} is neither one of {names} nor EYE:TARGET[:FOV], e.g. 0,1.6,2:0,1.4,0:30"),
+            _ => bail!(
+                "{text} is neither one of {names} nor EYE:TARGET[:FOV], e.g. 0,1.6,2:0,1.4,0:30"
+            ),
         };
         let point = |text: &str| -> anyhow::Result<[f32; 3]> {
             let numbers: Vec<f32> = text
                 .split(',')
-                .map(|n| n.trim().parse().with_context(|| format!("{n} is not a number of metres")))
+                .map(|n| {
+                    n.trim()
+                        .parse()
+                        .with_context(|| format!("{n} is not a number of metres"))
+                })
                 .collect::<anyhow::Result<_>>()?;
-            numbers.try_into().map_err(|_| anyhow::anyhow!("{text} is not three numbers x,y,z"))
+            numbers
+                .try_into()
+                .map_err(|_| anyhow::anyhow!("{text} is not three numbers x,y,z"))
         };
-        let fov: f32 = fov.parse().with_context(|| format!("{fov} is not a field of view in degrees"))?;
+        let fov: f32 = fov
+            .parse()
+            .with_context(|| format!("{fov} is not a field of view in degrees"))?;
         if !(1.0..=150.0).contains(&fov) {
             bail!("a field of view of {fov} degrees is outside 1..150");
         }
@@ -93,10 +168,40 @@ mod tests {
     }
 
     #[test]
+    fn orbiting_keeps_the_distance_and_stops_short_of_the_poles() {
+        let mut view = Viewpoint::new([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], 40.0);
+        view.orbit(std::f32::consts::FRAC_PI_2, 0.0);
+        assert!(
+            view.eye.abs_diff_eq(Vec3::new(2.0, 1.0, 0.0), 1e-5),
+            "a quarter turn: {}",
+            view.eye
+        );
+        view.orbit(0.0, 100.0);
+        assert!(
+            (view.eye.distance(view.target) - 2.0).abs() < 1e-4,
+            "the distance stays"
+        );
+        assert!(
+            view.eye.y > 2.9 && view.eye.x > 0.1,
+            "high up, but not at the pole: {}",
+            view.eye
+        );
+    }
+
+    #[test]
     fn mistaken_viewpoints_name_what_is_possible() {
-        let error = "frnt".parse::<Viewpoint>().expect_err("no such name").to_string();
+        let error = "frnt"
+            .parse::<Viewpoint>()
+            .expect_err("no such name")
+            .to_string();
         assert!(error.contains("three-quarter"), "{error}");
-        assert!("1,2:0,1,0".parse::<Viewpoint>().is_err(), "an eye of two numbers");
-        assert!("1,2,3:0,1,0:900".parse::<Viewpoint>().is_err(), "a field of view beyond a hemisphere");
+        assert!(
+            "1,2:0,1,0".parse::<Viewpoint>().is_err(),
+            "an eye of two numbers"
+        );
+        assert!(
+            "1,2,3:0,1,0:900".parse::<Viewpoint>().is_err(),
+            "a field of view beyond a hemisphere"
+        );
     }
 }

@@ -3,7 +3,7 @@
 
 mod support;
 
-use mon3tr_tests::synthetic;
+use mon3tr_tests::synthetic::Puppet;
 use std::path::{Path, PathBuf};
 use support::{Outcome, json, mon3tr, ort_is_missing, vulkan_is_missing};
 use tempfile::TempDir;
@@ -12,7 +12,8 @@ use tempfile::TempDir;
 fn folder_with_package() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let package = folder.path().join("puppet.m3a");
-    synthetic::avatar()
+    Puppet::small()
+        .avatar()
         .save(&package)
         .expect("the made-up person fits a package");
     (folder, package)

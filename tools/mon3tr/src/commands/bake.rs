@@ -31,26 +31,43 @@ pub(crate) struct BakeChoices {
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
     let report = bake(&options.choices, &options.out, surroundings)?;
     println!("{}", options.out.display());
-    options.json.as_ref().map_or(Ok(()), |file| write_json(file, &report))
+    options
+        .json
+        .as_ref()
+        .map_or(Ok(()), |file| write_json(file, &report))
 }
 
 /// The demo avatar's package from the cache; baked first if there is none of this kind yet.
-pub(crate) fn baked_demo_avatar(choices: &BakeChoices, surroundings: &Surroundings) -> anyhow::Result<PathBuf> {
+pub(crate) fn baked_demo_avatar(
+    choices: &BakeChoices,
+    surroundings: &Surroundings,
+) -> anyhow::Result<PathBuf> {
     let folder = cache()?.join("avatars");
     let package = folder.join(format!("demo-{}-v{BAKE_VERSION}.m3a", choices.gaussians));
     if !package.is_file() {
         make_folder(&folder)?;
-        println!("baking the demo avatar once ({} Gaussians, some minutes)", choices.gaussians);
+        println!(
+            "baking the demo avatar once ({} Gaussians, some minutes)",
+            choices.gaussians
+        );
         bake(choices, &package, surroundings)?;
     }
     Ok(package)
 }
 
-fn bake(choices:&BakeChoices,out:&Path,_s:&Surroundings)->anyhow::Result<serde_json::Value>{ let _=(choices,out,makehuman()?); anyhow::bail!("not yet") }
+fn bake(choices: &BakeChoices, out: &Path, _s: &Surroundings) -> anyhow::Result<serde_json::Value> {
+    let _ = (choices, out, makehuman()?);
+    anyhow::bail!("not yet")
+}
 
 fn parse_count(text: &str) -> Result<usize, String> {
-    let (digits, unit) = text.strip_suffix('k').map_or((text, 1), |digits| (digits, 1000));
-    let count = digits.parse::<usize>().ok().and_then(|n| n.checked_mul(unit));
+    let (digits, unit) = text
+        .strip_suffix('k')
+        .map_or((text, 1), |digits| (digits, 1000));
+    let count = digits
+        .parse::<usize>()
+        .ok()
+        .and_then(|n| n.checked_mul(unit));
     count
         .filter(|n| (20_000..=400_000).contains(n))
         .ok_or_else(|| format!("{text} is not a count from 20k to 400k"))

@@ -9,6 +9,7 @@ use crate::report::{RunReport, StageTable, write_json};
 use crate::stage::{Size, Stage, Views, load_avatar};
 use crate::surroundings::{Surroundings, make_folder};
 use crate::viewpoint::Viewpoint;
+use crate::window;
 use anyhow::Context;
 use image::{RgbImage, imageops};
 use npu_runtime::Runtime;
@@ -39,6 +40,9 @@ pub(crate) struct Options {
     /// Where the animation is seen from; as for render
     #[arg(long, value_name = "VIEW", default_value = "three-quarter")]
     camera: Viewpoint,
+    /// Show the motion live in a window instead (drag to orbit, scroll to come closer, Escape to leave)
+    #[arg(long)]
+    window: bool,
     /// Write every figure as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -62,6 +66,10 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let package = baked_demo_avatar(&options.bake, surroundings)?;
     let (avatar, figures) = load_avatar(&package)?;
     let performance = options.motion.load(&avatar)?;
+    if options.window {
+        let size = (options.size.width, options.size.height);
+        return window::show(&gpu, &runtime, &avatar, &performance, options.camera, size);
+    }
     make_folder(&options.out)?;
 
     let show = Show {
@@ -90,24 +98,35 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         pictures,
     };
     report.print();
-    options.json.as_ref().map_or(Ok(()), |file| write_json(file, &report))
+    options
+        .json
+        .as_ref()
+        .map_or(Ok(()), |file| write_json(file, &report))
 }
 
 impl Show<'_> {
     /// The whole motion as an animation, and its moments on one sheet.
     fn animate(&self, viewpoint: &Viewpoint) -> anyhow::Result<(StageTable, Vec<PathBuf>)> {
-        let (animation, moments) = (self.out.join("animation.webp"), self.out.join("moments.png"));
+        let (animation, moments) = (
+            self.out.join("animation.webp"),
+            self.out.join("moments.png"),
+        );
         let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, self.size, Views::Mono)?;
         let film = Film::start(animation.clone(), MOTION_RATE);
         let frames = self.performance.followed(self.avatar);
         let total = frames.len();
         let heading = self.performance.heading();
         let count = (SHEET.0 * SHEET.1) as usize;
-        let mut sheet = RgbImage::new(self.size.width / 2 * SHEET.0, self.size.height / 2 * SHEET.1);
+        let mut sheet = RgbImage::new(
+            self.size.width / 2 * SHEET.0,
+            self.size.height / 2 * SHEET.1,
+        );
         let mut placed = 0;
         let bar = progress::bar("drawing", total);
         for (k, (motion, floor)) in frames.enumerate() {
-            let picture = stage.picture(motion, viewpoint, floor, heading)?.swap_remove(0);
+            let picture = stage
+                .picture(motion, viewpoint, floor, heading)?
+                .swap_remove(0);
             // Moments are spread evenly; a motion shorter than the sheet leaves cells empty.
             if placed < count && k * count >= placed * total {
                 place(&mut sheet, &picture, placed);
@@ -125,7 +144,13 @@ impl Show<'_> {
 
     /// Both eyes: times over some frames, and one picture of left and right side by side.
     fn stereo(&self, viewpoint: &Viewpoint) -> anyhow::Result<(StageTable, PathBuf)> {
-        let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, self.size, Views::Stereo)?;
+        let mut stage = Stage::new(
+            self.gpu,
+            self.runtime,
+            self.avatar,
+            self.size,
+            Views::Stereo,
+        )?;
         let heading = self.performance.heading();
         let Size { width, height } = self.size;
         let mut both = RgbImage::new(width * 2, height);
@@ -152,7 +177,9 @@ impl Show<'_> {
         let middle = frames.len() / 2;
         let (motion, floor) = frames.nth(middle).context("the motion has no frames")?;
         let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, self.size, Views::Mono)?;
-        let picture = stage.picture(motion, &viewpoint, floor, self.performance.heading())?.swap_remove(0);
+        let picture = stage
+            .picture(motion, &viewpoint, floor, self.performance.heading())?
+            .swap_remove(0);
         let file = self.out.join(format!("{view}.png"));
         write_png(&file, &picture)?;
         Ok(file)
@@ -165,5 +192,10 @@ fn place(sheet: &mut RgbImage, picture: &RgbImage, k: usize) {
     let small = imageops::resize(picture, width, height, imageops::FilterType::Triangle);
     let columns = SHEET.0 as usize;
     let (column, row) = (k % columns, k / columns);
-    imageops::replace(sheet, &small, column as i64 * i64::from(width), row as i64 * i64::from(height));
+    imageops::replace(
+        sheet,
+        &small,
+        column as i64 * i64::from(width),
+        row as i64 * i64::from(height),
+    );
 }

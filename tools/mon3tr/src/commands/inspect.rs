@@ -34,19 +34,36 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let manifest = Manifest::load(&options.package)
         .with_context(|| format!("cannot read {}", options.package.display()))?;
     let vertices = avatar.template.vertices();
-    let low = vertices.iter().copied().reduce(Vec3::min).unwrap_or_default();
-    let high = vertices.iter().copied().reduce(Vec3::max).unwrap_or_default();
-    let inspection =
-        Inspection { figures, bounds_metres: [low.to_array(), high.to_array()], manifest };
+    let low = vertices
+        .iter()
+        .copied()
+        .reduce(Vec3::min)
+        .unwrap_or_default();
+    let high = vertices
+        .iter()
+        .copied()
+        .reduce(Vec3::max)
+        .unwrap_or_default();
+    let inspection = Inspection {
+        figures,
+        bounds_metres: [low.to_array(), high.to_array()],
+        manifest,
+    };
     inspection.print();
-    options.json.as_ref().map_or(Ok(()), |file| write_json(file, &inspection))
+    options
+        .json
+        .as_ref()
+        .map_or(Ok(()), |file| write_json(file, &inspection))
 }
 
 impl Inspection {
     fn print(&self) {
         let (figures, manifest) = (&self.figures, &self.manifest);
         let [low, high] = self.bounds_metres;
-        println!("{} ({}, format version {})", manifest.name, manifest.format, manifest.version);
+        println!(
+            "{} ({}, format version {})",
+            manifest.name, manifest.format, manifest.version
+        );
         println!("package      {} bytes", figures.package_bytes);
         println!("Gaussians    {}", figures.gaussians);
         println!("vertices     {}", figures.vertices);

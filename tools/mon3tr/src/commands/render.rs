@@ -44,7 +44,11 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let gpu = surroundings.gpu()?;
     make_folder(&options.out)?;
 
-    let views = if options.stereo { Views::Stereo } else { Views::Mono };
+    let views = if options.stereo {
+        Views::Stereo
+    } else {
+        Views::Mono
+    };
     let mut stage = Stage::new(&gpu, &runtime, &avatar, options.size, views)?;
     let animation = options.out.join("animation.webp");
     let film = Film::start(animation.clone(), MOTION_RATE);
@@ -53,13 +57,22 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let mut pictures = vec![animation];
     for (k, (motion, floor)) in performance.followed(&avatar).enumerate() {
         let drawn = stage.picture(motion, &options.camera, floor, heading)?;
-        let sides: &[&str] = if options.stereo { &["_left", "_right"] } else { &[""] };
+        let sides: &[&str] = if options.stereo {
+            &["_left", "_right"]
+        } else {
+            &[""]
+        };
         for (picture, side) in drawn.iter().zip(sides) {
             let file = options.out.join(format!("frame_{k:05}{side}.png"));
             write_png(&file, picture)?;
             pictures.push(file);
         }
-        film.add(drawn.into_iter().next().context("the renderer returned no picture")?)?;
+        film.add(
+            drawn
+                .into_iter()
+                .next()
+                .context("the renderer returned no picture")?,
+        )?;
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -77,5 +90,8 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         bake: None,
     };
     report.print();
-    options.json.as_ref().map_or(Ok(()), |file| write_json(file, &report))
+    options
+        .json
+        .as_ref()
+        .map_or(Ok(()), |file| write_json(file, &report))
 }

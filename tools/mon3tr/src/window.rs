@@ -1,0 +1,253 @@
+//! `demo --window`: the motion live in a window, over and over. Drag to orbit, scroll to come closer, Escape to leave.
+
+use crate::performance::{MOTION_RATE, Performance};
+use crate::surroundings::Surroundings;
+use crate::viewpoint::Viewpoint;
+use anyhow::{Context, anyhow};
+use app::{Deformer, Receiver};
+use glam::{Quat, Vec3};
+use npu_runtime::Runtime;
+use spmm3::{Avatar, MotionParams};
+use std::sync::Arc;
+use std::time::Instant;
+use winit::application::ApplicationHandler;
+use winit::dpi::{PhysicalPosition, PhysicalSize};
+use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, EventLoop};
+use winit::keyboard::{Key, NamedKey};
+use winit::window::{Window, WindowId};
+use xr_renderer::{Background, Gpu, SplatRenderer, WindowTarget};
+
+/// What stands behind the person.
+const STUDIO: Background = Background::Gradient {
+    top: [0.80, 0.83, 0.87],
+    bottom: [0.70, 0.71, 0.73],
+};
+
+/// Degrees of orbit per pixel of drag.
+const DRAG: f32 = 0.3;
+
+/// Frames between updates of the rate in the title.
+const TITLE_FRAMES: u32 = 30;
+
+/// Shows the performance until the window is closed.
+pub(crate) fn show(
+    gpu: &Arc<Gpu>,
+    runtime: &Runtime,
+    avatar: &Avatar,
+    performance: &Performance,
+    viewpoint: Viewpoint,
+    (width, height): (u32, u32),
+) -> anyhow::Result<()> {
+    let events = EventLoop::new()
+        .context("no window system: demo without --window draws pictures instead")?;
+    let frames = performance
+        .followed(avatar)
+        .map(|(motion, floor)| (motion.clone(), floor))
+        .collect();
+    let deformer = Deformer::new(runtime, avatar, Surroundings::provider())?;
+    let renderer = renderer(gpu, deformer.gaussians(), width, height)?;
+    let mut live = Live {
+        gpu: Arc::clone(gpu),
+        receiver: Receiver::new(deformer, renderer),
+        frames,
+        heading: performance.heading(),
+        viewpoint,
+        size: (width, height),
+        open: None,
+        drag: None,
+        cursor: PhysicalPosition::default(),
+        outcome: Ok(()),
+    };
+    events
+        .run_app(&mut live)
+        .context("the window system ended the window")?;
+    live.outcome
+}
+
+fn renderer(
+    gpu: &Arc<Gpu>,
+    gaussians: usize,
+    width: u32,
+    height: u32,
+) -> anyhow::Result<SplatRenderer> {
+    let gaussians = u32::try_from(gaussians).context("too many Gaussians")?;
+    SplatRenderer::new(Arc::clone(gpu), gaussians, width, height, 1)
+        .context("cannot prepare the renderer")
+}
+
+/// The window while it is open.
+struct Open {
+    window: Arc<Window>,
+    target: WindowTarget,
+    since: Instant,
+    counted: (Instant, u32),
+}
+
+struct Live {
+    gpu: Arc<Gpu>,
+    receiver: Receiver,
+    frames: Vec<(MotionParams, Vec3)>,
+    heading: Quat,
+    viewpoint: Viewpoint,
+    size: (u32, u32),
+    open: Option<Open>,
+    /// Where the cursor was when the last part of a drag was taken.
+    drag: Option<PhysicalPosition<f64>>,
+    cursor: PhysicalPosition<f64>,
+    outcome: anyhow::Result<()>,
+}
+
+impl ApplicationHandler for Live {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        let outcome = self.open(events);
+        self.settle(events, outcome);
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let outcome = match event {
+            WindowEvent::CloseRequested => {
+                events.exit();
+                Ok(())
+            }
+            WindowEvent::KeyboardInput { event, .. }
+                if event.logical_key == Key::Named(NamedKey::Escape) =>
+            {
+                events.exit();
+                Ok(())
+            }
+            WindowEvent::Resized(size) => self.resize(size),
+            WindowEvent::RedrawRequested => self.draw(),
+            WindowEvent::MouseInput {
+                state,
+                button: MouseButton::Left,
+                ..
+            } => {
+                self.drag = (state == ElementState::Pressed).then_some(self.cursor);
+                Ok(())
+            }
+            WindowEvent::CursorMoved { position, .. } => {
+                self.cursor = position;
+                self.orbit();
+                Ok(())
+            }
+            WindowEvent::MouseWheel { delta, .. } => {
+                self.approach(delta);
+                Ok(())
+            }
+            _ => Ok(()),
+        };
+        self.settle(events, outcome);
+    }
+}
+
+impl Live {
+    /// Keeps the first error and leaves.
+    fn settle(&mut self, events: &ActiveEventLoop, outcome: anyhow::Result<()>) {
+        if outcome.is_err() && self.outcome.is_ok() {
+            self.outcome = outcome;
+            events.exit();
+        }
+    }
+
+    fn open(&mut self, events: &ActiveEventLoop) -> anyhow::Result<()> {
+        if self.open.is_some() {
+            return Ok(());
+        }
+        let (width, height) = self.size;
+        let attributes = Window::default_attributes()
+            .with_title("Mon3tr")
+            .with_inner_size(PhysicalSize::new(width, height));
+        let window = Arc::new(
+            events
+                .create_window(attributes)
+                .context("cannot open a window")?,
+        );
+        let size = window.inner_size();
+        let target = WindowTarget::new(&self.gpu, Arc::clone(&window), size.width, size.height)
+            .context("cannot draw into the window: demo without --window draws pictures instead")?;
+        let now = Instant::now();
+        window.request_redraw();
+        self.open = Some(Open {
+            window,
+            target,
+            since: now,
+            counted: (now, 0),
+        });
+        self.resize(size)
+    }
+
+    fn resize(&mut self, size: PhysicalSize<u32>) -> anyhow::Result<()> {
+        let Some(open) = &mut self.open else {
+            return Ok(());
+        };
+        open.target.resize(size.width, size.height);
+        // A minimised window has no area: keep what there is until it comes back.
+        if size.width > 0 && size.height > 0 && (size.width, size.height) != self.size {
+            self.size = (size.width, size.height);
+            let gaussians = self.receiver.deformer().gaussians();
+            self.receiver.replace_renderer(renderer(
+                &self.gpu,
+                gaussians,
+                size.width,
+                size.height,
+            )?);
+        }
+        Ok(())
+    }
+
+    fn draw(&mut self) -> anyhow::Result<()> {
+        let Some(open) = &mut self.open else {
+            return Ok(());
+        };
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "seconds since the window opened"
+        )]
+        let index =
+            (open.since.elapsed().as_secs_f64() * MOTION_RATE) as usize % self.frames.len().max(1);
+        let (motion, floor) = self
+            .frames
+            .get(index)
+            .ok_or_else(|| anyhow!("the motion has no frames"))?;
+        let camera = self
+            .viewpoint
+            .camera(*floor, self.heading, self.size.0, self.size.1);
+        self.receiver.frame(motion, &[camera])?;
+        open.target.present(self.receiver.renderer(), STUDIO)?;
+        open.counted.1 += 1;
+        if open.counted.1 == TITLE_FRAMES {
+            let rate = f64::from(TITLE_FRAMES) / open.counted.0.elapsed().as_secs_f64().max(1e-6);
+            open.window.set_title(&format!(
+                "Mon3tr: {rate:.0} frames/s on {}",
+                self.gpu.info().name
+            ));
+            open.counted = (Instant::now(), 0);
+        }
+        open.window.request_redraw();
+        Ok(())
+    }
+
+    fn orbit(&mut self) {
+        if let Some(from) = &mut self.drag {
+            #[allow(clippy::cast_possible_truncation, reason = "pixels of a window")]
+            let (x, y) = (
+                (self.cursor.x - from.x) as f32,
+                (self.cursor.y - from.y) as f32,
+            );
+            *from = self.cursor;
+            self.viewpoint
+                .orbit((-x * DRAG).to_radians(), (y * DRAG).to_radians());
+        }
+    }
+
+    fn approach(&mut self, delta: MouseScrollDelta) {
+        let notches = match delta {
+            MouseScrollDelta::LineDelta(_, lines) => lines,
+            #[allow(clippy::cast_possible_truncation, reason = "pixels of one scroll")]
+            MouseScrollDelta::PixelDelta(pixels) => pixels.y as f32 / 40.0,
+        };
+        self.viewpoint.approach(0.9f32.powf(notches));
+    }
+}
