@@ -161,19 +161,19 @@ impl BoundGaussians {
         self.triangles.is_empty()
     }
 
-    /// [N_g] triangle of the template each Gaussian hangs on.
+    /// `[N_g]` triangle of the template each Gaussian hangs on.
     #[must_use]
     pub fn triangles(&self) -> &[u32] {
         &self.triangles
     }
 
-    /// [N_g] vertex indices of those triangles.
+    /// `[N_g]` vertex indices of those triangles.
     #[must_use]
     pub fn corners(&self) -> &[[u32; 3]] {
         &self.corners
     }
 
-    /// [N_g] barycentric weights of the second and third corner; the first has the rest.
+    /// `[N_g]` barycentric weights of the second and third corner; the first has the rest.
     #[must_use]
     pub fn barycentrics(&self) -> &[[f32; 2]] {
         &self.barycentrics

@@ -130,13 +130,13 @@ impl Controllers {
         &self.vertices
     }
 
-    /// [N_g] the three controllers that hold each Gaussian.
+    /// `[N_g]` the three controllers that hold each Gaussian.
     #[must_use]
     pub fn neighbours(&self) -> &[[u16; NEIGHBOURS]] {
         &self.neighbours
     }
 
-    /// [N_g] their normalised virtual masses.
+    /// `[N_g]` their normalised virtual masses.
     #[must_use]
     pub fn masses(&self) -> &[[f32; NEIGHBOURS]] {
         &self.masses

@@ -16,7 +16,7 @@ pub struct SkinWeights {
 }
 
 impl SkinWeights {
-    /// Weight of every joint, [55].
+    /// Weight of every joint, `[55]`.
     #[must_use]
     pub fn dense(&self) -> [f32; JOINTS] {
         let mut dense = [0.0; JOINTS];
@@ -79,19 +79,19 @@ impl Template {
         })
     }
 
-    /// [N_v] T-pose positions, metres.
+    /// `[N_v]` T-pose positions, metres.
     #[must_use]
     pub fn vertices(&self) -> &[Vec3] {
         &self.vertices
     }
 
-    /// [N_f] counter-clockwise triangles.
+    /// `[N_f]` counter-clockwise triangles.
     #[must_use]
     pub fn faces(&self) -> &[[u32; 3]] {
         &self.faces
     }
 
-    /// [N_v] skinning weights.
+    /// `[N_v]` skinning weights.
     #[must_use]
     pub fn skin(&self) -> &[SkinWeights] {
         &self.skin

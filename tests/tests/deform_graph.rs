@@ -1,9 +1,9 @@
 //! The deform graph on ONNX Runtime against the f64 reference.
 
 use mon3tr_tests::person_reference as reference;
-use mon3tr_tests::synthetic::{Puppet, Random};
+use mon3tr_tests::synthetic::{Puppet, PuppetSize, Random};
 use npu_runtime::{Provider, Runtime, Session, TensorSpec};
-use spmm3::networks::{input, output};
+use spmm3::networks::{AttributeNetwork, MeshNetwork, input, output};
 use spmm3::{ATTRIBUTES, JOINTS, PARAMS, SkinningTransforms};
 
 /// ONNX Runtime, or `None` (said aloud) where it is not installed and nobody promised that it is.
@@ -97,4 +97,33 @@ fn the_graph_poses_mesh_and_attributes_as_in_f64() {
             "plane {plane} is {error} off over a reach of {reach}"
         );
     }
+}
+
+#[test]
+fn the_networks_can_be_read_back_from_the_graph() {
+    let puppet = Puppet::small();
+    let model = puppet.graph().to_onnx().expect("the networks fit");
+    let attributes = AttributeNetwork::read(&model, &puppet.controllers).expect("F_attr is there");
+    assert!(attributes == puppet.attributes, "F_attr came back changed");
+    let mesh = MeshNetwork::read(&model, &puppet.template).expect("F_mesh is there");
+    assert!(mesh.first == puppet.mesh.first, "the first layer changed");
+    assert!(
+        mesh.second == puppet.mesh.second,
+        "the second layer changed"
+    );
+    assert!(mesh.code == puppet.mesh.code, "the code layer changed");
+    let fields = |network: &MeshNetwork| network.decoder.dequantise();
+    assert!(fields(&mesh) == fields(&puppet.mesh), "the fields changed");
+    for (got, want) in mesh.decoder.mean().iter().zip(puppet.mesh.decoder.mean()) {
+        assert!(
+            (got - want).abs() < 2e-7,
+            "mean offset {got} m was {want} m"
+        );
+    }
+    let other = Puppet::new(PuppetSize {
+        gaussians: 1_000,
+        ..PuppetSize::SMALL
+    });
+    let error = AttributeNetwork::read(&model, &other.controllers).expect_err("fewer Gaussians");
+    assert!(error.to_string().contains("bases"), "{error}");
 }

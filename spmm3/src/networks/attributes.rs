@@ -62,6 +62,24 @@ impl QuantisedBases {
         })
     }
 
+    /// Takes numbers that a graph stored, all finite.
+    pub(super) fn from_stored(
+        bases: usize,
+        units: [f32; ATTRIBUTES],
+        scales: Vec<f16>,
+        values: Vec<i8>,
+    ) -> Result<Self, PersonError> {
+        let gaussians = scales.len() / ATTRIBUTES;
+        PersonError::check_count("basis scales", scales.len(), ATTRIBUTES * gaussians)?;
+        PersonError::check_count("deformation bases", values.len(), scales.len() * bases)?;
+        Ok(Self {
+            bases,
+            units,
+            scales,
+            values,
+        })
+    }
+
     /// Number of bases B.
     #[must_use]
     pub fn bases(&self) -> usize {

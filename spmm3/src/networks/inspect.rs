@@ -41,9 +41,9 @@ pub struct GraphSignature {
 /// Why a graph is refused, in words.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct GraphRefused(String);
+pub struct GraphRefused(pub(super) String);
 
-type Checked<T> = Result<T, GraphRefused>;
+pub(super) type Checked<T> = Result<T, GraphRefused>;
 
 fn refuse<T>(reason: impl Into<String>) -> Checked<T> {
     Err(GraphRefused(reason.into()))
@@ -55,17 +55,7 @@ impl GraphSignature {
     /// # Errors
     /// If it is not an ONNX graph, or holds what a deform graph has no need of.
     pub fn read(model: &[u8]) -> Checked<Self> {
-        let mut graph = None;
-        for field in Fields(model) {
-            match field? {
-                (7, Value::Bytes(bytes)) if graph.is_none() => graph = Some(bytes),
-                (7 | 20 | 25, _) => return refuse("more than one static graph"),
-                _ => {}
-            }
-        }
-        let Some(graph) = graph else {
-            return refuse("no graph in it");
-        };
+        let graph = find_graph(model)?;
         let mut signature = Self::default();
         let (mut nodes, mut tensors) = (0, 0);
         for field in Fields(graph) {
@@ -76,8 +66,8 @@ impl GraphSignature {
                 }
                 (5, Value::Bytes(tensor)) => {
                     tensors += 1;
-                    let (name, dims) = check_tensor(tensor)?;
-                    if let ("attr.bases.values", [_, bases, _]) = (name, &dims[..]) {
+                    let stored = check_tensor(tensor)?;
+                    if let ("attr.bases.values", [_, bases, _]) = (stored.name, &stored.dims[..]) {
                         signature.bases = Some(*bases);
                     }
                 }
@@ -93,6 +83,78 @@ impl GraphSignature {
             }
         }
         Ok(signature)
+    }
+}
+
+/// The one graph of an ONNX file.
+fn find_graph(model: &[u8]) -> Checked<&[u8]> {
+    let mut graph = None;
+    for field in Fields(model) {
+        match field? {
+            (7, Value::Bytes(bytes)) if graph.is_none() => graph = Some(bytes),
+            (7 | 20 | 25, _) => return refuse("more than one static graph"),
+            _ => {}
+        }
+    }
+    graph.map_or_else(|| refuse("no graph in it"), Ok)
+}
+
+/// A tensor stored in a graph, in place.
+pub(super) struct Stored<'a> {
+    name: &'a str,
+    kind: i32,
+    dims: Vec<usize>,
+    raw: &'a [u8],
+}
+
+impl<'a> Stored<'a> {
+    /// The stored tensor `name` of `model`.
+    pub(super) fn find(model: &'a [u8], name: &str) -> Checked<Self> {
+        for field in Fields(find_graph(model)?) {
+            if let (5, Value::Bytes(tensor)) = field? {
+                let stored = check_tensor(tensor)?;
+                if stored.name == name {
+                    return Ok(stored);
+                }
+            }
+        }
+        refuse(format!("no stored tensor {name}"))
+    }
+
+    /// The tensor's sizes, which must be this many and none zero: no product of them exceeds the file's size then.
+    pub(super) fn shape<const RANK: usize>(&self) -> Checked<[usize; RANK]> {
+        match self.dims[..].try_into() {
+            Ok(shape) if !self.dims.contains(&0) => Ok(shape),
+            _ => refuse(format!(
+                "stored tensor {} has shape {:?}",
+                self.name, self.dims
+            )),
+        }
+    }
+
+    pub(super) fn floats(&self) -> Checked<Vec<f32>> {
+        let bytes = self.of_kind(data_type::FLOAT)?.as_chunks().0;
+        Ok(bytes.iter().map(|b| f32::from_le_bytes(*b)).collect())
+    }
+
+    pub(super) fn halves(&self) -> Checked<Vec<f16>> {
+        let bytes = self.of_kind(data_type::FLOAT16)?.as_chunks().0;
+        Ok(bytes.iter().map(|b| f16::from_le_bytes(*b)).collect())
+    }
+
+    pub(super) fn bytes(&self) -> Checked<Vec<i8>> {
+        Ok(bytemuck::cast_slice(self.of_kind(data_type::INT8)?).to_vec())
+    }
+
+    fn of_kind(&self, kind: i32) -> Checked<&'a [u8]> {
+        if self.kind == kind {
+            Ok(self.raw)
+        } else {
+            refuse(format!(
+                "stored tensor {} has element type {}, not {kind}",
+                self.name, self.kind
+            ))
+        }
     }
 }
 
@@ -150,8 +212,8 @@ fn check_node(bytes: &[u8]) -> Checked<()> {
     }
 }
 
-/// Numbers stored in the file, as many as the shape says, and finite. Gives the tensor's name and shape.
-fn check_tensor(bytes: &[u8]) -> Checked<(&str, Vec<usize>)> {
+/// Numbers stored in the file, as many as the shape says, and finite.
+fn check_tensor(bytes: &[u8]) -> Checked<Stored<'_>> {
     let (mut name, mut kind, mut raw) = ("", 0, None);
     let mut dims: Vec<usize> = Vec::new();
     for field in Fields(bytes) {
@@ -179,11 +241,12 @@ fn check_tensor(bytes: &[u8]) -> Checked<(&str, Vec<usize>)> {
         }
     }
     let raw = raw.unwrap_or_default();
-    let width = match i32::try_from(kind) {
-        Ok(data_type::FLOAT | data_type::INT32) => 4,
-        Ok(data_type::FLOAT16) => 2,
-        Ok(data_type::INT8) => 1,
-        Ok(data_type::INT64) => 8,
+    let kind = i32::try_from(kind).unwrap_or(0);
+    let width = match kind {
+        data_type::FLOAT | data_type::INT32 => 4,
+        data_type::FLOAT16 => 2,
+        data_type::INT8 => 1,
+        data_type::INT64 => 8,
         _ => return refuse(format!("stored tensor {name} has element type {kind}")),
     };
     let needed = dims
@@ -195,13 +258,13 @@ fn check_tensor(bytes: &[u8]) -> Checked<(&str, Vec<usize>)> {
             raw.len()
         ));
     }
-    let finite = match i32::try_from(kind) {
-        Ok(data_type::FLOAT) => raw
+    let finite = match kind {
+        data_type::FLOAT => raw
             .as_chunks()
             .0
             .iter()
             .all(|b| f32::from_le_bytes(*b).is_finite()),
-        Ok(data_type::FLOAT16) => raw
+        data_type::FLOAT16 => raw
             .as_chunks()
             .0
             .iter()
@@ -209,7 +272,12 @@ fn check_tensor(bytes: &[u8]) -> Checked<(&str, Vec<usize>)> {
         _ => true,
     };
     if finite {
-        Ok((name, dims))
+        Ok(Stored {
+            name,
+            kind,
+            dims,
+            raw,
+        })
     } else {
         refuse(format!(
             "stored tensor {name} holds a number that is not finite"

@@ -37,6 +37,23 @@ impl Dense {
         })
     }
 
+    /// Takes numbers that a graph stored, all finite.
+    pub(super) fn from_stored(
+        inputs: usize,
+        outputs: usize,
+        weights: Vec<f16>,
+        bias: Vec<f32>,
+    ) -> Result<Self, PersonError> {
+        PersonError::check_count("layer weights", weights.len(), inputs * outputs)?;
+        PersonError::check_count("layer bias", bias.len(), outputs)?;
+        Ok(Self {
+            inputs,
+            outputs,
+            weights,
+            bias,
+        })
+    }
+
     /// Number of inputs.
     #[must_use]
     pub fn inputs(&self) -> usize {
@@ -55,7 +72,7 @@ impl Dense {
         &self.weights
     }
 
-    /// Bias, [outputs].
+    /// Bias, `[outputs]`.
     #[must_use]
     pub fn bias(&self) -> &[f32] {
         &self.bias

@@ -47,6 +47,26 @@ impl QuantisedDecoder {
         })
     }
 
+    /// Takes numbers that a graph stored, all finite.
+    pub(super) fn from_stored(
+        rank: usize,
+        unit: Vec<f32>,
+        scales: Vec<f16>,
+        values: Vec<i8>,
+        mean: Vec<f32>,
+    ) -> Result<Self, PersonError> {
+        PersonError::check_count("decoder unit", unit.len(), 1)?;
+        PersonError::check_count("decoder scales", scales.len(), mean.len())?;
+        PersonError::check_count("decoder fields", values.len(), rank * mean.len())?;
+        Ok(Self {
+            rank,
+            unit: unit[0],
+            scales,
+            values,
+            mean,
+        })
+    }
+
     /// Number of offset fields.
     #[must_use]
     pub fn rank(&self) -> usize {

@@ -8,6 +8,7 @@ mod inspect;
 mod layer;
 mod mesh;
 mod onnx;
+mod stored;
 
 pub use attributes::{AttributeNetwork, QuantisedBases};
 pub use graph::{DeformGraph, input, output};
