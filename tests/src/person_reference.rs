@@ -267,7 +267,7 @@ pub fn posed_mesh(
     skin(template, &shape, &posed_from_rest(rest, &joints))
 }
 
-/// Displacement potentials u_j of every controller, [C][B].
+/// Displacement potentials u_j of every controller, `[C][B]`.
 #[must_use]
 pub fn potentials(network: &AttributeNetwork, controllers: usize, motion: &[f32]) -> Vec<Vec<f64>> {
     let p: Vec<f64> = motion.iter().map(|x| f64::from(*x)).collect();
@@ -289,7 +289,7 @@ pub fn potentials(network: &AttributeNetwork, controllers: usize, motion: &[f32]
         .collect()
 }
 
-/// F_attr: residuals of every Gaussian, [N_g][14].
+/// F_attr: residuals of every Gaussian, `[N_g][14]`.
 #[must_use]
 pub fn residuals(
     network: &AttributeNetwork,

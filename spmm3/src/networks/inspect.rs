@@ -4,6 +4,7 @@
 //! graph may only be what a static feed-forward network needs: known operators, numbers inside the file, all finite.
 
 use super::onnx::{ValueInfo, data_type};
+use super::wire::{Fields, Value, varint};
 use half::f16;
 use prost::Message;
 
@@ -45,7 +46,7 @@ pub struct GraphRefused(pub(super) String);
 
 pub(super) type Checked<T> = Result<T, GraphRefused>;
 
-fn refuse<T>(reason: impl Into<String>) -> Checked<T> {
+pub(super) fn refuse<T>(reason: impl Into<String>) -> Checked<T> {
     Err(GraphRefused(reason.into()))
 }
 
@@ -283,75 +284,4 @@ fn check_tensor(bytes: &[u8]) -> Checked<Stored<'_>> {
             "stored tensor {name} holds a number that is not finite"
         ))
     }
-}
-
-/// One protobuf field's content.
-enum Value<'a> {
-    Number(u64),
-    Bytes(&'a [u8]),
-    Fixed,
-}
-
-/// Walks a protobuf message's fields in place. Decoding a hostile message into structs could cost a hundred times its
-/// size; walking costs nothing.
-struct Fields<'a>(&'a [u8]);
-
-impl<'a> Iterator for Fields<'a> {
-    type Item = Checked<(u64, Value<'a>)>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        if self.0.is_empty() {
-            return None;
-        }
-        let field = read_field(&mut self.0);
-        if field.is_err() {
-            self.0 = &[];
-        }
-        Some(field)
-    }
-}
-
-fn read_field<'a>(rest: &mut &'a [u8]) -> Checked<(u64, Value<'a>)> {
-    let key = varint(rest)?;
-    let value = match key & 7 {
-        0 => Value::Number(varint(rest)?),
-        1 => {
-            take(rest, 8)?;
-            Value::Fixed
-        }
-        2 => {
-            let length = varint(rest)?;
-            Value::Bytes(take(rest, usize::try_from(length).unwrap_or(usize::MAX))?)
-        }
-        5 => {
-            take(rest, 4)?;
-            Value::Fixed
-        }
-        _ => return refuse("not an ONNX file"),
-    };
-    Ok((key >> 3, value))
-}
-
-fn take<'a>(rest: &mut &'a [u8], length: usize) -> Checked<&'a [u8]> {
-    match rest.split_at_checked(length) {
-        Some((head, tail)) => {
-            *rest = tail;
-            Ok(head)
-        }
-        None => refuse("cut short"),
-    }
-}
-
-fn varint(rest: &mut &[u8]) -> Checked<u64> {
-    let mut value = 0u64;
-    for shift in (0..64).step_by(7) {
-        let [byte] = take(rest, 1)? else {
-            return refuse("cut short");
-        };
-        value |= u64::from(byte & 0x7f) << shift;
-        if byte & 0x80 == 0 {
-            return Ok(value);
-        }
-    }
-    refuse("not an ONNX file")
 }

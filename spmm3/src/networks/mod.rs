@@ -9,6 +9,7 @@ mod layer;
 mod mesh;
 mod onnx;
 mod stored;
+mod wire;
 
 pub use attributes::{AttributeNetwork, QuantisedBases};
 pub use graph::{DeformGraph, input, output};

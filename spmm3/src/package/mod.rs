@@ -7,6 +7,7 @@ mod archive;
 mod avatar;
 mod error;
 mod manifest;
+mod members;
 mod tensors;
 
 pub use archive::{MAX_BYTES, MAX_MEMBERS};

@@ -1,0 +1,252 @@
+//! What each member holds: an avatar's parts as tensors, and back, checked against the manifest.
+
+use super::archive::{self, Archive, MAX_BYTES};
+use super::manifest::Counts;
+use super::tensors::{Reader, Writer};
+use super::{Avatar, Manifest, PackageError, TensorEntry};
+use crate::networks::{GraphSignature, input, output};
+use crate::{
+    ATTRIBUTES, BoundGaussians, Controllers, INFLUENCES, JOINTS, NEIGHBOURS, PARAMS, Skeleton,
+    SkinWeights, Template,
+};
+use glam::Vec3;
+use half::f16;
+use std::collections::BTreeMap;
+use std::io::{Read, Seek};
+
+const TEMPLATE: &str = "template.safetensors";
+const GAUSSIANS: &str = "gaussians.safetensors";
+const BINDING: &str = "binding.safetensors";
+const CONTROLLERS: &str = "controllers.safetensors";
+const GRAPH: &str = "deform.onnx";
+/// The members of format version 1, in their order in the archive.
+pub(super) const MEMBERS: [&str; 5] = [TEMPLATE, GAUSSIANS, BINDING, CONTROLLERS, GRAPH];
+
+/// One member ready to be packed: its bytes and its tensors.
+pub(super) type Packed = (Vec<u8>, BTreeMap<String, TensorEntry>);
+
+/// The members of an avatar, in the order of [`MEMBERS`].
+pub(super) fn pack(avatar: &Avatar) -> Result<[Packed; 5], PackageError> {
+    let graph = &avatar.deform_graph;
+    Ok([
+        pack_template(avatar)?,
+        pack_gaussians(avatar)?,
+        pack_binding(avatar)?,
+        pack_controllers(avatar)?,
+        (graph.clone(), ports(&signature(graph)?)),
+    ])
+}
+
+fn pack_template(avatar: &Avatar) -> Result<Packed, PackageError> {
+    let (vertices, faces) = (avatar.template.vertices(), avatar.template.faces());
+    let skin = avatar.template.skin();
+    let joints: Vec<u8> = skin.iter().flat_map(|s| s.joints).collect();
+    let weights: Vec<f32> = skin.iter().flat_map(|s| s.weights).collect();
+    let rest = avatar.skeleton.rest_positions();
+    let count = vertices.len();
+    Writer::new(TEMPLATE)
+        .add("vertices", &[count, 3], flat::<f32, _>(vertices))?
+        .add("faces", &[faces.len(), 3], flat::<u32, _>(faces))?
+        .add("joints", &[JOINTS, 3], flat::<f32, _>(rest))?
+        .add("skin_joints", &[count, INFLUENCES], &joints)?
+        .add("skin_weights", &[count, INFLUENCES], &weights)?
+        .finish()
+}
+
+fn pack_gaussians(avatar: &Avatar) -> Result<Packed, PackageError> {
+    let attributes = halves(avatar.gaussians.attributes());
+    Writer::new(GAUSSIANS)
+        .add(
+            "attributes",
+            &[ATTRIBUTES, avatar.gaussians.len()],
+            &attributes,
+        )?
+        .finish()
+}
+
+fn pack_binding(avatar: &Avatar) -> Result<Packed, PackageError> {
+    let count = avatar.gaussians.len();
+    let barycentric = halves(flat(avatar.gaussians.barycentrics()));
+    Writer::new(BINDING)
+        .add("triangle", &[count], avatar.gaussians.triangles())?
+        .add("barycentric", &[count, 2], &barycentric)?
+        .finish()
+}
+
+fn pack_controllers(avatar: &Avatar) -> Result<Packed, PackageError> {
+    let controllers = &avatar.controllers;
+    let count = controllers.neighbours().len();
+    let neighbours = flat::<u16, _>(controllers.neighbours());
+    let masses = flat::<f32, _>(controllers.masses());
+    Writer::new(CONTROLLERS)
+        .add(
+            "vertex",
+            &[controllers.vertices().len()],
+            controllers.vertices(),
+        )?
+        .add("neighbours", &[count, NEIGHBOURS], neighbours)?
+        .add("masses", &[count, NEIGHBOURS], masses)?
+        .finish()
+}
+
+/// A member's bytes, once size and hash are the manifest's.
+fn unpack<'m, R: Read + Seek>(
+    archive: &mut Archive<R>,
+    manifest: &'m Manifest,
+    name: &str,
+) -> Result<(Vec<u8>, &'m BTreeMap<String, TensorEntry>), PackageError> {
+    let entry = manifest
+        .member(name)
+        .ok_or_else(|| PackageError::member(name, "missing from the manifest"))?;
+    let bytes = archive.unpack(name, entry.bytes.min(MAX_BYTES))?;
+    if bytes.len() as u64 != entry.bytes {
+        let reason = format!("{} bytes, not {}", bytes.len(), entry.bytes);
+        return Err(PackageError::member(name, reason));
+    }
+    if archive::sha256(&bytes) != entry.sha256 {
+        return Err(PackageError::member(
+            name,
+            "its SHA-256 is not the manifest's: the package was damaged or altered",
+        ));
+    }
+    Ok((bytes, &entry.tensors))
+}
+
+pub(super) fn unpack_template<R: Read + Seek>(
+    archive: &mut Archive<R>,
+    manifest: &Manifest,
+) -> Result<(Skeleton, Template), PackageError> {
+    let (bytes, listed) = unpack(archive, manifest, TEMPLATE)?;
+    let member = Reader::new(TEMPLATE, &bytes, listed)?;
+    let count = manifest.counts.vertices;
+    let vertices: Vec<f32> = member.get("vertices", &[count, 3])?;
+    let faces: Vec<u32> = member.get("faces", &[manifest.counts.faces, 3])?;
+    let rest: Vec<f32> = member.get("joints", &[JOINTS, 3])?;
+    let joints: Vec<u8> = member.get("skin_joints", &[count, INFLUENCES])?;
+    let weights: Vec<f32> = member.get("skin_weights", &[count, INFLUENCES])?;
+    member.only(5)?;
+    let mut rest_positions = [Vec3::ZERO; JOINTS];
+    for (position, values) in rest_positions.iter_mut().zip(triples(&rest)) {
+        *position = Vec3::from_array(values);
+    }
+    let skin = joints.as_chunks().0.iter().zip(weights.as_chunks().0);
+    let skin = skin
+        .map(|(joints, weights)| SkinWeights {
+            joints: *joints,
+            weights: *weights,
+        })
+        .collect();
+    let vertices = triples(&vertices).map(Vec3::from_array).collect();
+    let faces = triples(&faces).collect();
+    let template = Template::new(vertices, faces, skin).map_err(PackageError::contents(TEMPLATE));
+    let skeleton = Skeleton::new(rest_positions).map_err(PackageError::contents(TEMPLATE));
+    Ok((skeleton?, template?))
+}
+
+pub(super) fn unpack_gaussians<R: Read + Seek>(
+    archive: &mut Archive<R>,
+    manifest: &Manifest,
+    template: &Template,
+) -> Result<BoundGaussians, PackageError> {
+    let count = manifest.counts.gaussians;
+    let (bytes, listed) = unpack(archive, manifest, GAUSSIANS)?;
+    let member = Reader::new(GAUSSIANS, &bytes, listed)?;
+    let attributes: Vec<f16> = member.get("attributes", &[ATTRIBUTES, count])?;
+    member.only(1)?;
+    let (bytes, listed) = unpack(archive, manifest, BINDING)?;
+    let member = Reader::new(BINDING, &bytes, listed)?;
+    let triangles: Vec<u32> = member.get("triangle", &[count])?;
+    let barycentric: Vec<f16> = member.get("barycentric", &[count, 2])?;
+    member.only(2)?;
+    let barycentrics = barycentric.as_chunks().0.iter();
+    let barycentrics = barycentrics.map(|pair: &[f16; 2]| pair.map(f16::to_f32));
+    let attributes = attributes.iter().map(|value| value.to_f32()).collect();
+    BoundGaussians::new(template, triangles, barycentrics.collect(), attributes)
+        .map_err(PackageError::contents(BINDING))
+}
+
+pub(super) fn unpack_controllers<R: Read + Seek>(
+    archive: &mut Archive<R>,
+    manifest: &Manifest,
+    template: &Template,
+) -> Result<Controllers, PackageError> {
+    let (bytes, listed) = unpack(archive, manifest, CONTROLLERS)?;
+    let member = Reader::new(CONTROLLERS, &bytes, listed)?;
+    let counts = &manifest.counts;
+    let vertices = member.get("vertex", &[counts.controllers])?;
+    let neighbours: Vec<u16> = member.get("neighbours", &[counts.gaussians, NEIGHBOURS])?;
+    let masses: Vec<f32> = member.get("masses", &[counts.gaussians, NEIGHBOURS])?;
+    member.only(3)?;
+    Controllers::new(
+        template,
+        vertices,
+        triples(&neighbours).collect(),
+        triples(&masses).collect(),
+    )
+    .map_err(PackageError::contents(CONTROLLERS))
+}
+
+/// The graph, if it takes and gives exactly what the counts demand and the manifest lists.
+pub(super) fn unpack_graph<R: Read + Seek>(
+    archive: &mut Archive<R>,
+    manifest: &Manifest,
+) -> Result<Vec<u8>, PackageError> {
+    let (bytes, listed) = unpack(archive, manifest, GRAPH)?;
+    let signature = signature(&bytes)?;
+    check_signature(&signature, &manifest.counts)?;
+    if ports(&signature) != *listed {
+        let reason = "its inputs and outputs are not those the manifest lists";
+        return Err(PackageError::member(GRAPH, reason));
+    }
+    Ok(bytes)
+}
+
+/// What the graph declares.
+pub(super) fn signature(graph: &[u8]) -> Result<GraphSignature, PackageError> {
+    GraphSignature::read(graph).map_err(|e| PackageError::member(GRAPH, e.to_string()))
+}
+
+fn check_signature(signature: &GraphSignature, counts: &Counts) -> Result<(), PackageError> {
+    let port = |name: &str, shape: &[usize]| (name.to_owned(), shape.to_vec());
+    let expected = GraphSignature {
+        inputs: vec![
+            port(input::MOTION, &[1, PARAMS]),
+            port(input::SKINNING, &[12, JOINTS]),
+        ],
+        outputs: vec![
+            port(output::VERTICES, &[3, counts.vertices]),
+            port(output::RESIDUALS, &[ATTRIBUTES, counts.gaussians]),
+        ],
+        bases: counts.bases,
+    };
+    if *signature == expected {
+        return Ok(());
+    }
+    let reason = format!("it is {signature:?}, but the manifest's counts need {expected:?}");
+    Err(PackageError::member(GRAPH, reason))
+}
+
+/// The graph's inputs and outputs as the manifest lists them.
+fn ports(signature: &GraphSignature) -> BTreeMap<String, TensorEntry> {
+    let all = signature.inputs.iter().chain(&signature.outputs);
+    all.map(|(name, shape)| {
+        let entry = TensorEntry {
+            dtype: "F32".into(),
+            shape: shape.clone(),
+        };
+        (name.clone(), entry)
+    })
+    .collect()
+}
+
+fn flat<T: bytemuck::Pod, N: bytemuck::Pod>(nested: &[N]) -> &[T] {
+    bytemuck::cast_slice(nested)
+}
+
+fn halves(values: &[f32]) -> Vec<f16> {
+    values.iter().map(|value| f16::from_f32(*value)).collect()
+}
+
+fn triples<T: Copy>(flat: &[T]) -> impl Iterator<Item = [T; 3]> {
+    flat.as_chunks().0.iter().copied()
+}
