@@ -6,7 +6,7 @@
 //! wrist); the wrist bends back and the fingers open about the hand's own curl axis.
 
 pub use super::score::LOOP_SECONDS;
-use super::{MAX_FRAMES, MotionClip, MotionError, narrow, retarget, score, stance};
+use super::{MAX_FRAMES, MotionClip, MotionError, hands, narrow, score, stance};
 use crate::{EXPRESSION, Expressions, Joint, MotionParams, Skeleton};
 use glam::{Quat, Vec3};
 use std::f64::consts::TAU;
@@ -159,7 +159,7 @@ fn arm(motion: &mut MotionParams, skeleton: &Skeleton, time: f64, side: usize) {
     let elbow = Quat::from_rotation_y(-(elbow + 1.2 * drift).to_radians()) * half_turn;
     motion.set_rotation(joints[0], mirror(shoulder));
     motion.set_rotation(joints[1], mirror(elbow));
-    let axis = retarget::curl_axis(skeleton, side);
+    let axis = hands::curl_axis(skeleton, side);
     let bend = Quat::from_axis_angle(axis, -(back + drift).to_radians());
     motion.set_rotation(joints[2], mirror(half_turn) * bend);
     hand(motion, axis, side, curl + 0.02 * drift, pinch);
@@ -167,7 +167,7 @@ fn arm(motion: &mut MotionParams, skeleton: &Skeleton, time: f64, side: usize) {
 
 fn hand(motion: &mut MotionParams, axis: Vec3, side: usize, curl: f32, pinch: f32) {
     let [index, middle, pinky, ring, thumb] =
-        std::array::from_fn(|finger| retarget::FINGERS[side * 5 + finger]);
+        std::array::from_fn(|finger| hands::FINGERS[side * 5 + finger]);
     // The little finger closes first; in a pinch the index meets the thumb and the others open.
     let fingers = [
         (index, 0.85 * (1.0 - pinch) + 1.25 * pinch),

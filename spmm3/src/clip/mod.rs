@@ -8,11 +8,14 @@ mod built_in;
 mod bvh;
 mod error;
 mod ground;
+mod hands;
 mod names;
 mod npy;
+mod plan;
 mod retarget;
 mod score;
 mod smplx;
+mod source;
 mod stance;
 
 pub use built_in::LOOP_SECONDS;

@@ -213,7 +213,8 @@ fn split_keys_of_a_fit_are_read_with_expression_and_one_frame_for_all() {
 
 #[test]
 fn mistakes_are_told_with_the_array() {
-    let cases: [(&str, Vec<(&str, Vec<u8>)>, &str); 6] = [
+    type Members = Vec<(&'static str, Vec<u8>)>;
+    let cases: [(&str, Members, &str); 6] = [
         (
             "no poses",
             vec![("foo", npy(&[1], &[0.0], Kind::F64))],

@@ -5,16 +5,16 @@ use spmm3::{Joint, MotionParams, Skeleton};
 use std::collections::HashMap;
 
 /// A BVH as it stands in the file.
-pub struct Bvh {
+pub(crate) struct Bvh {
     names: Vec<String>,
     parents: Vec<Option<usize>>,
     offsets: Vec<DVec3>,
     channels: Vec<Vec<String>>,
-    pub frames: Vec<Vec<f64>>,
+    pub(crate) frames: Vec<Vec<f64>>,
 }
 
 impl Bvh {
-    pub fn read(text: &str) -> Self {
+    pub(crate) fn read(text: &str) -> Self {
         let mut bvh = Self {
             names: vec![],
             parents: vec![],
@@ -68,7 +68,7 @@ impl Bvh {
     }
 
     /// Frames of all joints by name at rest.
-    pub fn rest(&self) -> HashMap<&str, (DVec3, DMat3)> {
+    pub(crate) fn rest(&self) -> HashMap<&str, (DVec3, DMat3)> {
         let mut at: Vec<DVec3> = vec![];
         for joint in 0..self.names.len() {
             let above = self.parents[joint].map_or(DVec3::ZERO, |parent| at[parent]);
@@ -81,7 +81,7 @@ impl Bvh {
     /// World frames of all joints by name, in the file's axes and units.
     ///
     /// `added`: below the root, position channels add to the offset (MakeHuman's files) instead of replacing it.
-    pub fn pose(&self, frame: usize, added: bool) -> HashMap<&str, (DVec3, DMat3)> {
+    pub(crate) fn pose(&self, frame: usize, added: bool) -> HashMap<&str, (DVec3, DMat3)> {
         let mut values = self.frames[frame].iter();
         let mut world: Vec<(DVec3, DMat3)> = vec![];
         for joint in 0..self.names.len() {
@@ -130,7 +130,7 @@ fn rotation(axis_angle: DVec3) -> DMat3 {
 }
 
 /// World frames of our 55 joints, root translation included.
-pub fn person(skeleton: &Skeleton, motion: &MotionParams) -> Vec<(DVec3, DMat3)> {
+pub(crate) fn person(skeleton: &Skeleton, motion: &MotionParams) -> Vec<(DVec3, DMat3)> {
     let rest = |joint: Joint| skeleton.rest_positions()[joint.index()].as_dvec3();
     let mut world: Vec<(DVec3, DMat3)> = vec![];
     for joint in Joint::ALL {
@@ -147,7 +147,7 @@ pub fn person(skeleton: &Skeleton, motion: &MotionParams) -> Vec<(DVec3, DMat3)>
 }
 
 /// Height of the lowest of six points under heels, balls and toe tips, which lie on y = 0 in T-pose.
-pub fn lowest_sole(skeleton: &Skeleton, motion: &MotionParams) -> f64 {
+pub(crate) fn lowest_sole(skeleton: &Skeleton, motion: &MotionParams) -> f64 {
     let world = person(skeleton, motion);
     let rest = |joint: Joint| skeleton.rest_positions()[joint.index()].as_dvec3();
     let mut lowest = f64::INFINITY;
@@ -170,6 +170,6 @@ pub fn lowest_sole(skeleton: &Skeleton, motion: &MotionParams) -> f64 {
 }
 
 /// Angle between two vectors, degrees.
-pub fn degrees_between(a: DVec3, b: DVec3) -> f64 {
+pub(crate) fn degrees_between(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b)).to_degrees()
 }

@@ -81,7 +81,7 @@ impl Style {
             let mut row = Vec::new();
             let at = skeleton.rest_positions()[0] + motion.root_translation;
             row.extend((self.vector(at) * self.units_per_metre).to_array());
-            for joint in self.tree(skeleton, Joint::Pelvis) {
+            for joint in Self::tree(Joint::Pelvis) {
                 row.extend(self.angles(motion.rotation(joint)));
             }
             let words: Vec<_> = row.iter().map(|v| format!("{v:e}")).collect();
@@ -91,9 +91,9 @@ impl Style {
     }
 
     /// The file's joints in the order that `joint` writes them.
-    fn tree(&self, skeleton: &Skeleton, joint: Joint) -> Vec<Joint> {
+    fn tree(joint: Joint) -> Vec<Joint> {
         let children = MIXAMO.iter().filter(|(_, j)| j.parent() == Some(joint));
-        let below = children.flat_map(|(_, child)| self.tree(skeleton, *child));
+        let below = children.flat_map(|(_, child)| Self::tree(*child));
         std::iter::once(joint).chain(below).collect()
     }
 
