@@ -33,6 +33,9 @@ const MAX_STRETCH: f32 = 1.6;
 /// How far Gaussians lift off the flat quad towards the smooth surface its normals suggest (Phong tessellation).
 const ROUNDNESS: f32 = 0.6;
 
+/// But no further than this, metres: what floats off its triangle swings when the triangle turns.
+const MAX_LIFT: f32 = 0.004;
+
 /// Gaussians a metre along an edge, relative to cloth.
 fn density(part: Part) -> f32 {
     match part {
@@ -115,12 +118,28 @@ impl Patch {
         (cells(lengths.x), cells(lengths.y))
     }
 
-    /// Phong tessellation (Boubekeur and Alexa 2008) on a bilinear patch.
+    /// Which half of the quad `u`, `v` lies on (012 or 023), and the barycentric weights of its second and third corner.
+    fn half(u: f32, v: f32) -> (u32, [f32; 2]) {
+        if v <= u {
+            (0, [u - v, v])
+        } else {
+            (1, [u, v - u])
+        }
+    }
+
+    /// Phong tessellation (Boubekeur and Alexa 2008) of the two triangles.
     fn point(&self, u: f32, v: f32) -> Vec3 {
-        let flat = bilinear(&self.corners, u, v);
-        let onto = [0, 1, 2, 3]
-            .map(|k: usize| flat - self.normals[k] * (flat - self.corners[k]).dot(self.normals[k]));
-        flat.lerp(bilinear(&onto, u, v), self.roundness)
+        let (half, [second, third]) = Self::half(u, v);
+        let corners = if half == 0 { [0, 1, 2] } else { [0, 2, 3] };
+        let shares = [1.0 - second - third, second, third];
+        let weigh = |points: [Vec3; 3]| -> Vec3 {
+            points.iter().zip(shares).map(|(p, share)| *p * share).sum()
+        };
+        let flat = weigh(corners.map(|k: usize| self.corners[k]));
+        let onto = weigh(corners.map(|k: usize| {
+            flat - self.normals[k] * (flat - self.corners[k]).dot(self.normals[k])
+        }));
+        flat + (self.roundness * (onto - flat)).clamp_length_max(MAX_LIFT)
     }
 
     fn cell(
@@ -182,12 +201,7 @@ impl Patch {
             SIGMA_OF_CELL * minor.max(0.05 * major),
         );
         let scales = Vec3::new(major, minor, THICKNESS * minor).max(Vec3::splat(2e-5));
-        // The halves of the quad are 012 and 023.
-        let (half, barycentric) = if v <= u {
-            (0, [u - v, v])
-        } else {
-            (1, [u, v - u])
-        };
+        let (half, barycentric) = Self::half(u, v);
         Some(Cell {
             position: self.point(u, v),
             rotation: Quat::from_mat3(&Mat3::from_cols(axis, normal.cross(axis), normal))
