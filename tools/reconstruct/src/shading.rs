@@ -98,18 +98,21 @@ impl Light {
     #[must_use]
     pub fn factors(&self, vertices: &[Vec3]) -> Vec<Vec3> {
         let normals = vertex_normals(vertices, &self.faces);
-        let sum = self
+        let maps: Vec<DepthMap> = self
             .rays
             .par_iter()
-            .map(|ray| self.light_from(*ray, vertices, &normals))
-            .reduce(
-                || vec![Vec3::ZERO; vertices.len()],
-                |mut a, b| {
-                    a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
-                    a
-                },
-            );
-        let mut factors = sum;
+            .map(|ray| DepthMap::new(ray.direction, MAP, vertices, &self.casters))
+            .collect();
+        // Summed in the rays' order at every vertex, so that the result is the same on any machine.
+        let mut factors: Vec<Vec3> = (vertices, &normals)
+            .into_par_iter()
+            .map(|(vertex, normal)| {
+                let lights = self.rays.iter().zip(&maps);
+                lights
+                    .map(|(ray, map)| light_from(*ray, map, *vertex, *normal))
+                    .sum()
+            })
+            .collect();
         for _ in 0..SMOOTHING {
             factors = self.smoothed(&factors);
         }
@@ -117,23 +120,6 @@ impl Light {
             *factor = Vec3::ONE.lerp(*factor, *strength).max(Vec3::splat(*floor));
         }
         factors
-    }
-
-    fn light_from(&self, ray: Ray, vertices: &[Vec3], normals: &[Vec3]) -> Vec<Vec3> {
-        let map = DepthMap::new(ray.direction, MAP, vertices, &self.casters);
-        vertices
-            .iter()
-            .zip(normals)
-            .map(|(vertex, normal)| {
-                // Light wraps a little around edges, as it does through skin and cloth.
-                let facing = (normal.dot(ray.direction) + 0.2) / 1.2;
-                if facing <= 0.0 {
-                    return Vec3::ZERO;
-                }
-                let lifted = *vertex + *normal * LIFT + ray.direction * BIAS;
-                ray.radiance * (facing * map.visibility(lifted, PENUMBRA))
-            })
-            .collect()
     }
 
     fn smoothed(&self, values: &[Vec3]) -> Vec<Vec3> {
@@ -151,6 +137,17 @@ impl Light {
             })
             .collect()
     }
+}
+
+/// What reaches a vertex from one direction.
+fn light_from(ray: Ray, map: &DepthMap, vertex: Vec3, normal: Vec3) -> Vec3 {
+    // Light wraps a little around edges, as it does through skin and cloth.
+    let facing = (normal.dot(ray.direction) + 0.2) / 1.2;
+    if facing <= 0.0 {
+        return Vec3::ZERO;
+    }
+    let lifted = vertex + normal * LIFT + ray.direction * BIAS;
+    ray.radiance * (facing * map.visibility(lifted, PENUMBRA))
 }
 
 /// The light: sky, key and fill, scaled so that a surface that looks at the viewer gets about 1.

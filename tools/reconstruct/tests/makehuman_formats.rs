@@ -31,6 +31,9 @@ fn one_proxy() -> Value {
     proxy
 }
 
+/// What is done to a good file, and how.
+type Damage = (&'static str, fn(&mut Value));
+
 fn write(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> std::path::PathBuf {
     let path = folder.join(name);
     std::fs::create_dir_all(path.parent().expect("a file has a folder")).expect("make a folder");
@@ -99,7 +102,7 @@ fn a_proxy_hangs_on_the_body_and_says_what_it_covers() {
 
 #[test]
 fn a_damaged_model_is_refused_with_its_name() {
-    let damages: [(&str, fn(&mut Value)); 11] = [
+    let damages: &[Damage] = &[
         ("a half vertex", |m| m["vertices"] = json!([0, 0, 0, 1])),
         ("half a texture coordinate", |m| m["uvs"] = json!([[0.5]])),
         ("no texture coordinates", |m| m["uvs"] = json!([])),
@@ -110,7 +113,7 @@ fn a_damaged_model_is_refused_with_its_name() {
         ("too few weights", |m| m["skinWeights"] = json!([1])),
         ("a bone out of range", |m| m["skinIndices"][0] = json!(2)),
         ("weights of nothing", |m| {
-            m["skinWeights"] = json!(vec![0; 8])
+            m["skinWeights"] = json!(vec![0; 8]);
         }),
         ("a joint out of range", |m| {
             m["metadata"]["joint_pos_idxs"]["root____head"] = json!([4]);
@@ -130,11 +133,11 @@ fn a_damaged_model_is_refused_with_its_name() {
 
 #[test]
 fn a_damaged_proxy_is_refused() {
-    let damages: [(&str, fn(&mut Value)); 5] = [
+    let damages: &[Damage] = &[
         ("no fit", |p| p["ref_vIdxs"] = json!([])),
         ("a fit too short", |p| p["weights"] = json!([[1, 0, 0]])),
         ("a fit beyond the body", |p| {
-            p["ref_vIdxs"][0] = json!([0, 1, 4])
+            p["ref_vIdxs"][0] = json!([0, 1, 4]);
         }),
         ("flags for another body", |p| {
             p["metadata"]["deleteVerts"] = json!([1]);
@@ -154,7 +157,7 @@ fn a_damaged_proxy_is_refused() {
 
 #[test]
 fn a_rig_whose_bones_do_not_chain_is_refused() {
-    let damages: [(&str, fn(&mut Value)); 3] = [
+    let damages: &[Damage] = &[
         ("an odd list", |m| {
             m["bones"] = json!([{"name": "root____head", "parent": -1}]);
         }),

@@ -38,9 +38,9 @@ const PRESETS: [Preset; 11] = [
         "brows_up",
         0.0,
         &[
-            ("eyebrows-*-up", 1.6),
-            ("eyebrows-*-inner-up", 0.8),
-            ("eyebrows-*-extern-up", 0.8),
+            ("eyebrows-*-up", 1.3),
+            ("eyebrows-*-inner-up", 0.2),
+            ("eyebrows-*-extern-up", 0.5),
         ],
     ),
     ("brows_down", 0.0, &[("eyebrows-*-down", 1.0)]),

@@ -7,7 +7,8 @@ use spmm3::{Joint, MotionParams};
 /// Rotations (degrees about x, y, z) of left joints; the right ones mirror them.
 type Turns = &'static [(&'static str, [f32; 3])];
 
-const POSES: [Turns; 5] = [
+const POSES: [Turns; 6] = [
+    T_POSE,
     ARMS_DOWN,
     &[("collar", [0.0, 0.0, 15.0]), ("shoulder", [0.0, 0.0, 50.0])],
     &[("elbow", [0.0, -110.0, 0.0])],
@@ -31,6 +32,11 @@ const POSES: [Turns; 5] = [
     ],
 ];
 
+/// Halfway down, where most motion happens around.
+const RELAXED: Turns = &[("shoulder", [0.0, 0.0, -45.0])];
+
+const T_POSE: Turns = &[];
+
 const ARMS_DOWN: Turns = &[("shoulder", [0.0, 0.0, -70.0])];
 
 fn motion(turns: Turns) -> MotionParams {
@@ -53,11 +59,17 @@ pub(super) fn arms_down(person: &Person) -> Vec<Vec3> {
     person.posed(&motion(ARMS_DOWN))
 }
 
+/// The mesh with relaxed arms.
+pub(super) fn relaxed_arms(person: &Person) -> Vec<Vec3> {
+    person.posed(&motion(RELAXED))
+}
+
 /// The mesh [N_v] in every pose and expression of the range.
 pub(super) fn range_of_motion(person: &Person) -> Vec<Vec<Vec3>> {
     let poses = POSES.iter().map(|turns| motion(turns));
+    // With relaxed arms, as the surface is cut: only the face is to differ.
     let faces = person.presets().values().map(|preset| {
-        let mut motion = MotionParams::default();
+        let mut motion = motion(RELAXED);
         motion
             .expression_mut()
             .copy_from_slice(&preset.coefficients);

@@ -1,11 +1,15 @@
-//! The template as curved patches cut into cells: where a Gaussian lies, how large it is and which colour it takes.
+//! The person's surface as curved patches cut into cells: where a Gaussian lies, how large it is, which colour it takes.
+//!
+//! The cells are cut with relaxed arms, because the T-pose squeezes the shoulders' cloth into folds whose Gaussians would
+//! stick out once an arm comes down. Each is then carried into the T-pose in its triangle's frame.
 
-use super::range_of_motion::range_of_motion;
+use super::range_of_motion::{range_of_motion, relaxed_arms};
 use super::visible::visible_faces;
 use super::{Part, Person};
 use crate::shading::{half_way_to_key, vertex_normals};
 use glam::{Mat2, Mat3, Quat, Vec2, Vec3};
 use rayon::prelude::*;
+use std::collections::HashSet;
 
 /// Standard deviation over cell size: neighbours overlap without blurring the texture.
 const SIGMA_OF_CELL: f32 = 0.66;
@@ -25,10 +29,16 @@ const BACK_OF_THE_EYE: f32 = 0.1;
 const GLINT_EDGE: f32 = 0.990;
 const GLINT_BLUR: f32 = 0.005;
 
+/// The teeth's texture is whiter than a mouth lets them be.
+const TEETH_TINT: Vec3 = Vec3::new(1.0, 0.97, 0.92);
+
 /// A pose may stretch a cell this far; beyond, gaps are for the networks to close. Lids unfold; cloth that shears would
 /// show larger Gaussians as spikes.
 const MAX_STRETCH_FACE: f32 = 3.0;
-const MAX_STRETCH: f32 = 1.6;
+const MAX_STRETCH: f32 = 1.35;
+
+/// Size of a cell's Gaussian across an open border of the mesh (a hem, a lapel, a lock), which it would blur.
+const BORDER_SHARPNESS: f32 = 0.7;
 
 /// How far Gaussians lift off the flat quad towards the smooth surface its normals suggest (Phong tessellation).
 const ROUNDNESS: f32 = 0.6;
@@ -67,10 +77,40 @@ pub(super) struct Cell {
 /// The template's quads, smoothly curved.
 pub(super) struct Surface<'a> {
     person: &'a Person,
+    /// The mesh with relaxed arms, and its normals.
+    relaxed: Vec<Vec3>,
     normals: Vec<Vec3>,
     visible: Vec<bool>,
+    /// Edges of a single quad, the smaller vertex first.
+    open_edges: HashSet<(u32, u32)>,
     /// [N_f / 2] how far each quad's two edge directions stretch in some pose, 1..=3.
     stretch: Vec<Vec2>,
+}
+
+/// Frame of a triangle along its first edge, as [`spmm3::BoundGaussians`] carries Gaussians.
+fn triangle_frame([a, b, c]: [Vec3; 3]) -> Quat {
+    let x = (b - a).try_normalize().unwrap_or(Vec3::X);
+    let normal = x
+        .cross(c - a)
+        .try_normalize()
+        .unwrap_or_else(|| x.any_orthonormal_vector());
+    Quat::from_mat3(&Mat3::from_cols(x, normal.cross(x), normal))
+}
+
+/// The edges that only one quad has. Triangles come as halves 012 and 023 of a quad.
+fn open_edges(faces: &[[u32; 3]]) -> HashSet<(u32, u32)> {
+    let mut open = HashSet::new();
+    for halves in faces.chunks(2) {
+        let corners = corners(halves);
+        for k in 0..4 {
+            let (a, b) = (corners[k], corners[(k + 1) % 4]);
+            let edge = (a.min(b), a.max(b));
+            if !open.insert(edge) {
+                open.remove(&edge);
+            }
+        }
+    }
+    open
 }
 
 /// The corners of a quad from its halves 012 and 023.
@@ -87,6 +127,8 @@ struct Patch {
     part: Part,
     stretch: Vec2,
     roundness: f32,
+    /// Whether the edges 01, 12, 23 and 30 belong to this quad alone.
+    open: [bool; 4],
 }
 
 /// Mean lengths of a quad's opposite edges: from corner 0 to 1, and from 0 to 3.
@@ -116,6 +158,11 @@ impl Patch {
             cells
         };
         (cells(lengths.x), cells(lengths.y))
+    }
+
+    /// Whether the texture's alpha shapes this patch into strands.
+    fn is_see_through(&self) -> bool {
+        matches!(self.part, Part::Hair | Part::Brows | Part::Lashes)
     }
 
     /// Which half of the quad `u`, `v` lies on (012 or 023), and the barycentric weights of its second and third corner.
@@ -156,15 +203,14 @@ impl Patch {
             .texture(self.part)
             .mean(|x, y| bilinear(&self.uvs, low.x + x * size.x, low.y + y * size.y));
         let mut opacity = OPACITY;
-        match self.part {
-            Part::Hair | Part::Brows | Part::Lashes => {
-                if alpha < MIN_ALPHA {
-                    return None;
-                }
-                opacity *= alpha * if self.part == Part::Brows { 0.5 } else { 1.0 };
+        if self.is_see_through() {
+            if alpha < MIN_ALPHA {
+                return None;
             }
-            Part::Teeth => albedo *= Vec3::new(1.0, 0.97, 0.92),
-            _ => {}
+            opacity *= alpha * if self.part == Part::Brows { 0.5 } else { 1.0 };
+        }
+        if self.part == Part::Teeth {
+            albedo *= TEETH_TINT;
         }
         if self.part == Part::Eyes {
             // A glint where the key light mirrors towards the viewer: without it eyes look dead.
@@ -181,9 +227,13 @@ impl Patch {
         // A skewed cell's covariance in its plane: its principal axes are the Gaussian's.
         // Gaussians do not grow with the mesh, so they are made for the pose that stretches them most: they overlap in
         // this one, as a lid does that is folded away.
+        let [below, right, above, left] = self.open;
+        let sharpened = |open: bool| if open { BORDER_SHARPNESS } else { 1.0 };
+        let size_u = self.stretch.x * sharpened((left && i == 0) || (right && i + 1 == n_u));
+        let size_v = self.stretch.y * sharpened((below && j == 0) || (above && j + 1 == n_v));
         let cell = Mat2::from_cols(
-            Vec2::new(along_u.length(), 0.0) * self.stretch.x,
-            Vec2::new(along_v.dot(x), along_v.dot(y)) * self.stretch.y,
+            Vec2::new(along_u.length(), 0.0) * size_u,
+            Vec2::new(along_v.dot(x), along_v.dot(y)) * size_v,
         );
         let covariance = cell * cell.transpose();
         let (p, q, r) = (
@@ -219,7 +269,8 @@ impl Patch {
 impl<'a> Surface<'a> {
     pub(super) fn new(person: &'a Person) -> Self {
         let template = person.template();
-        let normals = vertex_normals(template.vertices(), template.faces());
+        let relaxed = relaxed_arms(person);
+        let normals = vertex_normals(&relaxed, template.faces());
         let mut visible = visible_faces(person);
         for ((visible, face), part) in visible.iter_mut().zip(template.faces()).zip(person.parts())
         {
@@ -237,7 +288,7 @@ impl<'a> Surface<'a> {
                 };
                 let lengths =
                     |vertices: &[Vec3]| edges(corners(halves).map(|v| vertices[v as usize]));
-                let rest = lengths(template.vertices()).max(Vec2::splat(1e-6));
+                let rest = lengths(&relaxed).max(Vec2::splat(1e-6));
                 range
                     .iter()
                     .map(|posed| lengths(posed) / rest)
@@ -247,8 +298,10 @@ impl<'a> Surface<'a> {
             .collect();
         Self {
             person,
+            relaxed,
             normals,
             visible,
+            open_edges: open_edges(template.faces()),
             stretch,
         }
     }
@@ -257,8 +310,12 @@ impl<'a> Surface<'a> {
         let (first, second) = (2 * quad as usize, 2 * quad as usize + 1);
         let corners = corners(&self.person.template().faces()[first..=second]);
         let uvs = self.person.uvs();
+        let open = [0, 1, 2, 3].map(|k: usize| {
+            let (a, b) = (corners[k], corners[(k + 1) % 4]);
+            self.open_edges.contains(&(a.min(b), a.max(b)))
+        });
         let normals = corners.map(|v| self.normals[v as usize]);
-        let corners = corners.map(|v| self.person.template().vertices()[v as usize]);
+        let corners = corners.map(|v| self.relaxed[v as usize]);
         let flat = (corners[2] - corners[0])
             .cross(corners[3] - corners[1])
             .normalize_or_zero();
@@ -271,6 +328,7 @@ impl<'a> Surface<'a> {
             uvs: [uvs[first][0], uvs[first][1], uvs[first][2], uvs[second][2]],
             part: self.person.parts()[first],
             stretch: self.stretch[quad as usize],
+            open,
         }
     }
 
@@ -289,15 +347,36 @@ impl<'a> Surface<'a> {
     /// Number of cells at a spacing (metres, on cloth).
     pub(super) fn count(&self, spacing: f32) -> usize {
         self.quads()
-            .map(|quad| self.cells_of(quad, spacing).count())
+            .map(|quad| {
+                let patch = self.patch(quad);
+                if patch.is_see_through() {
+                    return self.cells_of(quad, spacing).count();
+                }
+                let (n_u, n_v) = patch.grid(spacing);
+                n_u as usize * n_v as usize
+            })
             .sum()
     }
 
-    /// The cells at a spacing, quad by quad.
+    /// The cells at a spacing, quad by quad, in the template's T-pose.
     pub(super) fn cells(&self, spacing: f32) -> Vec<Cell> {
         self.quads()
             .flat_map_iter(|quad| self.cells_of(quad, spacing))
+            .map(|cell| self.in_t_pose(cell))
             .collect()
+    }
+
+    fn in_t_pose(&self, mut cell: Cell) -> Cell {
+        let template = self.person.template();
+        let face = template.faces()[cell.triangle as usize];
+        let from = face.map(|v| self.relaxed[v as usize]);
+        let to = face.map(|v| template.vertices()[v as usize]);
+        let [v, w] = cell.barycentric;
+        let anchor = |[a, b, c]: [Vec3; 3]| a + (b - a) * v + (c - a) * w;
+        let t_pose_from_relaxed = triangle_frame(to) * triangle_frame(from).conjugate();
+        cell.position = anchor(to) + t_pose_from_relaxed * (cell.position - anchor(from));
+        cell.rotation = (t_pose_from_relaxed * cell.rotation).normalize();
+        cell
     }
 
     fn cells_of(&self, quad: u32, spacing: f32) -> impl Iterator<Item = Cell> {
