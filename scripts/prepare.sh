@@ -41,14 +41,16 @@ check_tools() {
 	done
 	command -v cargo >/dev/null || die "Rust is missing: see https://rustup.rs (1.95 or newer)"
 	missing_debs=()
-	# Rust links through cc, which needs the C library's start files too.
-	if ! command -v cc >/dev/null || [[ $(cc -print-file-name=Scrt1.o) != /* ]]; then missing_debs+=(gcc libc6-dev); fi
+	# Rust links through cc, which needs the C library's start files too; the shader compiler is built with c++.
+	if ! command -v cc >/dev/null || ! command -v c++ >/dev/null || [[ $(cc -print-file-name=Scrt1.o) != /* ]]; then
+		missing_debs+=(g++ libc6-dev)
+	fi
 	if ! command -v flock >/dev/null; then missing_debs+=(util-linux); fi
 }
 
 install_debs() {
 	local as_root=()
-	command -v apt-get >/dev/null || die "a C compiler is missing and there is no apt-get to install one: install gcc and the C library's headers, then run the command again"
+	command -v apt-get >/dev/null || die "a C++ compiler is missing and there is no apt-get to install one: install gcc, g++ and the C library's headers, then run the command again"
 	if [ "$(id -u)" != 0 ]; then
 		command -v sudo >/dev/null || die "missing Debian packages need root, and there is no sudo: run as root: apt-get install ${missing_debs[*]}"
 		as_root=(sudo)
@@ -114,7 +116,7 @@ find_todo() {
 	todo=()
 	check_tools
 	if [ ${#missing_debs[@]} != 0 ]; then
-		todo+=("debs|${missing_debs[*]} from this machine's Debian/Ubuntu archive (needs root): Rust links programs through a C compiler")
+		todo+=("debs|${missing_debs[*]} from this machine's Debian/Ubuntu archive (needs root): Rust links through a C compiler, and the shader compiler is built from C++")
 	fi
 	if [ "$vulkan_from" = cache ] && ! is_stamped "$lavapipe_prefix" "$(lavapipe_pins)"; then
 		todo+=("install_lavapipe|Mesa lavapipe $(lavapipe_version), Vulkan's loader and validation layer, with their libraries, from Debian ($(lavapipe_bytes) MB), because this machine's own Vulkan will not do: $vulkan_why")

@@ -1,24 +1,11 @@
 //! The deform graph on ONNX Runtime against the f64 reference.
 
+use mon3tr_tests::onnx::runtime;
 use mon3tr_tests::person_reference as reference;
 use mon3tr_tests::synthetic::{Puppet, PuppetSize, Random};
-use npu_runtime::{Provider, Runtime, Session, TensorSpec};
+use npu_runtime::{Provider, Session, TensorSpec};
 use spmm3::networks::{AttributeNetwork, MeshNetwork, input, output};
 use spmm3::{ATTRIBUTES, JOINTS, PARAMS, SkinningTransforms};
-
-/// ONNX Runtime, or `None` (said aloud) where it is not installed and nobody promised that it is.
-fn runtime() -> Option<Runtime> {
-    match Runtime::open(None) {
-        Ok(runtime) => Some(runtime),
-        Err(e) if std::env::var_os("CI").is_some_and(|ci| ci == "true") => {
-            panic!("ONNX Runtime is needed here: {e}")
-        }
-        Err(e) => {
-            println!("skipped: {e}");
-            None
-        }
-    }
-}
 
 #[test]
 fn the_graph_poses_mesh_and_attributes_as_in_f64() {

@@ -47,6 +47,9 @@ pub(crate) enum Views {
     Stereo,
 }
 
+/// Joints before the jaw, the eyes and the fingers.
+const BODY_JOINTS: usize = 22;
+
 /// A receiver with its runtime and device, for pictures of one size.
 #[derive(Debug)]
 pub(crate) struct Stage {
@@ -112,9 +115,12 @@ impl Stage {
         self.receiver.frame(motion, &cameras)?;
         let skeleton = self.receiver.deformer().skeleton();
         let joints = skeleton.pose(motion);
+        // Without the 30 finger joints, which would make hands cast most of the shadow.
         let body: Vec<Vec3> = spmm3::Joint::ALL
+            .into_iter()
+            .take(BODY_JOINTS)
             .map(|j| joints.position(j) + motion.root_translation)
-            .to_vec();
+            .collect();
         let shadow = Shadow::of(&body);
         let mut pictures = Vec::with_capacity(cameras.len());
         for (view, camera) in (0..).zip(&cameras) {

@@ -3,9 +3,11 @@
 
 mod support;
 
+use mon3tr_tests::onnx::runtime;
 use mon3tr_tests::synthetic::Puppet;
+use mon3tr_tests::vulkan::gpu;
 use std::path::{Path, PathBuf};
-use support::{Outcome, json, mon3tr, ort_is_missing, vulkan_is_missing};
+use support::{Outcome, json, mon3tr};
 use tempfile::TempDir;
 
 /// A folder with the made-up person's package in it.
@@ -66,7 +68,7 @@ fn inspect_refuses_what_is_no_package() {
 
 #[test]
 fn render_leaves_pictures_an_animation_and_figures() {
-    if vulkan_is_missing() || ort_is_missing() {
+    if gpu().is_none() || runtime().is_none() {
         return;
     }
     let (folder, package) = folder_with_package();
@@ -131,7 +133,7 @@ fn render_leaves_pictures_an_animation_and_figures() {
 
 #[test]
 fn render_draws_both_eyes_from_two_places() {
-    if vulkan_is_missing() || ort_is_missing() {
+    if gpu().is_none() || runtime().is_none() {
         return;
     }
     let (folder, package) = folder_with_package();
@@ -178,7 +180,7 @@ fn render_explains_mistaken_options() {
 
 #[test]
 fn a_missing_vulkan_driver_is_explained() {
-    if ort_is_missing() {
+    if runtime().is_none() {
         return;
     }
     let (_folder, package) = folder_with_package();
@@ -193,7 +195,7 @@ fn a_missing_vulkan_driver_is_explained() {
 
 #[test]
 fn an_unknown_device_name_lists_those_there_are() {
-    if vulkan_is_missing() || ort_is_missing() {
+    if gpu().is_none() || runtime().is_none() {
         return;
     }
     let (_folder, package) = folder_with_package();
