@@ -1,11 +1,16 @@
 //! Builds avatars offline (paper, section IV-C): a person's meshes, textures and morph targets in; the template, its
 //! Gaussians and what the networks learn from out. Nothing here runs during a call.
 
+pub mod bake;
 mod depth_map;
 mod error;
+pub mod fit;
 pub mod makehuman;
 mod person;
 mod shading;
+pub mod simulate;
+#[cfg(test)]
+mod synthetic;
 
 pub use error::ReconstructError;
 pub use person::{
