@@ -7,14 +7,14 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use glam::Vec3;
-use mon3tr_tests::splat_reference::{self, PixelBox, ReferencePicture};
+use mon3tr_tests::picture_check::{assert_drawn_as_reference, draw};
 use mon3tr_tests::splat_scenes::{captured_gaussians, eyes, front_camera, random_gaussians};
 use mon3tr_tests::vulkan::{
     LOGGED_MESSAGES, assert_silent, gpu, open_gpu, or_skip, rerun_with_other_subgroups,
 };
 use xr_renderer::{
-    Background, Camera, Gpu, GpuChoice, Image, PackedGaussian, RenderError, Shown, Sorter,
-    SplatRenderer, WindowTarget,
+    Background, Camera, Gpu, GpuChoice, PackedGaussian, RenderError, Shown, Sorter, SplatRenderer,
+    WindowTarget,
 };
 
 // Least PSNR in dB. Rounding to 8 bits alone is 59.
@@ -25,86 +25,6 @@ const SPARSE: f64 = 68.0;
 const CROWDED: f64 = 58.0;
 /// The same, where nearly every pixel stops early: 48 is what losing 1/255 everywhere would give.
 const OPAQUE: f64 = 50.0;
-
-fn draw(gpu: &Arc<Gpu>, gaussians: &[PackedGaussian], cameras: &[Camera]) -> Vec<Image> {
-    let views = u32::try_from(cameras.len()).expect("few");
-    let count = u32::try_from(gaussians.len()).expect("few");
-    let (width, height) = (cameras[0].width, cameras[0].height);
-    let mut renderer =
-        SplatRenderer::new(Arc::clone(gpu), count, width, height, views).expect("a renderer");
-    renderer.render(gaussians, cameras).expect("a picture");
-    (0..views)
-        .map(|view| renderer.read_back(view).expect("a view"))
-        .collect()
-}
-
-/// Draws, compares with the reference over what the reference covers, and leaves the pictures on failure.
-fn assert_drawn_as_reference(
-    gpu: &Arc<Gpu>,
-    name: &str,
-    gaussians: &[PackedGaussian],
-    cameras: &[Camera],
-    least: f64,
-) {
-    for (view, (got, camera)) in draw(gpu, gaussians, cameras)
-        .iter()
-        .zip(cameras)
-        .enumerate()
-    {
-        let expected = splat_reference::render(gaussians, camera);
-        let within = splat_reference::covered_box(&expected).expect("something to see");
-        let psnr = splat_reference::psnr(got, &expected, within);
-        println!(
-            "{name}, view {view}: {psnr:.1} dB over {}x{} pixels, subgroups of {}",
-            within.right - within.left + 1,
-            within.bottom - within.top + 1,
-            gpu.subgroup_size()
-        );
-        if psnr.is_nan() || psnr < least || std::env::var_os("MON3TR_KEEP_PICTURES").is_some() {
-            let folder = keep_pictures(&format!("{name}-{view}"), got, &expected, within);
-            assert!(
-                psnr >= least,
-                "{name}, view {view}: {psnr:.1} dB, below {least}; see {folder}*.png"
-            );
-        }
-    }
-    assert_silent(gpu);
-}
-
-/// Leaves got, expected and difference (x16) as PNGs; returns the common start of their paths.
-fn keep_pictures(name: &str, got: &Image, expected: &ReferencePicture, within: PixelBox) -> String {
-    let start = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("splat-{name}-"));
-    let start = start.display().to_string();
-    let expected = splat_reference::to_image(expected).expect("as large as it says");
-    let difference = got
-        .pixels()
-        .iter()
-        .zip(expected.pixels())
-        .map(|(got, expected)| {
-            let channel = |index: usize| 16.0 * (got[index] - expected[index]).abs();
-            [channel(0), channel(1), channel(2), 1.0]
-        });
-    let difference =
-        Image::new(got.width(), got.height(), difference.collect()).expect("same size");
-    for (kind, image) in [
-        ("got", got),
-        ("expected", &expected),
-        ("difference", &difference),
-    ] {
-        let bytes = image.over(Background::Colour([0.1; 3]));
-        let path = format!("{start}{kind}.png");
-        image::save_buffer(
-            &path,
-            &bytes,
-            image.width(),
-            image.height(),
-            image::ColorType::Rgb8,
-        )
-        .unwrap_or_else(|why| panic!("{path}: {why}"));
-    }
-    println!("kept {start}*.png (covered: {within:?})");
-    start
-}
 
 #[test]
 fn twenty_thousand_random_gaussians_look_as_the_reference_says() {

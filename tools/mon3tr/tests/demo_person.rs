@@ -1,0 +1,152 @@
+//! The demo person end to end: baked from MakeHuman's data, moved, drawn by the command, and drawn as the f64 reference
+//! says.
+
+mod support;
+
+use app::{Deformer, Profile, pack};
+use glam::Vec3;
+use mon3tr_tests::onnx::runtime;
+use mon3tr_tests::picture_check::assert_drawn_as_reference;
+use mon3tr_tests::vulkan::gpu;
+use npu_runtime::Provider;
+use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback};
+use std::path::{Path, PathBuf};
+use support::{json, mon3tr};
+use xr_renderer::{Camera, PackedGaussian};
+
+/// Least PSNR against the reference, dB. The early stop at 1/255 alone costs what is missing to 70.
+const LEAST: f64 = 50.0;
+
+/// Whether MakeHuman's data is there; on CI it must be.
+fn raw_material() -> bool {
+    let there =
+        std::env::var_os("MON3TR_MAKEHUMAN").is_some_and(|path| PathBuf::from(path).is_dir());
+    if !there {
+        let why = "MON3TR_MAKEHUMAN names no folder; ./run test fetches MakeHuman's data";
+        assert!(
+            std::env::var("CI").as_deref() != Ok("true"),
+            "no MakeHuman data: {why}"
+        );
+        println!("skipped: no MakeHuman data: {why}");
+    }
+    there
+}
+
+#[test]
+fn the_demo_leaves_pictures_and_figures_and_draws_as_the_reference_says() {
+    let (Some(gpu), Some(runtime)) = (gpu(), runtime()) else {
+        return;
+    };
+    if !raw_material() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (out, figures) = (
+        folder.path().join("pictures"),
+        folder.path().join("figures.json"),
+    );
+    let text = |path: &Path| path.to_str().expect("temporary paths are UTF-8").to_owned();
+    let arguments = [
+        "demo",
+        "--frames",
+        "0..24",
+        "--size",
+        "512x512",
+        "--out",
+        &text(&out),
+        "--json",
+        &text(&figures),
+    ];
+    let shown = mon3tr(&arguments).succeeds();
+    for word in [
+        "stage",
+        "unit",
+        "p50 ms",
+        "p95 ms",
+        "max ms",
+        "stereo",
+        "animation.webp",
+    ] {
+        assert!(shown.contains(word), "`{word}` is missing in:\n{shown}");
+    }
+
+    let figures = json(&figures);
+    let avatar = &figures["avatar"];
+    assert!(
+        (59_000..=61_000).contains(&avatar["gaussians"].as_u64().unwrap_or(0)),
+        "60k Gaussians: {avatar}"
+    );
+    assert!(
+        avatar["vertices"].as_u64().is_some_and(|n| n > 15_000),
+        "a whole person's mesh: {avatar}"
+    );
+    assert!(
+        avatar["package_bytes"]
+            .as_u64()
+            .is_some_and(|n| n <= 20_000_000),
+        "at most 20 MB: {avatar}"
+    );
+    assert_eq!(
+        figures["runs"].as_array().map(Vec::len),
+        Some(2),
+        "mono and stereo are measured"
+    );
+    for picture in figures["pictures"].as_array().expect("a list of pictures") {
+        let path = Path::new(picture.as_str().expect("a path"));
+        assert!(
+            std::fs::metadata(path).is_ok_and(|m| m.len() > 10_000),
+            "{} is no picture",
+            path.display()
+        );
+    }
+    the_networks_are_worth_their_bytes(&figures["bake"]);
+
+    let avatar = Avatar::load(Path::new(avatar["package"].as_str().expect("a path")))
+        .expect("the baked package");
+    let mut deformer = Deformer::new(&runtime, &avatar, Provider::Cpu { threads: 2 })
+        .expect("the deform graph loads");
+    let clip = MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, 30.0)
+        .expect("a motion");
+    let motion = clip.sample(2.0, Playback::Clamp);
+    let gaussians = deformer
+        .deform(&motion, &mut Profile::default())
+        .expect("a deformed person");
+    let mut packed: Vec<PackedGaussian> = vec![bytemuck::Zeroable::zeroed(); gaussians.len()];
+    pack(gaussians, &mut packed);
+    let at = |x: f32| {
+        let eye = Vec3::new(x, 1.2, 3.2);
+        Camera::look_at(eye, Vec3::new(x, 0.95, 0.0), Vec3::Y, 0.62, 1024, 1024)
+    };
+    assert_drawn_as_reference(&gpu, "person-mono", &packed, &[at(0.0)], LEAST);
+    assert_drawn_as_reference(
+        &gpu,
+        "person-stereo",
+        &packed,
+        &[at(-0.0315), at(0.0315)],
+        LEAST,
+    );
+}
+
+/// On poses that no fit has seen, each network must bring the double closer to the simulated truth.
+fn the_networks_are_worth_their_bytes(bake: &serde_json::Value) {
+    let mean = |which: &str| {
+        bake["mesh_held_out"][which]["mean_mm"]
+            .as_f64()
+            .expect("millimetres")
+    };
+    let (without, with) = (mean("garment_without"), mean("garment_with"));
+    assert!(
+        with < 0.7 * without,
+        "F_mesh must follow the cloth: {with} mm with, {without} mm without"
+    );
+    let decibels = |which: &str| bake["pictures"][which].as_f64().expect("decibels");
+    let [none, mesh, both] = ["without_networks_db", "with_mesh_db", "with_both_db"].map(decibels);
+    assert!(
+        mesh > none,
+        "F_mesh must improve the picture: {mesh} dB with, {none} dB without"
+    );
+    assert!(
+        both > mesh + 1.0,
+        "F_attr must improve it further: {both} dB with, {mesh} dB without"
+    );
+}
