@@ -77,9 +77,9 @@ impl Light {
                 // Eyes in their sockets would go dull, an open mouth black.
                 Part::Eyes => (0.35, 0.8),
                 Part::Lashes | Part::Brows => (0.5, 0.7),
-                Part::Teeth => (0.6, 0.82),
+                Part::Teeth => (0.6, 0.9),
                 Part::Tongue => (0.8, 0.5),
-                _ => (1.0, 0.12),
+                _ => (1.0, 0.22),
             })
             .collect();
         Self {
@@ -156,7 +156,7 @@ fn rays() -> Vec<Ray> {
     for direction in sphere_directions(SKY_DIRECTIONS) {
         // Cool from above, a little warm bounce from the floor.
         let sky = Vec3::new(0.94, 0.98, 1.06);
-        let floor = Vec3::new(0.50, 0.46, 0.42);
+        let floor = Vec3::new(0.60, 0.55, 0.50);
         let radiance = floor.lerp(sky, 0.5 + 0.5 * direction.y);
         rays.push(Ray {
             direction,

@@ -32,6 +32,9 @@ const GLINT_BLUR: f32 = 0.005;
 /// The teeth's texture is whiter than a mouth lets them be.
 const TEETH_TINT: Vec3 = Vec3::new(1.0, 0.97, 0.92);
 
+/// How far behind the front teeth the mouth is dark, metres: too fine for the depth maps of the light.
+const DARK_MOUTH: f32 = 0.028;
+
 /// A pose may stretch a cell this far; beyond, gaps are for the networks to close. Lids unfold; cloth that shears would
 /// show larger Gaussians as spikes.
 const MAX_STRETCH_FACE: f32 = 3.0;
@@ -57,8 +60,8 @@ fn density(part: Part) -> f32 {
         Part::Jacket | Part::Shirt | Part::Jeans | Part::Shoes => 1.0,
         Part::Hair => 1.8,
         Part::Eyes => 6.0,
-        Part::Brows => 8.0,
-        Part::Lashes => 9.0,
+        // Strands finer than a pixel would only darken the eyes from afar.
+        Part::Brows | Part::Lashes => 6.0,
     }
 }
 
@@ -83,6 +86,8 @@ pub(super) struct Surface<'a> {
     visible: Vec<bool>,
     /// Edges of a single quad, the smaller vertex first.
     open_edges: HashSet<(u32, u32)>,
+    /// z of the foremost tooth, metres.
+    front_teeth: f32,
     /// [N_f / 2] how far each quad's two edge directions stretch in some pose, 1..=3.
     stretch: Vec<Vec2>,
 }
@@ -129,6 +134,8 @@ struct Patch {
     roundness: f32,
     /// Whether the edges 01, 12, 23 and 30 belong to this quad alone.
     open: [bool; 4],
+    /// z of the foremost tooth, metres.
+    front_teeth: f32,
 }
 
 /// Mean lengths of a quad's opposite edges: from corner 0 to 1, and from 0 to 3.
@@ -207,10 +214,19 @@ impl Patch {
             if alpha < MIN_ALPHA {
                 return None;
             }
-            opacity *= alpha * if self.part == Part::Brows { 0.5 } else { 1.0 };
+            opacity *= alpha
+                * match self.part {
+                    Part::Brows => 0.5,
+                    Part::Lashes => 0.6,
+                    _ => 1.0,
+                };
         }
         if self.part == Part::Teeth {
             albedo *= TEETH_TINT;
+        }
+        if matches!(self.part, Part::Teeth | Part::Tongue) {
+            let depth = (self.front_teeth - self.point(u, v).z) / DARK_MOUTH;
+            albedo *= 1.0 - 0.75 * depth.clamp(0.0, 1.0);
         }
         if self.part == Part::Eyes {
             // A glint where the key light mirrors towards the viewer: without it eyes look dead.
@@ -271,6 +287,11 @@ impl<'a> Surface<'a> {
         let template = person.template();
         let relaxed = relaxed_arms(person);
         let normals = vertex_normals(&relaxed, template.faces());
+        let front_teeth = (relaxed.iter())
+            .zip(person.vertex_parts())
+            .filter(|(_, part)| *part == Part::Teeth)
+            .map(|(vertex, _)| vertex.z)
+            .fold(f32::NEG_INFINITY, f32::max);
         let mut visible = visible_faces(person);
         for ((visible, face), part) in visible.iter_mut().zip(template.faces()).zip(person.parts())
         {
@@ -302,6 +323,7 @@ impl<'a> Surface<'a> {
             normals,
             visible,
             open_edges: open_edges(template.faces()),
+            front_teeth,
             stretch,
         }
     }
@@ -329,6 +351,7 @@ impl<'a> Surface<'a> {
             part: self.person.parts()[first],
             stretch: self.stretch[quad as usize],
             open,
+            front_teeth: self.front_teeth,
         }
     }
 
