@@ -91,7 +91,7 @@ impl Light {
         }
     }
 
-    /// [N_v] factors by which the light changes a surface's colour, red, green and blue, at the vertices of a pose
+    /// `[N_v]` factors by which the light changes a surface's colour, red, green and blue, at the vertices of a pose
     /// (metres, the person's space). About 1 on a cheek towards the viewer.
     ///
     /// `vertices` must be one pose of the person's template: N_v positions.

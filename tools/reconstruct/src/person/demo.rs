@@ -1,11 +1,11 @@
 //! Builds the demo person from the MakeHuman data.
 
 use super::assemble::{Assembly, connected};
-use super::{Part, Person, Texture, bridges, expression, joints, recipe, tpose};
+use super::{Part, Person, Texture, bridges, expression, joints, loose, recipe, tpose};
 use crate::ReconstructError;
 use crate::makehuman::{Model, Package, Rig, Targets};
 use glam::{Vec2, Vec3};
-use spmm3::{Skeleton, Template};
+use spmm3::{JOINTS, Skeleton, Template};
 use std::path::Path;
 
 /// Metres in the files' unit.
@@ -36,7 +36,9 @@ impl Person {
             targets.apply(&format!("{}{unit}", recipe::UNITS), strength, &mut body)?;
         }
         progress("fitting clothes and hair");
-        let assembly = Assembly::new(&package, &model, &rig, &body)?;
+        let mut assembly = Assembly::new(&package, &model, &rig, &body)?;
+        let loose = loose::find(&assembly, &assembly.vertices(&body));
+        loose::follow(&loose, &mut assembly.weights);
         let pose = tpose::straighten(&rig, &rig.heads(&body), &rig.tails(&body));
         let posed_from_rest = tpose::blend(&pose, &assembly.weights);
         let mut vertices: Vec<Vec3> = assembly
@@ -57,6 +59,14 @@ impl Person {
         let mut dense = joints::collapse_weights(&assembly.weights, &bone_joints);
         let is_cloth: Vec<bool> = assembly.vertex_parts.iter().map(|p| p.is_cloth()).collect();
         joints::smooth_cloth(&mut dense, &assembly.quads, &is_cloth);
+        for piece in &loose {
+            dense[piece.vertex] = [0.0; JOINTS];
+            for (below, share) in piece.below {
+                let row = dense[below];
+                let mixed = dense[piece.vertex].iter_mut().zip(row);
+                mixed.for_each(|(sum, weight)| *sum += share * weight);
+            }
+        }
         let skin = dense.iter().map(joints::strongest).collect();
 
         progress("compressing the expressions");

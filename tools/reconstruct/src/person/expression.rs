@@ -1,6 +1,6 @@
 //! The expression basis: MakeHuman's linear expression units, compressed to a few orthogonal ones, as FLAME's are.
 //!
-//! If each unit of U [34] is drawn independently with deviation s, the offsets' principal components are the singular
+//! If each unit of U `[34]` is drawn independently with deviation s, the offsets' principal components are the singular
 //! vectors of U; scaling each by s times its singular value gives coefficients of unit variance, FLAME's convention.
 
 use super::recipe::NEUTRAL_EYES;
@@ -67,7 +67,7 @@ const PRESETS: [Preset; 11] = [
 
 /// The basis and what it is made of.
 pub(super) struct ExpressionBasis {
-    /// [16][N_v] offsets in metres per unit of coefficient.
+    /// `[16][N_v]` offsets in metres per unit of coefficient.
     pub(super) offsets: Vec<Vec<Vec3>>,
     /// Named expressions in the basis' coefficients.
     pub(super) presets: Expressions,
@@ -75,7 +75,7 @@ pub(super) struct ExpressionBasis {
     pub(super) explained: f32,
 }
 
-/// Compresses `units`: names and [N_v] offsets in metres.
+/// Compresses `units`: names and `[N_v]` offsets in metres.
 pub(super) fn compress(units: &[(String, Vec<Vec3>)]) -> ExpressionBasis {
     let count = units.len();
     let products: Vec<f64> = (0..count * count)

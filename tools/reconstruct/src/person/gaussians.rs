@@ -13,13 +13,13 @@ use spmm3::{GaussianSet, SH_C0};
 pub struct ColouredGaussians {
     /// The Gaussians; their colours are lit as the T-pose is.
     pub gaussians: GaussianSet,
-    /// [N_g] unlit colour, sRGB 0..=1.
+    /// `[N_g]` unlit colour, sRGB 0..=1.
     pub albedo: Vec<Vec3>,
-    /// [N_g] triangle of the template each one lies on.
+    /// `[N_g]` triangle of the template each one lies on.
     pub triangles: Vec<u32>,
-    /// [N_g] barycentric weights of that triangle's second and third corner.
+    /// `[N_g]` barycentric weights of that triangle's second and third corner.
     pub barycentrics: Vec<[f32; 2]>,
-    /// [N_g] part of the person.
+    /// `[N_g]` part of the person.
     pub parts: Vec<Part>,
 }
 
@@ -36,7 +36,7 @@ impl ColouredGaussians {
         self.triangles.is_empty()
     }
 
-    /// [N_g] colours (spherical harmonics of degree 0) under `factors`, one light factor a vertex of `person`'s
+    /// `[N_g]` colours (spherical harmonics of degree 0) under `factors`, one light factor a vertex of `person`'s
     /// template as [`Light::factors`] gives them.
     #[must_use]
     pub fn lit_colours(&self, person: &Person, factors: &[Vec3]) -> Vec<Vec3> {

@@ -119,7 +119,7 @@ pub(super) fn joints_of_rig(rig: &Rig, source: &Path) -> Result<Vec<Joint>, Reco
         .collect()
 }
 
-/// Sums weights over the bones of each joint: [N_v][55].
+/// Sums weights over the bones of each joint: `[N_v][55]`.
 pub(super) fn collapse_weights(weights: &[BoneWeights], joints: &[Joint]) -> Vec<[f32; JOINTS]> {
     weights
         .iter()

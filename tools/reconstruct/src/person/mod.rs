@@ -8,6 +8,7 @@ mod demo;
 mod expression;
 mod gaussians;
 mod joints;
+mod loose;
 mod part;
 mod range_of_motion;
 mod recipe;
@@ -40,7 +41,7 @@ pub struct Person {
 }
 
 impl Person {
-    /// The mesh [N_v] in T-pose. Its triangles come in pairs: 2q and 2q + 1 are the halves 012 and 023 of quad q.
+    /// The mesh `[N_v]` in T-pose. Its triangles come in pairs: 2q and 2q + 1 are the halves 012 and 023 of quad q.
     #[must_use]
     pub fn template(&self) -> &Template {
         &self.template
@@ -52,13 +53,13 @@ impl Person {
         &self.skeleton
     }
 
-    /// [N_f] part of each triangle.
+    /// `[N_f]` part of each triangle.
     #[must_use]
     pub fn parts(&self) -> &[Part] {
         &self.parts
     }
 
-    /// [N_f] texture coordinates at each triangle's corners, v up.
+    /// `[N_f]` texture coordinates at each triangle's corners, v up.
     #[must_use]
     pub fn uvs(&self) -> &[[Vec2; 3]] {
         &self.uvs
@@ -70,7 +71,7 @@ impl Person {
         &self.textures[part.index()]
     }
 
-    /// [16][N_v] offsets in T-pose, metres per unit of the expression coefficient of that number. Coefficients past
+    /// `[16][N_v]` offsets in T-pose, metres per unit of the expression coefficient of that number. Coefficients past
     /// these move nothing.
     #[must_use]
     pub fn expressions(&self) -> &[Vec<Vec3>] {
@@ -103,7 +104,7 @@ impl Person {
         vertices
     }
 
-    /// The mesh [N_v] of a motion by linear blend skinning alone, root translation left out: metres, the person's space.
+    /// The mesh `[N_v]` of a motion by linear blend skinning alone, root translation left out: metres, the person's space.
     #[must_use]
     pub fn posed(&self, motion: &MotionParams) -> Vec<Vec3> {
         let mut transforms = SkinningTransforms::default();

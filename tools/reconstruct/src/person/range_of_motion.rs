@@ -10,7 +10,7 @@ type Turns = &'static [(&'static str, [f32; 3])];
 const POSES: [Turns; 6] = [
     T_POSE,
     ARMS_DOWN,
-    &[("collar", [0.0, 0.0, 15.0]), ("shoulder", [0.0, 0.0, 50.0])],
+    ARMS_UP,
     &[("elbow", [0.0, -110.0, 0.0])],
     &[("hip", [-70.0, 0.0, 0.0]), ("knee", [80.0, 0.0, 0.0])],
     &[
@@ -31,6 +31,8 @@ const POSES: [Turns; 6] = [
         ("thumb3", [20.0, -20.0, -20.0]),
     ],
 ];
+
+const ARMS_UP: Turns = &[("collar", [0.0, 0.0, 15.0]), ("shoulder", [0.0, 0.0, 50.0])];
 
 /// Halfway down, where most motion happens around.
 const RELAXED: Turns = &[("shoulder", [0.0, 0.0, -45.0])];
@@ -54,9 +56,9 @@ fn motion(turns: Turns) -> MotionParams {
     motion
 }
 
-/// The mesh with hanging arms.
-pub(super) fn arms_down(person: &Person) -> Vec<Vec3> {
-    person.posed(&motion(ARMS_DOWN))
+/// The mesh with hanging, spread and raised arms: what covers what changes most between them.
+pub(super) fn arms_down_and_up(person: &Person) -> [Vec<Vec3>; 3] {
+    [ARMS_DOWN, T_POSE, ARMS_UP].map(|turns| person.posed(&motion(turns)))
 }
 
 /// The mesh with relaxed arms.
@@ -64,7 +66,7 @@ pub(super) fn relaxed_arms(person: &Person) -> Vec<Vec3> {
     person.posed(&motion(RELAXED))
 }
 
-/// The mesh [N_v] in every pose and expression of the range.
+/// The mesh `[N_v]` in every pose and expression of the range.
 pub(super) fn range_of_motion(person: &Person) -> Vec<Vec<Vec3>> {
     let poses = POSES.iter().map(|turns| motion(turns));
     // With relaxed arms, as the surface is cut: only the face is to differ.

@@ -88,7 +88,7 @@ pub(super) struct Surface<'a> {
     open_edges: HashSet<(u32, u32)>,
     /// z of the foremost tooth, metres.
     front_teeth: f32,
-    /// [N_f / 2] how far each quad's two edge directions stretch in some pose, 1..=3.
+    /// `[N_f / 2]` how far each quad's two edge directions stretch in some pose, 1..=3.
     stretch: Vec<Vec2>,
 }
 

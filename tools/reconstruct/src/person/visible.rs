@@ -1,6 +1,6 @@
 //! Which of the person's surface can be seen at all: cloth under cloth costs Gaussians and shines through gaps.
 
-use super::range_of_motion::arms_down;
+use super::range_of_motion::arms_down_and_up;
 use super::{Part, Person};
 use crate::depth_map::DepthMap;
 use crate::shading::{sphere_directions, vertex_normals};
@@ -23,7 +23,7 @@ fn may_be_covered(part: Part) -> bool {
     part.is_cloth() || matches!(part, Part::Skin | Part::Shoes)
 }
 
-/// [N_f] whether a triangle can be seen, in T-pose or with hanging arms, or borders on one that can.
+/// `[N_f]` whether a triangle can be seen, with hanging, spread or raised arms, or borders on one that can.
 pub(super) fn visible_faces(person: &Person) -> Vec<bool> {
     let faces = person.template().faces();
     let casters: Vec<[u32; 3]> = faces
@@ -33,7 +33,7 @@ pub(super) fn visible_faces(person: &Person) -> Vec<bool> {
         .map(|(face, _)| *face)
         .collect();
     let mut visible = vec![false; person.template().vertices().len()];
-    for vertices in [person.template().vertices().to_vec(), arms_down(person)] {
+    for vertices in arms_down_and_up(person) {
         let normals = vertex_normals(&vertices, faces);
         let seen: Vec<Vec<bool>> = sphere_directions(DIRECTIONS)
             .collect::<Vec<_>>()
