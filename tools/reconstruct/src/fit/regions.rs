@@ -45,25 +45,25 @@ pub(super) fn regions(
         (
             groups(&with(&[LeftHip, RightHip, LeftElbow, RightElbow])),
             104,
-            21,
+            27,
         ),
         (
             groups(&[LeftCollar, LeftShoulder, LeftElbow, LeftWrist]),
             20,
-            5,
+            4,
         ),
         (
             groups(&[RightCollar, RightShoulder, RightElbow, RightWrist]),
             20,
-            5,
+            4,
         ),
         (
             groups(&[LeftHip, RightHip, LeftKnee, RightKnee, Spine1]),
             32,
-            7,
+            5,
         ),
-        (groups(&with(&[Neck, Head, LeftHip, RightHip])), 24, 5),
-        (face, 24, 5),
+        (groups(&with(&[Neck, Head, LeftHip, RightHip])), 24, 4),
+        (face, 24, 4),
     ];
     let scaled = |share: usize, of: usize, total: usize| (share * total / of).max(1);
     let mut regions: Vec<Region> = all

@@ -10,7 +10,7 @@ use spmm3::{ATTRIBUTES, BoundGaussians, MotionParams, SH_C0, attribute};
 const ROUNDNESS: f32 = 0.6;
 /// Bounds of a residual: beyond them a triangle has collapsed, and nothing sensible can be learned.
 const MAX_OFFSET: f32 = 0.03;
-const MAX_LOG_SCALE: f32 = 0.7;
+const MAX_LOG_SCALE: f32 = 0.5;
 const MAX_TURN: f32 = 1.0;
 
 /// One pose's meshes and light.

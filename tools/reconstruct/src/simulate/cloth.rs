@@ -21,7 +21,7 @@ const THICKNESS: f32 = 0.004;
 const MAX_DEPTH: f32 = 0.045;
 /// Strength of fabric against compression and bending, relative to stretching.
 const COMPRESSION: f32 = 0.35;
-const BENDING: f32 = 0.15;
+const BENDING: f32 = 0.3;
 
 /// Spring between two of the garment's particles.
 #[derive(Debug, Clone, Copy)]

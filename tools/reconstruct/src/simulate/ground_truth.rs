@@ -31,12 +31,17 @@ pub struct Puppet {
     pub looseness: Vec<f32>,
     /// Vertices of small loose pieces (lapels) sewn on the hanging cloth next to them.
     pub riders: Vec<u32>,
+    /// Pairs of a vertex and one of an outer layer that it must stay under.
+    pub covered: Vec<(u32, u32)>,
     /// Linear expression basis: offsets of every vertex at coefficient 1, metres, for the first slots.
     pub expressions: Vec<Vec<Vec3>>,
 }
 
 /// Offsets longer than this plus the cloth's looseness are spikes, metres.
 const MAX_OFFSET: f32 = 0.06;
+
+/// How far a covered vertex stays below what covers it, where it did at rest, metres.
+const LAYER: f32 = 0.005;
 
 /// One pose's truth.
 #[derive(Debug, Clone)]
@@ -199,6 +204,7 @@ impl<'a> Simulator<'a> {
             offsets[v] = offset;
             posed[v] = skin.linear(v, expressed[v] + offset);
         }
+        self.tuck_in(&skin, &expressed, &mut posed, &mut offsets);
         GroundTruth {
             posed,
             offsets,
@@ -231,6 +237,29 @@ impl<'a> Simulator<'a> {
             radius: ARM_RADIUS,
         });
         self.garment.settle(posed, &normals, &body, &limbs)
+    }
+
+    /// Pushes covered vertices back under what covers them.
+    fn tuck_in(
+        &self,
+        skin: &PosedSkin,
+        expressed: &[Vec3],
+        posed: &mut [Vec3],
+        offsets: &mut [Vec3],
+    ) {
+        let rest = self.puppet.template.vertices();
+        let normals = self.surface.normals(posed);
+        for (inner, outer) in &self.puppet.covered {
+            let (v, o) = (*inner as usize, *outer as usize);
+            let gap = (rest[o] - rest[v]).dot(self.normals[o]).clamp(0.0, LAYER);
+            let excess = (posed[v] - posed[o]).dot(normals[o]) + gap;
+            if excess > 0.0 {
+                let under = posed[v] - normals[o] * excess.min(MAX_OFFSET);
+                let offset = skin.canonical(v, under, expressed[v]) - expressed[v];
+                offsets[v] = offset.clamp_length_max(MAX_OFFSET);
+                posed[v] = skin.linear(v, expressed[v] + offsets[v]);
+            }
+        }
     }
 
     fn with_creases(

@@ -125,9 +125,18 @@ impl<'a> PoseSampler<'a> {
                 * Quat::from_rotation_x(-flex)
                 * Quat::from_rotation_y(twist);
             pose.set_rotation(hip, rotation);
-            pose.set_axis_angle(knee, Vec3::new(bend, self.around(0.05), self.around(0.05)));
+            pose.set_axis_angle(knee, Vec3::new(bend, self.around(0.12), self.around(0.05)));
             let level = (flex - bend).clamp(-0.6, 0.6);
-            pose.set_axis_angle(ankle, Vec3::new(level, self.around(0.1), self.around(0.1)));
+            pose.set_axis_angle(
+                ankle,
+                Vec3::new(level, self.around(0.25), self.around(0.12)),
+            );
+            let toes = if sign > 0.0 {
+                Joint::LeftFoot
+            } else {
+                Joint::RightFoot
+            };
+            pose.set_axis_angle(toes, Vec3::X * (self.around(0.2) - 0.15 * level));
         }
     }
 
@@ -204,7 +213,10 @@ impl<'a> PoseSampler<'a> {
         // The collar takes a quarter of what lifts the arm above the horizontal and draws it forward.
         let raise = 0.35 * (towards.y + 0.3).max(0.0) + self.around(0.06);
         let forward = 0.2 * towards.z.max(0.0) + self.around(0.05);
-        pose.set_axis_angle(collar, Vec3::new(0.0, -sign * forward, sign * raise));
+        pose.set_axis_angle(
+            collar,
+            Vec3::new(self.around(0.06), -sign * forward, sign * raise),
+        );
         let swing = Quat::from_rotation_arc(Vec3::X * sign, towards);
         let roll = roll + self.around(0.3);
         let body_from_collar = pose.rotation(collar);
@@ -212,13 +224,13 @@ impl<'a> PoseSampler<'a> {
             shoulder,
             body_from_collar.conjugate() * swing * Quat::from_rotation_x(-roll),
         );
-        let pronation = self.around(0.4);
+        let pronation = self.around(0.55);
         pose.set_rotation(
             elbow,
             Quat::from_rotation_y(-sign * (flex + self.around(0.08)).max(0.0))
                 * Quat::from_rotation_x(pronation),
         );
-        let bend = Vec3::new(self.around(0.25), self.around(0.15), self.around(0.3));
+        let bend = Vec3::new(self.around(0.35), self.around(0.4), self.around(0.4));
         pose.set_axis_angle(wrist, bend);
     }
 
@@ -234,7 +246,11 @@ impl<'a> PoseSampler<'a> {
             let curl = if thumb { 0.3 * fist } else { fist } + self.around(0.12);
             let spread = if at % 3 == 0 { self.around(0.1) } else { 0.0 };
             let turn = if thumb { -sign * curl } else { spread };
-            let lift = if thumb { spread } else { -sign * curl };
+            let lift = if thumb {
+                self.around(0.15)
+            } else {
+                -sign * curl
+            };
             pose.set_axis_angle(*joint, Vec3::new(self.around(0.04), turn, lift));
         }
     }
@@ -266,16 +282,79 @@ impl<'a> PoseSampler<'a> {
             Joint::Jaw,
             Vec3::new(jaw.clamp(-0.05, 0.45), self.around(0.02), 0.0),
         );
-        let gaze = Vec3::new(self.around(0.12), self.around(0.2), 0.0);
+        let gaze = Vec3::new(self.around(0.15), self.around(0.25), 0.0);
         pose.set_axis_angle(Joint::LeftEye, gaze);
         pose.set_axis_angle(Joint::RightEye, gaze);
     }
 
-    /// Some poses on the way from the T-pose, so that the networks are tame there too.
+    /// Some poses on the way from the T-pose, and some at the limits of what joints can do: a network is tame where it
+    /// has been, and dancers go there.
     fn vary(&mut self, pose: &mut MotionParams) {
-        if self.rng.u8(0..12) == 0 {
-            let share = self.rng.f32();
-            pose.values_mut().iter_mut().for_each(|v| *v *= share);
+        match self.rng.u8(0..24) {
+            0 | 1 => {
+                let share = self.rng.f32();
+                pose.values_mut().iter_mut().for_each(|v| *v *= share);
+            }
+            2..=4 => {
+                for _ in 0..self.rng.u8(1..4) {
+                    self.stretch(pose);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes one limb, the trunk or the head to anywhere in its range.
+    fn stretch(&mut self, pose: &mut MotionParams) {
+        let side = self.rng.usize(0..2);
+        let (sign, [_, shoulder, elbow, wrist], [hip, knee, _], _) = SIDES[side];
+        match self.rng.u8(0..5) {
+            0 | 1 => {
+                let (flex, spread) = (self.within(-0.9, 2.6), sign * self.within(-0.3, 1.3));
+                let turn = Quat::from_rotation_y(self.around(0.4));
+                let rotation = Quat::from_rotation_z(spread) * Quat::from_rotation_x(-flex) * turn;
+                pose.set_rotation(hip, rotation);
+                let bend = Vec3::X * self.within(0.0, 2.5);
+                pose.set_axis_angle(knee, bend);
+            }
+            2 => {
+                let whole = Vec3::new(
+                    self.within(-0.5, 1.4),
+                    self.within(-1.0, 1.0),
+                    self.within(-0.7, 0.7),
+                );
+                for joint in [Joint::Spine1, Joint::Spine2, Joint::Spine3] {
+                    let jitter = Vec3::new(self.around(0.08), self.around(0.08), self.around(0.06));
+                    pose.set_axis_angle(joint, whole / 3.0 + jitter);
+                }
+            }
+            3 => {
+                let towards = Vec3::new(
+                    self.within(-0.4, 1.0),
+                    self.within(-1.0, 1.0),
+                    self.within(-0.8, 1.0),
+                );
+                let towards = Vec3::new(sign * towards.x, towards.y, towards.z);
+                let swing =
+                    Quat::from_rotation_arc(Vec3::X * sign, towards.normalize_or(Vec3::X * sign));
+                let roll = Quat::from_rotation_x(self.within(-1.3, 1.3));
+                pose.set_rotation(shoulder, swing * roll);
+                let bend = Quat::from_rotation_y(-sign * self.within(0.0, 2.5));
+                let turn = Quat::from_rotation_x(self.within(-1.3, 1.3));
+                pose.set_rotation(elbow, bend * turn);
+                let hand = Vec3::new(self.around(0.5), self.around(0.35), self.around(0.6));
+                pose.set_axis_angle(wrist, hand);
+            }
+            _ => {
+                let whole = Vec3::new(
+                    self.within(-1.0, 1.0),
+                    self.within(-1.4, 1.4),
+                    self.within(-0.7, 0.7),
+                );
+                let share = self.within(0.2, 0.8);
+                pose.set_axis_angle(Joint::Neck, whole * share);
+                pose.set_axis_angle(Joint::Head, whole * (1.0 - share));
+            }
         }
     }
 }
