@@ -27,7 +27,7 @@ pub(crate) struct Options {
     /// Draw both eyes (files end in _left and _right)
     #[arg(long)]
     stereo: bool,
-    /// front, three-quarter, side, back, waist-up, face, hands, or EYE:TARGET[:FOV] in metres and degrees relative to
+    /// front, three-quarter, side, back, waist-up, face, hands, or EYE:TARGET:FOV in metres and degrees relative to
     /// the person, e.g. 0,1.6,2:0,1.4,0:30
     #[arg(long, value_name = "VIEW", default_value = "three-quarter")]
     camera: Viewpoint,
