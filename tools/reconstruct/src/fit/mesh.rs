@@ -21,7 +21,7 @@ const RANK: usize = 64;
 /// Expression components at most.
 const MAX_EXPRESSIONS: usize = 20;
 /// Passes over the poses.
-pub(crate) const EPOCHS: usize = 200;
+pub(crate) const EPOCHS: usize = 300;
 /// How each region is trained.
 const TRAINING: Training = Training {
     epochs: EPOCHS,

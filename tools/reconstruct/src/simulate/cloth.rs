@@ -20,7 +20,7 @@ const THICKNESS: f32 = 0.004;
 /// Nearest points deeper than this belong to the other side of a limb, metres.
 const MAX_DEPTH: f32 = 0.045;
 /// Strength of fabric against compression and bending, relative to stretching.
-const COMPRESSION: f32 = 0.35;
+const COMPRESSION: f32 = 0.15;
 const BENDING: f32 = 0.3;
 
 /// Spring between two of the garment's particles.
@@ -194,6 +194,27 @@ impl Garment {
             positions,
             residual,
             energy,
+        }
+    }
+
+    /// Takes out ripples of the mesh's own wavelength, which no network can learn: each particle's excursion from its
+    /// skinned place is averaged with its neighbours'.
+    pub fn iron(&self, settled: &mut Settled, skinned: &[Vec3]) {
+        let home = |p: usize| skinned[self.particles[p] as usize];
+        let excursions: Vec<Vec3> = (0..self.particles.len())
+            .map(|p| settled.positions[p] - home(p))
+            .collect();
+        let mut around = vec![(Vec3::ZERO, 0.0f32); excursions.len()];
+        for Spring { a, b, .. } in &self.stretch {
+            for (to, from) in [(*a as usize, *b as usize), (*b as usize, *a as usize)] {
+                around[to].0 += excursions[from];
+                around[to].1 += 1.0;
+            }
+        }
+        for (p, (sum, count)) in around.into_iter().enumerate() {
+            if self.looseness[p] > 0.0 && count > 0.0 {
+                settled.positions[p] = home(p) + excursions[p].lerp(sum / count, 0.5);
+            }
         }
     }
 

@@ -182,7 +182,8 @@ impl<'a> Simulator<'a> {
         let expressed = self.expressed(&motion);
         let canonical = self.with_creases(&motion, &skin, &expressed);
         let mut posed = skin.pose_all(template, &canonical);
-        let settled = self.hang(&motion, &posed);
+        let mut settled = self.hang(&motion, &posed);
+        self.garment.iron(&mut settled, &posed);
         for (v, at) in settled.vertices.iter().zip(&settled.positions) {
             posed[*v as usize] = *at;
         }

@@ -131,3 +131,49 @@ fn a_small_step_of_the_pose_is_a_small_step_of_the_cloth() {
         .fold(0.0, f32::max);
     assert!(jump < 0.02, "the cloth jumps {jump} m");
 }
+
+#[test]
+fn one_seed_gives_one_sequence_and_the_root_never_turns() {
+    let faces = Expressions::new();
+    let mut first = PoseSampler::new(7, &faces, 4);
+    let mut second = PoseSampler::new(7, &faces, 4);
+    let mut other = PoseSampler::new(8, &faces, 4);
+    let mut differs = false;
+    for _ in 0..50 {
+        let pose = first.sample();
+        assert_eq!(
+            pose,
+            second.sample(),
+            "the same seed must give the same pose"
+        );
+        differs |= pose != other.sample();
+        assert_eq!(
+            pose.axis_angle(Joint::Pelvis),
+            Vec3::ZERO,
+            "the root turned"
+        );
+        assert!(pose.is_finite(), "a pose is not finite");
+    }
+    assert!(differs, "another seed must give other poses");
+}
+
+#[test]
+fn limbs_bend_the_way_limbs_do() {
+    let faces = Expressions::new();
+    let mut sampler = PoseSampler::new(3, &faces, 0);
+    for _ in 0..200 {
+        let pose = sampler.sample();
+        for knee in [Joint::LeftKnee, Joint::RightKnee] {
+            assert!(pose.axis_angle(knee).x >= 0.0, "a knee bends forwards");
+        }
+        let (left, right) = (
+            pose.rotation(Joint::LeftElbow),
+            pose.rotation(Joint::RightElbow),
+        );
+        assert!((left * Vec3::X).z > -0.3, "the left elbow bends backwards");
+        assert!(
+            (right * Vec3::NEG_X).z > -0.3,
+            "the right elbow bends backwards"
+        );
+    }
+}
