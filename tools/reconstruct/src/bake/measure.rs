@@ -98,14 +98,17 @@ pub(super) fn attributes(
     let full = network.bases.dequantise();
     let count = targets.len().max(1);
     let mut sums = [[0.0f64; ATTRIBUTES]; 2];
+    let [without, with] = &mut sums;
     for (motion, frame) in poses.iter().zip(frames) {
         let wanted = targets.planes(frame);
         let given = residuals(network, &full, controllers, motion);
-        for plane in 0..ATTRIBUTES {
-            let range = plane * count..(plane + 1) * count;
-            for (w, g) in wanted[range.clone()].iter().zip(&given[range]) {
-                sums[0][plane] += f64::from(w * w);
-                sums[1][plane] += f64::from((w - g) * (w - g));
+        let planes = wanted.chunks_exact(count).zip(given.chunks_exact(count));
+        for ((wanted, given), (without, with)) in
+            planes.zip(without.iter_mut().zip(with.iter_mut()))
+        {
+            for (w, g) in wanted.iter().zip(given) {
+                *without += f64::from(w * w);
+                *with += f64::from((w - g) * (w - g));
             }
         }
     }

@@ -5,7 +5,7 @@
 //! that explain the code best; (3) neighbouring codes turned to agree, so that mixing them by virtual mass makes sense
 //! (the paper's guide coherence); (4) with the forces as predicted, each Gaussian's bases by ridge regression.
 
-use super::deformer::{force, potentials};
+use super::deformer::{force, potentials, residuals};
 use super::{Frame, Targets, pool, procrustes, ridge, solve_ridge, temporal_codes};
 use crate::simulate::Puppet;
 use half::f16;
@@ -46,6 +46,24 @@ impl Default for AttributeOptions {
     }
 }
 
+/// F_attr and what storing its bases in 8 bits costs.
+#[derive(Debug, Clone)]
+pub struct AttributeFit {
+    /// The network, quantised as it will be stored.
+    pub network: AttributeNetwork,
+    /// Root mean square error of each attribute plane that the 8 bits alone cause, over some training poses.
+    pub quantisation: [f32; ATTRIBUTES],
+}
+
+/// Training poses and what each looked like, one frame a pose.
+#[derive(Debug, Clone, Copy)]
+pub struct Lessons<'a> {
+    /// The poses.
+    pub poses: &'a [MotionParams],
+    /// Their meshes and light.
+    pub frames: &'a [Frame],
+}
+
 /// One controller's fit, its code not yet aligned.
 struct Local {
     units: pool::Units,
@@ -53,7 +71,7 @@ struct Local {
     code: DMatrix<f64>,
 }
 
-/// Fits F_attr to the training `frames` of `poses`.
+/// Fits F_attr to `lessons`; `done` is called after each controller.
 ///
 /// # Errors
 /// If the result does not make a network, which takes targets that are not finite.
@@ -61,12 +79,12 @@ pub fn fit_attributes(
     puppet: &Puppet,
     controllers: &Controllers,
     targets: &Targets,
-    poses: &[MotionParams],
-    frames: &[Frame],
+    lessons: Lessons<'_>,
     options: AttributeOptions,
     seed: u64,
     done: impl Fn() + Sync,
-) -> Result<AttributeNetwork, PersonError> {
+) -> Result<AttributeFit, PersonError> {
+    let Lessons { poses, frames } = lessons;
     let members = members(controllers);
     let statistics = pool::InputStatistics::new(poses);
     let locals: Vec<Local> = members
@@ -116,9 +134,35 @@ pub fn fit_attributes(
         second_bias,
         bases: empty,
     };
-    let full = fit_bases(controllers, &network, targets, poses, frames, options);
+    let full = fit_bases(controllers, &network, targets, lessons, options);
     network.bases = QuantisedBases::quantise(options.bases, targets.len(), &full)?;
-    Ok(network)
+    let quantisation = quantisation_error(controllers, &network, full, poses);
+    Ok(AttributeFit {
+        network,
+        quantisation,
+    })
+}
+
+/// What the rounded bases give less what the `full` ones give: the network is linear in them.
+fn quantisation_error(
+    controllers: &Controllers,
+    network: &AttributeNetwork,
+    full: Vec<f32>,
+    poses: &[MotionParams],
+) -> [f32; ATTRIBUTES] {
+    const SOME: usize = 8;
+    let mut difference = network.bases.dequantise();
+    difference.iter_mut().zip(full).for_each(|(q, f)| *q -= f);
+    let count = network.bases.gaussians().max(1);
+    let mut squares = [0.0f32; ATTRIBUTES];
+    let some = &poses[..SOME.min(poses.len())];
+    for motion in some {
+        let errors = residuals(network, &difference, controllers, motion);
+        for (square, plane) in squares.iter_mut().zip(errors.chunks_exact(count)) {
+            *square += plane.iter().map(|e| e * e).sum::<f32>() / count as f32;
+        }
+    }
+    squares.map(|square| (square / some.len().max(1) as f32).sqrt())
 }
 
 /// For each controller a sample of the Gaussians it holds, strongest ties first in rank.
@@ -252,10 +296,10 @@ fn fit_bases(
     controllers: &Controllers,
     network: &AttributeNetwork,
     targets: &Targets,
-    poses: &[MotionParams],
-    frames: &[Frame],
+    lessons: Lessons<'_>,
     options: AttributeOptions,
 ) -> Vec<f32> {
+    let Lessons { poses, frames } = lessons;
     let bases = options.bases;
     let potentials: Vec<Vec<f32>> = poses
         .par_iter()

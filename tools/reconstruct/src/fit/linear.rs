@@ -194,8 +194,9 @@ mod tests {
     fn components_rebuild_samples_of_their_rank_exactly() {
         let (codes, fields) = (random(12, 3, 3), random(3, 40, 4));
         let data = &codes * &fields;
+        let narrow = data.cast::<f32>();
         let samples: Vec<Vec<f32>> = (0..12)
-            .map(|n| data.row(n).iter().map(|v| *v as f32 + 0.5).collect())
+            .map(|n| narrow.row(n).iter().map(|v| v + 0.5).collect())
             .collect();
         let found = components(&samples, &[1.0; 40], 3);
         assert!(

@@ -153,7 +153,7 @@ pub(super) fn choose_units(
     left.iter_mut().for_each(|c| centre(c));
     let mut residual: Vec<Vec<f32>> = code
         .column_iter()
-        .map(|c| c.iter().map(|v| *v as f32).collect())
+        .map(|c| c.iter().copied().map(narrow).collect())
         .collect();
     residual.iter_mut().for_each(|c| centre(c));
     let full: Vec<f32> = left.iter().map(|c| dot(c, c)).collect();
@@ -265,6 +265,11 @@ fn candidates(
             }
         })
         .collect()
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "f64 to f32 rounds")]
+fn narrow(value: f64) -> f32 {
+    value as f32
 }
 
 fn dot(a: &[f32], b: &[f32]) -> f32 {

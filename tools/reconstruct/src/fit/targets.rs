@@ -58,7 +58,6 @@ struct Rest {
     edges: [f32; 3],
     offset: Vec3,
     rotation: Quat,
-    log_scale: Vec3,
     colour: Vec3,
     albedo: Vec3,
     bulge: f32,
@@ -113,7 +112,6 @@ impl Targets {
                         plane(q + 2, i),
                         plane(q + 3, i),
                     ),
-                    log_scale: vec3(attribute::LOG_SCALE.start, i),
                     colour: vec3(attribute::COLOUR.start, i),
                     albedo: albedo[i],
                     bulge: phong(corners, shares, points, &normals, frame.z_axis),
@@ -211,7 +209,6 @@ impl Targets {
         ];
         out[attribute::LOG_SCALE].copy_from_slice(&scale);
         out[attribute::COLOUR].copy_from_slice(&colour.to_array());
-        let _ = rest.log_scale;
         out
     }
 

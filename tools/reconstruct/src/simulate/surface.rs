@@ -25,7 +25,7 @@ impl Surface {
                 match opposite.insert((a.min(b), a.max(b)), across) {
                     None => edges.push([a.min(b), a.max(b)]),
                     Some(other) if other != across => {
-                        bends.push([other.min(across), other.max(across)])
+                        bends.push([other.min(across), other.max(across)]);
                     }
                     Some(_) => {}
                 }
