@@ -35,7 +35,7 @@ use std::ops::Range;
 use std::path::Path;
 
 /// Raised whenever the same options give another avatar, so that caches of older ones are left alone.
-pub const BAKE_VERSION: u32 = 1;
+pub const BAKE_VERSION: u32 = 2;
 
 /// What to build.
 #[derive(Debug, Clone, Copy)]
@@ -162,7 +162,7 @@ struct Subject<'a> {
     bridges: Vec<(u32, u32)>,
     expressions: Expressions,
     gaussians: BoundGaussians,
-    /// Unlit colours, sRGB 0..=1, [N_g].
+    /// Unlit colours, sRGB 0..=1, `[N_g]`.
     albedo: Vec<Vec3>,
     /// Light factors at the vertices of a pose.
     light: &'a (dyn Fn(&[Vec3]) -> Vec<Vec3> + Sync),

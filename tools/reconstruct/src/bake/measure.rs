@@ -142,7 +142,7 @@ pub(super) struct Sitter<'a> {
 }
 
 impl Sitter<'_> {
-    /// The Gaussians of one pose: [truth, no networks, F_mesh, both].
+    /// The Gaussians of one pose: the truth, no networks, F_mesh alone, both.
     pub(super) fn sets(
         &self,
         motion: &MotionParams,

@@ -67,7 +67,7 @@ pub struct Lessons<'a> {
 /// One controller's fit, its code not yet aligned.
 struct Local {
     units: pool::Units,
-    /// Temporal code, [poses, B].
+    /// Temporal code, `[poses, B]`.
     code: DMatrix<f64>,
 }
 
@@ -291,7 +291,7 @@ fn spanning_order(controllers: &Controllers) -> Vec<(Option<usize>, usize)> {
     order
 }
 
-/// Each Gaussian's bases, row-major [14, B, N_g], given the forces that the controllers really predict.
+/// Each Gaussian's bases, row-major `[14, B, N_g]`, given the forces that the controllers really predict.
 fn fit_bases(
     controllers: &Controllers,
     network: &AttributeNetwork,

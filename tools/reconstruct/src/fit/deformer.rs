@@ -24,14 +24,14 @@ impl<'a> MeshRunner<'a> {
         }
     }
 
-    /// Canonical offsets of one pose, the expression included, metres, [N_v].
+    /// Canonical offsets of one pose, the expression included, metres, `[N_v]`.
     #[must_use]
     pub fn offsets(&self, motion: &MotionParams) -> Vec<Vec3> {
         mesh_offsets(self.network, &self.fields, motion)
     }
 }
 
-/// Every controller's displacement potential for one pose, row-major [controllers, B].
+/// Every controller's displacement potential for one pose, row-major `[controllers, B]`.
 #[must_use]
 pub fn potentials(network: &AttributeNetwork, motion: &MotionParams) -> Vec<f32> {
     let units: Vec<f32> = dense(&network.first, motion.values())
@@ -78,7 +78,7 @@ pub(super) fn force(
     }
 }
 
-/// F_attr's residuals for one pose, row-major [14, N_g]; `full` are its dequantised bases.
+/// F_attr's residuals for one pose, row-major `[14, N_g]`; `full` are its dequantised bases.
 #[must_use]
 pub fn residuals(
     network: &AttributeNetwork,

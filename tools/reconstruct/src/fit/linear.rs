@@ -51,11 +51,11 @@ pub fn solve_ridge(
 /// Principal components of samples around their mean.
 #[derive(Debug, Clone)]
 pub struct Components {
-    /// Mean sample, [columns].
+    /// Mean sample, `[columns]`.
     pub mean: Vec<f32>,
-    /// Each sample's coordinates, [samples, rank], of unit variance per component.
+    /// Each sample's coordinates, `[samples, rank]`, of unit variance per component.
     pub codes: DMatrix<f64>,
-    /// Each component's field, [rank][columns], in the samples' unit at one deviation.
+    /// Each component's field, `[rank][columns]`, in the samples' unit at one deviation.
     pub fields: Vec<Vec<f32>>,
     /// Share of the variance that the kept components explain, 0..=1.
     pub explained: f64,
@@ -117,9 +117,9 @@ pub fn components(samples: &[Vec<f32>], weights: &[f32], rank: usize) -> Compone
     }
 }
 
-/// The leading left singular vectors of `data` times their singular values, [samples, rank], by subspace iteration.
+/// The leading left singular vectors of `data` times their singular values, `[samples, rank]`, by subspace iteration.
 ///
-/// Cheaper than [`components`] where only the temporal code is wanted; `data` is [samples, columns].
+/// Cheaper than [`components`] where only the temporal code is wanted; `data` is `[samples, columns]`.
 #[must_use]
 pub fn temporal_codes(data: &DMatrix<f32>, rank: usize, rng: &mut fastrand::Rng) -> DMatrix<f64> {
     let rank = rank.min(data.nrows()).min(data.ncols());

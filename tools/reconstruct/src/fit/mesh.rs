@@ -48,7 +48,7 @@ struct Part {
     columns: Vec<usize>,
 }
 
-/// Fits F_mesh to `offsets` (one [N_v] field a pose, the linear expression not included).
+/// Fits F_mesh to `offsets` (one `[N_v]` field a pose, the linear expression not included).
 ///
 /// `done` is called once per pass over the poses, all regions together.
 ///

@@ -1,6 +1,6 @@
 //! A perceptron with two hidden SiLU layers, trained by Adam on a few hundred samples in seconds.
 //!
-//! Matrices are column-major [outputs, inputs], which is the graph's row-major [inputs, outputs] in memory. Samples are
+//! Matrices are column-major `[outputs, inputs]`, which is the graph's row-major `[inputs, outputs]` in memory. Samples are
 //! columns. One thread: the sums' order, and so the weights, do not depend on the machine's load.
 
 use super::linear;
@@ -24,9 +24,9 @@ pub struct Training {
 /// in -> hidden -> hidden -> out, SiLU between.
 #[derive(Debug, Clone)]
 pub struct Perceptron {
-    /// Weights [outputs, inputs] of the three layers.
+    /// Weights `[outputs, inputs]` of the three layers.
     pub weights: [DMatrix<f32>; 3],
-    /// Biases [outputs, 1].
+    /// Biases `[outputs, 1]`.
     pub biases: [DMatrix<f32>; 3],
 }
 
@@ -72,14 +72,14 @@ impl Perceptron {
         }
     }
 
-    /// Outputs of the second hidden layer, [hidden, samples].
+    /// Outputs of the second hidden layer, `[hidden, samples]`.
     #[must_use]
     pub fn features(&self, inputs: &DMatrix<f32>) -> DMatrix<f32> {
         let first = affine(&self.weights[0], inputs, &self.biases[0]).map(silu);
         affine(&self.weights[1], &first, &self.biases[1]).map(silu)
     }
 
-    /// Minimises the mean squared error to `targets` [outputs, samples], each output in the unit that errors are to be
+    /// Minimises the mean squared error to `targets` `[outputs, samples]`, each output in the unit that errors are to be
     /// counted in, then solves the last layer in closed form.
     pub fn train(
         &mut self,
@@ -145,7 +145,7 @@ impl Perceptron {
         self.biases[2] = solved.columns(hidden, 1).into_owned();
     }
 
-    /// Outputs, [outputs, samples].
+    /// Outputs, `[outputs, samples]`.
     #[must_use]
     pub fn run(&self, inputs: &DMatrix<f32>) -> DMatrix<f32> {
         affine(&self.weights[2], &self.features(inputs), &self.biases[2])

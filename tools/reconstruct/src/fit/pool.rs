@@ -111,15 +111,15 @@ pub(super) fn relevant_inputs(puppet: &Puppet, vertex: usize) -> Vec<Vec<usize>>
 /// The chosen ramps of one controller.
 #[derive(Debug)]
 pub(super) struct Units {
-    /// First layer, row-major [215, ramps], rounded to FP16 as stored. Both units of a ramp share it.
+    /// First layer, row-major `[215, ramps]`, rounded to FP16 as stored. Both units of a ramp share it.
     pub(super) weights: Vec<f32>,
-    /// Biases of each ramp's two units, [ramps].
+    /// Biases of each ramp's two units, `[ramps]`.
     pub(super) biases: Vec<[f32; 2]>,
-    /// The ramps over the poses and a column of ones, [poses, ramps + 1].
+    /// The ramps over the poses and a column of ones, `[poses, ramps + 1]`.
     pub(super) features: DMatrix<f64>,
 }
 
-/// Chooses `ramps` ramps on `groups` of inputs for `code` [poses, B].
+/// Chooses `ramps` ramps on `groups` of inputs for `code` `[poses, B]`.
 #[must_use]
 pub(super) fn choose_units(
     groups: &[Vec<usize>],

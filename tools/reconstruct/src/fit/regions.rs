@@ -20,7 +20,7 @@ pub(super) struct Region {
 /// Which region each vertex belongs to is one number below this.
 const REGIONS: usize = 6;
 
-/// [N_v] region of each vertex, and the regions, sized to fill `units` and `fields`.
+/// `[N_v]` region of each vertex, and the regions, sized to fill `units` and `fields`.
 pub(super) fn regions(
     puppet: &Puppet,
     expressions: usize,

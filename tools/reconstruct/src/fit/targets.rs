@@ -16,13 +16,13 @@ const MAX_TURN: f32 = 1.0;
 /// One pose's meshes and light.
 #[derive(Debug, Clone)]
 pub struct Frame {
-    /// Posed vertices as the networks' mesh gives them, metres, [N_v].
+    /// Posed vertices as the networks' mesh gives them, metres, `[N_v]`.
     pub predicted: Vec<Vec3>,
-    /// Posed vertices as simulated, metres, [N_v].
+    /// Posed vertices as simulated, metres, `[N_v]`.
     pub truth: Vec<Vec3>,
-    /// Unit normals of the simulated mesh, [N_v].
+    /// Unit normals of the simulated mesh, `[N_v]`.
     pub normals: Vec<Vec3>,
-    /// Light factors on the simulated mesh, red, green and blue, [N_v].
+    /// Light factors on the simulated mesh, red, green and blue, `[N_v]`.
     pub light: Vec<Vec3>,
     /// Folds of this pose.
     pub creases: Creases,
@@ -72,7 +72,7 @@ pub struct Targets {
 }
 
 impl Targets {
-    /// `albedo` is each Gaussian's unlit colour, sRGB 0..=1, [N_g].
+    /// `albedo` is each Gaussian's unlit colour, sRGB 0..=1, `[N_g]`.
     #[must_use]
     pub fn new(
         puppet: &Puppet,
@@ -212,7 +212,7 @@ impl Targets {
         out
     }
 
-    /// Residuals of all Gaussians in one frame, row-major [14, N_g].
+    /// Residuals of all Gaussians in one frame, row-major `[14, N_g]`.
     #[must_use]
     pub fn planes(&self, frame: &Frame) -> Vec<f32> {
         let rows: Vec<[f32; ATTRIBUTES]> = (0..self.len())

@@ -25,9 +25,9 @@ pub struct Puppet {
     pub template: Template,
     /// The 55 joints.
     pub skeleton: Skeleton,
-    /// What each vertex is made of, [N_v].
+    /// What each vertex is made of, `[N_v]`.
     pub fabric: Vec<Fabric>,
-    /// How far each vertex may leave its skinned place, metres, [N_v]; 0 for all but hanging cloth.
+    /// How far each vertex may leave its skinned place, metres, `[N_v]`; 0 for all but hanging cloth.
     pub looseness: Vec<f32>,
     /// Vertices of small loose pieces (lapels) sewn on the hanging cloth next to them.
     pub riders: Vec<u32>,
@@ -46,9 +46,9 @@ const LAYER: f32 = 0.005;
 /// One pose's truth.
 #[derive(Debug, Clone)]
 pub struct GroundTruth {
-    /// Posed vertices, metres, root left out, [N_v].
+    /// Posed vertices, metres, root left out, `[N_v]`.
     pub posed: Vec<Vec3>,
-    /// What F_mesh should give beside the linear expression: canonical offsets, metres, [N_v].
+    /// What F_mesh should give beside the linear expression: canonical offsets, metres, `[N_v]`.
     pub offsets: Vec<Vec3>,
     /// Root mean square movement of the cloth in its last step, metres.
     pub residual: f32,
