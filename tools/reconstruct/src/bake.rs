@@ -61,7 +61,7 @@ impl Default for BakeOptions {
         Self {
             gaussians: 60_000,
             seed: 1,
-            poses: 1000,
+            poses: 1200,
             attribute_poses: 320,
             controllers: 500,
             attributes: AttributeOptions::default(),

@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 use spmm3::{BODY, Joint, MotionParams, PARAMS};
 
 /// Units in the pool of one controller.
-const POOL: usize = 320;
+const POOL: usize = 900;
 
 /// Means and deviations of the 215 inputs over the training poses.
 #[derive(Debug, Clone)]
