@@ -117,6 +117,11 @@ impl Profile {
         self.samples[stage as usize].push(milliseconds);
     }
 
+    /// Forgets all samples and keeps their memory.
+    pub fn clear(&mut self) {
+        self.samples.iter_mut().for_each(Vec::clear);
+    }
+
     /// One row per stage that has samples. `deform_unit` is where the deform graph's provider computes.
     #[must_use]
     pub fn summary(&self, deform_unit: Unit) -> Vec<StageSummary> {

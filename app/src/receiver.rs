@@ -77,6 +77,11 @@ impl Receiver {
         self.renderer = renderer;
     }
 
+    /// Forgets the times of the frames so far, keeping the memory: for a view that runs without end.
+    pub fn forget_times(&mut self) {
+        self.profile.clear();
+    }
+
     /// Times of every frame so far.
     #[must_use]
     pub fn profile(&self) -> &Profile {

@@ -1,16 +1,24 @@
 //! Pictures on disk: single PNGs, and one animated WebP that every browser plays.
 
 use anyhow::{Context, anyhow};
-use image::{ExtendedColorType, ImageEncoder, RgbImage, codecs::png::PngEncoder, imageops};
+use image::{
+    DynamicImage, ExtendedColorType, ImageEncoder, RgbImage, codecs::png::PngEncoder, imageops,
+};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
+use webp_animation::{
+    AnimParams, Encoder, EncoderOptions, EncodingConfig, EncodingType, LossyEncodingConfig,
+};
 
 /// Longest side of the animation in pixels: large enough to judge a motion, small enough to mail.
 const ANIMATION_PIXELS: u32 = 640;
 
 /// Quality of libwebp's lossy mode, 0..100.
 const ANIMATION_QUALITY: f32 = 82.0;
+
+/// Longest animation, frames: 20 s. The PNGs of `render` have the rest.
+const ANIMATION_FRAMES: usize = 600;
 
 /// Pictures waiting to be encoded: enough to keep the encoder busy, few enough to keep memory small.
 const WAITING: usize = 3;
@@ -28,63 +36,83 @@ pub(crate) fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
 /// An animation being encoded on its own thread, so that the next frame is drawn meanwhile.
 #[derive(Debug)]
 pub(crate) struct Film {
+    path: PathBuf,
     frames: SyncSender<RgbImage>,
     encoder: JoinHandle<anyhow::Result<()>>,
+    added: usize,
 }
 
 impl Film {
     /// Starts an animation at `path` that shows `frame_rate` frames a second and repeats forever.
     pub(crate) fn start(path: PathBuf, frame_rate: f64) -> Self {
         let (frames, waiting) = sync_channel(WAITING);
-        let encoder = std::thread::spawn(move || encode(&path, frame_rate, &waiting));
-        Self { frames, encoder }
+        let file = path.clone();
+        let encoder = std::thread::spawn(move || encode(&file, frame_rate, &waiting));
+        Self {
+            path,
+            frames,
+            encoder,
+            added: 0,
+        }
     }
 
-    /// Adds a frame; waits while the encoder is behind.
-    pub(crate) fn add(&self, picture: RgbImage) -> anyhow::Result<()> {
-        self.frames
-            .send(picture)
-            .map_err(|_| anyhow!("the animation's encoder stopped"))
+    /// Adds a frame, unless the animation is at its longest; waits while the encoder is behind.
+    pub(crate) fn add(&mut self, picture: RgbImage) {
+        self.added += 1;
+        // A closed channel means that the encoder failed; finishing tells why.
+        if self.added <= ANIMATION_FRAMES && self.frames.send(picture).is_err() {
+            log::debug!("the animation's encoder no longer takes frames");
+        }
     }
 
-    /// Ends the animation and writes its file.
-    pub(crate) fn finish(self) -> anyhow::Result<()> {
+    /// Ends the animation and returns its file.
+    pub(crate) fn finish(self) -> anyhow::Result<PathBuf> {
         drop(self.frames);
         self.encoder
             .join()
-            .map_err(|_| anyhow!("the animation's encoder failed"))?
+            .map_err(|_| anyhow!("the animation's encoder failed"))??;
+        if self.added > ANIMATION_FRAMES {
+            println!(
+                "{} shows the first {ANIMATION_FRAMES} of {} frames",
+                self.path.display(),
+                self.added
+            );
+        }
+        Ok(self.path)
     }
 }
 
 fn encode(path: &Path, frame_rate: f64, waiting: &Receiver<RgbImage>) -> anyhow::Result<()> {
-    // All frames are kept until the end: libwebp's animation encoder borrows them.
-    let small: Vec<RgbImage> = waiting.iter().map(|picture| shrink(&picture)).collect();
-    let Some(first) = small.first() else {
+    let Ok(first) = waiting.recv() else {
         return Ok(());
     };
-    let mut config =
-        webp::WebPConfig::new().map_err(|()| anyhow!("libwebp refuses its default settings"))?;
-    config.quality = ANIMATION_QUALITY;
-    config.method = 3;
-    config.thread_level = 1;
-    let mut encoder = webp::AnimEncoder::new(first.width(), first.height(), &config);
-    encoder.set_loop_count(0);
-    for (k, picture) in small.iter().enumerate() {
-        #[allow(
-            clippy::cast_possible_truncation,
-            reason = "an animation of 24 days would be needed to overflow"
-        )]
-        let shown_at_ms = (k as f64 * 1e3 / frame_rate).round() as i32;
-        encoder.add_frame(webp::AnimFrame::from_rgb(
-            picture,
-            picture.width(),
-            picture.height(),
-            shown_at_ms,
-        ));
+    let first = shrink(&first);
+    let lossy = LossyEncodingConfig::default();
+    let options = EncoderOptions {
+        anim_params: AnimParams { loop_count: 0 },
+        encoding_config: Some(EncodingConfig {
+            encoding_type: EncodingType::Lossy(lossy),
+            quality: ANIMATION_QUALITY,
+            method: 3,
+        }),
+        ..EncoderOptions::default()
+    };
+    let failed = |e: webp_animation::Error| anyhow!("libwebp cannot encode the animation: {e:?}");
+    let mut encoder = Encoder::new_with_options(first.dimensions(), options).map_err(failed)?;
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "an animation of 24 days would be needed to overflow"
+    )]
+    let shown_at_ms = |k: usize| (k as f64 * 1e3 / frame_rate).round() as i32;
+    let mut count = 0;
+    for picture in std::iter::once(first).chain(waiting.iter().map(|picture| shrink(&picture))) {
+        let rgba = DynamicImage::ImageRgb8(picture).into_rgba8();
+        encoder
+            .add_frame(&rgba, shown_at_ms(count))
+            .map_err(failed)?;
+        count += 1;
     }
-    let bytes = encoder
-        .try_encode()
-        .map_err(|e| anyhow!("libwebp cannot encode the animation: {e:?}"))?;
+    let bytes = encoder.finalize(shown_at_ms(count)).map_err(failed)?;
     std::fs::write(path, &*bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 

@@ -42,6 +42,8 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    // `mon3tr inspect PACKAGE | head` must end quietly, as other commands do, instead of panicking at the closed pipe.
+    sigpipe::reset();
     let arguments = Arguments::parse();
     let level = match arguments.verbose {
         0 => log::LevelFilter::Warn,

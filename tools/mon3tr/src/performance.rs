@@ -9,6 +9,12 @@ use std::path::Path;
 /// Motion rate of the paper's sender, frames per second.
 pub(crate) const MOTION_RATE: f64 = 30.0;
 
+/// The motion that needs no file.
+const BUILT_IN: &str = "built-in";
+
+/// Most frames of one run: 11 minutes at 30 Hz, 18 MB in memory.
+const MOST_FRAMES: usize = 20_000;
+
 /// Options that choose a motion.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct MotionOptions {
@@ -31,9 +37,20 @@ pub(crate) struct Performance {
 }
 
 impl MotionOptions {
+    /// Refuses a motion file that is not there, before anything long begins.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        if self.motion != BUILT_IN && !Path::new(&self.motion).is_file() {
+            bail!(
+                "cannot use the motion {}: there is no such file",
+                self.motion
+            );
+        }
+        Ok(())
+    }
+
     /// Loads the motion, fits it to `avatar`'s skeleton and samples it at 30 Hz.
     pub(crate) fn load(&self, avatar: &Avatar) -> anyhow::Result<Performance> {
-        let clip = if self.motion == "built-in" {
+        let clip = if self.motion == BUILT_IN {
             MotionClip::built_in(
                 &avatar.skeleton,
                 &avatar.expressions,
@@ -58,11 +75,13 @@ impl MotionOptions {
         )]
         let count = ((clip.duration() * MOTION_RATE).round() as usize).max(1);
         let (first, end) = self.frames.unwrap_or((0, None));
-        let end = end.unwrap_or(count).min(count);
+        let (name, end) = (&clip.name, end.unwrap_or(count).min(count));
         if first >= end {
+            bail!("no frame at {first}: the motion {name} has the frames 0..{count} at 30 Hz");
+        }
+        if end - first > MOST_FRAMES {
             bail!(
-                "--frames {first}..{end}: the motion {} has the frames 0..{count} at 30 Hz",
-                clip.name
+                "the motion {name} has {count} frames at 30 Hz: choose at most {MOST_FRAMES} with --frames A..B"
             );
         }
         let frames = (first..end)

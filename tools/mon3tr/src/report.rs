@@ -1,9 +1,13 @@
 //! What a run measured, as a table for people and as JSON for programs.
 
+use crate::performance::Performance;
+use crate::surroundings::make_folder;
 use anyhow::Context;
 use app::StageSummary;
+use npu_runtime::Runtime;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use xr_renderer::Gpu;
 
 /// Picture paths printed; the JSON has them all.
 const SHOWN: usize = 8;
@@ -84,6 +88,28 @@ impl StageTable {
 }
 
 impl RunReport {
+    /// The figures of `runs` with what they were measured on.
+    pub(crate) fn new(
+        avatar: AvatarFigures,
+        performance: &Performance,
+        gpu: &Gpu,
+        runtime: &Runtime,
+        runs: Vec<StageTable>,
+        pictures: Vec<PathBuf>,
+    ) -> Self {
+        Self {
+            avatar,
+            motion: performance.name.clone(),
+            motion_frames: performance.frames.len(),
+            vulkan_device: gpu.info().name.clone(),
+            vulkan_driver: gpu.info().driver.clone(),
+            onnx_runtime: runtime.version().to_owned(),
+            runs,
+            pictures,
+            bake: None,
+        }
+    }
+
     /// Prints the figures and where the pictures are.
     pub(crate) fn print(&self) {
         let a = &self.avatar;
@@ -113,6 +139,12 @@ impl RunReport {
             println!("  and {} more beside them", more + 1);
         }
     }
+}
+
+/// Makes sure that [`write_json`] will find its folder, before minutes of work.
+pub(crate) fn prepare_json(path: Option<&PathBuf>) -> anyhow::Result<()> {
+    path.and_then(|path| path.parent())
+        .map_or(Ok(()), make_folder)
 }
 
 /// Writes `figures` to `path` as indented JSON.

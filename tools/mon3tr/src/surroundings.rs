@@ -80,6 +80,9 @@ pub(crate) fn makehuman() -> anyhow::Result<PathBuf> {
 
 /// Makes the folder `path` and those above it.
 pub(crate) fn make_folder(path: &Path) -> anyhow::Result<()> {
+    if path.as_os_str().is_empty() {
+        return Ok(());
+    }
     std::fs::create_dir_all(path)
         .with_context(|| format!("cannot make the folder {}", path.display()))
 }

@@ -9,14 +9,14 @@ use glam::{Quat, Vec3};
 use npu_runtime::Runtime;
 use spmm3::{Avatar, MotionParams};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
 use winit::dpi::{PhysicalPosition, PhysicalSize};
 use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window, WindowId};
-use xr_renderer::{Background, Gpu, SplatRenderer, WindowTarget};
+use xr_renderer::{Background, Gpu, Shown, SplatRenderer, WindowTarget};
 
 /// What stands behind the person.
 const STUDIO: Background = Background::Gradient {
@@ -27,11 +27,24 @@ const STUDIO: Background = Background::Gradient {
 /// Degrees of orbit per pixel of drag.
 const DRAG: f32 = 0.3;
 
+/// Pause between frames while the window cannot show any.
+const HIDDEN: Duration = Duration::from_millis(50);
+
 /// Frames between updates of the rate in the title.
 const TITLE_FRAMES: u32 = 30;
 
+/// Connects to the window system.
+pub(crate) fn events() -> anyhow::Result<EventLoop<()>> {
+    // winit's own text names a line of its source; its cause is always the same.
+    EventLoop::new().map_err(|error| {
+        log::debug!("{error}");
+        anyhow!("--window needs a display, and there is none: leave it out, and demo draws pictures instead")
+    })
+}
+
 /// Shows the performance until the window is closed.
 pub(crate) fn show(
+    events: EventLoop<()>,
     gpu: &Arc<Gpu>,
     runtime: &Runtime,
     avatar: &Avatar,
@@ -39,8 +52,6 @@ pub(crate) fn show(
     viewpoint: Viewpoint,
     (width, height): (u32, u32),
 ) -> anyhow::Result<()> {
-    let events = EventLoop::new()
-        .context("no window system: demo without --window draws pictures instead")?;
     let frames = performance
         .followed(avatar)
         .map(|(motion, floor)| (motion.clone(), floor))
@@ -215,7 +226,7 @@ impl Live {
             .viewpoint
             .camera(*floor, self.heading, self.size.0, self.size.1);
         self.receiver.frame(motion, &[camera])?;
-        open.target.present(self.receiver.renderer(), STUDIO)?;
+        let shown = open.target.present(self.receiver.renderer(), STUDIO)?;
         open.counted.1 += 1;
         if open.counted.1 == TITLE_FRAMES {
             let rate = f64::from(TITLE_FRAMES) / open.counted.0.elapsed().as_secs_f64().max(1e-6);
@@ -224,6 +235,11 @@ impl Live {
                 self.gpu.info().name
             ));
             open.counted = (Instant::now(), 0);
+            self.receiver.forget_times();
+        }
+        if shown == Shown::NotNow {
+            // Hidden or just changing: no need to hurry.
+            std::thread::sleep(HIDDEN);
         }
         open.window.request_redraw();
         Ok(())

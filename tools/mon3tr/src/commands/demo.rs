@@ -5,7 +5,7 @@ use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::film::{Film, write_png};
 use crate::performance::{MOTION_RATE, MotionOptions, Performance};
 use crate::progress;
-use crate::report::{RunReport, StageTable, write_json};
+use crate::report::{RunReport, StageTable, prepare_json, write_json};
 use crate::stage::{Size, Stage, Views, load_avatar};
 use crate::surroundings::{Surroundings, make_folder};
 use crate::viewpoint::Viewpoint;
@@ -41,7 +41,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "VIEW", default_value = "three-quarter")]
     camera: Viewpoint,
     /// Show the motion live in a window instead (drag to orbit, scroll to come closer, Escape to leave)
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["out", "json"])]
     window: bool,
     /// Write every figure as JSON
     #[arg(long, value_name = "FILE")]
@@ -60,17 +60,30 @@ struct Show<'a> {
 
 /// Runs `demo`.
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
-    // The device and the runtime first: baking for minutes only to learn that neither is there would be unkind.
+    // What may be missing comes first: baking for minutes only to learn of it would be unkind.
+    options.motion.check()?;
     let gpu = surroundings.gpu()?;
     let runtime = surroundings.runtime()?;
+    let events = options.window.then(window::events).transpose()?;
+    if events.is_none() {
+        make_folder(&options.out)?;
+        prepare_json(options.json.as_ref())?;
+    }
     let package = baked_demo_avatar(&options.bake, surroundings)?;
     let (avatar, figures) = load_avatar(&package)?;
     let performance = options.motion.load(&avatar)?;
-    if options.window {
+    if let Some(events) = events {
         let size = (options.size.width, options.size.height);
-        return window::show(&gpu, &runtime, &avatar, &performance, options.camera, size);
+        return window::show(
+            events,
+            &gpu,
+            &runtime,
+            &avatar,
+            &performance,
+            options.camera,
+            size,
+        );
     }
-    make_folder(&options.out)?;
 
     let show = Show {
         gpu: &gpu,
@@ -80,23 +93,16 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         out: &options.out,
         size: options.size,
     };
-    let (mono, mut pictures) = show.animate(&options.camera)?;
+    let mut mono = Stage::new(&gpu, &runtime, &avatar, options.size, Views::Mono)?;
+    let mut pictures = show.animate(&mut mono, &options.camera)?;
     let (stereo, stereo_picture) = show.stereo(&options.camera)?;
     pictures.push(stereo_picture);
     for view in ["front", "side", "back", "waist-up", "face", "hands"] {
-        pictures.push(show.still(view)?);
+        pictures.push(show.still(&mut mono, view)?);
     }
-    let report = RunReport {
-        bake: Some(avatar.report.clone()),
-        avatar: figures,
-        motion: performance.name.clone(),
-        motion_frames: performance.frames.len(),
-        vulkan_device: gpu.info().name.clone(),
-        vulkan_driver: gpu.info().driver.clone(),
-        onnx_runtime: runtime.version().to_owned(),
-        runs: vec![mono, stereo],
-        pictures,
-    };
+    let runs = vec![mono.times(), stereo];
+    let mut report = RunReport::new(figures, &performance, &gpu, &runtime, runs, pictures);
+    report.bake = Some(avatar.report.clone());
     report.print();
     options
         .json
@@ -106,13 +112,9 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
 
 impl Show<'_> {
     /// The whole motion as an animation, and its moments on one sheet.
-    fn animate(&self, viewpoint: &Viewpoint) -> anyhow::Result<(StageTable, Vec<PathBuf>)> {
-        let (animation, moments) = (
-            self.out.join("animation.webp"),
-            self.out.join("moments.png"),
-        );
-        let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, self.size, Views::Mono)?;
-        let film = Film::start(animation.clone(), MOTION_RATE);
+    fn animate(&self, stage: &mut Stage, viewpoint: &Viewpoint) -> anyhow::Result<Vec<PathBuf>> {
+        let moments = self.out.join("moments.png");
+        let mut film = Film::start(self.out.join("animation.webp"), MOTION_RATE);
         let frames = self.performance.followed(self.avatar);
         let total = frames.len();
         let heading = self.performance.heading();
@@ -132,14 +134,14 @@ impl Show<'_> {
                 place(&mut sheet, &picture, placed);
                 placed += 1;
             }
-            film.add(picture)?;
+            film.add(picture);
             bar.inc(1);
         }
         bar.set_message("finishing the animation");
-        film.finish()?;
+        let animation = film.finish()?;
         bar.finish_and_clear();
         write_png(&moments, &sheet)?;
-        Ok((stage.times(), vec![animation, moments]))
+        Ok(vec![animation, moments])
     }
 
     /// Both eyes: times over some frames, and one picture of left and right side by side.
@@ -171,12 +173,11 @@ impl Show<'_> {
     }
 
     /// The middle of the motion from one named place.
-    fn still(&self, view: &str) -> anyhow::Result<PathBuf> {
+    fn still(&self, stage: &mut Stage, view: &str) -> anyhow::Result<PathBuf> {
         let viewpoint: Viewpoint = view.parse()?;
         let mut frames = self.performance.followed(self.avatar);
         let middle = frames.len() / 2;
         let (motion, floor) = frames.nth(middle).context("the motion has no frames")?;
-        let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, self.size, Views::Mono)?;
         let picture = stage
             .picture(motion, &viewpoint, floor, self.performance.heading())?
             .swap_remove(0);

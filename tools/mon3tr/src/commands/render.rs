@@ -3,7 +3,7 @@
 use crate::film::{Film, write_png};
 use crate::performance::{MOTION_RATE, MotionOptions};
 use crate::progress;
-use crate::report::{RunReport, write_json};
+use crate::report::{RunReport, prepare_json, write_json};
 use crate::stage::{Size, Stage, Views, load_avatar};
 use crate::surroundings::{Surroundings, make_folder};
 use crate::viewpoint::Viewpoint;
@@ -43,6 +43,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let runtime = surroundings.runtime()?;
     let gpu = surroundings.gpu()?;
     make_folder(&options.out)?;
+    prepare_json(options.json.as_ref())?;
 
     let views = if options.stereo {
         Views::Stereo
@@ -50,11 +51,10 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         Views::Mono
     };
     let mut stage = Stage::new(&gpu, &runtime, &avatar, options.size, views)?;
-    let animation = options.out.join("animation.webp");
-    let film = Film::start(animation.clone(), MOTION_RATE);
+    let mut film = Film::start(options.out.join("animation.webp"), MOTION_RATE);
     let heading = performance.heading();
     let bar = progress::bar("drawing", performance.frames.len());
-    let mut pictures = vec![animation];
+    let mut pictures = Vec::new();
     for (k, (motion, floor)) in performance.followed(&avatar).enumerate() {
         let drawn = stage.picture(motion, &options.camera, floor, heading)?;
         let sides: &[&str] = if options.stereo {
@@ -72,23 +72,14 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
                 .into_iter()
                 .next()
                 .context("the renderer returned no picture")?,
-        )?;
+        );
         bar.inc(1);
     }
     bar.finish_and_clear();
-    film.finish()?;
+    pictures.insert(0, film.finish()?);
 
-    let report = RunReport {
-        avatar: figures,
-        motion: performance.name.clone(),
-        motion_frames: performance.frames.len(),
-        vulkan_device: gpu.info().name.clone(),
-        vulkan_driver: gpu.info().driver.clone(),
-        onnx_runtime: runtime.version().to_owned(),
-        runs: vec![stage.times()],
-        pictures,
-        bake: None,
-    };
+    let runs = vec![stage.times()];
+    let report = RunReport::new(figures, &performance, &gpu, &runtime, runs, pictures);
     report.print();
     options
         .json
