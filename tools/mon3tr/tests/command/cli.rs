@@ -1,13 +1,11 @@
 //! The command as its users meet it: every sub-command's happy path on a small made-up person, and its most likely
 //! mistakes, which must end with one line that says what to do.
 
-mod support;
-
+use crate::support::{self, Outcome, json, mon3tr};
 use mon3tr_tests::onnx::runtime;
 use mon3tr_tests::synthetic::Puppet;
 use mon3tr_tests::vulkan::gpu;
 use std::path::{Path, PathBuf};
-use support::{Outcome, json, mon3tr};
 use tempfile::TempDir;
 
 /// A folder with the made-up person's package in it.

@@ -1,8 +1,7 @@
 //! The demo person end to end: baked from MakeHuman's data, moved, drawn by the command, and drawn as the f64 reference
 //! says.
 
-mod support;
-
+use crate::support::{Outcome, command, json, mon3tr};
 use app::{Deformer, Profile, pack};
 use glam::Vec3;
 use mon3tr_tests::onnx::runtime;
@@ -11,7 +10,6 @@ use mon3tr_tests::vulkan::gpu;
 use npu_runtime::Provider;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback};
 use std::path::{Path, PathBuf};
-use support::{Outcome, command, json, mon3tr};
 use xr_renderer::{Camera, PackedGaussian};
 
 /// Least PSNR against the reference, dB. The early stop at 1/255 alone costs what is missing to 70.
