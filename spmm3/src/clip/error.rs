@@ -66,6 +66,20 @@ pub enum MotionError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A number of a frame is none that a person's motion has.
+    #[error(
+        "frame {frame}: {what} is {value:e}, beyond the {limit} that are possible: check the file's units or export it again"
+    )]
+    Range {
+        /// The frame, from 0.
+        frame: usize,
+        /// Which of its numbers, with its unit.
+        what: String,
+        /// Its value.
+        value: f32,
+        /// The largest possible absolute value.
+        limit: f32,
+    },
     /// The caller asked for a clip that cannot be.
     #[error("{0}")]
     Request(String),

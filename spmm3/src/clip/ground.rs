@@ -91,12 +91,13 @@ fn floor_under(lowest: &[f32], frame_seconds: f64) -> Vec<f32> {
         .step_by(step)
         .map(|at| {
             let window = &lowest[at.saturating_sub(half)..lowest.len().min(at + half + 1)];
-            percentile(window).clamp(whole - DRIFT, whole + DRIFT)
+            // Not `clamp`, which panics where the limits are not numbers.
+            percentile(window).max(whole - DRIFT).min(whole + DRIFT)
         })
         .collect();
     let knot = |k: isize| {
         let last = isize::try_from(knots.len()).map_or(0, |n| n - 1);
-        usize::try_from(k.clamp(0, last))
+        usize::try_from(k.min(last).max(0))
             .ok()
             .and_then(|k| knots.get(k).copied())
             .unwrap_or(whole)

@@ -12,6 +12,7 @@ mod hands;
 mod names;
 mod npy;
 mod plan;
+mod range;
 mod retarget;
 mod score;
 mod smplx;

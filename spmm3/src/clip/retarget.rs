@@ -14,6 +14,7 @@ use super::{
     hands,
     names::Parts,
     plan::{LIMBS, Plan, torso},
+    range,
     source::{Pose, Source},
 };
 use crate::{JOINTS, Joint, MotionParams, Skeleton};
@@ -43,15 +44,9 @@ pub(super) fn retarget(
         );
         Height::Unknown
     };
+    range::check(&frames)?;
     ground::stand(&mut frames, bvh.frame_seconds, skeleton, height);
-    if let Some(at) = frames.iter().position(|frame| !frame.is_finite()) {
-        return Err(MotionError::bvh(
-            0,
-            format!(
-                "frame {at} gives numbers that are not finite; its values are far out of range"
-            ),
-        ));
-    }
+    range::check(&frames)?;
     Ok(MotionClip {
         name: String::new(),
         frames,

@@ -9,6 +9,7 @@ use super::{
     MAX_FRAMES, MotionClip, MotionError,
     ground::{self, Height},
     npy::{Array, Npz},
+    range,
 };
 use crate::{EXPRESSION, Joint, MotionParams, Skeleton};
 use glam::{Mat3, Quat, Vec3};
@@ -63,6 +64,8 @@ pub(super) fn read(bytes: &[u8], skeleton: &Skeleton) -> Result<MotionClip, Moti
             "`{name}` left out: this avatar has its own shape, and travel keeps the file's metres"
         ));
     }
+    // As the file has it, so that the message names the file's own value.
+    range::check(&frames)?;
     turn_up(&mut frames, skeleton, amass, &mut notes);
     let height = if travels {
         Height::Travels
@@ -70,12 +73,7 @@ pub(super) fn read(bytes: &[u8], skeleton: &Skeleton) -> Result<MotionClip, Moti
         Height::Unknown
     };
     ground::stand(&mut frames, 1.0 / rate, skeleton, height);
-    if let Some(at) = frames.iter().position(|frame| !frame.is_finite()) {
-        return Err(MotionError::array(
-            "poses",
-            format!("frame {at} is far out of range"),
-        ));
-    }
+    range::check(&frames)?;
     Ok(MotionClip {
         name: String::new(),
         frames,
@@ -163,18 +161,18 @@ fn from_poses(poses: &Array, notes: &mut Vec<String>) -> Result<Vec<MotionParams
     let rows = poses.rows("poses", width)?;
     check_frames("poses", rows.len() / width)?;
     notes.push(format!("poses of {width} numbers a frame"));
-    Ok(rows
-        .chunks_exact(width)
-        .map(|row| {
+    rows.chunks_exact(width)
+        .enumerate()
+        .map(|(frame, row)| {
             let mut motion = MotionParams::default();
             let mut at = 0;
             for (first, count) in layout {
-                copy_joints(&mut motion, *first, &row[at..at + 3 * count]);
+                copy_joints(&mut motion, frame, *first, &row[at..at + 3 * count])?;
                 at += 3 * count;
             }
-            motion
+            Ok(motion)
         })
-        .collect())
+        .collect()
 }
 
 fn from_split(
@@ -197,11 +195,9 @@ fn from_split(
     let count = body.rows("body_pose", width)?.len() / width;
     check_frames("body_pose", count)?;
     let mut frames = vec![MotionParams::default(); count];
-    for (frame, row) in frames
-        .iter_mut()
-        .zip(rows_for(&body, "body_pose", width, count)?)
-    {
-        copy_joints(frame, Joint::LeftHip, &row[..63]);
+    let rows = rows_for(&body, "body_pose", width, count)?;
+    for ((at, frame), row) in frames.iter_mut().enumerate().zip(rows) {
+        copy_joints(frame, at, Joint::LeftHip, &row[..63])?;
     }
     let keys: [(&[&str], Joint, usize); 6] = [
         (&["global_orient", "root_orient"], Joint::Pelvis, 3),
@@ -223,23 +219,31 @@ fn from_split(
                 ));
                 continue;
             }
-            for (frame, row) in frames.iter_mut().zip(rows_for(&array, name, width, count)?) {
-                copy_joints(frame, first, row);
+            let rows = rows_for(&array, name, width, count)?;
+            for ((at, frame), row) in frames.iter_mut().enumerate().zip(rows) {
+                copy_joints(frame, at, first, row)?;
             }
         }
     }
     Ok(frames)
 }
 
-fn copy_joints(motion: &mut MotionParams, first: Joint, values: &[f32]) {
+fn copy_joints(
+    motion: &mut MotionParams,
+    frame: usize,
+    first: Joint,
+    values: &[f32],
+) -> Result<(), MotionError> {
     for (joint, value) in Joint::ALL
         .into_iter()
         .skip(first.index())
         .zip(values.chunks_exact(3))
     {
+        range::check_turn(frame, joint, value)?;
         // Through a quaternion: files hold vectors longer than a turn, which interpolate badly.
         motion.set_rotation(joint, Quat::from_scaled_axis(Vec3::from_slice(value)));
     }
+    Ok(())
 }
 
 /// Turns the clip so that up is y. The pelvis pivots about its own rest position, which the turn leaves in place.

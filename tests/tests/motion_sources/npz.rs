@@ -277,8 +277,78 @@ fn a_header_of_nested_brackets_is_an_error_and_no_overflow() {
     assert!(matches!(error, Err(MotionError::Array { .. })), "{error:?}");
 }
 
+/// An AMASS archive, z up, of `poses` and `trans`.
+fn amass(width: usize, poses: &[f64], trans: &[f64]) -> Vec<u8> {
+    let frames = poses.len() / width;
+    archive(
+        &[
+            ("poses", npy(&[frames, width], poses, Kind::F32)),
+            ("trans", npy(&[frames, 3], trans, Kind::F32)),
+            ("mocap_framerate", npy(&[], &[120.0], Kind::F64)),
+        ],
+        CompressionMethod::Stored,
+    )
+}
+
+#[test]
+fn numbers_far_from_any_person_are_refused_with_frame_and_value() {
+    let far = |poses: &[f64], trans: &[f64]| match read(&amass(156, poses, trans)) {
+        Err(error @ MotionError::Range { frame, value, .. }) => (frame, value, error.to_string()),
+        other => panic!("no range error: {other:?}"),
+    };
+    let still = vec![0.0; 3 * 156];
+    // Large enough that turning z up to y up overflows.
+    let (frame, value, text) = far(&still, &[3e38; 9]);
+    assert_eq!((frame, value), (0, 3e38), "the first frame: {text}");
+    assert!(text.contains("3e38") && text.contains("root"), "{text}");
+    let mut trans = [0.0; 9];
+    trans[5] = -10_001.0;
+    let (frame, value, text) = far(&still, &trans);
+    assert_eq!((frame, value), (1, -10_001.0), "the second frame: {text}");
+    let mut poses = still;
+    poses[2 * 156 + 3] = 2e19;
+    let (frame, value, text) = far(&poses, &[0.0; 9]);
+    assert_eq!((frame, value), (2, 2e19), "the third frame: {text}");
+    assert!(text.contains("left_hip"), "{text}");
+}
+
+/// Any finite number of single precision, most often a large, a tiny or an ordinary one.
+fn extreme() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        4 => -1.0f64..1.0,
+        1 => -2e4f64..2e4,
+        1 => prop::num::f32::NORMAL.prop_map(f64::from),
+        1 => prop::sample::select(vec![3e38, -3e38, 1.9e19, -1e9, 1e-38, -0.0, 1e-45, 1e4, -1e4]),
+    ]
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn extreme_finite_numbers_never_panic(
+        (poses, trans, expression, rate) in (
+            prop::collection::vec(extreme(), 2 * 63),
+            prop::collection::vec(extreme(), 2 * 3),
+            prop::collection::vec(extreme(), 2 * 10),
+            extreme(),
+        ),
+        (tame_poses, tame_trans, tame_expression, tame_rate) in any::<(bool, bool, bool, bool)>(),
+        amass in any::<bool>(),
+    ) {
+        // Each array by itself as well: one refused array would hide what the others do further on.
+        let pick = |tame: bool, values: Vec<f64>| if tame { vec![0.1; values.len()] } else { values };
+        let rate_name = if amass { "mocap_framerate" } else { "fps" };
+        let members = [
+            ("poses", npy(&[2, 63], &pick(tame_poses, poses), Kind::F32)),
+            ("trans", npy(&[2, 3], &pick(tame_trans, trans), Kind::F32)),
+            ("expression", npy(&[2, 10], &pick(tame_expression, expression), Kind::F32)),
+            (rate_name, npy(&[], &[if tame_rate { 30.0 } else { rate }], Kind::F64)),
+        ];
+        if let Ok(clip) = read(&archive(&members, CompressionMethod::Stored)) {
+            prop_assert!(clip.frames.iter().all(MotionParams::is_finite), "a frame is not finite");
+        }
+    }
 
     #[test]
     fn damaged_archives_never_panic(

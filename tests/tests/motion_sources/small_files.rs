@@ -162,6 +162,30 @@ fn pose(angles: &[f32]) -> MotionParams {
     motion
 }
 
+/// Numbers that a BVH may hold, mostly far from any person.
+fn extreme() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        4 => -1e3f32..1e3,
+        1 => -9.9e8f32..9.9e8,
+        1 => prop::num::f32::NORMAL,
+        1 => prop::sample::select(vec![3e38, -9.9e8, 9.9e8, 1e-38, -0.0, 1e-45]),
+    ]
+}
+
+#[test]
+fn a_root_beyond_the_horizon_is_refused_with_frame_and_value() {
+    let skeleton = man();
+    let mut frames = vec![MotionParams::default(); 2];
+    frames[1].root_translation.x = 2e5;
+    match read(&PLAIN.write(&skeleton, &frames)) {
+        Err(MotionError::Range { frame, value, .. }) => {
+            assert_eq!(frame, 1, "the second frame");
+            assert!((value - 2e5).abs() < 10.0, "{value} m");
+        }
+        other => panic!("no range error: {other:?}"),
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
@@ -195,6 +219,29 @@ proptest! {
         }
         let travelled = clip.frames[1].root_translation - clip.frames[0].root_translation;
         prop_assert!((travelled - frames[1].root_translation).length() < 3e-3, "travelled {travelled}");
+    }
+
+    #[test]
+    fn extreme_finite_numbers_in_a_bvh_never_panic(
+        edits in prop::collection::vec((any::<prop::sample::Index>(), extreme()), 1..40),
+        scale in prop::option::of(prop::num::f32::NORMAL),
+    ) {
+        let text = PLAIN.write(&man(), &[MotionParams::default(), MotionParams::default()]);
+        let mut words: Vec<String> = text.split_inclusive(char::is_whitespace).map(str::to_owned).collect();
+        // Offsets, frame time and motion values; counts are the other test's.
+        let numbers: Vec<usize> = (0..words.len())
+            .filter(|k| words[*k].trim().parse::<f32>().is_ok())
+            .filter(|k| !words[k - 1].starts_with("CHANNELS") && !words[k - 1].starts_with("Frames"))
+            .collect();
+        for (at, value) in edits {
+            let word = &mut words[numbers[at.index(numbers.len())]];
+            let end = word.trim_end().len();
+            word.replace_range(..end, &format!("{value:e}"));
+        }
+        let options = LoadOptions { bvh_scale: scale };
+        if let Ok(clip) = MotionClip::from_bvh(&words.concat(), &man(), &options) {
+            prop_assert!(clip.frames.iter().all(MotionParams::is_finite), "a frame is not finite");
+        }
     }
 
     #[test]
