@@ -4,12 +4,14 @@
 //! hostile header of nested brackets overflows the stack, and bring an arbitrary-precision integer and a grammar engine.
 //! Here a header is three known keys, and no byte is read beyond what shape and type account for.
 
-use super::{MotionError, narrow};
+use super::{MAX_FRAMES, MotionError, narrow};
+use crate::JOINTS;
 use std::io::{Cursor, Read};
 use zip::ZipArchive;
 
-/// Bytes of the largest array: the longest clip's poses in double precision.
-const MAX_ARRAY: usize = 300 << 20;
+/// Numbers in the largest array: the longest clip's poses. Counted after reading, in single precision, whatever their
+/// size in the file.
+const MAX_VALUES: usize = MAX_FRAMES * 3 * JOINTS;
 const MAX_HEADER: usize = 64 << 10;
 
 /// An array of numbers, row-major whatever its order in the file.
@@ -17,15 +19,15 @@ const MAX_HEADER: usize = 64 << 10;
 pub(super) struct Array {
     pub(super) shape: Vec<usize>,
     pub(super) values: Vec<f32>,
+    /// Numbers per frame: those of all dimensions but the first, or of the only one.
+    width: usize,
 }
 
 impl Array {
     /// Rows of a [F, ...] array, or the one row of a flat array; `width` numbers each.
     pub(super) fn rows(&self, name: &str, width: usize) -> Result<&[f32], MotionError> {
-        let inner: usize = self.shape.iter().skip(1).product();
-        let fits =
-            (self.shape.len() >= 2 && inner == width) || (self.shape == [width] && width > 0);
-        if fits {
+        let fits = !self.shape.is_empty() && self.width == width;
+        if fits && (self.shape.len() >= 2 || width > 0) {
             Ok(&self.values)
         } else {
             Err(MotionError::array(
@@ -40,10 +42,7 @@ impl Array {
 
     /// Numbers per frame.
     pub(super) fn width(&self) -> usize {
-        match self.shape.as_slice() {
-            [flat] => *flat,
-            shape => shape.iter().skip(1).product(),
-        }
+        self.width
     }
 }
 
@@ -120,15 +119,22 @@ fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
     let fortran = field("fortran_order")?.starts_with("True");
     let shape = shape(field("shape")?)
         .ok_or_else(|| fail("has an unreadable shape in its header".to_owned()))?;
-    let bytes = shape
-        .iter()
-        .try_fold(element.bytes, |n, d| n.checked_mul(*d))
-        .filter(|bytes| *bytes <= MAX_ARRAY)
+    let product = |dims: &[usize]| dims.iter().try_fold(1usize, |n, d| n.checked_mul(*d));
+    let width = match shape.as_slice() {
+        [flat] => Some(*flat),
+        [] => Some(1),
+        [_, inner @ ..] => product(inner),
+    };
+    // No frames of absurd width are absurd as well, although they hold nothing.
+    let (width, count) = width
+        .zip(product(&shape))
+        .filter(|(width, count)| *width.max(count) <= MAX_VALUES)
         .ok_or_else(|| {
             fail(format!(
                 "of shape {shape:?} is larger than the longest clip this reads"
             ))
         })?;
+    let bytes = count * element.bytes;
     // `take` grows the buffer with what is really there; the claimed size is only compared afterwards.
     let mut data = Vec::new();
     file.take(bytes as u64)
@@ -152,7 +158,11 @@ fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
     } else {
         values
     };
-    Ok(Array { shape, values })
+    Ok(Array {
+        shape,
+        values,
+        width,
+    })
 }
 
 /// Type of an array's numbers.

@@ -34,7 +34,6 @@ fn npy(shape: &[usize], values: &[f64], kind: Kind) -> Vec<u8> {
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend(u16::try_from(header.len()).expect("short").to_le_bytes());
     bytes.extend(header.bytes());
-    let columns: usize = shape.iter().skip(1).product();
     match kind {
         Kind::F32 => bytes.extend(values.iter().flat_map(|v| {
             #[allow(
@@ -46,6 +45,7 @@ fn npy(shape: &[usize], values: &[f64], kind: Kind) -> Vec<u8> {
         })),
         Kind::F64 => bytes.extend(values.iter().flat_map(|v| v.to_le_bytes())),
         Kind::FortranF64 => {
+            let columns: usize = shape.iter().skip(1).product();
             for column in 0..columns {
                 for row in values.chunks_exact(columns) {
                     bytes.extend(row[column].to_be_bytes());
@@ -53,6 +53,15 @@ fn npy(shape: &[usize], values: &[f64], kind: Kind) -> Vec<u8> {
             }
         }
     }
+    bytes
+}
+
+/// Zeros in two bytes each.
+fn half_precision(shape: &[usize]) -> Vec<u8> {
+    let mut bytes = npy(shape, &[], Kind::F32);
+    let descr = bytes.windows(3).position(|w| w == b"<f4");
+    bytes[descr.expect("a type") + 2] = b'2';
+    bytes.extend(vec![0; 2 * shape.iter().product::<usize>()]);
     bytes
 }
 
@@ -214,7 +223,7 @@ fn split_keys_of_a_fit_are_read_with_expression_and_one_frame_for_all() {
 #[test]
 fn mistakes_are_told_with_the_array() {
     type Members = Vec<(&'static str, Vec<u8>)>;
-    let cases: [(&str, Members, &str); 6] = [
+    let cases: [(&str, Members, &str); 9] = [
         (
             "no poses",
             vec![("foo", npy(&[1], &[0.0], Kind::F64))],
@@ -233,6 +242,24 @@ fn mistakes_are_told_with_the_array() {
         (
             "a claim of much",
             vec![("poses", npy(&[1 << 40, 165], &[0.0; 165], Kind::F64))],
+            "larger",
+        ),
+        (
+            "nothing of an absurd width",
+            vec![("poses", npy(&[0, 1 << 40, 1 << 40], &[], Kind::F64))],
+            "larger",
+        ),
+        (
+            "an expression of no frames and an absurd width",
+            vec![
+                ("poses", npy(&[1, 63], &[0.0; 63], Kind::F64)),
+                ("expression", npy(&[0, 1 << 40, 1 << 40], &[], Kind::F64)),
+            ],
+            "larger",
+        ),
+        (
+            "more numbers than the longest clip has, however small",
+            vec![("poses", half_precision(&[200_001, 165]))],
             "larger",
         ),
         (
