@@ -3,7 +3,7 @@
 //! This reads what the file says, in the file's own units and axes; which joint is whose knee is `names`' affair, and
 //! making another body do the same is `retarget`'s. Nothing is allocated from a count that the file merely claims.
 
-use super::{MAX_FRAMES, MotionError};
+use super::{MAX_FRAMES, MotionError, printable};
 use glam::{Quat, Vec3};
 
 /// More joints than any rig of a person; a hostile file stops here.
@@ -58,9 +58,12 @@ impl Bvh {
         words.expect("MOTION")?;
         words.expect("Frames:")?;
         let (line, claimed) = words.next("the number of frames")?;
-        let claimed: u64 = claimed
-            .parse()
-            .map_err(|_| MotionError::bvh(line, format!("`{claimed}` is no number of frames")))?;
+        let claimed: u64 = claimed.parse().map_err(|_| {
+            MotionError::bvh(
+                line,
+                format!("`{}` is no number of frames", clip_word(claimed)),
+            )
+        })?;
         if claimed == 0 {
             return Err(MotionError::bvh(line, "the clip has no frames"));
         }
@@ -303,7 +306,7 @@ fn parse_number(line: usize, word: &str, what: &str) -> Result<f32, MotionError>
 
 /// A word short enough for a message.
 fn clip_word(word: &str) -> String {
-    word.chars().take(40).collect()
+    printable(word).chars().take(40).collect()
 }
 
 /// The text's words with their line numbers.
@@ -386,7 +389,7 @@ impl<'a> Words<'a> {
                 "a joint needs a name of 1..=200 bytes on its line",
             ));
         }
-        Ok(name.to_owned())
+        Ok(printable(name))
     }
 
     fn number(&mut self, what: &str) -> Result<f32, MotionError> {

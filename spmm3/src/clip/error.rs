@@ -1,4 +1,5 @@
-//! What can be wrong with a motion file.
+//! What can be wrong with a motion file. Each message is one line that ends with what to do; a cause is the error's
+//! `source` and not repeated in its text.
 
 use std::path::PathBuf;
 
@@ -7,12 +8,18 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum MotionError {
     /// The file could not be read.
-    #[error("cannot read the motion file {path}: {source}; check the path and its permissions")]
+    #[error("cannot read the motion file {path}: check the path and its permissions")]
     Read {
         /// The file.
         path: PathBuf,
         /// Why not.
         source: std::io::Error,
+    },
+    /// A folder was given.
+    #[error("{path} is a folder: give a .bvh or .npz file in it")]
+    Folder {
+        /// The folder.
+        path: PathBuf,
     },
     /// The file is of no kind that this reads.
     #[error(
@@ -37,7 +44,7 @@ pub enum MotionError {
         limit: u64,
     },
     /// The BVH text breaks the format.
-    #[error("BVH line {line}: {reason}")]
+    #[error("BVH line {line}: {reason}; mend that line or export the file again")]
     Bvh {
         /// Line in the file, from 1.
         line: usize,
@@ -56,10 +63,10 @@ pub enum MotionError {
         found: String,
     },
     /// The archive is not a readable zip.
-    #[error("the .npz archive is damaged: {0}; export it again with numpy.savez")]
+    #[error("the .npz archive is damaged: export it again with numpy.savez")]
     Archive(#[from] zip::result::ZipError),
     /// An array of the archive is missing, damaged or of the wrong shape.
-    #[error("array `{array}` of the .npz: {reason}")]
+    #[error("array `{array}` of the .npz {reason}; mend it and save it again with numpy.savez")]
     Array {
         /// Name of the array.
         array: String,

@@ -23,7 +23,7 @@ pub use built_in::LOOP_SECONDS;
 pub use error::MotionError;
 
 use crate::{EXPRESSION, Expressions, Joint, MotionParams, Skeleton};
-use std::path::Path;
+use std::{io::Read, path::Path};
 
 /// Frames of the longest clip: 28 minutes at 120 Hz, 170 MB in memory.
 const MAX_FRAMES: usize = 200_000;
@@ -64,7 +64,7 @@ impl MotionClip {
     /// Reads a motion file and retargets it onto `skeleton`. The kind is told by the content.
     ///
     /// # Errors
-    /// If the file cannot be read, is of no known kind, is damaged, or shows no person.
+    /// If the path is a folder or cannot be read, or the file is of no known kind, is damaged, or shows no person.
     pub fn load(
         path: &Path,
         skeleton: &Skeleton,
@@ -74,15 +74,24 @@ impl MotionClip {
             path: path.to_owned(),
             source,
         };
-        let size = std::fs::metadata(path).map_err(read)?.len();
-        if size > MAX_FILE {
+        let about = std::fs::metadata(path).map_err(read)?;
+        if about.is_dir() {
+            return Err(MotionError::Folder {
+                path: path.to_owned(),
+            });
+        }
+        let mut bytes = Vec::new();
+        // A pipe or a device tells no size beforehand.
+        std::fs::File::open(path)
+            .and_then(|file| file.take(MAX_FILE + 1).read_to_end(&mut bytes))
+            .map_err(read)?;
+        if bytes.len() as u64 > MAX_FILE {
             return Err(MotionError::TooLarge {
-                what: "the motion file (bytes)",
-                size,
+                what: "the motion file's size in bytes",
+                size: about.len().max(bytes.len() as u64),
                 limit: MAX_FILE,
             });
         }
-        let bytes = std::fs::read(path).map_err(read)?;
         let extension = path
             .extension()
             .map(|e| e.to_string_lossy().to_ascii_lowercase())
@@ -200,6 +209,13 @@ fn blend(from: &MotionParams, to: &MotionParams, share: f32) -> MotionParams {
     }
     out.root_translation = from.root_translation.lerp(to.root_translation, share);
     out
+}
+
+/// A name out of a file, fit for one line of a message or a log.
+fn printable(name: &str) -> String {
+    name.chars()
+        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
+        .collect()
 }
 
 fn looks_like_bvh(bytes: &[u8]) -> bool {

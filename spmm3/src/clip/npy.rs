@@ -4,7 +4,7 @@
 //! hostile header of nested brackets overflows the stack, and bring an arbitrary-precision integer and a grammar engine.
 //! Here a header is three known keys, and no byte is read beyond what shape and type account for.
 
-use super::{MAX_FRAMES, MotionError, narrow};
+use super::{MAX_FRAMES, MotionError, narrow, printable};
 use crate::JOINTS;
 use std::io::{Cursor, Read};
 use zip::ZipArchive;
@@ -59,11 +59,11 @@ impl<'a> Npz<'a> {
         })
     }
 
-    /// Names of the arrays.
+    /// Names of the arrays, printable.
     pub(super) fn names(&self) -> Vec<String> {
         self.archive
             .file_names()
-            .filter_map(|name| Some(name.ok()?.strip_suffix(".npy")?.to_owned()))
+            .filter_map(|name| Some(printable(name.ok()?.strip_suffix(".npy")?)))
             .collect()
     }
 
@@ -113,7 +113,8 @@ fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
         .ok_or_else(|| fail("holds records or objects, not numbers".to_owned()))?;
     let element = Element::of(kind).ok_or_else(|| {
         fail(format!(
-            "has type {kind:.20}; floating point or integer numbers are needed"
+            "has type {:.20} where floating point or integer numbers are needed",
+            printable(kind)
         ))
     })?;
     let fortran = field("fortran_order")?.starts_with("True");
@@ -151,7 +152,7 @@ fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
         .map(|chunk| element.read(chunk))
         .collect();
     if let Some(at) = values.iter().position(|v| !v.is_finite()) {
-        return Err(fail(format!("value {at} is not a finite number")));
+        return Err(fail(format!("has a value at place {at} that is not a finite number")));
     }
     let values = if fortran && shape.len() > 1 {
         row_major(&values, &shape)

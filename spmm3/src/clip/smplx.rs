@@ -185,7 +185,7 @@ fn from_split(
         return Err(MotionError::array(
             "poses",
             format!(
-                "is missing, and so is `body_pose`: this is no SMPL-X motion (it holds {})",
+                "is missing, and so is `body_pose`: this is no SMPL-X motion (it holds {:.400})",
                 found.join(", ")
             ),
         ));

@@ -413,11 +413,45 @@ fn other_files_are_refused_with_a_hint() {
         );
     }
     let missing = folder.path().join("absent.bvh");
-    let error = MotionClip::load(&missing, &man(), &LoadOptions::default());
+    let error = MotionClip::load(&missing, &man(), &LoadOptions::default()).expect_err("no file");
     assert!(
-        matches!(error, Err(MotionError::Read { .. })),
+        matches!(error, MotionError::Read { .. }),
         "a missing file is a reading error: {error:?}"
     );
+    assert_cause_is_told_once(&error);
+    let named_as_a_file = folder.path().join("walks.bvh");
+    std::fs::create_dir(&named_as_a_file).expect("a folder");
+    for path in [folder.path(), &named_as_a_file] {
+        let error = MotionClip::load(path, &man(), &LoadOptions::default()).expect_err("a folder");
+        assert!(
+            matches!(&error, MotionError::Folder { path: named } if named == path),
+            "{error:?}"
+        );
+    }
+    let half = folder.path().join("half.npz");
+    std::fs::write(&half, b"PK\x03\x04 and no more").expect("a file");
+    let error = MotionClip::load(&half, &man(), &LoadOptions::default()).expect_err("half a file");
+    assert_cause_is_told_once(&error);
+}
+
+/// Whoever prints the chain of causes would print it twice otherwise.
+fn assert_cause_is_told_once(error: &MotionError) {
+    let cause = std::error::Error::source(error)
+        .expect("a cause")
+        .to_string();
+    assert!(
+        !error.to_string().contains(&cause),
+        "`{error}` repeats its cause `{cause}`"
+    );
+}
+
+#[test]
+fn a_file_cannot_break_a_message_into_lines() {
+    let text = PLAIN
+        .write(&man(), &[MotionParams::default()])
+        .replace("UpLeg", "Thigh\r\u{1b}[31m");
+    let error = read(&text).expect_err("no thighs").to_string();
+    assert!(!error.contains(char::is_control), "{error:?}");
 }
 
 #[test]
