@@ -47,7 +47,7 @@ pub struct MotionClip {
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LoadOptions {
     /// Metres per BVH unit. `None`: found from the length of the legs, and the travel is fitted to this avatar's legs.
-    /// With a value the travel over the floor is taken exactly as the file has it.
+    /// With a value the travel over the floor is taken exactly as the file has it. An `.npz` is in metres and takes none.
     pub bvh_scale: Option<f32>,
 }
 
@@ -64,7 +64,8 @@ impl MotionClip {
     /// Reads a motion file and retargets it onto `skeleton`. The kind is told by the content.
     ///
     /// # Errors
-    /// If the path is a folder or cannot be read, or the file is of no known kind, is damaged, or shows no person.
+    /// If the path is a folder or cannot be read, or the file is of no known kind, is damaged, or shows no person, or
+    /// the options do not go with its kind.
     pub fn load(
         path: &Path,
         skeleton: &Skeleton,
@@ -97,6 +98,12 @@ impl MotionClip {
             .map(|e| e.to_string_lossy().to_ascii_lowercase())
             .unwrap_or_default();
         let mut clip = if bytes.starts_with(b"PK\x03\x04") || extension == "npz" {
+            if options.bvh_scale.is_some() {
+                return Err(MotionError::Request(format!(
+                    "a BVH scale was given, but {} is an .npz, whose unit is always the metre: leave the scale out",
+                    path.display()
+                )));
+            }
             Self::from_npz(&bytes, skeleton)?
         } else if looks_like_bvh(&bytes) || extension == "bvh" {
             Self::from_bvh(&String::from_utf8_lossy(&bytes), skeleton, options)?

@@ -152,7 +152,9 @@ fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
         .map(|chunk| element.read(chunk))
         .collect();
     if let Some(at) = values.iter().position(|v| !v.is_finite()) {
-        return Err(fail(format!("has a value at place {at} that is not a finite number")));
+        return Err(fail(format!(
+            "has a value at place {at} that is not a finite number"
+        )));
     }
     let values = if fortran && shape.len() > 1 {
         row_major(&values, &shape)

@@ -3,7 +3,7 @@
 use crate::{man, reference::person};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
-use spmm3::{Joint, MotionClip, MotionError, MotionParams};
+use spmm3::{Joint, LoadOptions, MotionClip, MotionError, MotionParams};
 use std::io::{Cursor, Write};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
@@ -291,6 +291,25 @@ fn mistakes_are_told_with_the_array() {
             Err(MotionError::Archive(_))
         ),
         "half an archive is refused"
+    );
+}
+
+#[test]
+fn a_bvh_scale_is_refused_where_there_is_no_bvh() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("walk.npz");
+    let poses = npy(&[3, 63], &upright(63), Kind::F32);
+    std::fs::write(
+        &path,
+        archive(&[("poses", poses)], CompressionMethod::Stored),
+    )
+    .expect("a file");
+    let load = |bvh_scale| MotionClip::load(&path, &man(), &LoadOptions { bvh_scale });
+    assert!(load(None).is_ok(), "without a scale the file is good");
+    let error = load(Some(0.01)).expect_err("a scale that does nothing");
+    assert!(
+        matches!(error, MotionError::Request(_)) && error.to_string().contains("walk.npz"),
+        "{error:?}"
     );
 }
 
