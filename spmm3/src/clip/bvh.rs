@@ -3,7 +3,7 @@
 //! This reads what the file says, in the file's own units and axes; which joint is whose knee is `names`' affair, and
 //! making another body do the same is `retarget`'s. Nothing is allocated from a count that the file merely claims.
 
-use super::{MAX_FRAMES, MotionError, printable};
+use super::{MAX_FRAMES, MotionError, printable, range};
 use glam::{Quat, Vec3};
 
 /// More joints than any rig of a person; a hostile file stops here.
@@ -77,19 +77,17 @@ impl Bvh {
         words.expect("Frame")?;
         words.expect("Time:")?;
         let (line, word) = words.next("the frame time")?;
-        let frame_seconds: f64 = word
-            .parse()
-            .ok()
-            .filter(|seconds| (1e-5..=60.0).contains(seconds))
-            .ok_or_else(|| {
-                MotionError::bvh(
-                    line,
-                    format!(
-                        "a frame time of `{}` makes no clip; seconds in 0.00001..60 are needed",
-                        clip_word(word)
-                    ),
-                )
-            })?;
+        let frame_seconds: f64 = word.parse().map_err(|_| {
+            let word = clip_word(word);
+            MotionError::bvh(
+                line,
+                format!("a frame time of `{word}` is no number of seconds"),
+            )
+        })?;
+        let frames = usize::try_from(claimed).unwrap_or(usize::MAX);
+        if let Some(fault) = range::time_fault(frame_seconds, frames) {
+            return Err(MotionError::bvh(line, fault));
+        }
         let mut values = Vec::new();
         let mut line = line;
         while let Some((at, word)) = words.peek() {

@@ -1,8 +1,9 @@
-//! What a person's motion can be: finite, and somewhere near the origin. Looked at before anything is computed from a
-//! clip, and once more afterwards.
+//! What a person's motion can be: finite, somewhere near the origin, and over within the hour. Frames are looked at
+//! before anything is computed from them, and once more afterwards.
 
 use super::MotionError;
 use crate::{Joint, MotionParams};
+use std::ops::RangeInclusive;
 
 /// How far from the origin a root may be along an axis, metres: single precision still resolves a millimetre there.
 const MAX_TRANSLATION: f32 = 1e4;
@@ -11,6 +12,35 @@ const MAX_EXPRESSION: f32 = 1e3;
 
 /// Longest axis-angle vector along an axis, radians: captures that count whole turns stay far below.
 const MAX_TURN: f32 = 1e3;
+
+/// Seconds from frame to frame of anything that moves: the fastest cameras to the slowest slide show.
+const FRAME_SECONDS: RangeInclusive<f64> = 1e-3..=1.0;
+/// Seconds of the longest clip.
+const MAX_SECONDS: f64 = 3600.0;
+
+/// What is wrong with a file's frame time, if something is; a single frame is a pose, and its time says little.
+pub(super) fn time_fault(frame_seconds: f64, frames: usize) -> Option<String> {
+    let moves = frames > 1;
+    let possible = if moves {
+        FRAME_SECONDS.contains(&frame_seconds)
+    } else {
+        frame_seconds > 0.0 && frame_seconds <= MAX_SECONDS
+    };
+    if !possible {
+        return Some(format!(
+            "a frame time of {frame_seconds} s makes no clip: {} s to {} s from frame to frame are possible",
+            FRAME_SECONDS.start(),
+            FRAME_SECONDS.end()
+        ));
+    }
+    let seconds = frame_seconds * frames as f64;
+    (seconds > MAX_SECONDS).then(|| {
+        format!(
+            "{frames} frames of {frame_seconds} s are {:.1} hours, and one is the longest: correct the frame time or cut the clip",
+            seconds / 3600.0
+        )
+    })
+}
 
 /// Refuses frames that hold numbers no person's motion has.
 pub(super) fn check(frames: &[MotionParams]) -> Result<(), MotionError> {

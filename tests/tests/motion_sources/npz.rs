@@ -295,6 +295,38 @@ fn mistakes_are_told_with_the_array() {
 }
 
 #[test]
+fn an_absurd_frame_rate_is_refused_with_its_key_but_for_a_single_pose() {
+    let file = |frames: usize, rate: Option<(&str, f64)>| {
+        let poses = npy(&[frames, 63], &vec![0.0; frames * 63], Kind::F32);
+        let mut members = vec![("poses", poses)];
+        members.extend(rate.map(|(key, rate)| (key, npy(&[], &[rate], Kind::F64))));
+        read(&archive(&members, CompressionMethod::Deflated))
+    };
+    for (frames, rate, key) in [
+        (2, Some(("fps", 0.9)), "fps"),
+        (2, Some(("mocap_framerate", 1001.0)), "mocap_framerate"),
+        (1, Some(("fps", 0.0)), "fps"),
+        (1, Some(("fps", -30.0)), "fps"),
+        (3601, Some(("fps", 1.0)), "fps"),
+        (108_001, None, "mocap_framerate"),
+    ] {
+        match file(frames, rate) {
+            Err(MotionError::Array { array, reason }) => assert_eq!(array, key, "{reason}"),
+            other => panic!("{frames} frames, {rate:?}: {:?}", other.map(|c| c.notes)),
+        }
+    }
+    for (frames, rate) in [
+        (2, Some(("fps", 1000.0))),
+        (2, Some(("fps", 1.0))),
+        (1, Some(("fps", 0.01))),
+        (108_000, None),
+    ] {
+        let notes = file(frames, rate).map(|c| c.notes);
+        assert!(notes.is_ok(), "{frames} frames, {rate:?}: {notes:?}");
+    }
+}
+
+#[test]
 fn a_bvh_scale_is_refused_where_there_is_no_bvh() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("walk.npz");

@@ -322,7 +322,7 @@ fn mistakes_are_told_with_their_line() {
             "no frame time",
             good.replacen("4e-2", "0", 1),
             line_of("Frame Time"),
-            "frame time of `0`",
+            "frame time of 0 s",
         ),
         (
             "no frames",
@@ -366,6 +366,35 @@ fn mistakes_are_told_with_their_line() {
             }
             other => panic!("{what}: {other:?}"),
         }
+    }
+}
+
+#[test]
+fn an_absurd_frame_time_is_refused_but_for_a_single_pose() {
+    let file = |frames: usize, time: &str| {
+        let frames = vec![MotionParams::default(); frames];
+        let text = PLAIN.write(&man(), &frames);
+        read(&text.replacen("4e-2", time, 1))
+    };
+    for (frames, time, word) in [
+        (2000, "60", "60 s"),
+        (2, "1.01", "1.01 s"),
+        (2, "0.0009", "0.0009 s"),
+        (1, "-1", "-1 s"),
+        (1, "inf", "inf"),
+        (1, "NaN", "NaN"),
+        (1, "3601", "3601 s"),
+        (3601, "1", "hours"),
+        (2, "soon", "soon"),
+    ] {
+        match file(frames, time) {
+            Err(MotionError::Bvh { reason, .. }) => assert!(reason.contains(word), "{reason}"),
+            other => panic!("{frames} frames of {time} s: {other:?}"),
+        }
+    }
+    for (frames, time) in [(2, "0.001"), (2, "1"), (1, "60"), (1, "1e-6"), (3600, "1")] {
+        let clip = file(frames, time);
+        assert!(clip.is_ok(), "{frames} frames of {time} s: {clip:?}");
     }
 }
 
