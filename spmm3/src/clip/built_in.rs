@@ -61,6 +61,7 @@ pub(super) fn perform(
         frames,
         frame_seconds: seconds / count,
         notes,
+        unmapped: Vec::new(),
     })
 }
 

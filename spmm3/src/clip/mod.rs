@@ -39,8 +39,10 @@ pub struct MotionClip {
     pub frames: Vec<MotionParams>,
     /// Seconds from one frame to the next.
     pub frame_seconds: f64,
-    /// What the reader decided or left out, one sentence each: units, axes, unmapped joints.
+    /// What the reader decided or left out, one sentence each: units, axes, arrays left out.
     pub notes: Vec<String>,
+    /// Names of the file's joints that move nothing here, in the file's order; [`Self::unmapped_summary`] is shorter.
+    pub unmapped: Vec<String>,
 }
 
 /// What the caller knows better than the reader.
@@ -161,6 +163,19 @@ impl MotionClip {
         frames_per_second: f64,
     ) -> Result<Self, MotionError> {
         built_in::perform(skeleton, expressions, seconds, frames_per_second)
+    }
+
+    /// The unmapped joints in one line, where names that differ only in digits and side are counted together; `None`
+    /// when every joint of the file has a counterpart.
+    #[must_use]
+    pub fn unmapped_summary(&self) -> Option<String> {
+        (!self.unmapped.is_empty()).then(|| {
+            format!(
+                "{} joints without a counterpart: {}",
+                self.unmapped.len(),
+                names::summarise(&self.unmapped)
+            )
+        })
     }
 
     /// Length in seconds: the number of frames times a frame's time.

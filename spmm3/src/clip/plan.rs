@@ -3,7 +3,7 @@
 
 use super::{
     hands::{self, FINGERS, frame},
-    names::{Parts, summarise},
+    names::Parts,
     source::{Pose, Source},
 };
 use crate::{JOINTS, Joint, Skeleton};
@@ -266,13 +266,6 @@ impl Plan {
             } else {
                 "no finger data: the fingers are at ease".to_owned()
             });
-        }
-        if !parts.unmapped.is_empty() {
-            notes.push(format!(
-                "{} joints without a counterpart: {}",
-                parts.unmapped.len(),
-                summarise(&parts.unmapped)
-            ));
         }
     }
 }

@@ -52,6 +52,7 @@ pub(super) fn retarget(
         frames,
         frame_seconds: bvh.frame_seconds,
         notes,
+        unmapped: parts.unmapped,
     })
 }
 

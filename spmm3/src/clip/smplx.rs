@@ -90,6 +90,7 @@ pub(super) fn read(bytes: &[u8], skeleton: &Skeleton) -> Result<MotionClip, Moti
         frames,
         frame_seconds: 1.0 / rate,
         notes,
+        unmapped: Vec::new(),
     })
 }
 

@@ -217,6 +217,8 @@ proptest! {
             let away = (got[j].0 - expected[j].0 - shift).length();
             prop_assert!(fingers || away < 3e-3, "{} is {away} m away", joint.name());
         }
+        prop_assert_eq!(&clip.unmapped, &Vec::<String>::new(), "every joint of Mixamo's is known");
+        prop_assert_eq!(clip.unmapped_summary(), None, "and there is nothing to tell");
         let travelled = clip.frames[1].root_translation - clip.frames[0].root_translation;
         prop_assert!((travelled - frames[1].root_translation).length() < 3e-3, "travelled {travelled}");
     }
