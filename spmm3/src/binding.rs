@@ -283,9 +283,14 @@ fn barycentric_point(a: Vec3, b: Vec3, c: Vec3, [v, w]: [f32; 2]) -> Vec3 {
     a + (b - a) * v + (c - a) * w
 }
 
-/// The triangle's frame as columns: along the first edge, in the plane across it, along the normal.
-/// A collapsed triangle gets some orthonormal frame, so that its Gaussians stay finite.
-fn triangle_frame(a: Vec3, b: Vec3, c: Vec3) -> Mat3 {
+/// A triangle's own frame as the columns of `world_from_local`: x along the edge from `a` to `b`, z along the
+/// counter-clockwise normal, y = z cross x in the triangle's plane. The origin is whatever the caller puts there: for a
+/// Gaussian its barycentric anchor.
+///
+/// Offsets, rotations and the network's residuals are all told in this frame, so that whoever fits them must use this
+/// very function. A collapsed triangle gets some orthonormal frame, so that its Gaussians stay finite.
+#[must_use]
+pub fn triangle_frame(a: Vec3, b: Vec3, c: Vec3) -> Mat3 {
     let x = (b - a).try_normalize().unwrap_or(Vec3::X);
     let normal = x
         .cross(c - a)

@@ -20,7 +20,7 @@ pub mod package;
 mod skeleton;
 mod template;
 
-pub use binding::{BoundGaussians, PlanarVertices};
+pub use binding::{BoundGaussians, PlanarVertices, triangle_frame};
 pub use clip::{LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Playback};
 pub use controllers::{Controllers, NEIGHBOURS};
 pub use error::PersonError;
