@@ -72,6 +72,9 @@ impl QuantisedBases {
         let gaussians = scales.len() / ATTRIBUTES;
         PersonError::check_count("basis scales", scales.len(), ATTRIBUTES * gaussians)?;
         PersonError::check_count("deformation bases", values.len(), scales.len() * bases)?;
+        // As far as quantising goes: 127 steps reach 1000.
+        PersonError::check_range("basis unit", &units, 0.0, 1000.0 / 127.0, "0..1000 / 127")?;
+        check_scales("basis scale", &scales)?;
         Ok(Self {
             bases,
             units,
@@ -124,6 +127,20 @@ impl QuantisedBases {
             .enumerate()
             .map(|(at, v)| f32::from(*v) * scale(at))
             .collect()
+    }
+}
+
+/// Scales are relative to their unit: 0..=1.
+pub(super) fn check_scales(what: &'static str, scales: &[f16]) -> Result<(), PersonError> {
+    let outside = |scale: &f16| !(0.0..=1.0).contains(&scale.to_f32());
+    match scales.iter().position(outside) {
+        None => Ok(()),
+        Some(at) => Err(PersonError::Value {
+            what,
+            at,
+            value: scales[at].to_f32(),
+            range: "0..1",
+        }),
     }
 }
 

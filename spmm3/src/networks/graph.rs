@@ -52,13 +52,10 @@ impl DeformGraph<'_> {
         self.mesh.check(vertices)?;
         self.attributes
             .check(self.controllers.vertices().len(), gaussians)?;
-        let mut writer = Writer::default();
-        self.mesh_and_skinning(&mut writer);
-        self.attribute_residuals(&mut writer);
-        let graph = Graph {
-            node: writer.nodes,
+        let mut graph = Graph {
+            node: Vec::new(),
             name: Some("deform".into()),
-            initializer: writer.tensors,
+            initializer: Vec::new(),
             input: vec![
                 ValueInfo::float(input::MOTION, &[1, dim(PARAMS)]),
                 ValueInfo::float(input::SKINNING, &[12, dim(JOINTS)]),
@@ -68,20 +65,23 @@ impl DeformGraph<'_> {
                 ValueInfo::float(output::RESIDUALS, &[dim(ATTRIBUTES), dim(gaussians)]),
             ],
         };
+        self.write(&mut graph);
         let model = Model {
-            ir_version: Some(IR_VERSION),
-            producer_name: Some("mon3tr".into()),
             graph: Some(graph),
-            opset_import: vec![OperatorSet {
-                domain: Some(String::new()),
-                version: Some(OPSET),
-            }],
+            ..head()
         };
         Ok(model.encode_to_vec())
     }
 
+    /// Hands every node and every stored tensor to `sink`, in the file's order. The networks fit each other.
+    pub(super) fn write(&self, sink: &mut dyn Sink) {
+        let mut writer = Writer { sink };
+        self.mesh_and_skinning(&mut writer);
+        self.attribute_residuals(&mut writer);
+    }
+
     /// `V_final = LBS(V_template + F_mesh(P))`, on planes.
-    fn mesh_and_skinning(&self, w: &mut Writer) {
+    fn mesh_and_skinning(&self, w: &mut Writer<'_>) {
         let vertices = dim(self.template.vertices().len());
         let mesh = self.mesh;
         let hidden = w.dense("mesh.first", input::MOTION, &mesh.first);
@@ -138,7 +138,7 @@ impl DeformGraph<'_> {
     }
 
     /// `Delta G_i = sum_b F_i[b] Delta G_i^b`, with F_i mixed from the three controllers' potentials.
-    fn attribute_residuals(&self, w: &mut Writer) {
+    fn attribute_residuals(&self, w: &mut Writer<'_>) {
         let network = self.attributes;
         let controllers = self.controllers.vertices().len();
         let gaussians = dim(self.controllers.neighbours().len());
@@ -227,14 +227,41 @@ fn dim(size: usize) -> i64 {
     i64::try_from(size).unwrap_or(i64::MAX)
 }
 
-/// Collects nodes and initializers; every method returns the name of the value it made.
-#[derive(Default)]
-struct Writer {
-    nodes: Vec<Node>,
-    tensors: Vec<Tensor>,
+/// The model around the graph.
+pub(super) fn head() -> Model {
+    Model {
+        ir_version: Some(IR_VERSION),
+        producer_name: Some("mon3tr".into()),
+        graph: None,
+        opset_import: vec![OperatorSet {
+            domain: Some(String::new()),
+            version: Some(OPSET),
+        }],
+    }
 }
 
-impl Writer {
+/// Takes the parts of a graph: to keep them, or to hold another graph against them.
+pub(super) trait Sink {
+    fn node(&mut self, node: Node);
+    fn tensor(&mut self, tensor: Tensor);
+}
+
+impl Sink for Graph {
+    fn node(&mut self, node: Node) {
+        self.node.push(node);
+    }
+
+    fn tensor(&mut self, tensor: Tensor) {
+        self.initializer.push(tensor);
+    }
+}
+
+/// Makes nodes and stored tensors; every method returns the name of the value it made.
+struct Writer<'s> {
+    sink: &'s mut dyn Sink,
+}
+
+impl Writer<'_> {
     fn op(&mut self, op: &str, name: &str, inputs: &[&str], attributes: &[Attribute]) -> String {
         self.op_named(op, &format!("{name}.out"), inputs, attributes)
     }
@@ -246,7 +273,7 @@ impl Writer {
         inputs: &[&str],
         attributes: &[Attribute],
     ) -> String {
-        self.nodes.push(Node {
+        self.sink.node(Node {
             input: inputs.iter().map(|i| (*i).to_owned()).collect(),
             output: vec![output.to_owned()],
             name: Some(format!("{output}.{op}")),
@@ -281,7 +308,7 @@ impl Writer {
     }
 
     fn tensor(&mut self, name: &str, kind: i32, dims: &[i64], raw: Vec<u8>) -> String {
-        self.tensors.push(Tensor {
+        self.sink.tensor(Tensor {
             dims: dims.to_vec(),
             data_type: Some(kind),
             name: Some(name.to_owned()),

@@ -3,7 +3,7 @@
 //! ONNX can name files to load, loops to run and custom libraries' operators. A package comes from somebody else, so the
 //! graph may only be what a static feed-forward network needs: known operators, numbers inside the file, all finite.
 
-use super::onnx::{ValueInfo, data_type};
+use super::onnx::{Tensor, ValueInfo, data_type};
 use super::wire::{Fields, Value, varint};
 use half::f16;
 use prost::Message;
@@ -88,7 +88,7 @@ impl GraphSignature {
 }
 
 /// The one graph of an ONNX file.
-fn find_graph(model: &[u8]) -> Checked<&[u8]> {
+pub(super) fn find_graph(model: &[u8]) -> Checked<&[u8]> {
     let mut graph = None;
     for field in Fields(model) {
         match field? {
@@ -127,10 +127,32 @@ impl<'a> Stored<'a> {
         match self.dims[..].try_into() {
             Ok(shape) if !self.dims.contains(&0) => Ok(shape),
             _ => refuse(format!(
-                "stored tensor {} has shape {:?}",
+                "stored tensor {:?} has shape {:?}",
                 self.name, self.dims
             )),
         }
+    }
+
+    pub(super) fn name(&self) -> &'a str {
+        self.name
+    }
+
+    /// Its numbers, little-endian.
+    pub(super) fn raw(&self) -> &'a [u8] {
+        self.raw
+    }
+
+    /// How many numbers it holds.
+    pub(super) fn len(&self) -> usize {
+        self.dims.iter().product()
+    }
+
+    /// Whether name, element type and shape are those of `other`.
+    pub(super) fn has_head_of(&self, other: &Tensor) -> bool {
+        let dims = self.dims.iter().map(|d| i64::try_from(*d).unwrap_or(-1));
+        other.name.as_deref() == Some(self.name)
+            && other.data_type == Some(self.kind)
+            && dims.eq(other.dims.iter().copied())
     }
 
     pub(super) fn floats(&self) -> Checked<Vec<f32>> {
@@ -152,7 +174,7 @@ impl<'a> Stored<'a> {
             Ok(self.raw)
         } else {
             refuse(format!(
-                "stored tensor {} has element type {}, not {kind}",
+                "stored tensor {:?} has element type {}, not {kind}",
                 self.name, self.kind
             ))
         }
@@ -168,7 +190,7 @@ fn read_port(bytes: &[u8]) -> Checked<(String, Vec<usize>)> {
     let name = info.name.unwrap_or_default();
     let tensor = info.r#type.and_then(|t| t.tensor_type);
     let Some(tensor) = tensor.filter(|t| t.elem_type == Some(data_type::FLOAT)) else {
-        return refuse(format!("{name} is not a float tensor"));
+        return refuse(format!("{name:?} is not a float tensor"));
     };
     let shape = tensor.shape.map(|s| s.dim).unwrap_or_default();
     let sizes = shape
@@ -177,7 +199,7 @@ fn read_port(bytes: &[u8]) -> Checked<(String, Vec<usize>)> {
         .collect::<Option<Vec<usize>>>();
     match sizes {
         Some(sizes) => Ok((name, sizes)),
-        None => refuse(format!("{name} has no static shape")),
+        None => refuse(format!("{name:?} has no static shape")),
     }
 }
 
@@ -214,7 +236,7 @@ fn check_node(bytes: &[u8]) -> Checked<()> {
 }
 
 /// Numbers stored in the file, as many as the shape says, and finite.
-fn check_tensor(bytes: &[u8]) -> Checked<Stored<'_>> {
+pub(super) fn check_tensor(bytes: &[u8]) -> Checked<Stored<'_>> {
     let (mut name, mut kind, mut raw) = ("", 0, None);
     let mut dims: Vec<usize> = Vec::new();
     for field in Fields(bytes) {
@@ -236,7 +258,7 @@ fn check_tensor(bytes: &[u8]) -> Checked<Stored<'_>> {
             (12, _) => {}
             (number, _) => {
                 return refuse(format!(
-                    "stored tensor {name} has field {number}: its numbers must be raw data in this file"
+                    "stored tensor {name:?} has field {number}: its numbers must be raw data in this file"
                 ));
             }
         }
@@ -248,14 +270,14 @@ fn check_tensor(bytes: &[u8]) -> Checked<Stored<'_>> {
         data_type::FLOAT16 => 2,
         data_type::INT8 => 1,
         data_type::INT64 => 8,
-        _ => return refuse(format!("stored tensor {name} has element type {kind}")),
+        _ => return refuse(format!("stored tensor {name:?} has element type {kind}")),
     };
     let needed = dims
         .iter()
         .try_fold(width, |size: usize, dim| size.checked_mul(*dim));
     if needed != Some(raw.len()) {
         return refuse(format!(
-            "stored tensor {name} has {} bytes for shape {dims:?}",
+            "stored tensor {name:?} has {} bytes for shape {dims:?}",
             raw.len()
         ));
     }
@@ -281,7 +303,7 @@ fn check_tensor(bytes: &[u8]) -> Checked<Stored<'_>> {
         })
     } else {
         refuse(format!(
-            "stored tensor {name} holds a number that is not finite"
+            "stored tensor {name:?} holds a number that is not finite"
         ))
     }
 }

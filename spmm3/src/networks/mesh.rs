@@ -18,12 +18,12 @@ impl QuantisedDecoder {
     /// Quantises `fields` (row-major [rank, 3 N_v], planes x|y|z, metres) around the mean offsets `mean` [3 N_v].
     ///
     /// # Errors
-    /// If the counts do not fit each other or an offset is not finite or beyond 10 m.
+    /// If the counts do not fit each other, a field is not finite or beyond 10 m, or a mean offset beyond 1 m.
     pub fn quantise(rank: usize, fields: &[f32], mean: Vec<f32>) -> Result<Self, PersonError> {
         let columns = mean.len();
         PersonError::check_count("decoder fields", fields.len(), rank * columns)?;
         PersonError::check_range("decoder field", fields, -10.0, 10.0, "-10..10 m")?;
-        PersonError::check_range("mean offset", &mean, -10.0, 10.0, "-10..10 m")?;
+        Self::check_mean(&mean)?;
         let peak = |column: usize| {
             (0..rank)
                 .map(|r| fields[r * columns + column].abs())
@@ -47,6 +47,11 @@ impl QuantisedDecoder {
         })
     }
 
+    /// A worn garment rests centimetres from the template. A mean of metres is another person's rest shape.
+    fn check_mean(mean: &[f32]) -> Result<(), PersonError> {
+        PersonError::check_range("mean offset", mean, -1.0, 1.0, "-1..1 m")
+    }
+
     /// Takes numbers that a graph stored, all finite.
     pub(super) fn from_stored(
         rank: usize,
@@ -58,6 +63,10 @@ impl QuantisedDecoder {
         PersonError::check_count("decoder unit", unit.len(), 1)?;
         PersonError::check_count("decoder scales", scales.len(), mean.len())?;
         PersonError::check_count("decoder fields", values.len(), rank * mean.len())?;
+        // As far as quantising goes: 127 steps reach 10 m.
+        PersonError::check_range("decoder unit", &unit, 0.0, 10.0 / 127.0, "0..10 m / 127")?;
+        super::attributes::check_scales("decoder scale", &scales)?;
+        Self::check_mean(&mean)?;
         Ok(Self {
             rank,
             unit: unit[0],

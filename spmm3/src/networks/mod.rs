@@ -3,6 +3,7 @@
 //! This module describes networks and writes them down; `npu-runtime` runs them and `tools/reconstruct` fits them.
 
 mod attributes;
+mod compare;
 mod graph;
 mod inspect;
 mod layer;

@@ -3,6 +3,7 @@
 use super::inspect::{Checked, refuse};
 
 /// One protobuf field's content.
+#[derive(Debug, PartialEq, Eq)]
 pub(super) enum Value<'a> {
     Number(u64),
     Bytes(&'a [u8]),

@@ -145,7 +145,7 @@ impl Avatar {
         let (skeleton, template) = members::unpack_template(&mut archive, &manifest)?;
         let gaussians = members::unpack_gaussians(&mut archive, &manifest, &template)?;
         let controllers = members::unpack_controllers(&mut archive, &manifest, &template)?;
-        let deform_graph = members::unpack_graph(&mut archive, &manifest)?;
+        let deform_graph = members::unpack_graph(&mut archive, &manifest, &template, &controllers)?;
         Ok(Self {
             name: manifest.name,
             provenance: manifest.provenance,

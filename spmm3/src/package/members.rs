@@ -4,7 +4,7 @@ use super::archive::{self, Archive, MAX_BYTES};
 use super::manifest::Counts;
 use super::tensors::{Reader, Writer};
 use super::{Avatar, Manifest, PackageError, TensorEntry};
-use crate::networks::{GraphSignature, input, output};
+use crate::networks::{DeformGraph, GraphSignature, input, output};
 use crate::{
     ATTRIBUTES, BoundGaussians, Controllers, INFLUENCES, JOINTS, NEIGHBOURS, PARAMS, Skeleton,
     SkinWeights, Template,
@@ -186,14 +186,18 @@ pub(super) fn unpack_controllers<R: Read + Seek>(
     .map_err(PackageError::contents(CONTROLLERS))
 }
 
-/// The graph, if it takes and gives exactly what the counts demand and the manifest lists.
+/// The graph, if it is the one that these counts, this template and these controllers demand.
 pub(super) fn unpack_graph<R: Read + Seek>(
     archive: &mut Archive<R>,
     manifest: &Manifest,
+    template: &Template,
+    controllers: &Controllers,
 ) -> Result<Vec<u8>, PackageError> {
     let (bytes, listed) = unpack(archive, manifest, GRAPH)?;
     let signature = signature(&bytes)?;
     check_signature(&signature, &manifest.counts)?;
+    DeformGraph::check(&bytes, template, controllers)
+        .map_err(|e| PackageError::member(GRAPH, e.to_string()))?;
     if ports(&signature) != *listed {
         let reason = "its inputs and outputs are not those the manifest lists";
         return Err(PackageError::member(GRAPH, reason));

@@ -2,6 +2,8 @@
 
 use crate::Court;
 use crate::parts::{GRAPH, Parts};
+use mon3tr_tests::synthetic::Puppet;
+use spmm3::Controllers;
 
 /// One protobuf field of bytes.
 fn field(number: u8, content: &[u8]) -> Vec<u8> {
@@ -126,4 +128,151 @@ pub(crate) fn wrong_graphs(court: &mut Court, parts: &Parts) {
     change("a varint without end", GRAPH, &|graph| {
         *graph = vec![0xff; 64];
     });
+}
+
+/// The model with other graph parts between its versions and its operator set, which stay.
+fn with_body(model: &[u8], edit: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
+    let producer = b"mon3tr";
+    let found = model.windows(producer.len()).position(|w| w == producer);
+    let key = found.expect("the producer's name") + producer.len();
+    assert_eq!(model[key], 7 << 3 | 2, "the graph follows");
+    let length = model[key + 1..].iter().position(|b| b & 0x80 == 0);
+    let start = key + 2 + length.expect("a length");
+    let tail = b"\x42\x04\x0a\x00\x10\x11";
+    assert!(model.ends_with(tail), "operator set 17 ends the file");
+    let mut body = model[start..model.len() - tail.len()].to_vec();
+    edit(&mut body);
+    [&model[..key], &field(7, &body), &tail[..]].concat()
+}
+
+fn node(operator: &str, inputs: &[&str], output: &str) -> Vec<u8> {
+    let mut content: Vec<u8> = inputs.iter().flat_map(|i| field(1, i.as_bytes())).collect();
+    content.extend(field(2, output.as_bytes()));
+    content.extend(field(4, operator.as_bytes()));
+    field(1, &content)
+}
+
+/// Known operators, finite numbers, true hashes, the right inputs and outputs: and still not the format's graph.
+pub(crate) fn graphs_of_their_own(court: &mut Court, parts: &Parts) {
+    let mut change = |what: &str, reason: &str, edit: &dyn Fn(&mut Vec<u8>)| {
+        let mut broken = parts.clone();
+        let graph = broken.member(GRAPH);
+        *graph = with_body(graph, edit);
+        court.refuse(what, &broken.rehash().pack(), reason);
+    };
+    // Two vectors of 128 KiB whose product takes 4 GiB, added to the residuals as one number.
+    let length: i32 = 32_768;
+    let vector = |name: &str, rows: i32, columns: i32| {
+        let size = |n: i32| {
+            let mut out = vec![8];
+            let mut n = u32::try_from(n).expect("a size");
+            while n > 0x7f {
+                out.push(n.to_le_bytes()[0] | 0x80);
+                n >>= 7;
+            }
+            out.push(n.to_le_bytes()[0]);
+            out
+        };
+        let raw = vec![0u8; 4 * 32_768];
+        let parts = [
+            size(rows),
+            size(columns),
+            vec![16, 1],
+            field(8, name.as_bytes()),
+            field(9, &raw),
+        ];
+        field(5, &parts.concat())
+    };
+    let insert = |body: &mut Vec<u8>| {
+        // The writer's last node gives the residuals; now the bomb's last node does.
+        let found = body.windows(9).position(|w| w == b"residuals");
+        let at = found.expect("the node that gives the residuals");
+        body[at..at + 9].copy_from_slice(b"residualz");
+        body.extend(vector("tall", length, 1));
+        body.extend(vector("wide", 1, length));
+        body.extend(node("MatMul", &["tall", "wide"], "huge"));
+        body.extend(node("ReduceSum", &["huge"], "nothing"));
+        body.extend(node("Add", &["residualz", "nothing"], "residuals"));
+    };
+    change("an outer product of 4 GiB", "differs from it", &insert);
+    change("an unused outer product", "one too many", &|body| {
+        body.extend(node("MatMul", &["tall", "wide"], "huge"));
+    });
+    change("an unused stored tensor", "one too many", &|body| {
+        body.extend(vector("tall", length, 1));
+    });
+    change("a hundred million numbers", "numbers, more than", &|body| {
+        let zeros = field(9, &vec![0; 100_000_000]);
+        let size = [8, 0x80, 0xc2, 0xd7, 0x2f];
+        body.extend(field(
+            5,
+            &[&size[..], &[16, 3], &field(8, b"z"), &zeros].concat(),
+        ));
+    });
+
+    // The right graph with numbers of somebody else.
+    let mut edit = |what: &str, reason: &str, tensor: &str, value: [u8; 4]| {
+        let mut broken = parts.clone();
+        let graph = broken.member(GRAPH);
+        let at = raw_data(graph, tensor);
+        assert_ne!(graph[at..at + 4], value, "{what} changes nothing");
+        graph[at..at + 4].copy_from_slice(&value);
+        court.refuse(what, &broken.rehash().pack(), reason);
+    };
+    let own = "template and controllers";
+    for tensor in ["attr.mass0", "attr.mass2", "skin.weights"] {
+        edit(tensor, own, tensor, 0.25f32.to_le_bytes());
+    }
+    for (tensor, index) in [
+        ("attr.neighbour0", 11i32),
+        ("attr.neighbour1", -1),
+        ("attr.neighbour2", i32::MAX),
+    ] {
+        edit(tensor, own, tensor, index.to_le_bytes());
+    }
+    for (tensor, size) in [
+        ("mesh.planes.shape", 9i32),
+        ("attr.rows.shape", -1),
+        ("skin.rest1.from", 5),
+        ("attr.axes", 0),
+    ] {
+        edit(tensor, own, tensor, size.to_le_bytes());
+    }
+    let far = 7.5f32.to_le_bytes();
+    edit("a vertex elsewhere", "mean offset", "mesh.canonical", far);
+    edit(
+        "fields of kilometres",
+        "decoder unit",
+        "mesh.decoder.unit",
+        1e30f32.to_le_bytes(),
+    );
+    edit(
+        "bases beyond measure",
+        "basis unit",
+        "attr.bases.units",
+        1e30f32.to_le_bytes(),
+    );
+
+    // Another person's graph with all the same sizes.
+    let mut other = Puppet::small();
+    let masses = other
+        .controllers
+        .masses()
+        .iter()
+        .map(|[a, b, c]| [*c, *a, *b]);
+    other.controllers = Controllers::new(
+        &other.template,
+        other.controllers.vertices().to_vec(),
+        other.controllers.neighbours().to_vec(),
+        masses.collect(),
+    )
+    .expect("the masses still sum to 1");
+    let mut broken = parts.clone();
+    *broken.member(GRAPH) = other.graph().to_onnx().expect("the networks fit");
+    court.refuse("another's graph", &broken.rehash().pack(), own);
+
+    // A later operator set, under which the same nodes may mean something else.
+    let mut broken = parts.clone();
+    *broken.member(GRAPH).last_mut().expect("bytes") = 18;
+    court.refuse("another operator set", &broken.rehash().pack(), "field 8");
 }
