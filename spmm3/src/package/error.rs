@@ -60,13 +60,13 @@ impl PackageError {
     pub(super) fn member(member: &str, reason: impl Into<String>) -> Self {
         Self::Member {
             member: member.to_owned(),
-            reason: reason.into(),
+            reason: printable(reason),
         }
     }
 
     pub(super) fn archive(reason: impl Into<String>) -> Self {
         Self::Archive {
-            reason: reason.into(),
+            reason: printable(reason),
         }
     }
 
@@ -76,4 +76,21 @@ impl PackageError {
             source,
         }
     }
+}
+
+/// A reason that may quote the file, without what would command the terminal it is printed on.
+fn printable(reason: impl Into<String>) -> String {
+    let reason = reason.into();
+    if reason.chars().any(is_unprintable) {
+        reason.replace(is_unprintable, "?")
+    } else {
+        reason
+    }
+}
+
+/// Control characters, and those that reorder the text around them.
+pub(super) fn is_unprintable(c: char) -> bool {
+    let reorders =
+        matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    c.is_control() || reorders || matches!(c, '\u{2028}' | '\u{2029}')
 }

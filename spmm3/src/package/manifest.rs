@@ -4,6 +4,7 @@
 //! [`VERSION`].
 
 use super::PackageError;
+use super::error::is_unprintable;
 use crate::{EXPRESSION, ExpressionPreset, Expressions, JOINTS, PARAMS, PersonError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -144,7 +145,29 @@ impl Manifest {
         }
         let manifest: Self = serde_json::from_slice(bytes).map_err(broken)?;
         manifest.counts.check()?;
+        manifest.check_texts()?;
         Ok(manifest)
+    }
+
+    /// These texts are printed: one line each, and nothing in them that a terminal obeys.
+    fn check_texts(&self) -> Result<(), PackageError> {
+        let texts = [
+            ("name", &self.name),
+            ("generator", &self.generator),
+            ("provenance", &self.provenance),
+            ("licence", &self.licence),
+        ];
+        let expressions = self.expressions.keys().map(|name| ("expressions", name));
+        for (what, text) in texts.into_iter().chain(expressions) {
+            if let Some(c) = text.chars().find(|c| is_unprintable(*c)) {
+                let reason = format!(
+                    "its {what} holds the character U+{:04X}, which must not be printed",
+                    u32::from(c)
+                );
+                return Err(PackageError::member(MANIFEST, reason));
+            }
+        }
+        Ok(())
     }
 
     /// The entry of member `name`.

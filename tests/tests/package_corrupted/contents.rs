@@ -295,3 +295,18 @@ pub(crate) fn wrong_manifests(court: &mut Court, parts: &Parts) {
         "unknown keys are ignored"
     );
 }
+
+/// Texts that the command prints: a terminal would obey the first two, the third shows what follows it backwards.
+pub(crate) fn unprintable_texts(court: &mut Court, parts: &Parts) {
+    for text in ["\u{1b}[2J", "two\nlines", "\u{202e}0-1CC"] {
+        for key in ["name", "generator", "provenance", "licence"] {
+            let mut broken = parts.clone();
+            broken.manifest[key] = json!(text);
+            court.refuse(key, &broken.pack(), "must not be printed");
+        }
+        let mut broken = parts.clone();
+        let smile = broken.manifest["expressions"]["smile"].clone();
+        broken.manifest["expressions"][text] = smile;
+        court.refuse("an expression", &broken.pack(), "must not be printed");
+    }
+}

@@ -116,3 +116,4 @@ fn three_hundred_broken_packages_are_refused_and_none_takes_a_gigabyte() {
     assert!(court.cases >= 300, "only {} cases", court.cases);
 }
     graphs::graphs_of_their_own(&mut court, &parts);
+    contents::unprintable_texts(&mut court, &parts);
