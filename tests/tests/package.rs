@@ -97,7 +97,11 @@ fn an_avatar_whose_parts_do_not_fit_each_other_is_not_saved() {
 }
 
 #[test]
-fn a_missing_file_is_named() {
-    let error = Avatar::load("no/such/puppet.m3a".as_ref()).expect_err("there is none");
-    assert!(error.to_string().contains("no/such/puppet.m3a"), "{error}");
+fn a_missing_file_and_a_folder_are_told_from_broken_packages() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let error = Avatar::load(&folder.path().join("puppet.m3a")).expect_err("there is none");
+    assert!(matches!(error, PackageError::Missing), "{error:?}");
+    assert!(error.to_string().contains("mon3tr bake"), "{error}");
+    let error = Avatar::load(folder.path()).expect_err("it is a folder");
+    assert!(matches!(error, PackageError::Folder), "{error:?}");
 }

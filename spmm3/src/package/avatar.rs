@@ -6,7 +6,7 @@ use super::manifest::{self, Counts, FORMAT, MANIFEST, Manifest, MemberEntry, VER
 use super::members::{self, MEMBERS};
 use crate::{BoundGaussians, Controllers, Expressions, JOINTS, PARAMS, Skeleton, Template};
 use std::fs::File;
-use std::io::{BufReader, Cursor, Read, Seek, Write};
+use std::io::{BufReader, Cursor, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// The manifest is parsed into a tree, which takes more memory than its text.
@@ -195,11 +195,18 @@ impl Manifest {
 }
 
 fn open(path: &Path) -> Result<BufReader<File>, PackageError> {
+    // Some systems open folders and fail later, with words about something else.
+    if path.is_dir() {
+        return Err(PackageError::Folder);
+    }
     File::open(path)
         .map(BufReader::new)
-        .map_err(|source| PackageError::File {
-            action: "open",
-            path: path.to_path_buf(),
-            source,
+        .map_err(|source| match source.kind() {
+            ErrorKind::NotFound => PackageError::Missing,
+            _ => PackageError::File {
+                action: "open",
+                path: path.to_path_buf(),
+                source,
+            },
         })
 }

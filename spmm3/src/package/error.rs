@@ -3,12 +3,21 @@
 use crate::PersonError;
 use std::path::PathBuf;
 
-/// A package that cannot be written, or that must not be used.
+/// A package that cannot be written, or that must not be used. The text does not repeat the package's path: whoever
+/// names the file in an error of its own says it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PackageError {
+    /// There is no file at the path.
+    #[error("there is no such file; `mon3tr bake --out FILE` makes one")]
+    Missing,
+    /// The path leads to a folder.
+    #[error(
+        "this is a folder; an avatar package is one file, as `mon3tr bake --out FILE` makes it"
+    )]
+    Folder,
     /// The file system refused.
-    #[error("cannot {action} {}", path.display())]
+    #[error("cannot {action} the file")]
     File {
         /// "open", "write" or "replace".
         action: &'static str,
@@ -46,7 +55,7 @@ pub enum PackageError {
         reason: String,
     },
     /// A member's numbers contradict each other.
-    #[error("package member {member}: {source}")]
+    #[error("package member {member} contradicts itself")]
     Contents {
         /// The member's name.
         member: String,

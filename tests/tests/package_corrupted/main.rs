@@ -60,7 +60,7 @@ impl Court {
         assert!(used < 1 << 30, "{what} took {used} bytes");
         match outcome {
             Err(_) => panic!("{what} made the reader panic"),
-            Ok(Err(e)) => Some(e.to_string()),
+            Ok(Err(e)) => Some(causes(&e)),
             Ok(Ok(avatar)) => {
                 assert!(avatar == self.original, "{what} gave another avatar");
                 self.harmless += 1;
@@ -79,6 +79,26 @@ impl Court {
             ),
         }
     }
+}
+
+/// The error and its causes, as the command prints them; none may say again what the next one says.
+fn causes(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        let cause_text = cause.to_string();
+        assert!(
+            !text.contains(&cause_text),
+            "said twice: {text}: {cause_text}"
+        );
+        text = format!("{text}: {cause_text}");
+        next = cause.source();
+    }
+    assert!(
+        !text.chars().any(char::is_control),
+        "a terminal would obey {text:?}"
+    );
+    text
 }
 
 #[test]
@@ -103,7 +123,9 @@ fn three_hundred_broken_packages_are_refused_and_none_takes_a_gigabyte() {
     contents::wrong_numbers(&mut court, &parts, &mut random);
     contents::wrong_shapes(&mut court, &parts);
     contents::wrong_manifests(&mut court, &parts);
+    contents::unprintable_texts(&mut court, &parts);
     graphs::wrong_graphs(&mut court, &parts);
+    graphs::graphs_of_their_own(&mut court, &parts);
     archives::wrong_archives(&mut court, &package, &parts);
     archives::bombs(&mut court, &parts);
 
@@ -115,5 +137,3 @@ fn three_hundred_broken_packages_are_refused_and_none_takes_a_gigabyte() {
     );
     assert!(court.cases >= 300, "only {} cases", court.cases);
 }
-    graphs::graphs_of_their_own(&mut court, &parts);
-    contents::unprintable_texts(&mut court, &parts);

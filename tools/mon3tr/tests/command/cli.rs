@@ -55,7 +55,9 @@ fn inspect_shows_the_counts() {
 #[test]
 fn inspect_refuses_what_is_no_package() {
     let (folder, package) = folder_with_package();
-    mon3tr(&["inspect", text(&folder.path().join("nobody.m3a"))]).fails_naming(&["nobody.m3a"]);
+    mon3tr(&["inspect", text(&folder.path().join("nobody.m3a"))])
+        .fails_naming(&["nobody.m3a: there is no such file", "mon3tr bake --out"]);
+    mon3tr(&["inspect", text(folder.path())]).fails_naming(&["a folder"]);
     let stranger = folder.path().join("notes.m3a");
     std::fs::write(&stranger, "dear diary").expect("a file can be written");
     mon3tr(&["inspect", text(&stranger)]).fails_naming(&["notes.m3a"]);
