@@ -161,6 +161,10 @@ impl Candidate {
         if self.limits.max_compute_work_group_invocations < 256 {
             lacks.push("256 invocations in a compute workgroup".to_owned());
         }
+        let [width, ..] = self.limits.max_compute_work_group_size;
+        if width < 256 {
+            lacks.push(format!("compute workgroups 256 wide (it has {width})"));
+        }
         if !lacks.is_empty() {
             return Err(RenderError::Unsupported {
                 device: self.info.name.clone(),
