@@ -15,7 +15,7 @@ use crate::picture::Background;
 use crate::pipeline::{ComputePipeline, Resource, Specialisation};
 use crate::splat::SplatRenderer;
 use crate::surface::{Surface, refused};
-use crate::swapchain::Swapchain;
+use crate::swapchain::{Acquired, Swapchain};
 
 const GROUP: u32 = 64;
 /// Of `ComposeParams` in the shader.
@@ -27,7 +27,7 @@ const PUSH_BYTES: u32 = 56;
 pub enum Shown {
     /// The window has it.
     Yes,
-    /// The window was changing or has no area (minimised): draw again later.
+    /// The window was changing, has no area (minimised) or is hidden: draw again later.
     NotNow,
 }
 
@@ -106,7 +106,8 @@ impl WindowTarget {
         }
     }
 
-    /// Shows the renderer's first view, waiting for the display if it is busy.
+    /// Shows the renderer's first view, waiting for the display if it is busy, but not for a window that
+    /// is hidden: that one is [`Shown::NotNow`] after 0.2 s.
     ///
     /// # Errors
     /// A renderer on another device, a device that fails, or a window that is gone.
@@ -130,9 +131,16 @@ impl WindowTarget {
         };
         // The picture's buffer may be another renderer's each time.
         let composed = Composed::new(&self.gpu, renderer, swapchain.extent, self.composed.take())?;
-        let Some(index) = swapchain.acquire()? else {
-            self.resize(self.wanted.width, self.wanted.height);
-            return Ok(Shown::NotNow);
+        let index = match swapchain.acquire()? {
+            Acquired::Image(index) => index,
+            Acquired::Busy => {
+                self.composed = Some(composed);
+                return Ok(Shown::NotNow);
+            }
+            Acquired::Outdated => {
+                self.resize(self.wanted.width, self.wanted.height);
+                return Ok(Shown::NotNow);
+            }
         };
         let (image, written) = swapchain.image(index);
         let push = push_words(renderer, swapchain, background);

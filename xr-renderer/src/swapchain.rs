@@ -8,6 +8,20 @@ use crate::error::{RenderError, VkContext};
 use crate::gpu::Gpu;
 use crate::surface::{Surface, refused};
 
+/// Many frames of any display, yet short enough that a window can be closed while it is hidden: some
+/// drivers hand out no image until it is seen again.
+const ACQUIRE_NANOSECONDS: u64 = 200_000_000;
+
+/// What came of asking for an image.
+pub(crate) enum Acquired {
+    /// The image of this number is to be written once [`Swapchain::acquired`] is signalled.
+    Image(u32),
+    /// The display held on to all images; the semaphore was left alone.
+    Busy,
+    /// The window has changed: the swapchain must be made anew.
+    Outdated,
+}
+
 /// One generation of a window's images: made anew when the window changes.
 pub(crate) struct Swapchain {
     gpu: Arc<Gpu>,
@@ -108,17 +122,22 @@ impl Swapchain {
         Ok(Some(made))
     }
 
-    /// The next image's number, or nothing if the window has changed and the swapchain must be made anew.
-    pub(crate) fn acquire(&self) -> Result<Option<u32>, RenderError> {
+    /// The next image to write, waiting a moment if the display holds them all.
+    pub(crate) fn acquire(&self) -> Result<Acquired, RenderError> {
         // SAFETY: the semaphore is unsignalled: every earlier frame has waited for it.
         let acquired = unsafe {
-            self.loader
-                .acquire_next_image(self.handle, u64::MAX, self.acquired, vk::Fence::null())
+            self.loader.acquire_next_image(
+                self.handle,
+                ACQUIRE_NANOSECONDS,
+                self.acquired,
+                vk::Fence::null(),
+            )
         };
         match acquired {
             // Suboptimal images are still shown; `present` says that a new swapchain is due.
-            Ok((index, _suboptimal)) => Ok(Some(index)),
-            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(None),
+            Ok((index, _suboptimal)) => Ok(Acquired::Image(index)),
+            Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => Ok(Acquired::Busy),
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(Acquired::Outdated),
             Err(result) => Err(result).during("vkAcquireNextImageKHR"),
         }
     }
