@@ -33,7 +33,8 @@ pub enum Shown {
 
 /// A window that pictures are shown in. Keeps the window alive.
 pub struct WindowTarget {
-    // Dropped in this order: commands wait for the device, the surface goes after its swapchain.
+    // Dropped in this order: commands wait for the queue's own work, though not for the display, of which
+    // the swapchain's drop tells more; the surface goes after its swapchain.
     commands: Commands,
     swapchain: Option<Swapchain>,
     surface: Surface,
