@@ -197,7 +197,7 @@ pub(crate) fn allocate(
         .map(|(index, _)| index)
         .ok_or(RenderError::OutOfMemory {
             what,
-            bytes: needs.size,
+            bytes: Some(needs.size),
         })?;
     let info = vk::MemoryAllocateInfo::default()
         .allocation_size(needs.size)
@@ -208,7 +208,7 @@ pub(crate) fn allocate(
         | vk::Result::ERROR_OUT_OF_HOST_MEMORY
         | vk::Result::ERROR_TOO_MANY_OBJECTS => RenderError::OutOfMemory {
             what,
-            bytes: needs.size,
+            bytes: Some(needs.size),
         },
         result => RenderError::Vulkan {
             call: "vkAllocateMemory",

@@ -39,13 +39,14 @@ pub enum RenderError {
     NoValidationLayer,
     /// The device has no memory left for a buffer or image.
     #[error(
-        "out of memory during {what} ({bytes} bytes asked for): use fewer Gaussians or a smaller picture"
+        "out of memory during {what}{}: use fewer Gaussians or a smaller picture",
+        asked_for(*bytes)
     )]
     OutOfMemory {
         /// What the memory was for.
         what: &'static str,
-        /// How much was asked for.
-        bytes: u64,
+        /// How much was asked for, where that is known.
+        bytes: Option<u64>,
     },
     /// A buffer would be larger than the device lets a shader address.
     #[error(
@@ -92,7 +93,9 @@ pub enum RenderError {
         views: u32,
     },
     /// A camera does not fit the picture or is no camera.
-    #[error("camera {view}: {problem}")]
+    #[error(
+        "camera {view} cannot be drawn with: {problem}; give each view of the renderer one rigid camera with finite numbers and the size of its pictures"
+    )]
     Camera {
         /// Which view's camera.
         view: usize,
@@ -123,7 +126,9 @@ pub enum RenderError {
     )]
     DeviceLost(&'static str),
     /// The device did not finish in time.
-    #[error("the Vulkan device did not finish {what} within {seconds} s")]
+    #[error(
+        "the Vulkan device did not finish {what} within {seconds} s: close other programs that use it, draw fewer Gaussians or a smaller picture; if it hangs, update its driver or try --gpu lavapipe"
+    )]
     Timeout {
         /// What it was doing.
         what: &'static str,
@@ -131,13 +136,17 @@ pub enum RenderError {
         seconds: u64,
     },
     /// Any other failure of a Vulkan call.
-    #[error("{call} failed: {result}")]
+    #[error("{call} failed: {result}; update the device's driver or try --gpu lavapipe")]
     Vulkan {
         /// The call.
         call: &'static str,
         /// What it returned.
         result: vk::Result,
     },
+}
+
+fn asked_for(bytes: Option<u64>) -> String {
+    bytes.map_or_else(String::new, |bytes| format!(" ({bytes} bytes asked for)"))
 }
 
 /// Adds to a Vulkan result the name of the call that gave it.
@@ -153,10 +162,30 @@ impl<T> VkContext<T> for Result<T, vk::Result> {
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
                 RenderError::OutOfMemory {
                     what: call,
-                    bytes: 0,
+                    bytes: None,
                 }
             }
             result => RenderError::Vulkan { call, result },
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn out_of_memory_tells_how_much_was_asked_for_only_where_that_is_known() {
+        let out: Result<(), _> = Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
+        let unknown = out
+            .during("vkQueueSubmit")
+            .expect_err("no memory")
+            .to_string();
+        assert!(!unknown.contains("bytes"), "{unknown}");
+        let known = RenderError::OutOfMemory {
+            what: "sort bins",
+            bytes: Some(4096),
+        };
+        assert!(known.to_string().contains("4096 bytes"), "{known}");
     }
 }
