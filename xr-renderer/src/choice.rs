@@ -9,12 +9,12 @@ use ash::vk;
 /// Which device to open, as `--gpu auto|lavapipe|NAME` says it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum GpuChoice {
-    /// The best there is: discrete, then integrated, then virtual, then a CPU.
+    /// The best there is that can draw: discrete, then integrated, then virtual, then a CPU.
     #[default]
     Auto,
     /// Mesa's software driver.
     Lavapipe,
-    /// The best device whose name has this in it, whatever the case.
+    /// The best device that can draw and whose name has this in it, whatever the case.
     Named(String),
 }
 
@@ -64,9 +64,39 @@ pub(crate) fn rank(kind: vk::PhysicalDeviceType) -> u32 {
     }
 }
 
+/// The first that succeeds, else the first error; nothing of nothing. The errors of better devices than the
+/// one found are logged.
+pub(crate) fn first_able<T, E: fmt::Display>(
+    outcomes: impl IntoIterator<Item = Result<T, E>>,
+) -> Option<Result<T, E>> {
+    let mut failures = Vec::new();
+    for outcome in outcomes {
+        match outcome {
+            Ok(able) => {
+                for why in failures {
+                    log::warn!("passed over: {why}");
+                }
+                return Some(Ok(able));
+            }
+            Err(why) => failures.push(why),
+        }
+    }
+    failures.into_iter().next().map(Err)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_first_device_that_can_draw_is_taken_and_else_the_first_reason_told() {
+        let able = first_able([Err("old"), Ok(1), Ok(2)]);
+        assert_eq!(able, Some(Ok(1)), "an old device before two able ones");
+        let none: Option<Result<u32, _>> = first_able([Err("old"), Err("odd")]);
+        assert_eq!(none, Some(Err("old")), "two that cannot draw");
+        let empty = first_able(std::iter::empty::<Result<u32, &str>>());
+        assert_eq!(empty, None, "no device");
+    }
 
     #[test]
     fn a_choice_reads_back_what_it_prints() {

@@ -25,7 +25,7 @@ pub enum RenderError {
         present: Vec<String>,
     },
     /// The device lacks something that the shaders need.
-    #[error("{device} cannot run the splat shaders: it lacks {}; update its driver or choose another device", lacks.join(", "))]
+    #[error("{device} cannot run the splat shaders: it lacks {}; update its driver, choose another device, or try --gpu lavapipe", lacks.join(", "))]
     Unsupported {
         /// The device's name.
         device: String,

@@ -6,10 +6,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::{ext, khr, vk};
 
-use crate::choice::{GpuChoice, rank};
+use crate::choice::{GpuChoice, first_able, rank};
 use crate::error::{RenderError, VkContext};
 use crate::instance::{Instance, contains};
-use crate::physical::{Candidate, DeviceInfo, Subgroup};
+use crate::physical::{Ability, Candidate, DeviceInfo, Subgroup};
 use crate::validation::Messenger;
 
 /// A Vulkan device, its queue and its instance. Everything drawn with holds an `Arc` of it.
@@ -60,9 +60,12 @@ impl Gpu {
         let messenger = validation
             .then(|| Messenger::new(&instance.entry, &instance.handle))
             .transpose()?;
-        let chosen = choose(&instance, choice)?;
-        let subgroup = chosen.subgroup(&instance.handle)?;
-        let (queue_family, family) = chosen.queue_family(&instance.handle)?;
+        let (chosen, ability) = choose(&instance, choice)?;
+        let Ability {
+            subgroup,
+            queue_family,
+            timestamp_bits,
+        } = ability;
         let has_swapchain = instance.surface_extensions.contains(&khr::surface::NAME)
             && contains(&chosen.extensions, khr::swapchain::NAME);
         let device = open_device(&instance, &chosen, subgroup, queue_family, has_swapchain)?;
@@ -89,7 +92,7 @@ impl Gpu {
             memory,
             subgroup,
             queue_family,
-            timestamp_bits: family.timestamp_valid_bits,
+            timestamp_bits,
             has_swapchain,
             queue: Mutex::new(queue),
             info: chosen.info,
@@ -123,7 +126,8 @@ impl Gpu {
     }
 }
 
-fn choose(instance: &Instance, choice: &GpuChoice) -> Result<Candidate, RenderError> {
+/// The best of the devices that the choice allows and that can draw.
+fn choose(instance: &Instance, choice: &GpuChoice) -> Result<(Candidate, Ability), RenderError> {
     // SAFETY: no preconditions.
     let handles = unsafe { instance.handle.enumerate_physical_devices() }
         .during("vkEnumeratePhysicalDevices")?;
@@ -139,13 +143,19 @@ fn choose(instance: &Instance, choice: &GpuChoice) -> Result<Candidate, RenderEr
         .iter()
         .map(|candidate| candidate.info.name.clone())
         .collect();
-    candidates
+    let accepted = candidates
         .into_iter()
-        .find(|candidate| choice.accepts(&candidate.info.name, candidate.driver_id))
-        .ok_or_else(|| RenderError::NoSuchDevice {
+        .filter(|candidate| choice.accepts(&candidate.info.name, candidate.driver_id))
+        .map(|candidate| {
+            let ability = candidate.ability(&instance.handle)?;
+            Ok((candidate, ability))
+        });
+    first_able(accepted).unwrap_or_else(|| {
+        Err(RenderError::NoSuchDevice {
             wanted: choice.to_string(),
             present,
         })
+    })
 }
 
 fn open_device(

@@ -27,7 +27,7 @@ pub(crate) struct Subgroup {
     pub(crate) can_be_required: bool,
 }
 
-/// A device that can draw, with all that is needed to open it.
+/// A device that may be able to draw, with all that is needed to open it.
 pub(crate) struct Candidate {
     pub(crate) handle: vk::PhysicalDevice,
     pub(crate) info: DeviceInfo,
@@ -36,6 +36,15 @@ pub(crate) struct Candidate {
     pub(crate) api_version: u32,
     pub(crate) limits: vk::PhysicalDeviceLimits,
     pub(crate) extensions: Vec<vk::ExtensionProperties>,
+}
+
+/// How a device that can draw is used.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ability {
+    pub(crate) subgroup: Subgroup,
+    pub(crate) queue_family: u32,
+    /// Bits of a timestamp that count; 0 where the queue has none.
+    pub(crate) timestamp_bits: u32,
 }
 
 fn text(bytes: Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>) -> String {
@@ -54,8 +63,7 @@ fn version(packed: u32) -> String {
 }
 
 impl Candidate {
-    /// Reads a device's properties. It may still turn out unable to draw: see [`Self::queue_family`]
-    /// and [`Self::subgroup`].
+    /// Reads a device's properties. It may still turn out unable to draw: see [`Self::ability`].
     pub(crate) fn read(
         instance: &ash::Instance,
         handle: vk::PhysicalDevice,
@@ -103,8 +111,19 @@ impl Candidate {
         }
     }
 
+    /// What to open the device with, or what it lacks.
+    pub(crate) fn ability(&self, instance: &ash::Instance) -> Result<Ability, RenderError> {
+        let subgroup = self.subgroup(instance)?;
+        let (queue_family, family) = self.queue_family(instance)?;
+        Ok(Ability {
+            subgroup,
+            queue_family,
+            timestamp_bits: family.timestamp_valid_bits,
+        })
+    }
+
     /// The first family that both draws and computes.
-    pub(crate) fn queue_family(
+    fn queue_family(
         &self,
         instance: &ash::Instance,
     ) -> Result<(u32, vk::QueueFamilyProperties), RenderError> {
@@ -117,8 +136,8 @@ impl Candidate {
             .ok_or_else(|| self.lacks("a queue family for both graphics and compute"))
     }
 
-    /// The subgroup size to compile for.
-    pub(crate) fn subgroup(&self, instance: &ash::Instance) -> Result<Subgroup, RenderError> {
+    /// The subgroup size to compile for, if the device's limits suit the shaders.
+    fn subgroup(&self, instance: &ash::Instance) -> Result<Subgroup, RenderError> {
         if self.api_version < vk::API_VERSION_1_1 {
             return Err(self.lacks("Vulkan 1.1"));
         }
