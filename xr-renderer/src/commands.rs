@@ -1,6 +1,7 @@
 //! Recording commands, handing them to the queue and waiting until they are done.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use ash::vk;
 
@@ -8,7 +9,7 @@ use crate::error::{RenderError, VkContext};
 use crate::gpu::Gpu;
 
 /// Longer than any picture on a software driver, short enough that a hung driver becomes an error.
-const PATIENCE_SECONDS: u64 = 120;
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// One command buffer that is recorded anew for each use.
 pub(crate) struct Commands {
@@ -16,6 +17,9 @@ pub(crate) struct Commands {
     pool: vk::CommandPool,
     buffer: vk::CommandBuffer,
     fence: vk::Fence,
+    /// The work that was submitted and not yet seen to end: buffer, fence and all it uses are the device's.
+    in_flight: Option<&'static str>,
+    patience: Duration,
 }
 
 impl Commands {
@@ -31,6 +35,8 @@ impl Commands {
             pool,
             buffer: vk::CommandBuffer::null(),
             fence: vk::Fence::null(),
+            in_flight: None,
+            patience: PATIENCE,
         };
         let info = vk::CommandBufferAllocateInfo::default()
             .command_pool(pool)
@@ -47,6 +53,32 @@ impl Commands {
         }
         .during("vkCreateFence")?;
         Ok(commands)
+    }
+
+    /// Waits until nothing that these commands use is in use by the device any more: after an error, that
+    /// must come before the host touches any of it. Returns at once after a run that went well.
+    pub(crate) fn settle(&mut self) -> Result<(), RenderError> {
+        let Some(what) = self.in_flight else {
+            return Ok(());
+        };
+        let device = self.gpu.device();
+        let fences = [self.fence];
+        let nanoseconds = u64::try_from(self.patience.as_nanos()).unwrap_or(u64::MAX);
+        // SAFETY: the fence was given to the queue with the work; it is reset only once it is signalled.
+        unsafe {
+            match device.wait_for_fences(&fences, true, nanoseconds) {
+                Err(vk::Result::TIMEOUT) => {
+                    return Err(RenderError::Timeout {
+                        what,
+                        seconds: self.patience.as_secs(),
+                    });
+                }
+                done => done.during(what)?,
+            }
+            device.reset_fences(&fences).during("vkResetFences")?;
+        }
+        self.in_flight = None;
+        Ok(())
     }
 
     /// Records, submits and waits. `what` names the work in errors.
@@ -66,10 +98,11 @@ impl Commands {
         signal: &[vk::Semaphore],
         record: impl FnOnce(vk::CommandBuffer),
     ) -> Result<(), RenderError> {
+        self.settle()?;
         let device = self.gpu.device();
         let begin = vk::CommandBufferBeginInfo::default()
             .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: the buffer is not in use: every run waits for its own end.
+        // SAFETY: the buffer is not in use: no work is in flight.
         unsafe {
             device
                 .reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty())
@@ -86,26 +119,22 @@ impl Commands {
             .wait_dst_stage_mask(&stages)
             .signal_semaphores(signal)
             .command_buffers(&buffers)];
-        let fences = [self.fence];
         // SAFETY: the buffer is recorded, the fence unsignalled, the queue locked.
-        unsafe {
+        let submitted = unsafe {
             device
                 .end_command_buffer(self.buffer)
                 .during("vkEndCommandBuffer")?;
             self.gpu
                 .with_queue(|queue| device.queue_submit(queue, &submit, self.fence))
-                .during(what)?;
-            match device.wait_for_fences(&fences, true, PATIENCE_SECONDS * 1_000_000_000) {
-                Err(vk::Result::TIMEOUT) => {
-                    return Err(RenderError::Timeout {
-                        what,
-                        seconds: PATIENCE_SECONDS,
-                    });
-                }
-                done => done.during(what)?,
-            }
-            device.reset_fences(&fences).during("vkResetFences")
-        }
+        };
+        // A submission refused for want of memory leaves the fence alone and would be waited for in vain;
+        // a device that is lost may have begun.
+        self.in_flight = match submitted {
+            Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST) => Some(what),
+            Err(_) => None,
+        };
+        submitted.during(what)?;
+        self.settle()
     }
 }
 
@@ -148,6 +177,81 @@ pub(crate) fn barrier(gpu: &Gpu, commands: vk::CommandBuffer) {
             &barriers,
             &[],
             &[],
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::GpuChoice;
+
+    /// The device that `MON3TR_GPU` names; nothing, where there is none and CI does not demand one.
+    fn open_gpu() -> Option<Arc<Gpu>> {
+        let name = std::env::var("MON3TR_GPU").unwrap_or_default();
+        let choice: GpuChoice = name.parse().expect("any text is a choice");
+        match Gpu::open(&choice, true) {
+            Ok(gpu) => Some(gpu),
+            Err(why) => {
+                assert!(
+                    std::env::var("CI").as_deref() != Ok("true"),
+                    "no Vulkan device: {why}"
+                );
+                println!("skipped: no Vulkan device: {why}");
+                None
+            }
+        }
+    }
+
+    #[test]
+    fn work_that_outlasts_our_patience_is_waited_for_before_its_commands_are_used_again() {
+        let Some(gpu) = open_gpu() else { return };
+        let device = gpu.device();
+        // SAFETY: no preconditions.
+        let go = unsafe { device.create_event(&vk::EventCreateInfo::default(), None) }
+            .expect("an event");
+        let mut commands = Commands::new(&gpu).expect("commands");
+        commands.patience = Duration::from_millis(50);
+        let stuck = commands.run("waiting", |buffer| {
+            use vk::PipelineStageFlags as Stage;
+            let (from, to) = (Stage::HOST, Stage::TRANSFER);
+            // SAFETY: the command buffer is being recorded; the host sets the event below.
+            unsafe { device.cmd_wait_events(buffer, &[go], from, to, &[], &[], &[]) };
+        });
+        let mut recorded = 0;
+        let again = commands.run("more", |_| recorded += 1);
+        let before = gpu.validation_messages();
+        // Before any assertion: the commands' drop waits for the device.
+        // SAFETY: the event is alive, and one that the device waits for may be set.
+        unsafe { device.set_event(go) }.expect("the event is set");
+        // Some versions of the layer remark on the event being in use, which Vulkan allows.
+        let after = gpu.validation_messages();
+        for outcome in [stuck, again] {
+            assert!(
+                matches!(
+                    outcome,
+                    Err(RenderError::Timeout {
+                        what: "waiting",
+                        ..
+                    })
+                ),
+                "{outcome:?}"
+            );
+        }
+        assert_eq!(recorded, 0, "recordings over commands in use");
+        commands.patience = PATIENCE;
+        commands
+            .run("more", |_| recorded += 1)
+            .expect("the device is free again");
+        assert_eq!(recorded, 1, "recordings");
+        drop(commands);
+        // SAFETY: the commands' drop waited for the only work that uses the event.
+        unsafe { device.destroy_event(go, None) };
+        assert_eq!(before, 0, "validation messages while the device is busy");
+        assert_eq!(
+            gpu.validation_messages(),
+            after,
+            "validation messages once it is free"
         );
     }
 }

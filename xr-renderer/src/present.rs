@@ -100,7 +100,6 @@ impl WindowTarget {
     /// Says that the window's inner size is now another one, in pixels.
     pub fn resize(&mut self, width: u32, height: u32) {
         self.wanted = vk::Extent2D { width, height };
-        self.composed = None;
         if let Some(swapchain) = &mut self.swapchain {
             // Of no area: no picture fits it, so the next one makes a new swapchain.
             swapchain.extent = vk::Extent2D::default();
@@ -120,6 +119,8 @@ impl WindowTarget {
         if !Arc::ptr_eq(renderer.gpu(), &self.gpu) {
             return Err(refused(&self.gpu, "the renderer draws on another device"));
         }
+        // What follows frees and rebinds what an earlier picture may still be made with.
+        self.commands.settle()?;
         if self
             .swapchain
             .as_ref()
@@ -146,18 +147,23 @@ impl WindowTarget {
         let (image, written) = swapchain.image(index);
         let push = push_words(renderer, swapchain, background);
         let gpu = &self.gpu;
-        self.commands
+        let shown = self
+            .commands
             .run_between("showing", &[swapchain.acquired], &[written], |commands| {
                 composed.record(gpu, commands, &push, image);
-            })?;
+            })
+            .and_then(|()| swapchain.present(index));
+        // Kept whatever happened: after an error the device may still be at work on it.
         self.composed = Some(composed);
-        if !swapchain.present(index)? {
+        if !matches!(shown, Ok(true)) {
+            // After an error the image was never shown and its semaphores may be left signalled: the next
+            // picture takes new ones.
             self.resize(self.wanted.width, self.wanted.height);
         }
-        Ok(Shown::Yes)
+        shown.map(|_| Shown::Yes)
     }
 
-    /// A swapchain for the window as it is now; none while it has no area.
+    /// A swapchain for the window as it is now; none while it has no area. No work is in flight.
     fn renew(&mut self) -> Result<(), RenderError> {
         self.composed = None;
         let old = self.swapchain.take();

@@ -154,6 +154,8 @@ impl Sorter {
                 limit: self.capacity,
             })?;
         let values: Vec<u32> = keys.iter().map(|key| u32::from(*key)).collect();
+        // The device may still be reading the last keys after an error.
+        self.commands.settle()?;
         self.values.write(&values);
         let (passes, order) = (&self.passes, &self.order);
         let device = passes.gpu.device();

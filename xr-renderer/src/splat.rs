@@ -71,10 +71,11 @@ impl SplatRenderer {
                 views,
             });
         }
-        let mut commands = Commands::new(&gpu)?;
         let target = Target::new(&gpu, width, height, views)?;
         let front = Front::new(&gpu, max_gaussians, views)?;
         let tiles = Tiles::new(&gpu, &front, &target, max_gaussians)?;
+        // Made last and so dropped first after an error: its drop waits for the device, which uses the rest.
+        let mut commands = Commands::new(&gpu)?;
         commands.run("the first clear", |commands| clear(&gpu, commands, &target))?;
         Ok(Self {
             commands,
@@ -109,6 +110,8 @@ impl SplatRenderer {
                 limit: self.max_gaussians,
             })?;
         self.check(cameras)?;
+        // The device may still be reading the last picture's input after an error.
+        self.commands.settle()?;
         let mut frame = self.frame_params(count, cameras);
         let host_upload = self.front.write_gaussians(gaussians);
         loop {

@@ -173,7 +173,7 @@ impl Drop for Swapchain {
         // SAFETY: our own work is done after the wait, and with it every use of `acquired`. The display's
         // wait on a `written` is not: Vulkan without VK_EXT_swapchain_maintenance1 offers nothing that waits
         // for it. Its semaphore was signalled before the image was handed over, so that the wait is over as
-        // soon as it begins, and drivers keep what a begun presentation needs; others do the same.
+        // soon as it begins; that it has begun by now is what programs without that extension rely on.
         unsafe {
             if let Err(result) = self.gpu.with_queue(|queue| device.queue_wait_idle(queue)) {
                 log::warn!("waiting for the Vulkan queue failed: {result}");
