@@ -3,6 +3,7 @@
 pub mod onnx;
 pub mod person_reference;
 pub mod picture_check;
+pub mod real_files;
 pub mod splat_reference;
 pub mod splat_scenes;
 pub mod synthetic;

@@ -2,12 +2,12 @@
 //!
 //! Every test runs with the validation layer on and demands that it stays silent.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use glam::Vec3;
 use mon3tr_tests::picture_check::{assert_drawn_as_reference, draw};
+use mon3tr_tests::real_files::real_file;
 use mon3tr_tests::splat_scenes::{captured_gaussians, eyes, front_camera, random_gaussians};
 use mon3tr_tests::vulkan::{
     LOGGED_MESSAGES, assert_silent, gpu, open_gpu, or_skip, rerun_with_other_subgroups,
@@ -49,11 +49,10 @@ fn both_eyes_see_what_the_reference_says() {
 #[test]
 fn a_captured_scene_looks_as_the_reference_says() {
     let Some(gpu) = gpu() else { return };
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/splats/playbot3.ply");
-    let Ok(bytes) = std::fs::read(&path) else {
-        println!("skipped: {} is not there", path.display());
+    let Some(path) = real_file("splats/playbot3.ply") else {
         return;
     };
+    let bytes = std::fs::read(&path).expect("the capture can be read");
     let gaussians = captured_gaussians(&bytes);
     assert_eq!(gaussians.len(), 31_000, "Gaussians in the capture");
     let middle = gaussians
