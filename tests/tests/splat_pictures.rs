@@ -277,7 +277,7 @@ fn a_device_that_is_not_there_is_refused_with_those_that_are() {
 }
 
 #[test]
-fn stage_times_are_measured_and_add_up() {
+fn stages_are_timed_where_the_device_has_a_clock() {
     let Some(gpu) = gpu() else { return };
     let mut renderer =
         SplatRenderer::new(Arc::clone(&gpu), 20_000, 512, 512, 1).expect("a renderer");
@@ -293,12 +293,15 @@ fn stage_times_are_measured_and_add_up() {
         times.raster,
     ];
     assert!(
-        stages.iter().all(|stage| *stage > 0.0 && *stage < 60_000.0),
+        stages
+            .iter()
+            .all(|stage| stage.is_finite() && *stage >= 0.0),
         "{times:?}"
     );
-    assert!(
-        (times.total() - stages.iter().sum::<f64>()).abs() < 1e-9,
-        "{times:?}"
+    assert_eq!(
+        times.raster > 0.0,
+        gpu.has_clock(),
+        "blending is timed by the device alone: {times:?}"
     );
 }
 

@@ -110,6 +110,11 @@ impl Gpu {
         self.subgroup.size
     }
 
+    /// Whether the device times its stages; without a clock they take 0 ms in [`crate::StageTimes`].
+    pub fn has_clock(&self) -> bool {
+        self.timestamp_bits > 0
+    }
+
     /// How many warnings and errors the validation layer has given so far; 0 without the layer.
     pub fn validation_messages(&self) -> u32 {
         self.messenger.as_ref().map_or(0, Messenger::count)
