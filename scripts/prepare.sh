@@ -129,14 +129,40 @@ find_todo() {
 	fi
 }
 
+# Cargo splits a runner at blanks, and lists of paths are split at colons. Where the cache's path has any of these, prints a
+# path without: a link to the cache, in the user's cache folder or else in a temporary one that only the user can write to.
+path_for_lists() {
+	local folder=$MON3TR_CACHE unsafe='*[[:space:]:;]*' below link
+	# shellcheck disable=SC2053 # a pattern is meant
+	if [[ $folder != $unsafe ]]; then
+		printf '%s\n' "$folder"
+		return
+	fi
+	for below in "${XDG_CACHE_HOME:-${HOME:-/nonexistent}/.cache}/mon3tr-links" "${TMPDIR:-/tmp}/mon3tr-links-$(id -u)"; do
+		# shellcheck disable=SC2053
+		if [[ $below == $unsafe || $below != /* ]]; then continue; fi
+		(umask 077 && mkdir -p "$below") 2>/dev/null || true
+		# Programs are run through it, so nobody else may have put it there.
+		if [ ! -d "$below" ] || [ -L "$below" ] || [ ! -O "$below" ]; then continue; fi
+		chmod go-w "$below" 2>/dev/null || continue
+		link=$below/$(printf '%s' "$folder" | sha256sum | cut -c1-16)
+		if [ "$(readlink "$link")" != "$folder" ]; then
+			{ rm -f "$link.$$" && ln -s "$folder" "$link.$$" && mv -T "$link.$$" "$link"; } 2>/dev/null || continue
+		fi
+		printf '%s\n' "$link"
+		return
+	done
+	return 1
+}
+
 export_environment() {
-	local root=$lavapipe_prefix/root runner=CARGO_TARGET_${cargo_target}_RUNNER
+	local lists root runner=CARGO_TARGET_${cargo_target}_RUNNER
 	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
 	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi
 	if [ "$vulkan_from" = machine ]; then
 		# A wrapper left in the environment would hide the machine's hardware drivers.
+		if [ "${!runner:-}" = "${MON3TR_RUNNER:-}" ]; then unset "$runner"; fi
 		unset MON3TR_RUNNER
-		if [ "${!runner:-}" = "$lavapipe_prefix/run" ]; then unset "$runner"; fi
 		if [ "$vulkan_good" = 1 ]; then
 			say "Vulkan: this machine's own ($vulkan_why)"
 		else
@@ -144,11 +170,13 @@ export_environment() {
 		fi
 		return
 	fi
+	lists=$(path_for_lists) || die "cargo cannot start programs through $MON3TR_CACHE: set MON3TR_CACHE to a path without blanks"
+	root=$lists/lavapipe/root
 	export VK_DRIVER_FILES=$root/usr/share/vulkan/icd.d/lvp_icd.json
 	export VK_ICD_FILENAMES=$VK_DRIVER_FILES
 	export VK_LAYER_PATH=$root/usr/share/vulkan/explicit_layer.d
 	export XKB_CONFIG_ROOT=$root/usr/share/X11/xkb
-	export MON3TR_RUNNER=$lavapipe_prefix/run
+	export MON3TR_RUNNER=$lists/lavapipe/run
 	export "$runner=$MON3TR_RUNNER"
 	say "Vulkan: lavapipe $(lavapipe_version) from the cache (this machine's own will not do: $vulkan_why)"
 }
