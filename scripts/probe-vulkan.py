@@ -4,9 +4,10 @@
     probe-vulkan.py auto|lavapipe|NAME [--layer]
 
 Prints one line and exits 0 (good, the line names the device) or 1 (not good, the line says why).
-Good is: a hardware driver with Vulkan 1.1, or Mesa's lavapipe from 25 on (22.3 draws multiview wrongly).
-`lavapipe` asks for the latter only, NAME for a device whose name contains it; --layer asks for Khronos' validation layer too.
-It asks the loader itself, because manifests on the disk do not say whether a device is really there.
+Only the device that the program would open is judged, as xr-renderer/src/choice.rs chooses it: the best of those asked for.
+Good is: hardware that can do what xr-renderer/src/physical.rs asks for, or Mesa's lavapipe from 25 on (22.3 draws multiview
+wrongly). `lavapipe` asks for the latter only, NAME for a device whose name contains it; --layer asks for Khronos' validation
+layer too. It asks the loader itself, because manifests on the disk do not say whether a device is really there.
 """
 
 import ctypes
@@ -14,7 +15,14 @@ import re
 import sys
 
 VALIDATION = b"VK_LAYER_KHRONOS_validation"
-CPU, HARDWARE = 4, (1, 2, 3)  # VkPhysicalDeviceType: integrated, discrete and virtual count as hardware
+CPU = 4
+RANKS = {2: 0, 1: 1, 3: 2, CPU: 3}  # VkPhysicalDeviceType: discrete before integrated before virtual before CPU
+LLVMPIPE = 13  # VkDriverId
+DRAWS_AND_COMPUTES = 1 | 2  # VkQueueFlags
+COMPUTE_STAGE = 0x20  # VkShaderStageFlags
+SUBGROUP_OPERATIONS = {1: "basic", 2: "vote", 4: "arithmetic", 8: "ballot", 0x10: "shuffle"}  # VkSubgroupFeatureFlags
+SUBGROUP_SIZES = (4, 8, 16, 32, 64, 128)
+WORKGROUP = 256
 OLDEST_LAVAPIPE = 25
 
 
@@ -60,24 +68,112 @@ class Driver(ctypes.Structure):
     ]
 
 
-class Properties(ctypes.Structure):
-    """VkPhysicalDeviceProperties2; of its limits there is only the room."""
+class Subgroup(ctypes.Structure):
+    """VkPhysicalDeviceSubgroupProperties."""
 
     _fields_ = [
         ("s_type", ctypes.c_uint32),
         ("next", ctypes.c_void_p),
+        ("size", ctypes.c_uint32),
+        ("stages", ctypes.c_uint32),
+        ("operations", ctypes.c_uint32),
+        ("quad_in_all_stages", ctypes.c_uint32),
+    ]
+
+
+class Limits(ctypes.Structure):
+    """VkPhysicalDeviceLimits, of which only those of compute shaders are named."""
+
+    _fields_ = [
+        ("before", ctypes.c_uint64 * 27),
+        ("shared_memory", ctypes.c_uint32),
+        ("group_count", ctypes.c_uint32 * 3),
+        ("group_invocations", ctypes.c_uint32),
+        ("group_size", ctypes.c_uint32 * 3),
+        ("after", ctypes.c_uint64 * 32),
+    ]
+
+
+class Properties(ctypes.Structure):
+    """VkPhysicalDeviceProperties and some room: what follows the limits is not read."""
+
+    _fields_ = [
         ("api", ctypes.c_uint32),
         ("driver_version", ctypes.c_uint32),
         ("vendor", ctypes.c_uint32),
         ("device", ctypes.c_uint32),
         ("kind", ctypes.c_uint32),
         ("name", ctypes.c_char * 256),
-        ("rest", ctypes.c_uint64 * 256),
+        ("cache_uuid", ctypes.c_uint8 * 16),
+        ("limits", Limits),
+        ("rest", ctypes.c_uint64 * 16),
     ]
 
 
+class Properties2(ctypes.Structure):
+    """VkPhysicalDeviceProperties2."""
+
+    _fields_ = [("s_type", ctypes.c_uint32), ("next", ctypes.c_void_p), ("properties", Properties)]
+
+
+class QueueFamily(ctypes.Structure):
+    """VkQueueFamilyProperties."""
+
+    _fields_ = [("flags", ctypes.c_uint32), ("count", ctypes.c_uint32), ("rest", ctypes.c_uint32 * 4)]
+
+
+class Device:
+    """What a device says of itself."""
+
+    def __init__(self, vulkan, handle):
+        handle = ctypes.c_void_p(handle)
+        basic = Properties()
+        vulkan.vkGetPhysicalDeviceProperties(handle, ctypes.byref(basic))
+        self.name = basic.name.decode(errors="replace")
+        self.kind = basic.kind
+        self.api = (basic.api >> 22 & 0x7F, basic.api >> 12 & 0x3FF)
+        self.limits = basic.limits
+        self.driver, self.subgroup = Driver(s_type=1000196000), Subgroup(s_type=1000094000)
+        if self.api >= (1, 1):
+            # A driver that does not know the first structure passes it over and fills the second.
+            self.driver.next = ctypes.addressof(self.subgroup)
+            more = Properties2(s_type=1000059001, next=ctypes.addressof(self.driver))
+            vulkan.vkGetPhysicalDeviceProperties2(handle, ctypes.byref(more))
+        self.info = self.driver.info.decode(errors="replace")
+        self.is_lavapipe = self.driver.id == LLVMPIPE or "llvmpipe" in self.name
+        count = ctypes.c_uint32()
+        vulkan.vkGetPhysicalDeviceQueueFamilyProperties(handle, ctypes.byref(count), None)
+        families = (QueueFamily * max(count.value, 1))()
+        vulkan.vkGetPhysicalDeviceQueueFamilyProperties(handle, ctypes.byref(count), families)
+        self.queues = [family.flags for family in families[: count.value]]
+
+    def is_asked_for(self, wanted):
+        """As `GpuChoice::accepts` in xr-renderer/src/choice.rs."""
+        if wanted == "lavapipe":
+            return self.is_lavapipe
+        return wanted == "auto" or wanted.lower() in self.name.lower()
+
+    def lacks(self):
+        """What the program needs and this has not, as in xr-renderer/src/physical.rs."""
+        if self.api < (1, 1):
+            return ["Vulkan 1.1"]
+        lacks = []
+        if not any(flags & DRAWS_AND_COMPUTES == DRAWS_AND_COMPUTES for flags in self.queues):
+            lacks.append("a queue family for both graphics and compute")
+        missing = [name for bit, name in SUBGROUP_OPERATIONS.items() if not self.subgroup.operations & bit]
+        if missing:
+            lacks.append(f"subgroup {'/'.join(missing)} operations")
+        if not self.subgroup.stages & COMPUTE_STAGE:
+            lacks.append("subgroup operations in compute shaders")
+        if self.subgroup.size not in SUBGROUP_SIZES:
+            lacks.append(f"a subgroup size of 4 to 128 (it has {self.subgroup.size})")
+        if min(self.limits.group_invocations, self.limits.group_size[0]) < WORKGROUP:
+            lacks.append(f"{WORKGROUP} invocations in a compute workgroup")
+        return lacks
+
+
 def devices(vulkan):
-    """(properties, the driver's own words on its version) of every device."""
+    """Every device, in the loader's order."""
     instance = ctypes.c_void_p()
     application = ApplicationInfo(s_type=0, api=1 << 22 | 1 << 12)
     info = InstanceInfo(s_type=1, application=ctypes.pointer(application))
@@ -87,13 +183,7 @@ def devices(vulkan):
     vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)
     handles = (ctypes.c_void_p * max(count.value, 1))()
     vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), handles)
-    found = []
-    for handle in handles[: count.value]:
-        driver = Driver(s_type=1000196000)
-        one = Properties(s_type=1000059001, next=ctypes.addressof(driver))
-        vulkan.vkGetPhysicalDeviceProperties2(ctypes.c_void_p(handle), ctypes.byref(one))
-        found.append((one, driver.info.decode(errors="replace")))
-    return found
+    return [Device(vulkan, handle) for handle in handles[: count.value]]
 
 
 def has_validation_layer(vulkan):
@@ -115,30 +205,25 @@ def verdict(wanted, need_layer):
     found = devices(vulkan)
     if not found:
         return False, "its Vulkan loader finds no device"
-    rejected = []
-    for one, driver in sorted(found, key=lambda pair: pair[0].kind == CPU):
-        name = one.name.decode(errors="replace")
-        is_lavapipe = one.kind == CPU and name.startswith("llvmpipe")
-        mesa = re.match(r"Mesa (\d+)\.", driver)
-        if wanted == "lavapipe":
-            asked_for = is_lavapipe
-        else:
-            asked_for = wanted == "auto" or wanted.lower() in name.lower()
-        if not asked_for:
-            rejected.append(f"{name} is not what was asked for")
-        elif is_lavapipe and (not mesa or int(mesa[1]) < OLDEST_LAVAPIPE):
-            rejected.append(f"its lavapipe ({driver}) is older than Mesa {OLDEST_LAVAPIPE}")
-        elif not is_lavapipe and one.kind not in HARDWARE:
-            rejected.append(f"{name} is neither hardware nor lavapipe")
-        elif (one.api >> 22 & 0x7F, one.api >> 12 & 0x3FF) < (1, 1):
-            rejected.append(f"{name} has only Vulkan 1.0")
-        elif need_layer and not has_validation_layer(vulkan):
-            return False, f"{name} is good, but Khronos' validation layer, which the tests run under, is missing"
-        else:
-            return True, f"{name}, {driver}" if driver else name
-    return False, "; ".join(rejected)
+    asked_for = [one for one in found if one.is_asked_for(wanted)]
+    if not asked_for:
+        return False, f"{wanted} was asked for, and it has only {', '.join(one.name for one in found)}"
+    # Among equals the loader's order decides, as in the program.
+    one = min(asked_for, key=lambda one: RANKS.get(one.kind, len(RANKS)))
+    lacks = one.lacks()
+    mesa = re.match(r"Mesa (\d+)\.", one.info)
+    if lacks:
+        return False, f"{one.name} lacks {', '.join(lacks)}"
+    if one.is_lavapipe and (not mesa or int(mesa[1]) < OLDEST_LAVAPIPE):
+        return False, f"its lavapipe ({one.info}) is older than Mesa {OLDEST_LAVAPIPE}"
+    if not one.is_lavapipe and (one.kind == CPU or one.kind not in RANKS):
+        return False, f"{one.name} is neither hardware nor lavapipe"
+    if need_layer and not has_validation_layer(vulkan):
+        return False, f"{one.name} is good, but Khronos' validation layer, which the tests run under, is missing"
+    return True, f"{one.name}, {one.info}" if one.info else one.name
 
 
-good, line = verdict(sys.argv[1], "--layer" in sys.argv[2:])
-print(line)
-sys.exit(0 if good else 1)
+if __name__ == "__main__":
+    good, line = verdict(sys.argv[1], "--layer" in sys.argv[2:])
+    print(line)
+    sys.exit(0 if good else 1)
