@@ -1,6 +1,6 @@
 # shellcheck shell=bash disable=SC2154 # run and prepare.sh set what is not assigned here
 # Mesa's lavapipe (Vulkan on the CPU) in a private prefix, unpacked from the Debian packages that lavapipe-ARCH.lock pins:
-# no root, nothing outside the cache. Sourced by ./run; whether it is needed at all, vulkan.sh decides.
+# no root, nothing outside the cache. Sourced by ./run; whether it is needed at all, prepare.sh decides.
 #
 #   $MON3TR_CACHE/lavapipe/root   the packages' files
 #   $MON3TR_CACHE/lavapipe/libc   libc6's files, apart: they are left alone where the machine's own libc is as new
