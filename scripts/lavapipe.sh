@@ -20,34 +20,81 @@ lavapipe_version() { sed -n 's/^mesa-vulkan-drivers \([0-9.]*\).*/\1/p' "$lavapi
 
 lavapipe_bytes() { awk '!/^#/ && NF == 5 { sum += $4 } END { printf "%d", sum / 1e6 }' "$lavapipe_lock"; }
 
+# lavapipe_is_ready FOLDER: FOLDER holds the locked packages, or the ones that had to be taken instead of some of them, which
+# its stamp then names; what was taken on trust is used only as long as that is allowed.
+lavapipe_is_ready() {
+	local stamp pins
+	pins=$(lavapipe_pins)
+	if is_stamped "$1" "$pins"; then return 0; fi
+	stamp=$(cat "$1/.stamp" 2>/dev/null) || return 1
+	case $stamp in
+	"$pins, but unsigned "*) [ "${MON3TR_ALLOW_UNPINNED:-}" = 1 ] ;;
+	"$pins, but signed "*) ;;
+	*) return 1 ;;
+	esac
+}
+
+# Debian's index of the suite as it is now, once: $debs/Packages. $index_is is `signed` if Debian's signature vouches for it,
+# else `unsigned`, which has to be allowed.
+fetch_index() {
+	local suite=$1 name=$2 debs=$3 dists=$debian_mirror/dists/$1 index=main/binary-$debian_arch/Packages.xz
+	local keyrings=() one why=""
+	if [ -n "$index_is" ]; then return; fi
+	rm -f "$debs"/Packages* "$debs"/Release "$debs"/InRelease
+	for one in /usr/share/keyrings/debian-archive-*.gpg /usr/share/keyrings/debian-archive-*.pgp; do
+		if [ -f "$one" ]; then keyrings+=(--keyring "$one"); fi
+	done
+	if ! command -v gpgv >/dev/null; then
+		why="gpgv is missing"
+	elif [ ${#keyrings[@]} = 0 ]; then
+		why="debian-archive-keyring is missing"
+	fi
+	if [ -n "$why" ] && [ "${MON3TR_ALLOW_UNPINNED:-}" != 1 ]; then
+		die "$name is not to be had in its locked version, and the signature of Debian's list of newer ones cannot be checked ($why): apt-get install gpgv debian-archive-keyring, or trust $debian_mirror with MON3TR_ALLOW_UNPINNED=1, and run the command again"
+	fi
+	download "$dists/$index" "$debs/Packages.xz"
+	index_is=unsigned
+	if [ -z "$why" ]; then
+		download "$dists/InRelease" "$debs/InRelease"
+		gpgv --quiet "${keyrings[@]}" --output "$debs/Release" "$debs/InRelease" 2>"$debs/Release.why" ||
+			die "the signature of $dists/InRelease is not Debian's ($(tail -n 1 "$debs/Release.why")): use another mirror (MON3TR_DEBIAN_MIRROR)"
+		# Debian signs every suite with the same keys.
+		grep -q "^Codename: $suite\$" "$debs/Release" || die "$dists/InRelease is not that of Debian $suite: use another mirror (MON3TR_DEBIAN_MIRROR)"
+		one=$(awk -v want="$index" '/^[^ ]/ { at = ($1 == "SHA256:") } at && $3 == want { print $1; exit }' "$debs/Release")
+		has_sha256 "$debs/Packages.xz" "${one:-none}" ||
+			die "$dists/$index is not the file that Debian signed: the mirror may be in the middle of an update; run the command again later"
+		index_is=signed
+	fi
+	python3 -c 'import lzma, sys; sys.stdout.buffer.write(lzma.open(sys.argv[1]).read())' "$debs/Packages.xz" >"$debs/Packages" ||
+		die "could not unpack $debs/Packages.xz: is the disk full, or does this python3 lack lzma?"
+}
+
+# download URL FILE: for what has no pin.
+download() {
+	curl --fail --silent --location --retry 3 --connect-timeout 20 --output "$2" "$1" ||
+		die "could not fetch $1. Check the network (a proxy is set with https_proxy=...) and run the command again; what is already here is kept."
+}
+
 # One package that the mirror no longer carries in the locked version, as happens after a Debian point release:
 # Debian's archive of everything it ever carried first, else what the suite carries now, with the hash its index states.
-# Prints the path of the .deb.
+# Sets deb to the path of the .deb, and adds to instead what is not as locked.
 fetch_moved_package() {
 	local name=$1 version=$2 sha256=$3 path=$4 debs=$5 suite snapshot now
 	suite=$(sed -n 's/^suite //p' "$lavapipe_lock")
 	snapshot=$(sed -n 's/^snapshot //p' "$lavapipe_lock")
 	say "  $name $version is not on $debian_mirror any more, as happens after a Debian point release"
 	say "  trying Debian's archive, snapshot.debian.org"
-	if fetch "$debian_snapshot/$snapshot/$path" "$sha256" "$debs/$sha256.deb"; then
-		echo "$debs/$sha256.deb"
-		return
-	fi
-	if [ ! -f "$debs/Packages" ]; then
-		curl --fail --silent --location --output "$debs/Packages.xz" \
-			"$debian_mirror/dists/$suite/main/binary-$debian_arch/Packages.xz" ||
-			die "could not fetch $name $version from $debian_mirror, nor from its archive, nor the list of what is there now. Check the network and run the command again; what is already here is kept."
-		python3 -c 'import lzma, sys; sys.stdout.buffer.write(lzma.open(sys.argv[1]).read())' \
-			"$debs/Packages.xz" >"$debs/Packages.part"
-		mv "$debs/Packages.part" "$debs/Packages"
-	fi
+	deb=$debs/$sha256.deb
+	if fetch "$debian_snapshot/$snapshot/$path" "$sha256" "$deb"; then return; fi
+	fetch_index "$suite" "$name $version" "$debs"
 	now=$(awk -v want="$name" '/^Package: /{ at = ($2 == want) } at && /^(Version|SHA256|Filename): /{ v[$1] = $2 }
 		END { print v["Version:"], v["SHA256:"], v["Filename:"] }' "$debs/Packages")
 	read -r version sha256 path <<<"$now"
 	[ -n "$path" ] || die "Debian $suite has no package $name any more: renew scripts/lavapipe-$debian_arch.lock with scripts/lock-lavapipe.py"
-	say "  taking $name $version instead, which Debian $suite carries now (not the locked version; hash from the suite's index)"
-	must_fetch "$debian_mirror/$path" "$sha256" "$debs/$sha256.deb"
-	echo "$debs/$sha256.deb"
+	say "  taking $name $version instead, which Debian $suite carries now (not the locked version; hash from the suite's $index_is index)"
+	deb=$debs/$sha256.deb
+	must_fetch "$debian_mirror/$path" "$sha256" "$deb"
+	instead+="${instead:+, }$name $version"
 }
 
 write_lavapipe_wrapper() {
@@ -83,7 +130,7 @@ WRAPPER
 
 install_lavapipe() {
 	local prefix=$MON3TR_CACHE/lavapipe new=$MON3TR_CACHE/lavapipe.new debs=$MON3TR_CACHE/download/debs
-	local name version sha256 path deb list into
+	local name version sha256 path deb list into pins instead="" index_is=""
 	say "Fetching lavapipe $(lavapipe_version) from $debian_mirror"
 	mkdir -p "$debs"
 	rm -rf "$new"
@@ -103,7 +150,7 @@ install_lavapipe() {
 		deb=$debs/$sha256.deb
 		if ! fetch "$debian_mirror/$path" "$sha256" "$deb"; then
 			if [ "$fetch_gone" = 0 ]; then die_of_network; fi
-			deb=$(fetch_moved_package "$name" "$version" "$sha256" "$path" "$debs")
+			fetch_moved_package "$name" "$version" "$sha256" "$path" "$debs"
 		fi
 		into=$new/root
 		if [ "$name" = libc6 ]; then into=$new/libc; fi
@@ -111,7 +158,8 @@ install_lavapipe() {
 	done <"$lavapipe_lock"
 	trim_lavapipe "$new"
 	write_lavapipe_wrapper "$new"
-	put_in_place "$new" "$prefix" "$(lavapipe_pins)"
+	pins=$(lavapipe_pins)
+	put_in_place "$new" "$prefix" "$pins${instead:+, but $index_is $instead}"
 	rm -rf "$debs"
 }
 

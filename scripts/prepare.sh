@@ -118,7 +118,7 @@ find_todo() {
 	if [ ${#missing_debs[@]} != 0 ]; then
 		todo+=("debs|${missing_debs[*]} from this machine's Debian/Ubuntu archive (needs root): Rust links through a C compiler, and the shader compiler is built from C++")
 	fi
-	if [ "$vulkan_from" = cache ] && ! is_stamped "$lavapipe_prefix" "$(lavapipe_pins)"; then
+	if [ "$vulkan_from" = cache ] && ! lavapipe_is_ready "$lavapipe_prefix"; then
 		todo+=("install_lavapipe|Mesa lavapipe $(lavapipe_version), Vulkan's loader and validation layer, with their libraries, from Debian ($(lavapipe_bytes) MB), because this machine's own Vulkan will not do: $vulkan_why")
 	fi
 	if [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
