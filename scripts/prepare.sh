@@ -33,26 +33,64 @@ export MON3TR_CACHE
 # shellcheck source=scripts/makehuman.sh
 . "$repo/scripts/makehuman.sh"
 
-# Tools that this script cannot fetch itself, and the two Debian packages that it can.
+# Tools that this script cannot fetch itself end it here; what Debian packages can mend goes to missing_debs, with the reason
+# in missing_why.
 check_tools() {
 	local tool
 	for tool in curl python3 git; do
 		command -v "$tool" >/dev/null || die "$tool is missing: apt-get install $tool"
 	done
-	command -v cargo >/dev/null || die "Rust is missing: see https://rustup.rs (1.95 or newer)"
-	missing_debs=()
-	# Rust links through cc, which needs the C library's start files too; the shader compiler is built with c++.
-	if ! command -v cc >/dev/null || ! command -v c++ >/dev/null || [[ $(cc -print-file-name=Scrt1.o) != /* ]]; then
-		missing_debs+=(g++ libc6-dev)
+	if [ "${vulkan_from:-}" = cache ] && ! command -v dpkg-deb >/dev/null; then
+		die "dpkg-deb, which unpacks lavapipe's Debian packages, is missing: install dpkg, or a Vulkan driver and loader (why this machine's own will not do: $vulkan_why)"
 	fi
-	if ! command -v flock >/dev/null; then missing_debs+=(util-linux); fi
+	check_rust
+	missing_debs=()
+	missing_why=()
+	# Rust links through cc, which needs the C library's start files too; the shader compiler is built with c++.
+	if ! command -v cc >/dev/null; then
+		need_compiler "there is no C compiler (cc), through which Rust links"
+	elif [[ $(cc -print-file-name=Scrt1.o) != /* ]]; then
+		need_compiler "cc finds no start files of the C library (Scrt1.o), which Rust links"
+	fi
+	if ! command -v c++ >/dev/null; then need_compiler "there is no C++ compiler (c++), which builds the shader compiler"; fi
+	if ! command -v flock >/dev/null; then
+		missing_debs+=(util-linux)
+		missing_why+=("there is no flock, which keeps two set-ups apart")
+	fi
+}
+
+need_compiler() {
+	missing_debs=(g++ libc6-dev)
+	missing_why+=("$1")
+}
+
+# The workspace's rust-version, checked here because an old cargo says something about lock files or editions instead.
+check_rust() {
+	local want have
+	want=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' "$repo/Cargo.toml")
+	command -v cargo >/dev/null || die "Rust is missing: see https://rustup.rs ($want or newer)"
+	# In the repository's folder: rustup may have another toolchain set for it.
+	have=$(cd "$repo" && rustc --version) || die "rustc does not run: see https://rustup.rs (Rust $want or newer)"
+	have=${have#rustc }
+	have=${have%%[ -]*}
+	if [ "$(printf '%s\n' "$want" "$have" | sort -V | head -n 1)" != "$want" ]; then
+		die "Rust $have is too old, $want or newer is needed: rustup update stable, or see https://rustup.rs"
+	fi
+}
+
+# join SEPARATOR ITEM...
+join() {
+	local separator=$1 out=$2
+	shift 2
+	if [ $# != 0 ]; then out+=$(printf "%s" "${@/#/$separator}"); fi
+	printf '%s\n' "$out"
 }
 
 install_debs() {
 	local as_root=()
-	command -v apt-get >/dev/null || die "a C++ compiler is missing and there is no apt-get to install one: install gcc, g++ and the C library's headers, then run the command again"
+	command -v apt-get >/dev/null || die "$(join '; ' "${missing_why[@]}"); and there is no apt-get: install what Debian calls ${missing_debs[*]}, then run the command again"
 	if [ "$(id -u)" != 0 ]; then
-		command -v sudo >/dev/null || die "missing Debian packages need root, and there is no sudo: run as root: apt-get install ${missing_debs[*]}"
+		command -v sudo >/dev/null || die "$(join '; ' "${missing_why[@]}"); and there is no sudo: run as root: apt-get install ${missing_debs[*]}"
 		as_root=(sudo)
 	fi
 	# A fresh container has no package lists at all.
@@ -100,7 +138,7 @@ prepare() {
 		find_todo
 		for one in "${todo[@]}"; do
 			case ${one%%|*} in
-			debs) die "${missing_debs[*]} are installed but there is still no working cc in PATH" ;;
+			debs) die "${missing_debs[*]} are installed, but still $(join '; ' "${missing_why[@]}"): is PATH right?" ;;
 			*) "${one%%|*}" ;;
 			esac
 		done
@@ -116,7 +154,7 @@ find_todo() {
 	todo=()
 	check_tools
 	if [ ${#missing_debs[@]} != 0 ]; then
-		todo+=("debs|${missing_debs[*]} from this machine's Debian/Ubuntu archive (needs root): Rust links through a C compiler, and the shader compiler is built from C++")
+		todo+=("debs|${missing_debs[*]} from this machine's Debian/Ubuntu archive (needs root): $(join '; ' "${missing_why[@]}")")
 	fi
 	if [ "$vulkan_from" = cache ] && ! lavapipe_is_ready "$lavapipe_prefix"; then
 		todo+=("install_lavapipe|Mesa lavapipe $(lavapipe_version), Vulkan's loader and validation layer, with their libraries, from Debian ($(lavapipe_bytes) MB), because this machine's own Vulkan will not do: $vulkan_why")
