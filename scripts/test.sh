@@ -6,17 +6,21 @@
 # skipped ones are listed at the end: none is skipped silently.
 
 run_tests() {
-	local log=${CARGO_TARGET_DIR:-$repo/target}/run-test.log status=0 what=(--workspace) one
+	local log=${CARGO_TARGET_DIR:-$repo/target}/run-test.log status=0 what=(--workspace) for_cargo=() for_tests=(--show-output)
 	mkdir -p "$(dirname "$log")"
-	for one in "$@"; do
-		case $one in
-		--) break ;;
-		-p | --package | -p* | --package=*) what=() ;;
+	while [ $# != 0 ]; do
+		case $1 in
+		# Options for the tests themselves come after it.
+		--) for_tests+=("${@:2}") && break ;;
+		# ./run has seen to it.
+		--gpu) shift ;;
+		--gpu=*) ;;
+		-p* | --package | --package=* | --workspace | --all) what=() && for_cargo+=("$1") ;;
+		*) for_cargo+=("$1") ;;
 		esac
+		if [ $# != 0 ]; then shift; fi
 	done
-	# Options for the tests themselves come after a `--`, which may be there already.
-	case " $* " in *" -- "*) set -- "$@" --show-output ;; *) set -- "$@" -- --show-output ;; esac
-	cargo test --manifest-path "$repo/Cargo.toml" "${what[@]}" --no-fail-fast "$@" 2>&1 |
+	cargo test --manifest-path "$repo/Cargo.toml" "${what[@]}" --no-fail-fast "${for_cargo[@]}" -- "${for_tests[@]}" 2>&1 |
 		tee "$log" |
 		sed --unbuffered '/^successes:$/,/^\(failures:\|test result:\)/ { /^\(failures:\|test result:\)/! d }' || status=$?
 	summarise_tests "$log"
