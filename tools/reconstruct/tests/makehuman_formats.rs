@@ -112,6 +112,10 @@ fn a_damaged_model_is_refused_with_its_name() {
         ("a coordinate out of range", |m| m["faces"][7] = json!(4)),
         ("too few weights", |m| m["skinWeights"] = json!([1])),
         ("a bone out of range", |m| m["skinIndices"][0] = json!(2)),
+        ("no weights", |m| {
+            m["skinIndices"] = json!([]);
+            m["skinWeights"] = json!([]);
+        }),
         ("weights of nothing", |m| {
             m["skinWeights"] = json!(vec![0; 8]);
         }),
@@ -129,6 +133,20 @@ fn a_damaged_model_is_refused_with_its_name() {
             other => panic!("{name}: {other:?}"),
         }
     }
+}
+
+#[test]
+fn a_proxy_says_which_vertices_lack_weights() {
+    let mut proxy = one_proxy();
+    proxy["skinWeights"] = json!([0, 0, 1, 0, 1, 0, 1, 0]);
+    let own = read_proxy(&proxy).expect("a gap is no damage").weights;
+    let lacking: Vec<bool> = own.iter().map(Option::is_none).collect();
+    assert_eq!(lacking, [true, false, false, false], "zero weights");
+    for key in ["bones", "skinIndices", "skinWeights"] {
+        proxy.as_object_mut().and_then(|p| p.remove(key));
+    }
+    let own = read_proxy(&proxy).expect("no skin is no damage").weights;
+    assert_eq!(own, [None; 4], "no skin");
 }
 
 #[test]

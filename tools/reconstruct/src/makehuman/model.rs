@@ -56,8 +56,12 @@ struct RawModel {
     vertices: Vec<f32>,
     uvs: Vec<Vec<f32>>,
     faces: Vec<u32>,
+    // A garment may come without a skin.
+    #[serde(default)]
     bones: Vec<RawBone>,
+    #[serde(default)]
     skin_indices: Vec<u32>,
+    #[serde(default)]
     skin_weights: Vec<f32>,
     #[serde(default = "four")]
     influences_per_vertex: usize,
@@ -89,6 +93,24 @@ impl Model {
     /// # Errors
     /// If the file cannot be read, is no such JSON, or contradicts itself.
     pub fn read(path: &Path) -> Result<Self, ReconstructError> {
+        let (mut model, rows) = Self::read_with_gaps(path)?;
+        let whole = |(vertex, row): (usize, Option<BoneWeights>)| {
+            let why =
+                || ReconstructError::content(path, format!("vertex {vertex} hangs on no bone"));
+            row.ok_or_else(why)
+        };
+        model.weights = rows
+            .into_iter()
+            .enumerate()
+            .map(whole)
+            .collect::<Result<_, _>>()?;
+        Ok(model)
+    }
+
+    /// Reads a model whose vertices may lack weights: they come as a list of their own, the model's is empty.
+    pub(super) fn read_with_gaps(
+        path: &Path,
+    ) -> Result<(Self, Vec<Option<BoneWeights>>), ReconstructError> {
         let raw: RawModel = read_json(path)?;
         let wrong = |what: String| ReconstructError::content(path, what);
         let vertices = triples(&raw.vertices)
@@ -133,16 +155,17 @@ impl Model {
         if let Some((name, _)) = out_of_range.filter(|_| fit.is_empty()) {
             return Err(wrong(format!("joint {name} names no vertices of the mesh")));
         }
-        Ok(Self {
+        let model = Self {
             vertices,
             quads,
-            weights,
+            weights: Vec::new(),
             bones: raw.bones,
             joint_vertices: raw.metadata.joint_pos_idxs,
             delete: raw.metadata.delete.into_iter().map(|v| v != 0).collect(),
             fit,
             path: path.to_path_buf(),
-        })
+        };
+        Ok((model, weights))
     }
 }
 
@@ -198,8 +221,12 @@ fn decode_faces(flat: &[u32], vertices: usize, uvs: &[Vec2]) -> Result<Vec<Quad>
     Ok(quads)
 }
 
-/// Reads 1 to 4 influences a vertex. Indices are even because the file lists every bone twice.
-fn decode_weights(raw: &RawModel, vertices: usize) -> Result<Vec<BoneWeights>, String> {
+/// Reads 1 to 4 influences a vertex, `None` for one that hangs on no bone. Indices are even because the file lists every
+/// bone twice.
+fn decode_weights(raw: &RawModel, vertices: usize) -> Result<Vec<Option<BoneWeights>>, String> {
+    if raw.skin_indices.is_empty() && raw.skin_weights.is_empty() {
+        return Ok(vec![None; vertices]);
+    }
     let per = raw.influences_per_vertex;
     if !(1..=INFLUENCES).contains(&per) {
         return Err(format!("{per} influences a vertex"));
@@ -224,10 +251,10 @@ fn decode_weights(raw: &RawModel, vertices: usize) -> Result<Vec<BoneWeights>, S
             }
             let sum: f32 = row.iter().map(|(_, w)| w).sum();
             if sum < 1e-3 {
-                return Err(format!("vertex {vertex} hangs on no bone"));
+                return Ok(None);
             }
             row.iter_mut().for_each(|(_, w)| *w /= sum);
-            Ok(row)
+            Ok(Some(row))
         })
         .collect()
 }

@@ -81,8 +81,8 @@ impl ScaleReference {
 pub struct Proxy {
     /// Faces over the proxy's own vertices.
     pub quads: Vec<Quad>,
-    /// Skinning weights per vertex over the body's bones.
-    pub weights: Vec<BoneWeights>,
+    /// Skinning weights per vertex over the body's bones; `None` where the file has none: the body's are to be taken.
+    pub weights: Vec<Option<BoneWeights>>,
     /// Where each vertex hangs.
     pub anchors: Vec<Anchor>,
     /// Body vertices that this proxy covers: empty, or one flag a body vertex.
@@ -95,7 +95,7 @@ impl Proxy {
     /// # Errors
     /// If the file cannot be read, has no fit to the body, or names vertices or bones the body lacks.
     pub fn read(path: &Path, body: &Model) -> Result<Self, ReconstructError> {
-        let model = Model::read(path)?;
+        let (model, weights) = Model::read_with_gaps(path)?;
         let wrong = |what: &str| ReconstructError::content(path, what);
         let bound = body.vertices.len();
         if model.fit.is_empty() {
@@ -112,7 +112,10 @@ impl Proxy {
             return Err(wrong("deleteVerts does not have one flag a body vertex"));
         }
         let same = |(a, b): (&super::model::RawBone, &super::model::RawBone)| a.name == b.name;
-        if model.bones.len() != body.bones.len() || !model.bones.iter().zip(&body.bones).all(same) {
+        let bones_match =
+            model.bones.len() == body.bones.len() && model.bones.iter().zip(&body.bones).all(same);
+        // Bones that no vertex hangs on may be anything.
+        if !bones_match && weights.iter().any(Option::is_some) {
             return Err(wrong("its bones are not the body's"));
         }
         let anchors = model
@@ -126,7 +129,7 @@ impl Proxy {
             .collect();
         Ok(Self {
             quads: model.quads,
-            weights: model.weights,
+            weights,
             anchors,
             covers: model.delete,
         })

@@ -2,10 +2,12 @@
 //! where it hangs on the body, so that a morphed body carries all of them along.
 
 use super::recipe::{Item, Pieces};
+use super::transfer::Source;
 use super::{Part, recipe};
 use crate::ReconstructError;
 use crate::makehuman::{Anchor, BoneWeights, Model, Package, Proxy, Quad, Rig};
 use glam::{Vec2, Vec3};
+use std::cell::LazyCell;
 use std::collections::BTreeMap;
 
 /// Millimetre-scale corrections of the teeth, which otherwise stand through this face's lips.
@@ -59,6 +61,10 @@ impl Assembly {
         let visible =
             |quad: &&Quad| quad.material == 0 && !quad.corners.iter().all(|v| covered[*v as usize]);
         let skin: Vec<Quad> = model.quads.iter().filter(visible).copied().collect();
+        // Garments take weights from what they cover, too.
+        let bare = model.quads.iter().filter(|quad| quad.material == 0);
+        let bare: Vec<Quad> = bare.copied().collect();
+        let source = LazyCell::new(|| Source::new(body, &bare, &model.weights));
         let regions = BodyRegions::new(rig, body, &model.weights);
         let parts: Vec<Part> = skin.iter().map(|q| regions.part(q)).collect();
         let anchors: Vec<Anchor> = (0..)
@@ -68,7 +74,20 @@ impl Assembly {
         assembly.add(&skin, &parts, &anchors, &model.weights, Vec3::ONE);
         for (item, proxy, parts) in &proxies {
             let scale = item.made_on.scale(body);
-            assembly.add(&proxy.quads, parts, &proxy.anchors, &proxy.weights, scale);
+            let own: Option<Vec<BoneWeights>> = proxy.weights.iter().copied().collect();
+            let weights = own.map_or_else(
+                || {
+                    let position = |anchor: &Anchor| anchor.position(body, scale);
+                    let vertices: Vec<Vec3> = proxy.anchors.iter().map(position).collect();
+                    source.transfer(&vertices, &proxy.quads, &proxy.weights)
+                },
+                Ok,
+            );
+            let weights = weights.map_err(|what| {
+                let path = package.data(&format!("proxies/{}", item.model));
+                ReconstructError::content(&path, what)
+            })?;
+            assembly.add(&proxy.quads, parts, &proxy.anchors, &weights, scale);
         }
         Ok(assembly)
     }

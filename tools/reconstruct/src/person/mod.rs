@@ -4,6 +4,7 @@
 
 mod assemble;
 mod bridges;
+mod closest;
 mod demo;
 mod expression;
 mod gaussians;
@@ -15,6 +16,7 @@ mod recipe;
 mod surface;
 mod texture;
 mod tpose;
+mod transfer;
 mod visible;
 
 pub use expression::EXPRESSIONS_USED;
