@@ -116,7 +116,7 @@ impl BoundGaussians {
         let mut attributes = vec![0.0; ATTRIBUTES * count];
         for i in 0..count {
             let [a, b, c] = faces[triangles[i] as usize].map(|v| template.vertices()[v as usize]);
-            let world_from_local = triangle_frame(a, b, c);
+            let world_from_local = triangle_frame([a, b, c]);
             let anchor = barycentric_point(a, b, c, barycentrics[i]);
             let offset = world_from_local.transpose() * (gaussians.positions[i] - anchor);
             let rotation = Quat::from_mat3(&world_from_local).conjugate() * gaussians.rotations[i];
@@ -224,7 +224,7 @@ impl BoundGaussians {
                     for k in 0..positions.len() {
                         let i = chunk * CHUNK + k;
                         let [a, b, c] = self.corners[i].map(|v| posed.get(v));
-                        let world_from_local = triangle_frame(a, b, c);
+                        let world_from_local = triangle_frame([a, b, c]);
                         let offset = planes.vec3(attribute::OFFSET.start, i);
                         positions[k] = barycentric_point(a, b, c, self.barycentrics[i])
                             + world_from_local * offset
@@ -290,7 +290,7 @@ fn barycentric_point(a: Vec3, b: Vec3, c: Vec3, [v, w]: [f32; 2]) -> Vec3 {
 /// Offsets, rotations and the network's residuals are all told in this frame, so that whoever fits them must use this
 /// very function. A collapsed triangle gets some orthonormal frame, so that its Gaussians stay finite.
 #[must_use]
-pub fn triangle_frame(a: Vec3, b: Vec3, c: Vec3) -> Mat3 {
+pub fn triangle_frame([a, b, c]: [Vec3; 3]) -> Mat3 {
     let x = (b - a).try_normalize().unwrap_or(Vec3::X);
     let normal = x
         .cross(c - a)

@@ -8,7 +8,6 @@ mod small_files;
 
 use glam::Vec3;
 use spmm3::Skeleton;
-use std::path::PathBuf;
 
 /// Joints of a man of 1.75 m in T-pose, SMPL-X's order, metres; only the left side, the right is its mirror image.
 const LEFT_AND_MIDDLE: [(&str, [f32; 3]); 31] = [
@@ -58,21 +57,4 @@ fn man() -> Skeleton {
         Vec3::new(mirror * x, y, z)
     });
     Skeleton::new(positions).expect("a man's joints are in range")
-}
-
-/// A real input beside the repository; `None` (said aloud) where it is absent, a failure where CI must have it.
-fn real_file(name: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../../shared/data")
-        .join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    assert!(
-        std::env::var("CI").as_deref() != Ok("true"),
-        "{} is missing, and CI must have it",
-        path.display()
-    );
-    println!("skipped: {} is not here", path.display());
-    None
 }

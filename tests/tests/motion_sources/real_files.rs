@@ -1,10 +1,11 @@
 //! Captures of real people on our skeleton: limbs point where the source's point, joints land where they must.
 
 use crate::{
-    man, real_file,
+    man,
     reference::{Bvh, degrees_between, lowest_sole, person},
 };
 use glam::{DMat3, DVec3};
+use mon3tr_tests::real_files::real_file;
 use spmm3::{Joint, LoadOptions, MotionClip, MotionParams};
 
 /// Retargeting is exact for limbs; what is left is single precision.

@@ -65,6 +65,9 @@ impl MotionOptions {
             MotionClip::load(Path::new(&self.motion), &avatar.skeleton, &options)
                 .with_context(|| format!("cannot use the motion {}", self.motion))?
         };
+        if let Some(unmapped) = clip.unmapped_summary() {
+            println!("{}: {unmapped}", clip.name);
+        }
         for note in &clip.notes {
             log::info!("{}: {note}", clip.name);
         }

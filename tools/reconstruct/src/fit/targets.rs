@@ -4,7 +4,7 @@
 use crate::simulate::{Creases, Fabric, Puppet, Surface};
 use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;
-use spmm3::{ATTRIBUTES, BoundGaussians, MotionParams, SH_C0, attribute};
+use spmm3::{ATTRIBUTES, BoundGaussians, MotionParams, SH_C0, attribute, triangle_frame};
 
 /// How far Gaussians follow the smooth surface that the vertex normals suggest (Phong tessellation, Boubekeur 2008).
 const ROUNDNESS: f32 = 0.6;
@@ -243,14 +243,4 @@ fn phong(
         .zip(shares)
         .map(|(c, share)| share * (points[*c] - flat).dot(normals[*c]) * normals[*c].dot(up))
         .sum()
-}
-
-/// As F_m2g's: along the first edge, across it in the plane, along the normal.
-fn triangle_frame([a, b, c]: [Vec3; 3]) -> Mat3 {
-    let x = (b - a).try_normalize().unwrap_or(Vec3::X);
-    let normal = x
-        .cross(c - a)
-        .try_normalize()
-        .unwrap_or_else(|| x.any_orthonormal_vector());
-    Mat3::from_cols(x, normal.cross(x), normal)
 }

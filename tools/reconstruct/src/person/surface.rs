@@ -9,6 +9,7 @@ use super::{Part, Person};
 use crate::shading::{half_way_to_key, vertex_normals};
 use glam::{Mat2, Mat3, Quat, Vec2, Vec3};
 use rayon::prelude::*;
+use spmm3::triangle_frame;
 use std::collections::HashSet;
 
 /// Standard deviation over cell size: neighbours overlap without blurring the texture.
@@ -90,16 +91,6 @@ pub(super) struct Surface<'a> {
     front_teeth: f32,
     /// `[N_f / 2]` how far each quad's two edge directions stretch in some pose, 1..=3.
     stretch: Vec<Vec2>,
-}
-
-/// Frame of a triangle along its first edge, as [`spmm3::BoundGaussians`] carries Gaussians.
-fn triangle_frame([a, b, c]: [Vec3; 3]) -> Quat {
-    let x = (b - a).try_normalize().unwrap_or(Vec3::X);
-    let normal = x
-        .cross(c - a)
-        .try_normalize()
-        .unwrap_or_else(|| x.any_orthonormal_vector());
-    Quat::from_mat3(&Mat3::from_cols(x, normal.cross(x), normal))
 }
 
 /// The edges that only one quad has. Triangles come as halves 012 and 023 of a quad.
@@ -396,7 +387,8 @@ impl<'a> Surface<'a> {
         let to = face.map(|v| template.vertices()[v as usize]);
         let [v, w] = cell.barycentric;
         let anchor = |[a, b, c]: [Vec3; 3]| a + (b - a) * v + (c - a) * w;
-        let t_pose_from_relaxed = triangle_frame(to) * triangle_frame(from).conjugate();
+        let t_pose_from_relaxed =
+            Quat::from_mat3(&(triangle_frame(to) * triangle_frame(from).transpose()));
         cell.position = anchor(to) + t_pose_from_relaxed * (cell.position - anchor(from));
         cell.rotation = (t_pose_from_relaxed * cell.rotation).normalize();
         cell
