@@ -141,6 +141,8 @@ fn builder(runtime: &Runtime, provider: Provider) -> Result<SessionBuilder, ort:
         .with_optimization_level(GraphOptimizationLevel::Level3)?
         // Spinning would take the cores that sorting, interpolation and a software GPU need between frames.
         .with_intra_op_spinning(false)?
+        // Numbers far below any visible effect must not take the slow path of denormal arithmetic.
+        .with_flush_to_zero()?
         .with_intra_threads(threads.max(1))?)
 }
 
