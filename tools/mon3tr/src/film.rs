@@ -90,6 +90,9 @@ fn encode(path: &Path, frame_rate: f64, waiting: &Receiver<RgbImage>) -> anyhow:
     let lossy = LossyEncodingConfig::default();
     let options = EncoderOptions {
         anim_params: AnimParams { loop_count: 0 },
+        // Key frames only: partial frames leave the lossy coder's errors behind, block by block.
+        kmin: 0,
+        kmax: 1,
         encoding_config: Some(EncodingConfig {
             encoding_type: EncodingType::Lossy(lossy),
             quality: ANIMATION_QUALITY,
