@@ -8,9 +8,9 @@ use ash::vk;
 pub enum RenderError {
     /// There is no Vulkan loader on this machine.
     #[error(
-        "no Vulkan loader (libvulkan) found: install it and a driver (Debian, Ubuntu: `apt install libvulkan1 mesa-vulkan-drivers`)"
+        "no Vulkan loader (libvulkan) found ({0}): start through ./run, or install it and a driver (Debian, Ubuntu: `apt install libvulkan1 mesa-vulkan-drivers`)"
     )]
-    NoLoader(#[source] ash::LoadingError),
+    NoLoader(String),
     /// The loader finds no driver, or no driver finds a device.
     #[error(
         "no Vulkan device found: install a Vulkan driver (Debian, Ubuntu: `apt install mesa-vulkan-drivers`, which also has lavapipe for machines without a GPU) or point VK_DRIVER_FILES at one"

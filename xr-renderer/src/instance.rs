@@ -27,7 +27,8 @@ const WANTED: [&CStr; 5] = [
 impl Instance {
     pub(crate) fn new(with_validation: bool) -> Result<Self, RenderError> {
         // SAFETY: loading the system's Vulkan loader runs its initialisers; it is what it claims to be.
-        let entry = unsafe { ash::Entry::load() }.map_err(RenderError::NoLoader)?;
+        let entry =
+            unsafe { ash::Entry::load() }.map_err(|e| RenderError::NoLoader(e.to_string()))?;
         // SAFETY: no preconditions.
         let offered_version = unsafe { entry.try_enumerate_instance_version() }
             .during("vkEnumerateInstanceVersion")?

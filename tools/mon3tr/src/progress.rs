@@ -2,10 +2,14 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use reconstruct::bake::Progress;
+use std::io::IsTerminal;
 use std::sync::{Mutex, PoisonError};
 
-/// A bar of `steps` steps labelled `what`. Invisible where standard error is no terminal.
+/// A bar of `steps` steps labelled `what`. Where standard error is no terminal, one line says what begins.
 pub(crate) fn bar(what: &str, steps: usize) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        eprintln!("{what} ...");
+    }
     let bar = ProgressBar::new(steps as u64).with_message(what.to_owned());
     let template = "{msg:<24} {bar:32} {pos}/{len}  {elapsed} (about {eta} left)";
     if let Ok(style) = ProgressStyle::with_template(template) {

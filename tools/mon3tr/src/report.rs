@@ -1,8 +1,7 @@
 //! What a run measured, as a table for people and as JSON for programs.
 
 use crate::performance::Performance;
-use crate::surroundings::make_folder;
-use anyhow::Context;
+use anyhow::{Context, bail};
 use app::StageSummary;
 use npu_runtime::Runtime;
 use serde::Serialize;
@@ -10,7 +9,7 @@ use std::path::{Path, PathBuf};
 use xr_renderer::Gpu;
 
 /// Picture paths printed; the JSON has them all.
-const SHOWN: usize = 8;
+const SHOWN: usize = 9;
 
 /// Everything `render` and `demo` print.
 #[derive(Debug, Serialize)]
@@ -141,10 +140,24 @@ impl RunReport {
     }
 }
 
-/// Makes sure that [`write_json`] will find its folder, before minutes of work.
-pub(crate) fn prepare_json(path: Option<&PathBuf>) -> anyhow::Result<()> {
-    path.and_then(|path| path.parent())
-        .map_or(Ok(()), make_folder)
+/// Makes sure, before minutes of work, that a file can be written to `path`.
+pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
+    if path.is_dir() {
+        bail!(
+            "cannot write {}: it is a folder; name a file",
+            path.display()
+        );
+    }
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
+            bail!(
+                "cannot write {}: there is no folder {}",
+                path.display(),
+                folder.display()
+            )
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Writes `figures` to `path` as indented JSON.

@@ -131,7 +131,7 @@ impl FromStr for Viewpoint {
             [eye, target] => (eye, target, "28"),
             [eye, target, fov] => (eye, target, fov),
             _ => bail!(
-                "{text} is neither one of {names} nor EYE:TARGET[:FOV], e.g. 0,1.6,2:0,1.4,0:30"
+                "{text} is neither one of {names} nor EYE:TARGET or EYE:TARGET:FOV, e.g. 0,1.6,2:0,1.4,0:30"
             ),
         };
         let point = |text: &str| -> anyhow::Result<[f32; 3]> {

@@ -1,7 +1,7 @@
 //! `mon3tr bake`: builds the demo person's avatar package from MakeHuman's data.
 
 use crate::progress::Bars;
-use crate::report::{prepare_json, write_json};
+use crate::report::{check_writable, write_json};
 use crate::surroundings::{Surroundings, cache, make_folder, makehuman};
 use anyhow::Context;
 use app::pack;
@@ -37,7 +37,7 @@ pub(crate) struct BakeChoices {
 
 /// Runs `bake`.
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
-    prepare_json(options.json.as_ref())?;
+    options.json.as_deref().map_or(Ok(()), check_writable)?;
     let figures = bake_to(&options.choices, &options.out, surroundings)?;
     options
         .json
@@ -72,6 +72,7 @@ fn bake_to(
     if let Some(folder) = out.parent() {
         make_folder(folder)?;
     }
+    check_writable(out)?;
     let options = BakeOptions {
         gaussians: choices.gaussians,
         ..BakeOptions::default()

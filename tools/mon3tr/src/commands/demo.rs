@@ -5,7 +5,7 @@ use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::film::{Film, write_png};
 use crate::performance::{MOTION_RATE, MotionOptions, Performance};
 use crate::progress;
-use crate::report::{RunReport, StageTable, prepare_json, write_json};
+use crate::report::{RunReport, StageTable, check_writable, write_json};
 use crate::stage::{Size, Stage, Views, load_avatar};
 use crate::surroundings::{Surroundings, make_folder};
 use crate::viewpoint::Viewpoint;
@@ -67,7 +67,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let events = options.window.then(window::events).transpose()?;
     if events.is_none() {
         make_folder(&options.out)?;
-        prepare_json(options.json.as_ref())?;
+        options.json.as_deref().map_or(Ok(()), check_writable)?;
     }
     let package = baked_demo_avatar(&options.bake, surroundings)?;
     let (avatar, figures) = load_avatar(&package)?;
@@ -95,12 +95,13 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     };
     let mut mono = Stage::new(&gpu, &runtime, &avatar, options.size, Views::Mono)?;
     let mut pictures = show.animate(&mut mono, &options.camera)?;
+    let animated = mono.times();
     let (stereo, stereo_picture) = show.stereo(&options.camera)?;
     pictures.push(stereo_picture);
     for view in ["front", "side", "back", "waist-up", "face", "hands"] {
         pictures.push(show.still(&mut mono, view)?);
     }
-    let runs = vec![mono.times(), stereo];
+    let runs = vec![animated, stereo];
     let mut report = RunReport::new(figures, &performance, &gpu, &runtime, runs, pictures);
     report.bake = Some(avatar.report.clone());
     report.print();

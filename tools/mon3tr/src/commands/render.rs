@@ -3,7 +3,7 @@
 use crate::film::{Film, write_png};
 use crate::performance::{MOTION_RATE, MotionOptions};
 use crate::progress;
-use crate::report::{RunReport, prepare_json, write_json};
+use crate::report::{RunReport, check_writable, write_json};
 use crate::stage::{Size, Stage, Views, load_avatar};
 use crate::surroundings::{Surroundings, make_folder};
 use crate::viewpoint::Viewpoint;
@@ -43,7 +43,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let runtime = surroundings.runtime()?;
     let gpu = surroundings.gpu()?;
     make_folder(&options.out)?;
-    prepare_json(options.json.as_ref())?;
+    options.json.as_deref().map_or(Ok(()), check_writable)?;
 
     let views = if options.stereo {
         Views::Stereo
