@@ -12,9 +12,9 @@ use super::{AttributeNetwork, DeformGraph, GraphRefused, MeshNetwork};
 use crate::{Controllers, Template};
 use prost::Message;
 
-/// Most numbers that all stored tensors hold together: 256 MiB once ONNX Runtime has widened them. A person of 60,000
-/// Gaussians has 20 million.
-const MAX_NUMBERS: usize = 64 << 20;
+/// Most numbers that all stored tensors hold together: 512 MiB once ONNX Runtime has widened them. A person of 60,000
+/// Gaussians has 20 million, one of 400,000 has 99 million.
+const MAX_NUMBERS: usize = 128 << 20;
 
 impl DeformGraph<'_> {
     /// Refuses `model`, which [`super::GraphSignature::read`] has passed, unless it is the graph that [`Self::to_onnx`] writes for `template`,

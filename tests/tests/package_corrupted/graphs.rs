@@ -201,9 +201,9 @@ pub(crate) fn graphs_of_their_own(court: &mut Court, parts: &Parts) {
     change("an unused stored tensor", "one too many", &|body| {
         body.extend(vector("tall", length, 1));
     });
-    change("a hundred million numbers", "numbers, more than", &|body| {
-        let zeros = field(9, &vec![0; 100_000_000]);
-        let size = [8, 0x80, 0xc2, 0xd7, 0x2f];
+    change("140 million numbers", "numbers, more than", &|body| {
+        let zeros = field(9, &vec![0; 140_000_000]);
+        let size = [8, 0x80, 0xf6, 0xe0, 0x42];
         body.extend(field(
             5,
             &[&size[..], &[16, 3], &field(8, b"z"), &zeros].concat(),
