@@ -12,8 +12,8 @@ use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback};
 use std::path::{Path, PathBuf};
 use xr_renderer::{Camera, PackedGaussian};
 
-/// Least PSNR against the reference, dB. The early stop at 1/255 alone costs what is missing to 70.
-const LEAST: f64 = 50.0;
+/// Least PSNR against the reference, dB; lavapipe reaches 74, and rounding to 8 bits alone would leave 59.
+const LEAST: f64 = 60.0;
 
 /// Whether MakeHuman's data is there; on CI it must be.
 fn raw_material() -> bool {
