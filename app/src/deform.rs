@@ -1,7 +1,7 @@
 //! From motion parameters to the Gaussians of one frame: kinematics on the CPU, the deform graph on its provider's unit,
 //! F_m2g on the CPU.
 
-use crate::{Profile, ReceiverError, Stage};
+use crate::{Profile, ReceiverError, Stage, Unit};
 use npu_runtime::{Provider, Runtime, Session, TensorSpec};
 use spmm3::networks::{input, output};
 use spmm3::{
@@ -110,9 +110,11 @@ impl Deformer {
         self.gaussians.len()
     }
 
-    /// Who runs the deform graph.
+    /// The unit that the deform graph's provider computes on.
     #[must_use]
-    pub fn provider(&self) -> Provider {
-        self.session.provider()
+    pub fn unit(&self) -> Unit {
+        match self.session.provider() {
+            Provider::Cpu { .. } => Unit::Cpu,
+        }
     }
 }

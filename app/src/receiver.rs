@@ -1,6 +1,6 @@
 //! The whole receiver path for one frame, on one thread: deform, pack, draw.
 
-use crate::{Deformer, Profile, ReceiverError, Stage, pack};
+use crate::{Deformer, Profile, ReceiverError, Stage, StageSummary, pack};
 use shaders_spirv::PackedGaussian;
 use spmm3::MotionParams;
 use xr_renderer::{Camera, SplatRenderer};
@@ -61,12 +61,6 @@ impl Receiver {
         &self.deformer
     }
 
-    /// The Gaussians of the last frame in the renderer's layout.
-    #[must_use]
-    pub fn packed(&self) -> &[PackedGaussian] {
-        &self.packed
-    }
-
     /// The renderer's side, which holds the last pictures.
     pub fn renderer(&mut self) -> &mut SplatRenderer {
         &mut self.renderer
@@ -82,9 +76,9 @@ impl Receiver {
         self.profile.clear();
     }
 
-    /// Times of every frame so far.
+    /// Times of every frame so far, one row per stage.
     #[must_use]
-    pub fn profile(&self) -> &Profile {
-        &self.profile
+    pub fn stage_times(&self) -> Vec<StageSummary> {
+        self.profile.summary(self.deformer.unit())
     }
 }

@@ -8,23 +8,12 @@ use ort::value::{Outlet, Tensor, TensorElementType, ValueType};
 
 /// Who runs a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum Provider {
     /// ONNX Runtime's own CPU kernels on this many threads.
     Cpu {
         /// Threads within one operator, at least 1.
         threads: usize,
     },
-}
-
-impl Provider {
-    /// The unit this provider computes on, as shown in tables.
-    #[must_use]
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::Cpu { .. } => "CPU",
-        }
-    }
 }
 
 /// Name and shape of a 32-bit float input or output.

@@ -5,7 +5,7 @@ use crate::report::{AvatarFigures, StageTable};
 use crate::surroundings::Surroundings;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
-use app::{Deformer, Receiver, Unit};
+use app::{Deformer, Receiver};
 use clap::ValueEnum;
 use glam::{Quat, Vec3};
 use image::RgbImage;
@@ -137,17 +137,12 @@ impl Stage {
 
     /// Stage times of all frames so far.
     pub(crate) fn times(&self) -> StageTable {
-        let unit = match self.receiver.deformer().provider().unit() {
-            "NPU" => Unit::Npu,
-            "GPU" => Unit::Gpu,
-            _ => Unit::Cpu,
-        };
         let views = if self.views == Views::Stereo { 2 } else { 1 };
         StageTable::new(
             views,
             self.size.width,
             self.size.height,
-            self.receiver.profile().summary(unit),
+            self.receiver.stage_times(),
         )
     }
 }
