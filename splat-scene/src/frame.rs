@@ -1,0 +1,35 @@
+//! From COLMAP's axes (x right, y down, z forward), which 3DGS files use, to the house's (x right, y up, z back), and
+//! back: a turn by 180 degrees about x, which is its own inverse. The only place that knows of it.
+
+use crate::Splat;
+
+/// The signs of the SH coefficients above degree 0 under y -> -y, z -> -z: each basis function of [`crate::sh_basis`] is a
+/// polynomial that is even or odd in that change.
+const REST_SIGNS: [f32; 15] = [
+    -1.0, -1.0, 1.0, // y, z, x
+    -1.0, 1.0, 1.0, -1.0, 1.0, // xy, yz, 2zz-xx-yy, xz, xx-yy
+    -1.0, 1.0, -1.0, -1.0, 1.0, -1.0,
+    1.0, // y(3xx-yy), xyz, y(4zz-..), z(..), x(4zz-..), z(xx-yy), x(xx-3yy)
+];
+
+/// Turns a Gaussian by 180 degrees about x.
+pub(crate) fn turn(splat: &mut Splat, sh_rest: &mut [f32]) {
+    splat.position = turned_vector(splat.position);
+    splat.rotation = turned_rotation(splat.rotation);
+    for (coefficient, sign) in sh_rest.chunks_exact_mut(3).zip(REST_SIGNS) {
+        for value in coefficient {
+            *value *= sign;
+        }
+    }
+}
+
+/// A vector or point turned by 180 degrees about x.
+pub(crate) fn turned_vector([x, y, z]: [f32; 3]) -> [f32; 3] {
+    [x, -y, -z]
+}
+
+/// The rotation `F R F`, with F the turn: R between frames that are both turned. For a Gaussian it gives the covariance of
+/// `F R`, as its own axes' signs do not matter.
+pub(crate) fn turned_rotation([x, y, z, w]: [f32; 4]) -> [f32; 4] {
+    [x, -y, -z, w]
+}
