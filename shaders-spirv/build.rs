@@ -47,7 +47,12 @@ fn build() -> Result<(), String> {
             .file_stem()
             .and_then(|stem| stem.to_str())
             .unwrap_or_default();
-        let constant = name.to_uppercase();
+        // The two halves of a drawing shader share a file name; a compute shader stands alone.
+        let constant = match stage {
+            ShaderStage::Vertex => format!("{name}_vert").to_uppercase(),
+            ShaderStage::Fragment => format!("{name}_frag").to_uppercase(),
+            _ => name.to_uppercase(),
+        };
         let file = path.display();
         writeln!(
             generated,

@@ -24,7 +24,7 @@ pub fn pack(gaussians: &GaussianSet, out: &mut [PackedGaussian]) {
                 *packed = PackedGaussian::new(
                     gaussians.positions[i].to_array(),
                     gaussians.rotations[i].to_array(),
-                    gaussians.log_scales[i].exp().to_array(),
+                    (gaussians.log_scales[i] * std::f32::consts::LOG2_E).to_array(),
                     1.0 / (1.0 + (-gaussians.opacity_logits[i]).exp()),
                     colour.to_array(),
                 );

@@ -41,7 +41,8 @@ impl Receiver {
         let started = std::time::Instant::now();
         pack(gaussians, &mut self.packed);
         self.profile.record(Stage::Pack, started.elapsed());
-        self.renderer.render(&self.packed, cameras)?;
+        self.renderer.set_foreground(&self.packed)?;
+        self.renderer.draw(cameras)?;
         let times = self.renderer.stage_times();
         for (stage, milliseconds) in [
             (Stage::Upload, times.upload),

@@ -3,7 +3,9 @@
 #include "frame.glsl"
 
 layout(set = 0, binding = 1, std430) readonly buffer Order { uint order[]; };
-layout(set = 0, binding = 2, std430) readonly buffer Bins { uint bins[]; }; // ends; the last is the total
+#define STATE_BINDING 2
+#define STATE_ACCESS readonly
+#include "state.glsl"
 layout(set = 0, binding = 3, std430) readonly buffer Rects { uint rects[]; };
 // [view][lane][tile]: first the lane's splats on the tile, then where its next one goes in the tile's list.
 layout(set = 0, binding = 4, std430) buffer Table { uint table[]; };
@@ -11,7 +13,7 @@ layout(set = 0, binding = 4, std430) buffer Table { uint table[]; };
 uint tile_count() { return frame.tiles_x * frame.tiles_y; }
 
 uvec2 lane_run(uint lane) {
-    uint total = bins[bins.length() - 1];
+    uint total = state.count;
     uint per_lane = (total + frame.lane_count - 1u) / frame.lane_count;
     uint start = min(lane * per_lane, total);
     return uvec2(start, min(start + per_lane, total));

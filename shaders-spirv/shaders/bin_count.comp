@@ -12,7 +12,7 @@ void main() {
     uint row = (view * frame.lane_count + lane) * tile_count();
     uvec2 run = lane_run(lane);
     for (uint i = run.x; i < run.y; ++i) {
-        uint rect = rects[view * frame.gaussian_count + order[i]];
+        uint rect = rects[view * frame.total_count + order[i]];
         uint x0 = rect & 255u, y0 = (rect >> 8) & 255u, x1 = (rect >> 16) & 255u, y1 = rect >> 24;
         for (uint y = y0; y <= y1; ++y) {
             for (uint x = x0; x <= x1; ++x) table[row + y * frame.tiles_x + x] += 1u;

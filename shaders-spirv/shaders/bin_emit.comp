@@ -17,15 +17,15 @@ void main() {
     uint row = (view * frame.lane_count + lane) * tile_count();
     uvec2 run = lane_run(lane);
     for (uint i = run.x; i < run.y; ++i) {
-        uint splat = view * frame.gaussian_count + order[i];
-        uint rect = rects[splat];
+        uint index = order[i];
+        uint rect = rects[view * frame.total_count + index];
         uint x0 = rect & 255u, y0 = (rect >> 8) & 255u, x1 = (rect >> 16) & 255u, y1 = rect >> 24;
         for (uint y = y0; y <= y1; ++y) {
             for (uint x = x0; x <= x1; ++x) {
                 uint tile = y * frame.tiles_x + x;
                 uint next = table[row + tile];
                 table[row + tile] = next + 1u;
-                pairs[tile_starts[view * tile_count() + tile] + next] = splat;
+                pairs[tile_starts[view * tile_count() + tile] + next] = index;
             }
         }
     }

@@ -1,20 +1,21 @@
 // What every stage of one picture shares: cameras, sizes, limits. Mirrors `FrameParams` in src/frame.rs.
 
-const uint TILE = 16u;          // pixels along a tile's side
-const uint DROPPED = 0xFFFFFFFFu; // depth value of a Gaussian that no view sees
+const uint TILE = 16u;               // pixels along a tile's side
+const uint NO_DEPTH = 0xFFFFFFFFu;   // start value of a least depth
 const uint EMPTY_RECT = 0x00000001u; // first tile behind the last one: covers nothing
 
 struct ViewParams {
     vec4 image_from_world[3]; // rows; image frame: x right, y down, z forward, metres
     vec4 intrinsics;          // fx, fy, cx, cy in pixels
     vec4 slope_limits;        // least and greatest x/z, least and greatest y/z in the Jacobian
-    vec4 clip;                // near plane in metres, then nothing
+    vec4 clip;                // eye position in the world, near plane; metres
 };
 
 layout(set = 0, binding = 0, std140) uniform FrameParams {
     ViewParams views[2];
     vec4 depth_plane;         // head depth of p = dot(xyz, p) + w, metres
-    uint gaussian_count;
+    uint foreground_count;    // Gaussians 0..foreground_count are the foreground, the rest the background
+    uint total_count;
     uint view_count;
     uint width;
     uint height;
@@ -22,6 +23,9 @@ layout(set = 0, binding = 0, std140) uniform FrameParams {
     uint tiles_y;
     uint lane_count;
     uint pair_capacity;
+    uint sorts;               // 1 where this picture's order is made anew, 0 where the last one is kept
+    float guard_turn;         // how far an order may be kept: turn of the head in radians ...
+    float guard_move;         // ... and its way in metres
 } frame;
 
 // A Gaussian as one view sees it. With d = pixel centre - (mean_x, mean_y):
@@ -33,11 +37,13 @@ struct Splat {
     float ux, uy;
     float wy;
     float log2_opacity;
-    uint red_green; // halves
-    uint blue;      // half, upper 16 bits unused
+    uint red_green;  // halves
+    uint blue_depth; // halves; depth along this view's axis, metres
 };
 
 const float LOG2_ALPHA_CUT = -7.994353436858858; // log2(1/255)
+const float ALPHA_CUT = 1.0 / 255.0;
+const float ALPHA_MOST = 0.99;
 
 bool finite(float x) { return (floatBitsToUint(x) & 0x7F800000u) != 0x7F800000u; }
 bool finite(vec3 v) { return finite(v.x) && finite(v.y) && finite(v.z); }

@@ -14,20 +14,22 @@ layout(constant_id = 0) const uint GROUP = 32u;
 layout(constant_id = 1) const uint SUBGROUP = 8u; // invocations of one subgroup: 4, 8, ... 128
 layout(local_size_x_id = 0) in;
 
-layout(set = 0, binding = 1, std430) readonly buffer Splats { Splat splats[]; };
-layout(set = 0, binding = 2, std430) readonly buffer TileStarts { uint tile_starts[]; };
-layout(set = 0, binding = 3, std430) readonly buffer Pairs { uint pairs[]; };
+layout(set = 0, binding = 1, std430) readonly buffer Splats0 { Splat splats_0[]; };
+layout(set = 0, binding = 2, std430) readonly buffer Splats1 { Splat splats_1[]; };
+layout(set = 0, binding = 3, std430) readonly buffer TileStarts { uint tile_starts[]; };
+layout(set = 0, binding = 4, std430) readonly buffer Pairs { uint pairs[]; };
 // [view][row][column] as four halves: premultiplied red, green, blue, alpha. A buffer, not an image: Mesa 25's
 // llvmpipe loses stores to images of 64-bit pixels in some of a wide subgroup's lanes, and is slow at the rest.
-layout(set = 0, binding = 4, std430) writeonly buffer Picture { uvec2 picture[]; };
+layout(set = 0, binding = 5, std430) writeonly buffer Picture { uvec2 picture[]; };
+// [view][row][pair of columns] as two halves: sum of depth times the same weights as the colours', metres.
+layout(set = 0, binding = 6, std430) writeonly buffer DepthPicture { uint depth_picture[]; };
 
 const uint BLOCK_WIDTH = SUBGROUP > 64u ? 16u : 8u;
 const uint BLOCK_HEIGHT = 8u;
 const uint PIXELS = BLOCK_WIDTH * BLOCK_HEIGHT / SUBGROUP; // per lane
 const uint BLOCKS_X = TILE / BLOCK_WIDTH;
 const uint BALLOT_WORDS = (SUBGROUP + 31u) / 32u;
-const float ALPHA_MOST = 0.99;
-const float TRANSMITTANCE_CUT = 1.0 / 255.0;
+const float TRANSMITTANCE_CUT = ALPHA_CUT;
 // Room for rounding in the block test, which must never drop what a pixel would have kept.
 const float TEST_SLACK = 1e-3;
 
@@ -73,12 +75,12 @@ void main() {
 
     vec2 low = vec2(block) + 0.5;
     vec2 high = min(vec2(block + uvec2(BLOCK_WIDTH, BLOCK_HEIGHT)), vec2(size)) - 0.5;
-    vec3 colour[PIXELS];
+    vec4 sum[PIXELS]; // colour and depth
     float transmittance[PIXELS];
     for (uint i = 0u; i < PIXELS; ++i) {
         uint pixel = i * SUBGROUP + lane;
         uvec2 at = block + uvec2(pixel % BLOCK_WIDTH, pixel / BLOCK_WIDTH);
-        colour[i] = vec3(0.0);
+        sum[i] = vec4(0.0);
         // Pixels beyond the picture's edge count as finished.
         transmittance[i] = all(lessThan(at, size)) ? 1.0 : 0.0;
     }
@@ -87,7 +89,9 @@ void main() {
         Splat own;
         bool touches = false;
         if (base + lane < end) {
-            own = splats[pairs[base + lane]];
+            uint index = pairs[base + lane];
+            if (view == 0u) own = splats_0[index];
+            else own = splats_1[index];
             touches = block_peak(own, low, high) > LOG2_ALPHA_CUT - TEST_SLACK;
         }
         uvec4 touching = subgroupBallot(touches);
@@ -102,15 +106,15 @@ void main() {
                 float uy = subgroupShuffle(own.uy, from);
                 float wy = subgroupShuffle(own.wy, from);
                 float log2_opacity = subgroupShuffle(own.log2_opacity, from);
-                vec3 rgb = vec3(unpackHalf2x16(subgroupShuffle(own.red_green, from)),
-                                unpackHalf2x16(subgroupShuffle(own.blue, from)).x);
+                vec4 rgbz = vec4(unpackHalf2x16(subgroupShuffle(own.red_green, from)),
+                                 unpackHalf2x16(subgroupShuffle(own.blue_depth, from)));
                 for (uint i = 0u; i < PIXELS; ++i) {
                     uint pixel = i * SUBGROUP + lane;
                     float dx = float(block.x + pixel % BLOCK_WIDTH) + 0.5 - mean_x;
                     float dy = float(block.y + pixel / BLOCK_WIDTH) + 0.5 - mean_y;
                     float log2_alpha = log2_opacity - square(ux * dx + uy * dy) - square(wy * dy);
                     float alpha = log2_alpha >= LOG2_ALPHA_CUT ? min(exp2(log2_alpha), ALPHA_MOST) : 0.0;
-                    colour[i] += (alpha * transmittance[i]) * rgb;
+                    sum[i] += (alpha * transmittance[i]) * rgbz;
                     transmittance[i] -= alpha * transmittance[i];
                 }
             }
@@ -123,9 +127,15 @@ void main() {
     for (uint i = 0u; i < PIXELS; ++i) {
         uint pixel = i * SUBGROUP + lane;
         uvec2 at = block + uvec2(pixel % BLOCK_WIDTH, pixel / BLOCK_WIDTH);
+        // The neighbour to the right; nothing where the picture ends.
+        float next_depth = subgroupShuffleXor(sum[i].a, 1u);
         if (all(lessThan(at, size))) {
-            picture[(view * size.y + at.y) * size.x + at.x] = uvec2(
-                packHalf2x16(colour[i].rg), packHalf2x16(vec2(colour[i].b, 1.0 - transmittance[i])));
+            uint row = view * size.y + at.y;
+            picture[row * size.x + at.x] = uvec2(
+                packHalf2x16(sum[i].rg), packHalf2x16(vec2(sum[i].b, 1.0 - transmittance[i])));
+            if ((at.x & 1u) == 0u) {
+                depth_picture[row * ((size.x + 1u) / 2u) + at.x / 2u] = packHalf2x16(vec2(sum[i].a, next_depth));
+            }
         }
     }
 }

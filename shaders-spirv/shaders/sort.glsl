@@ -1,17 +1,22 @@
-// Counting sort of 32-bit values by a 16-bit key cut from them, then exactly within each key.
-// The key is the value's offset in [least, greatest], shifted so that it fits 16 bits: for the bits of
-// positive floats a piecewise linear logarithm, so one far point does not press all others into one bin.
+// Counting sort of items by a 16-bit key cut from their 32-bit values, then exactly by (value, item) within each key.
+// Values are the bits of positive floats. Those in the fine range get most of the keys, spread evenly over metres;
+// the rest shares the others by the bits' own scale, a piecewise linear logarithm: a far wall does not press a near
+// face into a few keys.
 
-const uint DROPPED_VALUE = 0xFFFFFFFFu; // never sorted, never counted
+layout(set = 0, binding = 0, std430) readonly buffer Values { uint values[]; };  // by item
+layout(set = 0, binding = 1, std430) readonly buffer Items { uint items[]; };
+#define STATE_BINDING 2
+#include "state.glsl"
+layout(set = 0, binding = 3, std430) buffer Bins { uint bins[]; };
 
-layout(push_constant) uniform SortParams { uint value_count; } params;
+const uint CROWDED = 64u; // items of one key that an invocation still sorts by itself
 
-layout(set = 0, binding = 0, std430) readonly buffer Values { uint values[]; };
-layout(set = 0, binding = 1, std430) readonly buffer Range { uint least; uint greatest; } range;
-layout(set = 0, binding = 2, std430) buffer Bins { uint bins[]; };
-
+// Never falls as the value rises, in float arithmetic too: rounding is monotonic.
 uint key_of(uint value) {
-    uint span = range.greatest - range.least;
-    int top_bit = findMSB(span); // -1 for 0
-    return (value - range.least) >> uint(max(top_bit - 15, 0));
+    if (value < state.fine_least || state.linear_keys == 0u) return (value - state.least) >> state.log_shift;
+    if (value <= state.fine_greatest) {
+        float metres = uintBitsToFloat(value) - uintBitsToFloat(state.fine_least);
+        return state.linear_start + min(uint(metres * state.linear_scale), state.linear_keys - 1u);
+    }
+    return state.linear_start + state.linear_keys + ((value - state.fine_greatest) >> state.log_shift);
 }

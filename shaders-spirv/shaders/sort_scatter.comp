@@ -2,15 +2,15 @@
 #extension GL_GOOGLE_include_directive : require
 #include "sort.glsl"
 
-layout(constant_id = 0) const uint GROUP = 64u;
+layout(constant_id = 0) const uint GROUP = 256u;
 layout(local_size_x_id = 0) in;
 
-layout(set = 0, binding = 3, std430) writeonly buffer Order { uint order[]; };
+layout(set = 0, binding = 4, std430) writeonly buffer Order { uint order[]; };
 
 // Leaves in each bin its end, which is the next one's start, in whatever order the atomics fell.
 void main() {
-    uint index = gl_GlobalInvocationID.x;
-    if (index >= params.value_count) return;
-    uint value = values[index];
-    if (value != DROPPED_VALUE) order[atomicAdd(bins[key_of(value)], 1u)] = index;
+    uint at = gl_GlobalInvocationID.x;
+    if (at >= state.count) return;
+    uint item = items[at];
+    order[atomicAdd(bins[key_of(values[item])], 1u)] = item;
 }

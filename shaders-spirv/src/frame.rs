@@ -15,7 +15,7 @@ pub struct ViewParams {
     pub intrinsics: [f32; 4],
     /// Least and greatest `x/z`, least and greatest `y/z` at which the Jacobian is taken.
     pub slope_limits: [f32; 4],
-    /// Near plane in metres; the rest is not read.
+    /// The eye's position in the world, then the near plane; metres.
     pub clip: [f32; 4],
 }
 
@@ -27,8 +27,10 @@ pub struct FrameParams {
     pub views: [ViewParams; 2],
     /// Depth of a world point from the head centre: `dot(xyz, p) + w`, metres.
     pub depth_plane: [f32; 4],
-    /// Gaussians uploaded for this picture.
-    pub gaussian_count: u32,
+    /// Gaussians of the foreground, which come first.
+    pub foreground_count: u32,
+    /// Gaussians of foreground and background.
+    pub total_count: u32,
     /// 1 or 2.
     pub view_count: u32,
     /// Picture width, pixels.
@@ -43,6 +45,12 @@ pub struct FrameParams {
     pub lane_count: u32,
     /// Entries the tile lists have room for.
     pub pair_capacity: u32,
+    /// 1 where the order is made anew, 0 where the last one is kept.
+    pub sorts: u32,
+    /// How far the head may turn, radians, while an order is kept.
+    pub guard_turn: f32,
+    /// How far the head may move, metres, while an order is kept.
+    pub guard_move: f32,
 }
 
 /// A Gaussian as one view sees it, 32 bytes; `Splat` in `shaders/frame.glsl`, written and read by the GPU alone.
@@ -63,6 +71,54 @@ pub struct Splat {
     pub log2_opacity: f32,
     /// Red and green as two halves.
     pub red_green: u32,
-    /// Blue as a half in the lower 16 bits.
-    pub blue: u32,
+    /// Blue, and the depth along the view's axis in metres, as two halves.
+    pub blue_depth: u32,
+}
+
+/// What the sort counts and how later passes are dispatched; `State` in `shaders/state.glsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SortState {
+    /// Items to sort.
+    pub count: u32,
+    /// Least value of all items.
+    pub least: u32,
+    /// Greatest value of all items.
+    pub greatest: u32,
+    /// Least value of the items that are to be told apart finely.
+    pub fine_least: u32,
+    /// Greatest value of those.
+    pub fine_greatest: u32,
+    /// First key of the fine range.
+    pub linear_start: u32,
+    /// Keys of the fine range.
+    pub linear_keys: u32,
+    /// Keys a metre in the fine range.
+    pub linear_scale: f32,
+    /// Value bits a key outside of it.
+    pub log_shift: u32,
+    /// Workgroups of a pass over the items.
+    pub items_groups: [u32; 3],
+    /// Workgroups of the pass over crowded bins.
+    pub crowded_groups: [u32; 3],
+    /// `VkDrawIndexedIndirectCommand` of the quads.
+    pub draw: [u32; 5],
+}
+
+impl SortState {
+    /// Before anything was collected.
+    pub const EMPTY: Self = Self {
+        count: 0,
+        least: u32::MAX,
+        greatest: 0,
+        fine_least: u32::MAX,
+        fine_greatest: 0,
+        linear_start: 0,
+        linear_keys: 0,
+        linear_scale: 0.0,
+        log_shift: 0,
+        items_groups: [0; 3],
+        crowded_groups: [0; 3],
+        draw: [0; 5],
+    };
 }

@@ -6,8 +6,8 @@
 mod frame;
 mod gaussian;
 
-pub use frame::{FrameParams, Splat, ViewParams};
-pub use gaussian::PackedGaussian;
+pub use frame::{FrameParams, SortState, Splat, ViewParams};
+pub use gaussian::{Gaussian, PackedGaussian, quantised, smallest_three};
 
 /// One compiled shader. Its entry point is `main`.
 #[derive(Debug, Clone, Copy)]
@@ -21,10 +21,10 @@ pub struct Shader {
 /// Side of a screen tile in pixels; `TILE` in `shaders/frame.glsl`.
 pub const TILE_PIXELS: u32 = 16;
 
+/// Gaussians that one instance of the quad back end's draw has: as many as 16-bit vertex indices reach.
+pub const QUADS_PER_INSTANCE: u32 = 1 << 14;
+
 /// Elements one workgroup of the prefix sum takes; `BLOCK` in `shaders/scan.glsl`.
 pub const SCAN_BLOCK: u32 = 1024;
-
-/// A value that the sort leaves out; `DROPPED` in `shaders/frame.glsl`, `DROPPED_VALUE` in `sort.glsl`.
-pub const DROPPED: u32 = u32::MAX;
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::mem::{offset_of, size_of};
 
-use shaders_spirv::{FrameParams, PackedGaussian, Shader, Splat, ViewParams};
+use shaders_spirv::{FrameParams, PackedGaussian, Shader, SortState, Splat, ViewParams};
 
 const OP_NAME: u32 = 5;
 const OP_MEMBER_NAME: u32 = 6;
@@ -84,16 +84,19 @@ macro_rules! assert_layout {
 #[test]
 fn frame_parameters_lie_as_the_shader_reads_them() {
     for shader in [
-        shaders_spirv::PROJECT,
+        shaders_spirv::PROJECT_FOREGROUND,
+        shaders_spirv::PROJECT_BACKGROUND,
         shaders_spirv::BIN_EMIT,
         shaders_spirv::RASTER,
+        shaders_spirv::QUAD_VERT,
     ] {
         assert_layout!(
             shader,
             FrameParams {
                 views: views,
                 depth_plane: depth_plane,
-                gaussian_count: gaussian_count,
+                foreground_count: foreground_count,
+                total_count: total_count,
                 view_count: view_count,
                 width: width,
                 height: height,
@@ -101,11 +104,14 @@ fn frame_parameters_lie_as_the_shader_reads_them() {
                 tiles_y: tiles_y,
                 lane_count: lane_count,
                 pair_capacity: pair_capacity,
+                sorts: sorts,
+                guard_turn: guard_turn,
+                guard_move: guard_move,
             }
         );
     }
     assert_layout!(
-        shaders_spirv::PROJECT,
+        shaders_spirv::PROJECT_FOREGROUND,
         ViewParams {
             image_from_world: image_from_world,
             intrinsics: intrinsics,
@@ -122,27 +128,49 @@ fn frame_parameters_lie_as_the_shader_reads_them() {
 
 #[test]
 fn gaussians_lie_as_the_shader_reads_them() {
-    let stride = assert_layout!(
-        shaders_spirv::PROJECT,
-        PackedGaussian {
-            position_opacity: position,
-            rotation: rotation,
-            scale: scale,
-            colour: colour,
-        }
-    );
-    assert_eq!(stride, Some(64), "array stride in the shader");
-    assert_eq!(size_of::<PackedGaussian>(), 64, "size in Rust");
-    assert_eq!(
-        offset_of!(PackedGaussian, opacity),
-        12,
-        "opacity is position_opacity.w"
-    );
+    let layout = layout(shaders_spirv::PROJECT_FOREGROUND, "PackedGaussian");
+    assert_eq!(layout.stride, Some(32), "array stride in the shader");
+    assert_eq!(size_of::<PackedGaussian>(), 32, "size in Rust");
+}
+
+#[test]
+fn the_sort_state_lies_as_the_shaders_read_it() {
+    // The block's name, which Rust's type spells out.
+    type State = SortState;
+    for shader in [
+        shaders_spirv::PROJECT_FOREGROUND,
+        shaders_spirv::SORT_PLAN,
+        shaders_spirv::SORT_TIES,
+        shaders_spirv::QUAD_VERT,
+    ] {
+        assert_layout!(
+            shader,
+            State {
+                count: count,
+                least: least,
+                greatest: greatest,
+                fine_least: fine_least,
+                fine_greatest: fine_greatest,
+                linear_start: linear_start,
+                linear_keys: linear_keys,
+                linear_scale: linear_scale,
+                log_shift: log_shift,
+                items_groups: items_groups,
+                crowded_groups: crowded_groups,
+                draw: draw,
+            }
+        );
+    }
 }
 
 #[test]
 fn splats_lie_as_the_shader_reads_them() {
-    for shader in [shaders_spirv::PROJECT, shaders_spirv::RASTER] {
+    for shader in [
+        shaders_spirv::PROJECT_FOREGROUND,
+        shaders_spirv::PROJECT_BACKGROUND,
+        shaders_spirv::RASTER,
+        shaders_spirv::QUAD_VERT,
+    ] {
         let stride = assert_layout!(
             shader,
             Splat {
@@ -153,7 +181,7 @@ fn splats_lie_as_the_shader_reads_them() {
                 wy: wy,
                 log2_opacity: log2_opacity,
                 red_green: red_green,
-                blue: blue,
+                blue_depth: blue_depth,
             }
         );
         assert_eq!(stride, Some(32), "array stride in {}", shader.name);

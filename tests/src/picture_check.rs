@@ -4,16 +4,53 @@ use crate::splat_reference::{self, PixelBox, ReferencePicture};
 use crate::vulkan::assert_silent;
 use std::path::Path;
 use std::sync::Arc;
-use xr_renderer::{Background, Camera, Gpu, Image, PackedGaussian, SplatRenderer};
+use xr_renderer::{
+    BackEnd, Backdrop, Camera, Gaussian, Gpu, Image, PackedGaussian, RenderError, RendererOptions,
+    SplatRenderer,
+};
+
+/// A renderer of one back end, so that every picture of a test is drawn alike: the one that `MON3TR_BACK_END` names,
+/// tiles without it.
+pub fn renderer_for(
+    gpu: &Arc<Gpu>,
+    count: u32,
+    width: u32,
+    height: u32,
+    views: u32,
+) -> SplatRenderer {
+    let quads = std::env::var("MON3TR_BACK_END").as_deref() == Ok("quads");
+    let options = RendererOptions {
+        back_end: Some(if quads {
+            BackEnd::Quads
+        } else {
+            BackEnd::Tiles
+        }),
+        ..RendererOptions::new(count, width, height, views)
+    };
+    SplatRenderer::new(Arc::clone(gpu), &options).expect("a renderer")
+}
+
+/// Packs and draws.
+///
+/// # Errors
+/// Those of the renderer.
+pub fn show(
+    renderer: &mut SplatRenderer,
+    gaussians: &[Gaussian],
+    cameras: &[Camera],
+) -> Result<(), RenderError> {
+    let packed: Vec<PackedGaussian> = gaussians.iter().map(PackedGaussian::from).collect();
+    renderer.set_foreground(&packed)?;
+    renderer.draw(cameras)
+}
 
 /// Draws `gaussians` once for each of `cameras`, which share one size.
-pub fn draw(gpu: &Arc<Gpu>, gaussians: &[PackedGaussian], cameras: &[Camera]) -> Vec<Image> {
+pub fn draw(gpu: &Arc<Gpu>, gaussians: &[Gaussian], cameras: &[Camera]) -> Vec<Image> {
     let views = u32::try_from(cameras.len()).expect("few");
     let count = u32::try_from(gaussians.len()).expect("few");
     let (width, height) = (cameras[0].width, cameras[0].height);
-    let mut renderer =
-        SplatRenderer::new(Arc::clone(gpu), count, width, height, views).expect("a renderer");
-    renderer.render(gaussians, cameras).expect("a picture");
+    let mut renderer = renderer_for(gpu, count, width, height, views);
+    show(&mut renderer, gaussians, cameras).expect("a picture");
     (0..views)
         .map(|view| renderer.read_back(view).expect("a view"))
         .collect()
@@ -24,7 +61,7 @@ pub fn draw(gpu: &Arc<Gpu>, gaussians: &[PackedGaussian], cameras: &[Camera]) ->
 pub fn assert_drawn_as_reference(
     gpu: &Arc<Gpu>,
     name: &str,
-    gaussians: &[PackedGaussian],
+    gaussians: &[Gaussian],
     cameras: &[Camera],
     least: f64,
 ) {
@@ -75,7 +112,7 @@ fn keep_pictures(name: &str, got: &Image, expected: &ReferencePicture, within: P
         ("expected", &expected),
         ("difference", &difference),
     ] {
-        let bytes = image.over(Background::Colour([0.1; 3]));
+        let bytes = image.over(Backdrop::Colour([0.1; 3]));
         let path = format!("{start}{kind}.png");
         image::save_buffer(
             &path,

@@ -8,7 +8,7 @@ use std::cmp::Ordering;
 use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
-use xr_renderer::{Camera, Image, PackedGaussian};
+use xr_renderer::{Camera, Gaussian, Image};
 
 const ALPHA_CUT: f64 = 1.0 / 255.0;
 const ALPHA_MOST: f64 = 0.99;
@@ -94,7 +94,7 @@ fn pixels_within(mean: f64, reach: f64, count: usize) -> Option<RangeInclusive<u
     (first <= last).then_some(first as usize..=last as usize)
 }
 
-fn project(gaussian: &PackedGaussian, camera: &Camera) -> Option<Projected> {
+fn project(gaussian: &Gaussian, camera: &Camera) -> Option<Projected> {
     // OpenXR's camera (y up, looking along -z) to the image's frame (y down, z forward).
     let flip = [1.0, -1.0, -1.0];
     let view: Mat3 = std::array::from_fn(|row| {
@@ -161,7 +161,7 @@ fn project(gaussian: &PackedGaussian, camera: &Camera) -> Option<Projected> {
 }
 
 /// Draws all Gaussians, which are finite, as one camera sees them.
-pub fn render(gaussians: &[PackedGaussian], camera: &Camera) -> ReferencePicture {
+pub fn render(gaussians: &[Gaussian], camera: &Camera) -> ReferencePicture {
     let mut splats: Vec<Projected> = gaussians
         .par_iter()
         .filter_map(|gaussian| project(gaussian, camera))

@@ -1,11 +1,11 @@
 //! Gaussians and cameras for the picture tests: made up at random, and read from a capture.
 
 use glam::{EulerRot, Quat, Vec3};
-use xr_renderer::{Camera, Fov, PackedGaussian};
+use xr_renderer::{Camera, Fov, Gaussian};
 
 /// Random Gaussians in a ball of 1 m: sizes over a factor of 40, needles and discs among them, colours
 /// that leave 0..=1 on both sides.
-pub fn random_gaussians(count: usize, seed: u64) -> Vec<PackedGaussian> {
+pub fn random_gaussians(count: usize, seed: u64) -> Vec<Gaussian> {
     let mut state = seed | 1;
     let mut unit = move || {
         state ^= state << 13;
@@ -27,13 +27,13 @@ pub fn random_gaussians(count: usize, seed: u64) -> Vec<PackedGaussian> {
                 std::f32::consts::PI * unit(),
                 std::f32::consts::TAU * unit(),
             );
-            PackedGaussian::new(
-                position.to_array(),
-                rotation.to_array(),
-                std::array::from_fn(|_| 0.002 * 40f32.powf(unit())),
-                unit(),
-                std::array::from_fn(|_| 1.4 * unit() - 0.2),
-            )
+            Gaussian {
+                position: position.to_array(),
+                rotation: rotation.to_array(),
+                scale: std::array::from_fn(|_| 0.002 * 40f32.powf(unit())),
+                opacity: unit(),
+                colour: std::array::from_fn(|_| 1.4 * unit() - 0.2),
+            }
         })
         .collect()
 }
@@ -68,7 +68,7 @@ pub fn eyes(width: u32, height: u32) -> [Camera; 2] {
 
 /// Reads a captured scene as 3DGS writes it: little-endian floats, named in a text header. Colours that
 /// depend on the direction of view are left out.
-pub fn captured_gaussians(bytes: &[u8]) -> Vec<PackedGaussian> {
+pub fn captured_gaussians(bytes: &[u8]) -> Vec<Gaussian> {
     let end = b"end_header\n";
     let header_length = bytes
         .windows(end.len())
@@ -95,13 +95,13 @@ pub fn captured_gaussians(bytes: &[u8]) -> Vec<PackedGaussian> {
                     .expect("4 bytes");
                 f32::from_le_bytes(bytes)
             };
-            PackedGaussian::new(
-                position.map(value),
-                Quat::from_array(rotation.map(value)).normalize().to_array(),
-                scale.map(|column| value(column).exp()),
-                1.0 / (1.0 + (-value(opacity)).exp()),
-                colour.map(|column| 0.5 + 0.282_094_79 * value(column)),
-            )
+            Gaussian {
+                position: position.map(value),
+                rotation: Quat::from_array(rotation.map(value)).normalize().to_array(),
+                scale: scale.map(|column| value(column).exp()),
+                opacity: 1.0 / (1.0 + (-value(opacity)).exp()),
+                colour: colour.map(|column| 0.5 + 0.282_094_79 * value(column)),
+            }
         })
         .collect()
 }

@@ -6,15 +6,15 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use glam::Vec3;
-use mon3tr_tests::picture_check::{assert_drawn_as_reference, draw};
+use mon3tr_tests::picture_check::{assert_drawn_as_reference, draw, renderer_for, show};
 use mon3tr_tests::real_files::real_file;
 use mon3tr_tests::splat_scenes::{captured_gaussians, eyes, front_camera, random_gaussians};
 use mon3tr_tests::vulkan::{
     LOGGED_MESSAGES, assert_silent, gpu, open_gpu, or_skip, rerun_with_other_subgroups,
 };
 use xr_renderer::{
-    Background, Camera, Gpu, GpuChoice, PackedGaussian, RenderError, Shown, Sorter, SplatRenderer,
-    WindowTarget,
+    Backdrop, Camera, Gaussian, Gpu, GpuChoice, RenderError, RendererOptions, Shown, Sorter,
+    SplatRenderer, WindowTarget,
 };
 
 // Least PSNR in dB. Rounding to 8 bits alone is 59.
@@ -86,13 +86,13 @@ fn a_camera_among_the_gaussians_draws_those_before_it() {
 #[test]
 fn one_gaussian_is_drawn() {
     let Some(gpu) = gpu() else { return };
-    let gaussians = [PackedGaussian::new(
-        [0.0; 3],
-        [0.0, 0.0, 0.0, 1.0],
-        [0.3, 0.1, 0.1],
-        1.0,
-        [1.0, 0.5, 0.2],
-    )];
+    let gaussians = [Gaussian {
+        position: [0.0; 3],
+        rotation: [0.0, 0.0, 0.0, 1.0],
+        scale: [0.3, 0.1, 0.1],
+        opacity: 1.0,
+        colour: [1.0, 0.5, 0.2],
+    }];
     assert_drawn_as_reference(&gpu, "one", &gaussians, &[front_camera(256, 256)], SPARSE);
 }
 
@@ -133,9 +133,8 @@ fn more_pairs_than_the_device_can_list_are_an_error_that_says_so() {
         gaussian.scale = [40.0; 3];
         gaussian.opacity = 1.0;
     }
-    let mut renderer =
-        SplatRenderer::new(Arc::clone(&gpu), 16_000, 1024, 1024, 1).expect("a renderer");
-    match renderer.render(&gaussians, &[front_camera(1024, 1024)]) {
+    let mut renderer = renderer_for(&gpu, 16_000, 1024, 1024, 1);
+    match show(&mut renderer, &gaussians, &[front_camera(1024, 1024)]) {
         Err(RenderError::TooManyPairs { pairs, limit }) => {
             assert!(pairs > limit, "{pairs} pairs, {limit} fit");
         }
@@ -143,9 +142,7 @@ fn more_pairs_than_the_device_can_list_are_an_error_that_says_so() {
         other => assert!(!gpu.info().is_cpu && other.is_ok(), "{other:?}"),
     }
     let few = random_gaussians(100, 1);
-    renderer
-        .render(&few, &[front_camera(1024, 1024)])
-        .expect("the renderer still draws");
+    show(&mut renderer, &few, &[front_camera(1024, 1024)]).expect("the renderer still draws");
     assert_silent(&gpu);
 }
 
@@ -153,8 +150,7 @@ fn more_pairs_than_the_device_can_list_are_an_error_that_says_so() {
 fn nothing_to_draw_is_a_transparent_picture() {
     let Some(gpu) = gpu() else { return };
     let camera = front_camera(100, 100);
-    let mut renderer =
-        SplatRenderer::new(Arc::clone(&gpu), 1_000, 100, 100, 1).expect("a renderer");
+    let mut renderer = renderer_for(&gpu, 1_000, 100, 100, 1);
     let transparent = |renderer: &mut SplatRenderer, why: &str| {
         let image = renderer.read_back(0).expect("a picture");
         assert!(
@@ -164,15 +160,11 @@ fn nothing_to_draw_is_a_transparent_picture() {
     };
     transparent(&mut renderer, "before the first picture");
     let gaussians = random_gaussians(1_000, 23);
-    renderer.render(&gaussians, &[camera]).expect("a picture");
-    renderer
-        .render(&[], &[camera])
-        .expect("a picture of nothing");
+    show(&mut renderer, &gaussians, &[camera]).expect("a picture");
+    show(&mut renderer, &[], &[camera]).expect("a picture of nothing");
     transparent(&mut renderer, "no Gaussians");
     let away = Camera::look_at(Vec3::Z * 3.0, Vec3::Z * 6.0, Vec3::Y, 0.75, 100, 100);
-    renderer
-        .render(&gaussians, &[away])
-        .expect("a picture of nothing");
+    show(&mut renderer, &gaussians, &[away]).expect("a picture of nothing");
     transparent(&mut renderer, "all behind the camera");
     assert_silent(&gpu);
 }
@@ -231,34 +223,28 @@ fn the_same_input_gives_the_same_picture_to_the_last_bit() {
 #[test]
 fn what_does_not_fit_the_renderer_is_refused_by_name() {
     let Some(gpu) = gpu() else { return };
-    let mut renderer = SplatRenderer::new(Arc::clone(&gpu), 10, 64, 64, 1).expect("a renderer");
+    let mut renderer = renderer_for(&gpu, 10, 64, 64, 1);
     let camera = front_camera(64, 64);
-    let error = renderer
-        .render(&random_gaussians(11, 1), &[camera])
-        .expect_err("11 of 10");
+    let error = show(&mut renderer, &random_gaussians(11, 1), &[camera]).expect_err("11 of 10");
     assert!(error.to_string().contains("11 Gaussians"), "{error}");
-    let error = renderer
-        .render(&[], &[camera, camera])
-        .expect_err("2 cameras");
+    let error = show(&mut renderer, &[], &[camera, camera]).expect_err("2 cameras");
     assert!(
         error.to_string().contains("2 cameras for 1 view"),
         "{error}"
     );
-    let error = renderer
-        .render(&[], &[front_camera(64, 32)])
-        .expect_err("other size");
+    let error = show(&mut renderer, &[], &[front_camera(64, 32)]).expect_err("other size");
     assert!(error.to_string().contains("64x32"), "{error}");
     let mut scaled = camera;
     scaled.camera_from_world.matrix3 *= 1.5;
-    let error = renderer
-        .render(&[], &[scaled])
-        .expect_err("no rigid camera");
+    let error = show(&mut renderer, &[], &[scaled]).expect_err("no rigid camera");
     assert!(error.to_string().contains("rigid"), "{error}");
     let error = renderer.read_back(1).expect_err("1 view");
     assert!(error.to_string().contains("view 1"), "{error}");
-    let error = SplatRenderer::new(Arc::clone(&gpu), 10, 5000, 64, 1).expect_err("too wide");
+    let error = SplatRenderer::new(Arc::clone(&gpu), &RendererOptions::new(10, 5000, 64, 1))
+        .expect_err("too wide");
     assert!(error.to_string().contains("5000x64"), "{error}");
-    let error = SplatRenderer::new(Arc::clone(&gpu), u32::MAX, 64, 64, 1).expect_err("too many");
+    let error = SplatRenderer::new(Arc::clone(&gpu), &RendererOptions::new(u32::MAX, 64, 64, 1))
+        .expect_err("too many");
     assert!(error.to_string().contains("fewer Gaussians"), "{error}");
     assert_silent(&gpu);
 }
@@ -279,11 +265,13 @@ fn a_device_that_is_not_there_is_refused_with_those_that_are() {
 #[test]
 fn stages_are_timed_where_the_device_has_a_clock() {
     let Some(gpu) = gpu() else { return };
-    let mut renderer =
-        SplatRenderer::new(Arc::clone(&gpu), 20_000, 512, 512, 1).expect("a renderer");
-    renderer
-        .render(&random_gaussians(20_000, 37), &[front_camera(512, 512)])
-        .expect("a picture");
+    let mut renderer = renderer_for(&gpu, 20_000, 512, 512, 1);
+    show(
+        &mut renderer,
+        &random_gaussians(20_000, 37),
+        &[front_camera(512, 512)],
+    )
+    .expect("a picture");
     let times = renderer.stage_times();
     let stages = [
         times.upload,
@@ -340,23 +328,26 @@ fn a_window_is_shown_pictures_while_its_size_changes() {
         }
         Err(why) => panic!("{why}"),
     };
-    let mut renderer = SplatRenderer::new(Arc::clone(&gpu), 500, 64, 64, 1).expect("a renderer");
-    renderer
-        .render(&random_gaussians(500, 43), &[front_camera(64, 64)])
-        .expect("a picture");
+    let mut renderer = renderer_for(&gpu, 500, 64, 64, 1);
+    show(
+        &mut renderer,
+        &random_gaussians(500, 43),
+        &[front_camera(64, 64)],
+    )
+    .expect("a picture");
     for size in [(300, 200), (300, 200), (64, 64), (1000, 50), (1, 1)] {
         window.resize(size.0, size.1);
         for _ in 0..3 {
             let shown = window
-                .present(&renderer, Background::Colour([0.2; 3]))
+                .present(&renderer, Backdrop::Colour([0.2; 3]))
                 .expect("the window lives");
             assert_eq!(shown, Shown::Yes, "a window of {size:?}");
         }
     }
     let other = open_gpu().expect("a second device like the first");
-    let stranger = SplatRenderer::new(other, 1, 64, 64, 1).expect("a renderer");
+    let stranger = renderer_for(&other, 1, 64, 64, 1);
     window
-        .present(&stranger, Background::Colour([0.2; 3]))
+        .present(&stranger, Backdrop::Colour([0.2; 3]))
         .expect_err("a renderer on another device");
     drop(window);
     assert_silent(&gpu);

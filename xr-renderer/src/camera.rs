@@ -148,7 +148,7 @@ impl Camera {
                 -self.cy / self.fy - margin_y,
                 (height - self.cy) / self.fy + margin_y,
             ],
-            clip: [self.near, 0.0, 0.0, 0.0],
+            clip: self.position().extend(self.near).to_array(),
         }
     }
 }

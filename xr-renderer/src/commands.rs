@@ -154,10 +154,11 @@ impl Drop for Commands {
     }
 }
 
-/// Makes all that compute and copies wrote visible to the compute, copies and host reads that follow.
+/// Makes all that compute and copies wrote visible to the compute, copies, indirect counts and host reads that
+/// follow.
 pub(crate) fn barrier(gpu: &Gpu, commands: vk::CommandBuffer) {
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
-    let work = Stage::COMPUTE_SHADER | Stage::TRANSFER;
+    let work = Stage::COMPUTE_SHADER | Stage::TRANSFER | Stage::DRAW_INDIRECT;
     let barriers = [vk::MemoryBarrier::default()
         .src_access_mask(Access::SHADER_WRITE | Access::SHADER_READ | Access::TRANSFER_WRITE)
         .dst_access_mask(
@@ -165,6 +166,7 @@ pub(crate) fn barrier(gpu: &Gpu, commands: vk::CommandBuffer) {
                 | Access::SHADER_WRITE
                 | Access::TRANSFER_READ
                 | Access::TRANSFER_WRITE
+                | Access::INDIRECT_COMMAND_READ
                 | Access::HOST_READ,
         )];
     // SAFETY: the command buffer is being recorded.

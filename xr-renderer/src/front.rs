@@ -4,148 +4,339 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ash::vk;
-use shaders_spirv::{DROPPED, FrameParams, PackedGaussian, Splat};
+use shaders_spirv::{FrameParams, PackedGaussian, SortState, Splat};
 
+use crate::background::{Background, Chunk};
+use crate::bindings::Resource;
 use crate::buffer::{Buffer, Place};
 use crate::commands::barrier;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
-use crate::pipeline::{ComputePipeline, Resource, Specialisation};
-use crate::sort::SortPasses;
+use crate::options::Filter;
+use crate::pipeline::{ComputePipeline, Specialisation};
+use crate::sort::{SortInput, SortPasses};
 
-/// Invocations per workgroup.
+/// Invocations per workgroup; divides a background's block.
 const GROUP: u32 = 64;
 
 /// Gaussians in, splats of each view and their common order out.
 pub(crate) struct Front {
     gpu: Arc<Gpu>,
-    project: ComputePipeline,
+    foreground: Foreground,
+    background: Vec<StaticChunk>,
     sort: SortPasses,
+    passed: Passed,
+}
+
+/// What the passes hand on, to one another and to the back ends.
+pub(crate) struct Passed {
     /// Cameras and sizes, as all stages read them.
-    frame: Buffer,
+    pub(crate) frame: Buffer,
+    /// The splats of the left (or only) view and of the right one; the latter tiny where there is none.
+    pub(crate) splats: [Buffer; 2],
+    /// Tiles each splat touches, view after view.
+    pub(crate) rects: Buffer,
+    /// A [`SortState`].
+    pub(crate) state: Buffer,
+    depths: Buffer,
+    items: Buffer,
+}
+
+struct Foreground {
+    project: ComputePipeline,
     staging: Buffer,
     /// The staging buffer's copy on the device; where both are the same memory there is none.
     gaussians: Option<Buffer>,
-    splats: Buffer,
-    rects: Buffer,
-    depth_range: Buffer,
-    _depths: Buffer,
+    /// Whether the copy is older than the staging buffer.
+    stale: bool,
+    count: u32,
+}
+
+/// A part of the background that one set of buffers holds.
+struct StaticChunk {
+    project: ComputePipeline,
+    first: u32,
+    count: u32,
+    uploads: Vec<(Buffer, Option<Buffer>)>,
 }
 
 impl Front {
-    pub(crate) fn new(gpu: &Arc<Gpu>, max_gaussians: u32, views: u32) -> Result<Self, RenderError> {
-        let each = |size: usize| u64::from(max_gaussians) * size as u64;
-        let per_view = |size: usize| each(size) * u64::from(views);
-        let bytes = each(size_of::<PackedGaussian>());
-        let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
-        let uniform = vk::BufferUsageFlags::UNIFORM_BUFFER;
-
-        let frame = Buffer::new(
-            gpu,
-            "cameras",
-            size_of::<FrameParams>() as u64,
-            uniform,
-            Place::Upload,
-        )?;
-        let staging = Buffer::new(gpu, "Gaussians", bytes, storage, Place::Upload)?;
-        let gaussians = (!gpu.info().is_cpu)
-            .then(|| Buffer::storage(gpu, "Gaussians", bytes))
-            .transpose()?;
-        let splats = Buffer::storage(gpu, "projected splats", per_view(size_of::<Splat>()))?;
-        let rects = Buffer::storage(gpu, "splat rectangles", per_view(4))?;
-        let depths = Buffer::storage(gpu, "depths", each(4))?;
-        let depth_range = Buffer::storage(gpu, "depth range", 8)?;
-        let project = ComputePipeline::new(
-            gpu,
-            shaders_spirv::PROJECT,
-            Specialisation {
-                constants: &[GROUP],
-                ..Default::default()
-            },
-            &[
-                Resource::Uniform(&frame),
-                Resource::Storage(gaussians.as_ref().unwrap_or(&staging)),
-                Resource::Storage(&splats),
-                Resource::Storage(&rects),
-                Resource::Storage(&depths),
-                Resource::Storage(&depth_range),
-            ],
-        )?;
-        let sort = SortPasses::new(gpu, max_gaussians, &depths, &depth_range)?;
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        max_foreground: u32,
+        background: Option<&Background>,
+        filter: Filter,
+        views: u32,
+    ) -> Result<Self, RenderError> {
+        let static_count = background.map_or(0, Background::len);
+        let most = gpu.limits.max_compute_work_group_count[0].saturating_mul(GROUP);
+        let capacity = max_foreground
+            .checked_add(static_count)
+            .filter(|capacity| *capacity <= most)
+            .ok_or(RenderError::TooManyGaussians {
+                count: max_foreground as usize + static_count as usize,
+                limit: most,
+            })?;
+        let passed = Passed::new(gpu, capacity, views)?;
+        let foreground = Foreground::new(gpu, max_foreground, filter, &passed)?;
+        let words = background.map_or(0, Background::harmonics_words);
+        let mut chunks = Vec::new();
+        let mut first = 0;
+        for chunk in background.map_or(&[][..], Background::chunks) {
+            let chunk = StaticChunk::new(gpu, chunk, first, words, filter, &passed)?;
+            first += chunk.count;
+            chunks.push(chunk);
+        }
+        let input = SortInput {
+            values: &passed.depths,
+            items: &passed.items,
+            state: &passed.state,
+            capacity,
+        };
         Ok(Self {
+            sort: SortPasses::new(gpu, input)?,
             gpu: Arc::clone(gpu),
-            project,
-            sort,
-            frame,
-            staging,
-            gaussians,
-            splats,
-            rects,
-            depth_range,
-            _depths: depths,
+            foreground,
+            background: chunks,
+            passed,
         })
     }
 
-    pub(crate) fn frame(&self) -> &Buffer {
-        &self.frame
+    pub(crate) fn passed(&self) -> &Passed {
+        &self.passed
     }
 
-    pub(crate) fn splats(&self) -> &Buffer {
-        &self.splats
+    /// All items, least depth first.
+    pub(crate) fn order(&self) -> &Buffer {
+        self.sort.order()
     }
 
-    pub(crate) fn rects(&self) -> &Buffer {
-        &self.rects
+    /// Gaussians of the foreground now.
+    pub(crate) fn foreground_count(&self) -> u32 {
+        self.foreground.count
     }
 
-    pub(crate) fn sort(&self) -> &SortPasses {
-        &self.sort
+    /// Gaussians of foreground and background now.
+    pub(crate) fn total_count(&self) -> u32 {
+        let last = self.background.last();
+        self.foreground.count + last.map_or(0, |chunk| chunk.first + chunk.count)
     }
 
-    /// Writes Gaussians to memory the device sees; returns how many milliseconds that took.
-    pub(crate) fn write_gaussians(&mut self, gaussians: &[PackedGaussian]) -> f64 {
+    /// Writes the foreground, which fits, to memory the device sees; returns how many milliseconds that took. The
+    /// device is idle.
+    pub(crate) fn write_foreground(&mut self, gaussians: &[PackedGaussian], count: u32) -> f64 {
         let start = Instant::now();
-        self.staging.write(gaussians);
+        self.foreground.staging.write(gaussians);
+        self.foreground.count = count;
+        self.foreground.stale = true;
         start.elapsed().as_secs_f64() * 1e3
     }
 
     /// Writes what the stages read of cameras and sizes.
     pub(crate) fn write_frame(&mut self, frame: &FrameParams) {
-        self.frame.write(std::slice::from_ref(frame));
+        self.passed.frame.write(std::slice::from_ref(frame));
     }
 
-    /// Records the copy of `count` Gaussians to the device and the clearing of what is counted into.
-    pub(crate) fn record_upload(&self, commands: vk::CommandBuffer, count: u32) {
-        let device = self.gpu.device();
-        let bytes = u64::from(count) * size_of::<PackedGaussian>() as u64;
-        if let Some(gaussians) = self.gaussians.as_ref().filter(|_| count > 0) {
-            let region = [vk::BufferCopy::default().size(bytes)];
-            // SAFETY: both buffers hold `max_gaussians`, of which `count` are fewer.
-            unsafe {
-                device.cmd_copy_buffer(
-                    commands,
-                    self.staging.handle(),
-                    gaussians.handle(),
-                    &region,
-                );
+    /// Records the upload of the background, once.
+    pub(crate) fn record_background(&self, commands: vk::CommandBuffer) {
+        for (staging, copy) in self.background.iter().flat_map(|chunk| &chunk.uploads) {
+            if let Some(copy) = copy {
+                record_copy(&self.gpu, commands, staging, copy, staging.size());
             }
         }
-        // SAFETY: the range is 8 bytes long: least, then greatest.
-        unsafe {
-            device.cmd_fill_buffer(commands, self.depth_range.handle(), 0, 4, DROPPED);
-            device.cmd_fill_buffer(commands, self.depth_range.handle(), 4, vk::WHOLE_SIZE, 0);
+        barrier(&self.gpu, commands);
+    }
+
+    /// Frees what only the background's upload needed. The device is idle.
+    pub(crate) fn background_is_there(&mut self) {
+        for chunk in &mut self.background {
+            for (staging, copy) in &mut chunk.uploads {
+                if let Some(copy) = copy.take() {
+                    *staging = copy;
+                }
+            }
         }
-        self.sort.record_clear(commands);
+    }
+
+    /// Records the copy of a new foreground to the device and, where the picture sorts, the clearing of what is
+    /// counted into.
+    pub(crate) fn record_upload(&self, commands: vk::CommandBuffer, sorts: bool) {
+        let foreground = &self.foreground;
+        let changed = foreground.stale && foreground.count > 0;
+        if let Some(gaussians) = foreground.gaussians.as_ref().filter(|_| changed) {
+            let bytes = u64::from(foreground.count) * size_of::<PackedGaussian>() as u64;
+            record_copy(&self.gpu, commands, &foreground.staging, gaussians, bytes);
+        }
+        if sorts {
+            let empty = bytemuck::bytes_of(&SortState::EMPTY);
+            // SAFETY: the command buffer is being recorded; the buffer holds one state.
+            unsafe {
+                let device = self.gpu.device();
+                device.cmd_update_buffer(commands, self.passed.state.handle(), 0, empty);
+            }
+            self.sort.record_clear(commands);
+        }
         barrier(&self.gpu, commands);
     }
 
-    pub(crate) fn record_project(&self, commands: vk::CommandBuffer, count: u32) {
-        self.project
-            .dispatch(commands, &[], [count.div_ceil(GROUP), 1, 1]);
+    /// Takes note that the picture was drawn, and so its foreground uploaded.
+    pub(crate) fn foreground_is_there(&mut self) {
+        self.foreground.stale = false;
+    }
+
+    pub(crate) fn record_project(&self, commands: vk::CommandBuffer) {
+        let groups = [self.foreground.count.div_ceil(GROUP), 1, 1];
+        self.foreground.project.dispatch(commands, &[], groups);
+        for chunk in &self.background {
+            let push = [chunk.first, chunk.count];
+            let groups = [chunk.count.div_ceil(GROUP), 1, 1];
+            chunk.project.dispatch(commands, &push, groups);
+        }
         barrier(&self.gpu, commands);
     }
 
-    pub(crate) fn record_sort(&self, commands: vk::CommandBuffer, count: u32) {
-        self.sort.record(commands, count);
+    pub(crate) fn record_sort(&self, commands: vk::CommandBuffer) {
+        self.sort.record(commands, &self.passed.state);
+    }
+}
+
+impl Passed {
+    fn new(gpu: &Arc<Gpu>, capacity: u32, views: u32) -> Result<Self, RenderError> {
+        let each = |size: usize| u64::from(capacity) * size as u64;
+        let uniform = vk::BufferUsageFlags::UNIFORM_BUFFER;
+        let bytes = size_of::<FrameParams>() as u64;
+        let right = if views > 1 {
+            each(size_of::<Splat>())
+        } else {
+            0
+        };
+        Ok(Self {
+            frame: Buffer::new(gpu, "cameras", bytes, uniform, Place::Upload)?,
+            splats: [
+                Buffer::storage(gpu, "projected splats", each(size_of::<Splat>()))?,
+                Buffer::storage(gpu, "projected splats", right)?,
+            ],
+            rects: Buffer::storage(gpu, "splat rectangles", each(4) * u64::from(views))?,
+            state: SortPasses::state_buffer(gpu)?,
+            depths: Buffer::storage(gpu, "depths", each(4))?,
+            items: Buffer::storage(gpu, "visible Gaussians", each(4))?,
+        })
+    }
+
+    /// What `shaders/project.glsl` binds, and `more` after it.
+    fn projecting<'a>(&'a self, more: &[&'a Buffer]) -> Vec<Resource<'a>> {
+        let [left, right] = &self.splats;
+        let storage = [
+            left,
+            right,
+            &self.rects,
+            &self.depths,
+            &self.items,
+            &self.state,
+        ];
+        let storage = storage.into_iter().chain(more.iter().copied());
+        std::iter::once(Resource::Uniform(&self.frame))
+            .chain(storage.map(Resource::Storage))
+            .collect()
+    }
+}
+
+impl Foreground {
+    fn new(
+        gpu: &Arc<Gpu>,
+        capacity: u32,
+        filter: Filter,
+        passed: &Passed,
+    ) -> Result<Self, RenderError> {
+        let bytes = u64::from(capacity) * size_of::<PackedGaussian>() as u64;
+        let (staging, gaussians) = uploaded(gpu, "foreground Gaussians", bytes)?;
+        let specialisation = Specialisation {
+            constants: &[GROUP, filter.is_mip()],
+            ..Default::default()
+        };
+        let project = ComputePipeline::new(
+            gpu,
+            shaders_spirv::PROJECT_FOREGROUND,
+            specialisation,
+            &passed.projecting(&[gaussians.as_ref().unwrap_or(&staging)]),
+        )?;
+        Ok(Self {
+            project,
+            staging,
+            gaussians,
+            stale: true,
+            count: 0,
+        })
+    }
+}
+
+impl StaticChunk {
+    fn new(
+        gpu: &Arc<Gpu>,
+        chunk: &Chunk,
+        first: u32,
+        harmonics_words: u32,
+        filter: Filter,
+        passed: &Passed,
+    ) -> Result<Self, RenderError> {
+        let blocks = filled(gpu, "background blocks", &chunk.blocks)?;
+        let gaussians = filled(gpu, "background Gaussians", &chunk.gaussians)?;
+        let harmonics = filled(gpu, "background colours", &chunk.harmonics)?;
+        let uploads = vec![gaussians, blocks, harmonics];
+        let buffers: Vec<_> = uploads
+            .iter()
+            .map(|(staging, copy)| copy.as_ref().unwrap_or(staging))
+            .collect();
+        let specialisation = Specialisation {
+            constants: &[GROUP, filter.is_mip(), harmonics_words],
+            push_bytes: 8,
+            ..Default::default()
+        };
+        let project = ComputePipeline::new(
+            gpu,
+            shaders_spirv::PROJECT_BACKGROUND,
+            specialisation,
+            &passed.projecting(&buffers),
+        )?;
+        Ok(Self {
+            project,
+            first,
+            // A scene has at most 4,194,304 Gaussians.
+            count: u32::try_from(chunk.gaussians.len()).unwrap_or(u32::MAX),
+            uploads,
+        })
+    }
+}
+
+/// A buffer that the host writes and, where that is other memory, its copy on the device.
+fn uploaded(
+    gpu: &Arc<Gpu>,
+    what: &'static str,
+    bytes: u64,
+) -> Result<(Buffer, Option<Buffer>), RenderError> {
+    let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
+    let staging = Buffer::new(gpu, what, bytes, storage, Place::Upload)?;
+    let copy = (!gpu.info().is_cpu)
+        .then(|| Buffer::storage(gpu, what, bytes))
+        .transpose()?;
+    Ok((staging, copy))
+}
+
+fn filled<T: bytemuck::Pod>(
+    gpu: &Arc<Gpu>,
+    what: &'static str,
+    values: &[T],
+) -> Result<(Buffer, Option<Buffer>), RenderError> {
+    let (mut staging, copy) = uploaded(gpu, what, size_of_val(values) as u64)?;
+    staging.write(values);
+    Ok((staging, copy))
+}
+
+fn record_copy(gpu: &Gpu, commands: vk::CommandBuffer, from: &Buffer, to: &Buffer, bytes: u64) {
+    let region = [vk::BufferCopy::default().size(bytes)];
+    // SAFETY: the command buffer is being recorded; both buffers hold as many bytes.
+    unsafe {
+        let device = gpu.device();
+        device.cmd_copy_buffer(commands, from.handle(), to.handle(), &region);
     }
 }

@@ -185,7 +185,10 @@ fn open_device(
     let mut control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
         .subgroup_size_control(true)
         .compute_full_subgroups(true);
+    // Every Vulkan 1.1 device has it.
+    let mut multiview = vk::PhysicalDeviceMultiviewFeatures::default().multiview(true);
     let mut info = vk::DeviceCreateInfo::default()
+        .push_next(&mut multiview)
         .queue_create_infos(&queues)
         .enabled_extension_names(&extensions);
     if subgroup.can_be_required {

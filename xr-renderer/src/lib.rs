@@ -1,9 +1,13 @@
-//! Draws 3D Gaussians with Vulkan: device, sort, tile rasteriser, read-back.
+//! Draws 3D Gaussians with Vulkan: device, sort, two back ends, read-back.
 //!
-//! This crate knows Gaussians, not people. [`Gpu::open`] picks a device, [`SplatRenderer`] turns
-//! [`PackedGaussian`]s and one or two [`Camera`]s into pictures with premultiplied alpha. It needs Vulkan
-//! 1.1 with subgroup operations and runs on software drivers (Mesa's lavapipe) as on GPUs.
+//! This crate knows Gaussians, not people. [`Gpu::open`] picks a device, [`SplatRenderer`] turns a foreground of
+//! [`PackedGaussian`]s, a static [`Background`] and one or two [`Camera`]s into pictures with premultiplied alpha and
+//! depth. It needs Vulkan 1.1 with subgroup operations and runs on software drivers (Mesa's lavapipe) as on GPUs.
 
+mod attachment;
+mod back_ends;
+mod background;
+mod bindings;
 mod buffer;
 mod camera;
 mod choice;
@@ -12,11 +16,15 @@ mod error;
 mod front;
 mod gpu;
 mod instance;
+mod options;
+mod order;
 mod physical;
 mod picture;
 mod pipeline;
 mod present;
+mod quads;
 mod read_back;
+mod render_pass;
 mod scan;
 mod sort;
 mod splat;
@@ -27,14 +35,17 @@ mod tiles;
 mod timestamps;
 mod validation;
 
+pub use back_ends::BackEndTrial;
+pub use background::Background;
 pub use camera::{Camera, Fov};
 pub use choice::GpuChoice;
 pub use error::RenderError;
 pub use gpu::Gpu;
+pub use options::{BackEnd, Filter, RendererOptions};
 pub use physical::DeviceInfo;
-pub use picture::{Background, Image};
+pub use picture::{Backdrop, Image};
 pub use present::{Shown, WindowTarget};
-pub use shaders_spirv::PackedGaussian;
+pub use shaders_spirv::{Gaussian, PackedGaussian};
 pub use sort::Sorter;
 pub use splat::SplatRenderer;
 pub use timestamps::StageTimes;

@@ -1,8 +1,8 @@
-//! A picture on the host, and putting it over a background.
+//! A picture on the host, and putting it over a backdrop.
 
-/// What stands behind the Gaussians.
+/// What stands behind all Gaussians: no scene, but colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Background {
+pub enum Backdrop {
     /// One display colour, 0..=1.
     Colour([f32; 3]),
     /// From the upper to the lower edge.
@@ -14,7 +14,7 @@ pub enum Background {
     },
 }
 
-impl Background {
+impl Backdrop {
     /// The colours of the upper and the lower edge.
     pub(crate) fn ends(self) -> ([f32; 3], [f32; 3]) {
         match self {
@@ -81,12 +81,12 @@ impl Image {
             .collect()
     }
 
-    /// RGB in 8 bits over a background.
-    pub fn over(&self, background: Background) -> Vec<u8> {
+    /// RGB in 8 bits over a backdrop.
+    pub fn over(&self, backdrop: Backdrop) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
         let width = self.width.max(1) as usize;
         for (y, row) in (0..).zip(self.pixels.chunks_exact(width)) {
-            let behind = background.row(y, self.height);
+            let behind = backdrop.row(y, self.height);
             for [red, green, blue, alpha] in row {
                 let through = 1.0 - alpha;
                 for (front, back) in [red, green, blue].into_iter().zip(behind) {
@@ -112,12 +112,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn premultiplied_colour_over_a_background_lets_the_rest_through() {
+    fn premultiplied_colour_over_a_backdrop_lets_the_rest_through() {
         let image = Image::new(1, 2, vec![[0.5, 0.0, 0.0, 0.5], [0.0; 4]]).expect("2 pixels");
         let top = [0.0, 1.0, 0.0];
         let bottom = [0.0, 0.0, 1.0];
         assert_eq!(
-            image.over(Background::Gradient { top, bottom }),
+            image.over(Backdrop::Gradient { top, bottom }),
             [128, 128, 0, 0, 0, 255],
             "rows"
         );

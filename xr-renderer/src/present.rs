@@ -1,4 +1,4 @@
-//! Showing the first view in a window, over a background.
+//! Showing the first view in a window, over a backdrop.
 //!
 //! The picture is fitted into the window on the device. No event loop: the caller owns the window.
 
@@ -7,12 +7,13 @@ use std::sync::Arc;
 use ash::vk;
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
+use crate::bindings::Resource;
 use crate::buffer::Buffer;
 use crate::commands::{Commands, barrier};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
-use crate::picture::Background;
-use crate::pipeline::{ComputePipeline, Resource, Specialisation};
+use crate::picture::Backdrop;
+use crate::pipeline::{ComputePipeline, Specialisation};
 use crate::splat::SplatRenderer;
 use crate::surface::{Surface, refused};
 use crate::swapchain::{Acquired, Swapchain};
@@ -114,7 +115,7 @@ impl WindowTarget {
     pub fn present(
         &mut self,
         renderer: &SplatRenderer,
-        background: Background,
+        backdrop: Backdrop,
     ) -> Result<Shown, RenderError> {
         if !Arc::ptr_eq(renderer.gpu(), &self.gpu) {
             return Err(refused(&self.gpu, "the renderer draws on another device"));
@@ -145,7 +146,7 @@ impl WindowTarget {
             }
         };
         let (image, written) = swapchain.image(index);
-        let push = push_words(renderer, swapchain, background);
+        let push = push_words(renderer, swapchain, backdrop);
         let gpu = &self.gpu;
         let shown = self
             .commands
@@ -270,9 +271,9 @@ impl Composed {
 fn push_words(
     renderer: &SplatRenderer,
     swapchain: &Swapchain,
-    background: Background,
+    backdrop: Backdrop,
 ) -> [u32; PUSH_WORDS] {
-    let (top, bottom) = background.ends();
+    let (top, bottom) = backdrop.ends();
     let [t0, t1, t2] = top.map(f32::to_bits);
     let [b0, b1, b2] = bottom.map(f32::to_bits);
     let target = renderer.target();

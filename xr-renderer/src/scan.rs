@@ -5,11 +5,12 @@ use std::sync::Arc;
 use ash::vk;
 use shaders_spirv::SCAN_BLOCK;
 
+use crate::bindings::Resource;
 use crate::buffer::Buffer;
 use crate::commands::barrier;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
-use crate::pipeline::{ComputePipeline, Resource, Specialisation};
+use crate::pipeline::{ComputePipeline, Specialisation};
 
 /// The two passes over one buffer.
 pub(crate) struct Scan {

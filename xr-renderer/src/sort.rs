@@ -1,79 +1,117 @@
-//! Counting sort on the device: 65,536 bins of 16-bit keys, then exactly by (value, index) within a bin.
+//! Counting sort on the device: 65,536 bins of 16-bit keys, then exactly by (value, item) within a bin.
 //!
-//! The atomics that fill a bin fall in any order; the last pass makes the result the same every time.
+//! How many items there are is known to the device alone: every pass is dispatched by counts in a buffer. The
+//! atomics that fill a bin fall in any order; the last passes make the result the same every time.
 
+use std::mem::offset_of;
 use std::sync::Arc;
 
 use ash::vk;
+use shaders_spirv::{QUADS_PER_INSTANCE, SortState};
 
+use crate::bindings::Resource;
 use crate::buffer::{Buffer, Place};
 use crate::commands::{Commands, barrier};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
-use crate::pipeline::{ComputePipeline, Resource, Specialisation};
+use crate::pipeline::{ComputePipeline, Specialisation};
 use crate::scan::Scan;
+use crate::timestamps::Timestamps;
 
 const BINS: u32 = 1 << 16;
-/// Invocations per workgroup of the simple passes.
-const GROUP: u32 = 64;
+/// Invocations per workgroup of the passes over items.
+const ITEM_GROUP: u32 = 256;
+/// Invocations per workgroup of the pass over bins.
+const BIN_GROUP: u32 = 64;
+/// More items than an invocation sorts by itself (`CROWDED` in `shaders/sort.glsl`) share at most this many bins.
+const CROWDED_BINS: u32 = 1 << 16;
 
-/// The sort's passes over buffers that someone else fills.
+/// What is sorted, filled by someone else; every buffer outlives the passes' use.
+#[derive(Clone, Copy)]
+pub(crate) struct SortInput<'a> {
+    /// `u32` by item: what it is sorted by.
+    pub(crate) values: &'a Buffer,
+    /// The items, in any order.
+    pub(crate) items: &'a Buffer,
+    /// A [`SortState`]: how many items, and the range of their values.
+    pub(crate) state: &'a Buffer,
+    /// The most items there can be.
+    pub(crate) capacity: u32,
+}
+
+/// The sort's passes.
 pub(crate) struct SortPasses {
     gpu: Arc<Gpu>,
+    plan: ComputePipeline,
     count: ComputePipeline,
     scan: Scan,
     scatter: ComputePipeline,
     ties: ComputePipeline,
+    crowded: ComputePipeline,
     bins: Buffer,
     order: Buffer,
+    _crowded_bins: Buffer,
+    _scratch: Buffer,
 }
 
 impl SortPasses {
-    /// Sorts indices of `values` (at most `capacity`, each `u32::MAX` or within `range`) where
-    /// `range` holds the least and the greatest value. Both buffers outlive the passes' use.
-    pub(crate) fn new(
-        gpu: &Arc<Gpu>,
-        capacity: u32,
-        values: &Buffer,
-        range: &Buffer,
-    ) -> Result<Self, RenderError> {
-        let most = gpu.limits.max_compute_work_group_count[0].saturating_mul(GROUP);
-        if capacity > most {
-            return Err(RenderError::TooManyGaussians {
-                count: capacity as usize,
-                limit: most,
-            });
-        }
+    pub(crate) fn new(gpu: &Arc<Gpu>, input: SortInput<'_>) -> Result<Self, RenderError> {
+        let bytes = u64::from(input.capacity) * 4;
         let bins = Buffer::storage(gpu, "sort bins", u64::from(BINS) * 4)?;
-        let order = Buffer::storage(gpu, "sorted order", u64::from(capacity) * 4)?;
-        let resources = [values, range, &bins, &order].map(Resource::Storage);
-        let make = |shader, resources: &[Resource<'_>]| {
+        let order = Buffer::storage(gpu, "sorted order", bytes)?;
+        let scratch = Buffer::storage(gpu, "sort scratch", bytes)?;
+        let crowded_bins = Buffer::storage(gpu, "crowded bins", u64::from(CROWDED_BINS) * 4)?;
+        let resources = [
+            input.values,
+            input.items,
+            input.state,
+            &bins,
+            &order,
+            &crowded_bins,
+            &scratch,
+        ]
+        .map(Resource::Storage);
+        let make = |shader, constants: &[u32], resources: &[Resource<'_>]| {
             let specialisation = Specialisation {
-                constants: &[GROUP],
-                push_bytes: 4,
+                constants,
                 ..Default::default()
             };
             ComputePipeline::new(gpu, shader, specialisation, resources)
         };
+        let by_item = &[ITEM_GROUP][..];
         Ok(Self {
             gpu: Arc::clone(gpu),
-            count: make(shaders_spirv::SORT_COUNT, &resources[..3])?,
+            plan: make(
+                shaders_spirv::SORT_PLAN,
+                &[ITEM_GROUP, QUADS_PER_INSTANCE],
+                &resources[2..3],
+            )?,
+            count: make(shaders_spirv::SORT_COUNT, by_item, &resources[..4])?,
             scan: Scan::new(gpu, &bins, BINS)?,
-            scatter: make(shaders_spirv::SORT_SCATTER, &resources)?,
-            ties: make(shaders_spirv::SORT_TIES, &resources)?,
+            scatter: make(shaders_spirv::SORT_SCATTER, by_item, &resources[..5])?,
+            ties: make(shaders_spirv::SORT_TIES, &[BIN_GROUP], &resources[..6])?,
+            crowded: make(shaders_spirv::SORT_CROWDED, &[], &resources)?,
             bins,
             order,
+            _crowded_bins: crowded_bins,
+            _scratch: scratch,
         })
     }
 
-    /// Indices, least value first; dropped ones left out.
+    /// Items, least value first.
     pub(crate) fn order(&self) -> &Buffer {
         &self.order
     }
 
-    /// Ends of the bins in the order; the last is how many indices there are.
-    pub(crate) fn bins(&self) -> &Buffer {
-        &self.bins
+    /// A buffer for a [`SortState`].
+    pub(crate) fn state_buffer(gpu: &Arc<Gpu>) -> Result<Buffer, RenderError> {
+        Buffer::new(
+            gpu,
+            "sort state",
+            size_of::<SortState>() as u64,
+            vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER,
+            Place::Device,
+        )
     }
 
     /// Records the clearing of the bins, to be made visible before [`Self::record`].
@@ -86,16 +124,22 @@ impl SortPasses {
         }
     }
 
-    /// Records the sort of the first `count` values and makes the order visible.
-    pub(crate) fn record(&self, commands: vk::CommandBuffer, count: u32) {
-        let groups = [count.div_ceil(GROUP), 1, 1];
-        self.count.dispatch(commands, &[count], groups);
-        barrier(&self.gpu, commands);
+    /// Records the sort of the collected items and makes the order visible.
+    pub(crate) fn record(&self, commands: vk::CommandBuffer, state: &Buffer) {
+        let by_item = offset_of!(SortState, items_groups) as u64;
+        let by_crowded = offset_of!(SortState, crowded_groups) as u64;
+        let gpu = &self.gpu;
+        self.plan.dispatch(commands, &[], [1, 1, 1]);
+        barrier(gpu, commands);
+        self.count.dispatch_indirect(commands, state, by_item);
+        barrier(gpu, commands);
         self.scan.record(commands);
-        self.scatter.dispatch(commands, &[count], groups);
-        barrier(&self.gpu, commands);
-        self.ties.dispatch(commands, &[count], [BINS / GROUP, 1, 1]);
-        barrier(&self.gpu, commands);
+        self.scatter.dispatch_indirect(commands, state, by_item);
+        barrier(gpu, commands);
+        self.ties.dispatch(commands, &[], [BINS / BIN_GROUP, 1, 1]);
+        barrier(gpu, commands);
+        self.crowded.dispatch_indirect(commands, state, by_crowded);
+        barrier(gpu, commands);
     }
 }
 
@@ -105,8 +149,11 @@ pub struct Sorter {
     commands: Commands,
     passes: SortPasses,
     values: Buffer,
-    _range: Buffer,
+    _items: Buffer,
+    state: Buffer,
     order: Buffer,
+    timestamps: Option<Timestamps<2>>,
+    milliseconds: f64,
     capacity: u32,
 }
 
@@ -127,15 +174,25 @@ impl Sorter {
         let bytes = u64::from(capacity) * 4;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
         let values = Buffer::new(gpu, "sort values", bytes, usage, Place::Upload)?;
-        let mut range = Buffer::new(gpu, "sort range", 8, usage, Place::Upload)?;
-        // The whole 16 bits: a value is its own key.
-        range.write(&[0, u32::from(u16::MAX)]);
+        let mut items = Buffer::new(gpu, "sort items", bytes, usage, Place::Upload)?;
+        items.write(&(0..capacity).collect::<Vec<_>>());
+        let state = SortPasses::state_buffer(gpu)?;
         let order = Buffer::new(gpu, "sorted order", bytes, usage, Place::ReadBack)?;
+        let input = SortInput {
+            values: &values,
+            items: &items,
+            state: &state,
+            capacity,
+        };
+        let passes = SortPasses::new(gpu, input)?;
         Ok(Self {
             commands: Commands::new(gpu)?,
-            passes: SortPasses::new(gpu, capacity, &values, &range)?,
+            passes,
+            timestamps: Timestamps::new(gpu)?,
+            milliseconds: 0.0,
             values,
-            _range: range,
+            _items: items,
+            state,
             order,
             capacity,
         })
@@ -146,31 +203,84 @@ impl Sorter {
     /// # Errors
     /// More keys than the sorter was made for, or a device that fails.
     pub fn sort_keys(&mut self, keys: &[u16]) -> Result<Vec<u32>, RenderError> {
-        let count = u32::try_from(keys.len())
+        let values: Vec<u32> = keys.iter().map(|key| u32::from(*key)).collect();
+        // The whole 16 bits, none of them fine: a value is its own key.
+        let range = SortState {
+            least: 0,
+            greatest: u32::from(u16::MAX),
+            ..SortState::EMPTY
+        };
+        self.sort(&values, range)
+    }
+
+    /// The order that sorts distances as the renderer does: metres, all greater than 0, of the foreground.
+    ///
+    /// # Errors
+    /// As [`Self::sort_keys`].
+    pub fn sort_depths(&mut self, metres: &[f32]) -> Result<Vec<u32>, RenderError> {
+        let values: Vec<u32> = metres.iter().map(|depth| depth.to_bits()).collect();
+        let least = values.iter().copied().min().unwrap_or(u32::MAX);
+        let greatest = values.iter().copied().max().unwrap_or_default();
+        let range = SortState {
+            least,
+            greatest,
+            fine_least: least,
+            fine_greatest: greatest,
+            ..SortState::EMPTY
+        };
+        self.sort(&values, range)
+    }
+
+    /// How long the device took for the last sort, all passes; 0 where it has no clock.
+    pub fn milliseconds(&self) -> f64 {
+        self.milliseconds
+    }
+
+    fn sort(&mut self, values: &[u32], range: SortState) -> Result<Vec<u32>, RenderError> {
+        let count = u32::try_from(values.len())
             .ok()
             .filter(|count| *count <= self.capacity)
             .ok_or(RenderError::TooManyGaussians {
-                count: keys.len(),
+                count: values.len(),
                 limit: self.capacity,
             })?;
-        let values: Vec<u32> = keys.iter().map(|key| u32::from(*key)).collect();
         // The device may still be reading the last keys after an error.
         self.commands.settle()?;
-        self.values.write(&values);
-        let (passes, order) = (&self.passes, &self.order);
-        let device = passes.gpu.device();
+        self.values.write(values);
+        let start = SortState { count, ..range };
+        let (passes, state, order) = (&self.passes, &self.state, &self.order);
+        let timestamps = self.timestamps.as_ref();
+        let gpu = &passes.gpu;
         self.commands.run("the sort", |commands| {
+            if let Some(timestamps) = timestamps {
+                timestamps.record_reset(commands);
+                timestamps.record_point(commands, 0);
+            }
+            let words = bytemuck::bytes_of(&start);
+            // SAFETY: the command buffer is being recorded; the buffer holds one state.
+            unsafe {
+                let device = gpu.device();
+                device.cmd_update_buffer(commands, state.handle(), 0, words);
+            }
             passes.record_clear(commands);
-            barrier(&passes.gpu, commands);
-            passes.record(commands, count);
+            barrier(gpu, commands);
+            passes.record(commands, state);
+            if let Some(timestamps) = timestamps {
+                timestamps.record_point(commands, 1);
+            }
             let region = [vk::BufferCopy::default().size(order.size())];
             // SAFETY: both buffers are as large as the region.
             unsafe {
+                let device = gpu.device();
                 device.cmd_copy_buffer(commands, passes.order.handle(), order.handle(), &region);
             }
-            barrier(&passes.gpu, commands);
+            barrier(gpu, commands);
         })?;
-        Ok(self.order.read(keys.len()))
+        if let Some(timestamps) = &self.timestamps {
+            let [_, end] = timestamps.read()?;
+            self.milliseconds = end;
+        }
+        Ok(self.order.read(values.len()))
     }
 
     /// How many keys fit.

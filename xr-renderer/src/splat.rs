@@ -10,39 +10,46 @@ use ash::vk;
 use bytemuck::Zeroable;
 use shaders_spirv::{FrameParams, PackedGaussian};
 
+use crate::back_ends::{BackEndTrial, BackEnds};
+use crate::background::Background;
 use crate::camera::{Camera, head_depth_plane};
 use crate::commands::{Commands, barrier};
 use crate::error::RenderError;
 use crate::front::Front;
 use crate::gpu::Gpu;
+use crate::options::{BackEnd, RendererOptions};
+use crate::order::{KEPT_MOVE, KEPT_TURN, Order};
 use crate::picture::Image;
 use crate::read_back::ReadBack;
 use crate::target::Target;
-use crate::tiles::Tiles;
 use crate::timestamps::{StageTimes, Timestamps};
 
 /// Widest and highest picture: a tile's column and row are 8 bits each.
 const MOST_PIXELS: u32 = 4096;
 
-/// Draws Gaussians into one or two views, sorted once for both.
+/// Draws Gaussians into one or two views, sorted once for both: a foreground that changes, and a background that
+/// does not.
 pub struct SplatRenderer {
     // Dropped first: waits for the device.
     commands: Commands,
     gpu: Arc<Gpu>,
-    tiles: Tiles,
+    back_ends: BackEnds,
     front: Front,
     target: Target,
     read_back: ReadBack,
     timestamps: Option<Timestamps<6>>,
     times: StageTimes,
-    max_gaussians: u32,
+    order: Order,
+    /// Milliseconds the host took to write the foreground that is not drawn yet.
+    host_upload: f64,
+    options: RendererOptions,
 }
 
 impl std::fmt::Debug for SplatRenderer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("SplatRenderer")
             .field("gpu", &self.gpu)
-            .field("max_gaussians", &self.max_gaussians)
+            .field("max_foreground", &self.options.max_foreground)
             .field("width", &self.target.width)
             .field("height", &self.target.height)
             .field("views", &self.target.layers)
@@ -52,17 +59,18 @@ impl std::fmt::Debug for SplatRenderer {
 
 impl SplatRenderer {
     /// A renderer for pictures of one size with one or two views. All memory is taken here, except that
-    /// the tiles' lists grow when Gaussians are larger on the screen than a person's are.
+    /// the tiles' lists grow when Gaussians are larger on the screen than a person's are; the background is uploaded.
     ///
     /// # Errors
     /// A size out of range, or more memory than the device has.
-    pub fn new(
-        gpu: Arc<Gpu>,
-        max_gaussians: u32,
-        width: u32,
-        height: u32,
-        views: u32,
-    ) -> Result<Self, RenderError> {
+    pub fn new(gpu: Arc<Gpu>, options: &RendererOptions) -> Result<Self, RenderError> {
+        let RendererOptions {
+            max_foreground,
+            width,
+            height,
+            views,
+            ..
+        } = *options;
         let sizes = 1..=MOST_PIXELS;
         if !sizes.contains(&width) || !sizes.contains(&height) || !(1..=2).contains(&views) {
             return Err(RenderError::PictureSize {
@@ -71,61 +79,107 @@ impl SplatRenderer {
                 views,
             });
         }
+        let background = options.background.as_deref();
         let target = Target::new(&gpu, width, height, views)?;
-        let front = Front::new(&gpu, max_gaussians, views)?;
-        let tiles = Tiles::new(&gpu, &front, &target, max_gaussians)?;
+        let mut front = Front::new(&gpu, max_foreground, background, options.filter, views)?;
+        let capacity = max_foreground.saturating_add(background.map_or(0, Background::len));
+        let back_ends = BackEnds::new(&gpu, &front, &target, capacity, options.back_end)?;
         // Made last and so dropped first after an error: its drop waits for the device, which uses the rest.
         let mut commands = Commands::new(&gpu)?;
-        commands.run("the first clear", |commands| clear(&gpu, commands, &target))?;
+        commands.run("the first clear", |commands| {
+            clear(&gpu, commands, &target);
+            front.record_background(commands);
+        })?;
+        front.background_is_there();
         Ok(Self {
             commands,
-            tiles,
+            back_ends,
             front,
             read_back: ReadBack::new(&gpu, &target)?,
             timestamps: Timestamps::new(&gpu)?,
             target,
             times: StageTimes::default(),
-            max_gaussians,
+            order: Order::default(),
+            host_upload: 0.0,
+            options: options.clone(),
             gpu,
         })
     }
 
-    /// Draws `gaussians` (world space) as each camera sees them, and waits until they are drawn.
+    /// Takes another foreground (world space) for the pictures that follow; at first there is none.
     ///
     /// Gaussians with a number that is not finite are left out, as are those behind a near plane.
     ///
     /// # Errors
-    /// Too many Gaussians, cameras that do not fit the renderer, more splats than the tiles' lists can
-    /// hold, or a device that fails.
-    pub fn render(
-        &mut self,
-        gaussians: &[PackedGaussian],
-        cameras: &[Camera],
-    ) -> Result<(), RenderError> {
+    /// Too many Gaussians, or a device that fails.
+    pub fn set_foreground(&mut self, gaussians: &[PackedGaussian]) -> Result<(), RenderError> {
+        let limit = self.options.max_foreground;
         let count = u32::try_from(gaussians.len())
             .ok()
-            .filter(|count| *count <= self.max_gaussians)
+            .filter(|count| *count <= limit)
             .ok_or(RenderError::TooManyGaussians {
                 count: gaussians.len(),
-                limit: self.max_gaussians,
+                limit,
             })?;
-        self.check(cameras)?;
         // The device may still be reading the last picture's input after an error.
         self.commands.settle()?;
-        let mut frame = self.frame_params(count, cameras);
-        let host_upload = self.front.write_gaussians(gaussians);
+        self.order.foreground_changed(gaussians);
+        self.host_upload = self.front.write_foreground(gaussians, count);
+        Ok(())
+    }
+
+    /// Draws foreground and background as each camera sees them, and waits until they are drawn.
+    ///
+    /// The Gaussians are sorted anew only where the head or the foreground moved enough to change the order.
+    ///
+    /// # Errors
+    /// Cameras that do not fit the renderer, more splats than the tiles' lists can hold, or a device that fails.
+    pub fn draw(&mut self, cameras: &[Camera]) -> Result<(), RenderError> {
+        self.check(cameras)?;
+        // The device may still be reading the last picture's cameras after an error.
+        self.commands.settle()?;
+        let mut sorts = !self.order.serves(cameras);
         loop {
-            self.tiles.describe(&mut frame);
+            let mut frame = self.frame_params(cameras, sorts);
+            self.back_ends.describe(&mut frame);
             self.front.write_frame(&frame);
-            self.draw(count)?;
-            let wanted = self.tiles.pairs_wanted();
-            if wanted <= self.tiles.pair_capacity() {
+            self.record_and_run(sorts)
+                .inspect_err(|_| self.order.forget())?;
+            if !self.back_ends.has_grown(&self.front, &self.target)? {
                 break;
             }
-            self.tiles.grow(wanted, &self.front, &self.target)?;
+            // The first attempt's sort may have been for nothing but is not for this one.
+            sorts = true;
         }
-        self.times = self.read_times(host_upload)?;
+        if sorts {
+            self.order.made(cameras);
+        }
+        self.front.foreground_is_there();
+        self.times = self.read_times()?;
+        self.host_upload = 0.0;
+        self.back_ends.took(self.times.bin + self.times.raster);
         Ok(())
+    }
+
+    /// Makes the next picture sort its Gaussians, whether they moved or not.
+    pub fn forget_order(&mut self) {
+        self.order.forget();
+    }
+
+    /// The back end that draws the next picture.
+    pub fn back_end(&self) -> BackEnd {
+        self.back_ends.present()
+    }
+
+    /// How the two back ends compared on the first pictures; nothing while they are being compared, where one was
+    /// asked for, or where the device has no clock.
+    pub fn back_end_trial(&self) -> Option<BackEndTrial> {
+        self.back_ends.trial()
+    }
+
+    /// What the renderer was made for.
+    pub fn options(&self) -> &RendererOptions {
+        &self.options
     }
 
     /// How long the stages of the last picture took.
@@ -133,9 +187,9 @@ impl SplatRenderer {
         self.times
     }
 
-    /// (Gaussian, tile) pairs in the last picture, all views together.
+    /// (Gaussian, tile) pairs in the last picture, all views together; 0 where quads drew it.
     pub fn tile_pairs(&self) -> u32 {
-        self.tiles.pairs_wanted()
+        self.back_ends.tile_pairs()
     }
 
     /// How many views a picture has.
@@ -148,14 +202,20 @@ impl SplatRenderer {
     /// # Errors
     /// No such view, or a device that fails.
     pub fn read_back(&mut self, view: u32) -> Result<Image, RenderError> {
-        if view >= self.target.layers {
-            return Err(RenderError::NoSuchView {
-                view,
-                views: self.target.layers,
-            });
-        }
+        self.check_view(view)?;
         self.read_back
             .read(&self.gpu, &mut self.commands, &self.target, view)
+    }
+
+    /// The last picture's depth in metres times its alpha, row by row from the top: divided by alpha, where that is
+    /// not 0, it is the mean depth along the view's axis of what the pixel shows.
+    ///
+    /// # Errors
+    /// No such view, or a device that fails.
+    pub fn read_back_depth(&mut self, view: u32) -> Result<Vec<f32>, RenderError> {
+        self.check_view(view)?;
+        self.read_back
+            .read_depth(&self.gpu, &mut self.commands, &self.target, view)
     }
 
     /// Where the pictures lie on the device.
@@ -166,6 +226,15 @@ impl SplatRenderer {
     /// The device it draws on.
     pub(crate) fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
+    }
+
+    fn check_view(&self, view: u32) -> Result<(), RenderError> {
+        let views = self.target.layers;
+        if view < views {
+            Ok(())
+        } else {
+            Err(RenderError::NoSuchView { view, views })
+        }
     }
 
     fn check(&self, cameras: &[Camera]) -> Result<(), RenderError> {
@@ -194,21 +263,25 @@ impl SplatRenderer {
         Ok(())
     }
 
-    fn frame_params(&self, count: u32, cameras: &[Camera]) -> FrameParams {
+    fn frame_params(&self, cameras: &[Camera], sorts: bool) -> FrameParams {
         let mut frame = FrameParams::zeroed();
         for (params, camera) in frame.views.iter_mut().zip(cameras) {
             *params = camera.params();
         }
         frame.depth_plane = head_depth_plane(cameras);
-        frame.gaussian_count = count;
+        frame.foreground_count = self.front.foreground_count();
+        frame.total_count = self.front.total_count();
         frame.view_count = self.target.layers;
         frame.width = self.target.width;
         frame.height = self.target.height;
+        frame.sorts = u32::from(sorts);
+        frame.guard_turn = KEPT_TURN;
+        frame.guard_move = KEPT_MOVE;
         frame
     }
 
-    fn draw(&mut self, count: u32) -> Result<(), RenderError> {
-        let (front, tiles, target) = (&self.front, &self.tiles, &self.target);
+    fn record_and_run(&mut self, sorts: bool) -> Result<(), RenderError> {
+        let (front, back_ends, target) = (&self.front, &self.back_ends, &self.target);
         let timestamps = self.timestamps.as_ref();
         let point = |commands: vk::CommandBuffer, index: usize| {
             if let Some(timestamps) = timestamps {
@@ -220,29 +293,31 @@ impl SplatRenderer {
                 timestamps.record_reset(commands);
             }
             point(commands, 0);
-            front.record_upload(commands, count);
+            front.record_upload(commands, sorts);
             point(commands, 1);
-            front.record_project(commands, count);
+            front.record_project(commands);
             point(commands, 2);
-            front.record_sort(commands, count);
+            if sorts {
+                front.record_sort(commands);
+            }
             point(commands, 3);
-            tiles.record_bin(commands, target);
+            back_ends.record_bin(commands, target);
             point(commands, 4);
-            tiles.record_raster(commands);
+            back_ends.record_draw(commands, target);
             point(commands, 5);
         })
     }
 
-    fn read_times(&self, host_upload: f64) -> Result<StageTimes, RenderError> {
+    fn read_times(&self) -> Result<StageTimes, RenderError> {
         let Some(timestamps) = &self.timestamps else {
             return Ok(StageTimes {
-                upload: host_upload,
+                upload: self.host_upload,
                 ..Default::default()
             });
         };
         let [start, uploaded, projected, sorted, binned, drawn] = timestamps.read()?;
         Ok(StageTimes {
-            upload: host_upload + uploaded - start,
+            upload: self.host_upload + uploaded - start,
             project: projected - uploaded,
             sort: sorted - projected,
             bin: binned - sorted,
@@ -253,10 +328,11 @@ impl SplatRenderer {
 
 /// Makes a new target transparent.
 fn clear(gpu: &Gpu, commands: vk::CommandBuffer, target: &Target) {
-    // SAFETY: the command buffer is being recorded; the buffer can be a copy's target.
+    // SAFETY: the command buffer is being recorded; the buffers can be a copy's target.
     unsafe {
-        gpu.device()
-            .cmd_fill_buffer(commands, target.buffer.handle(), 0, vk::WHOLE_SIZE, 0);
+        let device = gpu.device();
+        device.cmd_fill_buffer(commands, target.buffer.handle(), 0, vk::WHOLE_SIZE, 0);
+        device.cmd_fill_buffer(commands, target.depth.handle(), 0, vk::WHOLE_SIZE, 0);
     }
     barrier(gpu, commands);
 }

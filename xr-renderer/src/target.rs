@@ -1,6 +1,6 @@
-//! The picture on the device: one layer per view, premultiplied RGBA in half floats.
+//! The picture on the device: one layer per view, premultiplied RGBA and premultiplied depth in half floats.
 //!
-//! It is a buffer, which every driver writes well from compute; whoever shows it copies it to an image.
+//! Buffers, which every driver writes well from compute; whoever shows them copies them to an image.
 
 use std::sync::Arc;
 
@@ -13,9 +13,11 @@ use crate::gpu::Gpu;
 /// Red, green, blue, alpha: display values, premultiplied.
 pub(crate) type Pixel = [f16; 4];
 
-/// What the raster pass writes and copies read: layer by layer, row by row from the top.
+/// What a back end writes and copies read: layer by layer, row by row from the top.
 pub(crate) struct Target {
     pub(crate) buffer: Buffer,
+    /// Depth in metres times alpha, [`Self::depth_stride`] in a row.
+    pub(crate) depth: Buffer,
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) layers: u32,
@@ -28,22 +30,34 @@ impl Target {
         height: u32,
         layers: u32,
     ) -> Result<Self, RenderError> {
-        let layer = layer_bytes(width, height);
-        let buffer = Buffer::storage(gpu, "the picture", layer * u64::from(layers))?;
+        let rows = u64::from(height) * u64::from(layers);
+        let bytes = rows * u64::from(width) * size_of::<Pixel>() as u64;
+        let depth_bytes = rows * u64::from(depth_stride(width)) * size_of::<f16>() as u64;
         Ok(Self {
-            buffer,
+            buffer: Buffer::storage(gpu, "the picture", bytes)?,
+            depth: Buffer::storage(gpu, "the picture's depth", depth_bytes)?,
             width,
             height,
             layers,
         })
     }
 
-    /// Bytes of one layer.
+    /// Bytes of one layer's colours.
     pub(crate) fn layer_bytes(&self) -> u64 {
-        layer_bytes(self.width, self.height)
+        u64::from(self.width) * u64::from(self.height) * size_of::<Pixel>() as u64
+    }
+
+    /// Depths in a row: even, since they are written in pairs.
+    pub(crate) fn depth_stride(&self) -> u32 {
+        depth_stride(self.width)
+    }
+
+    /// Bytes of one layer's depths.
+    pub(crate) fn depth_layer_bytes(&self) -> u64 {
+        u64::from(self.depth_stride()) * u64::from(self.height) * size_of::<f16>() as u64
     }
 }
 
-fn layer_bytes(width: u32, height: u32) -> u64 {
-    u64::from(width) * u64::from(height) * size_of::<Pixel>() as u64
+fn depth_stride(width: u32) -> u32 {
+    width.next_multiple_of(2)
 }

@@ -8,12 +8,13 @@ use std::sync::Arc;
 use ash::vk;
 use shaders_spirv::{FrameParams, TILE_PIXELS};
 
+use crate::bindings::Resource;
 use crate::buffer::{Buffer, Place};
 use crate::commands::barrier;
 use crate::error::RenderError;
 use crate::front::Front;
 use crate::gpu::Gpu;
-use crate::pipeline::{ComputePipeline, Resource, Specialisation};
+use crate::pipeline::{ComputePipeline, Specialisation};
 use crate::scan::Scan;
 use crate::target::Target;
 
@@ -179,11 +180,14 @@ impl Tiles {
     /// Records the filling of the tiles' lists, and clears the picture, of which only touched tiles are drawn.
     pub(crate) fn record_bin(&self, commands: vk::CommandBuffer, target: &Target) {
         let device = self.gpu.device();
-        // SAFETY: the command buffer is being recorded; the buffers can be a copy's target.
-        unsafe {
-            device.cmd_fill_buffer(commands, target.buffer.handle(), 0, vk::WHOLE_SIZE, 0);
-            device.cmd_fill_buffer(commands, self.table.handle(), 0, vk::WHOLE_SIZE, 0);
-            device.cmd_fill_buffer(commands, self.tile_starts.handle(), 0, vk::WHOLE_SIZE, 0);
+        for buffer in [
+            &target.buffer,
+            &target.depth,
+            &self.table,
+            &self.tile_starts,
+        ] {
+            // SAFETY: the command buffer is being recorded; the buffers can be a copy's target.
+            unsafe { device.cmd_fill_buffer(commands, buffer.handle(), 0, vk::WHOLE_SIZE, 0) };
         }
         barrier(&self.gpu, commands);
         let Layout { lanes, views, .. } = self.layout;
@@ -240,11 +244,12 @@ fn binning<'a>(
     tile_starts: &'a Buffer,
     pairs: &'a Buffer,
 ) -> [Resource<'a>; 7] {
+    let passed = front.passed();
     [
-        Resource::Uniform(front.frame()),
-        Resource::Storage(front.sort().order()),
-        Resource::Storage(front.sort().bins()),
-        Resource::Storage(front.rects()),
+        Resource::Uniform(&passed.frame),
+        Resource::Storage(front.order()),
+        Resource::Storage(&passed.state),
+        Resource::Storage(&passed.rects),
         Resource::Storage(table),
         Resource::Storage(tile_starts),
         Resource::Storage(pairs),
@@ -256,13 +261,17 @@ fn rastering<'a>(
     tile_starts: &'a Buffer,
     pairs: &'a Buffer,
     target: &'a Target,
-) -> [Resource<'a>; 5] {
+) -> [Resource<'a>; 7] {
+    let passed = front.passed();
+    let [left, right] = &passed.splats;
     [
-        Resource::Uniform(front.frame()),
-        Resource::Storage(front.splats()),
+        Resource::Uniform(&passed.frame),
+        Resource::Storage(left),
+        Resource::Storage(right),
         Resource::Storage(tile_starts),
         Resource::Storage(pairs),
         Resource::Storage(&target.buffer),
+        Resource::Storage(&target.depth),
     ]
 }
 

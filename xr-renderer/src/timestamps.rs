@@ -16,7 +16,7 @@ pub struct StageTimes {
     pub project: f64,
     /// The sort, once for all views.
     pub sort: f64,
-    /// Listing the splats of each tile.
+    /// Listing the splats of each tile; nothing for quads.
     pub bin: f64,
     /// Blending.
     pub raster: f64,
@@ -28,6 +28,9 @@ impl StageTimes {
         self.upload + self.project + self.sort + self.bin + self.raster
     }
 }
+
+/// Queries from one point to the next: Mesa 25's llvmpipe writes one for each view of a multiview pass.
+const SPACING: u32 = 2;
 
 /// A row of points in time, written by the device as it passes them.
 pub(crate) struct Timestamps<const POINTS: usize> {
@@ -43,7 +46,7 @@ impl<const POINTS: usize> Timestamps<POINTS> {
         }
         let info = vk::QueryPoolCreateInfo::default()
             .query_type(vk::QueryType::TIMESTAMP)
-            .query_count(count(POINTS));
+            .query_count(count(POINTS) * SPACING);
         // SAFETY: the structure is complete.
         let pool =
             unsafe { gpu.device().create_query_pool(&info, None) }.during("vkCreateQueryPool")?;
@@ -59,7 +62,7 @@ impl<const POINTS: usize> Timestamps<POINTS> {
         unsafe {
             self.gpu
                 .device()
-                .cmd_reset_query_pool(commands, self.pool, 0, count(POINTS));
+                .cmd_reset_query_pool(commands, self.pool, 0, count(POINTS) * SPACING);
         }
     }
 
@@ -72,7 +75,7 @@ impl<const POINTS: usize> Timestamps<POINTS> {
                 commands,
                 vk::PipelineStageFlags::BOTTOM_OF_PIPE,
                 self.pool,
-                count(point),
+                count(point) * SPACING,
             );
         }
     }
@@ -80,16 +83,16 @@ impl<const POINTS: usize> Timestamps<POINTS> {
     /// Milliseconds of each point after the first one. The device has passed them all.
     pub(crate) fn read(&self) -> Result<[f64; POINTS], RenderError> {
         let mut ticks = [0u64; POINTS];
-        // SAFETY: the pool belongs to the device and has that many queries.
-        unsafe {
-            self.gpu.device().get_query_pool_results(
-                self.pool,
-                0,
-                &mut ticks,
-                vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT,
-            )
+        for (point, tick) in (0..).zip(&mut ticks) {
+            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+            let results = std::slice::from_mut(tick);
+            // SAFETY: the pool belongs to the device and has that query, which was written.
+            unsafe {
+                let device = self.gpu.device();
+                device.get_query_pool_results(self.pool, point * SPACING, results, flags)
+            }
+            .during("vkGetQueryPoolResults")?;
         }
-        .during("vkGetQueryPoolResults")?;
         let mask = u64::MAX >> (64 - self.gpu.timestamp_bits.min(64));
         let milliseconds = f64::from(self.gpu.limits.timestamp_period) * 1e-6;
         let first = ticks.first().copied().unwrap_or_default();

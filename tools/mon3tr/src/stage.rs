@@ -13,7 +13,7 @@ use npu_runtime::Runtime;
 use spmm3::{Avatar, MotionParams};
 use std::path::Path;
 use std::sync::Arc;
-use xr_renderer::{Camera, Gpu, SplatRenderer};
+use xr_renderer::{Camera, Gpu, RendererOptions, SplatRenderer};
 
 /// Width and height in pixels, written WxH.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,9 +89,9 @@ impl Stage {
         let deformer = Deformer::new(runtime, avatar, Surroundings::provider())?;
         let count = if views == Views::Stereo { 2 } else { 1 };
         let gaussians = u32::try_from(avatar.gaussians.len()).context("too many Gaussians")?;
+        let options = RendererOptions::new(gaussians, size.width, size.height, count);
         let renderer =
-            SplatRenderer::new(Arc::clone(gpu), gaussians, size.width, size.height, count)
-                .context("cannot prepare the renderer")?;
+            SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
         Ok(Self {
             receiver: Receiver::new(deformer, renderer),
             size,

@@ -16,10 +16,10 @@ use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window, WindowId};
-use xr_renderer::{Background, Gpu, Shown, SplatRenderer, WindowTarget};
+use xr_renderer::{Backdrop, Gpu, RendererOptions, Shown, SplatRenderer, WindowTarget};
 
 /// What stands behind the person.
-const STUDIO: Background = Background::Gradient {
+const STUDIO: Backdrop = Backdrop::Gradient {
     top: [0.80, 0.83, 0.87],
     bottom: [0.70, 0.71, 0.73],
 };
@@ -83,8 +83,8 @@ fn renderer(
     height: u32,
 ) -> anyhow::Result<SplatRenderer> {
     let gaussians = u32::try_from(gaussians).context("too many Gaussians")?;
-    SplatRenderer::new(Arc::clone(gpu), gaussians, width, height, 1)
-        .context("cannot prepare the renderer")
+    let options = RendererOptions::new(gaussians, width, height, 1);
+    SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")
 }
 
 /// The window while it is open.

@@ -12,7 +12,7 @@ use spmm3::GaussianSet;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use xr_renderer::{Camera, Gpu, RenderError, SplatRenderer};
+use xr_renderer::{BackEnd, Camera, Gpu, RenderError, RendererOptions, SplatRenderer};
 
 /// Options of `bake`.
 #[derive(Debug, clap::Args)]
@@ -129,8 +129,12 @@ impl Easel {
             .is_none_or(|(count, size, _)| (*count, *size) != (gaussians.len(), shot.size))
         {
             let most = u32::try_from(gaussians.len()).unwrap_or(u32::MAX);
-            let renderer =
-                SplatRenderer::new(Arc::clone(&self.gpu), most, shot.size, shot.size, 1)?;
+            // Few pictures of each size: no use in finding out which back end is faster.
+            let options = RendererOptions {
+                back_end: Some(BackEnd::Tiles),
+                ..RendererOptions::new(most, shot.size, shot.size, 1)
+            };
+            let renderer = SplatRenderer::new(Arc::clone(&self.gpu), &options)?;
             *slot = Some((gaussians.len(), shot.size, renderer));
         }
         let Some((_, _, renderer)) = slot.as_mut() else {
@@ -146,7 +150,8 @@ impl Easel {
             shot.size,
             shot.size,
         );
-        renderer.render(&packed, &[camera])?;
+        renderer.set_foreground(&packed)?;
+        renderer.draw(&[camera])?;
         Ok(renderer.read_back(0)?.pixels().to_vec())
     }
 }

@@ -1,0 +1,78 @@
+#version 450
+#extension GL_GOOGLE_include_directive : require
+#include "sort.glsl"
+#include "sort_order.glsl"
+
+// One workgroup per crowded bin (many Gaussians at one depth): a merge sort in which all invocations take part in every
+// merge, so that millions of equal keys take a moment and not a watchdog's patience.
+
+const uint MERGERS = 256u;
+const uint RUN = 16u; // items that one invocation sorts before merging begins
+layout(local_size_x = 256) in;
+
+layout(set = 0, binding = 5, std430) readonly buffer Crowded { uint crowded[]; };
+layout(set = 0, binding = 6, std430) buffer Scratch { uint scratch[]; }; // as large as the order
+
+bool from_scratch; // which of the two holds the runs
+
+uint item_at(uint at) { return from_scratch ? scratch[at] : order[at]; }
+
+void put(uint at, uint item) {
+    if (from_scratch) order[at] = item;
+    else scratch[at] = item;
+}
+
+// How many of the first `taken` of the merged runs a and b come from a ("merge path").
+uint share_of(uint a, uint a_count, uint b, uint b_count, uint taken) {
+    uint low = taken > b_count ? taken - b_count : 0u;
+    uint high = min(taken, a_count);
+    while (low < high) {
+        uint middle = (low + high) / 2u;
+        if (before(item_at(a + middle), item_at(b + taken - 1u - middle))) low = middle + 1u;
+        else high = middle;
+    }
+    return low;
+}
+
+// This invocation's part of the merge of two neighbouring runs: positions from..to of the pair that starts at `pair`.
+void merge(uint pair, uint end, uint width, uint from, uint to) {
+    uint a = pair, b = min(pair + width, end);
+    uint a_count = b - a, b_count = min(b + width, end) - b;
+    uint i = share_of(a, a_count, b, b_count, from - pair);
+    uint j = from - pair - i;
+    for (uint at = from; at < to; ++at) {
+        bool take_a = j >= b_count || (i < a_count && before(item_at(a + i), item_at(b + j)));
+        put(at, item_at(take_a ? a + i : b + j));
+        if (take_a) ++i;
+        else ++j;
+    }
+}
+
+void main() {
+    uint bin = crowded[gl_WorkGroupID.x];
+    uint start = bin == 0u ? 0u : bins[bin - 1u];
+    uint end = bins[bin];
+    uint me = gl_LocalInvocationID.x;
+    for (uint run = start + me * RUN; run < end; run += MERGERS * RUN) insertion_sort(run, min(run + RUN, end));
+    memoryBarrierBuffer();
+    barrier();
+
+    from_scratch = false;
+    uint per_merger = (end - start + MERGERS - 1u) / MERGERS;
+    for (uint width = RUN; width < end - start; width *= 2u) {
+        uint at = start + me * per_merger;
+        uint last = min(at + per_merger, end);
+        while (at < last) {
+            uint pair = start + (at - start) / (2u * width) * (2u * width);
+            uint to = min(last, min(pair + 2u * width, end));
+            merge(pair, end, width, at, to);
+            at = to;
+        }
+        memoryBarrierBuffer();
+        barrier();
+        from_scratch = !from_scratch;
+    }
+    if (from_scratch) {
+        for (uint at = start + me; at < end; at += MERGERS) order[at] = scratch[at];
+    }
+}

@@ -1,0 +1,180 @@
+//! Which back end draws: the one that was asked for, or the faster of the two, found out on the first pictures.
+
+use std::sync::Arc;
+
+use ash::vk;
+use shaders_spirv::FrameParams;
+
+use crate::commands::barrier;
+use crate::error::RenderError;
+use crate::front::Front;
+use crate::gpu::Gpu;
+use crate::options::BackEnd;
+use crate::quads::Quads;
+use crate::target::Target;
+use crate::tiles::Tiles;
+
+/// Pictures each back end draws before they are compared; the first of each warms up and does not count.
+const TRIALS: usize = 4;
+
+/// Milliseconds a picture took (listing and drawing), as each back end drew it at start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BackEndTrial {
+    /// Median of the tile back end's.
+    pub tiles: f64,
+    /// Median of the quad back end's.
+    pub quads: f64,
+}
+
+impl BackEndTrial {
+    /// The faster one.
+    #[must_use]
+    pub fn winner(&self) -> BackEnd {
+        if self.quads < self.tiles {
+            BackEnd::Quads
+        } else {
+            BackEnd::Tiles
+        }
+    }
+}
+
+/// Both back ends while they are compared, one after that.
+pub(crate) struct BackEnds {
+    gpu: Arc<Gpu>,
+    tiles: Option<Tiles>,
+    quads: Option<Quads>,
+    times: [Vec<f64>; 2],
+    trial: Option<BackEndTrial>,
+}
+
+impl BackEnds {
+    /// The asked-for one, or both where none was and the device has a clock to tell.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        front: &Front,
+        target: &Target,
+        capacity: u32,
+        asked: Option<BackEnd>,
+    ) -> Result<Self, RenderError> {
+        let asked = asked.or((!gpu.has_clock()).then_some(BackEnd::Tiles));
+        let tiles = (asked != Some(BackEnd::Quads))
+            .then(|| Tiles::new(gpu, front, target, capacity))
+            .transpose()?;
+        let quads = (asked != Some(BackEnd::Tiles))
+            .then(|| Quads::new(gpu, front, target))
+            .transpose()?;
+        Ok(Self {
+            gpu: Arc::clone(gpu),
+            tiles,
+            quads,
+            times: Default::default(),
+            trial: None,
+        })
+    }
+
+    /// The one that draws the next picture.
+    pub(crate) fn present(&self) -> BackEnd {
+        let [tiles, quads] = &self.times;
+        match (&self.tiles, &self.quads) {
+            (Some(_), Some(_)) if tiles.len() > quads.len() => BackEnd::Quads,
+            (None, _) => BackEnd::Quads,
+            _ => BackEnd::Tiles,
+        }
+    }
+
+    /// What the comparison found; nothing before its end, or where a back end was asked for.
+    pub(crate) fn trial(&self) -> Option<BackEndTrial> {
+        self.trial
+    }
+
+    /// Fills in what the shaders read of sizes.
+    pub(crate) fn describe(&self, frame: &mut FrameParams) {
+        if let Some(tiles) = &self.tiles {
+            tiles.describe(frame);
+        }
+    }
+
+    /// Records what comes between the sort and the drawing.
+    pub(crate) fn record_bin(&self, commands: vk::CommandBuffer, target: &Target) {
+        if let (BackEnd::Tiles, Some(tiles)) = (self.present(), &self.tiles) {
+            tiles.record_bin(commands, target);
+        }
+    }
+
+    /// Records the drawing into the target.
+    pub(crate) fn record_draw(&self, commands: vk::CommandBuffer, target: &Target) {
+        match (self.present(), &self.tiles, &self.quads) {
+            (BackEnd::Tiles, Some(tiles), _) => tiles.record_raster(commands),
+            (_, _, Some(quads)) => quads.record(commands, target),
+            _ => {}
+        }
+        barrier(&self.gpu, commands);
+    }
+
+    /// Whether the picture was not drawn for want of room, which there is now. The device is idle.
+    pub(crate) fn has_grown(
+        &mut self,
+        front: &Front,
+        target: &Target,
+    ) -> Result<bool, RenderError> {
+        let BackEnd::Tiles = self.present() else {
+            return Ok(false);
+        };
+        let Some(tiles) = &mut self.tiles else {
+            return Ok(false);
+        };
+        let wanted = tiles.pairs_wanted();
+        if wanted <= tiles.pair_capacity() {
+            return Ok(false);
+        }
+        tiles.grow(wanted, front, target)?;
+        Ok(true)
+    }
+
+    /// Takes note of how long the picture took, and lets the slower back end go once both have had their turns. The
+    /// device is idle.
+    pub(crate) fn took(&mut self, milliseconds: f64) {
+        if self.tiles.is_none() || self.quads.is_none() {
+            return;
+        }
+        let [tiles, quads] = &mut self.times;
+        if tiles.len() > quads.len() {
+            quads.push(milliseconds);
+        } else {
+            tiles.push(milliseconds);
+        }
+        if quads.len() < TRIALS {
+            return;
+        }
+        let trial = BackEndTrial {
+            tiles: median(tiles),
+            quads: median(quads),
+        };
+        let winner = trial.winner();
+        log::info!(
+            "splatting by {winner}: tiles took {:.2} ms, quads {:.2} ms",
+            trial.tiles,
+            trial.quads
+        );
+        match winner {
+            BackEnd::Tiles => self.quads = None,
+            BackEnd::Quads => self.tiles = None,
+        }
+        self.trial = Some(trial);
+    }
+
+    /// (Gaussian, tile) pairs in the last picture; 0 for quads.
+    pub(crate) fn tile_pairs(&self) -> u32 {
+        match (self.present(), &self.tiles) {
+            (BackEnd::Tiles, Some(tiles)) => tiles.pairs_wanted(),
+            _ => 0,
+        }
+    }
+}
+
+/// The median of all but the first.
+fn median(times: &mut [f64]) -> f64 {
+    let (_, counted) = times.split_first_mut().unwrap_or((&mut 0.0, &mut []));
+    counted.sort_by(f64::total_cmp);
+    counted.get(counted.len() / 2).copied().unwrap_or_default()
+}

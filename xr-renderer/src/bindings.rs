@@ -1,0 +1,180 @@
+//! The one descriptor set that a pipeline reads, and the layouts that describe it.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use crate::buffer::Buffer;
+use crate::error::{RenderError, VkContext};
+use crate::gpu::Gpu;
+
+/// Something a shader binds; its place in the list is its binding number.
+#[derive(Clone, Copy)]
+pub(crate) enum Resource<'a> {
+    Storage(&'a Buffer),
+    Uniform(&'a Buffer),
+}
+
+impl<'a> Resource<'a> {
+    fn kind(&self) -> vk::DescriptorType {
+        match self {
+            Self::Storage(_) => vk::DescriptorType::STORAGE_BUFFER,
+            Self::Uniform(_) => vk::DescriptorType::UNIFORM_BUFFER,
+        }
+    }
+
+    fn buffer(&self) -> &'a Buffer {
+        match self {
+            Self::Storage(buffer) | Self::Uniform(buffer) => buffer,
+        }
+    }
+}
+
+/// A descriptor set with everything it was made from.
+pub(crate) struct Bindings {
+    gpu: Arc<Gpu>,
+    stages: vk::ShaderStageFlags,
+    set_layout: vk::DescriptorSetLayout,
+    layout: vk::PipelineLayout,
+    pool: vk::DescriptorPool,
+    set: vk::DescriptorSet,
+}
+
+impl Bindings {
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        stages: vk::ShaderStageFlags,
+        push_bytes: u32,
+        resources: &[Resource<'_>],
+    ) -> Result<Self, RenderError> {
+        let mut made = Self {
+            gpu: Arc::clone(gpu),
+            stages,
+            set_layout: vk::DescriptorSetLayout::null(),
+            layout: vk::PipelineLayout::null(),
+            pool: vk::DescriptorPool::null(),
+            set: vk::DescriptorSet::null(),
+        };
+        made.make_layout(push_bytes, resources)?;
+        made.make_set(resources)?;
+        made.bind(resources);
+        Ok(made)
+    }
+
+    fn make_layout(
+        &mut self,
+        push_bytes: u32,
+        resources: &[Resource<'_>],
+    ) -> Result<(), RenderError> {
+        let device = self.gpu.device();
+        let bindings: Vec<_> = (0..)
+            .zip(resources)
+            .map(|(binding, resource)| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(binding)
+                    .descriptor_type(resource.kind())
+                    .descriptor_count(1)
+                    .stage_flags(self.stages)
+            })
+            .collect();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        // SAFETY: the structure is complete.
+        self.set_layout = unsafe { device.create_descriptor_set_layout(&info, None) }
+            .during("vkCreateDescriptorSetLayout")?;
+        let layouts = [self.set_layout];
+        let ranges = [vk::PushConstantRange {
+            stage_flags: self.stages,
+            offset: 0,
+            size: push_bytes,
+        }];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+        if push_bytes > 0 {
+            info = info.push_constant_ranges(&ranges);
+        }
+        // SAFETY: the set layout is alive.
+        self.layout = unsafe { device.create_pipeline_layout(&info, None) }
+            .during("vkCreatePipelineLayout")?;
+        Ok(())
+    }
+
+    fn make_set(&mut self, resources: &[Resource<'_>]) -> Result<(), RenderError> {
+        let device = self.gpu.device();
+        let sizes: Vec<_> = resources
+            .iter()
+            .map(|resource| vk::DescriptorPoolSize {
+                ty: resource.kind(),
+                descriptor_count: 1,
+            })
+            .collect();
+        let info = vk::DescriptorPoolCreateInfo::default()
+            .max_sets(1)
+            .pool_sizes(&sizes);
+        // SAFETY: the structure is complete.
+        self.pool = unsafe { device.create_descriptor_pool(&info, None) }
+            .during("vkCreateDescriptorPool")?;
+        let layouts = [self.set_layout];
+        let info = vk::DescriptorSetAllocateInfo::default()
+            .descriptor_pool(self.pool)
+            .set_layouts(&layouts);
+        // SAFETY: pool and layout are alive, and the pool has room for one set.
+        let sets =
+            unsafe { device.allocate_descriptor_sets(&info) }.during("vkAllocateDescriptorSets")?;
+        self.set = sets.first().copied().unwrap_or_default();
+        Ok(())
+    }
+
+    /// Binds other resources of the same kinds. The device is not using the set, and the resources
+    /// outlive its next use.
+    pub(crate) fn bind(&mut self, resources: &[Resource<'_>]) {
+        for (binding, resource) in (0..).zip(resources) {
+            let buffer = resource.buffer();
+            let buffers = [vk::DescriptorBufferInfo {
+                buffer: buffer.handle(),
+                offset: 0,
+                range: buffer.size(),
+            }];
+            let write = vk::WriteDescriptorSet::default()
+                .dst_set(self.set)
+                .dst_binding(binding)
+                .descriptor_type(resource.kind())
+                .buffer_info(&buffers);
+            // SAFETY: the set is not in use (the caller's promise), the resources are alive.
+            unsafe { self.gpu.device().update_descriptor_sets(&[write], &[]) };
+        }
+    }
+
+    /// The pipeline layout.
+    pub(crate) fn layout(&self) -> vk::PipelineLayout {
+        self.layout
+    }
+
+    /// Records the use of the set, and of these push constants, by the pipelines that follow.
+    pub(crate) fn record(
+        &self,
+        commands: vk::CommandBuffer,
+        point: vk::PipelineBindPoint,
+        push: &[u32],
+    ) {
+        let device = self.gpu.device();
+        // SAFETY: the command buffer is being recorded; set and push constants match the layout.
+        unsafe {
+            device.cmd_bind_descriptor_sets(commands, point, self.layout, 0, &[self.set], &[]);
+            if !push.is_empty() {
+                let bytes = bytemuck::cast_slice(push);
+                device.cmd_push_constants(commands, self.layout, self.stages, 0, bytes);
+            }
+        }
+    }
+}
+
+impl Drop for Bindings {
+    fn drop(&mut self) {
+        let device = self.gpu.device();
+        // SAFETY: owners wait for the device before they drop; destroying a null handle does nothing.
+        unsafe {
+            device.destroy_descriptor_pool(self.pool, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What quads are drawn in: two attachments, cleared, blended into, and left ready to be copied.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use crate::attachment::Attachment;
+use crate::error::{RenderError, VkContext};
+use crate::gpu::Gpu;
+use crate::target::Target;
+
+const PICTURE: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
+const DEPTH: vk::Format = vk::Format::R16_SFLOAT;
+
+/// A multiview render pass, its attachments and their framebuffer.
+pub(crate) struct RenderPass {
+    gpu: Arc<Gpu>,
+    pub(crate) handle: vk::RenderPass,
+    framebuffer: vk::Framebuffer,
+    picture: Attachment,
+    depth: Attachment,
+    area: vk::Rect2D,
+}
+
+impl RenderPass {
+    pub(crate) fn new(gpu: &Arc<Gpu>, target: &Target) -> Result<Self, RenderError> {
+        let picture = Attachment::new(gpu, "the quads' picture", PICTURE, target)?;
+        let depth = Attachment::new(gpu, "the quads' depth", DEPTH, target)?;
+        let mut made = Self {
+            gpu: Arc::clone(gpu),
+            handle: make_pass(gpu, target.layers)?,
+            framebuffer: vk::Framebuffer::null(),
+            picture,
+            depth,
+            area: vk::Rect2D {
+                offset: vk::Offset2D::default(),
+                extent: vk::Extent2D {
+                    width: target.width,
+                    height: target.height,
+                },
+            },
+        };
+        let views = [made.picture.view, made.depth.view];
+        // With multiview the view mask chooses the layers, and the framebuffer counts as one.
+        let info = vk::FramebufferCreateInfo::default()
+            .render_pass(made.handle)
+            .attachments(&views)
+            .width(target.width)
+            .height(target.height)
+            .layers(1);
+        // SAFETY: pass and views are alive and fit one another.
+        made.framebuffer = unsafe { gpu.device().create_framebuffer(&info, None) }
+            .during("vkCreateFramebuffer")?;
+        Ok(made)
+    }
+
+    /// Records the pass with what `draw` records inside, then the copies to the target.
+    pub(crate) fn record(
+        &self,
+        commands: vk::CommandBuffer,
+        target: &Target,
+        draw: impl FnOnce(vk::Rect2D),
+    ) {
+        let device = self.gpu.device();
+        let clear = [vk::ClearValue::default(); 2];
+        let begin = vk::RenderPassBeginInfo::default()
+            .render_pass(self.handle)
+            .framebuffer(self.framebuffer)
+            .render_area(self.area)
+            .clear_values(&clear);
+        // SAFETY: the command buffer is being recorded; pass and framebuffer fit.
+        unsafe {
+            device.cmd_begin_render_pass(commands, &begin, vk::SubpassContents::INLINE);
+        }
+        draw(self.area);
+        // SAFETY: as above.
+        unsafe { device.cmd_end_render_pass(commands) };
+        let (picture, depth) = (target.buffer.handle(), target.depth.handle());
+        self.picture
+            .record_copy(commands, picture, target.width, target);
+        self.depth
+            .record_copy(commands, depth, target.depth_stride(), target);
+    }
+}
+
+fn make_pass(gpu: &Gpu, views: u32) -> Result<vk::RenderPass, RenderError> {
+    let attachments = [PICTURE, DEPTH].map(|format| {
+        vk::AttachmentDescription::default()
+            .format(format)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .initial_layout(vk::ImageLayout::UNDEFINED)
+            .final_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)
+    });
+    let references = [0, 1].map(|attachment| {
+        vk::AttachmentReference::default()
+            .attachment(attachment)
+            .layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+    });
+    let subpasses = [vk::SubpassDescription::default()
+        .pipeline_bind_point(vk::PipelineBindPoint::GRAPHICS)
+        .color_attachments(&references)];
+    use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+    let dependencies = [
+        // The sort's and the projection's results, and the last picture's copies.
+        vk::SubpassDependency::default()
+            .src_subpass(vk::SUBPASS_EXTERNAL)
+            .dst_subpass(0)
+            .src_stage_mask(Stage::COMPUTE_SHADER | Stage::TRANSFER)
+            .src_access_mask(Access::SHADER_WRITE | Access::TRANSFER_READ)
+            .dst_stage_mask(
+                Stage::DRAW_INDIRECT | Stage::VERTEX_SHADER | Stage::COLOR_ATTACHMENT_OUTPUT,
+            )
+            .dst_access_mask(
+                Access::INDIRECT_COMMAND_READ
+                    | Access::SHADER_READ
+                    | Access::UNIFORM_READ
+                    | Access::COLOR_ATTACHMENT_READ
+                    | Access::COLOR_ATTACHMENT_WRITE,
+            ),
+        vk::SubpassDependency::default()
+            .src_subpass(0)
+            .dst_subpass(vk::SUBPASS_EXTERNAL)
+            .src_stage_mask(Stage::COLOR_ATTACHMENT_OUTPUT)
+            .src_access_mask(Access::COLOR_ATTACHMENT_WRITE)
+            .dst_stage_mask(Stage::TRANSFER)
+            .dst_access_mask(Access::TRANSFER_READ),
+    ];
+    let view_masks = [(1 << views) - 1];
+    let mut multiview = vk::RenderPassMultiviewCreateInfo::default()
+        .view_masks(&view_masks)
+        .correlation_masks(&view_masks);
+    let info = vk::RenderPassCreateInfo::default()
+        .attachments(&attachments)
+        .subpasses(&subpasses)
+        .dependencies(&dependencies)
+        .push_next(&mut multiview);
+    // SAFETY: the structures live until the call returns; multiview was enabled with the device.
+    unsafe { gpu.device().create_render_pass(&info, None) }.during("vkCreateRenderPass")
+}
+
+impl Drop for RenderPass {
+    fn drop(&mut self) {
+        let device = self.gpu.device();
+        // SAFETY: owners wait for the device before they drop; destroying a null handle does nothing.
+        unsafe {
+            device.destroy_framebuffer(self.framebuffer, None);
+            device.destroy_render_pass(self.handle, None);
+        }
+    }
+}
