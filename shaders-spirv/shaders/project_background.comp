@@ -117,18 +117,23 @@ void main() {
             Seen left = see(frame.views[0], position, opacity, axes);
             kept = left.kept;
             rect_0 = left.rect;
-            if (rect_0 != EMPTY_RECT) {
-                paint(left.splat, colour_from(frame.views[0], position, base_colour, local, block.steps.w));
-                splats_0[index] = left.splat;
-            }
+            if (rect_0 != EMPTY_RECT) splats_0[index] = left.splat;
+            Seen right;
             if (frame.view_count > 1u) {
-                Seen right = see(frame.views[1], position, opacity, axes);
+                right = see(frame.views[1], position, opacity, axes);
                 kept = kept || right.kept;
                 rect_1 = right.rect;
-                if (rect_1 != EMPTY_RECT) {
-                    paint(right.splat, colour_from(frame.views[1], position, base_colour, local, block.steps.w));
-                    splats_1[index] = right.splat;
-                }
+                if (rect_1 != EMPTY_RECT) splats_1[index] = right.splat;
+            }
+            if (rect_0 != EMPTY_RECT) {
+                paint(left.splat, colour_from(frame.views[0], position, base_colour, local, block.steps.w));
+                splats_0[index].red_green = left.splat.red_green;
+                splats_0[index].blue_depth = left.splat.blue_depth;
+            }
+            if (rect_1 != EMPTY_RECT) {
+                paint(right.splat, colour_from(frame.views[1], position, base_colour, local, block.steps.w));
+                splats_1[index].red_green = right.splat.red_green;
+                splats_1[index].blue_depth = right.splat.blue_depth;
             }
             depth = depth_bits(position);
         }

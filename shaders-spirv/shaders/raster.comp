@@ -6,12 +6,14 @@
 #extension GL_KHR_shader_subgroup_vote : require
 #include "frame.glsl"
 
-// A workgroup draws a 16x16 tile; each of its subgroups owns one block of it (8x8 pixels, 16x8 where a
-// subgroup is 128 wide). Each lane tests one listed splat against the block; those that touch it are handed
-// round by shuffles and blended front to back until the whole block lets less than 1/255 through.
+// A workgroup is one subgroup and owns one block of a 16x16 tile: 8x8 pixels, 16x8 where a subgroup is 128 wide. Each
+// lane tests one listed splat against the block; those that touch it are handed round and blended front to back until
+// the whole block lets less than 1/255 through.
 
-layout(constant_id = 0) const uint GROUP = 32u;
-layout(constant_id = 1) const uint SUBGROUP = 8u; // invocations of one subgroup: 4, 8, ... 128
+layout(constant_id = 0) const uint SUBGROUP = 8u; // invocations of one subgroup: 4, 8, ... 128
+// How the others get a lane's splat: by shuffles, or through shared memory. Mesa's llvmpipe is 1.6 times as fast with shuffles;
+// its turnip makes of a shuffle a loop with a round for every lane, where a load is one instruction.
+layout(constant_id = 1) const bool SHUFFLE = true;
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 1, std430) readonly buffer Splats0 { Splat splats_0[]; };
@@ -27,11 +29,12 @@ layout(set = 0, binding = 6, std430) writeonly buffer DepthPicture { uint depth_
 const uint BLOCK_WIDTH = SUBGROUP > 64u ? 16u : 8u;
 const uint BLOCK_HEIGHT = 8u;
 const uint PIXELS = BLOCK_WIDTH * BLOCK_HEIGHT / SUBGROUP; // per lane
-const uint BLOCKS_X = TILE / BLOCK_WIDTH;
 const uint BALLOT_WORDS = (SUBGROUP + 31u) / 32u;
 const float TRANSMITTANCE_CUT = ALPHA_CUT;
 // Room for rounding in the block test, which must never drop what a pixel would have kept.
 const float TEST_SLACK = 1e-3;
+
+shared Splat handed[SUBGROUP];
 
 float square(float x) { return x * x; }
 
@@ -57,10 +60,9 @@ float block_peak(Splat s, vec2 low, vec2 high) {
 
 void main() {
     uint view = gl_WorkGroupID.z;
-    uvec2 tile = gl_WorkGroupID.xy;
     uint lane = gl_SubgroupInvocationID;
-    uvec2 block = tile * TILE
-        + uvec2(gl_SubgroupID % BLOCKS_X, gl_SubgroupID / BLOCKS_X) * uvec2(BLOCK_WIDTH, BLOCK_HEIGHT);
+    uvec2 block = gl_WorkGroupID.xy * uvec2(BLOCK_WIDTH, BLOCK_HEIGHT);
+    uvec2 tile = block / TILE;
     uvec2 size = uvec2(frame.width, frame.height);
     if (any(greaterThanEqual(block, size))) return;
 
@@ -77,10 +79,12 @@ void main() {
     vec2 high = min(vec2(block + uvec2(BLOCK_WIDTH, BLOCK_HEIGHT)), vec2(size)) - 0.5;
     vec4 sum[PIXELS]; // colour and depth
     float transmittance[PIXELS];
+    vec2 centre[PIXELS];
     for (uint i = 0u; i < PIXELS; ++i) {
         uint pixel = i * SUBGROUP + lane;
         uvec2 at = block + uvec2(pixel % BLOCK_WIDTH, pixel / BLOCK_WIDTH);
         sum[i] = vec4(0.0);
+        centre[i] = vec2(at) + 0.5;
         // Pixels beyond the picture's edge count as finished.
         transmittance[i] = all(lessThan(at, size)) ? 1.0 : 0.0;
     }
@@ -92,27 +96,35 @@ void main() {
             uint index = pairs[base + lane];
             if (view == 0u) own = splats_0[index];
             else own = splats_1[index];
+            // Before the test, so that little of it has to stay in registers.
+            if (!SHUFFLE) handed[lane] = own;
             touches = block_peak(own, low, high) > LOG2_ALPHA_CUT - TEST_SLACK;
         }
+        if (!SHUFFLE) subgroupBarrier();
         uvec4 touching = subgroupBallot(touches);
         for (uint word = 0u; word < BALLOT_WORDS; ++word) {
             uint left = touching[word];
             while (left != 0u) {
                 uint from = word * 32u + uint(findLSB(left));
                 left &= left - 1u;
-                float mean_x = subgroupShuffle(own.mean_x, from);
-                float mean_y = subgroupShuffle(own.mean_y, from);
-                float ux = subgroupShuffle(own.ux, from);
-                float uy = subgroupShuffle(own.uy, from);
-                float wy = subgroupShuffle(own.wy, from);
-                float log2_opacity = subgroupShuffle(own.log2_opacity, from);
-                vec4 rgbz = vec4(unpackHalf2x16(subgroupShuffle(own.red_green, from)),
-                                 unpackHalf2x16(subgroupShuffle(own.blue_depth, from)));
+                Splat one;
+                if (SHUFFLE) {
+                    one.mean_x = subgroupShuffle(own.mean_x, from);
+                    one.mean_y = subgroupShuffle(own.mean_y, from);
+                    one.ux = subgroupShuffle(own.ux, from);
+                    one.uy = subgroupShuffle(own.uy, from);
+                    one.wy = subgroupShuffle(own.wy, from);
+                    one.log2_opacity = subgroupShuffle(own.log2_opacity, from);
+                    one.red_green = subgroupShuffle(own.red_green, from);
+                    one.blue_depth = subgroupShuffle(own.blue_depth, from);
+                } else {
+                    one = handed[from];
+                }
+                vec4 rgbz = vec4(unpackHalf2x16(one.red_green), unpackHalf2x16(one.blue_depth));
                 for (uint i = 0u; i < PIXELS; ++i) {
-                    uint pixel = i * SUBGROUP + lane;
-                    float dx = float(block.x + pixel % BLOCK_WIDTH) + 0.5 - mean_x;
-                    float dy = float(block.y + pixel / BLOCK_WIDTH) + 0.5 - mean_y;
-                    float log2_alpha = log2_opacity - square(ux * dx + uy * dy) - square(wy * dy);
+                    float dx = centre[i].x - one.mean_x;
+                    float dy = centre[i].y - one.mean_y;
+                    float log2_alpha = one.log2_opacity - square(one.ux * dx + one.uy * dy) - square(one.wy * dy);
                     float alpha = log2_alpha >= LOG2_ALPHA_CUT ? min(exp2(log2_alpha), ALPHA_MOST) : 0.0;
                     sum[i] += (alpha * transmittance[i]) * rgbz;
                     transmittance[i] -= alpha * transmittance[i];
@@ -122,6 +134,7 @@ void main() {
         float most = 0.0;
         for (uint i = 0u; i < PIXELS; ++i) most = max(most, transmittance[i]);
         if (subgroupAll(most < TRANSMITTANCE_CUT)) break;
+        if (!SHUFFLE) subgroupBarrier();
     }
 
     for (uint i = 0u; i < PIXELS; ++i) {

@@ -26,6 +26,8 @@ pub struct Gpu {
     /// Bits of a timestamp that count; 0 where the queue has none.
     pub(crate) timestamp_bits: u32,
     pub(crate) has_swapchain: bool,
+    /// Whether a subgroup's lanes hand values round faster by shuffles than through shared memory.
+    pub(crate) shuffles_well: bool,
     // Vulkan wants submissions to a queue one at a time.
     queue: Mutex<vk::Queue>,
     info: DeviceInfo,
@@ -94,6 +96,12 @@ impl Gpu {
             queue_family,
             timestamp_bits,
             has_swapchain,
+            // Adreno's drivers make of a shuffle a loop with a round for every lane.
+            shuffles_well: ![
+                vk::DriverId::MESA_TURNIP,
+                vk::DriverId::QUALCOMM_PROPRIETARY,
+            ]
+            .contains(&chosen.driver_id),
             queue: Mutex::new(queue),
             info: chosen.info,
             instance,

@@ -111,12 +111,11 @@ impl Tiles {
             ComputePipeline::new(gpu, shader, specialisation, resources)
         };
         let size = gpu.subgroup.size;
-        let blocks_per_tile = if size > 64 { 2 } else { 4 };
         let raster = ComputePipeline::new(
             gpu,
             shaders_spirv::RASTER,
             Specialisation {
-                constants: &[blocks_per_tile * size, size],
+                constants: &[size, u32::from(gpu.shuffles_well)],
                 fixed_subgroups: true,
                 ..Default::default()
             },
@@ -224,8 +223,10 @@ impl Tiles {
             views,
             ..
         } = self.layout;
-        self.raster
-            .dispatch(commands, &[], [tiles_x, tiles_y, views]);
+        // Each workgroup draws a block: 16x8 pixels by the widest subgroups, 8x8 by all others.
+        let blocks_x = if self.gpu.subgroup.size > 64 { 1 } else { 2 };
+        let groups = [tiles_x * blocks_x, tiles_y * 2, views];
+        self.raster.dispatch(commands, &[], groups);
         barrier(&self.gpu, commands);
     }
 
