@@ -1,4 +1,4 @@
-// Counting sort of items by a 16-bit key cut from their 32-bit values, then exactly by (value, item) within each key.
+// Counting sort of items by a key of 16 bits (up to 20 for millions of items) cut from their 32-bit values, then exactly by (value, item) within each key.
 // Values are the bits of positive floats. Those in the fine range get most of the keys, spread evenly over metres;
 // the rest shares the others by the bits' own scale, a piecewise linear logarithm: a far wall does not press a near
 // face into a few keys.

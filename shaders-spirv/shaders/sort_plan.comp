@@ -3,14 +3,14 @@
 #define STATE_BINDING 0
 #include "state.glsl"
 
-// One invocation: divides the 65,536 keys between the fine range and the rest, and sizes the passes that follow.
+// One invocation: divides the keys between the fine range and the rest, and sizes the passes that follow.
 
 layout(constant_id = 0) const uint SORT_GROUP = 256u;
 layout(constant_id = 1) const uint QUADS_PER_INSTANCE = 1u;
+layout(constant_id = 2) const uint KEYS = 65536u;
 layout(local_size_x = 1) in;
 
-const uint KEYS = 65536u;
-const uint LOG_KEYS = 16384u;  // at most this many outside of the fine range
+const uint LOG_KEYS = KEYS / 4u; // at most this many outside of the fine range
 const float FINEST = 1e-7;     // metres a key: finer is below an f32's resolution
 
 void main() {

@@ -1,4 +1,5 @@
-//! Counting sort on the device: 65,536 bins of 16-bit keys, then exactly by (value, item) within a bin.
+//! Counting sort on the device: 65,536 bins of 16-bit keys, then exactly by (value, item) within a bin. Where there are
+//! so many items that bins would be crowded, keys get up to four bits more.
 //!
 //! How many items there are is known to the device alone: every pass is dispatched by counts in a buffer. The
 //! atomics that fill a bin fall in any order; the last passes make the result the same every time.
@@ -18,7 +19,12 @@ use crate::pipeline::{ComputePipeline, Specialisation};
 use crate::scan::Scan;
 use crate::timestamps::Timestamps;
 
-const BINS: u32 = 1 << 16;
+/// Bins there are at least: 16-bit keys, 30 micrometres each within 2 m.
+const LEAST_BINS: u32 = 1 << 16;
+/// Bins there are at most: more would cost more to add up than they save.
+const MOST_BINS: u32 = 1 << 20;
+/// Items a bin has on average, once there are more items than this for each of the least bins.
+const ITEMS_PER_BIN: u32 = 4;
 /// Invocations per workgroup of the passes over items.
 const ITEM_GROUP: u32 = 256;
 /// Invocations per workgroup of the pass over bins.
@@ -49,6 +55,7 @@ pub(crate) struct SortPasses {
     ties: ComputePipeline,
     crowded: ComputePipeline,
     bins: Buffer,
+    bin_count: u32,
     order: Buffer,
     _crowded_bins: Buffer,
     _scratch: Buffer,
@@ -57,7 +64,9 @@ pub(crate) struct SortPasses {
 impl SortPasses {
     pub(crate) fn new(gpu: &Arc<Gpu>, input: SortInput<'_>) -> Result<Self, RenderError> {
         let bytes = u64::from(input.capacity) * 4;
-        let bins = Buffer::storage(gpu, "sort bins", u64::from(BINS) * 4)?;
+        let wanted = (input.capacity / ITEMS_PER_BIN).clamp(LEAST_BINS, MOST_BINS);
+        let bin_count = wanted.next_power_of_two();
+        let bins = Buffer::storage(gpu, "sort bins", u64::from(bin_count) * 4)?;
         let order = Buffer::storage(gpu, "sorted order", bytes)?;
         let scratch = Buffer::storage(gpu, "sort scratch", bytes)?;
         let crowded_bins = Buffer::storage(gpu, "crowded bins", u64::from(CROWDED_BINS) * 4)?;
@@ -83,15 +92,16 @@ impl SortPasses {
             gpu: Arc::clone(gpu),
             plan: make(
                 shaders_spirv::SORT_PLAN,
-                &[ITEM_GROUP, QUADS_PER_INSTANCE],
+                &[ITEM_GROUP, QUADS_PER_INSTANCE, bin_count],
                 &resources[2..3],
             )?,
             count: make(shaders_spirv::SORT_COUNT, by_item, &resources[..4])?,
-            scan: Scan::new(gpu, &bins, BINS)?,
+            scan: Scan::new(gpu, &bins, bin_count)?,
             scatter: make(shaders_spirv::SORT_SCATTER, by_item, &resources[..5])?,
             ties: make(shaders_spirv::SORT_TIES, &[BIN_GROUP], &resources[..6])?,
             crowded: make(shaders_spirv::SORT_CROWDED, &[], &resources)?,
             bins,
+            bin_count,
             order,
             _crowded_bins: crowded_bins,
             _scratch: scratch,
@@ -136,7 +146,8 @@ impl SortPasses {
         self.scan.record(commands);
         self.scatter.dispatch_indirect(commands, state, by_item);
         barrier(gpu, commands);
-        self.ties.dispatch(commands, &[], [BINS / BIN_GROUP, 1, 1]);
+        let by_bin = [self.bin_count / BIN_GROUP, 1, 1];
+        self.ties.dispatch(commands, &[], by_bin);
         barrier(gpu, commands);
         self.crowded.dispatch_indirect(commands, state, by_crowded);
         barrier(gpu, commands);
