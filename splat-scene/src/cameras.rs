@@ -3,12 +3,12 @@
 
 use std::path::Path;
 
-use glam::{DMat3, Quat};
+use glam::{DMat3, DQuat, DVec3, Quat};
 use serde::Deserialize;
 
-use crate::SceneError;
 use crate::frame::{turned_rotation, turned_vector};
 use crate::load::read_bounded;
+use crate::{MAX_COORDINATE, SceneError};
 
 /// A camera file is not read beyond this size; a camera takes half a kilobyte.
 pub const MAX_CAMERAS_BYTES: u64 = 1 << 28;
@@ -49,7 +49,7 @@ struct Entry {
     img_name: String,
     width: u32,
     height: u32,
-    position: [f32; 3],
+    position: [f64; 3],
     rotation: [[f64; 3]; 3],
     fx: f32,
     fy: f32,
@@ -153,8 +153,11 @@ fn camera(entry: Entry) -> Result<SceneCamera, String> {
     if !(fx.is_finite() && fy.is_finite() && fx > 0.0 && fy > 0.0) {
         return Err(format!("its focal lengths are {fx} and {fy} pixels"));
     }
-    if !position.iter().all(|v| v.is_finite()) {
-        return Err("its position is not finite".to_owned());
+    if !position
+        .iter()
+        .all(|v| v.abs() <= f64::from(MAX_COORDINATE))
+    {
+        return Err(format!("its position is {position:?}"));
     }
     // The file has rows.
     let matrix = DMat3::from_cols_array_2d(&rotation).transpose();
@@ -166,7 +169,7 @@ fn camera(entry: Entry) -> Result<SceneCamera, String> {
     if !matrix.is_finite() || largest > 1e-3 || matrix.determinant() < 0.0 {
         return Err("its rotation matrix is not one of a rotation".to_owned());
     }
-    let rotation = glam::DQuat::from_mat3(&matrix).as_quat().to_array();
+    let rotation = DQuat::from_mat3(&matrix).as_quat().to_array();
     Ok(SceneCamera {
         id,
         name: img_name,
@@ -174,7 +177,7 @@ fn camera(entry: Entry) -> Result<SceneCamera, String> {
         height,
         fx,
         fy,
-        position: turned_vector(position),
+        position: turned_vector(DVec3::from_array(position).as_vec3().to_array()),
         world_from_camera: Quat::from_array(turned_rotation(rotation)).normalize(),
     })
 }

@@ -122,7 +122,9 @@ pub enum SceneError {
         advice: &'static str,
     },
     /// The camera file is not a list of cameras as 3DGS writes it.
-    #[error("{name} is not a list of cameras as 3DGS writes in cameras.json: {source}")]
+    #[error(
+        "{name} is not a list of cameras as 3DGS writes it ({source}); give the cameras.json that lies beside the scene"
+    )]
     CameraList {
         /// The file.
         name: String,

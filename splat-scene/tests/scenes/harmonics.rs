@@ -130,7 +130,7 @@ fn placements_that_are_none_are_refused() {
 }
 
 fn covariance([x, y, z, w]: [f32; 4], log_scale: [f32; 3]) -> DMat3 {
-    let axes = DMat3::from_quat(glam::Quat::from_xyzw(x, y, z, w).as_dquat().normalize());
+    let axes = DMat3::from_quat(Quat::from_xyzw(x, y, z, w).as_dquat().normalize());
     let squares = DVec3::from_array(log_scale.map(|s| (2.0 * f64::from(s)).exp()));
     axes * DMat3::from_diagonal(squares) * axes.transpose()
 }
