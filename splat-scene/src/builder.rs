@@ -4,7 +4,7 @@
 use crate::scene::{Arrays, Scene};
 use crate::{Dropped, Format, MAX_GAUSSIANS, MAX_SH_DEGREE, SceneError, rest_coefficients};
 
-/// A position is at most this far from the origin on each axis, in the scene's units: squared distances stay far from overflow.
+/// A position is at most this far from the origin on each axis, in the scene's units: squares stay far from overflow.
 pub const MAX_COORDINATE: f32 = 1e9;
 /// Log-scales above are left out; below the negative, they are raised to it (a Gaussian thinner than 1e-13 units).
 pub const MAX_LOG_SCALE: f32 = 30.0;

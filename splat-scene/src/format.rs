@@ -31,6 +31,8 @@ impl fmt::Display for Format {
             Self::Ply => out.write_str("3DGS PLY"),
             Self::CompressedPly => out.write_str("compressed PLY"),
             Self::Splat => out.write_str(".splat"),
+            // Before its header is read.
+            Self::Spz { version: 0 } => out.write_str(".spz"),
             Self::Spz { version } => write!(out, ".spz version {version}"),
             Self::Memory => out.write_str("assembled in memory"),
         }

@@ -16,8 +16,8 @@ impl Placement {
     /// A checked placement; `translation` in the units after scaling.
     ///
     /// # Errors
-    /// [`SceneError::Placement`] for a scale outside 1e-6 to 1e6, a quaternion that is not of unit length (within 1e-3), or a
-    /// translation that is not finite or beyond [`MAX_COORDINATE`].
+    /// [`SceneError::Placement`] for a scale outside 1e-6 to 1e6, a quaternion that is not of unit length (within 1e-3), or
+    /// a translation that is not finite or beyond [`MAX_COORDINATE`].
     pub fn new(scale: f32, rotation: Quat, translation: Vec3) -> Result<Self, SceneError> {
         let wrong = |what: String, advice| Err(SceneError::Placement { what, advice });
         if !(1e-6..=1e6).contains(&scale) {

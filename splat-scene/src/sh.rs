@@ -71,8 +71,8 @@ impl ShRotation {
     /// The matrices for a unit quaternion `to_from`, so that the turned function at direction d is the function before at
     /// `to_from^-1 d`.
     pub fn new(to_from: Quat) -> Self {
-        // An entry is the integral over the sphere of Y_i(d) Y_j(to_from^-1 d), a polynomial of degree 6 at most: Gauss-Legendre
-        // in z with 4 nodes times 7 equal steps around is exact for it.
+        // An entry is the integral over the sphere of Y_i(d) Y_j(to_from^-1 d), a polynomial of degree 6 at most:
+        // Gauss-Legendre in z with 4 nodes times 7 equal steps around is exact for it.
         const NODES: [(f64, f64); 4] = [
             (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
             (-0.339_981_043_584_856_26, 0.652_145_154_862_546_2),

@@ -211,8 +211,8 @@ fn first_three(bytes: [u8; 3]) -> [f32; 4] {
     [x, y, z, (1.0 - (x * x + y * y + z * z)).max(0.0).sqrt()]
 }
 
-/// Version 3: two bits for which of x, y, z and w is the greatest; for each of the others, the last one lowest, a sign and nine
-/// bits of its magnitude, of sqrt(1/2) at most.
+/// Version 3: two bits for which of x, y, z and w is the greatest; for each of the others, the last one lowest, a sign and
+/// nine bits of its magnitude, of sqrt(1/2) at most.
 fn smallest_three(word: u32) -> [f32; 4] {
     let greatest = word >> 30;
     let mut rest = word;

@@ -109,6 +109,50 @@ impl Field {
     }
 }
 
+/// The properties that make up a Gaussian, in the order they are wanted.
+#[derive(Debug)]
+pub(super) struct Columns {
+    fields: Vec<Field>,
+    /// Where each lies in a row taken as words of 32 bits, if all are `float` on such a word, as trainers write them: then
+    /// no value costs a look at its type, which tells with 59 of them in each of millions of rows.
+    words: Option<Vec<usize>>,
+}
+
+impl Columns {
+    pub(super) fn new(
+        source: &Source<'_>,
+        format: Format,
+        table: &Table<'_>,
+        names: &[String],
+    ) -> Result<Self, SceneError> {
+        let fields: Vec<Field> = names
+            .iter()
+            .map(|name| table.field(source, format, name))
+            .collect::<Result<_, _>>()?;
+        let word = |field: &Field| {
+            (field.kind == Kind::F32 && field.offset.is_multiple_of(4)).then_some(field.offset / 4)
+        };
+        let words = fields.iter().map(word).collect();
+        Ok(Self { fields, words })
+    }
+
+    /// Reads the first columns into `first` and those after them into `rest`.
+    #[inline]
+    pub(super) fn read(&self, row: &[u8], first: &mut [f32], rest: &mut [f32]) {
+        let values = first.iter_mut().chain(rest);
+        if let Some(words) = &self.words {
+            let (row, _) = row.as_chunks();
+            for (value, &word) in values.zip(words) {
+                *value = f32::from_le_bytes(row.get(word).copied().unwrap_or_default());
+            }
+        } else {
+            for (value, field) in values.zip(&self.fields) {
+                *value = field.f32(row);
+            }
+        }
+    }
+}
+
 /// The rows of the first element of that name.
 pub(super) fn table<'a>(
     source: &Source<'_>,

@@ -2,48 +2,48 @@
 //! w x y z, SH coefficients above degree 0 channel by channel, COLMAP's axes. Properties may stand in any order and type,
 //! and others between them are passed over.
 
-use super::body::table;
+use super::body::{Columns, table};
 use super::header::Header;
 use crate::source::Source;
 use crate::{Format, Scene, SceneBuilder, SceneError, Splat, frame};
 
 const FORMAT: Format = Format::Ply;
 
+/// What each Gaussian must have besides its SH coefficients above degree 0.
+const ATTRIBUTES: [&str; 14] = [
+    "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
+    "rot_0", "rot_1", "rot_2", "rot_3",
+];
+
 pub(super) fn read(source: &Source<'_>, header: &Header, body: &[u8]) -> Result<Scene, SceneError> {
     let stated = header.element("vertex").map_or(0, |vertex| vertex.count);
     let count = source.checked_count(stated)?;
     let table = table(source, FORMAT, header, body, "vertex")?;
-    let position = table.fields(source, FORMAT, ["x", "y", "z"])?;
-    let colour = table.fields(source, FORMAT, ["f_dc_0", "f_dc_1", "f_dc_2"])?;
-    let opacity = table.field(source, FORMAT, "opacity")?;
-    let log_scale = table.fields(source, FORMAT, ["scale_0", "scale_1", "scale_2"])?;
-    let rotation = table.fields(source, FORMAT, ["rot_1", "rot_2", "rot_3", "rot_0"])?;
-
     let rest_values = table.element.rest_properties();
     let sh_degree = sh_degree(source, FORMAT, rest_values)?;
     let per_channel = rest_values / 3;
-    let mut rest_fields = Vec::with_capacity(rest_values);
+    let mut names: Vec<String> = ATTRIBUTES.iter().map(|&name| name.to_owned()).collect();
     for coefficient in 0..per_channel {
         for channel in 0..3 {
-            let name = format!("f_rest_{}", channel * per_channel + coefficient);
-            rest_fields.push(table.field(source, FORMAT, &name)?);
+            names.push(format!("f_rest_{}", channel * per_channel + coefficient));
         }
     }
+    let columns = Columns::new(source, FORMAT, &table, &names)?;
 
     let mut builder = SceneBuilder::new(sh_degree)?;
     builder.reserve(count)?;
+    let mut attributes = [0.0; ATTRIBUTES.len()];
     let mut sh_rest = vec![0.0; rest_values];
     for row in table.rows() {
+        columns.read(row, &mut attributes, &mut sh_rest);
+        let [x, y, z, red, green, blue, logit, a, b, c, qw, qx, qy, qz] = attributes;
         let mut splat = Splat {
-            position: position.map(|field| field.f32(row)),
-            rotation: rotation.map(|field| field.f32(row)),
-            log_scale: log_scale.map(|field| field.f32(row)),
-            opacity: 1.0 / (1.0 + (-opacity.f32(row)).exp()),
-            colour: colour.map(|field| field.f32(row)),
+            position: [x, y, z],
+            rotation: [qx, qy, qz, qw],
+            log_scale: [a, b, c],
+            opacity: 1.0 / (1.0 + (-logit).exp()),
+            colour: [red, green, blue],
         };
-        for (value, field) in sh_rest.iter_mut().zip(&rest_fields) {
-            *value = field.f32(row);
-        }
         frame::turn(&mut splat, &mut sh_rest);
         builder.push(&splat, &sh_rest)?;
     }

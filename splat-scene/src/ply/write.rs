@@ -1,5 +1,6 @@
 //! A scene as the PLY file that the 3DGS trainer would write for it, for other programs to read.
 
+use std::convert::Infallible;
 use std::io::{self, Write};
 
 use crate::{Scene, Splat, frame};
@@ -11,6 +12,21 @@ impl Scene {
     /// # Errors
     /// What `out` says; give it a buffer, as each Gaussian is written on its own.
     pub fn write_ply(&self, out: &mut impl Write) -> io::Result<()> {
+        self.ply_pieces(|piece| out.write_all(piece))
+    }
+
+    /// The bytes of [`Self::write_ply`].
+    pub fn to_ply(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let Ok(()) = self.ply_pieces(|piece| -> Result<(), Infallible> {
+            bytes.extend_from_slice(piece);
+            Ok(())
+        });
+        bytes
+    }
+
+    /// Hands out the header, then each Gaussian.
+    fn ply_pieces<E>(&self, mut put_piece: impl FnMut(&[u8]) -> Result<(), E>) -> Result<(), E> {
         let coefficients = self.rest_coefficients();
         let mut header = format!(
             "ply\nformat binary_little_endian 1.0\nelement vertex {}\n",
@@ -37,7 +53,7 @@ impl Scene {
             property(&format!("rot_{index}"));
         }
         header += "end_header\n";
-        out.write_all(header.as_bytes())?;
+        put_piece(header.as_bytes())?;
 
         let arrays = &self.arrays;
         let mut row: Vec<u8> = Vec::new();
@@ -71,20 +87,10 @@ impl Scene {
             splat.log_scale.into_iter().for_each(&mut put);
             let [x, y, z, w] = splat.rotation;
             [w, x, y, z].into_iter().for_each(&mut put);
-            out.write_all(&row)?;
+            put_piece(&row)?;
             row.clear();
         }
         Ok(())
-    }
-
-    /// The bytes of [`Self::write_ply`].
-    pub fn to_ply(&self) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        match self.write_ply(&mut bytes) {
-            Ok(()) => bytes,
-            // Writing to a Vec gives no error.
-            Err(_) => Vec::new(),
-        }
     }
 }
 

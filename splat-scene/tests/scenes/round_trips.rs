@@ -46,6 +46,9 @@ proptest! {
         let scene = Scene::read(&writers::ply(&raws, Dress::Plain), "x").unwrap();
         let file = scene.to_ply();
         let again = Scene::read(&file, "x").unwrap();
+        let mut written = Vec::new();
+        scene.write_ply(&mut written).unwrap();
+        prop_assert_eq!(&written, &file);
         difference(&again, &raws, Axes::Colmap).assert_within(&EXACT);
         // And another reader of the same bytes sees the file's own numbers.
         let raws_again = crate::third_party::raws(&file);
