@@ -63,7 +63,7 @@ proptest! {
         difference(&scene, &raws, Axes::Colmap).assert_within(&Difference {
             position: 0.011,
             log_scale: 0.0021,
-            angle: 0.004,
+            angle: 0.005,
             opacity: 0.002,
             colour: 0.07,
         });
@@ -115,7 +115,7 @@ fn compressed_ply_takes_each_gaussian_with_its_own_chunk() {
     difference(&scene, &raws, Axes::Colmap).assert_within(&Difference {
         position: 0.07,
         log_scale: 0.0021,
-        angle: 0.004,
+        angle: 0.005,
         opacity: 0.002,
         colour: 0.04,
     });
