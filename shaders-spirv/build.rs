@@ -35,6 +35,7 @@ fn build() -> Result<(), String> {
     paths.sort();
 
     let mut generated = String::new();
+    let mut constants = Vec::new();
     for path in &paths {
         let stage = match path.extension().and_then(|extension| extension.to_str()) {
             Some("comp") => ShaderStage::Compute,
@@ -59,7 +60,14 @@ fn build() -> Result<(), String> {
             "/// `{file}`.\npub const {constant}: Shader = Shader {{ name: {name:?}, words: &{words:?} }};"
         )
         .map_err(|why| why.to_string())?;
+        constants.push(constant);
     }
+    writeln!(
+        generated,
+        "/// Every shader there is, by file name.\npub const ALL: &[Shader] = &[{}];",
+        constants.join(", ")
+    )
+    .map_err(|why| why.to_string())?;
     let out = env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR for build scripts")?;
     let out = Path::new(&out).join("shaders.rs");
     fs::write(&out, generated).map_err(|why| format!("{}: {why}", out.display()))
