@@ -1,4 +1,4 @@
-# shellcheck shell=bash disable=SC2034 # lavapipe.sh reads fetch_gone
+# shellcheck shell=bash disable=SC2034 # debian.sh reads fetch_gone
 # Fetching into the cache: every file is pinned by its SHA-256, written under a temporary name and renamed when it is whole
 # and right, so that an interrupted set-up goes on where it stopped. Sourced by ./run; does not know what is fetched.
 

@@ -5,6 +5,7 @@
 # prepare exports, besides MON3TR_CACHE:
 #   ORT_DYLIB_PATH                            ONNX Runtime's shared library
 #   MON3TR_MAKEHUMAN                          the demo person's raw material, only where it was asked for
+#   MON3TR_SPIRV_VAL                          the SPIR-V validator, only where it was asked for
 # and where lavapipe from the cache is used instead of the machine's own Vulkan:
 #   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH XKB_CONFIG_ROOT
 #   MON3TR_RUNNER                             the wrapper that a program of ours has to be started through
@@ -26,8 +27,12 @@ export MON3TR_CACHE
 
 # shellcheck source=scripts/fetch.sh
 . "$repo/scripts/fetch.sh"
+# shellcheck source=scripts/debian.sh
+. "$repo/scripts/debian.sh"
 # shellcheck source=scripts/lavapipe.sh
 . "$repo/scripts/lavapipe.sh"
+# shellcheck source=scripts/spirv-val.sh
+. "$repo/scripts/spirv-val.sh"
 # shellcheck source=scripts/onnxruntime.sh
 . "$repo/scripts/onnxruntime.sh"
 # shellcheck source=scripts/makehuman.sh
@@ -114,14 +119,15 @@ choose_vulkan() {
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
-# prepare GPU [--makehuman] [--layer]
+# prepare GPU [--makehuman] [--layer] [--spirv-val]
 prepare() {
-	local gpu=$1 with_makehuman=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
+	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
 	shift
 	for one in "$@"; do
 		case $one in
 		--makehuman) with_makehuman=1 ;;
 		--layer) with_layer=(--layer) ;;
+		--spirv-val) with_spirv_val=1 ;;
 		esac
 	done
 	check_tools
@@ -156,8 +162,12 @@ find_todo() {
 	if [ ${#missing_debs[@]} != 0 ]; then
 		todo+=("debs|${missing_debs[*]} from this machine's Debian/Ubuntu archive (needs root): $(join '; ' "${missing_why[@]}")")
 	fi
-	if [ "$vulkan_from" = cache ] && ! lavapipe_is_ready "$lavapipe_prefix"; then
-		todo+=("install_lavapipe|Mesa lavapipe $(lavapipe_version), Vulkan's loader and validation layer, with their libraries, from Debian ($(lavapipe_bytes) MB), because this machine's own Vulkan will not do: $vulkan_why")
+	if [ "$vulkan_from" = cache ] && ! debs_are_ready "$lavapipe_prefix" "$(lavapipe_pins)"; then
+		todo+=("install_lavapipe|Mesa lavapipe $(lavapipe_version), Vulkan's loader and validation layer, with their libraries, from Debian ($(lock_megabytes "$lavapipe_lock") MB), because this machine's own Vulkan will not do: $vulkan_why")
+	fi
+	# Where packages cannot be unpacked, the test that wants it says so.
+	if [ "$with_spirv_val" = 1 ] && ! spirv_val_is_there && command -v dpkg-deb >/dev/null; then
+		todo+=("install_spirv_val|spirv-val $(locked_version "$spirv_val_lock" spirv-tools) with its libraries, from Debian ($(lock_megabytes "$spirv_val_lock") MB): a test runs it over the compiled shaders")
 	fi
 	if [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
 		todo+=("install_onnxruntime|ONNX Runtime $ort_version's shared library from PyPI (24 MB): runs the networks that deform the avatar")
@@ -197,6 +207,7 @@ export_environment() {
 	local lists root runner=CARGO_TARGET_${cargo_target}_RUNNER
 	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
 	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi
+	if [ "$with_spirv_val" = 1 ] && spirv_val_is_there; then export_spirv_val; fi
 	if [ "$vulkan_from" = machine ]; then
 		# A wrapper left in the environment would hide the machine's hardware drivers.
 		if [ "${!runner:-}" = "${MON3TR_RUNNER:-}" ]; then unset "$runner"; fi

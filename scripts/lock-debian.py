@@ -1,0 +1,139 @@
+#!/usr/bin/env python3
+"""Writes the .lock files: every Debian package that a private prefix is unpacked from.
+
+For maintainers, when a prefix is to be renewed; `./run` only reads the lock files.
+It follows Depends/Pre-Depends of a prefix's roots in the suites' indices, taking the first alternative that exists. It does
+not check an index's signature: review the diff.
+
+    scripts/lock-debian.py [lavapipe] [spirv-val] [adreno]    (all without a name; from https://deb.debian.org/debian)
+"""
+
+import datetime
+import functools
+import lzma
+import os
+import sys
+import urllib.request
+
+MIRROR = os.environ.get("MON3TR_DEBIAN_MIRROR", "https://deb.debian.org/debian")
+REPO = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+STABLE = "trixie"
+BACKPORTS = "trixie-backports"
+# Hold nothing a program opens.
+EMPTY = {"gcc-14-base", "libdrm-common"}
+
+PREFIXES = {
+    "lavapipe": {
+        "what": "Mesa's lavapipe and what it needs",
+        "lock": "scripts/lavapipe-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        "roots": [
+            # The driver, the loader and the layer our tests run under.
+            "mesa-vulkan-drivers",
+            "libvulkan1",
+            "vulkan-validationlayers",
+            # What winit opens by name for a window (`--window`): programs on the prefix's libc look here first.
+            "libx11-6",
+            "libx11-xcb1",
+            "libxcb1",
+            "libxcursor1",
+            "libxi6",
+            "libxrandr2",
+            "libxkbcommon0",
+            "libxkbcommon-x11-0",
+            "libwayland-client0",
+            "libwayland-cursor0",
+        ],
+    },
+    "spirv-val": {
+        "what": "The SPIR-V validator and what it needs",
+        "lock": "scripts/spirv-val-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        "roots": ["spirv-tools"],
+    },
+    "adreno": {
+        "what": "Mesa's turnip, the shim that pretends to be an Adreno, and what they need",
+        "lock": "tools/adreno-table/{suite}-{arch}.lock",
+        "arches": ["amd64"],
+        "roots": ["mesa-vulkan-drivers", "mesa-drm-shim", "libvulkan1"],
+        "backports": ["mesa-vulkan-drivers", "mesa-drm-shim"],
+        # Other drivers of the package need these.
+        "left_out": ["libdrm-amdgpu1", "libelf1t64", "libllvm19", "libx11-data"],
+    },
+}
+
+
+@functools.cache
+def index(suite, arch):
+    """The suite's packages by name, and who provides which virtual name."""
+    url = f"{MIRROR}/dists/{suite}/main/binary-{arch}/Packages.xz"
+    with urllib.request.urlopen(url) as answer:
+        text = lzma.decompress(answer.read()).decode()
+    packages, providers = {}, {}
+    for block in text.split("\n\n"):
+        fields = dict(
+            line.split(": ", 1)
+            for line in block.split("\n")
+            if ": " in line and not line.startswith(" ")
+        )
+        if "Package" not in fields:
+            continue
+        fields["Suite"] = suite
+        packages[fields["Package"]] = fields
+        for name in fields.get("Provides", "").split(","):
+            if name.strip():
+                providers.setdefault(name.split()[0], []).append(fields["Package"])
+    return packages, providers
+
+
+def closure(roots, packages, providers, left_out):
+    """The roots and everything they depend on, sorted by name."""
+    chosen = set()
+
+    def take(name):
+        if name not in packages:
+            if name not in providers:
+                return False
+            name = providers[name][0]
+        if name in chosen or name in left_out:
+            return True
+        chosen.add(name)
+        for field in ("Pre-Depends", "Depends"):
+            for clause in packages[name].get(field, "").split(","):
+                names = [one.split()[0].split(":")[0] for one in clause.split("|") if one.strip()]
+                if not names or any(one in chosen for one in names):
+                    continue
+                if not any(take(one) for one in names):
+                    sys.exit(f"{name}: there is none of {names}")
+        return True
+
+    for root in roots:
+        if not take(root):
+            sys.exit(f"there is no {root}")
+    return [packages[name] for name in sorted(chosen)]
+
+
+def main():
+    day = datetime.datetime.now(datetime.timezone.utc).strftime("%Y%m%dT000000Z")
+    for prefix in (PREFIXES[name] for name in sys.argv[1:] or PREFIXES):
+        for arch in prefix["arches"]:
+            packages, providers = index(STABLE, arch)
+            packages = dict(packages)
+            for name in prefix.get("backports", []):
+                packages[name] = index(BACKPORTS, arch)[0][name]
+            left_out = EMPTY.union(prefix.get("left_out", []))
+            chosen = closure(prefix["roots"], packages, providers, left_out)
+            for suite in sorted({one["Suite"] for one in chosen}):
+                of_suite = [one for one in chosen if one["Suite"] == suite]
+                total = sum(int(one["Size"]) for one in of_suite)
+                path = os.path.join(REPO, prefix["lock"].format(arch=arch, suite=suite))
+                with open(path, "w", encoding="ascii") as out:
+                    out.write(f"# {prefix['what']}, from Debian {suite}. Written by scripts/lock-debian.py.\n")
+                    out.write("# package version sha256 bytes path-below-the-mirror\n")
+                    out.write(f"suite {suite}\nsnapshot {day}\n")
+                    for one in of_suite:
+                        out.write(f"{one['Package']} {one['Version']} {one['SHA256']} {one['Size']} {one['Filename']}\n")
+                print(f"{path}: {len(of_suite)} packages, {total / 1e6:.1f} MB")
+
+
+main()
