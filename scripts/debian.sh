@@ -1,4 +1,4 @@
-# shellcheck shell=bash disable=SC2154 # run and prepare.sh set what is not assigned here
+# shellcheck shell=bash disable=SC2154,SC2034,SC2094 # callers set what is not assigned here, and read trust; a lock is only read
 # Programs and libraries from Debian packages in a private prefix, without root: a lock file pins every package by version and
 # SHA-256 (scripts/lock-debian.py writes them). Sourced by ./run; what is unpacked for what, others decide.
 #

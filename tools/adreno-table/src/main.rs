@@ -1,0 +1,113 @@
+//! What every shader costs on the Quest 3's GPU, without a Quest: Mesa's turnip compiles them for an Adreno 740 that a shim
+//! pretends to be, and tells what became of them. Nothing is executed, so there are no milliseconds here.
+//!
+//! It is Mesa's compiler, not the headset's: good for spills, occupancy and comparing two versions of a shader.
+
+mod constants;
+mod device;
+mod module;
+mod pipeline;
+mod table;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
+use clap::Parser;
+
+use device::Device;
+use module::{Module, Stage};
+use table::Row;
+
+/// Prints a Markdown table of what every shader costs on an Adreno 740 (start it with tools/adreno-table/run).
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Only shaders whose name begins so.
+    #[arg(default_value = "")]
+    name: String,
+    /// Write the compiler's stages and the machine code of every shader into this folder.
+    #[arg(long, value_name = "FOLDER")]
+    code: Option<PathBuf>,
+    /// Fail if a shader spills registers.
+    #[arg(long)]
+    check: bool,
+}
+
+/// What the chip can run a shader at; which one a headset's driver takes is up to it.
+const SUBGROUPS: [u32; 2] = [64, 128];
+
+fn main() -> anyhow::Result<()> {
+    let arguments = Arguments::parse();
+    let device = Device::open()?;
+    let modules = shaders_spirv::ALL
+        .iter()
+        .filter(|shader| shader.name.starts_with(&arguments.name))
+        .map(|shader| Module::read(*shader))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    ensure!(
+        !modules.is_empty(),
+        "there is no shader whose name begins with {}",
+        arguments.name
+    );
+
+    let mut rows = Vec::new();
+    for module in &modules {
+        let name = module.shader.name;
+        let mut compile = |stages: &[&Module], subgroup| -> anyhow::Result<()> {
+            let compiled = pipeline::compile(&device, stages, subgroup, arguments.code.is_some())
+                .with_context(|| format!("shader {name} at subgroups of {subgroup}"))?;
+            for one in compiled {
+                if let Some(folder) = &arguments.code {
+                    write_code(folder, name, &one)?;
+                }
+                let row = Row::new(name, &one);
+                // Workgroups that fill no wider subgroup are compiled for the narrower one again.
+                if rows.iter().all(|other: &Row| other.name() != row.name()) {
+                    rows.push(row);
+                }
+            }
+            Ok(())
+        };
+        match module.stage {
+            Stage::Compute => {
+                for subgroup in SUBGROUPS {
+                    compile(&[module], subgroup)?;
+                }
+            }
+            // With its fragment shader, without which there is no pipeline.
+            Stage::Vertex => {
+                let fragment = modules
+                    .iter()
+                    .find(|other| other.stage == Stage::Fragment && other.shader.name == name)
+                    .with_context(|| format!("{name}.vert has no {name}.frag"))?;
+                compile(&[module, fragment], SUBGROUPS[0])?;
+            }
+            Stage::Fragment => {}
+        }
+    }
+    println!("{}, {}", device.name, device.driver);
+    println!();
+    print!("{}", table::markdown(&rows));
+    if arguments.check {
+        let spilling: Vec<_> = rows
+            .iter()
+            .filter(|row| row.spills())
+            .map(Row::name)
+            .collect();
+        ensure!(
+            spilling.is_empty(),
+            "registers are spilled to memory in {}",
+            spilling.join(", ")
+        );
+    }
+    Ok(())
+}
+
+fn write_code(folder: &Path, name: &str, compiled: &pipeline::Compiled) -> anyhow::Result<()> {
+    let path = folder.join(format!(
+        "{name}.{}.{}.txt",
+        compiled.stage, compiled.subgroup
+    ));
+    std::fs::create_dir_all(folder)
+        .and_then(|()| std::fs::write(&path, &compiled.code))
+        .with_context(|| format!("could not write {}", path.display()))
+}

@@ -1,0 +1,171 @@
+//! What a pipeline has to be told of a compiled shader: its stage, bindings, outputs, specialisation constants.
+//!
+//! Reads just the SPIR-V that glslang writes for this project's shaders: buffers only, no images, no vertex attributes.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use anyhow::{Context, bail, ensure};
+use ash::vk;
+use shaders_spirv::Shader;
+
+const OP_NAME: u16 = 5;
+const OP_ENTRY_POINT: u16 = 15;
+const OP_CAPABILITY: u16 = 17;
+const OP_TYPE_POINTER: u16 = 32;
+const OP_VARIABLE: u16 = 59;
+const OP_DECORATE: u16 = 71;
+
+const CAPABILITY_MULTI_VIEW: u32 = 4439;
+
+const DECORATION_SPEC_ID: u32 = 1;
+const DECORATION_BUFFER_BLOCK: u32 = 3;
+const DECORATION_LOCATION: u32 = 30;
+const DECORATION_BINDING: u32 = 33;
+const DECORATION_DESCRIPTOR_SET: u32 = 34;
+
+const CLASS_INPUT: u32 = 1;
+const CLASS_UNIFORM: u32 = 2;
+const CLASS_OUTPUT: u32 = 3;
+const CLASS_STORAGE_BUFFER: u32 = 12;
+
+/// Where in the pipeline a shader runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Stage {
+    Vertex,
+    Fragment,
+    Compute,
+}
+
+impl Stage {
+    pub(crate) fn flag(self) -> vk::ShaderStageFlags {
+        match self {
+            Self::Vertex => vk::ShaderStageFlags::VERTEX,
+            Self::Fragment => vk::ShaderStageFlags::FRAGMENT,
+            Self::Compute => vk::ShaderStageFlags::COMPUTE,
+        }
+    }
+}
+
+/// A shader, and what is read from it.
+pub(crate) struct Module {
+    pub(crate) shader: Shader,
+    pub(crate) stage: Stage,
+    /// Drawn for both eyes at once.
+    pub(crate) multiview: bool,
+    /// Kinds of buffer by binding number in set 0.
+    pub(crate) bindings: BTreeMap<u32, vk::DescriptorType>,
+    /// Numbers and names of the specialisation constants.
+    pub(crate) constants: BTreeMap<u32, String>,
+    /// Colour attachments a fragment shader writes.
+    pub(crate) outputs: BTreeSet<u32>,
+}
+
+impl Module {
+    pub(crate) fn read(shader: Shader) -> anyhow::Result<Self> {
+        let words = shader.words;
+        Self::parse(shader, words).with_context(|| format!("shader {}", shader.name))
+    }
+
+    fn parse(shader: Shader, words: &[u32]) -> anyhow::Result<Self> {
+        let mut stage = None;
+        let mut multiview = false;
+        let mut names = BTreeMap::new();
+        let mut decorations = BTreeMap::new();
+        let mut pointees = BTreeMap::new();
+        let mut variables = Vec::new();
+        for instruction in instructions(words)? {
+            match instruction {
+                (OP_NAME, [id, name @ ..]) => _ = names.insert(*id, text(name)),
+                (OP_ENTRY_POINT, [model, ..]) => stage = Some(*model),
+                (OP_CAPABILITY, [CAPABILITY_MULTI_VIEW]) => multiview = true,
+                (OP_DECORATE, [id, decoration, value @ ..]) => {
+                    let value = value.first().copied().unwrap_or_default();
+                    decorations.insert((*id, *decoration), value);
+                }
+                (OP_TYPE_POINTER, [id, _, pointee]) => _ = pointees.insert(*id, *pointee),
+                (OP_VARIABLE, [kind, id, class, ..]) => variables.push((*id, *kind, *class)),
+                _ => {}
+            }
+        }
+        let stage = match stage {
+            Some(0) => Stage::Vertex,
+            Some(4) => Stage::Fragment,
+            Some(5) => Stage::Compute,
+            other => bail!("execution model {other:?} is not handled"),
+        };
+        let mut bindings = BTreeMap::new();
+        let mut outputs = BTreeSet::new();
+        for (id, kind, class) in variables {
+            let of = |decoration| decorations.get(&(id, decoration)).copied();
+            let name = || names.get(&id).cloned().unwrap_or_default();
+            match (class, of(DECORATION_LOCATION), of(DECORATION_BINDING)) {
+                (CLASS_OUTPUT, Some(location), _) if stage == Stage::Fragment => {
+                    outputs.insert(location);
+                }
+                (CLASS_INPUT, Some(_), _) if stage == Stage::Vertex => {
+                    bail!("vertex attributes are not handled ({})", name())
+                }
+                (_, _, Some(binding)) => {
+                    ensure!(
+                        of(DECORATION_DESCRIPTOR_SET).unwrap_or_default() == 0,
+                        "descriptor sets but the first are not handled ({})",
+                        name()
+                    );
+                    let pointee = pointees.get(&kind).copied().unwrap_or_default();
+                    let old_storage = decorations.contains_key(&(pointee, DECORATION_BUFFER_BLOCK));
+                    let descriptor = match class {
+                        CLASS_STORAGE_BUFFER => vk::DescriptorType::STORAGE_BUFFER,
+                        CLASS_UNIFORM if old_storage => vk::DescriptorType::STORAGE_BUFFER,
+                        CLASS_UNIFORM => vk::DescriptorType::UNIFORM_BUFFER,
+                        _ => bail!("only buffers are handled, not {}", name()),
+                    };
+                    bindings.insert(binding, descriptor);
+                }
+                _ => {}
+            }
+        }
+        let mut constants = BTreeMap::new();
+        for ((id, decoration), number) in &decorations {
+            if *decoration == DECORATION_SPEC_ID {
+                // glslang leaves the one behind `local_size_x_id` without a name, and without a twin where
+                // nothing else reads it.
+                let name = constants
+                    .entry(*number)
+                    .or_insert_with(|| "GROUP".to_owned());
+                if let Some(own) = names.get(id) {
+                    name.clone_from(own);
+                }
+            }
+        }
+        Ok(Self {
+            shader,
+            stage,
+            multiview,
+            bindings,
+            constants,
+            outputs,
+        })
+    }
+}
+
+/// Opcodes and operands, after the five words of the header.
+fn instructions(words: &[u32]) -> anyhow::Result<Vec<(u16, &[u32])>> {
+    let mut found = Vec::new();
+    let mut rest = words.get(5..).unwrap_or_default();
+    while let Some(head) = rest.first() {
+        let length = (head >> 16) as usize;
+        let operands = rest.get(1..length).context("this is not whole SPIR-V")?;
+        found.push(((head & 0xFFFF) as u16, operands));
+        rest = &rest[length..];
+    }
+    Ok(found)
+}
+
+fn text(words: &[u32]) -> String {
+    let bytes: Vec<u8> = words
+        .iter()
+        .flat_map(|word| word.to_le_bytes())
+        .take_while(|byte| *byte != 0)
+        .collect();
+    String::from_utf8_lossy(&bytes).into_owned()
+}

@@ -1,0 +1,78 @@
+//! The table itself: which of the driver's statistics it shows, and under which heading.
+
+use std::fmt::Write as _;
+
+use crate::pipeline::Compiled;
+
+/// Heading, and the driver's name for the figure.
+const COLUMNS: [(&str, &str); 11] = [
+    ("instructions", INSTRUCTIONS),
+    ("of them nop", "NOPs Count"),
+    ("registers", "Registers used"),
+    ("half registers", "Half-registers used"),
+    ("waves", WAVES),
+    ("spills", "STP Count"),
+    ("reloads", "LDP Count"),
+    ("(ss) stall", "Estimated cycles stalled on SS"),
+    ("(sy) stall", "Estimated cycles stalled on SY"),
+    ("memory", "cat6 instructions"),
+    ("loops", "Loops"),
+];
+
+const INSTRUCTIONS: &str = "Instruction Count";
+const WAVES: &str = "Max Waves Per Core";
+
+/// One line: a stage of a shader at one subgroup size.
+pub(crate) struct Row {
+    name: String,
+    stage: String,
+    subgroup: u32,
+    figures: [Option<u64>; COLUMNS.len()],
+}
+
+impl Row {
+    pub(crate) fn new(name: &str, compiled: &Compiled) -> Self {
+        Self {
+            name: name.to_owned(),
+            stage: compiled.stage.clone(),
+            subgroup: compiled.subgroup,
+            figures: COLUMNS.map(|(_, statistic)| compiled.statistics.get(statistic).copied()),
+        }
+    }
+
+    /// Shader, stage and subgroup size.
+    pub(crate) fn name(&self) -> String {
+        format!("{} ({}, {})", self.name, self.stage, self.subgroup)
+    }
+
+    /// Whether registers are moved to memory.
+    pub(crate) fn spills(&self) -> bool {
+        COLUMNS
+            .iter()
+            .zip(self.figures)
+            .any(|((heading, _), figure)| {
+                matches!(*heading, "spills" | "reloads") && figure.is_some_and(|count| count > 0)
+            })
+    }
+}
+
+pub(crate) fn markdown(rows: &[Row]) -> String {
+    let mut text = String::from("| shader | stage | subgroup |");
+    for (heading, _) in COLUMNS {
+        _ = write!(text, " {heading} |");
+    }
+    text += "\n|---|---|--:|";
+    text += &"--:|".repeat(COLUMNS.len());
+    text += "\n";
+    for row in rows {
+        _ = write!(text, "| {} | {} | {} |", row.name, row.stage, row.subgroup);
+        for figure in row.figures {
+            match figure {
+                Some(figure) => _ = write!(text, " {figure} |"),
+                None => text += " |",
+            }
+        }
+        text += "\n";
+    }
+    text
+}
