@@ -1,21 +1,74 @@
-//! The specialisation constants that xr-renderer sets on this chip. It sets them by number; here they go by the name
-//! they have in the shader, and a name this file does not know is an error, so that a new one is not forgotten.
+//! The specialisation constants that xr-renderer sets on this chip, by the names they have in the shaders.
+//!
+//! A constant that chooses between variants of a shader keeps the shader's default, and the table says so; `--set` chooses.
 
-use anyhow::bail;
+use std::collections::BTreeMap;
+use std::str::FromStr;
 
-/// The value of a shader's constant with subgroups of `subgroup`, or nothing where the renderer leaves the default.
-pub(crate) fn value(shader: &str, constant: &str, subgroup: u32) -> anyhow::Result<Option<u32>> {
-    Ok(match (shader, constant) {
-        ("raster", "GROUP") => {
-            // A 16x16 tile in blocks of 8x8, or of 16x8 where subgroups are wider than 64: see tiles.rs.
-            let blocks_per_tile = if subgroup > 64 { 2 } else { 4 };
-            Some(blocks_per_tile * subgroup)
-        }
-        ("bin_count" | "bin_emit", "GROUP") => Some(32),
-        (_, "GROUP") => Some(64),
+use anyhow::{Context, Result};
+
+use crate::module::Module;
+
+/// `NAME=VALUE`, for every shader that has a constant of that name.
+#[derive(Debug, Clone)]
+pub(crate) struct Setting {
+    name: String,
+    value: u32,
+}
+
+impl FromStr for Setting {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (name, value) = text.split_once('=').context("NAME=VALUE is wanted")?;
+        let value = value
+            .parse()
+            .with_context(|| format!("{value} is not a whole number"))?;
+        Ok(Self {
+            name: name.to_owned(),
+            value,
+        })
+    }
+}
+
+/// Values by `constant_id`, with subgroups of `subgroup`.
+pub(crate) fn values(module: &Module, subgroup: u32, settings: &[Setting]) -> BTreeMap<u32, u32> {
+    module
+        .constants
+        .iter()
+        .filter_map(|(number, name)| {
+            let set = settings.iter().find(|setting| setting.name == *name);
+            let value = set.map(|setting| setting.value);
+            Some((
+                *number,
+                value.or_else(|| renderers(module, name, subgroup))?,
+            ))
+        })
+        .collect()
+}
+
+/// Constants that choose a variant and were left alone.
+pub(crate) fn open<'a>(module: &'a Module, settings: &[Setting]) -> Vec<&'a str> {
+    module
+        .constants
+        .values()
+        .map(String::as_str)
+        .filter(|name| !name.ends_with("GROUP"))
+        .filter(|name| settings.iter().all(|setting| setting.name != *name))
+        .collect()
+}
+
+fn renderers(module: &Module, constant: &str, subgroup: u32) -> Option<u32> {
+    match (module.shader.name, constant) {
         (_, "SUBGROUP") => Some(subgroup),
-        _ => bail!(
-            "no value for the specialisation constant {constant}: say in tools/adreno-table/src/constants.rs what the renderer sets"
-        ),
-    })
+        // A 16x16 tile in blocks of 8x8, or of 16x8 where subgroups are wider than 64: see tiles.rs.
+        ("raster", "GROUP") => Some(if subgroup > 64 { 2 } else { 4 } * subgroup),
+        // tiles.rs: few lanes, small groups.
+        ("bin_count" | "bin_emit", "GROUP") => Some(32),
+        // sort.rs.
+        ("sort_count" | "sort_scatter", "GROUP") => Some(256),
+        // Not left to the default, which glslang loses where the shader reads it nowhere.
+        (_, "GROUP") => Some(64),
+        _ => None,
+    }
 }

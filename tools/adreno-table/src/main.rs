@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 use clap::Parser;
 
+use constants::Setting;
 use device::Device;
 use module::{Module, Stage};
 use table::Row;
@@ -24,6 +25,9 @@ struct Arguments {
     /// Only shaders whose name begins so.
     #[arg(default_value = "")]
     name: String,
+    /// Give a specialisation constant another value than the renderer or the shader does.
+    #[arg(long, value_name = "NAME=VALUE")]
+    set: Vec<Setting>,
     /// Write the compiler's stages and the machine code of every shader into this folder.
     #[arg(long, value_name = "FOLDER")]
     code: Option<PathBuf>,
@@ -53,8 +57,14 @@ fn main() -> anyhow::Result<()> {
     for module in &modules {
         let name = module.shader.name;
         let mut compile = |stages: &[&Module], subgroup| -> anyhow::Result<()> {
-            let compiled = pipeline::compile(&device, stages, subgroup, arguments.code.is_some())
-                .with_context(|| format!("shader {name} at subgroups of {subgroup}"))?;
+            let compiled = pipeline::compile(
+                &device,
+                stages,
+                subgroup,
+                &arguments.set,
+                arguments.code.is_some(),
+            )
+            .with_context(|| format!("shader {name} at subgroups of {subgroup}"))?;
             for one in compiled {
                 if let Some(folder) = &arguments.code {
                     write_code(folder, name, &one)?;
@@ -87,6 +97,15 @@ fn main() -> anyhow::Result<()> {
     println!("{}, {}", device.name, device.driver);
     println!();
     print!("{}", table::markdown(&rows));
+    for module in &modules {
+        for constant in constants::open(module, &arguments.set) {
+            let name = module.shader.name;
+            println!();
+            println!(
+                "{name}: {constant} as the shader has it; another with --set {constant}=VALUE"
+            );
+        }
+    }
     if arguments.check {
         let spilling: Vec<_> = rows
             .iter()

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use anyhow::Context;
 use ash::vk;
 
-use crate::constants;
+use crate::constants::{self, Setting};
 use crate::device::Device;
 use crate::module::{Module, Stage};
 
@@ -31,13 +31,14 @@ pub(crate) fn compile(
     device: &Device,
     modules: &[&Module],
     subgroup: u32,
+    settings: &[Setting],
     with_code: bool,
 ) -> anyhow::Result<Vec<Compiled>> {
     let layout = layout(device, modules)?;
-    let specialisations = modules
+    let specialisations: Vec<_> = modules
         .iter()
-        .map(|module| Specialisation::new(module, subgroup))
-        .collect::<anyhow::Result<Vec<_>>>()?;
+        .map(|module| Specialisation::new(&constants::values(module, subgroup, settings)))
+        .collect();
     let infos: Vec<_> = specialisations.iter().map(Specialisation::info).collect();
     let mut required = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
         .required_subgroup_size(subgroup);
@@ -92,23 +93,18 @@ struct Specialisation {
 }
 
 impl Specialisation {
-    fn new(module: &Module, subgroup: u32) -> anyhow::Result<Self> {
-        let mut made = Self {
-            entries: Vec::new(),
-            values: Vec::new(),
-        };
-        for (number, name) in &module.constants {
-            let Some(value) = constants::value(module.shader.name, name, subgroup)? else {
-                continue;
-            };
-            made.entries.push(vk::SpecializationMapEntry {
-                constant_id: *number,
-                offset: u32::try_from(made.values.len() * 4)?,
-                size: 4,
-            });
-            made.values.push(value);
+    fn new(values: &BTreeMap<u32, u32>) -> Self {
+        let entries = (0u32..).zip(values.keys());
+        Self {
+            entries: entries
+                .map(|(index, number)| vk::SpecializationMapEntry {
+                    constant_id: *number,
+                    offset: index * 4,
+                    size: 4,
+                })
+                .collect(),
+            values: values.values().copied().collect(),
         }
-        Ok(made)
     }
 
     fn info(&self) -> vk::SpecializationInfo<'_> {
