@@ -169,3 +169,53 @@ fn text(words: &[u32]) -> String {
         .collect();
     String::from_utf8_lossy(&bytes).into_owned()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bindings_and_constants_are_read_as_the_shader_declares_them() {
+        let raster = Module::read(shaders_spirv::RASTER).expect("a shader of ours");
+        assert_eq!(raster.stage, Stage::Compute, "raster.comp");
+        assert_eq!(
+            raster.bindings.get(&0),
+            Some(&vk::DescriptorType::UNIFORM_BUFFER),
+            "cameras and sizes"
+        );
+        assert_eq!(
+            raster.bindings.get(&1),
+            Some(&vk::DescriptorType::STORAGE_BUFFER),
+            "splats"
+        );
+        let name = |number| raster.constants.get(&number).map(String::as_str);
+        assert_eq!(name(0), Some("GROUP"), "constant 0");
+        assert_eq!(name(1), Some("SUBGROUP"), "constant 1");
+    }
+
+    #[test]
+    fn a_workgroup_size_that_nothing_else_reads_is_found_without_its_name() {
+        let count = Module::read(shaders_spirv::SORT_COUNT).expect("a shader of ours");
+        let constants: Vec<_> = count.constants.into_iter().collect();
+        assert_eq!(constants, [(0, "GROUP".to_owned())], "sort_count.comp");
+    }
+
+    #[test]
+    fn every_shader_can_be_put_into_the_table() {
+        for shader in shaders_spirv::ALL {
+            if let Err(why) = Module::read(*shader) {
+                panic!("{why:#}");
+            }
+        }
+    }
+
+    #[test]
+    fn half_a_module_is_refused() {
+        // After the header, an instruction that claims three words and has two.
+        let torn = Shader {
+            name: "torn",
+            words: &[0x0723_0203, 0x0001_0300, 0, 8, 0, 3 << 16 | 17, 1],
+        };
+        assert!(Module::read(torn).is_err(), "a word is missing");
+    }
+}
