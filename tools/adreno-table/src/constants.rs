@@ -53,7 +53,7 @@ pub(crate) fn open<'a>(module: &'a Module, settings: &[Setting]) -> Vec<&'a str>
         .constants
         .values()
         .map(String::as_str)
-        .filter(|name| !name.ends_with("GROUP"))
+        .filter(|name| renderers(module, name, 64).is_none())
         .filter(|name| settings.iter().all(|setting| setting.name != *name))
         .collect()
 }
@@ -61,12 +61,13 @@ pub(crate) fn open<'a>(module: &'a Module, settings: &[Setting]) -> Vec<&'a str>
 fn renderers(module: &Module, constant: &str, subgroup: u32) -> Option<u32> {
     match (module.shader.name, constant) {
         (_, "SUBGROUP") => Some(subgroup),
-        // A 16x16 tile in blocks of 8x8, or of 16x8 where subgroups are wider than 64: see tiles.rs.
-        ("raster", "GROUP") => Some(if subgroup > 64 { 2 } else { 4 } * subgroup),
+        // gpu.rs: not on this vendor's chips.
+        (_, "SHUFFLE") => Some(0),
+        (_, "QUADS_PER_INSTANCE") => Some(shaders_spirv::QUADS_PER_INSTANCE),
         // tiles.rs: few lanes, small groups.
         ("bin_count" | "bin_emit", "GROUP") => Some(32),
         // sort.rs.
-        ("sort_count" | "sort_scatter", "GROUP") => Some(256),
+        ("sort_count" | "sort_scatter", "GROUP") | (_, "SORT_GROUP") => Some(256),
         // Not left to the default, which glslang loses where the shader reads it nowhere.
         (_, "GROUP") => Some(64),
         _ => None,

@@ -97,13 +97,11 @@ fn main() -> anyhow::Result<()> {
     println!("{}, {}", device.name, device.driver);
     println!();
     print!("{}", table::markdown(&rows));
+    println!();
     for module in &modules {
         for constant in constants::open(module, &arguments.set) {
             let name = module.shader.name;
-            println!();
-            println!(
-                "{name}: {constant} as the shader has it; another with --set {constant}=VALUE"
-            );
+            println!("- {name} has {constant} as the shader says; another: --set {constant}=VALUE");
         }
     }
     if arguments.check {
