@@ -9,7 +9,7 @@ layout(set = 0, binding = 1, std430) readonly buffer Items { uint items[]; };
 #include "state.glsl"
 layout(set = 0, binding = 3, std430) buffer Bins { uint bins[]; };
 
-const uint CROWDED = 64u; // items of one key that an invocation still sorts by itself
+const uint CROWDED = 64u; // items of one key that are still ranked one by one
 
 // Never falls as the value rises, in float arithmetic too: rounding is monotonic.
 uint key_of(uint value) {

@@ -1,7 +1,6 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "sort.glsl"
-#include "sort_order.glsl"
 
 // One workgroup per crowded bin (many Gaussians at one depth): a merge sort in which all invocations take part in every
 // merge, so that millions of equal keys take a moment and not a watchdog's patience.
@@ -10,16 +9,35 @@ const uint MERGERS = 256u;
 const uint RUN = 16u; // items that one invocation sorts before merging begins
 layout(local_size_x = 256) in;
 
-layout(set = 0, binding = 5, std430) readonly buffer Crowded { uint crowded[]; };
-layout(set = 0, binding = 6, std430) buffer Scratch { uint scratch[]; }; // as large as the order
+layout(set = 0, binding = 5, std430) buffer PlacedItems { uint placed_items[]; };
+layout(set = 0, binding = 6, std430) buffer Order { uint order[]; };
+layout(set = 0, binding = 7, std430) readonly buffer Crowded { uint crowded[]; };
 
-bool from_scratch; // which of the two holds the runs
+bool from_order; // which of the two holds the runs
 
-uint item_at(uint at) { return from_scratch ? scratch[at] : order[at]; }
+uint item_at(uint at) { return from_order ? order[at] : placed_items[at]; }
 
 void put(uint at, uint item) {
-    if (from_scratch) order[at] = item;
-    else scratch[at] = item;
+    if (from_order) placed_items[at] = item;
+    else order[at] = item;
+}
+
+bool before(uint i, uint j) {
+    uint a = values[i];
+    uint b = values[j];
+    return a < b || (a == b && i < j);
+}
+
+void insertion_sort(uint start, uint end) {
+    for (uint i = start + 1u; i < end; ++i) {
+        uint moved = placed_items[i];
+        uint hole = i;
+        while (hole > start && before(moved, placed_items[hole - 1u])) {
+            placed_items[hole] = placed_items[hole - 1u];
+            --hole;
+        }
+        placed_items[hole] = moved;
+    }
 }
 
 // How many of the first `taken` of the merged runs a and b come from a ("merge path").
@@ -57,7 +75,7 @@ void main() {
     memoryBarrierBuffer();
     barrier();
 
-    from_scratch = false;
+    from_order = false;
     uint per_merger = (end - start + MERGERS - 1u) / MERGERS;
     for (uint width = RUN; width < end - start; width *= 2u) {
         uint at = start + me * per_merger;
@@ -70,9 +88,9 @@ void main() {
         }
         memoryBarrierBuffer();
         barrier();
-        from_scratch = !from_scratch;
+        from_order = !from_order;
     }
-    if (from_scratch) {
-        for (uint at = start + me; at < end; at += MERGERS) order[at] = scratch[at];
+    if (!from_order) {
+        for (uint at = start + me; at < end; at += MERGERS) order[at] = placed_items[at];
     }
 }

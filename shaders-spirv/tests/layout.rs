@@ -140,7 +140,7 @@ fn the_sort_state_lies_as_the_shaders_read_it() {
     for shader in [
         shaders_spirv::PROJECT_FOREGROUND,
         shaders_spirv::SORT_PLAN,
-        shaders_spirv::SORT_TIES,
+        shaders_spirv::SORT_RANK,
         shaders_spirv::QUAD_VERT,
     ] {
         assert_layout!(

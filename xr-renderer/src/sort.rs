@@ -27,9 +27,7 @@ const MOST_BINS: u32 = 1 << 20;
 const ITEMS_PER_BIN: u32 = 4;
 /// Invocations per workgroup of the passes over items.
 const ITEM_GROUP: u32 = 256;
-/// Invocations per workgroup of the pass over bins.
-const BIN_GROUP: u32 = 64;
-/// More items than an invocation sorts by itself (`CROWDED` in `shaders/sort.glsl`) share at most this many bins.
+/// Bins with more items than are ranked one by one (`CROWDED` in `shaders/sort.glsl`) are at most so many.
 const CROWDED_BINS: u32 = 1 << 16;
 
 /// What is sorted, filled by someone else; every buffer outlives the passes' use.
@@ -52,13 +50,12 @@ pub(crate) struct SortPasses {
     count: ComputePipeline,
     scan: Scan,
     scatter: ComputePipeline,
-    ties: ComputePipeline,
+    rank: ComputePipeline,
     crowded: ComputePipeline,
     bins: Buffer,
-    bin_count: u32,
     order: Buffer,
     _crowded_bins: Buffer,
-    _scratch: Buffer,
+    _placed: [Buffer; 2],
 }
 
 impl SortPasses {
@@ -68,16 +65,18 @@ impl SortPasses {
         let bin_count = wanted.next_power_of_two();
         let bins = Buffer::storage(gpu, "sort bins", u64::from(bin_count) * 4)?;
         let order = Buffer::storage(gpu, "sorted order", bytes)?;
-        let scratch = Buffer::storage(gpu, "sort scratch", bytes)?;
+        let placed_values = Buffer::storage(gpu, "placed values", bytes)?;
+        let placed_items = Buffer::storage(gpu, "placed items", bytes)?;
         let crowded_bins = Buffer::storage(gpu, "crowded bins", u64::from(CROWDED_BINS) * 4)?;
         let resources = [
             input.values,
             input.items,
             input.state,
             &bins,
+            &placed_values,
+            &placed_items,
             &order,
             &crowded_bins,
-            &scratch,
         ]
         .map(Resource::Storage);
         let make = |shader, constants: &[u32], resources: &[Resource<'_>]| {
@@ -97,14 +96,13 @@ impl SortPasses {
             )?,
             count: make(shaders_spirv::SORT_COUNT, by_item, &resources[..4])?,
             scan: Scan::new(gpu, &bins, bin_count)?,
-            scatter: make(shaders_spirv::SORT_SCATTER, by_item, &resources[..5])?,
-            ties: make(shaders_spirv::SORT_TIES, &[BIN_GROUP], &resources[..6])?,
+            scatter: make(shaders_spirv::SORT_SCATTER, by_item, &resources[..6])?,
+            rank: make(shaders_spirv::SORT_RANK, by_item, &resources)?,
             crowded: make(shaders_spirv::SORT_CROWDED, &[], &resources)?,
             bins,
-            bin_count,
             order,
             _crowded_bins: crowded_bins,
-            _scratch: scratch,
+            _placed: [placed_values, placed_items],
         })
     }
 
@@ -146,8 +144,7 @@ impl SortPasses {
         self.scan.record(commands);
         self.scatter.dispatch_indirect(commands, state, by_item);
         barrier(gpu, commands);
-        let by_bin = [self.bin_count / BIN_GROUP, 1, 1];
-        self.ties.dispatch(commands, &[], by_bin);
+        self.rank.dispatch_indirect(commands, state, by_item);
         barrier(gpu, commands);
         self.crowded.dispatch_indirect(commands, state, by_crowded);
         barrier(gpu, commands);
