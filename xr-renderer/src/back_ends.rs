@@ -1,4 +1,4 @@
-//! Which back end draws: the one that was asked for, or the faster of the two, found out on the first pictures.
+//! Which back end draws: the one that was asked for, or the faster of the two, found out on the first picture.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::quads::Quads;
 use crate::target::Target;
 use crate::tiles::Tiles;
 
-/// Pictures each back end draws before they are compared; the first of each warms up and does not count.
+/// Times each back end draws the first picture before they are compared; the first of each warms up and does not count.
 const TRIALS: usize = 4;
 
 /// Milliseconds a picture took (listing and drawing), as each back end drew it at start.
@@ -36,6 +36,17 @@ impl BackEndTrial {
             BackEnd::Tiles
         }
     }
+}
+
+/// Whether the picture that was drawn is to be drawn once more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Again {
+    /// It is finished.
+    No,
+    /// The back ends are being compared.
+    ForComparison,
+    /// They were: now as all pictures that follow.
+    ForShowing,
 }
 
 /// Both back ends while they are compared, one after that.
@@ -132,10 +143,10 @@ impl BackEnds {
     }
 
     /// Takes note of how long the picture took, and lets the slower back end go once both have had their turns. The
-    /// device is idle.
-    pub(crate) fn took(&mut self, milliseconds: f64) {
+    /// device is idle. Says whether to draw the picture again.
+    pub(crate) fn took(&mut self, milliseconds: f64) -> Again {
         if self.tiles.is_none() || self.quads.is_none() {
-            return;
+            return Again::No;
         }
         let [tiles, quads] = &mut self.times;
         if tiles.len() > quads.len() {
@@ -144,7 +155,7 @@ impl BackEnds {
             tiles.push(milliseconds);
         }
         if quads.len() < TRIALS {
-            return;
+            return Again::ForComparison;
         }
         let trial = BackEndTrial {
             tiles: median(tiles),
@@ -161,6 +172,7 @@ impl BackEnds {
             BackEnd::Quads => self.tiles = None,
         }
         self.trial = Some(trial);
+        Again::ForShowing
     }
 
     /// (Gaussian, tile) pairs in the last picture; 0 for quads.

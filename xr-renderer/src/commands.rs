@@ -186,24 +186,7 @@ pub(crate) fn barrier(gpu: &Gpu, commands: vk::CommandBuffer) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::GpuChoice;
-
-    /// The device that `MON3TR_GPU` names; nothing, where there is none and CI does not demand one.
-    fn open_gpu() -> Option<Arc<Gpu>> {
-        let name = std::env::var("MON3TR_GPU").unwrap_or_default();
-        let choice: GpuChoice = name.parse().expect("any text is a choice");
-        match Gpu::open(&choice, true) {
-            Ok(gpu) => Some(gpu),
-            Err(why) => {
-                assert!(
-                    std::env::var("CI").as_deref() != Ok("true"),
-                    "no Vulkan device: {why}"
-                );
-                println!("skipped: no Vulkan device: {why}");
-                None
-            }
-        }
-    }
+    use crate::testing::open_gpu;
 
     #[test]
     fn work_that_outlasts_our_patience_is_waited_for_before_its_commands_are_used_again() {

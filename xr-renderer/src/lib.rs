@@ -31,6 +31,8 @@ mod splat;
 mod surface;
 mod swapchain;
 mod target;
+#[cfg(test)]
+mod testing;
 mod tiles;
 mod timestamps;
 mod validation;

@@ -56,7 +56,7 @@ pub struct RendererOptions {
     pub views: u32,
     /// Against aliasing.
     pub filter: Filter,
-    /// The back end to use; without one, both draw the first pictures and the faster goes on.
+    /// The back end to use; without one, both draw the first picture a few times and the faster goes on.
     pub back_end: Option<BackEnd>,
 }
 

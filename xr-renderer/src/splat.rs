@@ -10,7 +10,7 @@ use ash::vk;
 use bytemuck::Zeroable;
 use shaders_spirv::{FrameParams, PackedGaussian};
 
-use crate::back_ends::{BackEndTrial, BackEnds};
+use crate::back_ends::{Again, BackEndTrial, BackEnds};
 use crate::background::Background;
 use crate::camera::{Camera, head_depth_plane};
 use crate::commands::{Commands, barrier};
@@ -138,26 +138,33 @@ impl SplatRenderer {
         self.check(cameras)?;
         // The device may still be reading the last picture's cameras after an error.
         self.commands.settle()?;
-        let mut sorts = !self.order.serves(cameras);
+        let needs_order = !self.order.serves(cameras);
+        let mut sorts = needs_order;
         loop {
             let mut frame = self.frame_params(cameras, sorts);
             self.back_ends.describe(&mut frame);
             self.front.write_frame(&frame);
             self.record_and_run(sorts)
                 .inspect_err(|_| self.order.forget())?;
-            if !self.back_ends.has_grown(&self.front, &self.target)? {
+            if self.back_ends.has_grown(&self.front, &self.target)? {
+                continue;
+            }
+            self.times = self.read_times()?;
+            if frame.total_count == 0 {
                 break;
             }
-            // The first attempt's sort may have been for nothing but is not for this one.
-            sorts = true;
+            match self.back_ends.took(self.times.bin + self.times.raster) {
+                Again::No => break,
+                // The order of the first attempt serves all.
+                Again::ForComparison => sorts = false,
+                Again::ForShowing => sorts = needs_order,
+            }
         }
-        if sorts {
+        if needs_order {
             self.order.made(cameras);
         }
         self.front.foreground_is_there();
-        self.times = self.read_times()?;
         self.host_upload = 0.0;
-        self.back_ends.took(self.times.bin + self.times.raster);
         Ok(())
     }
 
@@ -171,8 +178,8 @@ impl SplatRenderer {
         self.back_ends.present()
     }
 
-    /// How the two back ends compared on the first pictures; nothing while they are being compared, where one was
-    /// asked for, or where the device has no clock.
+    /// How the two back ends compared on the first picture; nothing before it, where one was asked for, or where the
+    /// device has no clock.
     pub fn back_end_trial(&self) -> Option<BackEndTrial> {
         self.back_ends.trial()
     }

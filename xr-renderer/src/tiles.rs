@@ -293,3 +293,52 @@ fn first_capacity(gpu: &Gpu, max_gaussians: u32, layout: Layout) -> u32 {
         .clamp(1 << 16, 1 << 24)
         .min(pair_limit(gpu))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Vec3;
+    use shaders_spirv::{Gaussian, PackedGaussian};
+
+    use crate::testing::open_gpu;
+    use crate::{BackEnd, Camera, RendererOptions, SplatRenderer};
+
+    #[test]
+    fn splats_handed_round_by_shuffles_or_through_memory_make_the_same_picture() {
+        let mut pictures = Vec::new();
+        for shuffles_well in [true, false] {
+            let Some(mut gpu) = open_gpu() else { return };
+            Arc::get_mut(&mut gpu)
+                .expect("no one else has it yet")
+                .shuffles_well = shuffles_well;
+            let options = RendererOptions {
+                back_end: Some(BackEnd::Tiles),
+                ..RendererOptions::new(500, 130, 90, 1)
+            };
+            let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
+            // A spiral of overlapping splats of every hue.
+            let spiral: Vec<PackedGaussian> = (0u8..250)
+                .map(|step| {
+                    let turn = f32::from(step) * 0.2;
+                    PackedGaussian::from(&Gaussian {
+                        position: [turn.cos(), turn.sin(), -turn / 25.0],
+                        rotation: glam::Quat::from_rotation_z(turn).to_array(),
+                        scale: [0.3, 0.05, 0.1],
+                        opacity: 0.8,
+                        colour: [0.5 + 0.5 * turn.sin(), 0.5, 0.5 + 0.5 * turn.cos()],
+                    })
+                })
+                .collect();
+            renderer.set_foreground(&spiral).expect("it fits");
+            let camera = Camera::look_at(Vec3::Z * 4.0, Vec3::ZERO, Vec3::Y, 0.7, 130, 90);
+            renderer.draw(&[camera]).expect("a picture");
+            pictures.push(renderer.read_back(0).expect("one view"));
+            drop(renderer);
+            assert_eq!(gpu.validation_messages(), 0, "validation messages");
+        }
+        let drawn = pictures[0].pixels().iter().filter(|pixel| pixel[3] > 0.5);
+        assert!(drawn.count() > 1_000, "a spiral");
+        assert!(pictures[0] == pictures[1], "the pictures differ");
+    }
+}
