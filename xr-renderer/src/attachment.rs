@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::buffer::allocate;
 use crate::error::{RenderError, VkContext};
 use crate::gpu::Gpu;
+use crate::memory::Memory;
 use crate::target::Target;
 
 /// A colour attachment with its memory and the view of all its layers.
@@ -14,7 +14,8 @@ pub(crate) struct Attachment {
     gpu: Arc<Gpu>,
     pub(crate) image: vk::Image,
     pub(crate) view: vk::ImageView,
-    memory: vk::DeviceMemory,
+    // Dropped after the image is destroyed.
+    memory: Option<Memory>,
 }
 
 impl Attachment {
@@ -44,7 +45,7 @@ impl Attachment {
             gpu: Arc::clone(gpu),
             image: vk::Image::null(),
             view: vk::ImageView::null(),
-            memory: vk::DeviceMemory::null(),
+            memory: None,
         };
         // SAFETY: the structure is complete.
         made.image = unsafe { device.create_image(&info, None) }.during("vkCreateImage")?;
@@ -54,9 +55,11 @@ impl Attachment {
             vk::MemoryPropertyFlags::DEVICE_LOCAL,
             vk::MemoryPropertyFlags::empty(),
         ];
-        made.memory = allocate(gpu, what, needs, &kinds)?;
+        let memory = Memory::new(gpu, what, needs, &kinds)?;
+        let memory_handle = memory.handle();
+        made.memory = Some(memory);
         // SAFETY: fresh memory of the size and type the image asked for.
-        unsafe { device.bind_image_memory(made.image, made.memory, 0) }
+        unsafe { device.bind_image_memory(made.image, memory_handle, 0) }
             .during("vkBindImageMemory")?;
         let info = vk::ImageViewCreateInfo::default()
             .image(made.image)
@@ -112,7 +115,6 @@ impl Drop for Attachment {
         unsafe {
             device.destroy_image_view(self.view, None);
             device.destroy_image(self.image, None);
-            device.free_memory(self.memory, None);
         }
     }
 }

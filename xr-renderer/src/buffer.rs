@@ -8,6 +8,7 @@ use bytemuck::Pod;
 
 use crate::error::{RenderError, VkContext};
 use crate::gpu::Gpu;
+use crate::memory::Memory;
 
 /// Who touches a buffer's bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,7 +41,7 @@ impl Place {
 pub(crate) struct Buffer {
     gpu: Arc<Gpu>,
     handle: vk::Buffer,
-    memory: vk::DeviceMemory,
+    memory: Option<Memory>,
     size: u64,
     mapped: Option<NonNull<u8>>,
 }
@@ -76,21 +77,23 @@ impl Buffer {
         let mut buffer = Self {
             gpu: Arc::clone(gpu),
             handle,
-            memory: vk::DeviceMemory::null(),
+            memory: None,
             size,
             mapped: None,
         };
         // SAFETY: the handle is a buffer of this device.
         let needs = unsafe { gpu.device().get_buffer_memory_requirements(handle) };
-        buffer.memory = allocate(gpu, what, needs, place.memory())?;
+        let memory = Memory::new(gpu, what, needs, place.memory())?;
+        let memory_handle = memory.handle();
+        buffer.memory = Some(memory);
         // SAFETY: fresh memory of the size and type the buffer asked for.
-        unsafe { gpu.device().bind_buffer_memory(handle, buffer.memory, 0) }
+        unsafe { gpu.device().bind_buffer_memory(handle, memory_handle, 0) }
             .during("vkBindBufferMemory")?;
         if place != Place::Device {
             // SAFETY: the memory is host visible and not mapped yet.
             let address = unsafe {
                 gpu.device().map_memory(
-                    buffer.memory,
+                    memory_handle,
                     0,
                     vk::WHOLE_SIZE,
                     vk::MemoryMapFlags::empty(),
@@ -171,48 +174,7 @@ impl Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        // SAFETY: owners wait for the device before they drop; freeing memory unmaps it.
-        unsafe {
-            self.gpu.device().destroy_buffer(self.handle, None);
-            self.gpu.device().free_memory(self.memory, None);
-        }
+        // SAFETY: owners wait for the device before they drop; the memory is freed, and so unmapped, after this.
+        unsafe { self.gpu.device().destroy_buffer(self.handle, None) };
     }
-}
-
-/// Memory of the first of `kinds` that the device has and `needs` allows.
-pub(crate) fn allocate(
-    gpu: &Gpu,
-    what: &'static str,
-    needs: vk::MemoryRequirements,
-    kinds: &[vk::MemoryPropertyFlags],
-) -> Result<vk::DeviceMemory, RenderError> {
-    let types = gpu.memory.memory_types_as_slice();
-    let index = kinds
-        .iter()
-        .find_map(|kind| {
-            (0u32..).zip(types).find(|(index, offered)| {
-                needs.memory_type_bits & (1 << index) != 0 && offered.property_flags.contains(*kind)
-            })
-        })
-        .map(|(index, _)| index)
-        .ok_or(RenderError::OutOfMemory {
-            what,
-            bytes: Some(needs.size),
-        })?;
-    let info = vk::MemoryAllocateInfo::default()
-        .allocation_size(needs.size)
-        .memory_type_index(index);
-    // SAFETY: the type index is one of the device's.
-    unsafe { gpu.device().allocate_memory(&info, None) }.map_err(|result| match result {
-        vk::Result::ERROR_OUT_OF_DEVICE_MEMORY
-        | vk::Result::ERROR_OUT_OF_HOST_MEMORY
-        | vk::Result::ERROR_TOO_MANY_OBJECTS => RenderError::OutOfMemory {
-            what,
-            bytes: Some(needs.size),
-        },
-        result => RenderError::Vulkan {
-            call: "vkAllocateMemory",
-            result,
-        },
-    })
 }

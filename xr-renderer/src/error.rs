@@ -39,15 +39,24 @@ pub enum RenderError {
     NoValidationLayer,
     /// The device has no memory left for a buffer or image.
     #[error(
-        "out of memory during {what}{}: use fewer Gaussians or a smaller picture",
-        asked_for(*bytes)
+        "out of device memory: {what} needs {} MiB, {} MiB are taken already, and the device has {} MiB in all: use fewer Gaussians (a smaller background, an avatar baked with fewer) or a smaller picture, or close other programs that use the device",
+        mebibytes(*bytes), mebibytes(*taken), mebibytes(*heap)
     )]
     OutOfMemory {
         /// What the memory was for.
         what: &'static str,
-        /// How much was asked for, where that is known.
-        bytes: Option<u64>,
+        /// How much was asked for.
+        bytes: u64,
+        /// How much this process has of it.
+        taken: u64,
+        /// How much the device has for such things; 0 where it has none.
+        heap: u64,
     },
+    /// A call ran out of memory without saying what for.
+    #[error(
+        "out of memory during {0}: use fewer Gaussians or a smaller picture, or close other programs that use the device"
+    )]
+    OutOfMemoryDuring(&'static str),
     /// A buffer would be larger than the device lets a shader address.
     #[error(
         "{what} needs {bytes} bytes, more than the {limit} bytes one buffer may have on this device: use fewer Gaussians or a smaller picture"
@@ -145,8 +154,9 @@ pub enum RenderError {
     },
 }
 
-fn asked_for(bytes: Option<u64>) -> String {
-    bytes.map_or_else(String::new, |bytes| format!(" ({bytes} bytes asked for)"))
+/// Whole MiB, rounded up: nothing that was asked for is 0.
+fn mebibytes(bytes: u64) -> u64 {
+    bytes.div_ceil(1 << 20)
 }
 
 /// Adds to a Vulkan result the name of the call that gave it.
@@ -160,10 +170,7 @@ impl<T> VkContext<T> for Result<T, vk::Result> {
         self.map_err(|result| match result {
             vk::Result::ERROR_DEVICE_LOST => RenderError::DeviceLost(call),
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
-                RenderError::OutOfMemory {
-                    what: call,
-                    bytes: None,
-                }
+                RenderError::OutOfMemoryDuring(call)
             }
             result => RenderError::Vulkan { call, result },
         })
@@ -175,17 +182,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn out_of_memory_tells_how_much_was_asked_for_only_where_that_is_known() {
-        let out: Result<(), _> = Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
-        let unknown = out
-            .during("vkQueueSubmit")
-            .expect_err("no memory")
-            .to_string();
-        assert!(!unknown.contains("bytes"), "{unknown}");
-        let known = RenderError::OutOfMemory {
-            what: "sort bins",
-            bytes: Some(4096),
+    fn out_of_memory_tells_how_much_is_needed_taken_and_there_and_what_to_lower() {
+        let error = RenderError::OutOfMemory {
+            what: "background colours",
+            bytes: 96 << 20,
+            taken: 900 << 20,
+            heap: (1 << 30) - 1,
         };
-        assert!(known.to_string().contains("4096 bytes"), "{known}");
+        let text = error.to_string();
+        for part in [
+            "background colours needs 96 MiB",
+            "900 MiB",
+            "1024 MiB",
+            "fewer Gaussians",
+            "smaller picture",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::ffi::CStr;
 use std::fmt;
+use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::{ext, khr, vk};
@@ -28,6 +29,8 @@ pub struct Gpu {
     pub(crate) has_swapchain: bool,
     /// Whether a subgroup's lanes hand values round faster by shuffles than through shared memory.
     pub(crate) shuffles_well: bool,
+    /// Bytes of device memory taken by what was made with this device.
+    pub(crate) memory_taken: AtomicU64,
     // Vulkan wants submissions to a queue one at a time.
     queue: Mutex<vk::Queue>,
     info: DeviceInfo,
@@ -102,6 +105,7 @@ impl Gpu {
                 vk::DriverId::QUALCOMM_PROPRIETARY,
             ]
             .contains(&chosen.driver_id),
+            memory_taken: AtomicU64::new(0),
             queue: Mutex::new(queue),
             info: chosen.info,
             instance,

@@ -16,6 +16,7 @@ mod error;
 mod front;
 mod gpu;
 mod instance;
+mod memory;
 mod options;
 mod order;
 mod physical;
