@@ -1,4 +1,4 @@
-//! Compiles `shaders/*.comp|.vert|.frag` to SPIR-V 1.3 and writes one Rust constant for each.
+//! Compiles `shaders/*.comp|.vert|.frag` to SPIR-V 1.3 (1.5 where a shader says so) and writes one Rust constant for each.
 //!
 //! The compiler is glslang's own C++ source, built by `cc`: a C++ compiler is the only prerequisite.
 //! A shader that does not compile stops the build with `FILE:LINE: message`.
@@ -14,6 +14,8 @@ use glslang::{
 };
 
 const FOLDER: &str = "shaders";
+/// In a shader that Vulkan 1.1 cannot run.
+const VULKAN_1_2: &str = "#pragma vulkan_1_2";
 
 fn main() {
     println!("cargo:rerun-if-changed={FOLDER}");
@@ -76,12 +78,17 @@ fn build() -> Result<(), String> {
 fn compile(path: &Path, stage: ShaderStage) -> Result<Vec<u32>, String> {
     let text = fs::read_to_string(path).map_err(|why| format!("{}: {why}", path.display()))?;
     let compiler = Compiler::acquire().ok_or("glslang did not start")?;
+    let (version, spirv_version) = if text.contains(VULKAN_1_2) {
+        (VulkanVersion::Vulkan1_2, SpirvVersion::SPIRV1_5)
+    } else {
+        (VulkanVersion::Vulkan1_1, SpirvVersion::SPIRV1_3)
+    };
     let source = ShaderSource::from(text);
     let options = CompilerOptions {
         source_language: SourceLanguage::GLSL,
         target: Target::Vulkan {
-            version: VulkanVersion::Vulkan1_1,
-            spirv_version: SpirvVersion::SPIRV1_3,
+            version,
+            spirv_version,
         },
         version_profile: None,
         messages: ShaderMessage::DEFAULT,

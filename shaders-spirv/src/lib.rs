@@ -14,7 +14,7 @@ pub use gaussian::{Gaussian, PackedGaussian, quantised, smallest_three};
 pub struct Shader {
     /// File name without its extension.
     pub name: &'static str,
-    /// SPIR-V 1.3 for Vulkan 1.1.
+    /// SPIR-V 1.3 for Vulkan 1.1, or 1.5 for 1.2 where that is in the shader's documentation.
     pub words: &'static [u32],
 }
 

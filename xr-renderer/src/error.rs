@@ -111,6 +111,9 @@ pub enum RenderError {
         /// What is wrong with it.
         problem: String,
     },
+    /// Depth was asked for but not drawn.
+    #[error("the renderer draws no depth: make it with `RendererOptions::depth` set")]
+    NoDepth,
     /// There is no such view to read.
     #[error("view {view} does not exist: the renderer has {views}")]
     NoSuchView {

@@ -27,8 +27,8 @@ pub struct Gpu {
     /// Bits of a timestamp that count; 0 where the queue has none.
     pub(crate) timestamp_bits: u32,
     pub(crate) has_swapchain: bool,
-    /// Whether a subgroup's lanes hand values round faster by shuffles than through shared memory.
-    pub(crate) shuffles_well: bool,
+    /// Whether a subgroup's lanes hand values round by broadcasts rather than through shared memory.
+    pub(crate) broadcasts: bool,
     /// Bytes of device memory taken by what was made with this device.
     pub(crate) memory_taken: AtomicU64,
     // Vulkan wants submissions to a queue one at a time.
@@ -70,10 +70,11 @@ impl Gpu {
             subgroup,
             queue_family,
             timestamp_bits,
+            broadcasts,
         } = ability;
         let has_swapchain = instance.surface_extensions.contains(&khr::surface::NAME)
             && contains(&chosen.extensions, khr::swapchain::NAME);
-        let device = open_device(&instance, &chosen, subgroup, queue_family, has_swapchain)?;
+        let device = open_device(&instance, &chosen, &ability, has_swapchain)?;
         // SAFETY: the family and its first queue were asked for when the device was made.
         let queue = unsafe { device.0.get_device_queue(queue_family, 0) };
         // SAFETY: the handle belongs to this instance.
@@ -99,12 +100,7 @@ impl Gpu {
             queue_family,
             timestamp_bits,
             has_swapchain,
-            // Adreno's drivers make of a shuffle a loop with a round for every lane.
-            shuffles_well: ![
-                vk::DriverId::MESA_TURNIP,
-                vk::DriverId::QUALCOMM_PROPRIETARY,
-            ]
-            .contains(&chosen.driver_id),
+            broadcasts,
             memory_taken: AtomicU64::new(0),
             queue: Mutex::new(queue),
             info: chosen.info,
@@ -178,10 +174,15 @@ fn choose(instance: &Instance, choice: &GpuChoice) -> Result<(Candidate, Ability
 fn open_device(
     instance: &Instance,
     chosen: &Candidate,
-    subgroup: Subgroup,
-    queue_family: u32,
+    ability: &Ability,
     has_swapchain: bool,
 ) -> Result<Device, RenderError> {
+    let &Ability {
+        subgroup,
+        queue_family,
+        broadcasts,
+        ..
+    } = ability;
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(queue_family)
@@ -205,6 +206,11 @@ fn open_device(
         .enabled_extension_names(&extensions);
     if subgroup.can_be_required {
         info = info.push_next(&mut control);
+    }
+    let mut broadcast =
+        vk::PhysicalDeviceVulkan12Features::default().subgroup_broadcast_dynamic_id(true);
+    if broadcasts {
+        info = info.push_next(&mut broadcast);
     }
     // SAFETY: all names and structures live until the call returns; features were checked to be there.
     unsafe { instance.handle.create_device(chosen.handle, &info, None) }

@@ -54,6 +54,8 @@ pub struct RendererOptions {
     pub height: u32,
     /// 1, or 2 for stereo.
     pub views: u32,
+    /// Whether depth is drawn as well, as a compositor's reprojection wants it: a seventh of the drawing's time.
+    pub depth: bool,
     /// Against aliasing.
     pub filter: Filter,
     /// The back end to use; without one, both draw the first picture a few times and the faster goes on.
@@ -70,6 +72,7 @@ impl RendererOptions {
             width,
             height,
             views,
+            depth: false,
             filter: Filter::Dilation,
             back_end: None,
         }

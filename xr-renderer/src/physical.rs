@@ -45,6 +45,8 @@ pub(crate) struct Ability {
     pub(crate) queue_family: u32,
     /// Bits of a timestamp that count; 0 where the queue has none.
     pub(crate) timestamp_bits: u32,
+    /// Lanes hand values round by broadcasts from any lane, and well.
+    pub(crate) broadcasts: bool,
 }
 
 fn text(bytes: Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>) -> String {
@@ -119,7 +121,24 @@ impl Candidate {
             subgroup,
             queue_family,
             timestamp_bits: family.timestamp_valid_bits,
+            broadcasts: self.broadcasts(instance),
         })
+    }
+
+    /// Whether broadcasts from a lane that is no constant are there and worth it: on Adreno shared memory is faster.
+    fn broadcasts(&self, instance: &ash::Instance) -> bool {
+        let adreno = [
+            vk::DriverId::MESA_TURNIP,
+            vk::DriverId::QUALCOMM_PROPRIETARY,
+        ];
+        if self.api_version < vk::API_VERSION_1_2 || adreno.contains(&self.driver_id) {
+            return false;
+        }
+        let mut newer = vk::PhysicalDeviceVulkan12Features::default();
+        let mut features = Features2::default().push_next(&mut newer);
+        // SAFETY: the device knows the chained structure, which came with its version.
+        unsafe { instance.get_physical_device_features2(self.handle, &mut features) };
+        newer.subgroup_broadcast_dynamic_id == vk::TRUE
     }
 
     /// The first family that both draws and computes.

@@ -39,7 +39,8 @@ impl Quads {
             .collect();
         let bindings = Bindings::new(gpu, vk::ShaderStageFlags::VERTEX, 0, &resources)?;
         let indices = index_buffer(gpu)?;
-        let pipeline = make_pipeline(gpu, bindings.layout(), pass.handle)?;
+        let attachments = if target.has_depth() { 2 } else { 1 };
+        let pipeline = make_pipeline(gpu, bindings.layout(), pass.handle, attachments)?;
         Ok(Self {
             gpu: Arc::clone(gpu),
             bindings,
@@ -101,6 +102,7 @@ fn make_pipeline(
     gpu: &Gpu,
     layout: vk::PipelineLayout,
     pass: vk::RenderPass,
+    attachments: usize,
 ) -> Result<vk::Pipeline, RenderError> {
     let vertex = Module::new(gpu, shaders_spirv::QUAD_VERT)?;
     let fragment = Module::new(gpu, shaders_spirv::QUAD_FRAG)?;
@@ -135,7 +137,8 @@ fn make_pipeline(
         .alpha_blend_op(vk::BlendOp::ADD)
         .color_write_mask(vk::ColorComponentFlags::RGBA);
     let blends = [over, over];
-    let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
+    let blend =
+        vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends[..attachments]);
     let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
     let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
     let info = [vk::GraphicsPipelineCreateInfo::default()

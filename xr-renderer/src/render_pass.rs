@@ -1,4 +1,4 @@
-//! What quads are drawn in: two attachments, cleared, blended into, and left ready to be copied.
+//! What quads are drawn in: one attachment, or two where depth is wanted, cleared, blended into, and left ready to be copied.
 
 use std::sync::Arc;
 
@@ -18,17 +18,20 @@ pub(crate) struct RenderPass {
     pub(crate) handle: vk::RenderPass,
     framebuffer: vk::Framebuffer,
     picture: Attachment,
-    depth: Attachment,
+    depth: Option<Attachment>,
     area: vk::Rect2D,
 }
 
 impl RenderPass {
     pub(crate) fn new(gpu: &Arc<Gpu>, target: &Target) -> Result<Self, RenderError> {
         let picture = Attachment::new(gpu, "the quads' picture", PICTURE, target)?;
-        let depth = Attachment::new(gpu, "the quads' depth", DEPTH, target)?;
+        let depth = target
+            .has_depth()
+            .then(|| Attachment::new(gpu, "the quads' depth", DEPTH, target))
+            .transpose()?;
         let mut made = Self {
             gpu: Arc::clone(gpu),
-            handle: make_pass(gpu, target.layers)?,
+            handle: make_pass(gpu, target)?,
             framebuffer: vk::Framebuffer::null(),
             picture,
             depth,
@@ -40,7 +43,8 @@ impl RenderPass {
                 },
             },
         };
-        let views = [made.picture.view, made.depth.view];
+        let attachments = std::iter::once(&made.picture).chain(&made.depth);
+        let views: Vec<_> = attachments.map(|attachment| attachment.view).collect();
         // With multiview the view mask chooses the layers, and the framebuffer counts as one.
         let info = vk::FramebufferCreateInfo::default()
             .render_pass(made.handle)
@@ -75,16 +79,20 @@ impl RenderPass {
         draw(self.area);
         // SAFETY: as above.
         unsafe { device.cmd_end_render_pass(commands) };
-        let (picture, depth) = (target.buffer.handle(), target.depth.handle());
+        let colours = target.buffer.handle();
         self.picture
-            .record_copy(commands, picture, target.width, target);
-        self.depth
-            .record_copy(commands, depth, target.depth_stride(), target);
+            .record_copy(commands, colours, target.width, target);
+        if let Some(depth) = &self.depth {
+            let depths = target.depth.handle();
+            depth.record_copy(commands, depths, target.depth_stride(), target);
+        }
     }
 }
 
-fn make_pass(gpu: &Gpu, views: u32) -> Result<vk::RenderPass, RenderError> {
-    let attachments = [PICTURE, DEPTH].map(|format| {
+fn make_pass(gpu: &Gpu, target: &Target) -> Result<vk::RenderPass, RenderError> {
+    let formats = [PICTURE, DEPTH];
+    let count = if target.has_depth() { 2 } else { 1 };
+    let attachments = formats.map(|format| {
         vk::AttachmentDescription::default()
             .format(format)
             .samples(vk::SampleCountFlags::TYPE_1)
@@ -100,7 +108,7 @@ fn make_pass(gpu: &Gpu, views: u32) -> Result<vk::RenderPass, RenderError> {
     });
     let subpasses = [vk::SubpassDescription::default()
         .pipeline_bind_point(vk::PipelineBindPoint::GRAPHICS)
-        .color_attachments(&references)];
+        .color_attachments(&references[..count])];
     use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
     let dependencies = [
         // The sort's and the projection's results, and the last picture's copies.
@@ -127,12 +135,12 @@ fn make_pass(gpu: &Gpu, views: u32) -> Result<vk::RenderPass, RenderError> {
             .dst_stage_mask(Stage::TRANSFER)
             .dst_access_mask(Access::TRANSFER_READ),
     ];
-    let view_masks = [(1 << views) - 1];
+    let view_masks = [(1 << target.layers) - 1];
     let mut multiview = vk::RenderPassMultiviewCreateInfo::default()
         .view_masks(&view_masks)
         .correlation_masks(&view_masks);
     let info = vk::RenderPassCreateInfo::default()
-        .attachments(&attachments)
+        .attachments(&attachments[..count])
         .subpasses(&subpasses)
         .dependencies(&dependencies)
         .push_next(&mut multiview);

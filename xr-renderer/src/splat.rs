@@ -80,7 +80,7 @@ impl SplatRenderer {
             });
         }
         let background = options.background.as_deref();
-        let target = Target::new(&gpu, width, height, views)?;
+        let target = Target::new(&gpu, width, height, views, options.depth)?;
         let mut front = Front::new(&gpu, max_foreground, background, options.filter, views)?;
         let capacity = max_foreground.saturating_add(background.map_or(0, Background::len));
         let back_ends = BackEnds::new(&gpu, &front, &target, capacity, options.back_end)?;
@@ -218,9 +218,12 @@ impl SplatRenderer {
     /// not 0, it is the mean depth along the view's axis of what the pixel shows.
     ///
     /// # Errors
-    /// No such view, or a device that fails.
+    /// A renderer that was not made to draw depth, no such view, or a device that fails.
     pub fn read_back_depth(&mut self, view: u32) -> Result<Vec<f32>, RenderError> {
         self.check_view(view)?;
+        if !self.target.has_depth() {
+            return Err(RenderError::NoDepth);
+        }
         self.read_back
             .read_depth(&self.gpu, &mut self.commands, &self.target, view)
     }

@@ -21,6 +21,7 @@ pub(crate) struct Target {
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) layers: u32,
+    has_depth: bool,
 }
 
 impl Target {
@@ -29,17 +30,25 @@ impl Target {
         width: u32,
         height: u32,
         layers: u32,
+        has_depth: bool,
     ) -> Result<Self, RenderError> {
         let rows = u64::from(height) * u64::from(layers);
         let bytes = rows * u64::from(width) * size_of::<Pixel>() as u64;
-        let depth_bytes = rows * u64::from(depth_stride(width)) * size_of::<f16>() as u64;
+        let depth_rows = if has_depth { rows } else { 0 };
+        let depth_bytes = depth_rows * u64::from(depth_stride(width)) * size_of::<f16>() as u64;
         Ok(Self {
             buffer: Buffer::storage(gpu, "the picture", bytes)?,
             depth: Buffer::storage(gpu, "the picture's depth", depth_bytes)?,
             width,
             height,
             layers,
+            has_depth,
         })
+    }
+
+    /// Whether depths are drawn; without them their buffer is next to nothing.
+    pub(crate) fn has_depth(&self) -> bool {
+        self.has_depth
     }
 
     /// Bytes of one layer's colours.

@@ -111,11 +111,16 @@ impl Tiles {
             ComputePipeline::new(gpu, shader, specialisation, resources)
         };
         let size = gpu.subgroup.size;
+        let shader = if gpu.broadcasts {
+            shaders_spirv::RASTER_BROADCAST
+        } else {
+            shaders_spirv::RASTER
+        };
         let raster = ComputePipeline::new(
             gpu,
-            shaders_spirv::RASTER,
+            shader,
             Specialisation {
-                constants: &[size, u32::from(gpu.shuffles_well)],
+                constants: &[size, u32::from(target.has_depth())],
                 fixed_subgroups: true,
                 ..Default::default()
             },
@@ -305,13 +310,14 @@ mod tests {
     use crate::{BackEnd, Camera, RendererOptions, SplatRenderer};
 
     #[test]
-    fn splats_handed_round_by_shuffles_or_through_memory_make_the_same_picture() {
+    fn splats_handed_round_by_broadcasts_or_through_memory_make_the_same_picture() {
         let mut pictures = Vec::new();
-        for shuffles_well in [true, false] {
+        for broadcasts in [true, false] {
             let Some(mut gpu) = open_gpu() else { return };
+            // A device without broadcasts draws through memory both times.
             Arc::get_mut(&mut gpu)
                 .expect("no one else has it yet")
-                .shuffles_well = shuffles_well;
+                .broadcasts &= broadcasts;
             let options = RendererOptions {
                 back_end: Some(BackEnd::Tiles),
                 ..RendererOptions::new(500, 130, 90, 1)

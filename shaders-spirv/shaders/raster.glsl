@@ -1,0 +1,154 @@
+// A workgroup is one subgroup and owns one block of a 16x16 tile: 8x8 pixels, 16x8 where a subgroup is 128 wide. Each
+// lane tests one listed splat against the block; those that touch it are handed round and blended front to back until
+// the whole block lets less than 1/255 through.
+#include "frame.glsl"
+
+layout(constant_id = 0) const uint SUBGROUP = 8u; // invocations of one subgroup: 4, 8, ... 128
+layout(constant_id = 1) const bool DEPTH = true; // whether the depth picture is wanted
+layout(local_size_x_id = 0) in;
+
+layout(set = 0, binding = 1, std430) readonly buffer Splats0 { Splat splats_0[]; };
+layout(set = 0, binding = 2, std430) readonly buffer Splats1 { Splat splats_1[]; };
+layout(set = 0, binding = 3, std430) readonly buffer TileStarts { uint tile_starts[]; };
+layout(set = 0, binding = 4, std430) readonly buffer Pairs { uint pairs[]; };
+// [view][row][column] as four halves: premultiplied red, green, blue, alpha. A buffer, not an image: Mesa 25's
+// llvmpipe loses stores to images of 64-bit pixels in some of a wide subgroup's lanes, and is slow at the rest.
+layout(set = 0, binding = 5, std430) writeonly buffer Picture { uvec2 picture[]; };
+// [view][row][pair of columns] as two halves: sum of depth times the same weights as the colours', metres.
+layout(set = 0, binding = 6, std430) writeonly buffer DepthPicture { uint depth_picture[]; };
+
+const uint BLOCK_WIDTH = SUBGROUP > 64u ? 16u : 8u;
+const uint BLOCK_HEIGHT = 8u;
+const uint PIXELS = BLOCK_WIDTH * BLOCK_HEIGHT / SUBGROUP; // per lane
+const uint BALLOT_WORDS = (SUBGROUP + 31u) / 32u;
+const float TRANSMITTANCE_CUT = ALPHA_CUT;
+// Room for rounding in the block test, which must never drop what a pixel would have kept.
+const float TEST_SLACK = 1e-3;
+
+#ifndef BROADCAST
+shared Splat handed[SUBGROUP];
+#endif
+
+float square(float x) { return x * x; }
+
+// Greatest log2(alpha) of the splat over the pixel centres in [low, high].
+float block_peak(Splat s, vec2 low, vec2 high) {
+    vec2 near = low - vec2(s.mean_x, s.mean_y);
+    vec2 far = high - vec2(s.mean_x, s.mean_y);
+    if (near.x <= 0.0 && far.x >= 0.0 && near.y <= 0.0 && far.y >= 0.0) return s.log2_opacity;
+    // The quadratic is convex: its least lies on a side that faces the mean.
+    float least = 3.4e38;
+    if (near.x > 0.0 || far.x < 0.0) {
+        float x = near.x > 0.0 ? near.x : far.x;
+        float y = clamp(-s.ux * s.uy * x / (s.uy * s.uy + s.wy * s.wy), near.y, far.y);
+        least = square(s.ux * x + s.uy * y) + square(s.wy * y);
+    }
+    if (near.y > 0.0 || far.y < 0.0) {
+        float y = near.y > 0.0 ? near.y : far.y;
+        float x = clamp(-s.uy * y / s.ux, near.x, far.x);
+        least = min(least, square(s.ux * x + s.uy * y) + square(s.wy * y));
+    }
+    return s.log2_opacity - least;
+}
+
+// How the others get a lane's splat: by broadcasts, or through shared memory. Mesa's llvmpipe is 1.6 times as fast with
+// broadcasts and has room for wider vectors; its turnip needs fewer instructions for shared memory.
+#ifdef BROADCAST
+void hand_out(uint lane, Splat own) {}
+void wait_for_hands() {}
+Splat take(Splat own, uint from) {
+    return Splat(subgroupBroadcast(own.mean_x, from), subgroupBroadcast(own.mean_y, from),
+                 subgroupBroadcast(own.ux, from), subgroupBroadcast(own.uy, from), subgroupBroadcast(own.wy, from),
+                 subgroupBroadcast(own.log2_opacity, from), subgroupBroadcast(own.red_green, from),
+                 subgroupBroadcast(own.blue_depth, from));
+}
+#else
+void hand_out(uint lane, Splat own) { handed[lane] = own; }
+void wait_for_hands() { subgroupBarrier(); }
+Splat take(Splat own, uint from) { return handed[from]; }
+#endif
+
+void main() {
+    uint view = gl_WorkGroupID.z;
+    uint lane = gl_SubgroupInvocationID;
+    uvec2 block = gl_WorkGroupID.xy * uvec2(BLOCK_WIDTH, BLOCK_HEIGHT);
+    uvec2 tile = block / TILE;
+    uvec2 size = uvec2(frame.width, frame.height);
+    if (any(greaterThanEqual(block, size))) return;
+
+    uint tile_count = frame.tiles_x * frame.tiles_y;
+    uint list = view * tile_count + tile.y * frame.tiles_x + tile.x;
+    uint start = tile_starts[list];
+    uint end = tile_starts[list + 1u];
+    // The picture was cleared: nothing to write where there is nothing.
+    if (start == end) return;
+    // The lists did not fit and were not written; the host draws again.
+    if (tile_starts[frame.view_count * tile_count] > frame.pair_capacity) return;
+
+    vec2 low = vec2(block) + 0.5;
+    vec2 high = min(vec2(block + uvec2(BLOCK_WIDTH, BLOCK_HEIGHT)), vec2(size)) - 0.5;
+    vec4 sum[PIXELS]; // colour and depth
+    float transmittance[PIXELS];
+    vec2 centre[PIXELS];
+    for (uint i = 0u; i < PIXELS; ++i) {
+        uint pixel = i * SUBGROUP + lane;
+        uvec2 at = block + uvec2(pixel % BLOCK_WIDTH, pixel / BLOCK_WIDTH);
+        sum[i] = vec4(0.0);
+        centre[i] = vec2(at) + 0.5;
+        // Pixels beyond the picture's edge count as finished.
+        transmittance[i] = all(lessThan(at, size)) ? 1.0 : 0.0;
+    }
+
+    for (uint base = start; base < end; base += SUBGROUP) {
+        Splat own;
+        bool touches = false;
+        if (base + lane < end) {
+            uint index = pairs[base + lane];
+            if (view == 0u) own = splats_0[index];
+            else own = splats_1[index];
+            // Before the test, so that little of it has to stay in registers.
+            hand_out(lane, own);
+            touches = block_peak(own, low, high) > LOG2_ALPHA_CUT - TEST_SLACK;
+        }
+        wait_for_hands();
+        uvec4 touching = subgroupBallot(touches);
+        for (uint word = 0u; word < BALLOT_WORDS; ++word) {
+            uint left = touching[word];
+            while (left != 0u) {
+                uint from = word * 32u + uint(findLSB(left));
+                left &= left - 1u;
+                Splat one = take(own, from);
+                vec4 rgbz = vec4(unpackHalf2x16(one.red_green), unpackHalf2x16(one.blue_depth));
+                for (uint i = 0u; i < PIXELS; ++i) {
+                    float dx = centre[i].x - one.mean_x;
+                    float dy = centre[i].y - one.mean_y;
+                    float log2_alpha = one.log2_opacity - square(one.ux * dx + one.uy * dy) - square(one.wy * dy);
+                    float alpha = log2_alpha >= LOG2_ALPHA_CUT ? min(exp2(log2_alpha), ALPHA_MOST) : 0.0;
+                    float weight = alpha * transmittance[i];
+                    sum[i].rgb += weight * rgbz.rgb;
+                    if (DEPTH) sum[i].a += weight * rgbz.a;
+                    transmittance[i] -= weight;
+                }
+            }
+        }
+        float most = 0.0;
+        for (uint i = 0u; i < PIXELS; ++i) most = max(most, transmittance[i]);
+        if (subgroupAll(most < TRANSMITTANCE_CUT)) break;
+        wait_for_hands();
+    }
+
+    for (uint i = 0u; i < PIXELS; ++i) {
+        uint pixel = i * SUBGROUP + lane;
+        uvec2 at = block + uvec2(pixel % BLOCK_WIDTH, pixel / BLOCK_WIDTH);
+        // The neighbour to the right; nothing where the picture ends.
+        float next_depth = subgroupShuffleXor(sum[i].a, 1u);
+        if (all(lessThan(at, size))) {
+            uint row = view * size.y + at.y;
+            picture[row * size.x + at.x] = uvec2(
+                packHalf2x16(sum[i].rg), packHalf2x16(vec2(sum[i].b, 1.0 - transmittance[i])));
+            if (DEPTH && (at.x & 1u) == 0u) {
+                depth_picture[row * ((size.x + 1u) / 2u) + at.x / 2u] = packHalf2x16(vec2(sum[i].a, next_depth));
+            }
+        }
+    }
+}
