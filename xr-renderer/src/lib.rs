@@ -7,6 +7,7 @@
 mod attachment;
 mod back_ends;
 mod background;
+mod bandwidth;
 mod bindings;
 mod buffer;
 mod camera;

@@ -6,13 +6,14 @@ mod film;
 mod performance;
 mod progress;
 mod report;
+mod scenery;
 mod stage;
 mod surroundings;
 mod viewpoint;
 mod window;
 
 use clap::{Parser, Subcommand};
-use commands::{bake, demo, inspect, render};
+use commands::{bake, bench, demo, inspect, render};
 use std::process::ExitCode;
 use surroundings::Surroundings;
 
@@ -35,6 +36,8 @@ enum Command {
     Demo(demo::Options),
     /// Build the demo avatar's package from MakeHuman's data
     Bake(bake::Options),
+    /// Time drawing and sorting on this machine
+    Bench(bench::Options),
     /// Show what is in an avatar package
     Inspect(inspect::Options),
     /// Draw an avatar that follows a motion
@@ -58,6 +61,7 @@ fn main() -> ExitCode {
     let outcome = match &arguments.command {
         Command::Demo(options) => demo::run(options, surroundings),
         Command::Bake(options) => bake::run(options, surroundings),
+        Command::Bench(options) => bench::run(options, surroundings),
         Command::Inspect(options) => inspect::run(options),
         Command::Render(options) => render::run(options, surroundings),
     };

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use xr_renderer::Camera;
 
 /// Distance between the eyes in metres (the adult mean).
-const EYE_SPACING: f32 = 0.063;
+pub(crate) const EYE_SPACING: f32 = 0.063;
 
 /// A place to look from, relative to where the person stands and faces.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,6 +1,7 @@
 //! One file per sub-command.
 
 pub(crate) mod bake;
+pub(crate) mod bench;
 pub(crate) mod demo;
 pub(crate) mod inspect;
 pub(crate) mod render;
