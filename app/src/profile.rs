@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use std::time::Duration;
+use xr_renderer::StageTimes;
 
 /// What a stage runs on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -115,6 +116,19 @@ impl Profile {
     /// Adds one sample in milliseconds, as GPU timestamps give it.
     pub fn record_ms(&mut self, stage: Stage, milliseconds: f64) {
         self.samples[stage as usize].push(milliseconds);
+    }
+
+    /// Adds one sample for each of the renderer's stages.
+    pub fn record_picture(&mut self, times: &StageTimes) {
+        for (stage, milliseconds) in [
+            (Stage::Upload, times.upload),
+            (Stage::Project, times.project),
+            (Stage::Sort, times.sort),
+            (Stage::Bin, times.bin),
+            (Stage::Raster, times.raster),
+        ] {
+            self.record_ms(stage, milliseconds);
+        }
     }
 
     /// Forgets all samples and keeps their memory.

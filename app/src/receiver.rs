@@ -3,7 +3,8 @@
 use crate::{Deformer, Profile, ReceiverError, Stage, StageSummary, pack};
 use shaders_spirv::PackedGaussian;
 use spmm3::MotionParams;
-use xr_renderer::{Camera, SplatRenderer};
+use std::sync::Arc;
+use xr_renderer::{BackEnd, BackEndTrial, Camera, Gpu, SplatRenderer};
 
 /// An avatar, and the renderer that shows it.
 #[derive(Debug)]
@@ -43,17 +44,30 @@ impl Receiver {
         self.profile.record(Stage::Pack, started.elapsed());
         self.renderer.set_foreground(&self.packed)?;
         self.renderer.draw(cameras)?;
-        let times = self.renderer.stage_times();
-        for (stage, milliseconds) in [
-            (Stage::Upload, times.upload),
-            (Stage::Project, times.project),
-            (Stage::Sort, times.sort),
-            (Stage::Bin, times.bin),
-            (Stage::Raster, times.raster),
-        ] {
-            self.profile.record_ms(stage, milliseconds);
-        }
+        self.profile.record_picture(&self.renderer.stage_times());
         Ok(())
+    }
+
+    /// Opens the device again after [`xr_renderer::RenderError::DeviceLost`] and goes on there: avatar and background are
+    /// kept on this side of the device, and the next frame is drawn as the lost one would have been. Returns the new
+    /// device.
+    ///
+    /// # Errors
+    /// If there is no such device any more, or the renderer cannot be made there.
+    pub fn recover(&mut self) -> Result<Arc<Gpu>, ReceiverError> {
+        Ok(self.renderer.recover()?)
+    }
+
+    /// What draws the next picture.
+    #[must_use]
+    pub fn back_end(&self) -> BackEnd {
+        self.renderer.back_end()
+    }
+
+    /// How the renderer's two back ends compared on the first picture, if they did.
+    #[must_use]
+    pub fn back_end_trial(&self) -> Option<BackEndTrial> {
+        self.renderer.back_end_trial()
     }
 
     /// The avatar's side.

@@ -99,6 +99,9 @@ impl Commands {
         record: impl FnOnce(vk::CommandBuffer),
     ) -> Result<(), RenderError> {
         self.settle()?;
+        if self.gpu.is_declared_lost() {
+            return Err(RenderError::DeviceLost(what));
+        }
         let device = self.gpu.device();
         let begin = vk::CommandBufferBeginInfo::default()
             .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);

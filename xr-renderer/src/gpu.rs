@@ -2,7 +2,7 @@
 
 use std::ffi::CStr;
 use std::fmt;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::{ext, khr, vk};
@@ -31,6 +31,10 @@ pub struct Gpu {
     pub(crate) broadcasts: bool,
     /// Bytes of device memory taken by what was made with this device.
     pub(crate) memory_taken: AtomicU64,
+    /// Whether work is refused, as by a device that its driver gave up.
+    declared_lost: AtomicBool,
+    /// How it was opened, to open it again.
+    choice: GpuChoice,
     // Vulkan wants submissions to a queue one at a time.
     queue: Mutex<vk::Queue>,
     info: DeviceInfo,
@@ -102,10 +106,31 @@ impl Gpu {
             has_swapchain,
             broadcasts,
             memory_taken: AtomicU64::new(0),
+            declared_lost: AtomicBool::new(false),
+            choice: choice.clone(),
             queue: Mutex::new(queue),
             info: chosen.info,
             instance,
         }))
+    }
+
+    /// Opens a device again as this one was opened: what to do after [`RenderError::DeviceLost`]. If the device is gone,
+    /// another may answer to the same choice.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn reopen(&self) -> Result<Arc<Self>, RenderError> {
+        Self::open(&self.choice, self.messenger.is_some())
+    }
+
+    /// Makes all further work on this device fail with [`RenderError::DeviceLost`]: for tests of what must come after.
+    pub fn declare_lost(&self) {
+        self.declared_lost.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether work is to be refused.
+    pub(crate) fn is_declared_lost(&self) -> bool {
+        self.declared_lost.load(Ordering::Relaxed)
     }
 
     /// The device's name, driver and version.

@@ -168,6 +168,17 @@ impl SplatRenderer {
         Ok(())
     }
 
+    /// Opens the device again after it was lost and makes the renderer as it was, the background from the host's copy.
+    /// The foreground is to be set again. Returns the new device.
+    ///
+    /// # Errors
+    /// No device any more, or as [`Self::new`].
+    pub fn recover(&mut self) -> Result<Arc<Gpu>, RenderError> {
+        let gpu = self.gpu.reopen()?;
+        *self = Self::new(Arc::clone(&gpu), &self.options)?;
+        Ok(gpu)
+    }
+
     /// Makes the next picture sort its Gaussians, whether they moved or not.
     pub fn forget_order(&mut self) {
         self.order.forget();

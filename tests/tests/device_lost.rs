@@ -1,0 +1,58 @@
+//! A device that its driver gives up, and going on with another: a test program of its own, since it spoils its device.
+
+use mon3tr_tests::splat_scenes::{front_camera, random_gaussians};
+use mon3tr_tests::vulkan::{assert_silent, open_gpu, or_skip};
+use splat_scene::{SH_C0, SceneBuilder, Splat};
+use std::sync::Arc;
+use xr_renderer::{
+    BackEnd, Background, PackedGaussian, RenderError, RendererOptions, SplatRenderer,
+};
+
+fn background() -> Background {
+    let mut builder = SceneBuilder::new(0).expect("degree 0");
+    for gaussian in random_gaussians(500, 7) {
+        let splat = Splat {
+            position: gaussian.position,
+            rotation: gaussian.rotation,
+            log_scale: gaussian.scale.map(f32::ln),
+            opacity: gaussian.opacity,
+            colour: gaussian.colour.map(|value| (value - 0.5) / SH_C0),
+        };
+        builder.push(&splat, &[]).expect("a splat fits");
+    }
+    Background::pack(&builder.finish())
+}
+
+#[test]
+fn a_renderer_goes_on_after_its_device_is_lost() {
+    let Some(gpu) = or_skip(open_gpu()) else {
+        return;
+    };
+    let camera = front_camera(128, 96);
+    let options = RendererOptions {
+        background: Some(Arc::new(background())),
+        back_end: Some(BackEnd::Tiles),
+        ..RendererOptions::new(300, 128, 96, 1)
+    };
+    let foreground: Vec<PackedGaussian> = random_gaussians(300, 3)
+        .iter()
+        .map(PackedGaussian::from)
+        .collect();
+    let mut renderer = SplatRenderer::new(gpu.clone(), &options).expect("a renderer");
+    renderer.set_foreground(&foreground).expect("a foreground");
+    renderer.draw(&[camera]).expect("a picture");
+    let before = renderer.read_back(0).expect("a view");
+    let drawn = |picture: &xr_renderer::Image| picture.pixels().iter().any(|pixel| pixel[3] > 0.5);
+    assert!(drawn(&before), "something is in the picture");
+
+    gpu.declare_lost();
+    let lost = renderer.draw(&[camera]);
+    assert!(matches!(lost, Err(RenderError::DeviceLost(_))), "{lost:?}");
+    let again = renderer.recover().expect("another device");
+    assert!(!Arc::ptr_eq(&again, &gpu), "not the lost one");
+    renderer.set_foreground(&foreground).expect("a foreground");
+    renderer.draw(&[camera]).expect("a picture again");
+    let after = renderer.read_back(0).expect("a view");
+    assert_eq!(before, after, "the background is there again too");
+    assert_silent(&again);
+}
