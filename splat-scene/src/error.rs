@@ -142,7 +142,7 @@ pub enum SceneError {
         what: String,
     },
     /// The file has no camera of that id.
-    #[error("{name} has no camera {id}; there are {known}")]
+    #[error("{name} has no camera {id}; its cameras are {known}")]
     NoCamera {
         /// The file.
         name: String,

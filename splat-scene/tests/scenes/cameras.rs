@@ -61,7 +61,7 @@ fn a_camera_that_is_not_there_is_refused_with_the_ids_that_are() {
         .unwrap_err()
         .to_string();
     assert_eq!(
-        text, "c.json has no camera 4; there are 3, 5",
+        text, "c.json has no camera 4; its cameras are 3, 5",
         "by their ids"
     );
     let many: Vec<String> = (0..300)
@@ -79,7 +79,7 @@ fn a_camera_that_is_not_there_is_refused_with_the_ids_that_are() {
         .unwrap_err()
         .to_string();
     assert!(
-        text.contains("there are 0 to 6, 8, 10, 12,"),
+        text.contains("its cameras are 0 to 6, 8, 10, 12,"),
         "neighbours are drawn together: {text}"
     );
     assert!(
@@ -91,7 +91,7 @@ fn a_camera_that_is_not_there_is_refused_with_the_ids_that_are() {
         .get(0)
         .unwrap_err()
         .to_string();
-    assert!(text.ends_with("there are none"), "{text}");
+    assert!(text.ends_with("its cameras are none"), "{text}");
 }
 
 #[test]

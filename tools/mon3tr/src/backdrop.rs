@@ -1,9 +1,11 @@
+//! What stands behind the splatted picture: a studio, or darkness around a scene.
+//!
 //! The studio a person is shown in: a floor, a soft horizon, and a shadow under the feet, so that the eye sees where the
 //! person stands. Drawn on the CPU behind the splatted picture; the receiver itself never does this.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use xr_renderer::{Camera, Image};
+use xr_renderer::{Backdrop, Camera, Image};
 
 /// Side of the shadow map on the floor, cells and metres.
 const CELLS: usize = 96;
@@ -12,6 +14,12 @@ const SIDE: f32 = 4.0;
 const SKY: Vec3 = Vec3::new(0.80, 0.83, 0.87);
 const HORIZON: Vec3 = Vec3::new(0.90, 0.91, 0.92);
 const FLOOR: Vec3 = Vec3::new(0.70, 0.71, 0.73);
+
+/// Behind a scene, whose own colours are to be seen: a dusk that fades upwards.
+pub(crate) const DUSK: Backdrop = Backdrop::Gradient {
+    top: [0.03, 0.035, 0.05],
+    bottom: [0.13, 0.14, 0.16],
+};
 
 /// Darkness of the floor around one pose.
 #[derive(Debug)]

@@ -3,7 +3,9 @@
 mod backdrop;
 mod commands;
 mod film;
+mod ground;
 mod performance;
+mod place;
 mod progress;
 mod report;
 mod scenery;
@@ -38,9 +40,9 @@ enum Command {
     Bake(bake::Options),
     /// Time drawing and sorting on this machine
     Bench(bench::Options),
-    /// Show what is in an avatar package
+    /// Show what is in an avatar package or a Gaussian scene
     Inspect(inspect::Options),
-    /// Draw an avatar that follows a motion
+    /// Draw an avatar that follows a motion, a Gaussian scene, or both together
     Render(render::Options),
 }
 

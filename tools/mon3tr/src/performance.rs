@@ -37,6 +37,11 @@ pub(crate) struct Performance {
 }
 
 impl MotionOptions {
+    /// Whether any of the options was given.
+    pub(crate) fn is_given(&self) -> bool {
+        self.motion != BUILT_IN || self.bvh_scale.is_some() || self.frames.is_some()
+    }
+
     /// Refuses a motion file that is not there, before anything long begins.
     pub(crate) fn check(&self) -> anyhow::Result<()> {
         if self.motion != BUILT_IN && !Path::new(&self.motion).is_file() {
@@ -119,6 +124,11 @@ impl Performance {
             at
         };
         self.frames.iter().map(&mut follow).collect()
+    }
+
+    /// Where the person first stands, on the floor.
+    pub(crate) fn start(&self, avatar: &Avatar) -> Vec3 {
+        self.path(avatar).first().copied().unwrap_or_default()
     }
 
     /// Which way the person faces on average, as a turn about y from +z.

@@ -1,12 +1,14 @@
 //! What a run measured, as a table for people and as JSON for programs.
 
 use crate::performance::Performance;
+use crate::scenery::SceneFigures;
+use crate::stage::{Size, Views};
 use anyhow::{Context, bail};
 use app::StageSummary;
 use npu_runtime::Runtime;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use xr_renderer::Gpu;
+use xr_renderer::{BackEnd, BackEndTrial, Gpu};
 
 /// Picture paths printed; the JSON has them all.
 const SHOWN: usize = 9;
@@ -20,6 +22,8 @@ pub(crate) struct RunReport {
     pub(crate) vulkan_device: String,
     pub(crate) vulkan_driver: String,
     pub(crate) onnx_runtime: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) background: Option<SceneFigures>,
     pub(crate) runs: Vec<StageTable>,
     pub(crate) pictures: Vec<PathBuf>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -41,27 +45,34 @@ pub(crate) struct AvatarFigures {
 /// Stage times of one kind of picture.
 #[derive(Debug, Serialize)]
 pub(crate) struct StageTable {
-    pub(crate) views: usize,
+    pub(crate) views: u32,
     pub(crate) width: u32,
     pub(crate) height: u32,
+    pub(crate) splatting: Splatting,
     pub(crate) stages: Vec<StageSummary>,
     /// Sum of the stages' medians: what a frame takes when nothing overlaps.
     pub(crate) sum_of_medians_ms: f64,
 }
 
 impl StageTable {
-    pub(crate) fn new(views: usize, width: u32, height: u32, stages: Vec<StageSummary>) -> Self {
+    pub(crate) fn new(
+        views: Views,
+        Size { width, height }: Size,
+        stages: Vec<StageSummary>,
+        splatting: Splatting,
+    ) -> Self {
         let sum_of_medians_ms = stages.iter().map(|s| s.p50_ms).sum();
         Self {
-            views,
+            views: views.count(),
             width,
             height,
+            splatting,
             stages,
             sum_of_medians_ms,
         }
     }
 
-    fn print(&self) {
+    pub(crate) fn print(&self) {
         let frames = self.stages.iter().map(|s| s.frames).max().unwrap_or(0);
         let views = if self.views == 2 { "stereo, 2 x " } else { "" };
         println!(
@@ -83,6 +94,42 @@ impl StageTable {
             );
         }
         println!("{:<36} {:>9.2}", "sum of medians", self.sum_of_medians_ms);
+        println!("splatting: {}", self.splatting);
+    }
+}
+
+/// Which of the renderer's back ends drew, and how both compared on the first picture.
+#[derive(Debug, Serialize)]
+pub(crate) struct Splatting {
+    back_end: String,
+    /// Milliseconds of the first picture; absent where the device has no clock.
+    tiles_ms: Option<f64>,
+    quads_ms: Option<f64>,
+}
+
+impl Splatting {
+    pub(crate) fn new(back_end: BackEnd, trial: Option<BackEndTrial>) -> Self {
+        Self {
+            back_end: back_end.to_string(),
+            tiles_ms: trial.map(|trial| trial.tiles),
+            quads_ms: trial.map(|trial| trial.quads),
+        }
+    }
+}
+
+impl std::fmt::Display for Splatting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.back_end)?;
+        let Some((tiles, quads)) = self.tiles_ms.zip(self.quads_ms) else {
+            return Ok(());
+        };
+        // The faster one drew.
+        let (own, other) = (tiles.min(quads), tiles.max(quads));
+        let loser = if tiles < quads { "quads" } else { "tiles" };
+        write!(
+            f,
+            ", {own:.1} ms against {other:.1} ms by {loser}, measured on the first picture"
+        )
     }
 }
 
@@ -103,6 +150,7 @@ impl RunReport {
             vulkan_device: gpu.info().name.clone(),
             vulkan_driver: gpu.info().driver.clone(),
             onnx_runtime: runtime.version().to_owned(),
+            background: None,
             runs,
             pictures,
             bake: None,
@@ -125,6 +173,14 @@ impl RunReport {
             "motion   {} ({} frames at 30 Hz)",
             self.motion, self.motion_frames
         );
+        if let Some(scene) = &self.background {
+            println!(
+                "scene    {}: {} Gaussians ({})",
+                scene.file.display(),
+                scene.gaussians,
+                scene.format
+            );
+        }
         println!("GPU      {} ({})", self.vulkan_device, self.vulkan_driver);
         println!("ORT      {}", self.onnx_runtime);
         for run in &self.runs {

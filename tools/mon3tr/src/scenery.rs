@@ -1,11 +1,286 @@
-//! A static scene for the background, and the cameras that were made for it.
+//! A static scene behind and around the person, or by itself, and the cameras that were made for it.
 
-use anyhow::Context;
-use glam::Vec3;
-use splat_scene::Scene;
-use splat_scene::cameras::SceneCamera;
-use std::path::Path;
-use xr_renderer::{Camera, Fov};
+use crate::ground;
+use crate::place::Place;
+use crate::stage::Size;
+use anyhow::{Context, bail};
+use glam::{Quat, Vec2, Vec3};
+use serde::Serialize;
+use splat_scene::cameras::{Cameras, SceneCamera};
+use splat_scene::{Bounds, Placement, Scene};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use xr_renderer::{Background, Camera, Filter, Fov};
+
+/// Options that choose a scene for the background.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct SceneryOptions {
+    /// A Gaussian scene to draw behind and around the person: .ply (3DGS or compressed), .splat or .spz
+    #[arg(long, value_name = "FILE")]
+    pub(crate) background: Option<PathBuf>,
+    /// Where the scene's origin goes, in metres from where the person first stands (x to their left, z ahead of them), how
+    /// far it is turned, and how large its unit is. Its ground is put under the person's feet by itself; y raises it
+    /// [default: 0,0,0,0,1]
+    #[arg(
+        long,
+        value_name = "X,Y,Z[,DEGREES[,SCALE]]",
+        requires = "background",
+        allow_hyphen_values = true
+    )]
+    pub(crate) place: Option<Place>,
+}
+
+impl SceneryOptions {
+    /// Refuses a scene file that is not there, before anything long begins.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        match &self.background {
+            Some(file) if !file.is_file() => {
+                bail!(
+                    "cannot use the background {}: there is no such file",
+                    file.display()
+                )
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The scene around a person who first stands at `floor` and faces along `heading`; nothing if none was asked for.
+    pub(crate) fn around(&self, floor: Vec3, heading: Quat) -> anyhow::Result<Option<Scenery>> {
+        let Some(file) = &self.background else {
+            return Ok(None);
+        };
+        let mut scene = load(file)?;
+        let mut figures = SceneFigures::of(file, &scene)?;
+        let place = self.place.unwrap_or_default();
+        let world_from_scene = put(&mut scene, &place, floor, heading)?;
+        let background = Background::pack(&scene);
+        figures.gpu_bytes = background.bytes();
+        Ok(Some(Scenery {
+            figures,
+            background: Arc::new(background),
+            bounds: scene.robust_bounds(),
+            world_from_scene,
+        }))
+    }
+}
+
+/// Moves a scene around a person who first stands at `floor` and faces along `heading`, its ground below the feet. Returns
+/// the move.
+fn put(
+    scene: &mut Scene,
+    place: &Place,
+    floor: Vec3,
+    heading: Quat,
+) -> anyhow::Result<WorldFromScene> {
+    let turn = heading * place.turn();
+    let moved = floor + heading * (Vec3::new(1.0, 0.0, 1.0) * place.offset);
+    scene.place(&Placement::new(place.scale, turn, moved)?);
+    // Only now is it known what lies below the person.
+    let ground = ground::height(scene, floor).unwrap_or(floor.y);
+    let up = Vec3::Y * (floor.y + place.offset.y - ground);
+    scene.place(&Placement::new(1.0, Quat::IDENTITY, up)?);
+    Ok(WorldFromScene {
+        scale: place.scale,
+        turn,
+        moved: moved + up,
+    })
+}
+
+/// Scaled, then turned, then moved.
+#[derive(Debug, Clone, Copy)]
+struct WorldFromScene {
+    scale: f32,
+    turn: Quat,
+    moved: Vec3,
+}
+
+impl WorldFromScene {
+    const IDENTITY: Self = Self {
+        scale: 1.0,
+        turn: Quat::IDENTITY,
+        moved: Vec3::ZERO,
+    };
+
+    fn point(&self, scene: [f32; 3]) -> Vec3 {
+        self.turn * (self.scale * Vec3::from_array(scene)) + self.moved
+    }
+}
+
+/// A scene, packed for the renderer.
+#[derive(Debug)]
+pub(crate) struct Scenery {
+    pub(crate) background: Arc<Background>,
+    pub(crate) figures: SceneFigures,
+    /// The box that most of it lies in, in the world.
+    bounds: Option<Bounds>,
+    world_from_scene: WorldFromScene,
+}
+
+/// What a scene file holds.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct SceneFigures {
+    pub(crate) file: PathBuf,
+    pub(crate) file_bytes: u64,
+    pub(crate) format: String,
+    pub(crate) gaussians: usize,
+    pub(crate) sh_degree: u8,
+    /// Corners of the box around all centres, in the scene's units, y up.
+    pub(crate) bounds: Option<[[f32; 3]; 2]>,
+    /// The same without the first and the last hundredth on each axis.
+    pub(crate) robust_bounds: Option<[[f32; 3]; 2]>,
+    pub(crate) dropped: DroppedFigures,
+    /// The same in words.
+    #[serde(skip)]
+    left_out: String,
+    /// Whether the file says that the scene was trained with an anti-aliasing filter.
+    pub(crate) antialiased: bool,
+    /// What the packed scene takes on the device.
+    pub(crate) gpu_bytes: u64,
+}
+
+/// Gaussians left out, by reason.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct DroppedFigures {
+    pub(crate) position: usize,
+    pub(crate) rotation: usize,
+    pub(crate) scale: usize,
+    pub(crate) opacity: usize,
+    pub(crate) colour: usize,
+}
+
+impl SceneFigures {
+    /// Of a scene as it lies in its file, not packed yet.
+    fn of(file: &Path, scene: &Scene) -> anyhow::Result<Self> {
+        let corners = |bounds: Bounds| [bounds.min, bounds.max];
+        let dropped = scene.dropped();
+        Ok(Self {
+            file: file.to_path_buf(),
+            file_bytes: std::fs::metadata(file)
+                .with_context(|| format!("cannot read {}", file.display()))?
+                .len(),
+            format: scene.format().to_string(),
+            gaussians: scene.len(),
+            sh_degree: scene.sh_degree(),
+            bounds: scene.bounds().map(corners),
+            robust_bounds: scene.robust_bounds().map(corners),
+            dropped: DroppedFigures {
+                position: dropped.position,
+                rotation: dropped.rotation,
+                scale: dropped.scale,
+                opacity: dropped.opacity,
+                colour: dropped.colour,
+            },
+            left_out: dropped.to_string(),
+            antialiased: scene.antialiased(),
+            gpu_bytes: 0,
+        })
+    }
+}
+
+impl SceneFigures {
+    /// Prints them, one in a line.
+    pub(crate) fn print(&self) {
+        println!("scene        {} ({})", self.file.display(), self.format);
+        println!("file         {} bytes", self.file_bytes);
+        println!("Gaussians    {}", self.gaussians);
+        println!("SH degree    {}", self.sh_degree);
+        for (name, corners) in [("bounds", self.bounds), ("1 to 99 %", self.robust_bounds)] {
+            let Some([low, high]) = corners else {
+                continue;
+            };
+            let axes = ["x", "y", "z"].into_iter().zip(low.into_iter().zip(high));
+            let axes: Vec<String> = axes
+                .map(|(axis, (low, high))| format!("{axis} {low:.2} to {high:.2}"))
+                .collect();
+            println!("{name:<12} {} (y up)", axes.join(", "));
+        }
+        println!("left out     {}", self.left_out);
+        println!(
+            "antialiased  {}",
+            if self.antialiased { "yes" } else { "not said" }
+        );
+        println!("on the GPU   {} bytes", self.gpu_bytes);
+    }
+}
+
+impl Scenery {
+    /// The scene by itself, where it lies in its file.
+    pub(crate) fn alone(file: &Path) -> anyhow::Result<Self> {
+        let scene = load(file)?;
+        let mut figures = SceneFigures::of(file, &scene)?;
+        let background = Background::pack(&scene);
+        figures.gpu_bytes = background.bytes();
+        Ok(Self {
+            figures,
+            background: Arc::new(background),
+            bounds: scene.robust_bounds(),
+            world_from_scene: WorldFromScene::IDENTITY,
+        })
+    }
+
+    /// The filter that the scene was trained for, as far as its file tells.
+    pub(crate) fn filter(&self) -> Filter {
+        if self.figures.antialiased {
+            Filter::Mip
+        } else {
+            Filter::Dilation
+        }
+    }
+
+    /// A camera of a cameras.json that belongs to the scene, in the world: that with the number `id`, else the first.
+    pub(crate) fn camera(
+        &self,
+        file: &Path,
+        id: Option<i64>,
+        Size { width, height }: Size,
+    ) -> anyhow::Result<Camera> {
+        let cameras = Cameras::load(file)?;
+        let chosen = match id {
+            Some(id) => cameras.get(id)?,
+            None => cameras
+                .all()
+                .first()
+                .with_context(|| format!("{} has no cameras", file.display()))?,
+        };
+        let mut placed = chosen.clone();
+        placed.position = self.world_from_scene.point(chosen.position).to_array();
+        placed.world_from_camera = self.world_from_scene.turn * chosen.world_from_camera;
+        Ok(camera(&placed, width, height))
+    }
+
+    /// A camera that sees most of the scene, looking along `direction` with a field of view of `fov_degrees` (vertical).
+    pub(crate) fn overview(
+        &self,
+        direction: Vec3,
+        fov_degrees: f32,
+        Size { width, height }: Size,
+    ) -> Camera {
+        /// Room around the scene, as a share of the distance.
+        const ROOM: f32 = 1.1;
+        let (low, high) = self.bounds.map_or((Vec3::NEG_ONE, Vec3::ONE), |bounds| {
+            (Vec3::from_array(bounds.min), Vec3::from_array(bounds.max))
+        });
+        let fov = fov_degrees.to_radians();
+        let target = 0.5 * (low + high);
+        let look_from = |distance: f32| {
+            let eye = target - direction.normalize_or(Vec3::NEG_Z) * distance;
+            Camera::look_at(eye, target, Vec3::Y, fov, width, height)
+        };
+        // Each corner of the box asks for a distance at which it lies within the picture.
+        let turn = look_from(1.0).camera_from_world.matrix3;
+        let slope = (0.5 * fov).tan();
+        let slopes = Vec2::new(slope * width as f32 / height as f32, slope);
+        let distance = (0..8u8)
+            .map(|corner| {
+                let pick = |axis: u8| f32::from((corner >> axis) & 1);
+                let share = Vec3::new(pick(0), pick(1), pick(2));
+                let arm = turn * (low + share * (high - low) - target);
+                (Vec2::new(arm.x, arm.y).abs() / slopes).max_element() + arm.z
+            })
+            .fold(0.01, f32::max);
+        look_from(ROOM * distance)
+    }
+}
 
 /// Reads a scene file.
 pub(crate) fn load(file: &Path) -> anyhow::Result<Scene> {
@@ -23,10 +298,8 @@ pub(crate) fn load(file: &Path) -> anyhow::Result<Scene> {
 /// A scene's camera for pictures of another size: the field of view stays, as in 3DGS.
 pub(crate) fn camera(camera: &SceneCamera, width: u32, height: u32) -> Camera {
     let half = |pixels: u32, focal: f32| (0.5 * pixels as f32 / focal).atan();
-    let (right, up) = (
-        half(camera.width, camera.fx),
-        half(camera.height, camera.fy),
-    );
+    let right = half(camera.width, camera.fx);
+    let up = half(camera.height, camera.fy);
     let fov = Fov {
         left: -right,
         right,
@@ -35,4 +308,80 @@ pub(crate) fn camera(camera: &SceneCamera, width: u32, height: u32) -> Camera {
     };
     let position = Vec3::from_array(camera.position);
     Camera::from_fov(position, camera.world_from_camera, fov, width, height)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use splat_scene::{SceneBuilder, Splat};
+
+    /// A floor of 4 x 4 units at a height of -1, and a lamp above it.
+    fn room() -> Scene {
+        let floor = (0..400u16).map(|k| {
+            let (column, row) = (f32::from(k % 20), f32::from(k / 20));
+            [0.2 * column - 1.9, -1.0, 0.2 * row - 1.9]
+        });
+        let mut builder = SceneBuilder::new(0).expect("degree 0");
+        for position in floor.chain([[0.5, 0.8, 0.0]]) {
+            let splat = Splat {
+                position,
+                rotation: [0.0, 0.0, 0.0, 1.0],
+                log_scale: [-3.0; 3],
+                opacity: 0.9,
+                colour: [0.5; 3],
+            };
+            builder.push(&splat, &[]).expect("a splat fits");
+        }
+        builder.finish()
+    }
+
+    #[test]
+    fn a_scene_is_put_with_its_ground_below_the_persons_feet() {
+        let mut scene = room();
+        let place: Place = "1,0.25,-0.5,90,2".parse().expect("a place");
+        let (floor, heading) = (Vec3::new(3.0, 0.0, 4.0), Quat::from_rotation_y(0.5));
+        let moved = put(&mut scene, &place, floor, heading).expect("a placed scene");
+        for (from, to) in room().positions().iter().zip(scene.positions()) {
+            let to = Vec3::from_array(*to);
+            assert!(moved.point(*from).abs_diff_eq(to, 1e-4), "{from:?} at {to}");
+        }
+        let [_, height, _] = scene.positions()[0];
+        assert!((height - 0.25).abs() < 1e-4, "ground at {height} m");
+        let origin = moved.point([0.0, -1.0, 0.0]);
+        let expected = floor + heading * Vec3::new(1.0, 0.25, -0.5);
+        assert!(
+            origin.abs_diff_eq(expected, 1e-4),
+            "{origin} for {expected}"
+        );
+    }
+
+    #[test]
+    fn an_overview_has_the_whole_scene_in_the_picture_and_hardly_more() {
+        let scene = room();
+        let scenery = Scenery {
+            background: Arc::new(Background::pack(&scene)),
+            figures: SceneFigures::of(Path::new(env!("CARGO_MANIFEST_PATH")), &scene)
+                .expect("the manifest stands in for a file"),
+            bounds: scene.bounds(),
+            world_from_scene: WorldFromScene::IDENTITY,
+        };
+        let size = Size {
+            width: 300,
+            height: 200,
+        };
+        let camera = scenery.overview(Vec3::new(-1.0, -0.5, -2.0), 40.0, size);
+        let farthest = scene.positions().iter().map(|position| {
+            let p = camera
+                .camera_from_world
+                .transform_point3(Vec3::from_array(*position));
+            let x = camera.fx * p.x / -p.z / 150.0;
+            let y = camera.fy * p.y / -p.z / 100.0;
+            x.abs().max(y.abs())
+        });
+        let farthest = farthest.fold(0.0, f32::max);
+        assert!(
+            (0.7..1.0).contains(&farthest),
+            "{farthest} of the way to the edge"
+        );
+    }
 }

@@ -1,19 +1,20 @@
 //! An avatar on stage: the receiver, its cameras and the studio around it.
 
-use crate::backdrop::{Shadow, compose};
-use crate::report::{AvatarFigures, StageTable};
+use crate::backdrop::{DUSK, Shadow, compose};
+use crate::report::{AvatarFigures, Splatting, StageTable};
 use crate::surroundings::Surroundings;
-use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
-use app::{Deformer, Receiver};
+use app::{Deformer, Receiver, ReceiverError};
 use clap::ValueEnum;
-use glam::{Quat, Vec3};
+use glam::Vec3;
 use image::RgbImage;
 use npu_runtime::Runtime;
 use spmm3::{Avatar, MotionParams};
 use std::path::Path;
 use std::sync::Arc;
-use xr_renderer::{Camera, Gpu, RendererOptions, SplatRenderer};
+use xr_renderer::{
+    Background, Camera, Filter, Gpu, Image, RenderError, RendererOptions, SplatRenderer,
+};
 
 /// Width and height in pixels, written WxH.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +48,37 @@ pub(crate) enum Views {
     Stereo,
 }
 
+impl Views {
+    pub(crate) fn count(self) -> u32 {
+        match self {
+            Self::Mono => 1,
+            Self::Stereo => 2,
+        }
+    }
+}
+
+/// What pictures are made: their size, their number of views, and what they show beside a person.
+#[derive(Debug, Clone)]
+pub(crate) struct Setting {
+    pub(crate) size: Size,
+    pub(crate) views: Views,
+    pub(crate) background: Option<Arc<Background>>,
+    pub(crate) filter: Filter,
+}
+
+impl Setting {
+    /// What a renderer for them and for that many Gaussians of a person is made for.
+    pub(crate) fn renderer(&self, max_foreground: usize) -> anyhow::Result<RendererOptions> {
+        let gaussians = u32::try_from(max_foreground).context("too many Gaussians")?;
+        let Size { width, height } = self.size;
+        Ok(RendererOptions {
+            background: self.background.clone(),
+            filter: self.filter,
+            ..RendererOptions::new(gaussians, width, height, self.views.count())
+        })
+    }
+}
+
 /// Joints before the jaw, the eyes and the fingers.
 const BODY_JOINTS: usize = 22;
 
@@ -54,8 +86,7 @@ const BODY_JOINTS: usize = 22;
 #[derive(Debug)]
 pub(crate) struct Stage {
     receiver: Receiver,
-    size: Size,
-    views: Views,
+    setting: Setting,
 }
 
 /// Loads a package and tells its sizes.
@@ -83,36 +114,38 @@ impl Stage {
         gpu: &Arc<Gpu>,
         runtime: &Runtime,
         avatar: &Avatar,
-        size: Size,
-        views: Views,
+        setting: Setting,
     ) -> anyhow::Result<Self> {
         let deformer = Deformer::new(runtime, avatar, Surroundings::provider())?;
-        let count = if views == Views::Stereo { 2 } else { 1 };
-        let gaussians = u32::try_from(avatar.gaussians.len()).context("too many Gaussians")?;
-        let options = RendererOptions::new(gaussians, size.width, size.height, count);
+        let options = setting.renderer(deformer.gaussians())?;
         let renderer =
             SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
         Ok(Self {
             receiver: Receiver::new(deformer, renderer),
-            size,
-            views,
+            setting,
         })
     }
 
-    /// Draws one frame and returns its pictures before the studio: one, or left and right.
+    /// Draws one frame and returns its pictures, one for each camera, before the studio, or within the scene.
     pub(crate) fn picture(
         &mut self,
         motion: &MotionParams,
-        viewpoint: &Viewpoint,
-        floor: Vec3,
-        heading: Quat,
+        cameras: &[Camera],
     ) -> anyhow::Result<Vec<RgbImage>> {
-        let Size { width, height } = self.size;
-        let cameras: Vec<Camera> = match self.views {
-            Views::Mono => vec![viewpoint.camera(floor, heading, width, height)],
-            Views::Stereo => viewpoint.stereo(floor, heading, width, height).to_vec(),
+        let splatted = match self.splat(motion, cameras) {
+            Err(ReceiverError::Render(error @ RenderError::DeviceLost(_))) => {
+                log::warn!("{error}; this is done once");
+                self.receiver.recover()?;
+                self.splat(motion, cameras)?
+            }
+            splatted => splatted?,
         };
-        self.receiver.frame(motion, &cameras)?;
+        if self.setting.background.is_some() {
+            return splatted
+                .iter()
+                .map(|picture| to_rgb(picture, picture.over(DUSK)))
+                .collect();
+        }
         let skeleton = self.receiver.deformer().skeleton();
         let joints = skeleton.pose(motion);
         // Without the 30 finger joints, which would make hands cast most of the shadow.
@@ -122,27 +155,81 @@ impl Stage {
             .map(|j| joints.position(j) + motion.root_translation)
             .collect();
         let shadow = Shadow::of(&body);
-        let mut pictures = Vec::with_capacity(cameras.len());
-        for (view, camera) in (0..).zip(&cameras) {
-            let splatted = self.receiver.renderer().read_back(view)?;
-            let rgb = compose(&splatted, camera, &shadow);
-            let picture = RgbImage::from_raw(width, height, rgb);
-            pictures.push(
-                picture
-                    .ok_or_else(|| anyhow!("the renderer returned a picture of another size"))?,
-            );
-        }
-        Ok(pictures)
+        splatted
+            .iter()
+            .zip(cameras)
+            .map(|(picture, camera)| to_rgb(picture, compose(picture, camera, &shadow)))
+            .collect()
+    }
+
+    fn splat(
+        &mut self,
+        motion: &MotionParams,
+        cameras: &[Camera],
+    ) -> Result<Vec<Image>, ReceiverError> {
+        self.receiver.frame(motion, cameras)?;
+        let renderer = self.receiver.renderer();
+        let views = 0..renderer.views();
+        Ok(views
+            .map(|view| renderer.read_back(view))
+            .collect::<Result<_, _>>()?)
     }
 
     /// Stage times of all frames so far.
     pub(crate) fn times(&self) -> StageTable {
-        let views = if self.views == Views::Stereo { 2 } else { 1 };
-        StageTable::new(
-            views,
-            self.size.width,
-            self.size.height,
-            self.receiver.stage_times(),
-        )
+        let Setting { size, views, .. } = self.setting;
+        let splatting = Splatting::new(self.receiver.back_end(), self.receiver.back_end_trial());
+        StageTable::new(views, size, self.receiver.stage_times(), splatting)
+    }
+}
+
+/// The rows of a picture as an image.
+pub(crate) fn to_rgb(picture: &Image, rgb: Vec<u8>) -> anyhow::Result<RgbImage> {
+    RgbImage::from_raw(picture.width(), picture.height(), rgb)
+        .ok_or_else(|| anyhow!("the renderer returned a picture of another size"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mon3tr_tests::synthetic::Puppet;
+    use mon3tr_tests::{onnx, vulkan};
+    use xr_renderer::GpuChoice;
+
+    #[test]
+    fn a_lost_device_is_opened_again_and_the_frame_drawn_as_if_nothing_had_happened() {
+        let (Some(_), Some(runtime)) = (vulkan::gpu(), onnx::runtime()) else {
+            return;
+        };
+        // Of its own: other tests go on with theirs.
+        let name = std::env::var("MON3TR_GPU").unwrap_or_default();
+        let choice: GpuChoice = name.parse().expect("any text is a choice");
+        let gpu = Gpu::open(&choice, false).expect("a device");
+        let setting = Setting {
+            size: Size {
+                width: 96,
+                height: 96,
+            },
+            views: Views::Mono,
+            background: None,
+            filter: Filter::Dilation,
+        };
+        let avatar = Puppet::small().avatar();
+        let mut stage = Stage::new(&gpu, &runtime, &avatar, setting).expect("a stage");
+        let (eye, target) = (Vec3::new(0.0, 1.0, 4.0), Vec3::Y * 0.9);
+        let camera = Camera::look_at(eye, target, Vec3::Y, 0.6, 96, 96);
+        let motion = MotionParams::default();
+        let before = stage.picture(&motion, &[camera]).expect("a picture");
+        let row = before[0]
+            .rows()
+            .nth(48)
+            .map(|row| row.copied().collect::<Vec<_>>());
+        assert!(
+            row.is_some_and(|row| row.iter().any(|pixel| *pixel != row[0])),
+            "there is someone in the picture"
+        );
+        gpu.declare_lost();
+        let after = stage.picture(&motion, &[camera]).expect("a picture again");
+        assert_eq!(before, after, "the same picture from another device");
     }
 }

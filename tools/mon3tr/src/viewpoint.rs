@@ -1,7 +1,9 @@
 //! Where the camera stands: named places around the person, or exact ones.
 
+use crate::stage::Views;
 use anyhow::{Context, bail};
 use glam::{Quat, Vec3};
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use xr_renderer::Camera;
 
@@ -74,27 +76,60 @@ impl Viewpoint {
         )
     }
 
-    /// The same place seen with two eyes: left, right.
-    pub(crate) fn stereo(
-        &self,
-        floor: Vec3,
-        heading: Quat,
-        width: u32,
-        height: u32,
-    ) -> [Camera; 2] {
-        let right = (self.target - self.eye)
-            .cross(Vec3::Y)
-            .normalize_or(Vec3::X)
-            * (EYE_SPACING / 2.0);
-        let eye = |offset: Vec3| {
-            Self {
-                eye: self.eye + offset,
-                target: self.target + offset,
-                ..*self
-            }
-            .camera(floor, heading, width, height)
-        };
-        [eye(-right), eye(right)]
+    /// The direction it looks along, for a person who faces +z.
+    pub(crate) fn direction(&self) -> Vec3 {
+        (self.target - self.eye).normalize_or(Vec3::NEG_Z)
+    }
+
+    /// Vertical field of view, degrees.
+    pub(crate) fn fov_degrees(&self) -> f32 {
+        self.fov_degrees
+    }
+}
+
+/// The camera alone, or for stereo the eyes to its left and right.
+pub(crate) fn eyes(camera: Camera, views: Views) -> Vec<Camera> {
+    let moved = |metres: f32| {
+        let mut world_from_camera = camera.camera_from_world.inverse();
+        world_from_camera.translation += world_from_camera.matrix3.x_axis * metres;
+        Camera {
+            camera_from_world: world_from_camera.inverse(),
+            ..camera
+        }
+    };
+    match views {
+        Views::Mono => vec![camera],
+        Views::Stereo => vec![moved(-EYE_SPACING / 2.0), moved(EYE_SPACING / 2.0)],
+    }
+}
+
+/// What `--camera` of `render` says.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum CameraChoice {
+    /// A name of [`NAMED`].
+    Named(Viewpoint),
+    /// Eye, target and field of view.
+    Exact(Viewpoint),
+    /// A file of the scene's cameras.
+    File(PathBuf),
+}
+
+impl FromStr for CameraChoice {
+    type Err = anyhow::Error;
+
+    fn from_str(text: &str) -> anyhow::Result<Self> {
+        if Path::new(text)
+            .extension()
+            .is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
+        {
+            return Ok(Self::File(text.into()));
+        }
+        let viewpoint = text.parse()?;
+        Ok(if NAMED.iter().any(|(name, _)| *name == text) {
+            Self::Named(viewpoint)
+        } else {
+            Self::Exact(viewpoint)
+        })
     }
 }
 
@@ -160,6 +195,36 @@ impl FromStr for Viewpoint {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_eyes_stand_apart_to_the_left_and_right_of_the_camera() {
+        let view = Viewpoint::new([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], 40.0);
+        let camera = view.camera(Vec3::ZERO, Quat::IDENTITY, 64, 64);
+        let places: Vec<Vec3> = eyes(camera, Views::Stereo)
+            .iter()
+            .map(Camera::position)
+            .collect();
+        let expected = [-0.0315, 0.0315].map(|x| Vec3::new(x, 1.0, 2.0));
+        for (place, expected) in places.iter().zip(expected) {
+            assert!(place.abs_diff_eq(expected, 1e-5), "{place} for {expected}");
+        }
+        assert_eq!(eyes(camera, Views::Mono), [camera], "one eye");
+    }
+
+    #[test]
+    fn a_camera_is_a_name_or_numbers_or_a_file() {
+        let read = |text: &str| text.parse::<CameraChoice>().expect("a camera");
+        assert!(matches!(read("front"), CameraChoice::Named(_)), "a name");
+        assert!(
+            matches!(read("0,1,2:0,1,0"), CameraChoice::Exact(_)),
+            "numbers"
+        );
+        assert_eq!(
+            read("a/cameras.json"),
+            CameraChoice::File("a/cameras.json".into()),
+            "a file"
+        );
+    }
 
     #[test]
     fn exact_viewpoints_are_read() {

@@ -1,10 +1,12 @@
 //! `demo --window`: the motion live in a window, over and over. Drag to orbit, scroll to come closer, Escape to leave.
 
+use crate::backdrop::DUSK;
 use crate::performance::{MOTION_RATE, Performance};
+use crate::stage::Setting;
 use crate::surroundings::Surroundings;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
-use app::{Deformer, Receiver};
+use app::{Deformer, Receiver, ReceiverError};
 use glam::{Quat, Vec3};
 use npu_runtime::Runtime;
 use spmm3::{Avatar, MotionParams};
@@ -16,7 +18,9 @@ use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window, WindowId};
-use xr_renderer::{Backdrop, Gpu, RendererOptions, Shown, SplatRenderer, WindowTarget};
+use xr_renderer::{
+    Backdrop, Camera, Gpu, RenderError, RendererOptions, Shown, SplatRenderer, WindowTarget,
+};
 
 /// What stands behind the person.
 const STUDIO: Backdrop = Backdrop::Gradient {
@@ -50,21 +54,27 @@ pub(crate) fn show(
     avatar: &Avatar,
     performance: &Performance,
     viewpoint: Viewpoint,
-    (width, height): (u32, u32),
+    setting: &Setting,
 ) -> anyhow::Result<()> {
     let frames = performance
         .followed(avatar)
         .map(|(motion, floor)| (motion.clone(), floor))
         .collect();
     let deformer = Deformer::new(runtime, avatar, Surroundings::provider())?;
-    let renderer = renderer(gpu, deformer.gaussians(), width, height)?;
+    let options = setting.renderer(deformer.gaussians())?;
+    let renderer = renderer(gpu, &options)?;
     let mut live = Live {
         gpu: Arc::clone(gpu),
         receiver: Receiver::new(deformer, renderer),
         frames,
         heading: performance.heading(),
         viewpoint,
-        size: (width, height),
+        backdrop: if options.background.is_some() {
+            DUSK
+        } else {
+            STUDIO
+        },
+        size: (options.width, options.height),
         open: None,
         drag: None,
         cursor: PhysicalPosition::default(),
@@ -76,23 +86,45 @@ pub(crate) fn show(
     live.outcome
 }
 
-fn renderer(
-    gpu: &Arc<Gpu>,
-    gaussians: usize,
-    width: u32,
-    height: u32,
-) -> anyhow::Result<SplatRenderer> {
-    let gaussians = u32::try_from(gaussians).context("too many Gaussians")?;
-    let options = RendererOptions::new(gaussians, width, height, 1);
-    SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")
+fn renderer(gpu: &Arc<Gpu>, options: &RendererOptions) -> anyhow::Result<SplatRenderer> {
+    SplatRenderer::new(Arc::clone(gpu), options).context("cannot prepare the renderer")
 }
 
 /// The window while it is open.
 struct Open {
     window: Arc<Window>,
-    target: WindowTarget,
+    /// Only without one while it is taken to another device.
+    target: Option<WindowTarget>,
     since: Instant,
     counted: (Instant, u32),
+}
+
+impl Open {
+    /// Takes the window to another device.
+    fn renew(&mut self, gpu: &Arc<Gpu>) -> anyhow::Result<()> {
+        // A window belongs to one device at a time.
+        self.target = None;
+        let size = self.window.inner_size();
+        let target = WindowTarget::new(gpu, Arc::clone(&self.window), size.width, size.height)
+            .context("cannot draw into the window: demo without --window draws pictures instead")?;
+        self.target = Some(target);
+        Ok(())
+    }
+}
+
+/// Draws one frame and hands it to the window.
+fn show_frame(
+    receiver: &mut Receiver,
+    open: &mut Open,
+    motion: &MotionParams,
+    camera: Camera,
+    backdrop: Backdrop,
+) -> Result<Shown, ReceiverError> {
+    receiver.frame(motion, &[camera])?;
+    let Some(target) = &mut open.target else {
+        return Ok(Shown::NotNow);
+    };
+    Ok(target.present(receiver.renderer(), backdrop)?)
 }
 
 struct Live {
@@ -101,6 +133,7 @@ struct Live {
     frames: Vec<(MotionParams, Vec3)>,
     heading: Quat,
     viewpoint: Viewpoint,
+    backdrop: Backdrop,
     size: (u32, u32),
     open: Option<Open>,
     /// Where the cursor was when the last part of a drag was taken.
@@ -175,16 +208,16 @@ impl Live {
                 .context("cannot open a window")?,
         );
         let size = window.inner_size();
-        let target = WindowTarget::new(&self.gpu, Arc::clone(&window), size.width, size.height)
-            .context("cannot draw into the window: demo without --window draws pictures instead")?;
         let now = Instant::now();
         window.request_redraw();
-        self.open = Some(Open {
+        let mut open = Open {
             window,
-            target,
+            target: None,
             since: now,
             counted: (now, 0),
-        });
+        };
+        open.renew(&self.gpu)?;
+        self.open = Some(open);
         self.resize(size)
     }
 
@@ -192,17 +225,19 @@ impl Live {
         let Some(open) = &mut self.open else {
             return Ok(());
         };
-        open.target.resize(size.width, size.height);
+        if let Some(target) = &mut open.target {
+            target.resize(size.width, size.height);
+        }
         // A minimised window has no area: keep what there is until it comes back.
         if size.width > 0 && size.height > 0 && (size.width, size.height) != self.size {
             self.size = (size.width, size.height);
-            let gaussians = self.receiver.deformer().gaussians();
-            self.receiver.replace_renderer(renderer(
-                &self.gpu,
-                gaussians,
-                size.width,
-                size.height,
-            )?);
+            let options = RendererOptions {
+                width: size.width,
+                height: size.height,
+                ..self.receiver.renderer().options().clone()
+            };
+            self.receiver
+                .replace_renderer(renderer(&self.gpu, &options)?);
         }
         Ok(())
     }
@@ -225,8 +260,15 @@ impl Live {
         let camera = self
             .viewpoint
             .camera(*floor, self.heading, self.size.0, self.size.1);
-        self.receiver.frame(motion, &[camera])?;
-        let shown = open.target.present(self.receiver.renderer(), STUDIO)?;
+        let shown = match show_frame(&mut self.receiver, open, motion, camera, self.backdrop) {
+            Err(ReceiverError::Render(error @ RenderError::DeviceLost(_))) => {
+                log::warn!("{error}; this is done once for a picture");
+                self.gpu = self.receiver.recover()?;
+                open.renew(&self.gpu)?;
+                show_frame(&mut self.receiver, open, motion, camera, self.backdrop)?
+            }
+            shown => shown?,
+        };
         open.counted.1 += 1;
         if open.counted.1 == TITLE_FRAMES {
             let rate = f64::from(TITLE_FRAMES) / open.counted.0.elapsed().as_secs_f64().max(1e-6);

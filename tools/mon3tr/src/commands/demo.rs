@@ -6,9 +6,10 @@ use crate::film::{Film, write_png};
 use crate::performance::{MOTION_RATE, MotionOptions, Performance};
 use crate::progress;
 use crate::report::{RunReport, StageTable, check_writable, write_json};
-use crate::stage::{Size, Stage, Views, load_avatar};
+use crate::scenery::{Scenery, SceneryOptions};
+use crate::stage::{Setting, Size, Stage, Views, load_avatar};
 use crate::surroundings::{Surroundings, make_folder};
-use crate::viewpoint::Viewpoint;
+use crate::viewpoint::{Viewpoint, eyes};
 use crate::window;
 use anyhow::Context;
 use image::{RgbImage, imageops};
@@ -16,7 +17,7 @@ use npu_runtime::Runtime;
 use spmm3::Avatar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use xr_renderer::Gpu;
+use xr_renderer::{Filter, Gpu};
 
 /// Moments on the contact sheet, columns x rows.
 const SHEET: (u32, u32) = (4, 2);
@@ -29,6 +30,8 @@ const STEREO_FRAMES: usize = 30;
 pub(crate) struct Options {
     #[command(flatten)]
     motion: MotionOptions,
+    #[command(flatten)]
+    scenery: SceneryOptions,
     #[command(flatten)]
     bake: BakeChoices,
     /// Folder for the pictures; made if missing
@@ -55,13 +58,14 @@ struct Show<'a> {
     avatar: &'a Avatar,
     performance: &'a Performance,
     out: &'a Path,
-    size: Size,
+    setting: &'a Setting,
 }
 
 /// Runs `demo`.
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
     // What may be missing comes first: baking for minutes only to learn of it would be unkind.
     options.motion.check()?;
+    options.scenery.check()?;
     let gpu = surroundings.gpu()?;
     let runtime = surroundings.runtime()?;
     let events = options.window.then(window::events).transpose()?;
@@ -72,8 +76,16 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let package = baked_demo_avatar(&options.bake, surroundings)?;
     let (avatar, figures) = load_avatar(&package)?;
     let performance = options.motion.load(&avatar)?;
+    let scenery = options
+        .scenery
+        .around(performance.start(&avatar), performance.heading())?;
+    let setting = Setting {
+        size: options.size,
+        views: Views::Mono,
+        background: scenery.as_ref().map(|scenery| scenery.background.clone()),
+        filter: scenery.as_ref().map_or(Filter::Dilation, Scenery::filter),
+    };
     if let Some(events) = events {
-        let size = (options.size.width, options.size.height);
         return window::show(
             events,
             &gpu,
@@ -81,7 +93,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
             &avatar,
             &performance,
             options.camera,
-            size,
+            &setting,
         );
     }
 
@@ -91,9 +103,9 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         avatar: &avatar,
         performance: &performance,
         out: &options.out,
-        size: options.size,
+        setting: &setting,
     };
-    let mut mono = Stage::new(&gpu, &runtime, &avatar, options.size, Views::Mono)?;
+    let mut mono = Stage::new(&gpu, &runtime, &avatar, setting.clone())?;
     let mut pictures = show.animate(&mut mono, &options.camera)?;
     let animated = mono.times();
     let (stereo, stereo_picture) = show.stereo(&options.camera)?;
@@ -104,6 +116,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let runs = vec![animated, stereo];
     let mut report = RunReport::new(figures, &performance, &gpu, &runtime, runs, pictures);
     report.bake = Some(avatar.report.clone());
+    report.background = scenery.map(|scenery| scenery.figures);
     report.print();
     options
         .json
@@ -114,22 +127,19 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
 impl Show<'_> {
     /// The whole motion as an animation, and its moments on one sheet.
     fn animate(&self, stage: &mut Stage, viewpoint: &Viewpoint) -> anyhow::Result<Vec<PathBuf>> {
+        let Size { width, height } = self.setting.size;
         let moments = self.out.join("moments.png");
         let mut film = Film::start(self.out.join("animation.webp"), MOTION_RATE);
         let frames = self.performance.followed(self.avatar);
         let total = frames.len();
         let heading = self.performance.heading();
         let count = (SHEET.0 * SHEET.1) as usize;
-        let mut sheet = RgbImage::new(
-            self.size.width / 2 * SHEET.0,
-            self.size.height / 2 * SHEET.1,
-        );
+        let mut sheet = RgbImage::new(width / 2 * SHEET.0, height / 2 * SHEET.1);
         let mut placed = 0;
         let bar = progress::bar("drawing", total);
         for (k, (motion, floor)) in frames.enumerate() {
-            let picture = stage
-                .picture(motion, viewpoint, floor, heading)?
-                .swap_remove(0);
+            let camera = viewpoint.camera(floor, heading, width, height);
+            let picture = stage.picture(motion, &[camera])?.swap_remove(0);
             // Moments are spread evenly; a motion shorter than the sheet leaves cells empty.
             if placed < count && k * count >= placed * total {
                 place(&mut sheet, &picture, placed);
@@ -147,21 +157,20 @@ impl Show<'_> {
 
     /// Both eyes: times over some frames, and one picture of left and right side by side.
     fn stereo(&self, viewpoint: &Viewpoint) -> anyhow::Result<(StageTable, PathBuf)> {
-        let mut stage = Stage::new(
-            self.gpu,
-            self.runtime,
-            self.avatar,
-            self.size,
-            Views::Stereo,
-        )?;
+        let setting = Setting {
+            views: Views::Stereo,
+            ..self.setting.clone()
+        };
+        let Size { width, height } = setting.size;
+        let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, setting)?;
         let heading = self.performance.heading();
-        let Size { width, height } = self.size;
         let mut both = RgbImage::new(width * 2, height);
         let frames: Vec<_> = self.performance.followed(self.avatar).collect();
         let step = frames.len().div_ceil(STEREO_FRAMES).max(1);
         let bar = progress::bar("drawing both eyes", frames.len().div_ceil(step));
         for (motion, floor) in frames.into_iter().step_by(step) {
-            let pair = stage.picture(motion, viewpoint, floor, heading)?;
+            let camera = viewpoint.camera(floor, heading, width, height);
+            let pair = stage.picture(motion, &eyes(camera, Views::Stereo))?;
             for (picture, x) in pair.iter().zip([0, i64::from(width)]) {
                 imageops::replace(&mut both, picture, x, 0);
             }
@@ -179,9 +188,9 @@ impl Show<'_> {
         let mut frames = self.performance.followed(self.avatar);
         let middle = frames.len() / 2;
         let (motion, floor) = frames.nth(middle).context("the motion has no frames")?;
-        let picture = stage
-            .picture(motion, &viewpoint, floor, self.performance.heading())?
-            .swap_remove(0);
+        let Size { width, height } = self.setting.size;
+        let camera = viewpoint.camera(floor, self.performance.heading(), width, height);
+        let picture = stage.picture(motion, &[camera])?.swap_remove(0);
         let file = self.out.join(format!("{view}.png"));
         write_png(&file, &picture)?;
         Ok(file)

@@ -1,19 +1,22 @@
-//! `mon3tr inspect`: what is in an avatar package, after every check the receiver makes.
+//! `mon3tr inspect`: what is in an avatar package or a Gaussian scene, after every check that drawing it would make.
 
 use crate::report::{AvatarFigures, write_json};
+use crate::scenery::Scenery;
 use crate::stage::load_avatar;
 use anyhow::Context;
 use glam::Vec3;
 use serde::Serialize;
 use spmm3::package::Manifest;
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 /// Options of `inspect`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Avatar package (.m3a)
-    #[arg(value_name = "PACKAGE")]
-    package: PathBuf,
+    /// Avatar package (.m3a), or Gaussian scene (.ply, .splat, .spz); the content tells which
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
     /// Write every figure as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -30,9 +33,19 @@ struct Inspection {
 
 /// Runs `inspect`.
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
-    let (avatar, figures) = load_avatar(&options.package)?;
-    let manifest = Manifest::load(&options.package)
-        .with_context(|| format!("cannot read {}", options.package.display()))?;
+    if is_scene(&options.file) {
+        let scenery = Scenery::alone(&options.file)
+            .context("to be inspected are avatar packages (.m3a) and Gaussian scenes")?;
+        let figures = scenery.figures;
+        figures.print();
+        return options
+            .json
+            .as_ref()
+            .map_or(Ok(()), |file| write_json(file, &figures));
+    }
+    let (avatar, figures) = load_avatar(&options.file)?;
+    let manifest = Manifest::load(&options.file)
+        .with_context(|| format!("cannot read {}", options.file.display()))?;
     let vertices = avatar.template.vertices();
     let low = vertices
         .iter()
@@ -54,6 +67,20 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         .json
         .as_ref()
         .map_or(Ok(()), |file| write_json(file, &inspection))
+}
+
+/// Whether a file is to be read as a scene: by its first bytes, and by its ending where they tell nothing, as in a .splat. A
+/// file that cannot be read is none: the package's reader says why.
+fn is_scene(file: &Path) -> bool {
+    let mut start = [0; 4];
+    let known = File::open(file).and_then(|mut file| file.read_exact(&mut start));
+    let by_content = match &start {
+        b"PK\x03\x04" => Some(false),
+        b"ply\n" | b"ply\r" | b"NGSP" | [0x1F, 0x8B, ..] => Some(true),
+        _ => None,
+    };
+    let ending = file.extension().unwrap_or_default();
+    known.is_ok() && by_content.unwrap_or(!ending.eq_ignore_ascii_case("m3a"))
 }
 
 impl Inspection {

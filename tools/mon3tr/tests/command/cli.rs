@@ -1,32 +1,23 @@
 //! The command as its users meet it: every sub-command's happy path on a small made-up person, and its most likely
 //! mistakes, which must end with one line that says what to do.
 
-use crate::support::{self, Outcome, json, mon3tr};
+use crate::support::{self, Outcome, json, mon3tr, puppet, text};
 use mon3tr_tests::onnx::runtime;
-use mon3tr_tests::synthetic::Puppet;
 use mon3tr_tests::vulkan::gpu;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use tempfile::TempDir;
 
 /// A folder with the made-up person's package in it.
 fn folder_with_package() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let package = folder.path().join("puppet.m3a");
-    Puppet::small()
-        .avatar()
-        .save(&package)
-        .expect("the made-up person fits a package");
+    let package = puppet(&folder);
     (folder, package)
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("temporary paths are UTF-8")
 }
 
 #[test]
 fn help_names_every_sub_command() {
     let help = mon3tr(&["--help"]).succeeds();
-    for name in ["demo", "bake", "inspect", "render"] {
+    for name in ["demo", "bake", "inspect", "render", "bench"] {
         assert!(help.contains(name), "{name} is missing in:\n{help}");
     }
 }

@@ -1,6 +1,7 @@
 //! The demo person end to end: baked from MakeHuman's data, moved, drawn by the command, and drawn as the f64 reference
 //! says.
 
+use crate::scenes::scene;
 use crate::support::{Outcome, command, json, mon3tr};
 use app::{Deformer, Profile};
 use glam::Vec3;
@@ -54,6 +55,8 @@ fn the_demo_leaves_pictures_and_figures_and_draws_as_the_reference_says() {
         &text(&out),
         "--json",
         &text(&figures),
+        "--background",
+        &text(&scene(&folder)),
     ];
     // A cache of its own: an avatar baked by older code must not stand in for this one.
     let shown = Outcome::of(command(&arguments).env("MON3TR_CACHE", folder.path())).succeeds();
@@ -65,6 +68,8 @@ fn the_demo_leaves_pictures_and_figures_and_draws_as_the_reference_says() {
         "max ms",
         "stereo",
         "animation.webp",
+        "floor.ply",
+        "splatting: ",
     ] {
         assert!(shown.contains(word), "`{word}` is missing in:\n{shown}");
     }
@@ -90,6 +95,7 @@ fn the_demo_leaves_pictures_and_figures_and_draws_as_the_reference_says() {
         Some(2),
         "mono and stereo are measured"
     );
+    assert_eq!(figures["background"]["format"], "3DGS PLY", "the scene");
     for picture in figures["pictures"].as_array().expect("a list of pictures") {
         let path = Path::new(picture.as_str().expect("a path"));
         assert!(

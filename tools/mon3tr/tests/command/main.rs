@@ -2,4 +2,5 @@
 
 mod cli;
 mod demo_person;
+mod scenes;
 mod support;

@@ -1,7 +1,9 @@
 //! Running the command from a test.
 
-use std::path::Path;
+use mon3tr_tests::synthetic::Puppet;
+use std::path::{Path, PathBuf};
 use std::process::Command;
+use tempfile::TempDir;
 
 /// How the command ended.
 pub(crate) struct Outcome {
@@ -79,4 +81,19 @@ impl Outcome {
 pub(crate) fn json(path: &Path) -> serde_json::Value {
     let text = std::fs::read_to_string(path).expect("the JSON file exists");
     serde_json::from_str(&text).expect("the JSON file is JSON")
+}
+
+/// The made-up person's package, written into `folder`.
+pub(crate) fn puppet(folder: &TempDir) -> PathBuf {
+    let package = folder.path().join("puppet.m3a");
+    Puppet::small()
+        .avatar()
+        .save(&package)
+        .expect("the made-up person fits a package");
+    package
+}
+
+/// A path as an argument.
+pub(crate) fn text(path: &Path) -> &str {
+    path.to_str().expect("temporary paths are UTF-8")
 }

@@ -6,18 +6,17 @@ use super::render::Options;
 use crate::film::write_png;
 use crate::report::{check_writable, write_json};
 use crate::scenery;
-use crate::stage::Size;
+use crate::stage::{Size, Views};
 use crate::surroundings::describe;
-use crate::viewpoint::EYE_SPACING;
+use crate::viewpoint::eyes;
 use anyhow::Context;
-use glam::Vec3;
 use image::RgbImage;
 use serde::Serialize;
 use splat_scene::cameras::Cameras;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-use xr_renderer::{Backdrop, Background, Camera, Gpu, RendererOptions, SplatRenderer};
+use xr_renderer::{Backdrop, Background, Gpu, RendererOptions, SplatRenderer};
 
 /// Without `--size`.
 const DEFAULT_SIZE: Size = Size {
@@ -25,7 +24,7 @@ const DEFAULT_SIZE: Size = Size {
     height: 1024,
 };
 
-/// Frames before the counted ones; while the back ends are being compared there are more.
+/// Frames before the counted ones; on the first one the back ends are compared.
 const WARM_UP: usize = 2;
 
 /// What the run measured.
@@ -56,29 +55,24 @@ pub(crate) fn run(
     let Size { width, height } = options.size.unwrap_or(DEFAULT_SIZE);
     let camera = Cameras::load(cameras)?;
     let camera = scenery::camera(camera.get(options.id)?, width, height);
-    let cameras = if options.stereo {
-        // The scene's unit is taken for a metre.
-        let half = camera.camera_from_world.inverse().matrix3.x_axis * (EYE_SPACING / 2.0);
-        [-Vec3::from(half), half.into()]
-            .map(|step| moved(camera, step))
-            .to_vec()
+    let views = if options.stereo {
+        Views::Stereo
     } else {
-        vec![camera]
+        Views::Mono
     };
+    // The scene's unit is taken for a metre.
+    let cameras = eyes(camera, views);
     let background = Background::pack(&scenery::load(file)?);
     let gaussians = background.len();
-    let views = if options.stereo { 2 } else { 1 };
     let renderer_options = RendererOptions {
         background: Some(Arc::new(background)),
         back_end: options.back_end.map(Into::into),
-        ..RendererOptions::new(0, width, height, views)
+        ..RendererOptions::new(0, width, height, views.count())
     };
     let mut renderer = SplatRenderer::new(Arc::clone(gpu), &renderer_options)
         .context("cannot prepare the renderer")?;
-    let mut warm = 0;
-    while warm < WARM_UP || (compares(&renderer, gpu) && warm < 4 * WARM_UP) {
+    for _ in 0..WARM_UP {
         renderer.draw(&cameras)?;
-        warm += 1;
     }
     let mut samples = Samples::default();
     for _ in 0..options.frames {
@@ -110,21 +104,6 @@ pub(crate) fn run(
         .json
         .as_ref()
         .map_or(Ok(()), |file| write_json(file, &measured))
-}
-
-/// Whether the renderer is still trying out both back ends.
-fn compares(renderer: &SplatRenderer, gpu: &Gpu) -> bool {
-    gpu.has_clock() && renderer.options().back_end.is_none() && renderer.back_end_trial().is_none()
-}
-
-/// The camera moved by a step in the world.
-fn moved(camera: Camera, step: Vec3) -> Camera {
-    let mut world_from_camera = camera.camera_from_world.inverse();
-    world_from_camera.translation += glam::Vec3A::from(step);
-    Camera {
-        camera_from_world: world_from_camera.inverse(),
-        ..camera
-    }
 }
 
 impl Measured {

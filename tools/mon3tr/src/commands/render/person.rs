@@ -1,0 +1,76 @@
+//! An avatar follows a motion; every frame a PNG, and one animation.
+
+use super::{Options, write_frame};
+use crate::film::Film;
+use crate::performance::MOTION_RATE;
+use crate::progress;
+use crate::report::{RunReport, write_json};
+use crate::scenery::Scenery;
+use crate::stage::{Setting, Stage, load_avatar};
+use crate::surroundings::Surroundings;
+use crate::viewpoint::{CameraChoice, eyes};
+use anyhow::Context;
+use std::path::Path;
+use xr_renderer::Filter;
+
+pub(super) fn run(
+    options: &Options,
+    package: &Path,
+    surroundings: &Surroundings,
+) -> anyhow::Result<()> {
+    let (avatar, figures) = load_avatar(package)?;
+    let performance = options.motion.load(&avatar)?;
+    let heading = performance.heading();
+    let scenery = options
+        .scenery
+        .around(performance.start(&avatar), heading)?;
+    let fixed = match (&options.camera, &scenery) {
+        (CameraChoice::File(file), Some(scenery)) => {
+            Some(scenery.camera(file, options.id, options.size)?)
+        }
+        _ => None,
+    };
+    let runtime = surroundings.runtime()?;
+    let gpu = surroundings.gpu()?;
+    options.prepare_output()?;
+
+    let default_filter = scenery.as_ref().map_or(Filter::Dilation, Scenery::filter);
+    let setting = Setting {
+        size: options.size,
+        views: options.views(),
+        background: scenery.as_ref().map(|scenery| scenery.background.clone()),
+        filter: options.filter.map_or(default_filter, Into::into),
+    };
+    let mut stage = Stage::new(&gpu, &runtime, &avatar, setting)?;
+    let mut film = Film::start(options.out.join("animation.webp"), MOTION_RATE);
+    let bar = progress::bar("drawing", performance.frames.len());
+    let mut pictures = Vec::new();
+    for (k, (motion, floor)) in performance.followed(&avatar).enumerate() {
+        let camera = match (&options.camera, fixed) {
+            (CameraChoice::Named(viewpoint) | CameraChoice::Exact(viewpoint), _) => {
+                viewpoint.camera(floor, heading, options.size.width, options.size.height)
+            }
+            (CameraChoice::File(_), fixed) => fixed.context("the scene's camera is missing")?,
+        };
+        let drawn = stage.picture(motion, &eyes(camera, options.views()))?;
+        pictures.extend(write_frame(&options.out, k, &drawn)?);
+        film.add(
+            drawn
+                .into_iter()
+                .next()
+                .context("the renderer returned no picture")?,
+        );
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    pictures.insert(0, film.finish()?);
+
+    let runs = vec![stage.times()];
+    let mut report = RunReport::new(figures, &performance, &gpu, &runtime, runs, pictures);
+    report.background = scenery.map(|scenery| scenery.figures);
+    report.print();
+    options
+        .json
+        .as_ref()
+        .map_or(Ok(()), |file| write_json(file, &report))
+}

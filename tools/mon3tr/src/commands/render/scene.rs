@@ -1,0 +1,111 @@
+//! A scene with no one in it: one picture from one camera.
+
+use super::{Options, write_frame};
+use crate::backdrop::DUSK;
+use crate::report::{Splatting, StageTable, write_json};
+use crate::scenery::{SceneFigures, Scenery};
+use crate::stage::{Setting, to_rgb};
+use crate::surroundings::{Surroundings, describe};
+use crate::viewpoint::{CameraChoice, eyes};
+use anyhow::{Context, bail};
+use app::{Profile, Unit};
+use glam::{Quat, Vec3};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use xr_renderer::{Camera, Image, RenderError, SplatRenderer};
+
+/// What the run leaves.
+#[derive(Debug, Serialize)]
+struct Report {
+    background: SceneFigures,
+    /// Where the eye (without stereo) is, in the scene's units.
+    eye: [f32; 3],
+    vulkan_device: String,
+    vulkan_driver: String,
+    runs: Vec<StageTable>,
+    pictures: Vec<PathBuf>,
+}
+
+pub(super) fn run(
+    options: &Options,
+    file: &Path,
+    surroundings: &Surroundings,
+) -> anyhow::Result<()> {
+    if options.motion.is_given() || options.scenery.place.is_some() {
+        bail!(
+            "--motion, --bvh-scale, --frames and --place are about a person: give an avatar PACKAGE too"
+        );
+    }
+    let scenery = Scenery::alone(file)?;
+    let camera = match &options.camera {
+        CameraChoice::File(cameras) => scenery.camera(cameras, options.id, options.size)?,
+        CameraChoice::Named(view) => {
+            scenery.overview(view.direction(), view.fov_degrees(), options.size)
+        }
+        CameraChoice::Exact(view) => view.camera(
+            Vec3::ZERO,
+            Quat::IDENTITY,
+            options.size.width,
+            options.size.height,
+        ),
+    };
+    let gpu = surroundings.gpu()?;
+    options.prepare_output()?;
+
+    let views = options.views();
+    let setting = Setting {
+        size: options.size,
+        views,
+        background: Some(Arc::clone(&scenery.background)),
+        filter: options.filter.map_or(scenery.filter(), Into::into),
+    };
+    let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &setting.renderer(0)?)
+        .context("cannot prepare the renderer")?;
+    let cameras = eyes(camera, views);
+    let splatted = match splat(&mut renderer, &cameras) {
+        Err(error @ RenderError::DeviceLost(_)) => {
+            log::warn!("{error}; this is done once");
+            renderer.recover()?;
+            splat(&mut renderer, &cameras)?
+        }
+        splatted => splatted?,
+    };
+    let drawn = splatted
+        .iter()
+        .map(|picture| to_rgb(picture, picture.over(DUSK)))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let mut profile = Profile::default();
+    profile.record_picture(&renderer.stage_times());
+    let splatting = Splatting::new(renderer.back_end(), renderer.back_end_trial());
+    let report = Report {
+        background: scenery.figures,
+        eye: camera.position().to_array(),
+        vulkan_device: gpu.info().name.clone(),
+        vulkan_driver: gpu.info().driver.clone(),
+        runs: vec![StageTable::new(
+            views,
+            options.size,
+            profile.summary(Unit::Gpu),
+            splatting,
+        )],
+        pictures: write_frame(&options.out, 0, &drawn)?,
+    };
+    report.background.print();
+    println!("GPU          {}", describe(&gpu));
+    report.runs.iter().for_each(StageTable::print);
+    println!("\npictures");
+    for picture in &report.pictures {
+        println!("  {}", picture.display());
+    }
+    options
+        .json
+        .as_ref()
+        .map_or(Ok(()), |file| write_json(file, &report))
+}
+
+fn splat(renderer: &mut SplatRenderer, cameras: &[Camera]) -> Result<Vec<Image>, RenderError> {
+    renderer.draw(cameras)?;
+    let views = 0..renderer.views();
+    views.map(|view| renderer.read_back(view)).collect()
+}

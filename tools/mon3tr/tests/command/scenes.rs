@@ -1,0 +1,298 @@
+//! Gaussian scenes on the command line: inspected, drawn alone and around a person, timed.
+
+use crate::support::{json, mon3tr, puppet, text};
+use mon3tr_tests::onnx::runtime;
+use mon3tr_tests::vulkan::gpu;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// Gaussians of the floor.
+const FLOOR: usize = 900;
+
+/// A standard PLY in COLMAP's axes (y down): a green floor of 3 x 3 units at y = 0 and one Gaussian without a position.
+pub(crate) fn scene(folder: &TempDir) -> PathBuf {
+    let count = FLOOR + 1;
+    let names = [
+        "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
+        "rot_0", "rot_1", "rot_2", "rot_3",
+    ];
+    let properties: String = names
+        .map(|name| format!("property float {name}\n"))
+        .concat();
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{properties}end_header\n"
+    )
+    .into_bytes();
+    for k in 0..count {
+        let at = |cell: usize| 0.1 * f32::from(u16::try_from(cell).expect("few")) - 1.45;
+        let x = if k < FLOOR { at(k % 30) } else { f32::NAN };
+        let (rotation, scale) = ([1.0, 0.0, 0.0, 0.0], [-2.8, -4.5, -2.8]);
+        let head = [x, 0.0, at(k / 30), -1.5, 1.5, -1.5, 4.0];
+        for value in head.into_iter().chain(scale).chain(rotation) {
+            bytes.extend(f32::to_le_bytes(value));
+        }
+    }
+    let file = folder.path().join("floor.ply");
+    std::fs::write(&file, bytes).expect("a file can be written");
+    file
+}
+
+/// Cameras 3 and 7, which look down at the floor from before and from the left of it.
+fn cameras(folder: &TempDir) -> PathBuf {
+    let file = folder.path().join("cameras.json");
+    let half = 0.5f32.sqrt();
+    let camera = |id: i32, position: [f32; 3], rotation: [[f32; 3]; 3]| {
+        format!(
+            r#"{{"id":{id},"img_name":"a","width":200,"height":100,"position":{position:?},"rotation":{rotation:?},"fx":150,"fy":150}}"#
+        )
+    };
+    // The columns are the camera's right, down and forward.
+    let front = [[1.0, 0.0, 0.0], [0.0, half, half], [0.0, -half, half]];
+    let left = [[0.0, -half, half], [0.0, half, half], [-1.0, 0.0, 0.0]];
+    let list = [
+        camera(3, [0.0, -2.0, -2.0], front),
+        camera(7, [-2.0, -2.0, 0.5], left),
+    ];
+    std::fs::write(&file, format!("[{}]", list.join(","))).expect("a file can be written");
+    file
+}
+
+fn green(picture: &Path) -> usize {
+    let picture = image::open(picture).expect("a PNG").to_rgb8();
+    let is_green = |pixel: &image::Rgb<u8>| {
+        let [red, green, blue] = pixel.0;
+        green > 150 && red < 100 && blue < 100
+    };
+    picture.pixels().filter(|pixel| is_green(pixel)).count()
+}
+
+#[test]
+fn inspect_tells_a_scene_by_its_content_and_counts_what_it_leaves_out() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (file, figures) = (
+        folder.path().join("odd.name"),
+        folder.path().join("figures.json"),
+    );
+    std::fs::rename(scene(&folder), &file).expect("a file can be renamed");
+    let shown = mon3tr(&["inspect", text(&file), "--json", text(&figures)]).succeeds();
+    for word in [
+        "3DGS PLY",
+        "900",
+        "SH degree    0",
+        "1 for their position",
+        "on the GPU",
+    ] {
+        assert!(shown.contains(word), "`{word}` is missing in:\n{shown}");
+    }
+    let figures = json(&figures);
+    assert_eq!(figures["gaussians"], FLOOR, "count");
+    assert_eq!(figures["dropped"]["position"], 1, "left out");
+    assert!(
+        figures["gpu_bytes"]
+            .as_u64()
+            .is_some_and(|bytes| bytes >= 20 * 900),
+        "bytes on the GPU: {figures}"
+    );
+    let diary = folder.path().join("diary.txt");
+    std::fs::write(&diary, "dear diary").expect("a file can be written");
+    mon3tr(&["inspect", text(&diary)]).fails_naming(&["diary.txt", ".m3a", ".ply", ".spz"]);
+}
+
+#[test]
+fn render_shows_a_scene_without_anyone_from_a_side_or_from_its_cameras() {
+    if gpu().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (scene, cameras) = (scene(&folder), cameras(&folder));
+    let picture = |out: &str, more: &[&str]| {
+        let out = folder.path().join(out);
+        let arguments = [
+            "render",
+            "--background",
+            text(&scene),
+            "--size",
+            "160x80",
+            "--out",
+            text(&out),
+        ];
+        mon3tr(&[&arguments[..], more].concat()).succeeds();
+        out.join("frame_00000.png")
+    };
+    let figures = folder.path().join("figures.json");
+    let overview = picture("overview", &["--json", text(&figures)]);
+    let dimensions = image::image_dimensions(&overview).expect("a PNG");
+    assert_eq!(dimensions, (160, 80), "the size asked for");
+    assert!(green(&overview) > 500, "the floor is in the picture");
+    let figures = json(&figures);
+    assert_eq!(figures["background"]["gaussians"], FLOOR, "count");
+    let splatting = &figures["runs"][0]["splatting"];
+    let back_end = splatting["back_end"].as_str().unwrap_or_default();
+    assert!(["tiles", "quads"].contains(&back_end), "{splatting}");
+
+    let of_file = ["--camera", text(&cameras)];
+    let third = picture("third", &[&of_file[..], &["--id", "3"]].concat());
+    let seventh = picture("seventh", &[&of_file[..], &["--id", "7"]].concat());
+    let first = picture("first", &of_file);
+    let read = |path: &Path| std::fs::read(path).expect("a picture");
+    assert!(
+        green(&third) > 500 && green(&seventh) > 500,
+        "the floor is seen by both"
+    );
+    assert_ne!(read(&third), read(&seventh), "from different places");
+    assert_eq!(
+        read(&third),
+        read(&first),
+        "without --id it is the file's first camera"
+    );
+}
+
+#[test]
+fn render_explains_mistakes_about_scenes_and_cameras() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (scene, cameras) = (scene(&folder), cameras(&folder));
+    let (scene, cameras) = (text(&scene), text(&cameras));
+    let render = |arguments: &[&str]| mon3tr(&[&["render"], arguments].concat());
+    render(&["--background", scene, "--camera", cameras, "--id", "9"])
+        .fails_naming(&["camera 9", "3, 7"]);
+    render(&["--background", scene, "--id", "3"]).fails_naming(&["--id", "--camera"]);
+    render(&["nobody.m3a", "--camera", cameras]).fails_naming(&["--background"]);
+    render(&["--background", "nowhere.ply"]).fails_naming(&["nowhere.ply"]);
+    render(&["--background", cameras]).fails_naming(&["cameras.json", ".ply"]);
+    render(&["--background", scene, "--place", "1,2"]).fails_naming(&["1,2", "DEGREES"]);
+    render(&["--background", scene, "--place", "1,2,3"]).fails_naming(&["--place", "PACKAGE"]);
+    render(&["--background", scene, "--frames", "0..2"]).fails_naming(&["--frames", "PACKAGE"]);
+    render(&[]).fails_naming(&["avatar package", "--background"]);
+}
+
+#[test]
+fn render_puts_a_person_onto_a_scenes_ground_wherever_that_lies() {
+    if gpu().is_none() || runtime().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (scene, package) = (scene(&folder), puppet(&folder));
+    let figures = folder.path().join("figures.json");
+    let picture = |out: &str, more: &[&str]| {
+        let out = folder.path().join(out);
+        let arguments = [
+            "render",
+            text(&package),
+            "--background",
+            text(&scene),
+            "--frames",
+            "0..1",
+            "--size",
+            "128x128",
+            "--out",
+            text(&out),
+            "--json",
+            text(&figures),
+        ];
+        mon3tr(&[&arguments[..], more].concat()).succeeds();
+        out.join("frame_00000.png")
+    };
+    let around = picture("around", &[]);
+    assert!(green(&around) > 200, "the floor is in the picture");
+    let figures_around = json(&figures);
+    assert_eq!(figures_around["background"]["gaussians"], FLOOR, "count");
+    assert_eq!(
+        figures_around["avatar"]["gaussians"], 2000,
+        "and the person's"
+    );
+    let below = picture("below", &["--place", "0,-20,0"]);
+    assert_eq!(green(&below), 0, "a floor 20 m below is out of the picture");
+}
+
+#[test]
+fn bench_render_times_a_scene_frame_by_frame() {
+    if gpu().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (scene, cameras) = (scene(&folder), cameras(&folder));
+    let (figures, picture) = (
+        folder.path().join("figures.json"),
+        folder.path().join("a.png"),
+    );
+    let arguments = [
+        "bench",
+        "render",
+        "--scene",
+        text(&scene),
+        "--cameras",
+        text(&cameras),
+        "--id",
+        "3",
+        "--size",
+        "96x64",
+        "--frames",
+        "2",
+        "--back-end",
+        "quads",
+        "--json",
+        text(&figures),
+        "--png",
+        text(&picture),
+    ];
+    let shown = mon3tr(&arguments).succeeds();
+    assert!(shown.contains("| upload"), "a table:\n{shown}");
+    let figures = json(&figures);
+    for stage in [
+        "total", "upload", "project", "sort", "draw", "bin", "raster",
+    ] {
+        let samples = figures[format!("{stage}_ms")].as_array().map(Vec::len);
+        assert_eq!(samples, Some(2), "{stage}");
+    }
+    assert_eq!(figures["gaussians"], FLOOR, "count");
+    assert_eq!(figures["back_end"], "quads", "as asked for");
+    assert!(green(&picture) > 100, "its picture shows the floor");
+}
+
+#[test]
+fn bench_render_and_bench_sort_make_the_tables_of_the_documentation() {
+    let Some(gpu) = gpu() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let figures = folder.path().join("figures.json");
+    let small = ["--frames", "1", "--json", text(&figures)];
+    let shown = mon3tr(&[&["bench", "render", "--size", "64x64"], &small[..]].concat()).succeeds();
+    for word in [
+        "| 1M ",
+        "2 x 64x64",
+        "400k to 1M: 2.50x",
+        "| quads ",
+        "GB/s",
+    ] {
+        let needs_clock = word == "GB/s" && !gpu.has_clock();
+        assert!(
+            needs_clock || shown.contains(word),
+            "`{word}` is missing in:\n{shown}"
+        );
+    }
+    let rows = json(&figures)["rows"].clone();
+    assert_eq!(
+        rows.as_array().map(Vec::len),
+        Some(10),
+        "5 counts, one eye and both"
+    );
+    assert!(
+        rows[4]["medians"]["total_ms"]
+            .as_f64()
+            .is_some_and(|ms| ms > 0.0),
+        "1M Gaussians take time"
+    );
+
+    if !gpu.has_clock() {
+        return;
+    }
+    let shown = mon3tr(&[&["bench", "sort"], &small[..]].concat()).succeeds();
+    for word in ["| 20k ", "| 4M ", "clustered", "all equal"] {
+        assert!(shown.contains(word), "`{word}` is missing in:\n{shown}");
+    }
+    let rows = json(&figures)["rows"].clone();
+    assert_eq!(
+        rows.as_array().map(Vec::len),
+        Some(21),
+        "7 counts, 3 kinds of depths"
+    );
+}
