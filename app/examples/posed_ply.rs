@@ -1,0 +1,60 @@
+//! Writes the Gaussians of an avatar in one pose of the built-in motion as a standard 3DGS PLY, so that other people's
+//! renderers can be shown the same person: `cargo run --release -p app --example posed_ply -- AVATAR.m3a SECONDS OUT.ply`.
+//!
+//! As captured scenes have it, y points down and the person faces -z: the world turned by half a turn about x.
+
+use app::{Deformer, Profile};
+use npu_runtime::{Provider, Runtime};
+use spmm3::{Avatar, GaussianSet, LOOP_SECONDS, MotionClip, Playback};
+use std::error::Error;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+/// The clip's own rate, frames per second.
+const RATE: f64 = 30.0;
+
+/// In the order in which [`write`] gives them.
+const PROPERTIES: [&str; 17] = [
+    "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1",
+    "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
+];
+
+fn write(gaussians: &GaussianSet, out: &mut impl Write) -> std::io::Result<()> {
+    writeln!(out, "ply\nformat binary_little_endian 1.0")?;
+    writeln!(out, "element vertex {}", gaussians.len())?;
+    for name in PROPERTIES {
+        writeln!(out, "property float {name}")?;
+    }
+    writeln!(out, "end_header")?;
+    for i in 0..gaussians.len() {
+        let [x, y, z] = gaussians.positions[i].to_array();
+        let [r, g, b] = gaussians.colours[i].to_array();
+        let [sx, sy, sz] = gaussians.log_scales[i].to_array();
+        // (1, 0, 0, 0) * q, the half turn; then w first, as 3DGS writes it.
+        let [qx, qy, qz, qw] = gaussians.rotations[i].to_array();
+        let opacity = gaussians.opacity_logits[i];
+        let row = [
+            x, -y, -z, 0.0, 0.0, 0.0, r, g, b, opacity, sx, sy, sz, -qx, qw, -qz, qy,
+        ];
+        for value in row {
+            out.write_all(&value.to_le_bytes())?;
+        }
+    }
+    out.flush()
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [package, seconds, ply] = arguments.as_slice() else {
+        return Err("usage: posed_ply AVATAR.m3a SECONDS OUT.ply".into());
+    };
+    let avatar = Avatar::load(Path::new(package))?;
+    let clip = MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, RATE)?;
+    let motion = clip.sample(seconds.parse()?, Playback::Clamp);
+    let runtime = Runtime::open(None)?;
+    let mut deformer = Deformer::new(&runtime, &avatar, Provider::Cpu { threads: 1 })?;
+    let gaussians = deformer.deform(&motion, &mut Profile::default())?;
+    write(gaussians, &mut BufWriter::new(std::fs::File::create(ply)?))?;
+    println!("{ply}: {} Gaussians", gaussians.len());
+    Ok(())
+}
