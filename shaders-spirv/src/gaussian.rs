@@ -89,6 +89,12 @@ impl PackedGaussian {
         let [x, y, z, ..] = self.words;
         [x, y, z].map(f32::from_bits)
     }
+
+    /// Whether it is opaque enough to be drawn: above 1/255 at its centre.
+    #[must_use]
+    pub fn shows(&self) -> bool {
+        self.words[4] >> 16 > 65_535 / 255
+    }
 }
 
 impl From<&Gaussian> for PackedGaussian {

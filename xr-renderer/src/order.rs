@@ -23,12 +23,29 @@ const KEPT_FOREGROUND_MOVE: f32 = 0.000_25;
 #[derive(Debug, Default)]
 pub(crate) struct Order {
     cameras: Vec<Camera>,
-    /// The foreground's positions when it was sorted ...
-    sorted: Vec<[f32; 3]>,
+    /// The foreground when it was sorted ...
+    sorted: Vec<Place>,
     /// ... and now.
-    latest: Vec<[f32; 3]>,
+    latest: Vec<Place>,
     /// Whether there is an order at all, and of this foreground.
     valid: bool,
+}
+
+/// What the order depends on of one Gaussian.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    position: Vec3,
+    /// What does not show is not in the order.
+    shows: bool,
+}
+
+impl Place {
+    fn of(gaussian: &PackedGaussian) -> Self {
+        Self {
+            position: gaussian.position().into(),
+            shows: gaussian.shows(),
+        }
+    }
 }
 
 impl Order {
@@ -40,13 +57,13 @@ impl Order {
     /// Takes note of another foreground.
     pub(crate) fn foreground_changed(&mut self, gaussians: &[PackedGaussian]) {
         self.latest.clear();
-        self.latest
-            .extend(gaussians.iter().map(PackedGaussian::position));
+        self.latest.extend(gaussians.iter().map(Place::of));
         self.valid = self.valid
             && self.latest.len() == self.sorted.len()
             && self.latest.iter().zip(&self.sorted).all(|(now, then)| {
-                let way = Vec3::from_array(*now) - Vec3::from_array(*then);
-                way.length_squared() <= KEPT_FOREGROUND_MOVE * KEPT_FOREGROUND_MOVE
+                now.position.distance_squared(then.position)
+                    <= KEPT_FOREGROUND_MOVE * KEPT_FOREGROUND_MOVE
+                    && (then.shows || !now.shows)
             });
     }
 
@@ -122,6 +139,22 @@ mod tests {
         order.made(&[camera(0.0, 0.0)]);
         order.forget();
         assert!(!order.serves(&[camera(0.0, 0.0)]), "forgotten");
+    }
+
+    #[test]
+    fn a_gaussian_that_begins_to_show_is_not_in_the_order_yet() {
+        let shown = gaussian(0.0);
+        let hidden =
+            PackedGaussian::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], [-7.0; 3], 0.003, [0.5; 3]);
+        let mut order = Order::default();
+        order.foreground_changed(&[shown, hidden]);
+        order.made(&[camera(0.0, 0.0)]);
+        order.foreground_changed(&[hidden, hidden]);
+        assert!(order.serves(&[camera(0.0, 0.0)]), "one is hidden");
+        order.foreground_changed(&[shown, hidden]);
+        assert!(order.serves(&[camera(0.0, 0.0)]), "and shows again");
+        order.foreground_changed(&[shown, shown]);
+        assert!(!order.serves(&[camera(0.0, 0.0)]), "the other shows");
     }
 
     #[test]
