@@ -35,11 +35,22 @@ void main() {
     if (view == 0u) s = splats_0[index];
     else s = splats_1[index];
     vec2 corner = vec2((gl_VertexIndex & 1) == 0 ? -1.0 : 1.0, (gl_VertexIndex & 2) == 0 ? -1.0 : 1.0);
-    offset = corner * sqrt(max(s.log2_opacity - LOG2_ALPHA_CUT, 0.0));
-    float dy = offset.y / s.wy;
-    float dx = (offset.x - s.uy * dy) / s.ux;
-    vec2 pixel = vec2(s.mean_x + dx, s.mean_y + dy);
-    gl_Position = vec4(2.0 * pixel / vec2(frame.width, frame.height) - 1.0, 0.5, 1.0);
+    float reach = sqrt(max(s.log2_opacity - LOG2_ALPHA_CUT, 0.0));
+    vec2 mean = vec2(s.mean_x, s.mean_y);
+    vec2 size = vec2(frame.width, frame.height);
+    vec2 half_box = reach * vec2(length(vec2(1.0, s.uy / s.wy)) / s.ux, 1.0 / s.wy);
+    vec2 from_mean;
+    if (any(lessThan(mean, half_box)) || any(greaterThan(mean + half_box, size))) {
+        // Over the picture's edge: the splat's box, cut to the picture, so that nothing is left to clip. Mesa's clipper
+        // gets one triangle's offsets wrong, and over a quad of 100,000 pixels no interpolation is exact.
+        from_mean = mix(max(-half_box, -mean), min(half_box, size - mean), 0.5 * corner + 0.5);
+        offset = vec2(s.ux * from_mean.x + s.uy * from_mean.y, s.wy * from_mean.y);
+    } else {
+        offset = corner * reach;
+        from_mean.y = offset.y / s.wy;
+        from_mean.x = (offset.x - s.uy * from_mean.y) / s.ux;
+    }
+    gl_Position = vec4(2.0 * (mean + from_mean) / size - 1.0, 0.5, 1.0);
     colour_depth = vec4(unpackHalf2x16(s.red_green), unpackHalf2x16(s.blue_depth));
     log2_opacity = s.log2_opacity;
 }
