@@ -2,20 +2,52 @@
 //!
 //! No tiles, no early stop, no packing, no keys: every Gaussian is projected as the 3DGS paper and its
 //! public code say, all are sorted by exact depth, and each pixel blends all of them front to back. Only
-//! pixels where alpha cannot reach 1/255 are skipped. Nothing of `xr-renderer` is used but its inputs.
+//! pixels where alpha cannot reach 1/255 are skipped. Nothing of `xr-renderer` is used but its inputs; a
+//! background is read as its file states it, not as the renderer packs it.
+
+mod compare;
+mod harmonics;
+mod project;
+
+pub use compare::{PixelBox, covered_box, depth_error, psnr, to_image};
+pub use harmonics::{ORDERS, real_harmonics};
 
 use std::cmp::Ordering;
-use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
-use xr_renderer::{Camera, Gaussian, Image};
+use splat_scene::Scene;
+use xr_renderer::{Camera, Filter, Gaussian};
 
-const ALPHA_CUT: f64 = 1.0 / 255.0;
-const ALPHA_MOST: f64 = 0.99;
-const LOW_PASS: f64 = 0.3;
+use project::{ALPHA_CUT, ALPHA_MOST, Ellipsoid, Projected};
 
-type Vec3 = [f64; 3];
-type Mat3 = [Vec3; 3];
+/// All that there is to see.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct World<'a> {
+    /// Gaussians that may change from picture to picture.
+    pub foreground: &'a [Gaussian],
+    /// Gaussians that do not.
+    pub background: Option<&'a Scene>,
+    /// Against aliasing.
+    pub filter: Filter,
+}
+
+impl<'a> World<'a> {
+    /// A foreground alone.
+    pub fn of(foreground: &'a [Gaussian]) -> Self {
+        Self {
+            foreground,
+            ..Self::default()
+        }
+    }
+
+    /// A background alone.
+    pub fn scene(background: &'a Scene) -> Self {
+        Self {
+            background: Some(background),
+            ..Self::default()
+        }
+    }
+}
 
 /// A picture in f64: premultiplied red, green, blue, alpha; row by row from the top.
 #[derive(Debug, Clone)]
@@ -26,147 +58,32 @@ pub struct ReferencePicture {
     pub height: usize,
     /// `width * height` pixels.
     pub pixels: Vec<[f64; 4]>,
-}
-
-/// A rectangle of pixels, both ends belonging to it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PixelBox {
-    /// First column.
-    pub left: usize,
-    /// First row.
-    pub top: usize,
-    /// Last column.
-    pub right: usize,
-    /// Last row.
-    pub bottom: usize,
-}
-
-struct Projected {
-    depth: f64,
-    mean: [f64; 2],
-    /// a, b, c of q = a dx^2 + 2 b dx dy + c dy^2.
-    inverse_covariance: [f64; 3],
-    opacity: f64,
-    colour: Vec3,
-    columns: RangeInclusive<usize>,
-    rows: RangeInclusive<usize>,
-}
-
-fn product(a: &Mat3, b: &Mat3) -> Mat3 {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
-}
-
-fn transposed(a: &Mat3) -> Mat3 {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
-}
-
-fn rotation(quaternion: [f32; 4]) -> Mat3 {
-    let [x, y, z, w] = quaternion.map(f64::from);
-    [
-        [
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - z * w),
-            2.0 * (x * z + y * w),
-        ],
-        [
-            2.0 * (x * y + z * w),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - x * w),
-        ],
-        [
-            2.0 * (x * z - y * w),
-            2.0 * (y * z + x * w),
-            1.0 - 2.0 * (x * x + y * y),
-        ],
-    ]
-}
-
-/// The pixels of one axis whose centres lie within `mean +- reach`.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "clamped first"
-)]
-#[expect(clippy::cast_precision_loss, reason = "pixel counts are small")]
-fn pixels_within(mean: f64, reach: f64, count: usize) -> Option<RangeInclusive<usize>> {
-    let first = (mean - reach - 0.5).ceil().max(0.0);
-    let last = (mean + reach - 0.5).floor().min(count as f64 - 1.0);
-    (first <= last).then_some(first as usize..=last as usize)
-}
-
-fn project(gaussian: &Gaussian, camera: &Camera) -> Option<Projected> {
-    // OpenXR's camera (y up, looking along -z) to the image's frame (y down, z forward).
-    let flip = [1.0, -1.0, -1.0];
-    let view: Mat3 = std::array::from_fn(|row| {
-        std::array::from_fn(|column| {
-            flip[row] * f64::from(camera.camera_from_world.matrix3.col(column)[row])
-        })
-    });
-    let t: Vec3 = std::array::from_fn(|row| {
-        let turned: f64 = (0..3)
-            .map(|column| view[row][column] * f64::from(gaussian.position[column]))
-            .sum();
-        turned + flip[row] * f64::from(camera.camera_from_world.translation[row])
-    });
-    if t[2] <= f64::from(camera.near) {
-        return None;
-    }
-    let (fx, fy) = (f64::from(camera.fx), f64::from(camera.fy));
-    let (cx, cy) = (f64::from(camera.cx), f64::from(camera.cy));
-    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-
-    let half_tan = [0.5 * width / fx, 0.5 * height / fy];
-    let x = (t[0] / t[2]).clamp(
-        -cx / fx - 0.3 * half_tan[0],
-        (width - cx) / fx + 0.3 * half_tan[0],
-    ) * t[2];
-    let y = (t[1] / t[2]).clamp(
-        -cy / fy - 0.3 * half_tan[1],
-        (height - cy) / fy + 0.3 * half_tan[1],
-    ) * t[2];
-    let jacobian: Mat3 = [
-        [fx / t[2], 0.0, -fx * x / (t[2] * t[2])],
-        [0.0, fy / t[2], -fy * y / (t[2] * t[2])],
-        [0.0; 3],
-    ];
-    let turn = rotation(gaussian.rotation);
-    let axes: Mat3 =
-        std::array::from_fn(|i| std::array::from_fn(|j| turn[i][j] * f64::from(gaussian.scale[j])));
-    let covariance_3d = product(&axes, &transposed(&axes));
-    let image_from_world = product(&jacobian, &view);
-    let covariance = product(
-        &product(&image_from_world, &covariance_3d),
-        &transposed(&image_from_world),
-    );
-    let a = covariance[0][0] + LOW_PASS;
-    let b = covariance[0][1];
-    let c = covariance[1][1] + LOW_PASS;
-    let determinant = a * c - b * b;
-
-    let opacity = f64::from(gaussian.opacity);
-    if opacity <= ALPHA_CUT {
-        return None;
-    }
-    let reach = 2.0 * (opacity / ALPHA_CUT).ln();
-    let mean = [fx * t[0] / t[2] + cx, fy * t[1] / t[2] + cy];
-    Some(Projected {
-        depth: t[2],
-        mean,
-        inverse_covariance: [c / determinant, -b / determinant, a / determinant],
-        opacity,
-        colour: gaussian.colour.map(|channel| f64::from(channel).max(0.0)),
-        columns: pixels_within(mean[0], (reach * a).sqrt(), camera.width as usize)?,
-        rows: pixels_within(mean[1], (reach * c).sqrt(), camera.height as usize)?,
-    })
+    /// As many depths along the view's axis, metres, each times its pixel's alpha.
+    pub depths: Vec<f64>,
 }
 
 /// Draws all Gaussians, which are finite, as one camera sees them.
 pub fn render(gaussians: &[Gaussian], camera: &Camera) -> ReferencePicture {
-    let mut splats: Vec<Projected> = gaussians
+    render_world(&World::of(gaussians), camera)
+}
+
+/// Draws foreground and background, which are finite, as one camera sees them.
+pub fn render_world(world: &World<'_>, camera: &Camera) -> ReferencePicture {
+    let eye = project::eye(camera);
+    let mut splats: Vec<Projected> = world
+        .foreground
         .par_iter()
-        .filter_map(|gaussian| project(gaussian, camera))
+        .map(Ellipsoid::from)
+        .filter_map(|ellipsoid| project::project(&ellipsoid, camera, world.filter))
         .collect();
-    // Stable: equal depths stay in the order of their index.
+    if let Some(scene) = world.background {
+        let indices = (0..scene.len()).into_par_iter();
+        splats.par_extend(indices.filter_map(|index| {
+            let ellipsoid = Ellipsoid::of_scene(scene, index, eye);
+            project::project(&ellipsoid, camera, world.filter)
+        }));
+    }
+    // Stable: equal depths stay in the order of their index, the foreground before the background.
     splats.par_sort_by(|a, b| a.depth.partial_cmp(&b.depth).unwrap_or(Ordering::Equal));
 
     let (width, height) = (camera.width as usize, camera.height as usize);
@@ -177,26 +94,31 @@ pub fn render(gaussians: &[Gaussian], camera: &Camera) -> ReferencePicture {
         }
     }
     let mut pixels = vec![[0.0; 4]; width * height];
+    let mut depths = vec![0.0; width * height];
     pixels
         .par_chunks_exact_mut(width)
+        .zip(depths.par_chunks_exact_mut(width))
         .zip(&by_row)
         .enumerate()
-        .for_each(|(y, (row, touching))| {
-            blend_row(
-                row,
-                y,
-                touching.iter().map(|index| &splats[*index as usize]),
-            );
+        .for_each(|(y, ((row, depths), touching))| {
+            let touching = touching.iter().map(|index| &splats[*index as usize]);
+            blend_row(row, depths, y, touching);
         });
     ReferencePicture {
         width,
         height,
         pixels,
+        depths,
     }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "pixel counts are small")]
-fn blend_row<'a>(row: &mut [[f64; 4]], y: usize, splats: impl Iterator<Item = &'a Projected>) {
+fn blend_row<'a>(
+    row: &mut [[f64; 4]],
+    depths: &mut [f64],
+    y: usize,
+    splats: impl Iterator<Item = &'a Projected>,
+) {
     let mut transmittance = vec![1.0f64; row.len()];
     for splat in splats {
         let dy = y as f64 + 0.5 - splat.mean[1];
@@ -213,54 +135,8 @@ fn blend_row<'a>(row: &mut [[f64; 4]], y: usize, splats: impl Iterator<Item = &'
                 *sum += weight * channel;
             }
             row[x][3] += weight;
+            depths[x] += weight * splat.depth;
             transmittance[x] *= 1.0 - alpha;
         }
     }
-}
-
-/// The smallest box around all pixels that are not wholly transparent; nothing if all are.
-pub fn covered_box(picture: &ReferencePicture) -> Option<PixelBox> {
-    let covered = || {
-        (0..picture.pixels.len())
-            .filter(|index| picture.pixels[*index][3] > 0.0)
-            .map(|index| (index % picture.width, index / picture.width))
-    };
-    Some(PixelBox {
-        left: covered().map(|(x, _)| x).min()?,
-        right: covered().map(|(x, _)| x).max()?,
-        top: covered().map(|(_, y)| y).min()?,
-        bottom: covered().map(|(_, y)| y).max()?,
-    })
-}
-
-/// Peak signal-to-noise ratio in dB over a box, on premultiplied RGBA clamped to 0..=1; infinite if equal.
-pub fn psnr(got: &Image, expected: &ReferencePicture, within: PixelBox) -> f64 {
-    let mut squares = 0.0;
-    let mut count = 0.0;
-    for y in within.top..=within.bottom {
-        for x in within.left..=within.right {
-            let index = y * expected.width + x;
-            for (got, expected) in got.pixels()[index].iter().zip(expected.pixels[index]) {
-                let difference = f64::from(*got).clamp(0.0, 1.0) - expected.clamp(0.0, 1.0);
-                squares += difference * difference;
-                count += 1.0;
-            }
-        }
-    }
-    -10.0 * (squares / count).log10()
-}
-
-/// The reference in the renderer's picture type, to be looked at.
-#[expect(clippy::cast_possible_truncation, reason = "for the eye")]
-pub fn to_image(picture: &ReferencePicture) -> Option<Image> {
-    let pixels = picture
-        .pixels
-        .iter()
-        .map(|pixel| pixel.map(|value| value as f32))
-        .collect();
-    Image::new(
-        u32::try_from(picture.width).ok()?,
-        u32::try_from(picture.height).ok()?,
-        pixels,
-    )
 }

@@ -1,4 +1,12 @@
-//! Gaussians and cameras for the picture tests: made up at random, and read from a capture.
+//! Gaussians and cameras for the picture tests, made up.
+
+mod figure;
+mod place;
+
+pub use figure::standing_figure;
+pub use place::{
+    BAR_COLOUR, between_bars, in_front_of_figure, on_a_bar, railing_and_wall, random_scene,
+};
 
 use glam::{EulerRot, Quat, Vec3};
 use xr_renderer::{Camera, Fov, Gaussian};
@@ -52,6 +60,11 @@ pub fn front_camera(width: u32, height: u32) -> Camera {
 
 /// Two eyes 64 mm apart that look the same way, with the lopsided fields of view of a headset's.
 pub fn eyes(width: u32, height: u32) -> [Camera; 2] {
+    eyes_at(Vec3::new(0.4, 0.1, 2.6), width, height)
+}
+
+/// [`eyes`] whose middle is at a place: they look along -z, a little to the left.
+pub fn eyes_at(head: Vec3, width: u32, height: u32) -> [Camera; 2] {
     let turn = Quat::from_rotation_y(0.15);
     let fov = |left, right| Fov {
         left,
@@ -60,48 +73,23 @@ pub fn eyes(width: u32, height: u32) -> [Camera; 2] {
         down: -0.5,
     };
     let eye = |side: f32, fov| {
-        let position = Vec3::new(0.4, 0.1, 2.6) + turn * Vec3::new(0.032 * side, 0.0, 0.0);
+        let position = head + turn * Vec3::new(0.032 * side, 0.0, 0.0);
         Camera::from_fov(position, turn, fov, width, height)
     };
     [eye(-1.0, fov(-0.55, 0.42)), eye(1.0, fov(-0.42, 0.55))]
 }
 
-/// Reads a captured scene as 3DGS writes it: little-endian floats, named in a text header. Colours that
-/// depend on the direction of view are left out.
-pub fn captured_gaussians(bytes: &[u8]) -> Vec<Gaussian> {
-    let end = b"end_header\n";
-    let header_length = bytes
-        .windows(end.len())
-        .position(|window| window == end)
-        .expect("a header");
-    let header = String::from_utf8_lossy(&bytes[..header_length]).into_owned();
-    let names: Vec<&str> = header
-        .lines()
-        .filter_map(|line| line.strip_prefix("property float "))
-        .collect();
-    let column = |name: &str| names.iter().position(|found| *found == name).expect(name);
-    let columns = |names: [&str; 3]| names.map(column);
-    let position = columns(["x", "y", "z"]);
-    let scale = columns(["scale_0", "scale_1", "scale_2"]);
-    let colour = columns(["f_dc_0", "f_dc_1", "f_dc_2"]);
-    let rotation = ["rot_1", "rot_2", "rot_3", "rot_0"].map(column);
-    let opacity = column("opacity");
-    bytes[header_length + end.len()..]
-        .chunks_exact(4 * names.len())
-        .map(|record| {
-            let value = |column: usize| {
-                let bytes = record[4 * column..4 * column + 4]
-                    .try_into()
-                    .expect("4 bytes");
-                f32::from_le_bytes(bytes)
-            };
-            Gaussian {
-                position: position.map(value),
-                rotation: Quat::from_array(rotation.map(value)).normalize().to_array(),
-                scale: scale.map(|column| value(column).exp()),
-                opacity: 1.0 / (1.0 + (-value(opacity)).exp()),
-                colour: colour.map(|column| 0.5 + 0.282_094_79 * value(column)),
-            }
-        })
-        .collect()
+/// Where a point lies in a camera's picture: column and row.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "points in the picture"
+)]
+pub fn pixel_of(camera: &Camera, point: Vec3) -> (usize, usize) {
+    let seen = camera.camera_from_world.transform_point3(point);
+    let (x, y) = (-seen.x / seen.z, seen.y / seen.z);
+    (
+        (camera.fx * x + camera.cx) as usize,
+        (camera.fy * y + camera.cy) as usize,
+    )
 }

@@ -1,0 +1,121 @@
+//! The device's life: choosing, timing, closing, and windows.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use mon3tr_tests::picture_check::{BACK_ENDS, draw, renderer_for, show};
+use mon3tr_tests::splat_reference::World;
+use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
+use mon3tr_tests::vulkan::{LOGGED_MESSAGES, assert_silent, gpu, open_gpu, or_skip};
+use xr_renderer::{BackEnd, Backdrop, Gpu, GpuChoice, RenderError, Shown, Sorter, WindowTarget};
+
+#[test]
+fn a_device_that_is_not_there_is_refused_with_those_that_are() {
+    let Some(gpu) = gpu() else { return };
+    let wanted = GpuChoice::Named("no such device".to_owned());
+    let error = Gpu::open(&wanted, false)
+        .expect_err("no such device")
+        .to_string();
+    assert!(
+        error.contains("no such device") && error.contains(&gpu.info().name),
+        "{error}"
+    );
+}
+
+#[test]
+fn stages_are_timed_where_the_device_has_a_clock() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = renderer_for(&gpu, BackEnd::Tiles, 20_000, 512, 512, 1);
+    show(
+        &mut renderer,
+        &random_gaussians(20_000, 37),
+        &[front_camera(512, 512)],
+    )
+    .expect("a picture");
+    let times = renderer.stage_times();
+    let stages = [
+        times.upload,
+        times.project,
+        times.sort,
+        times.bin,
+        times.raster,
+    ];
+    assert!(
+        stages
+            .iter()
+            .all(|stage| stage.is_finite() && *stage >= 0.0),
+        "{times:?}"
+    );
+    assert_eq!(
+        times.raster > 0.0,
+        gpu.has_clock(),
+        "blending is timed by the device alone: {times:?}"
+    );
+}
+
+#[test]
+fn a_closed_device_leaves_no_object_behind() {
+    let Some(gpu) = or_skip(open_gpu()) else {
+        return;
+    };
+    let (gaussians, scene) = (random_gaussians(500, 41), random_scene(500, 1, 42));
+    let world = World {
+        background: Some(&scene),
+        ..World::of(&gaussians)
+    };
+    for back_end in BACK_ENDS {
+        let image = draw(&gpu, back_end, &world, &eyes(128, 128)).remove(0);
+        assert!(
+            image.pixels().iter().any(|pixel| pixel[3] > 0.0),
+            "{back_end}: something drawn"
+        );
+    }
+    Sorter::new(&gpu, 1_000)
+        .and_then(|mut sorter| sorter.sort_keys(&[3, 1, 2]))
+        .expect("a sort");
+    assert_eq!(Arc::strong_count(&gpu), 1, "holders of the device");
+    drop(gpu);
+    // The layer lists leaked objects when the device and the instance go.
+    assert_eq!(
+        LOGGED_MESSAGES.load(Ordering::SeqCst),
+        0,
+        "messages (logged above)"
+    );
+}
+
+#[test]
+fn a_window_is_shown_pictures_while_its_size_changes() {
+    let Some(gpu) = gpu() else { return };
+    // Drivers without headless surfaces exist: there is no window to show anything in.
+    let mut window = match WindowTarget::headless(&gpu, 300, 200) {
+        Ok(window) => window,
+        Err(why @ RenderError::NoPresentation { .. }) if !gpu.info().is_cpu => {
+            println!("skipped: {why}");
+            return;
+        }
+        Err(why) => panic!("{why}"),
+    };
+    let mut renderer = renderer_for(&gpu, BackEnd::Quads, 500, 64, 64, 1);
+    show(
+        &mut renderer,
+        &random_gaussians(500, 43),
+        &[front_camera(64, 64)],
+    )
+    .expect("a picture");
+    for size in [(300, 200), (300, 200), (64, 64), (1000, 50), (1, 1)] {
+        window.resize(size.0, size.1);
+        for _ in 0..3 {
+            let shown = window
+                .present(&renderer, Backdrop::Colour([0.2; 3]))
+                .expect("the window lives");
+            assert_eq!(shown, Shown::Yes, "a window of {size:?}");
+        }
+    }
+    let other = open_gpu().expect("a second device like the first");
+    let stranger = renderer_for(&other, BackEnd::Tiles, 1, 64, 64, 1);
+    window
+        .present(&stranger, Backdrop::Colour([0.2; 3]))
+        .expect_err("a renderer on another device");
+    drop(window);
+    assert_silent(&gpu);
+}
