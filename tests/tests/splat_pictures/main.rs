@@ -7,6 +7,7 @@ mod device;
 mod edges;
 mod filter_and_depth;
 mod foreground;
+mod golden;
 mod order;
 mod person_in_scene;
 mod subgroups;
