@@ -58,21 +58,25 @@ impl Background {
     /// scales to 0.1 %, rotations to 0.02 degrees, colours and harmonics to a small part of the block's range.
     #[must_use]
     pub fn pack(scene: &Scene) -> Self {
-        let order = neighbours_together(scene);
         let words = harmonics_words(scene.sh_degree());
-        let chunks = order
-            .par_chunks(CHUNK_BLOCKS * BLOCK)
+        let chunks = neighbours_together(scene)
+            .par_chunks(CHUNK_BLOCKS)
             .map(|members| {
                 let blocks: Vec<_> = members
-                    .par_chunks(BLOCK)
+                    .par_iter()
                     .map(|members| pack_block(scene, members, words))
                     .collect();
+                let places = blocks.len() * BLOCK;
                 let mut chunk = Chunk {
                     blocks: Vec::with_capacity(blocks.len()),
-                    gaussians: Vec::with_capacity(members.len()),
-                    harmonics: Vec::with_capacity(members.len() * words),
+                    gaussians: Vec::with_capacity(places),
+                    harmonics: Vec::with_capacity(places * words),
                 };
                 for (block, gaussians, harmonics) in blocks {
+                    // A block that is not full is filled with what is wholly transparent.
+                    let start = chunk.blocks.len() * BLOCK;
+                    chunk.gaussians.resize(start, [0; 5]);
+                    chunk.harmonics.resize(start * words, 0);
                     chunk.blocks.push(block);
                     chunk.gaussians.extend(gaussians);
                     chunk.harmonics.extend(harmonics);
@@ -111,6 +115,12 @@ impl Background {
         self.chunks.iter().map(|chunk| bytes(chunk) as u64).sum()
     }
 
+    /// Gaussians as the device counts them, with those that fill blocks.
+    pub(crate) fn places(&self) -> u32 {
+        let places: usize = self.chunks.iter().map(|chunk| chunk.gaussians.len()).sum();
+        u32::try_from(places).unwrap_or(u32::MAX)
+    }
+
     pub(crate) fn chunks(&self) -> &[Chunk] {
         &self.chunks
     }
@@ -128,29 +138,45 @@ fn harmonics_words(degree: u8) -> usize {
     (3 * coefficients).div_ceil(4)
 }
 
-/// Indices of a scene's Gaussians along a Morton curve, so that each block is compact: culled as one, and finely
-/// resolved by a few bits. Ties keep their order.
-fn neighbours_together(scene: &Scene) -> Vec<u32> {
-    // A stray far away must not press the rest into one cell: positions outside the robust box share its border.
+/// Blocks of at most [`BLOCK`] indices of a scene's Gaussians along a Morton curve, so that each is compact: culled as
+/// one, and finely resolved by a few bits. Ties keep their order.
+///
+/// What lies far out has blocks of its own, since a single stray would take its neighbours' resolution: around the box of
+/// most, shells that are twice as large each, no block in two of them.
+fn neighbours_together(scene: &Scene) -> Vec<Vec<u32>> {
     let Some(Bounds { min, max }) = scene.robust_bounds() else {
         return Vec::new();
     };
     let cells = 1024.0;
-    let mut keyed: Vec<(u32, u32)> = scene
+    let half = [0, 1, 2].map(|axis: usize| (0.5 * (max[axis] - min[axis])).max(f32::MIN_POSITIVE));
+    let largest = half.into_iter().fold(f32::MIN_POSITIVE, f32::max);
+    let mut keyed: Vec<(u32, u32, u32)> = scene
         .positions()
         .par_iter()
         .enumerate()
         .map(|(index, position)| {
+            let way = [0, 1, 2].map(|axis: usize| position[axis] - 0.5 * (min[axis] + max[axis]));
+            let out = way.into_iter().fold(0.0f32, |out, way| out.max(way.abs())) / largest;
+            let shell = quantised(out.log2().ceil() - 1.0, 64.0);
             let cell = |axis: usize| {
-                let extent = (max[axis] - min[axis]).max(f32::MIN_POSITIVE);
-                quantised((position[axis] - min[axis]) / extent * cells, cells - 1.0)
+                // Within the innermost shell, what is outside of the box of most shares its border.
+                let half = if shell == 0 {
+                    half[axis]
+                } else {
+                    out * largest
+                };
+                quantised((0.5 + 0.5 * way[axis] / half) * cells, cells - 1.0)
             };
             let code = spread(cell(0)) | (spread(cell(1)) << 1) | (spread(cell(2)) << 2);
-            (code, u32::try_from(index).unwrap_or(u32::MAX))
+            (shell, code, u32::try_from(index).unwrap_or(u32::MAX))
         })
         .collect();
     keyed.par_sort_unstable();
-    keyed.into_iter().map(|(_, index)| index).collect()
+    keyed
+        .chunk_by(|(shell, ..), (next, ..)| shell == next)
+        .flat_map(|shell| shell.chunks(BLOCK))
+        .map(|block| block.iter().map(|(.., index)| *index).collect())
+        .collect()
 }
 
 /// The lower 10 bits of a number, two zeros between each and the next.

@@ -68,7 +68,7 @@ impl Front {
         filter: Filter,
         views: u32,
     ) -> Result<Self, RenderError> {
-        let static_count = background.map_or(0, Background::len);
+        let static_count = background.map_or(0, Background::places);
         let most = gpu.limits.max_compute_work_group_count[0].saturating_mul(GROUP);
         let capacity = max_foreground
             .checked_add(static_count)

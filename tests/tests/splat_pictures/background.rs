@@ -8,6 +8,7 @@ use mon3tr_tests::picture_check::{
 use mon3tr_tests::real_files::real_file;
 use mon3tr_tests::splat_reference::World;
 use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
+use mon3tr_tests::synthetic::Random;
 use mon3tr_tests::vulkan::{assert_silent, gpu};
 use splat_scene::{Scene, SceneBuilder, Splat};
 use xr_renderer::{Camera, Fov};
@@ -103,6 +104,36 @@ fn a_scene_of_equal_gaussians_looks_as_the_reference_says() {
     }
     let (scene, camera) = (builder.finish(), front_camera(512, 512));
     assert_drawn_as_reference(&gpu, "equal", &World::scene(&scene), &[camera], EQUAL);
+}
+
+#[test]
+fn strays_far_away_do_not_blur_their_neighbours_places() {
+    let Some(gpu) = gpu() else { return };
+    let mut random = Random::new(65);
+    let mut builder = SceneBuilder::new(1).expect("degree 1");
+    for gaussian in random_gaussians(20_000, 62) {
+        let splat = Splat {
+            position: gaussian.position,
+            rotation: gaussian.rotation,
+            log_scale: gaussian.scale.map(f32::ln),
+            opacity: gaussian.opacity,
+            colour: gaussian.colour,
+        };
+        let rest: [f32; 9] = std::array::from_fn(|_| 0.2 * random.signed());
+        builder.push(&splat, &rest).expect("room for one more");
+        // As captures have them: a few in a thousand, up to 20 km away, and large enough to be seen there.
+        if random.unit() < 0.003 {
+            let times = 10f32.powf(0.5 + 3.8 * random.unit());
+            let stray = Splat {
+                position: gaussian.position.map(|x| times * x),
+                log_scale: splat.log_scale.map(|log| log + times.ln()),
+                ..splat
+            };
+            builder.push(&stray, &rest).expect("room for one more");
+        }
+    }
+    let (scene, camera) = (builder.finish(), front_camera(512, 512));
+    assert_drawn_as_reference(&gpu, "strays", &World::scene(&scene), &[camera], PACKED);
 }
 
 #[test]
