@@ -105,7 +105,12 @@ fn make_pipeline(
     attachments: usize,
 ) -> Result<vk::Pipeline, RenderError> {
     let vertex = Module::new(gpu, shaders_spirv::QUAD_VERT)?;
-    let fragment = Module::new(gpu, shaders_spirv::QUAD_FRAG)?;
+    // Writing to an attachment that is not there is nothing a pipeline should do.
+    let fragment = match attachments {
+        1 => shaders_spirv::QUAD_FRAG,
+        _ => shaders_spirv::QUAD_DEPTH_FRAG,
+    };
+    let fragment = Module::new(gpu, fragment)?;
     let constants = Constants::new(&[QUADS_PER_INSTANCE]);
     let constants = constants.info();
     let stages = [
