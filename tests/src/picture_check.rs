@@ -54,6 +54,26 @@ pub fn renderer_of(
     world: &World<'_>,
     cameras: &[Camera],
 ) -> SplatRenderer {
+    renderer_with(gpu, back_end, world, cameras, false)
+}
+
+/// [`renderer_of`] that draws depth as well.
+pub fn depth_renderer_of(
+    gpu: &Arc<Gpu>,
+    back_end: BackEnd,
+    world: &World<'_>,
+    cameras: &[Camera],
+) -> SplatRenderer {
+    renderer_with(gpu, back_end, world, cameras, true)
+}
+
+fn renderer_with(
+    gpu: &Arc<Gpu>,
+    back_end: BackEnd,
+    world: &World<'_>,
+    cameras: &[Camera],
+    depth: bool,
+) -> SplatRenderer {
     let count = |length: usize| u32::try_from(length).expect("few");
     let (width, height) = (cameras[0].width, cameras[0].height);
     let options = RendererOptions {
@@ -62,6 +82,7 @@ pub fn renderer_of(
             .background
             .map(|scene| Arc::new(Background::pack(scene))),
         filter: world.filter,
+        depth,
         ..RendererOptions::new(
             count(world.foreground.len()),
             width,
@@ -122,11 +143,23 @@ pub fn assert_drawn_as_reference(
     cameras: &[Camera],
     least: Least,
 ) -> [Vec<Image>; 2] {
+    assert_drawn_by(gpu, BACK_ENDS, name, world, cameras, least)
+}
+
+/// [`assert_drawn_as_reference`] by other back ends than both.
+pub fn assert_drawn_by<const N: usize>(
+    gpu: &Arc<Gpu>,
+    back_ends: [BackEnd; N],
+    name: &str,
+    world: &World<'_>,
+    cameras: &[Camera],
+    least: Least,
+) -> [Vec<Image>; N] {
     let expected: Vec<ReferencePicture> = cameras
         .iter()
         .map(|camera| splat_reference::render_world(world, camera))
         .collect();
-    let drawn = BACK_ENDS.map(|back_end| {
+    let drawn = back_ends.map(|back_end| {
         let got = draw(gpu, back_end, world, cameras);
         for (view, (got, expected)) in got.iter().zip(&expected).enumerate() {
             let name = format!("{name}-{view}-{back_end}");

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use mon3tr_tests::picture_check::{BACK_ENDS, assert_drawn_as_reference, draw, renderer_for, show};
+use mon3tr_tests::picture_check::{
+    BACK_ENDS, assert_drawn_as_reference, depth_renderer_of, draw, renderer_for, show,
+};
 use mon3tr_tests::splat_reference::World;
 use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians};
 use mon3tr_tests::vulkan::{assert_silent, gpu};
@@ -53,12 +55,13 @@ fn nothing_to_draw_is_a_transparent_picture() {
     let away = Camera::look_at(Vec3::Z * 3.0, Vec3::Z * 6.0, Vec3::Y, 0.75, 100, 100);
     let gaussians = random_gaussians(1_000, 23);
     for back_end in BACK_ENDS {
-        let mut renderer = renderer_for(&gpu, back_end, 1_000, 100, 100, 1);
+        let world = World::of(&gaussians);
+        let mut renderer = depth_renderer_of(&gpu, back_end, &world, &[camera]);
         let transparent = |renderer: &mut SplatRenderer, why: &str| {
             let image = renderer.read_back(0).expect("a picture");
             let depths = renderer.read_back_depth(0).expect("a depth picture");
-            let all = image.pixels().as_flattened().iter().chain(&depths);
-            assert!(all.copied().all(|value| value == 0.0), "{back_end}: {why}");
+            let mut all = image.pixels().as_flattened().iter().chain(&depths);
+            assert!(all.all(|value| *value == 0.0), "{back_end}: {why}");
         };
         transparent(&mut renderer, "before the first picture");
         show(&mut renderer, &gaussians, &[camera]).expect("a picture");
@@ -66,7 +69,7 @@ fn nothing_to_draw_is_a_transparent_picture() {
         transparent(&mut renderer, "no Gaussians");
         show(&mut renderer, &gaussians, &[away]).expect("a picture of nothing");
         transparent(&mut renderer, "all behind the camera");
-        let mut roomless = renderer_for(&gpu, back_end, 0, 100, 100, 1);
+        let mut roomless = depth_renderer_of(&gpu, back_end, &World::of(&[]), &[camera]);
         show(&mut roomless, &[], &[camera]).expect("a picture of nothing");
         transparent(&mut roomless, "no room for Gaussians");
     }
@@ -139,6 +142,8 @@ fn what_does_not_fit_the_renderer_is_refused_by_name() {
     scaled.camera_from_world.matrix3 *= 1.5;
     let error = show(&mut renderer, &[], &[scaled]).expect_err("no rigid camera");
     assert!(error.to_string().contains("rigid"), "{error}");
+    let error = renderer.read_back_depth(0).expect_err("no depth");
+    assert!(matches!(error, RenderError::NoDepth), "{error}");
     let error = renderer.read_back(1).expect_err("1 view");
     assert!(error.to_string().contains("view 1"), "{error}");
     let error = SplatRenderer::new(Arc::clone(&gpu), &RendererOptions::new(10, 5000, 64, 1))

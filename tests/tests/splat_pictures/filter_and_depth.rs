@@ -1,7 +1,9 @@
 //! The Mip filter and the depth picture against the reference.
 
 use glam::Vec3;
-use mon3tr_tests::picture_check::{BACK_ENDS, assert_drawn_as_reference, renderer_of, views_of};
+use mon3tr_tests::picture_check::{
+    BACK_ENDS, assert_drawn_as_reference, compare, depth_renderer_of, draw, views_of, whole,
+};
 use mon3tr_tests::splat_reference::{World, depth_error, render_world};
 use mon3tr_tests::splat_scenes::{
     eyes_at, front_camera, railing_and_wall, random_gaussians, random_scene, standing_figure,
@@ -62,9 +64,14 @@ fn depth_is_what_the_reference_says_in_both_eyes() {
             BackEnd::Tiles => 1.5,
             BackEnd::Quads => 6.0,
         };
-        let mut renderer = renderer_of(&gpu, back_end, &world, &eyes);
+        let mut renderer = depth_renderer_of(&gpu, back_end, &world, &eyes);
         renderer.draw(&eyes).expect("a picture");
         let images = views_of(&mut renderer);
+        let alone = draw(&gpu, back_end, &world, &eyes);
+        for (image, alone) in images.iter().zip(&alone) {
+            let (_, most) = compare(image, alone, whole(image));
+            assert!(most < 0.002, "{back_end}: colours change by {most}");
+        }
         for (view, (image, expected)) in (0..).zip(images.iter().zip(&expected)) {
             let depths = renderer.read_back_depth(view).expect("a view");
             let (mean, most) = depth_error(image, &depths, expected).expect("something to see");

@@ -1,11 +1,17 @@
 //! Every subgroup size that the software driver can be asked for.
 
-use mon3tr_tests::picture_check::assert_drawn_as_reference;
+use mon3tr_tests::picture_check::assert_drawn_by;
 use mon3tr_tests::splat_reference::World;
 use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
 use mon3tr_tests::vulkan::{gpu, rerun_with_other_subgroups};
+use xr_renderer::{BackEnd, Gpu};
 
 use crate::{CROWDED, PACKED};
+
+/// Quads are no matter of subgroups, and LLVM 19 crashes on their shaders with vectors of 512 bits.
+fn quads_run(gpu: &Gpu) -> bool {
+    !(gpu.info().name.contains("llvmpipe") && gpu.subgroup_size() > 8)
+}
 
 #[test]
 fn foreground_and_background_look_as_the_reference_says_at_this_subgroup_size() {
@@ -15,15 +21,18 @@ fn foreground_and_background_look_as_the_reference_says_at_this_subgroup_size() 
         background: Some(&scene),
         ..World::of(&gaussians)
     };
-    assert_drawn_as_reference(&gpu, "subgroups", &world, &eyes(500, 460), PACKED);
-    let camera = [front_camera(640, 600)];
-    assert_drawn_as_reference(
-        &gpu,
-        "subgroups-mono",
-        &World::of(&gaussians),
-        &camera,
-        CROWDED,
-    );
+    let (eyes, camera) = (eyes(500, 460), [front_camera(640, 600)]);
+    let front = World::of(&gaussians);
+    let tiles = [BackEnd::Tiles];
+    assert_drawn_by(&gpu, tiles, "subgroups", &world, &eyes, PACKED);
+    assert_drawn_by(&gpu, tiles, "subgroups-mono", &front, &camera, CROWDED);
+    if quads_run(&gpu) {
+        let quads = [BackEnd::Quads];
+        assert_drawn_by(&gpu, quads, "subgroups", &world, &eyes, PACKED);
+        assert_drawn_by(&gpu, quads, "subgroups-mono", &front, &camera, CROWDED);
+    } else {
+        println!("skipped: quads with subgroups of {}", gpu.subgroup_size());
+    }
 }
 
 #[test]
@@ -32,9 +41,8 @@ fn the_picture_is_right_for_every_subgroup_size_of_the_software_driver() {
     for (size, text) in rerun_with_other_subgroups(&gpu, &["_at_this_subgroup_size"]) {
         let expected = format!("subgroups of {size}");
         let views = text.matches(&expected).count();
-        assert_eq!(
-            views, 6,
-            "three views by two back ends, {expected}:\n{text}"
-        );
+        // Three views by each back end; with 16, those of the tiles and the line that says so.
+        let wanted = if size > 8 { 4 } else { 6 };
+        assert_eq!(views, wanted, "lines with {expected}:\n{text}");
     }
 }
