@@ -203,14 +203,6 @@ path_for_lists() {
 	return 1
 }
 
-# Whether the processor has what LLVM makes 512-bit vectors of whole.
-has_avx512() {
-	local feature
-	for feature in avx512f avx512bw avx512dq avx512vl; do
-		grep -qw "$feature" /proc/cpuinfo 2>/dev/null || return 1
-	done
-}
-
 export_environment() {
 	local lists root runner=CARGO_TARGET_${cargo_target}_RUNNER
 	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
@@ -233,8 +225,6 @@ export_environment() {
 	export VK_ICD_FILENAMES=$VK_DRIVER_FILES
 	export VK_LAYER_PATH=$root/usr/share/vulkan/explicit_layer.d
 	export XKB_CONFIG_ROOT=$root/usr/share/X11/xkb
-	# Vectors as wide as the processor's: left to itself Mesa stops at 256 bits.
-	if [ -z "${LP_NATIVE_VECTOR_WIDTH:-}" ] && has_avx512; then export LP_NATIVE_VECTOR_WIDTH=512; fi
 	export MON3TR_RUNNER=$lists/lavapipe/run
 	export "$runner=$MON3TR_RUNNER"
 	say "Vulkan: lavapipe $(lavapipe_version) from the cache (this machine's own will not do: $vulkan_why)"
