@@ -59,10 +59,16 @@ void wait_for_hands() {}
 Splat take(Splat own, uint from) {
     return Splat(subgroupBroadcast(own.mean_x, from), subgroupBroadcast(own.mean_y, from),
                  subgroupBroadcast(own.ux, from), subgroupBroadcast(own.uy, from), subgroupBroadcast(own.wy, from),
-                 subgroupBroadcast(own.log2_opacity, from), subgroupBroadcast(own.red_green, from),
-                 subgroupBroadcast(own.blue_depth, from));
+                 subgroupBroadcast(own.log2_opacity, from), 0u, 0u);
+}
+vec4 colour_of(vec4 own_colour, Splat one, uint from) {
+    return vec4(subgroupBroadcast(own_colour.r, from), subgroupBroadcast(own_colour.g, from),
+                subgroupBroadcast(own_colour.b, from), DEPTH ? subgroupBroadcast(own_colour.a, from) : 0.0);
 }
 #else
+vec4 colour_of(vec4 own_colour, Splat one, uint from) {
+    return vec4(unpackHalf2x16(one.red_green), unpackHalf2x16(one.blue_depth));
+}
 void hand_out(uint lane, Splat own) { handed[lane] = own; }
 void wait_for_hands() { subgroupBarrier(); }
 Splat take(Splat own, uint from) { return handed[from]; }
@@ -110,6 +116,7 @@ void main() {
             hand_out(lane, own);
             touches = block_peak(own, low, high) > LOG2_ALPHA_CUT - TEST_SLACK;
         }
+        vec4 own_colour = vec4(unpackHalf2x16(own.red_green), unpackHalf2x16(own.blue_depth));
         wait_for_hands();
         uvec4 touching = subgroupBallot(touches);
         for (uint word = 0u; word < BALLOT_WORDS; ++word) {
@@ -118,7 +125,7 @@ void main() {
                 uint from = word * 32u + uint(findLSB(left));
                 left &= left - 1u;
                 Splat one = take(own, from);
-                vec4 rgbz = vec4(unpackHalf2x16(one.red_green), unpackHalf2x16(one.blue_depth));
+                vec4 rgbz = colour_of(own_colour, one, from);
                 for (uint i = 0u; i < PIXELS; ++i) {
                     float dx = centre[i].x - one.mean_x;
                     float dy = centre[i].y - one.mean_y;
