@@ -22,7 +22,8 @@ struct PackedStatic { uint words[5]; };
 struct Block {
     vec4 origin;      // least position, metres; reach: greatest radius at which alpha could be 1/255
     vec4 step_scale;  // size of a position step on each axis; least log2(scale)
-    vec4 steps;       // of log2(scale); least colour coefficient; step of that; step of higher coefficients
+    vec4 steps;       // of log2(scale); least colour coefficient; step of that
+    vec4 harmonics;   // steps of the coefficients of degree 1, 2 and 3
 };
 
 layout(set = 0, binding = 7, std430) readonly buffer Gaussians { PackedStatic gaussians[]; };
@@ -58,33 +59,33 @@ vec3 coefficients(uint base, uint k) {
 }
 
 // Degrees 1 to 3 at a unit direction from the eye to the Gaussian; constants and order as in 3DGS.
-vec3 higher_harmonics(uint base, vec3 d) {
+vec3 higher_harmonics(uint base, vec3 d, vec3 steps) {
     float x = d.x, y = d.y, z = d.z;
-    vec3 sum = 0.4886025119029199 * (-y * coefficients(base, 0u) + z * coefficients(base, 1u) - x * coefficients(base, 2u));
+    vec3 sum = steps.x * 0.4886025119029199 * (-y * coefficients(base, 0u) + z * coefficients(base, 1u) - x * coefficients(base, 2u));
     if (SH_WORDS > 3u) {
         float xx = x * x, yy = y * y, zz = z * z;
-        sum += 1.0925484305920792 * x * y * coefficients(base, 3u)
+        sum += steps.y * (1.0925484305920792 * x * y * coefficients(base, 3u)
             - 1.0925484305920792 * y * z * coefficients(base, 4u)
             + 0.31539156525252005 * (2.0 * zz - xx - yy) * coefficients(base, 5u)
             - 1.0925484305920792 * x * z * coefficients(base, 6u)
-            + 0.5462742152960396 * (xx - yy) * coefficients(base, 7u);
+            + 0.5462742152960396 * (xx - yy) * coefficients(base, 7u));
         if (SH_WORDS > 6u) {
-            sum += -0.5900435899266435 * y * (3.0 * xx - yy) * coefficients(base, 8u)
+            sum += steps.z * (-0.5900435899266435 * y * (3.0 * xx - yy) * coefficients(base, 8u)
                 + 2.890611442640554 * x * y * z * coefficients(base, 9u)
                 - 0.4570457994644658 * y * (4.0 * zz - xx - yy) * coefficients(base, 10u)
                 + 0.3731763325901154 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy) * coefficients(base, 11u)
                 - 0.4570457994644658 * x * (4.0 * zz - xx - yy) * coefficients(base, 12u)
                 + 1.445305721320277 * z * (xx - yy) * coefficients(base, 13u)
-                - 0.5900435899266435 * x * (xx - 3.0 * yy) * coefficients(base, 14u);
+                - 0.5900435899266435 * x * (xx - 3.0 * yy) * coefficients(base, 14u));
         }
     }
     return sum;
 }
 
-vec3 colour_from(ViewParams v, vec3 position, vec3 base_colour, uint local, float sh_step) {
+vec3 colour_from(ViewParams v, vec3 position, vec3 base_colour, uint local, vec3 sh_steps) {
     if (SH_WORDS == 0u) return base_colour;
     vec3 direction = normalize(position - v.clip.xyz);
-    return base_colour + sh_step * higher_harmonics(local * SH_WORDS, direction);
+    return base_colour + higher_harmonics(local * SH_WORDS, direction, sh_steps);
 }
 
 void main() {
@@ -126,12 +127,12 @@ void main() {
                 if (rect_1 != EMPTY_RECT) splats_1[index] = right.splat;
             }
             if (rect_0 != EMPTY_RECT) {
-                paint(left.splat, colour_from(frame.views[0], position, base_colour, local, block.steps.w));
+                paint(left.splat, colour_from(frame.views[0], position, base_colour, local, block.harmonics.xyz));
                 splats_0[index].red_green = left.splat.red_green;
                 splats_0[index].blue_depth = left.splat.blue_depth;
             }
             if (rect_1 != EMPTY_RECT) {
-                paint(right.splat, colour_from(frame.views[1], position, base_colour, local, block.steps.w));
+                paint(right.splat, colour_from(frame.views[1], position, base_colour, local, block.harmonics.xyz));
                 splats_1[index].red_green = right.splat.red_green;
                 splats_1[index].blue_depth = right.splat.blue_depth;
             }

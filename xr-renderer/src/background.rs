@@ -29,8 +29,12 @@ pub(crate) struct Block {
     /// Least colour coefficient, and its step.
     colour_least: f32,
     colour_step: f32,
-    /// Step of the coefficients of degree 1 to 3.
-    harmonics_step: f32,
+    /// Not read.
+    padding_0: f32,
+    /// Steps of the coefficients of degree 1, 2 and 3, each about half as large as those before it.
+    harmonics_steps: [f32; 3],
+    /// Not read.
+    padding_1: f32,
 }
 
 /// Position 3 x 16 bits, scale 3 x 12, rotation 2 + 3 x 12, opacity 8, colour 3 x 10.
@@ -229,10 +233,11 @@ fn pack_block(
     let colours = Steps::around(each().flat_map(|index| scene.colours()[index]), 1023.0);
     let rest = scene.rest_coefficients() * 3;
     let rest_of = |index: usize| &scene.sh_rest()[index * rest..(index + 1) * rest];
-    let largest = each()
-        .flat_map(rest_of)
-        .fold(0.0f32, |largest, value| largest.max(value.abs()));
-    let harmonics_step = (largest / 127.0).max(f32::MIN_POSITIVE);
+    let harmonics_steps = [0..9, 9..24, 24..45].map(|band| {
+        let values = each().flat_map(|index| rest_of(index).get(band.clone()).unwrap_or_default());
+        let largest = values.fold(0.0f32, |largest, value| largest.max(value.abs()));
+        (largest / 127.0).max(f32::MIN_POSITIVE)
+    });
 
     let gaussians = each().map(|index| {
         let position = scene.positions()[index];
@@ -251,9 +256,12 @@ fn pack_block(
     });
     let gaussians = gaussians.collect();
     let harmonics = each().flat_map(|index| {
-        let mut bytes = rest_of(index)
-            .iter()
-            .map(|value| signed_byte(value / harmonics_step));
+        let [first, second, third] = harmonics_steps;
+        let steps = std::iter::repeat_n(first, 9)
+            .chain(std::iter::repeat_n(second, 15))
+            .chain(std::iter::repeat_n(third, 21));
+        let mut bytes =
+            (rest_of(index).iter().zip(steps)).map(|(value, step)| signed_byte(value / step));
         (0..words)
             .map(|_| u32::from_le_bytes(std::array::from_fn(|_| bytes.next().unwrap_or_default())))
             .collect::<Vec<_>>()
@@ -269,7 +277,9 @@ fn pack_block(
         scale_step: scales.step,
         colour_least: colours.least,
         colour_step: colours.step,
-        harmonics_step,
+        padding_0: 0.0,
+        harmonics_steps,
+        padding_1: 0.0,
     };
     (block, gaussians, harmonics)
 }
