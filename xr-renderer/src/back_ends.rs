@@ -59,7 +59,7 @@ pub(crate) struct BackEnds {
 }
 
 impl BackEnds {
-    /// The asked-for one, or both where none was and the device has a clock to tell.
+    /// The asked-for one, or both where none was and the device can tell which is faster.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         front: &Front,
@@ -67,7 +67,10 @@ impl BackEnds {
         capacity: u32,
         asked: Option<BackEnd>,
     ) -> Result<Self, RenderError> {
-        let asked = asked.or((!gpu.has_clock()).then_some(BackEnd::Tiles));
+        // LLVM 19, below Mesa's llvmpipe, crashes on the quads' shaders with vectors of 512 bits, 16 to a subgroup.
+        let crashes = gpu.info().is_cpu && gpu.subgroup_size() > 8;
+        let comparable = gpu.has_clock() && !crashes;
+        let asked = asked.or((!comparable).then_some(BackEnd::Tiles));
         let tiles = (asked != Some(BackEnd::Quads))
             .then(|| Tiles::new(gpu, front, target, capacity))
             .transpose()?;

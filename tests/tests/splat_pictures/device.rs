@@ -7,7 +7,10 @@ use mon3tr_tests::picture_check::{BACK_ENDS, draw, renderer_for, show};
 use mon3tr_tests::splat_reference::World;
 use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
 use mon3tr_tests::vulkan::{LOGGED_MESSAGES, assert_silent, gpu, open_gpu, or_skip};
-use xr_renderer::{BackEnd, Backdrop, Gpu, GpuChoice, RenderError, Shown, Sorter, WindowTarget};
+use xr_renderer::{
+    BackEnd, Backdrop, Gpu, GpuChoice, RenderError, RendererOptions, Shown, Sorter, SplatRenderer,
+    WindowTarget,
+};
 
 #[test]
 fn a_device_that_is_not_there_is_refused_with_those_that_are() {
@@ -51,6 +54,33 @@ fn stages_are_timed_where_the_device_has_a_clock() {
         gpu.has_clock(),
         "blending is timed by the device alone: {times:?}"
     );
+}
+
+#[test]
+fn the_first_picture_finds_out_which_back_end_is_faster_and_all_are_drawn_by_it() {
+    let Some(gpu) = gpu() else { return };
+    let (gaussians, camera) = (random_gaussians(5_000, 39), front_camera(256, 256));
+    let options = RendererOptions::new(5_000, 256, 256, 1);
+    let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
+    renderer.draw(&[camera]).expect("a picture of nothing");
+    assert_eq!(
+        renderer.back_end_trial(),
+        None,
+        "nothing to compare them with"
+    );
+    for picture in ["first", "second"] {
+        show(&mut renderer, &gaussians, &[camera]).expect("a picture");
+        let trial = renderer.back_end_trial();
+        if gpu.has_clock() && !(gpu.info().is_cpu && gpu.subgroup_size() > 8) {
+            let trial = trial.expect("the device can tell");
+            assert_eq!(renderer.back_end(), trial.winner(), "{picture}");
+            assert!(trial.tiles > 0.0 && trial.quads > 0.0, "{trial:?}");
+        }
+        let got = renderer.read_back(0).expect("a view");
+        let asked = draw(&gpu, renderer.back_end(), &World::of(&gaussians), &[camera]);
+        assert!(got == asked[0], "{picture}: another than when asked for");
+    }
+    assert_silent(&gpu);
 }
 
 #[test]
