@@ -1,7 +1,6 @@
 //! A Gaussian as callers state it, and as it is uploaded each frame.
 
 use bytemuck::{Pod, Zeroable};
-use half::f16;
 
 /// One Gaussian in world space, in plain numbers.
 ///
@@ -114,25 +113,23 @@ impl From<&Gaussian> for PackedGaussian {
 /// unit length.
 #[must_use]
 pub fn smallest_three(rotation: [f32; 4], most: f32) -> (u32, [u32; 3]) {
-    let mut largest = 0;
-    for candidate in 1..4 {
-        if rotation[candidate].abs() > rotation[largest].abs() {
-            largest = candidate;
-        }
-    }
-    let sign = 1f32.copysign(rotation[largest]);
-    let mut others = [0; 3];
-    let rest = (0..4).filter(|index| *index != largest);
-    for (other, index) in others.iter_mut().zip(rest) {
-        let share = rotation[index] * sign * std::f32::consts::FRAC_1_SQRT_2 + 0.5;
-        *other = quantised(share * most, most);
-    }
-    #[expect(clippy::cast_possible_truncation, reason = "one of four")]
-    let largest = largest as u32;
-    (largest, others)
+    let [x, y, z, w] = rotation;
+    let [ax, ay, az, aw] = rotation.map(f32::abs);
+    let (largest, left_out, others) = if ax >= ay && ax >= az && ax >= aw {
+        (0, x, [y, z, w])
+    } else if ay >= az && ay >= aw {
+        (1, y, [x, z, w])
+    } else if az >= aw {
+        (2, z, [x, y, w])
+    } else {
+        (3, w, [x, y, z])
+    };
+    let scale = std::f32::consts::FRAC_1_SQRT_2.copysign(left_out);
+    let step = |number: f32| quantised((number * scale + 0.5) * most, most);
+    (largest, others.map(step))
 }
 
-/// A value held within `0..=most` and rounded; 0 for NaN.
+/// A value held within `0..=most` and rounded, halves up; 0 for NaN.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -140,12 +137,21 @@ pub fn smallest_three(rotation: [f32; 4], most: f32) -> (u32, [u32; 3]) {
 )]
 #[must_use]
 pub fn quantised(value: f32, most: f32) -> u32 {
-    value.clamp(0.0, most).round() as u32
+    // Not `round`, which is a call into libm on processors as old as x86-64 allows.
+    (value.clamp(0.0, most) + 0.5) as u32
 }
 
-/// The nearest finite half.
+/// The nearest half to a colour that is finite; below 0 and below the least normal half (0.00006) it is black.
 fn half_bits(value: f32) -> u32 {
-    u32::from(f16::from_f32(value.clamp(f16::MIN.to_f32(), f16::MAX.to_f32())).to_bits())
+    const LEAST: f32 = 6.103_515_6e-5;
+    const MOST: f32 = 65_504.0;
+    // From a float's exponent to a half's, and half of the last bit that stays.
+    const REBIAS: u32 = 112 << 23;
+    const HALF_STEP: u32 = 0x1000;
+    if value < LEAST {
+        return 0;
+    }
+    (value.min(MOST).to_bits() + HALF_STEP - REBIAS) >> 13
 }
 
 #[cfg(test)]
@@ -208,6 +214,26 @@ mod tests {
             PackedGaussian::zeroed(),
             "a plain one"
         );
+    }
+
+    #[test]
+    fn colours_become_the_nearest_half() {
+        for step in 1u16..2_000 {
+            let value = f32::from(step) / 777.0;
+            let expected = half::f16::from_f32(value).to_f32();
+            let got = half::f16::from_bits(u16::try_from(half_bits(value)).expect("16 bits"));
+            let worst = expected * 2f32.powi(-11);
+            assert!((got.to_f32() - value).abs() <= worst, "{value}: {got}");
+        }
+        for (value, bits) in [
+            (-1.0, 0),
+            (0.0, 0),
+            (1.0, 0x3C00),
+            (65_504.0, 0x7BFF),
+            (1e9, 0x7BFF),
+        ] {
+            assert_eq!(half_bits(value), bits, "{value}");
+        }
     }
 
     #[test]
