@@ -61,13 +61,13 @@ pub(crate) fn open<'a>(module: &'a Module, settings: &[Setting]) -> Vec<&'a str>
 fn renderers(module: &Module, constant: &str, subgroup: u32) -> Option<u32> {
     match (module.shader.name, constant) {
         (_, "SUBGROUP") => Some(subgroup),
-        // gpu.rs: not on this vendor's chips.
-        (_, "SHUFFLE") => Some(0),
+        // options.rs: no depth unless it is asked for.
+        (_, "DEPTH") => Some(0),
         (_, "QUADS_PER_INSTANCE") => Some(shaders_spirv::QUADS_PER_INSTANCE),
         // tiles.rs: few lanes, small groups.
         ("bin_count" | "bin_emit", "GROUP") => Some(32),
         // sort.rs.
-        ("sort_count" | "sort_scatter", "GROUP") | (_, "SORT_GROUP") => Some(256),
+        ("sort_count" | "sort_scatter" | "sort_rank", "GROUP") | (_, "SORT_GROUP") => Some(256),
         // Not left to the default, which glslang loses where the shader reads it nowhere.
         (_, "GROUP") => Some(64),
         _ => None,

@@ -66,6 +66,11 @@ fn main() -> anyhow::Result<()> {
             )
             .with_context(|| format!("shader {name} at subgroups of {subgroup}"))?;
             for one in compiled {
+                // Of a pair, the driver may make more than two programs.
+                let stage = stages
+                    .iter()
+                    .find(|module| pipeline::stage_name(module.stage.flag()) == one.stage);
+                let name = stage.map_or(name, |module| module.shader.name);
                 if let Some(folder) = &arguments.code {
                     write_code(folder, name, &one)?;
                 }
@@ -83,15 +88,19 @@ fn main() -> anyhow::Result<()> {
                     compile(&[module], subgroup)?;
                 }
             }
-            // With its fragment shader, without which there is no pipeline.
-            Stage::Vertex => {
-                let fragment = modules
+            // With a fragment shader, without which there is no pipeline.
+            Stage::Vertex => {}
+            Stage::Fragment => {
+                let vertex = modules
                     .iter()
-                    .find(|other| other.stage == Stage::Fragment && other.shader.name == name)
-                    .with_context(|| format!("{name}.vert has no {name}.frag"))?;
-                compile(&[module, fragment], SUBGROUPS[0])?;
+                    .find(|other| {
+                        other.stage == Stage::Vertex && name.starts_with(other.shader.name)
+                    })
+                    .with_context(|| {
+                        format!("{name}.frag has no .vert whose name begins its own")
+                    })?;
+                compile(&[vertex, module], SUBGROUPS[0])?;
             }
-            Stage::Fragment => {}
         }
     }
     println!("{}, {}", device.name, device.driver);

@@ -281,7 +281,8 @@ fn report(
     Ok(compiled)
 }
 
-fn stage_name(stages: vk::ShaderStageFlags) -> &'static str {
+/// A stage's name in the table.
+pub(crate) fn stage_name(stages: vk::ShaderStageFlags) -> &'static str {
     match stages {
         vk::ShaderStageFlags::VERTEX => "vertex",
         vk::ShaderStageFlags::FRAGMENT => "fragment",
