@@ -3,7 +3,6 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_ballot : require
-#extension GL_KHR_shader_subgroup_vote : require
 #include "project.glsl"
 
 // One invocation per Gaussian of one chunk of the background, as xr-renderer/src/background.rs packs it: 20 bytes
@@ -105,38 +104,41 @@ void main() {
         if (possible) {
             PackedStatic g = gaussians[local];
             float opacity = float(bitfieldExtract(g.words[1], 16, 8)) / 255.0;
-            vec3 steps = vec3(g.words[0] & 0xFFFFu, g.words[0] >> 16, g.words[1] & 0xFFFFu);
-            vec3 position = block.origin.xyz + steps * block.step_scale.xyz;
-            uvec3 scale_steps = uvec3(g.words[2] & 0xFFFu, bitfieldExtract(g.words[2], 12, 12),
-                                      (g.words[1] >> 24) | (bitfieldExtract(g.words[2], 24, 4) << 8));
-            vec3 log2_scale = block.step_scale.w + block.steps.x * vec3(scale_steps);
-            uvec3 turn = uvec3((g.words[2] >> 28) | ((g.words[3] & 0xFFu) << 4), bitfieldExtract(g.words[3], 8, 12), g.words[3] >> 20);
-            vec4 rotation = quaternion(g.words[4] >> 30, (vec3(turn) / 4094.0 - 0.5) * SQRT_2);
-            uvec3 colour_steps = uvec3(g.words[4] & 0x3FFu, bitfieldExtract(g.words[4], 10, 10), bitfieldExtract(g.words[4], 20, 10));
-            vec3 base_colour = 0.5 + SH_C0 * (block.steps.y + block.steps.z * vec3(colour_steps));
-            mat3 axes = scaled_axes(rotation, exp2(log2_scale));
-            Seen left = see(frame.views[0], position, opacity, axes);
-            kept = left.kept;
-            rect_0 = left.rect;
-            if (rect_0 != EMPTY_RECT) splats_0[index] = left.splat;
-            Seen right;
-            if (frame.view_count > 1u) {
-                right = see(frame.views[1], position, opacity, axes);
-                kept = kept || right.kept;
-                rect_1 = right.rect;
-                if (rect_1 != EMPTY_RECT) splats_1[index] = right.splat;
+            // A block is filled up with Gaussians that show nowhere.
+            if (opacity > ALPHA_CUT) {
+                vec3 steps = vec3(g.words[0] & 0xFFFFu, g.words[0] >> 16, g.words[1] & 0xFFFFu);
+                vec3 position = block.origin.xyz + steps * block.step_scale.xyz;
+                uvec3 scale_steps = uvec3(g.words[2] & 0xFFFu, bitfieldExtract(g.words[2], 12, 12),
+                                          (g.words[1] >> 24) | (bitfieldExtract(g.words[2], 24, 4) << 8));
+                vec3 log2_scale = block.step_scale.w + block.steps.x * vec3(scale_steps);
+                uvec3 turn = uvec3((g.words[2] >> 28) | ((g.words[3] & 0xFFu) << 4), bitfieldExtract(g.words[3], 8, 12), g.words[3] >> 20);
+                vec4 rotation = quaternion(g.words[4] >> 30, (vec3(turn) / 4094.0 - 0.5) * SQRT_2);
+                uvec3 colour_steps = uvec3(g.words[4] & 0x3FFu, bitfieldExtract(g.words[4], 10, 10), bitfieldExtract(g.words[4], 20, 10));
+                vec3 base_colour = 0.5 + SH_C0 * (block.steps.y + block.steps.z * vec3(colour_steps));
+                mat3 axes = scaled_axes(rotation, exp2(log2_scale));
+                Seen left = see(frame.views[0], position, opacity, axes);
+                kept = left.kept;
+                rect_0 = left.rect;
+                if (rect_0 != EMPTY_RECT) splats_0[index] = left.splat;
+                Seen right;
+                if (frame.view_count > 1u) {
+                    right = see(frame.views[1], position, opacity, axes);
+                    kept = kept || right.kept;
+                    rect_1 = right.rect;
+                    if (rect_1 != EMPTY_RECT) splats_1[index] = right.splat;
+                }
+                if (rect_0 != EMPTY_RECT) {
+                    paint(left.splat, colour_from(frame.views[0], position, base_colour, local, block.harmonics.xyz));
+                    splats_0[index].red_green = left.splat.red_green;
+                    splats_0[index].blue_depth = left.splat.blue_depth;
+                }
+                if (rect_1 != EMPTY_RECT) {
+                    paint(right.splat, colour_from(frame.views[1], position, base_colour, local, block.harmonics.xyz));
+                    splats_1[index].red_green = right.splat.red_green;
+                    splats_1[index].blue_depth = right.splat.blue_depth;
+                }
+                depth = depth_bits(position);
             }
-            if (rect_0 != EMPTY_RECT) {
-                paint(left.splat, colour_from(frame.views[0], position, base_colour, local, block.harmonics.xyz));
-                splats_0[index].red_green = left.splat.red_green;
-                splats_0[index].blue_depth = left.splat.blue_depth;
-            }
-            if (rect_1 != EMPTY_RECT) {
-                paint(right.splat, colour_from(frame.views[1], position, base_colour, local, block.harmonics.xyz));
-                splats_1[index].red_green = right.splat.red_green;
-                splats_1[index].blue_depth = right.splat.blue_depth;
-            }
-            depth = depth_bits(position);
         }
         rects[index] = rect_0;
         if (frame.view_count > 1u) rects[frame.total_count + index] = rect_1;

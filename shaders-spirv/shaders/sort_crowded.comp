@@ -9,8 +9,8 @@ const uint MERGERS = 256u;
 const uint RUN = 16u; // items that one invocation sorts before merging begins
 layout(local_size_x = 256) in;
 
-layout(set = 0, binding = 5, std430) buffer PlacedItems { uint placed_items[]; };
-layout(set = 0, binding = 6, std430) buffer Order { uint order[]; };
+layout(set = 0, binding = 5, std430) coherent buffer PlacedItems { uint placed_items[]; };
+layout(set = 0, binding = 6, std430) coherent buffer Order { uint order[]; };
 layout(set = 0, binding = 7, std430) readonly buffer Crowded { uint crowded[]; };
 
 bool from_order; // which of the two holds the runs

@@ -94,6 +94,22 @@ impl PackedGaussian {
     pub fn shows(&self) -> bool {
         self.words[4] >> 16 > 65_535 / 255
     }
+
+    /// The greatest of the three scales as it is stored: 2,048 steps an octave.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "16 bits each")]
+    pub const fn greatest_scale_step(&self) -> u16 {
+        let [_, _, _, xy, z, ..] = self.words;
+        let (x, y, z) = (xy as u16, (xy >> 16) as u16, z as u16);
+        let most = if x > y { x } else { y };
+        if most > z { most } else { z }
+    }
+
+    /// The opacity as it is stored: 65,535 steps.
+    #[must_use]
+    pub const fn opacity_step(&self) -> u16 {
+        (self.words[4] >> 16) as u16
+    }
 }
 
 impl From<&Gaussian> for PackedGaussian {

@@ -50,14 +50,4 @@ impl Bounds {
         }
         Some(bounds)
     }
-
-    /// The middle of the box.
-    pub fn centre(&self) -> [f32; 3] {
-        std::array::from_fn(|axis| 0.5 * (self.min[axis] + self.max[axis]))
-    }
-
-    /// The box's edge lengths.
-    pub fn size(&self) -> [f32; 3] {
-        std::array::from_fn(|axis| self.max[axis] - self.min[axis])
-    }
 }

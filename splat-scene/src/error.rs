@@ -9,7 +9,7 @@ use crate::Format;
 #[non_exhaustive]
 pub enum SceneError {
     /// The file could not be read at all.
-    #[error("cannot read {}: {source}; check that it exists, is a file and may be read", path.display())]
+    #[error("cannot read {} (does it exist, is it a file, may it be read?)", path.display())]
     Read {
         /// The file.
         path: PathBuf,
@@ -123,7 +123,7 @@ pub enum SceneError {
     },
     /// The camera file is not a list of cameras as 3DGS writes it.
     #[error(
-        "{name} is not a list of cameras as 3DGS writes it ({source}); give the cameras.json that lies beside the scene"
+        "{name} is not a list of cameras as 3DGS writes it; give the cameras.json that lies beside the scene"
     )]
     CameraList {
         /// The file.

@@ -154,7 +154,7 @@ async function findChromium(named) {
 async function oursTurn(args, scene, cameraFile, picture) {
 	const json = path.join(args.out, 'ours.json');
 	const options = [
-		'--scene', scene, '--cameras', cameraFile, '--id', String(args.id), '--size', `${args.width}x${args.height}`,
+		'--scene', scene, '--camera', cameraFile, '--id', String(args.id), '--size', `${args.width}x${args.height}`,
 		'--frames', String(args.frames + 1), '--json', json, '--png', picture,
 	];
 	if (args.ours) await ours(path.resolve(args.ours), options);

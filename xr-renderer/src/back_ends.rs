@@ -67,16 +67,25 @@ impl BackEnds {
         capacity: u32,
         asked: Option<BackEnd>,
     ) -> Result<Self, RenderError> {
-        // LLVM 19, below Mesa's llvmpipe, crashes on the quads' shaders with vectors of 512 bits, 16 to a subgroup.
-        let crashes = gpu.info().is_cpu && gpu.subgroup_size() > 8;
-        let comparable = gpu.has_clock() && !crashes;
+        if asked == Some(BackEnd::Quads) && !gpu.draws_quads() {
+            return Err(RenderError::NoQuads);
+        }
+        let comparable = gpu.has_clock() && gpu.draws_quads();
         let asked = asked.or((!comparable).then_some(BackEnd::Tiles));
         let tiles = (asked != Some(BackEnd::Quads))
             .then(|| Tiles::new(gpu, front, target, capacity))
             .transpose()?;
-        let quads = (asked != Some(BackEnd::Tiles))
-            .then(|| Quads::new(gpu, front, target))
-            .transpose()?;
+        let quads = match asked {
+            Some(BackEnd::Tiles) => None,
+            Some(BackEnd::Quads) => Some(Quads::new(gpu, front, target)?),
+            None => match Quads::new(gpu, front, target) {
+                Err(why @ RenderError::OutOfMemory { .. }) => {
+                    log::info!("tiles draw without comparison: {why}");
+                    None
+                }
+                quads => Some(quads?),
+            },
+        };
         Ok(Self {
             gpu: Arc::clone(gpu),
             tiles,
@@ -149,6 +158,10 @@ impl BackEnds {
     /// device is idle. Says whether to draw the picture again.
     pub(crate) fn took(&mut self, milliseconds: f64) -> Again {
         if self.tiles.is_none() || self.quads.is_none() {
+            return Again::No;
+        }
+        if self.present() == BackEnd::Tiles && self.tile_pairs() == 0 {
+            // Nothing is in view: nothing to compare them with.
             return Again::No;
         }
         let [tiles, quads] = &mut self.times;

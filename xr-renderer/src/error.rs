@@ -111,6 +111,11 @@ pub enum RenderError {
         /// What is wrong with it.
         problem: String,
     },
+    /// The quad back end was asked for where its shaders crash the driver.
+    #[error(
+        "llvmpipe crashes on the quads' shaders with vectors of 512 bits: draw by tiles, or set LP_NATIVE_VECTOR_WIDTH=256"
+    )]
+    NoQuads,
     /// Depth was asked for but not drawn.
     #[error("the renderer draws no depth: make it with `RendererOptions::depth` set")]
     NoDepth,

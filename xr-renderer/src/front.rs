@@ -45,7 +45,7 @@ pub(crate) struct Passed {
 struct Foreground {
     project: ComputePipeline,
     staging: Buffer,
-    /// The staging buffer's copy on the device; where both are the same memory there is none.
+    /// The staging buffer's copy on the device; on a software driver, where both are the same memory, there is none.
     gaussians: Option<Buffer>,
     /// Whether the copy is older than the staging buffer.
     stale: bool,

@@ -148,6 +148,12 @@ impl Gpu {
         self.timestamp_bits > 0
     }
 
+    /// Whether the quad back end can be used: LLVM 19, below Mesa's llvmpipe, crashes on its shaders with vectors of 512
+    /// bits, 16 to a subgroup.
+    pub fn draws_quads(&self) -> bool {
+        !(self.info.is_cpu && self.subgroup.size > 8)
+    }
+
     /// How many warnings and errors the validation layer has given so far; 0 without the layer.
     pub fn validation_messages(&self) -> u32 {
         self.messenger.as_ref().map_or(0, Messenger::count)

@@ -17,7 +17,13 @@ pub(crate) const KEPT_TURN: f32 = 0.004_36;
 pub(crate) const KEPT_MOVE: f32 = 0.005;
 
 /// Foreground Gaussians may move so far, metres: less than the spacing of a person's Gaussians.
-const KEPT_FOREGROUND_MOVE: f32 = 0.000_25;
+pub(crate) const KEPT_FOREGROUND_MOVE: f32 = 0.000_25;
+
+/// Steps of a packed scale, a hundredth, by which a foreground Gaussian may grow.
+const KEPT_SCALE_STEPS: u16 = 29;
+
+/// Steps of a packed opacity, a hundredth of full, by which one may rise.
+const KEPT_OPACITY_STEPS: u16 = 655;
 
 /// What the present order was made for.
 #[derive(Debug, Default)]
@@ -37,6 +43,9 @@ struct Place {
     position: Vec3,
     /// What does not show is not in the order.
     shows: bool,
+    /// What grows may come into a picture that it was not in.
+    greatest_scale: u16,
+    opacity: u16,
 }
 
 impl Place {
@@ -44,7 +53,19 @@ impl Place {
         Self {
             position: gaussian.position().into(),
             shows: gaussian.shows(),
+            greatest_scale: gaussian.greatest_scale_step(),
+            opacity: gaussian.opacity_step(),
         }
+    }
+
+    /// Whether an order made for the Gaussian as it was `then` serves it as it is now.
+    fn is_served_from(&self, then: &Self) -> bool {
+        let grown = self.greatest_scale.saturating_sub(then.greatest_scale);
+        let risen = self.opacity.saturating_sub(then.opacity);
+        self.position.distance_squared(then.position) <= KEPT_FOREGROUND_MOVE * KEPT_FOREGROUND_MOVE
+            && (then.shows || !self.shows)
+            && grown <= KEPT_SCALE_STEPS
+            && risen <= KEPT_OPACITY_STEPS
     }
 }
 
@@ -60,11 +81,7 @@ impl Order {
         self.latest.extend(gaussians.iter().map(Place::of));
         self.valid = self.valid
             && self.latest.len() == self.sorted.len()
-            && self.latest.iter().zip(&self.sorted).all(|(now, then)| {
-                now.position.distance_squared(then.position)
-                    <= KEPT_FOREGROUND_MOVE * KEPT_FOREGROUND_MOVE
-                    && (then.shows || !now.shows)
-            });
+            && (self.latest.iter().zip(&self.sorted)).all(|(now, then)| now.is_served_from(then));
     }
 
     /// Whether the order still serves these cameras.

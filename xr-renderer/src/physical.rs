@@ -6,6 +6,9 @@ use vk::PhysicalDeviceFeatures2 as Features2;
 use crate::error::{RenderError, VkContext};
 use crate::instance::contains;
 
+/// Storage buffers that `shaders/project_background.comp` binds, more than any other.
+const STORAGE_BUFFERS: u32 = 9;
+
 /// Facts about a device, for people and for reports.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DeviceInfo {
@@ -195,6 +198,12 @@ impl Candidate {
         let size = base.subgroup_size;
         if !(4..=128).contains(&size) || !size.is_power_of_two() {
             lacks.push(format!("a subgroup size of 4 to 128 (it has {size})"));
+        }
+        let buffers = self.limits.max_per_stage_descriptor_storage_buffers;
+        if buffers < STORAGE_BUFFERS {
+            lacks.push(format!(
+                "{STORAGE_BUFFERS} storage buffers in a shader (it has {buffers})"
+            ));
         }
         if self.limits.max_compute_work_group_invocations < 256 {
             lacks.push("256 invocations in a compute workgroup".to_owned());

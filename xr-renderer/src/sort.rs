@@ -19,7 +19,7 @@ use crate::pipeline::{ComputePipeline, Specialisation};
 use crate::scan::Scan;
 use crate::timestamps::Timestamps;
 
-/// Bins there are at least: 16-bit keys, 30 micrometres each within 2 m.
+/// Bins there are at least: 16-bit keys, 30 micrometres each within the 1.5 m that three quarters of them span.
 const LEAST_BINS: u32 = 1 << 16;
 /// Bins there are at most: more would cost more to add up than they save.
 const MOST_BINS: u32 = 1 << 20;
@@ -27,8 +27,8 @@ const MOST_BINS: u32 = 1 << 20;
 const ITEMS_PER_BIN: u32 = 4;
 /// Invocations per workgroup of the passes over items.
 const ITEM_GROUP: u32 = 256;
-/// Bins with more items than are ranked one by one (`CROWDED` in `shaders/sort.glsl`) are at most so many.
-const CROWDED_BINS: u32 = 1 << 16;
+/// A bin with more items than this is crowded; `CROWDED` in `shaders/sort.glsl`.
+const CROWDED: u32 = 64;
 
 /// What is sorted, filled by someone else; every buffer outlives the passes' use.
 #[derive(Clone, Copy)]
@@ -60,6 +60,15 @@ pub(crate) struct SortPasses {
 
 impl SortPasses {
     pub(crate) fn new(gpu: &Arc<Gpu>, input: SortInput<'_>) -> Result<Self, RenderError> {
+        // Every pass has to fit one dispatch, which the device sizes by itself.
+        let groups = gpu.limits.max_compute_work_group_count[0];
+        let limit = groups.saturating_mul(CROWDED + 1);
+        if input.capacity > limit {
+            return Err(RenderError::TooManyGaussians {
+                count: input.capacity as usize,
+                limit,
+            });
+        }
         let bytes = u64::from(input.capacity) * 4;
         let wanted = (input.capacity / ITEMS_PER_BIN).clamp(LEAST_BINS, MOST_BINS);
         let bin_count = wanted.next_power_of_two();
@@ -67,7 +76,8 @@ impl SortPasses {
         let order = Buffer::storage(gpu, "sorted order", bytes)?;
         let placed_values = Buffer::storage(gpu, "placed values", bytes)?;
         let placed_items = Buffer::storage(gpu, "placed items", bytes)?;
-        let crowded_bins = Buffer::storage(gpu, "crowded bins", u64::from(CROWDED_BINS) * 4)?;
+        let most_crowded = (input.capacity / (CROWDED + 1)).max(1);
+        let crowded_bins = Buffer::storage(gpu, "crowded bins", u64::from(most_crowded) * 4)?;
         let resources = [
             input.values,
             input.items,
@@ -289,10 +299,5 @@ impl Sorter {
             self.milliseconds = end;
         }
         Ok(self.order.read(values.len()))
-    }
-
-    /// How many keys fit.
-    pub fn capacity(&self) -> u32 {
-        self.capacity
     }
 }

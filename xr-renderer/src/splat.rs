@@ -18,7 +18,7 @@ use crate::error::RenderError;
 use crate::front::Front;
 use crate::gpu::Gpu;
 use crate::options::{BackEnd, RendererOptions};
-use crate::order::{KEPT_MOVE, KEPT_TURN, Order};
+use crate::order::{KEPT_FOREGROUND_MOVE, KEPT_MOVE, KEPT_TURN, Order};
 use crate::picture::Image;
 use crate::read_back::ReadBack;
 use crate::target::Target;
@@ -139,20 +139,20 @@ impl SplatRenderer {
         // The device may still be reading the last picture's cameras after an error.
         self.commands.settle()?;
         let needs_order = !self.order.serves(cameras);
+        if needs_order {
+            // Made below: what fails on the way must not leave the old note beside a new order.
+            self.order.forget();
+        }
         let mut sorts = needs_order;
         loop {
             let mut frame = self.frame_params(cameras, sorts);
             self.back_ends.describe(&mut frame);
             self.front.write_frame(&frame);
-            self.record_and_run(sorts)
-                .inspect_err(|_| self.order.forget())?;
+            self.record_and_run(sorts)?;
             if self.back_ends.has_grown(&self.front, &self.target)? {
                 continue;
             }
             self.times = self.read_times()?;
-            if frame.total_count == 0 {
-                break;
-            }
             match self.back_ends.took(self.times.bin + self.times.raster) {
                 Again::No => break,
                 // The order of the first attempt serves all.
@@ -245,7 +245,7 @@ impl SplatRenderer {
     }
 
     /// The device it draws on.
-    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
+    pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
 
@@ -297,7 +297,7 @@ impl SplatRenderer {
         frame.height = self.target.height;
         frame.sorts = u32::from(sorts);
         frame.guard_turn = KEPT_TURN;
-        frame.guard_move = KEPT_MOVE;
+        frame.guard_move = KEPT_MOVE + KEPT_FOREGROUND_MOVE;
         frame
     }
 

@@ -7,11 +7,21 @@ use super::header::{Header, Kind};
 use crate::source::Source;
 use crate::{Format, SceneError};
 
+/// More text than this is no file made by hand, and its numbers could take four times the room.
+const MOST_TEXT: usize = 1 << 28;
+
 pub(super) fn to_binary(
     source: &Source<'_>,
     header: &Header,
     text: &[u8],
 ) -> Result<Vec<u8>, SceneError> {
+    if text.len() > MOST_TEXT {
+        return Err(source.unsupported(
+            Format::Ply,
+            format!("a text of {} MB", text.len() / 1_000_000),
+            "write it as binary_little_endian",
+        ));
+    }
     let mut words = text
         .split(u8::is_ascii_whitespace)
         .filter(|word| !word.is_empty());

@@ -36,13 +36,20 @@ fn more_pairs_than_the_device_can_list_are_an_error_that_says_so() {
         gaussian.opacity = 1.0;
     }
     let mut renderer = renderer_for(&gpu, BackEnd::Tiles, 16_000, 1024, 1024, 1);
-    match show(&mut renderer, &gaussians, &[front_camera(1024, 1024)]) {
+    let away = Camera::look_at(Vec3::Z * 300.0, Vec3::Z * 600.0, Vec3::Y, 0.75, 1024, 1024);
+    show(&mut renderer, &gaussians, &[away]).expect("a picture of nothing");
+    match renderer.draw(&[front_camera(1024, 1024)]) {
         Err(RenderError::TooManyPairs { pairs, limit }) => {
             assert!(pairs > limit, "{pairs} pairs, {limit} fit");
         }
         // A device with larger buffers may draw them.
         other => assert!(!gpu.info().is_cpu && other.is_ok(), "{other:?}"),
     }
+    // The order of the picture that failed must not be taken for that of the one before.
+    renderer.draw(&[away]).expect("a picture of nothing");
+    let image = renderer.read_back(0).expect("a view");
+    let drawn = image.pixels().iter().filter(|pixel| pixel[3] > 0.0).count();
+    assert_eq!(drawn, 0, "pixels of what is behind the camera");
     let few = random_gaussians(100, 1);
     show(&mut renderer, &few, &[front_camera(1024, 1024)]).expect("the renderer still draws");
     assert_silent(&gpu);

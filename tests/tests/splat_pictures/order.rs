@@ -244,6 +244,33 @@ fn gaussians_that_appear_in_their_place_are_drawn_at_once() {
 }
 
 #[test]
+fn gaussians_that_grow_into_the_picture_are_drawn_at_once() {
+    let Some(gpu) = gpu() else { return };
+    let camera = Camera::look_at(Vec3::Z * 3.0, Vec3::ZERO, Vec3::Y, 0.5, 200, 200);
+    let at = |x: f32, scale: f32| Gaussian {
+        position: [x, 0.0, 0.0],
+        rotation: [0.0, 0.0, 0.0, 1.0],
+        scale: [scale; 3],
+        opacity: 0.9,
+        colour: [0.9, 0.5, 0.1],
+    };
+    // One in the middle, and one beyond the edge (at 0.77 m) that grows into the picture.
+    let (before, after) = ([at(0.0, 0.1), at(1.2, 0.01)], [at(0.0, 0.1), at(1.2, 0.3)]);
+    for back_end in BACK_ENDS {
+        let mut renderer = renderer_of(&gpu, back_end, &World::of(&before), &[camera]);
+        renderer.draw(&[camera]).expect("a picture");
+        show(&mut renderer, &after, &[camera]).expect("a picture");
+        let got = views_of(&mut renderer);
+        renderer.forget_order();
+        renderer.draw(&[camera]).expect("a picture");
+        assert!(got == views_of(&mut renderer), "{back_end}: it is missing");
+        let edge = got[0].pixels()[100 * 200 + 199];
+        assert!(edge[3] > 0.05, "{back_end}: nothing at the edge: {edge:?}");
+    }
+    assert_silent(&gpu);
+}
+
+#[test]
 fn a_world_at_rest_gives_the_same_picture_again() {
     let Some(gpu) = gpu() else { return };
     let (figure, scene) = (standing_figure(20_000), railing_and_wall());

@@ -4,14 +4,9 @@ use mon3tr_tests::picture_check::assert_drawn_by;
 use mon3tr_tests::splat_reference::World;
 use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
 use mon3tr_tests::vulkan::{gpu, rerun_with_other_subgroups};
-use xr_renderer::{BackEnd, Gpu};
+use xr_renderer::BackEnd;
 
 use crate::{CROWDED, PACKED};
-
-/// Quads are no matter of subgroups, and LLVM 19 crashes on their shaders with vectors of 512 bits.
-fn quads_run(gpu: &Gpu) -> bool {
-    !(gpu.info().name.contains("llvmpipe") && gpu.subgroup_size() > 8)
-}
 
 #[test]
 fn foreground_and_background_look_as_the_reference_says_at_this_subgroup_size() {
@@ -26,7 +21,7 @@ fn foreground_and_background_look_as_the_reference_says_at_this_subgroup_size() 
     let tiles = [BackEnd::Tiles];
     assert_drawn_by(&gpu, tiles, "subgroups", &world, &eyes, PACKED);
     assert_drawn_by(&gpu, tiles, "subgroups-mono", &front, &camera, CROWDED);
-    if quads_run(&gpu) {
+    if gpu.draws_quads() {
         let quads = [BackEnd::Quads];
         assert_drawn_by(&gpu, quads, "subgroups", &world, &eyes, PACKED);
         assert_drawn_by(&gpu, quads, "subgroups-mono", &front, &camera, CROWDED);

@@ -42,7 +42,9 @@ impl FromStr for Place {
                 let value = number.trim().parse::<f32>().ok();
                 value
                     .filter(|value| value.abs() <= 1e6)
-                    .with_context(|| format!("{number} is not a number up to a million"))
+                    .with_context(|| {
+                        format!("{number} is not a number up to a million; give X,Y,Z[,DEGREES[,SCALE]], e.g. 0.9,0,-0.6,20")
+                    })
             })
             .collect::<anyhow::Result<_>>()?;
         let (offset, degrees, scale) = match numbers[..] {

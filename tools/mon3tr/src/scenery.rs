@@ -3,11 +3,13 @@
 use crate::ground;
 use crate::place::Place;
 use crate::stage::Size;
-use anyhow::{Context, bail};
+use anyhow::{Context, ensure};
 use glam::{Quat, Vec2, Vec3};
 use serde::Serialize;
 use splat_scene::cameras::{Cameras, SceneCamera};
 use splat_scene::{Bounds, Placement, Scene};
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use xr_renderer::{Background, Camera, Filter, Fov};
@@ -34,13 +36,8 @@ impl SceneryOptions {
     /// Refuses a scene file that is not there, before anything long begins.
     pub(crate) fn check(&self) -> anyhow::Result<()> {
         match &self.background {
-            Some(file) if !file.is_file() => {
-                bail!(
-                    "cannot use the background {}: there is no such file",
-                    file.display()
-                )
-            }
-            _ => Ok(()),
+            Some(file) => check_file(file).context("cannot use the background"),
+            None => Ok(()),
         }
     }
 
@@ -49,7 +46,7 @@ impl SceneryOptions {
         let Some(file) = &self.background else {
             return Ok(None);
         };
-        let mut scene = load(file)?;
+        let mut scene = load_drawable(file)?;
         let mut figures = SceneFigures::of(file, &scene)?;
         let place = self.place.unwrap_or_default();
         let world_from_scene = put(&mut scene, &place, floor, heading)?;
@@ -204,9 +201,17 @@ impl SceneFigures {
 }
 
 impl Scenery {
-    /// The scene by itself, where it lies in its file.
+    /// The scene by itself, where it lies in its file; it may be empty.
     pub(crate) fn alone(file: &Path) -> anyhow::Result<Self> {
-        let scene = load(file)?;
+        Self::of(file, load(file)?)
+    }
+
+    /// The scene by itself, to be drawn.
+    pub(crate) fn drawable(file: &Path) -> anyhow::Result<Self> {
+        Self::of(file, load_drawable(file)?)
+    }
+
+    fn of(file: &Path, scene: Scene) -> anyhow::Result<Self> {
         let mut figures = SceneFigures::of(file, &scene)?;
         let background = Background::pack(&scene);
         figures.gpu_bytes = background.bytes();
@@ -227,25 +232,12 @@ impl Scenery {
         }
     }
 
-    /// A camera of a cameras.json that belongs to the scene, in the world: that with the number `id`, else the first.
-    pub(crate) fn camera(
-        &self,
-        file: &Path,
-        id: Option<i64>,
-        Size { width, height }: Size,
-    ) -> anyhow::Result<Camera> {
-        let cameras = Cameras::load(file)?;
-        let chosen = match id {
-            Some(id) => cameras.get(id)?,
-            None => cameras
-                .all()
-                .first()
-                .with_context(|| format!("{} has no cameras", file.display()))?,
-        };
+    /// A camera that belongs to the scene, in the world.
+    pub(crate) fn camera(&self, chosen: &SceneCamera, Size { width, height }: Size) -> Camera {
         let mut placed = chosen.clone();
         placed.position = self.world_from_scene.point(chosen.position).to_array();
         placed.world_from_camera = self.world_from_scene.turn * chosen.world_from_camera;
-        Ok(camera(&placed, width, height))
+        camera(&placed, width, height)
     }
 
     /// A camera that sees most of the scene, looking along `direction` with a field of view of `fov_degrees` (vertical).
@@ -282,8 +274,57 @@ impl Scenery {
     }
 }
 
+/// Says of a path what it is, if it is no file with anything in it.
+pub(crate) fn check_file(file: &Path) -> anyhow::Result<()> {
+    let name = file.display();
+    let about = std::fs::metadata(file).with_context(|| format!("cannot read {name}"))?;
+    ensure!(!about.is_dir(), "{name} is a folder; name a file");
+    ensure!(about.len() > 0, "{name} is empty; fetch or write it again");
+    Ok(())
+}
+
+/// Whether a file is to be read as a scene: by its first bytes, and by its ending where they tell nothing, as in a .splat. A
+/// file that cannot be read is none.
+pub(crate) fn is_scene(file: &Path) -> bool {
+    let start = first_bytes(file);
+    let by_content = match &start.unwrap_or_default() {
+        b"PK\x03\x04" => Some(false),
+        b"ply\n" | b"ply\r" | b"NGSP" | [0x1F, 0x8B, ..] => Some(true),
+        _ => None,
+    };
+    let ending = file.extension().unwrap_or_default();
+    start.is_some() && by_content.unwrap_or(!ending.eq_ignore_ascii_case("m3a"))
+}
+
+/// Reads a scene file that is to be drawn, and so must not be empty.
+pub(crate) fn load_drawable(file: &Path) -> anyhow::Result<Scene> {
+    ensure!(
+        !is_zip(file),
+        "{} looks like an avatar package: give it by itself, not as a scene",
+        file.display()
+    );
+    let scene = load(file)?;
+    ensure!(
+        !scene.is_empty(),
+        "{} has no Gaussian that can be drawn (left out: {}); export the scene again",
+        file.display(),
+        scene.dropped()
+    );
+    Ok(scene)
+}
+
+fn is_zip(file: &Path) -> bool {
+    first_bytes(file) == Some(*b"PK\x03\x04")
+}
+
+fn first_bytes(file: &Path) -> Option<[u8; 4]> {
+    let mut start = [0; 4];
+    let mut file = File::open(file).ok()?;
+    file.read_exact(&mut start).ok().map(|()| start)
+}
+
 /// Reads a scene file.
-pub(crate) fn load(file: &Path) -> anyhow::Result<Scene> {
+fn load(file: &Path) -> anyhow::Result<Scene> {
     let scene = Scene::load(file).context("cannot use the scene")?;
     if scene.dropped().total() > 0 {
         log::warn!(
@@ -293,6 +334,21 @@ pub(crate) fn load(file: &Path) -> anyhow::Result<Scene> {
         );
     }
     Ok(scene)
+}
+
+/// A camera of a cameras.json: that with the number `id`, else the first.
+pub(crate) fn load_camera(file: &Path, id: Option<i64>) -> anyhow::Result<SceneCamera> {
+    let cameras = Cameras::load(file)?;
+    let chosen = match id {
+        Some(id) => cameras.get(id)?,
+        None => cameras.all().first().with_context(|| {
+            format!(
+                "{} has no cameras; give the scene's own cameras.json",
+                file.display()
+            )
+        })?,
+    };
+    Ok(chosen.clone())
 }
 
 /// A scene's camera for pictures of another size: the field of view stays, as in 3DGS.

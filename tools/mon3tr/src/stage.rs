@@ -2,8 +2,9 @@
 
 use crate::backdrop::{DUSK, Shadow, compose};
 use crate::report::{AvatarFigures, Splatting, StageTable};
+use crate::scenery::is_scene;
 use crate::surroundings::Surroundings;
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, ensure};
 use app::{Deformer, Receiver, ReceiverError};
 use clap::ValueEnum;
 use glam::Vec3;
@@ -22,6 +23,12 @@ pub(crate) struct Size {
     pub(crate) width: u32,
     pub(crate) height: u32,
 }
+
+/// Of pictures for which no other size was asked for.
+pub(crate) const DEFAULT_SIZE: Size = Size {
+    width: 1024,
+    height: 1024,
+};
 
 impl std::str::FromStr for Size {
     type Err = String;
@@ -91,6 +98,11 @@ pub(crate) struct Stage {
 
 /// Loads a package and tells its sizes.
 pub(crate) fn load_avatar(path: &Path) -> anyhow::Result<(Avatar, AvatarFigures)> {
+    ensure!(
+        !is_scene(path),
+        "{} looks like a Gaussian scene, not an avatar package: give it with --background",
+        path.display()
+    );
     let avatar = Avatar::load(path)
         .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
     let package_bytes = std::fs::metadata(path)
@@ -173,6 +185,11 @@ impl Stage {
         Ok(views
             .map(|view| renderer.read_back(view))
             .collect::<Result<_, _>>()?)
+    }
+
+    /// The device that draws: another than at first after a loss.
+    pub(crate) fn gpu(&mut self) -> Arc<Gpu> {
+        Arc::clone(self.receiver.renderer().gpu())
     }
 
     /// Stage times of all frames so far.

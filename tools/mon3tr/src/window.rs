@@ -231,18 +231,30 @@ impl Live {
         // A minimised window has no area: keep what there is until it comes back.
         if size.width > 0 && size.height > 0 && (size.width, size.height) != self.size {
             self.size = (size.width, size.height);
-            let options = RendererOptions {
-                width: size.width,
-                height: size.height,
-                ..self.receiver.renderer().options().clone()
-            };
-            self.receiver
-                .replace_renderer(renderer(&self.gpu, &options)?);
         }
         Ok(())
     }
 
+    /// Makes the renderer's pictures as large as the window is now: once for a picture, not for every step of a drag.
+    fn fit(&mut self) -> anyhow::Result<()> {
+        let (width, height) = self.size;
+        let options = self.receiver.renderer().options().clone();
+        if (options.width, options.height) == self.size {
+            return Ok(());
+        }
+        let options = RendererOptions {
+            width,
+            height,
+            back_end: Some(self.receiver.back_end()),
+            ..options
+        };
+        self.receiver
+            .replace_renderer(renderer(&self.gpu, &options)?);
+        Ok(())
+    }
+
     fn draw(&mut self) -> anyhow::Result<()> {
+        self.fit()?;
         let Some(open) = &mut self.open else {
             return Ok(());
         };

@@ -40,8 +40,14 @@ pub(crate) struct Options {
     /// Size of one picture in pixels
     #[arg(long, value_name = "WxH", default_value = "1024x1024")]
     size: Size,
-    /// Where the animation is seen from; as for render
-    #[arg(long, value_name = "VIEW", default_value = "three-quarter")]
+    /// Where the animation is seen from: front, three-quarter, side, back, waist-up, face, hands, or EYE:TARGET:FOV in
+    /// metres and degrees relative to the person, e.g. 0,1.6,2:0,1.4,0:30
+    #[arg(
+        long,
+        value_name = "VIEW",
+        default_value = "three-quarter",
+        allow_hyphen_values = true
+    )]
     camera: Viewpoint,
     /// Show the motion live in a window instead (drag to orbit, scroll to come closer, Escape to leave)
     #[arg(long, conflicts_with_all = ["out", "json"])]
@@ -53,7 +59,6 @@ pub(crate) struct Options {
 
 /// What all pictures of one demo share.
 struct Show<'a> {
-    gpu: &'a Arc<Gpu>,
     runtime: &'a Runtime,
     avatar: &'a Avatar,
     performance: &'a Performance,
@@ -98,7 +103,6 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     }
 
     let show = Show {
-        gpu: &gpu,
         runtime: &runtime,
         avatar: &avatar,
         performance: &performance,
@@ -108,13 +112,13 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let mut mono = Stage::new(&gpu, &runtime, &avatar, setting.clone())?;
     let mut pictures = show.animate(&mut mono, &options.camera)?;
     let animated = mono.times();
-    let (stereo, stereo_picture) = show.stereo(&options.camera)?;
+    let (stereo, stereo_picture) = show.stereo(&mono.gpu(), &options.camera)?;
     pictures.push(stereo_picture);
     for view in ["front", "side", "back", "waist-up", "face", "hands"] {
         pictures.push(show.still(&mut mono, view)?);
     }
     let runs = vec![animated, stereo];
-    let mut report = RunReport::new(figures, &performance, &gpu, &runtime, runs, pictures);
+    let mut report = RunReport::new(figures, &performance, &mono.gpu(), &runtime, runs, pictures);
     report.bake = Some(avatar.report.clone());
     report.background = scenery.map(|scenery| scenery.figures);
     report.print();
@@ -156,13 +160,17 @@ impl Show<'_> {
     }
 
     /// Both eyes: times over some frames, and one picture of left and right side by side.
-    fn stereo(&self, viewpoint: &Viewpoint) -> anyhow::Result<(StageTable, PathBuf)> {
+    fn stereo(
+        &self,
+        gpu: &Arc<Gpu>,
+        viewpoint: &Viewpoint,
+    ) -> anyhow::Result<(StageTable, PathBuf)> {
         let setting = Setting {
             views: Views::Stereo,
             ..self.setting.clone()
         };
         let Size { width, height } = setting.size;
-        let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, setting)?;
+        let mut stage = Stage::new(gpu, self.runtime, self.avatar, setting)?;
         let heading = self.performance.heading();
         let mut both = RgbImage::new(width * 2, height);
         let frames: Vec<_> = self.performance.followed(self.avatar).collect();

@@ -1,15 +1,13 @@
 //! `mon3tr inspect`: what is in an avatar package or a Gaussian scene, after every check that drawing it would make.
 
 use crate::report::{AvatarFigures, write_json};
-use crate::scenery::Scenery;
+use crate::scenery::{Scenery, check_file, is_scene};
 use crate::stage::load_avatar;
 use anyhow::Context;
 use glam::Vec3;
 use serde::Serialize;
 use spmm3::package::Manifest;
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Options of `inspect`.
 #[derive(Debug, clap::Args)]
@@ -33,9 +31,9 @@ struct Inspection {
 
 /// Runs `inspect`.
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    check_file(&options.file)?;
     if is_scene(&options.file) {
-        let scenery = Scenery::alone(&options.file)
-            .context("to be inspected are avatar packages (.m3a) and Gaussian scenes")?;
+        let scenery = Scenery::alone(&options.file)?;
         let figures = scenery.figures;
         figures.print();
         return options
@@ -67,20 +65,6 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         .json
         .as_ref()
         .map_or(Ok(()), |file| write_json(file, &inspection))
-}
-
-/// Whether a file is to be read as a scene: by its first bytes, and by its ending where they tell nothing, as in a .splat. A
-/// file that cannot be read is none: the package's reader says why.
-fn is_scene(file: &Path) -> bool {
-    let mut start = [0; 4];
-    let known = File::open(file).and_then(|mut file| file.read_exact(&mut start));
-    let by_content = match &start {
-        b"PK\x03\x04" => Some(false),
-        b"ply\n" | b"ply\r" | b"NGSP" | [0x1F, 0x8B, ..] => Some(true),
-        _ => None,
-    };
-    let ending = file.extension().unwrap_or_default();
-    known.is_ok() && by_content.unwrap_or(!ending.eq_ignore_ascii_case("m3a"))
 }
 
 impl Inspection {

@@ -95,7 +95,12 @@ fn inspect_tells_a_scene_by_its_content_and_counts_what_it_leaves_out() {
     );
     let diary = folder.path().join("diary.txt");
     std::fs::write(&diary, "dear diary").expect("a file can be written");
-    mon3tr(&["inspect", text(&diary)]).fails_naming(&["diary.txt", ".m3a", ".ply", ".spz"]);
+    mon3tr(&["inspect", text(&diary)]).fails_naming(&["diary.txt", ".ply", ".spz"]);
+    let nothing = folder.path().join("nothing.ply");
+    std::fs::write(&nothing, "").expect("a file can be written");
+    mon3tr(&["inspect", text(&nothing)]).fails_naming(&["nothing.ply", "empty"]);
+    mon3tr(&["inspect", text(folder.path())]).fails_naming(&["is a folder"]);
+    mon3tr(&["inspect", "nowhere.ply"]).fails_naming(&["nowhere.ply", "No such file"]);
 }
 
 #[test]
@@ -134,6 +139,19 @@ fn render_shows_a_scene_without_anyone_from_a_side_or_from_its_cameras() {
     let third = picture("third", &[&of_file[..], &["--id", "3"]].concat());
     let seventh = picture("seventh", &[&of_file[..], &["--id", "7"]].concat());
     let first = picture("first", &of_file);
+    let own = folder.path().join("own");
+    mon3tr(&[
+        "render",
+        "--background",
+        text(&scene),
+        "--camera",
+        text(&cameras),
+        "--out",
+        text(&own),
+    ])
+    .succeeds();
+    let dimensions = image::image_dimensions(own.join("frame_00000.png")).expect("a PNG");
+    assert_eq!(dimensions, (200, 100), "the camera's own size");
     let read = |path: &Path| std::fs::read(path).expect("a picture");
     assert!(
         green(&third) > 500 && green(&seventh) > 500,
@@ -162,6 +180,22 @@ fn render_explains_mistakes_about_scenes_and_cameras() {
     render(&["--background", scene, "--place", "1,2"]).fails_naming(&["1,2", "DEGREES"]);
     render(&["--background", scene, "--place", "1,2,3"]).fails_naming(&["--place", "PACKAGE"]);
     render(&["--background", scene, "--frames", "0..2"]).fails_naming(&["--frames", "PACKAGE"]);
+    render(&[scene]).fails_naming(&["floor.ply", "--background"]);
+    let package = folder.path().join("person.m3a");
+    std::fs::write(&package, b"PK\x03\x04 and so on").expect("a file can be written");
+    render(&["--background", text(&package)]).fails_naming(&["person.m3a", "avatar package"]);
+    let header = "ply\nformat ascii 1.0\nelement vertex 0\n";
+    let names = [
+        "x", "y", "z", "opacity", "f_dc_0", "f_dc_1", "f_dc_2", "scale_0", "scale_1", "scale_2",
+        "rot_0", "rot_1", "rot_2", "rot_3",
+    ];
+    let properties: String = names
+        .iter()
+        .map(|name| format!("property float {name}\n"))
+        .collect();
+    let empty = folder.path().join("vacuum.ply");
+    std::fs::write(&empty, format!("{header}{properties}end_header\n")).expect("a file");
+    render(&["--background", text(&empty)]).fails_naming(&["vacuum.ply", "no Gaussian"]);
     render(&[]).fails_naming(&["avatar package", "--background"]);
 }
 
@@ -220,7 +254,7 @@ fn bench_render_times_a_scene_frame_by_frame() {
         "render",
         "--scene",
         text(&scene),
-        "--cameras",
+        "--camera",
         text(&cameras),
         "--id",
         "3",

@@ -11,14 +11,19 @@ use xr_renderer::{BackEnd, Gpu};
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
     /// Time this scene (.ply, .splat, .spz) instead of the made-up person
-    #[arg(long, value_name = "FILE", requires = "cameras")]
+    #[arg(long, value_name = "FILE")]
     pub(crate) scene: Option<PathBuf>,
-    /// The scene's cameras, in the cameras.json that 3DGS writes
+    /// The scene's cameras, in the cameras.json that 3DGS writes [default: one that sees the whole scene from the front]
     #[arg(long, value_name = "FILE", requires = "scene")]
-    pub(crate) cameras: Option<PathBuf>,
-    /// Which of the cameras
-    #[arg(long, value_name = "N", default_value_t = 0, requires = "scene")]
-    pub(crate) id: i64,
+    pub(crate) camera: Option<PathBuf>,
+    /// Which of the cameras [default: the first]
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "camera",
+        allow_hyphen_values = true
+    )]
+    pub(crate) id: Option<i64>,
     /// Size of one picture in pixels [default: the standard table's three, or 1024x1024 for a scene]
     #[arg(long, value_name = "WxH")]
     pub(crate) size: Option<Size>,
@@ -59,8 +64,8 @@ impl From<BackEndChoice> for BackEnd {
 
 /// Runs `bench render`.
 pub(crate) fn run(options: &Options, gpu: &Arc<Gpu>) -> anyhow::Result<()> {
-    match (&options.scene, &options.cameras) {
-        (Some(file), Some(cameras)) => scene::run(options, file, cameras, gpu),
-        _ => standard::run(options, gpu),
+    match &options.scene {
+        Some(file) => scene::run(options, file, gpu),
+        None => standard::run(options, gpu),
     }
 }

@@ -5,24 +5,21 @@ use super::measure::{Medians, Samples, print_table};
 use super::render::Options;
 use crate::film::write_png;
 use crate::report::{check_writable, write_json};
-use crate::scenery;
-use crate::stage::{Size, Views};
+use crate::scenery::{Scenery, load_camera};
+use crate::stage::{DEFAULT_SIZE, Size, Views};
 use crate::surroundings::describe;
 use crate::viewpoint::eyes;
 use anyhow::Context;
+use glam::Vec3;
 use image::RgbImage;
 use serde::Serialize;
-use splat_scene::cameras::Cameras;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-use xr_renderer::{Backdrop, Background, Gpu, RendererOptions, SplatRenderer};
+use xr_renderer::{Backdrop, Gpu, RendererOptions, SplatRenderer};
 
-/// Without `--size`.
-const DEFAULT_SIZE: Size = Size {
-    width: 1024,
-    height: 1024,
-};
+/// Vertical field of view without a cameras.json.
+const OVERVIEW_DEGREES: f32 = 40.0;
 
 /// Frames before the counted ones; on the first one the back ends are compared.
 const WARM_UP: usize = 2;
@@ -31,8 +28,9 @@ const WARM_UP: usize = 2;
 #[derive(Debug, Serialize)]
 struct Measured {
     scene: PathBuf,
-    gaussians: u32,
-    camera: i64,
+    gaussians: usize,
+    /// Absent where the whole scene is seen.
+    camera: Option<i64>,
     width: u32,
     height: u32,
     views: usize,
@@ -43,18 +41,20 @@ struct Measured {
     medians: Medians,
 }
 
-pub(crate) fn run(
-    options: &Options,
-    file: &Path,
-    cameras: &Path,
-    gpu: &Arc<Gpu>,
-) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, file: &Path, gpu: &Arc<Gpu>) -> anyhow::Result<()> {
     for path in [&options.json, &options.png].into_iter().flatten() {
         check_writable(path)?;
     }
-    let Size { width, height } = options.size.unwrap_or(DEFAULT_SIZE);
-    let camera = Cameras::load(cameras)?;
-    let camera = scenery::camera(camera.get(options.id)?, width, height);
+    let size = options.size.unwrap_or(DEFAULT_SIZE);
+    let Size { width, height } = size;
+    let scenery = Scenery::drawable(file)?;
+    let scene_camera = (options.camera.as_ref())
+        .map(|cameras| load_camera(cameras, options.id))
+        .transpose()?;
+    let camera = match &scene_camera {
+        Some(camera) => scenery.camera(camera, size),
+        None => scenery.overview(Vec3::NEG_Z, OVERVIEW_DEGREES, size),
+    };
     let views = if options.stereo {
         Views::Stereo
     } else {
@@ -62,10 +62,8 @@ pub(crate) fn run(
     };
     // The scene's unit is taken for a metre.
     let cameras = eyes(camera, views);
-    let background = Background::pack(&scenery::load(file)?);
-    let gaussians = background.len();
     let renderer_options = RendererOptions {
-        background: Some(Arc::new(background)),
+        background: Some(Arc::clone(&scenery.background)),
         back_end: options.back_end.map(Into::into),
         ..RendererOptions::new(0, width, height, views.count())
     };
@@ -89,8 +87,8 @@ pub(crate) fn run(
     }
     let measured = Measured {
         scene: file.to_path_buf(),
-        gaussians,
-        camera: options.id,
+        gaussians: scenery.figures.gaussians,
+        camera: scene_camera.map(|camera| camera.id),
         width,
         height,
         views: cameras.len(),
@@ -110,10 +108,10 @@ impl Measured {
     fn print(&self, frames: u32) {
         let views = if self.views == 2 { "2 x " } else { "" };
         println!(
-            "{}: {} Gaussians, camera {}, {views}{}x{}, by {} on {}, median of {frames} frames\n",
+            "{}: {} Gaussians, {}, {views}{}x{}, by {} on {}, median of {frames} frames\n",
             self.scene.display(),
             self.gaussians,
-            self.camera,
+            (self.camera).map_or_else(|| "seen whole".to_owned(), |id| format!("camera {id}")),
             self.width,
             self.height,
             self.back_end,

@@ -127,8 +127,10 @@ fn compare(
     format: Format,
     frames: u32,
 ) -> anyhow::Result<Vec<Row>> {
+    let able = |back_end: &BackEnd| *back_end == BackEnd::Tiles || gpu.draws_quads();
     let mut benches = [BackEnd::Tiles, BackEnd::Quads]
         .into_iter()
+        .filter(able)
         .map(|back_end| Bench::new(gpu, figure, format, back_end))
         .collect::<anyhow::Result<Vec<_>>>()?;
     let mut samples = vec![Samples::default(); benches.len()];

@@ -11,9 +11,6 @@ pub(crate) struct Frame {
     pub(crate) pairs: u64,
 }
 
-/// Bins of the sort, 4 bytes each.
-const BINS: u64 = 1 << 16;
-
 /// Bytes read and written by the tile back end's frame of a foreground that is all in view. A lower bound: the listing's
 /// private counters (a few MB) are left out, and that caches are missed.
 pub(crate) fn bytes(frame: Frame) -> u64 {
@@ -27,12 +24,12 @@ pub(crate) fn bytes(frame: Frame) -> u64 {
     let upload = 32;
     // Reads them; writes depth and index (4 + 4), and for each view the splat (32) and the tiles it touches (4).
     let project = 32 + 8 + 36 * views;
-    // Count reads depth and index, scatter reads both and writes the order, the ties' pass reads order and depth.
-    let sort = 8 + 12 + 8;
+    // Count reads depth and index; scatter reads and writes both; ranking reads both and writes the order.
+    let sort = 8 + 16 + 12;
     // Both listing passes read the order and each view's tiles.
     let bin = 2 * (4 + 4 * views);
-    // The bins: cleared, counted, scanned (read and written), read for ties.
-    let bins = 5 * 4 * BINS;
+    // The bins, 4 bytes each: cleared, counted, scanned (read and written), read for ranking.
+    let bins = 5 * 4 * (gaussians / 4).clamp(1 << 16, 1 << 20).next_power_of_two();
     // A list's entry is written and read; then its splat is read, if not by an early stop.
     let lists = pairs * (4 + 4 + 32);
     // Colour, cleared and then written.

@@ -6,13 +6,14 @@ mod scene;
 
 use crate::performance::MotionOptions;
 use crate::report::check_writable;
-use crate::scenery::SceneryOptions;
-use crate::stage::{Size, Views};
+use crate::scenery::{SceneryOptions, load_camera};
+use crate::stage::{DEFAULT_SIZE, Size, Views};
 use crate::surroundings::{Surroundings, make_folder};
 use crate::viewpoint::CameraChoice;
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use clap::ValueEnum;
 use image::RgbImage;
+use splat_scene::cameras::SceneCamera;
 use std::path::{Path, PathBuf};
 use xr_renderer::Filter;
 
@@ -29,9 +30,9 @@ pub(crate) struct Options {
     /// Folder for the pictures; made if missing
     #[arg(long, value_name = "FOLDER", default_value = "out/render")]
     out: PathBuf,
-    /// Size of one picture in pixels
-    #[arg(long, value_name = "WxH", default_value = "1024x1024")]
-    size: Size,
+    /// Size of one picture in pixels [default: the cameras.json's, else 1024x1024]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
     /// Draw both eyes (files end in _left and _right)
     #[arg(long)]
     stereo: bool,
@@ -92,6 +93,27 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
 }
 
 impl Options {
+    /// The scene's own camera, if one was chosen.
+    fn scene_camera(&self) -> anyhow::Result<Option<SceneCamera>> {
+        match &self.camera {
+            CameraChoice::File(file) => load_camera(file, self.id).map(Some),
+            CameraChoice::Named(_) | CameraChoice::Exact(_) => Ok(None),
+        }
+    }
+
+    /// The pictures' size: as asked for, else the camera's own.
+    fn size(&self, camera: Option<&SceneCamera>) -> anyhow::Result<Size> {
+        match (self.size, camera) {
+            (Some(size), _) => Ok(size),
+            (None, Some(camera)) => format!("{}x{}", camera.width, camera.height)
+                .parse()
+                .map_err(|why| {
+                    anyhow!("the camera's size cannot be drawn ({why}): choose one with --size")
+                }),
+            (None, None) => Ok(DEFAULT_SIZE),
+        }
+    }
+
     fn views(&self) -> Views {
         if self.stereo {
             Views::Stereo

@@ -24,10 +24,10 @@ pub(super) fn run(
     let scenery = options
         .scenery
         .around(performance.start(&avatar), heading)?;
-    let fixed = match (&options.camera, &scenery) {
-        (CameraChoice::File(file), Some(scenery)) => {
-            Some(scenery.camera(file, options.id, options.size)?)
-        }
+    let scene_camera = options.scene_camera()?;
+    let size = options.size(scene_camera.as_ref())?;
+    let fixed = match (&scene_camera, &scenery) {
+        (Some(camera), Some(scenery)) => Some(scenery.camera(camera, size)),
         _ => None,
     };
     let runtime = surroundings.runtime()?;
@@ -36,7 +36,7 @@ pub(super) fn run(
 
     let default_filter = scenery.as_ref().map_or(Filter::Dilation, Scenery::filter);
     let setting = Setting {
-        size: options.size,
+        size,
         views: options.views(),
         background: scenery.as_ref().map(|scenery| scenery.background.clone()),
         filter: options.filter.map_or(default_filter, Into::into),
@@ -48,7 +48,7 @@ pub(super) fn run(
     for (k, (motion, floor)) in performance.followed(&avatar).enumerate() {
         let camera = match (&options.camera, fixed) {
             (CameraChoice::Named(viewpoint) | CameraChoice::Exact(viewpoint), _) => {
-                viewpoint.camera(floor, heading, options.size.width, options.size.height)
+                viewpoint.camera(floor, heading, size.width, size.height)
             }
             (CameraChoice::File(_), fixed) => fixed.context("the scene's camera is missing")?,
         };
@@ -66,7 +66,14 @@ pub(super) fn run(
     pictures.insert(0, film.finish()?);
 
     let runs = vec![stage.times()];
-    let mut report = RunReport::new(figures, &performance, &gpu, &runtime, runs, pictures);
+    let mut report = RunReport::new(
+        figures,
+        &performance,
+        &stage.gpu(),
+        &runtime,
+        runs,
+        pictures,
+    );
     report.background = scenery.map(|scenery| scenery.figures);
     report.print();
     options

@@ -37,25 +37,25 @@ pub(super) fn run(
             "--motion, --bvh-scale, --frames and --place are about a person: give an avatar PACKAGE too"
         );
     }
-    let scenery = Scenery::alone(file)?;
-    let camera = match &options.camera {
-        CameraChoice::File(cameras) => scenery.camera(cameras, options.id, options.size)?,
-        CameraChoice::Named(view) => {
-            scenery.overview(view.direction(), view.fov_degrees(), options.size)
+    let scenery = Scenery::drawable(file)?;
+    let scene_camera = options.scene_camera()?;
+    let size = options.size(scene_camera.as_ref())?;
+    let camera = match (&options.camera, &scene_camera) {
+        (_, Some(camera)) => scenery.camera(camera, size),
+        (CameraChoice::Exact(view), _) => {
+            view.camera(Vec3::ZERO, Quat::IDENTITY, size.width, size.height)
         }
-        CameraChoice::Exact(view) => view.camera(
-            Vec3::ZERO,
-            Quat::IDENTITY,
-            options.size.width,
-            options.size.height,
-        ),
+        (CameraChoice::Named(view), _) => {
+            scenery.overview(view.direction(), view.fov_degrees(), size)
+        }
+        (CameraChoice::File(_), None) => bail!("the scene's camera is missing"),
     };
     let gpu = surroundings.gpu()?;
     options.prepare_output()?;
 
     let views = options.views();
     let setting = Setting {
-        size: options.size,
+        size,
         views,
         background: Some(Arc::clone(&scenery.background)),
         filter: options.filter.map_or(scenery.filter(), Into::into),
@@ -81,18 +81,18 @@ pub(super) fn run(
     let report = Report {
         background: scenery.figures,
         eye: camera.position().to_array(),
-        vulkan_device: gpu.info().name.clone(),
-        vulkan_driver: gpu.info().driver.clone(),
+        vulkan_device: renderer.gpu().info().name.clone(),
+        vulkan_driver: renderer.gpu().info().driver.clone(),
         runs: vec![StageTable::new(
             views,
-            options.size,
+            size,
             profile.summary(Unit::Gpu),
             splatting,
         )],
         pictures: write_frame(&options.out, 0, &drawn)?,
     };
     report.background.print();
-    println!("GPU          {}", describe(&gpu));
+    println!("GPU          {}", describe(renderer.gpu()));
     report.runs.iter().for_each(StageTable::print);
     println!("\npictures");
     for picture in &report.pictures {
