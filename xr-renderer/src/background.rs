@@ -62,9 +62,13 @@ impl Background {
     /// scales to 0.1 %, rotations to 0.02 degrees, colours and harmonics to a small part of the block's range.
     #[must_use]
     pub fn pack(scene: &Scene) -> Self {
+        Self::pack_in_chunks(scene, CHUNK_BLOCKS)
+    }
+
+    fn pack_in_chunks(scene: &Scene, chunk_blocks: usize) -> Self {
         let words = harmonics_words(scene.sh_degree());
         let chunks = neighbours_together(scene)
-            .par_chunks(CHUNK_BLOCKS)
+            .par_chunks(chunk_blocks)
             .map(|members| {
                 let blocks: Vec<_> = members
                     .par_iter()
@@ -291,4 +295,58 @@ fn pack_block(
 )]
 fn signed_byte(value: f32) -> u8 {
     (value.round().clamp(-127.0, 127.0) as i8) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Vec3;
+    use splat_scene::{SceneBuilder, Splat};
+
+    use super::*;
+    use crate::testing::open_gpu;
+    use crate::{BackEnd, Camera, RendererOptions, SplatRenderer};
+
+    /// A helix of 1,500 splats whose colour depends on the direction of view.
+    fn helix() -> Scene {
+        let mut builder = SceneBuilder::new(1).expect("degree 1");
+        for step in 0u16..1_500 {
+            let turn = f32::from(step) * 0.05;
+            let splat = Splat {
+                position: [turn.cos(), turn / 40.0 - 0.9, turn.sin()],
+                rotation: glam::Quat::from_rotation_y(turn).to_array(),
+                log_scale: [-3.0, -3.5, -4.0],
+                opacity: 0.7,
+                colour: [turn.sin(), 0.2, turn.cos()],
+            };
+            builder.push(&splat, &[0.3; 9]).expect("a splat fits");
+        }
+        builder.finish()
+    }
+
+    #[test]
+    fn a_scene_in_many_chunks_makes_the_picture_of_the_scene_in_one() {
+        let Some(gpu) = open_gpu() else { return };
+        let camera = Camera::look_at(Vec3::new(0.3, 0.4, 3.5), Vec3::ZERO, Vec3::Y, 0.7, 160, 120);
+        let scene = helix();
+        let pictures = [CHUNK_BLOCKS, 1, 2].map(|chunk_blocks| {
+            let background = Background::pack_in_chunks(&scene, chunk_blocks);
+            let expected = scene.len().div_ceil(BLOCK).div_ceil(chunk_blocks);
+            assert!(background.chunks().len() >= expected, "chunks");
+            let options = RendererOptions {
+                background: Some(Arc::new(background)),
+                back_end: Some(BackEnd::Tiles),
+                ..RendererOptions::new(0, 160, 120, 1)
+            };
+            let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
+            renderer.draw(&[camera]).expect("a picture");
+            renderer.read_back(0).expect("a view")
+        });
+        let drawn = pictures[0].pixels().iter().filter(|pixel| pixel[3] > 0.3);
+        assert!(drawn.count() > 2_000, "a helix");
+        assert!(pictures[1] == pictures[0], "one block to a chunk");
+        assert!(pictures[2] == pictures[0], "two blocks to a chunk");
+        assert_eq!(gpu.validation_messages(), 0, "validation messages");
+    }
 }
