@@ -38,6 +38,14 @@ Draws one scene with our renderer and with @mkkellogg/gaussian-splats-3d in head
 /** A mistake of the caller's or of the machine's: its message says what to do. */
 class Trouble extends Error {}
 
+function parsed(what, text) {
+	try {
+		return JSON.parse(text);
+	} catch (why) {
+		throw new Trouble(`${what} is not JSON: ${why.message}`);
+	}
+}
+
 function arguments_() {
 	const text = { type: 'string' };
 	let values;
@@ -77,7 +85,7 @@ function arguments_() {
 		id: Number(values.id ?? (values.person ? 1 : 0)),
 		cameras: values.cameras ?? path.join(here, 'cameras.json'),
 		out: path.resolve(values.out ?? path.join(repo, 'out/bench-peers')),
-		peerOptions: JSON.parse(values['peer-options']),
+		peerOptions: parsed('--peer-options', values['peer-options']),
 		sides: values.only ? [values.only] : ['ours', 'peer'],
 	};
 }
@@ -127,7 +135,10 @@ async function header(scene) {
 
 /** The chosen camera at the chosen size, written where all three renderers find it. */
 async function cameraFor(args) {
-	const all = JSON.parse(await readFile(args.cameras, 'utf8'));
+	const text = await readFile(args.cameras, 'utf8').catch((why) => {
+		throw new Trouble(`cannot read the cameras ${args.cameras}: ${why.message}`);
+	});
+	const all = parsed(args.cameras, text);
 	const found = all.find((camera) => camera.id === args.id);
 	if (!found) throw new Trouble(`${args.cameras} has no camera ${args.id}: it has ${all.map((camera) => camera.id).join(', ')}`);
 	const scale = args.height / found.height;

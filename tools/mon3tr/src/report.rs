@@ -216,8 +216,11 @@ pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// Writes `figures` to `path` as indented JSON.
-pub(crate) fn write_json(path: &Path, figures: &impl Serialize) -> anyhow::Result<()> {
+/// Writes `figures` to `path` as indented JSON, if there is one.
+pub(crate) fn write_json(path: Option<&Path>, figures: &impl Serialize) -> anyhow::Result<()> {
+    let Some(path) = path else {
+        return Ok(());
+    };
     let text = serde_json::to_string_pretty(figures).context("cannot write the figures as JSON")?;
     std::fs::write(path, text + "\n").with_context(|| format!("cannot write {}", path.display()))
 }

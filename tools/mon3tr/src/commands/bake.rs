@@ -39,10 +39,7 @@ pub(crate) struct BakeChoices {
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     let figures = bake_to(&options.choices, &options.out, surroundings)?;
-    options
-        .json
-        .as_ref()
-        .map_or(Ok(()), |file| write_json(file, &figures))
+    write_json(options.json.as_deref(), &figures)
 }
 
 /// The demo avatar's package from the cache; baked first if there is none of this kind yet.

@@ -122,10 +122,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     report.bake = Some(avatar.report.clone());
     report.background = scenery.map(|scenery| scenery.figures);
     report.print();
-    options
-        .json
-        .as_ref()
-        .map_or(Ok(()), |file| write_json(file, &report))
+    write_json(options.json.as_deref(), &report)
 }
 
 impl Show<'_> {

@@ -36,10 +36,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         let scenery = Scenery::alone(&options.file)?;
         let figures = scenery.figures;
         figures.print();
-        return options
-            .json
-            .as_ref()
-            .map_or(Ok(()), |file| write_json(file, &figures));
+        return write_json(options.json.as_deref(), &figures);
     }
     let (avatar, figures) = load_avatar(&options.file)?;
     let manifest = Manifest::load(&options.file)
@@ -61,10 +58,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         manifest,
     };
     inspection.print();
-    options
-        .json
-        .as_ref()
-        .map_or(Ok(()), |file| write_json(file, &inspection))
+    write_json(options.json.as_deref(), &inspection)
 }
 
 impl Inspection {

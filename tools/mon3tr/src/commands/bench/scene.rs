@@ -98,10 +98,7 @@ pub(crate) fn run(options: &Options, file: &Path, gpu: &Arc<Gpu>) -> anyhow::Res
         samples,
     };
     measured.print(options.frames);
-    options
-        .json
-        .as_ref()
-        .map_or(Ok(()), |file| write_json(file, &measured))
+    write_json(options.json.as_deref(), &measured)
 }
 
 impl Measured {

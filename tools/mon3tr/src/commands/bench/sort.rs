@@ -80,10 +80,7 @@ pub(crate) fn run(options: &Options, gpu: &Arc<Gpu>) -> anyhow::Result<()> {
         }
     }
     measured.print(options.frames);
-    options
-        .json
-        .as_ref()
-        .map_or(Ok(()), |file| write_json(file, &measured))
+    write_json(options.json.as_deref(), &measured)
 }
 
 fn measure(sorter: &mut Sorter, keys: usize, depths: Depths, frames: u32) -> anyhow::Result<Row> {

@@ -105,10 +105,7 @@ pub(crate) fn run(options: &Options, gpu: &Arc<Gpu>) -> anyhow::Result<()> {
         rows,
     };
     measured.print(&formats);
-    options
-        .json
-        .as_ref()
-        .map_or(Ok(()), |file| write_json(file, &measured))
+    write_json(options.json.as_deref(), &measured)
 }
 
 /// The median of some measurements of the device's copy speed.

@@ -76,8 +76,5 @@ pub(super) fn run(
     );
     report.background = scenery.map(|scenery| scenery.figures);
     report.print();
-    options
-        .json
-        .as_ref()
-        .map_or(Ok(()), |file| write_json(file, &report))
+    write_json(options.json.as_deref(), &report)
 }

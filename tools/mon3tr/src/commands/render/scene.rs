@@ -98,10 +98,7 @@ pub(super) fn run(
     for picture in &report.pictures {
         println!("  {}", picture.display());
     }
-    options
-        .json
-        .as_ref()
-        .map_or(Ok(()), |file| write_json(file, &report))
+    write_json(options.json.as_deref(), &report)
 }
 
 fn splat(renderer: &mut SplatRenderer, cameras: &[Camera]) -> Result<Vec<Image>, RenderError> {
