@@ -9,7 +9,7 @@ use crate::Format;
 #[non_exhaustive]
 pub enum SceneError {
     /// The file could not be read at all.
-    #[error("cannot read {} (does it exist, is it a file, may it be read?)", path.display())]
+    #[error("cannot read {}; check that it exists, is a file and may be read", path.display())]
     Read {
         /// The file.
         path: PathBuf,

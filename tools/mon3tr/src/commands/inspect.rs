@@ -31,7 +31,11 @@ struct Inspection {
 
 /// Runs `inspect`.
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
-    check_file(&options.file)?;
+    // Of a missing package its reader says how to come by one.
+    let ending = options.file.extension().unwrap_or_default();
+    if !ending.eq_ignore_ascii_case("m3a") {
+        check_file(&options.file)?;
+    }
     if is_scene(&options.file) {
         let scenery = Scenery::alone(&options.file)?;
         let figures = scenery.figures;
