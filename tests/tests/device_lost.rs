@@ -1,27 +1,11 @@
 //! A device that its driver gives up, and going on with another: a test program of its own, since it spoils its device.
 
-use mon3tr_tests::splat_scenes::{front_camera, random_gaussians};
+use mon3tr_tests::splat_scenes::{front_camera, random_gaussians, random_scene};
 use mon3tr_tests::vulkan::{assert_silent, open_gpu, or_skip};
-use splat_scene::{SH_C0, SceneBuilder, Splat};
 use std::sync::Arc;
 use xr_renderer::{
     BackEnd, Background, PackedGaussian, RenderError, RendererOptions, SplatRenderer,
 };
-
-fn background() -> Background {
-    let mut builder = SceneBuilder::new(0).expect("degree 0");
-    for gaussian in random_gaussians(500, 7) {
-        let splat = Splat {
-            position: gaussian.position,
-            rotation: gaussian.rotation,
-            log_scale: gaussian.scale.map(f32::ln),
-            opacity: gaussian.opacity,
-            colour: gaussian.colour.map(|value| (value - 0.5) / SH_C0),
-        };
-        builder.push(&splat, &[]).expect("a splat fits");
-    }
-    Background::pack(&builder.finish())
-}
 
 #[test]
 fn a_renderer_goes_on_after_its_device_is_lost() {
@@ -30,7 +14,7 @@ fn a_renderer_goes_on_after_its_device_is_lost() {
     };
     let camera = front_camera(128, 96);
     let options = RendererOptions {
-        background: Some(Arc::new(background())),
+        background: Some(Arc::new(Background::pack(&random_scene(500, 0, 7)))),
         back_end: Some(BackEnd::Tiles),
         ..RendererOptions::new(300, 128, 96, 1)
     };

@@ -64,7 +64,6 @@ impl BackEnds {
         gpu: &Arc<Gpu>,
         front: &Front,
         target: &Target,
-        capacity: u32,
         asked: Option<BackEnd>,
     ) -> Result<Self, RenderError> {
         if asked == Some(BackEnd::Quads) && !gpu.draws_quads() {
@@ -73,7 +72,7 @@ impl BackEnds {
         let comparable = gpu.has_clock() && gpu.draws_quads();
         let asked = asked.or((!comparable).then_some(BackEnd::Tiles));
         let tiles = (asked != Some(BackEnd::Quads))
-            .then(|| Tiles::new(gpu, front, target, capacity))
+            .then(|| Tiles::new(gpu, front, target))
             .transpose()?;
         let quads = match asked {
             Some(BackEnd::Tiles) => None,

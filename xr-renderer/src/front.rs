@@ -15,6 +15,7 @@ use crate::gpu::Gpu;
 use crate::options::Filter;
 use crate::pipeline::{ComputePipeline, Specialisation};
 use crate::sort::{SortInput, SortPasses};
+use crate::upload::Upload;
 
 /// Invocations per workgroup; divides a background's block.
 const GROUP: u32 = 64;
@@ -26,6 +27,7 @@ pub(crate) struct Front {
     background: Vec<StaticChunk>,
     sort: SortPasses,
     passed: Passed,
+    capacity: u32,
 }
 
 /// What the passes hand on, to one another and to the back ends.
@@ -44,10 +46,8 @@ pub(crate) struct Passed {
 
 struct Foreground {
     project: ComputePipeline,
-    staging: Buffer,
-    /// The staging buffer's copy on the device; on a software driver, where both are the same memory, there is none.
-    gaussians: Option<Buffer>,
-    /// Whether the copy is older than the staging buffer.
+    gaussians: Upload,
+    /// Whether the device has not yet what the host wrote.
     stale: bool,
     count: u32,
 }
@@ -57,7 +57,7 @@ struct StaticChunk {
     project: ComputePipeline,
     first: u32,
     count: u32,
-    uploads: Vec<(Buffer, Option<Buffer>)>,
+    uploads: [Upload; 3],
 }
 
 impl Front {
@@ -99,6 +99,7 @@ impl Front {
             foreground,
             background: chunks,
             passed,
+            capacity,
         })
     }
 
@@ -109,6 +110,11 @@ impl Front {
     /// All items, least depth first.
     pub(crate) fn order(&self) -> &Buffer {
         self.sort.order()
+    }
+
+    /// The most Gaussians there can be.
+    pub(crate) fn capacity(&self) -> u32 {
+        self.capacity
     }
 
     /// Gaussians of the foreground now.
@@ -126,7 +132,7 @@ impl Front {
     /// device is idle.
     pub(crate) fn write_foreground(&mut self, gaussians: &[PackedGaussian], count: u32) -> f64 {
         let start = Instant::now();
-        self.foreground.staging.write(gaussians);
+        self.foreground.gaussians.write(gaussians);
         self.foreground.count = count;
         self.foreground.stale = true;
         start.elapsed().as_secs_f64() * 1e3
@@ -139,33 +145,27 @@ impl Front {
 
     /// Records the upload of the background, once.
     pub(crate) fn record_background(&self, commands: vk::CommandBuffer) {
-        for (staging, copy) in self.background.iter().flat_map(|chunk| &chunk.uploads) {
-            if let Some(copy) = copy {
-                record_copy(&self.gpu, commands, staging, copy, staging.size());
-            }
+        for upload in self.background.iter().flat_map(|chunk| &chunk.uploads) {
+            upload.record(&self.gpu, commands, upload.size());
         }
         barrier(&self.gpu, commands);
     }
 
     /// Frees what only the background's upload needed. The device is idle.
     pub(crate) fn background_is_there(&mut self) {
-        for chunk in &mut self.background {
-            for (staging, copy) in &mut chunk.uploads {
-                if let Some(copy) = copy.take() {
-                    *staging = copy;
-                }
-            }
-        }
+        let chunks = self.background.iter_mut();
+        chunks
+            .flat_map(|chunk| &mut chunk.uploads)
+            .for_each(Upload::keep_copy);
     }
 
     /// Records the copy of a new foreground to the device and, where the picture sorts, the clearing of what is
     /// counted into.
     pub(crate) fn record_upload(&self, commands: vk::CommandBuffer, sorts: bool) {
         let foreground = &self.foreground;
-        let changed = foreground.stale && foreground.count > 0;
-        if let Some(gaussians) = foreground.gaussians.as_ref().filter(|_| changed) {
+        if foreground.stale && foreground.count > 0 {
             let bytes = u64::from(foreground.count) * size_of::<PackedGaussian>() as u64;
-            record_copy(&self.gpu, commands, &foreground.staging, gaussians, bytes);
+            foreground.gaussians.record(&self.gpu, commands, bytes);
         }
         if sorts {
             let empty = bytemuck::bytes_of(&SortState::EMPTY);
@@ -249,7 +249,7 @@ impl Foreground {
         passed: &Passed,
     ) -> Result<Self, RenderError> {
         let bytes = u64::from(capacity) * size_of::<PackedGaussian>() as u64;
-        let (staging, gaussians) = uploaded(gpu, "foreground Gaussians", bytes)?;
+        let gaussians = Upload::new(gpu, "foreground Gaussians", bytes)?;
         let specialisation = Specialisation {
             constants: &[GROUP, filter.is_mip()],
             ..Default::default()
@@ -258,11 +258,10 @@ impl Foreground {
             gpu,
             shaders_spirv::PROJECT_FOREGROUND,
             specialisation,
-            &passed.projecting(&[gaussians.as_ref().unwrap_or(&staging)]),
+            &passed.projecting(&[gaussians.buffer()]),
         )?;
         Ok(Self {
             project,
-            staging,
             gaussians,
             stale: true,
             count: 0,
@@ -279,14 +278,11 @@ impl StaticChunk {
         filter: Filter,
         passed: &Passed,
     ) -> Result<Self, RenderError> {
-        let blocks = filled(gpu, "background blocks", &chunk.blocks)?;
-        let gaussians = filled(gpu, "background Gaussians", &chunk.gaussians)?;
-        let harmonics = filled(gpu, "background colours", &chunk.harmonics)?;
-        let uploads = vec![gaussians, blocks, harmonics];
-        let buffers: Vec<_> = uploads
-            .iter()
-            .map(|(staging, copy)| copy.as_ref().unwrap_or(staging))
-            .collect();
+        let uploads = [
+            Upload::filled(gpu, "background Gaussians", &chunk.gaussians)?,
+            Upload::filled(gpu, "background blocks", &chunk.blocks)?,
+            Upload::filled(gpu, "background colours", &chunk.harmonics)?,
+        ];
         let specialisation = Specialisation {
             constants: &[GROUP, filter.is_mip(), harmonics_words],
             push_bytes: 8,
@@ -296,7 +292,7 @@ impl StaticChunk {
             gpu,
             shaders_spirv::PROJECT_BACKGROUND,
             specialisation,
-            &passed.projecting(&buffers),
+            &passed.projecting(&uploads.each_ref().map(Upload::buffer)),
         )?;
         Ok(Self {
             project,
@@ -305,38 +301,5 @@ impl StaticChunk {
             count: u32::try_from(chunk.gaussians.len()).unwrap_or(u32::MAX),
             uploads,
         })
-    }
-}
-
-/// A buffer that the host writes and, where that is other memory, its copy on the device.
-fn uploaded(
-    gpu: &Arc<Gpu>,
-    what: &'static str,
-    bytes: u64,
-) -> Result<(Buffer, Option<Buffer>), RenderError> {
-    let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
-    let staging = Buffer::new(gpu, what, bytes, storage, Place::Upload)?;
-    let copy = (!gpu.info().is_cpu)
-        .then(|| Buffer::storage(gpu, what, bytes))
-        .transpose()?;
-    Ok((staging, copy))
-}
-
-fn filled<T: bytemuck::Pod>(
-    gpu: &Arc<Gpu>,
-    what: &'static str,
-    values: &[T],
-) -> Result<(Buffer, Option<Buffer>), RenderError> {
-    let (mut staging, copy) = uploaded(gpu, what, size_of_val(values) as u64)?;
-    staging.write(values);
-    Ok((staging, copy))
-}
-
-fn record_copy(gpu: &Gpu, commands: vk::CommandBuffer, from: &Buffer, to: &Buffer, bytes: u64) {
-    let region = [vk::BufferCopy::default().size(bytes)];
-    // SAFETY: the command buffer is being recorded; both buffers hold as many bytes.
-    unsafe {
-        let device = gpu.device();
-        device.cmd_copy_buffer(commands, from.handle(), to.handle(), &region);
     }
 }

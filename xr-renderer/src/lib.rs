@@ -37,6 +37,7 @@ mod target;
 mod testing;
 mod tiles;
 mod timestamps;
+mod upload;
 mod validation;
 
 pub use back_ends::BackEndTrial;

@@ -11,7 +11,6 @@ use bytemuck::Zeroable;
 use shaders_spirv::{FrameParams, PackedGaussian};
 
 use crate::back_ends::{Again, BackEndTrial, BackEnds};
-use crate::background::Background;
 use crate::camera::{Camera, head_depth_plane};
 use crate::commands::{Commands, barrier};
 use crate::error::RenderError;
@@ -82,8 +81,7 @@ impl SplatRenderer {
         let background = options.background.as_deref();
         let target = Target::new(&gpu, width, height, views, options.depth)?;
         let mut front = Front::new(&gpu, max_foreground, background, options.filter, views)?;
-        let capacity = max_foreground.saturating_add(background.map_or(0, Background::places));
-        let back_ends = BackEnds::new(&gpu, &front, &target, capacity, options.back_end)?;
+        let back_ends = BackEnds::new(&gpu, &front, &target, options.back_end)?;
         // Made last and so dropped first after an error: its drop waits for the device, which uses the rest.
         let mut commands = Commands::new(&gpu)?;
         commands.run("the first clear", |commands| {

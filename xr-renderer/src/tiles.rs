@@ -80,12 +80,7 @@ pub(crate) struct Tiles {
 }
 
 impl Tiles {
-    pub(crate) fn new(
-        gpu: &Arc<Gpu>,
-        front: &Front,
-        target: &Target,
-        max_gaussians: u32,
-    ) -> Result<Self, RenderError> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, front: &Front, target: &Target) -> Result<Self, RenderError> {
         let layout = Layout::new(gpu, target);
         let table = Buffer::storage(
             gpu,
@@ -101,7 +96,7 @@ impl Tiles {
             vk::BufferUsageFlags::empty(),
             Place::ReadBack,
         )?;
-        let pairs = pair_list(gpu, first_capacity(gpu, max_gaussians, layout))?;
+        let pairs = pair_list(gpu, first_capacity(gpu, front.capacity(), layout))?;
         let resources = binning(front, &table, &tile_starts, &pairs);
         let make = |shader, group, resources: &[Resource<'_>]| {
             let specialisation = Specialisation {
