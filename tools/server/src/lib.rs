@@ -1,0 +1,1 @@
+//! Signaling and the avatar store.
