@@ -1,1 +1,25 @@
-//! Signaling and the avatar store.
+//! Signaling and the avatar store: the paper's *Signaling* stage, and where *Amortization* fetches the avatar.
+//!
+//! The server introduces a sender to its viewers and keeps packages; motion never passes through it. The wire is
+//! `docs/protocol.md`. It deliberately keeps no accounts and no rooms: tokens say what their bearer may do, and a room
+//! is where its sender is connected.
+
+mod config;
+mod connections;
+mod error;
+mod http;
+mod id;
+mod metrics;
+mod packages;
+mod relay;
+mod rooms;
+mod secret;
+mod server;
+mod tls;
+mod token;
+
+pub use config::{Config, Limits, StoreConfig};
+pub use error::ServerError;
+pub use id::Id;
+pub use secret::Secret;
+pub use server::Server;

@@ -1,0 +1,111 @@
+//! How a server is set up, and every bound it keeps.
+
+use crate::Secret;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// How a server is set up.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Where to listen; port 0 takes any free one.
+    pub listen: SocketAddr,
+    /// Where packages are kept.
+    pub store: StoreConfig,
+    /// What tokens are authenticated by.
+    pub secret: Secret,
+    /// The address of a NATS server through which several instances share their rooms, `nats://HOST:PORT`. Whoever may
+    /// write there may answer for any sender: it stands inside, with the instances.
+    pub nats: Option<String>,
+    /// Certificate chain and private key, PEM files; without them the server speaks plain HTTP.
+    pub tls: Option<(PathBuf, PathBuf)>,
+    /// Bounds.
+    pub limits: Limits,
+}
+
+/// Where packages are kept.
+#[derive(Clone, Debug)]
+pub enum StoreConfig {
+    /// A folder, for one server alone.
+    Local(PathBuf),
+    /// A bucket of an S3-compatible store, for any number of servers. What an upload leaves there when its server dies
+    /// is invisible, but a rule of the bucket's should remove incomplete multipart uploads. Credentials come from the environment's `AWS_ACCESS_KEY_ID`,
+    /// `AWS_SECRET_ACCESS_KEY` and their kin.
+    S3 {
+        /// The bucket, which must exist.
+        bucket: String,
+        /// The store's address, unless it is Amazon's: `https://HOST[:PORT]`.
+        endpoint: Option<String>,
+        /// The bucket's region; `us-east-1` if none is given.
+        region: Option<String>,
+    },
+}
+
+/// Every bound a server keeps, so that no client makes it grow.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// Bytes of the largest package.
+    pub package_bytes: u64,
+    /// Where uploads lie until they are checked; they have no name there and vanish with the process. `None`: in the
+    /// local store's folder, or the system's folder for temporary files.
+    pub spool: Option<PathBuf>,
+    /// Uploads received at once; more are told to come back.
+    pub uploads_at_once: usize,
+    /// Packages checked at once. A check unpacks the package: at most 512 MiB each, by the reader's own bounds.
+    pub checks_at_once: usize,
+    /// Requests a second that one address may make in the long run; 0 lifts the limit, for a server behind a proxy
+    /// that keeps its own. The address is the connection's: what a proxy writes into `X-Forwarded-For` is not
+    /// believed. IPv6 addresses count by their /64.
+    pub requests_per_second: u32,
+    /// Requests that one address may make at once.
+    pub request_burst: u32,
+    /// Connections at once, from everywhere.
+    pub connections: usize,
+    /// Connections at once from one address (IPv6: from one /64).
+    pub connections_per_address: usize,
+    /// Rooms whose senders are connected to this instance.
+    pub rooms: usize,
+    /// The same, of one owner.
+    pub rooms_per_owner: usize,
+    /// Viewers of one room who wait for an answer.
+    pub waiting_per_room: usize,
+    /// Bytes of an SDP offer or answer.
+    pub sdp_bytes: usize,
+    /// The longest that a room's tokens may be valid.
+    pub room_lifetime: Duration,
+    /// How long a sender may take to answer an offer.
+    pub answer_within: Duration,
+    /// How long a client may take to send a request's head; also how long an idle connection is kept.
+    pub head_within: Duration,
+    /// How long any request may take, but for presence, uploads and downloads.
+    pub request_within: Duration,
+    /// How long an upload may pause, and how long a client may leave what was sent to it unread.
+    pub pause: Duration,
+    /// How long an upload may take altogether.
+    pub upload_within: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            package_bytes: 128 << 20,
+            spool: None,
+            uploads_at_once: 8,
+            checks_at_once: 1,
+            requests_per_second: 50,
+            request_burst: 500,
+            connections: 4096,
+            connections_per_address: 512,
+            rooms: 1024,
+            rooms_per_owner: 64,
+            waiting_per_room: 32,
+            sdp_bytes: 64 << 10,
+            room_lifetime: Duration::from_secs(30 * 86400),
+            answer_within: Duration::from_secs(5),
+            head_within: Duration::from_secs(10),
+            request_within: Duration::from_secs(15),
+            pause: Duration::from_secs(20),
+            upload_within: Duration::from_secs(900),
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! A gate at which connections are counted, and closed when their client reads nothing for too long.
+//!
+//! Requests have their own timeouts; this is what stands below them, on the socket.
+
+use crate::metrics::Metrics;
+use axum_server::accept::Accept;
+use std::collections::HashMap;
+use std::future::{Ready, ready};
+use std::io::{self, ErrorKind, IoSlice};
+use std::net::{IpAddr, Ipv6Addr};
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::TcpStream;
+use tokio::time::Sleep;
+
+/// Lets so many connections in, and so many from one address.
+#[derive(Clone, Debug)]
+pub(crate) struct Gate {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    total: usize,
+    per_address: usize,
+    stall: Duration,
+    open: Mutex<HashMap<IpAddr, usize>>,
+    metrics: Arc<Metrics>,
+}
+
+impl Gate {
+    pub(crate) fn new(
+        total: usize,
+        per_address: usize,
+        stall: Duration,
+        metrics: Arc<Metrics>,
+    ) -> Self {
+        Self {
+            inner: Arc::new(Inner {
+                total,
+                per_address,
+                stall,
+                open: Mutex::default(),
+                metrics,
+            }),
+        }
+    }
+
+    fn enter(&self, stream: TcpStream) -> io::Result<Guarded> {
+        let address = neighbourhood(stream.peer_addr()?.ip());
+        stream.set_nodelay(true)?;
+        // A sender whose machine vanished leaves a connection that nothing ends; only its silence tells.
+        #[cfg(target_os = "linux")]
+        socket2::SockRef::from(&stream).set_tcp_user_timeout(Some(self.inner.stall))?;
+        let mut open = self
+            .inner
+            .open
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        let total: i64 = self.inner.metrics.connections.get();
+        let here = open.get(&address).copied().unwrap_or(0);
+        if usize::try_from(total).unwrap_or(0) >= self.inner.total || here >= self.inner.per_address
+        {
+            self.inner.metrics.connections_refused.inc();
+            return Err(io::Error::new(
+                ErrorKind::ConnectionRefused,
+                "too many connections",
+            ));
+        }
+        open.insert(address, here + 1);
+        self.inner.metrics.connections.inc();
+        Ok(Guarded {
+            stream,
+            stalled: None,
+            _place: Place {
+                gate: Arc::clone(&self.inner),
+                address,
+            },
+            stall: self.inner.stall,
+        })
+    }
+}
+
+impl<S> Accept<TcpStream, S> for Gate {
+    type Stream = Guarded;
+    type Service = S;
+    type Future = Ready<io::Result<(Guarded, S)>>;
+
+    fn accept(&self, stream: TcpStream, service: S) -> Self::Future {
+        ready(self.enter(stream).map(|stream| (stream, service)))
+    }
+}
+
+/// Whoever has one address of an IPv6 /64 has all of them.
+pub(crate) fn neighbourhood(address: IpAddr) -> IpAddr {
+    match address.to_canonical() {
+        IpAddr::V6(v6) => IpAddr::V6(Ipv6Addr::from_bits(v6.to_bits() & !u128::from(u64::MAX))),
+        v4 => v4,
+    }
+}
+
+/// A connection's place at the gate.
+#[derive(Debug)]
+struct Place {
+    gate: Arc<Inner>,
+    address: IpAddr,
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut open = self
+            .gate
+            .open
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        self.gate.metrics.connections.dec();
+        if let Some(count) = open.get_mut(&self.address) {
+            *count -= 1;
+            if *count == 0 {
+                open.remove(&self.address);
+            }
+        }
+    }
+}
+
+/// A connection that fails when its client takes nothing for too long.
+#[derive(Debug)]
+pub(crate) struct Guarded {
+    stream: TcpStream,
+    stall: Duration,
+    stalled: Option<Pin<Box<Sleep>>>,
+    _place: Place,
+}
+
+impl Guarded {
+    /// Passes a write's outcome on; while it is pending the clock runs.
+    fn timed<T>(
+        &mut self,
+        context: &mut Context<'_>,
+        outcome: Poll<io::Result<T>>,
+    ) -> Poll<io::Result<T>> {
+        if outcome.is_ready() {
+            self.stalled = None;
+            return outcome;
+        }
+        let stall = self.stall;
+        let clock = self
+            .stalled
+            .get_or_insert_with(|| Box::pin(tokio::time::sleep(stall)));
+        ready!(clock.as_mut().poll(context));
+        Poll::Ready(Err(ErrorKind::TimedOut.into()))
+    }
+}
+
+impl AsyncRead for Guarded {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_read(context, buffer)
+    }
+}
+
+impl AsyncWrite for Guarded {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let outcome = Pin::new(&mut self.stream).poll_write(context, bytes);
+        self.timed(context, outcome)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        let outcome = Pin::new(&mut self.stream).poll_write_vectored(context, bytes);
+        self.timed(context, outcome)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+}

@@ -1,0 +1,95 @@
+//! Why a server does not start, or stops by itself. What goes wrong in one request is an answer to that request instead.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// A server that cannot start or go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ServerError {
+    /// The secret's file cannot be read or made.
+    #[error("cannot {action} the server's secret in {}", path.display())]
+    SecretFile {
+        /// "read" or "create".
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The secret's file holds something else.
+    #[error(
+        "{} does not hold a secret of 64 hexadecimal digits; remove it, and a new one is made (all tokens given out end then)",
+        path.display()
+    )]
+    SecretDamaged {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The system gives no random numbers.
+    #[error("the system gives no random numbers: {reason}")]
+    Random {
+        /// What the system said.
+        reason: String,
+    },
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}; choose another address, or port 0 for any free one")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
+    /// A folder cannot be used.
+    #[error("cannot use {} as {purpose}", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What for.
+        purpose: &'static str,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
+    /// Another server has the folder open.
+    #[error(
+        "another server uses the folder {}; several instances share an S3-compatible store instead",
+        path.display()
+    )]
+    FolderTaken {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The object store refuses its settings.
+    #[error("cannot open the package store {store}")]
+    Store {
+        /// Which store.
+        store: String,
+        /// Why.
+        #[source]
+        source: object_store::Error,
+    },
+    /// The certificate or its key cannot be used.
+    #[error("cannot use {} for TLS: {reason}", path.display())]
+    Certificate {
+        /// The file at fault.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The NATS address or its credentials are of no use. A server that is merely down is waited for instead.
+    #[error("cannot use the NATS address that was given: {reason}")]
+    Nats {
+        /// Why, without the address, which may hold a password.
+        reason: String,
+    },
+    /// The server stopped by itself.
+    #[error("the server stopped by itself")]
+    Stopped {
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
+}

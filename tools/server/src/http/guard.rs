@@ -1,0 +1,140 @@
+//! What every request passes before its handler: counting, the rate limit, the token, the timeout.
+
+use super::{App, Refusal};
+use crate::connections::neighbourhood;
+use crate::token::{Claims, now};
+use axum::body::Body;
+use axum::extract::{ConnectInfo, MatchedPath, Request, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use futures_util::StreamExt;
+use governor::clock::{Clock, DefaultClock};
+use governor::{DefaultKeyedRateLimiter, Quota};
+use std::net::{IpAddr, SocketAddr};
+use std::num::NonZeroU32;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Bytes and time that a refused request may still send, so that it reads the refusal instead of a broken connection.
+const DISCARDED_BYTES: usize = 4 << 20;
+const DISCARDED_WITHIN: Duration = Duration::from_secs(5);
+
+/// Requests a second by address.
+#[derive(Debug)]
+pub(crate) struct RateLimit {
+    limiter: Option<DefaultKeyedRateLimiter<IpAddr>>,
+}
+
+impl RateLimit {
+    /// `per_second` of 0 is no limit.
+    pub(crate) fn new(per_second: u32, burst: u32) -> Self {
+        let limiter = NonZeroU32::new(per_second).map(|per_second| {
+            let burst = NonZeroU32::new(burst).unwrap_or(per_second);
+            DefaultKeyedRateLimiter::keyed(Quota::per_second(per_second).allow_burst(burst))
+        });
+        Self { limiter }
+    }
+
+    /// Seconds to wait, if this address asks too fast.
+    fn check(&self, address: IpAddr) -> Result<(), u32> {
+        let Some(limiter) = &self.limiter else {
+            return Ok(());
+        };
+        limiter.check_key(&neighbourhood(address)).map_err(|until| {
+            let wait = until.wait_time_from(DefaultClock::default().now());
+            u32::try_from(wait.as_secs()).unwrap_or(u32::MAX - 1) + 1
+        })
+    }
+
+    /// Forgets addresses that have been quiet.
+    pub(crate) fn forget_quiet(&self) {
+        if let Some(limiter) = &self.limiter {
+            limiter.retain_recent();
+            limiter.shrink_to_fit();
+        }
+    }
+}
+
+pub(super) async fn count(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+    let route = request.extensions().get::<MatchedPath>().cloned();
+    let response = next.run(request).await;
+    let route = route.as_ref().map_or("other", MatchedPath::as_str);
+    app.metrics.request(route, response.status().as_u16());
+    response
+}
+
+pub(super) async fn limit_rate(
+    State(app): State<Arc<App>>,
+    ConnectInfo(address): ConnectInfo<SocketAddr>,
+    request: Request,
+    next: Next,
+) -> Response {
+    match app.rate.check(address.ip()) {
+        Ok(()) => next.run(request).await,
+        Err(seconds) => {
+            app.metrics.rate_limited.inc();
+            Refusal::new(
+                StatusCode::TOO_MANY_REQUESTS,
+                "too many requests from this address",
+            )
+            .retry_after(seconds)
+            .into_response()
+        }
+    }
+}
+
+pub(super) async fn authenticate(
+    State(app): State<Arc<App>>,
+    mut request: Request,
+    next: Next,
+) -> Response {
+    if matches!(request.uri().path(), "/healthz" | "/metrics") {
+        return next.run(request).await;
+    }
+    let token = bearer(request.headers());
+    match token.and_then(|token| Claims::verify(token, &app.secret, now())) {
+        Some(claims) => {
+            request.extensions_mut().insert(claims);
+            next.run(request).await
+        }
+        None => {
+            discard(request.into_body());
+            Refusal::unauthorized().into_response()
+        }
+    }
+}
+
+/// The one token of a request.
+fn bearer(headers: &HeaderMap) -> Option<&str> {
+    let mut values = headers.get_all(header::AUTHORIZATION).iter();
+    let value = values.next()?.to_str().ok()?;
+    let (scheme, token) = value.split_once(' ')?;
+    let only = values.next().is_none() && scheme.eq_ignore_ascii_case("bearer");
+    only.then(|| token.trim())
+}
+
+pub(super) async fn within(limit: Duration, request: Request, next: Next) -> Response {
+    match tokio::time::timeout(limit, next.run(request)).await {
+        Ok(response) => response,
+        Err(_) => {
+            Refusal::new(StatusCode::REQUEST_TIMEOUT, "this request took too long").into_response()
+        }
+    }
+}
+
+/// Reads on in a body that nobody wants, for a while. A connection closed on unread bytes is reset, and the answer that
+/// says why may be lost with it.
+pub(super) fn discard(body: Body) {
+    let mut body = body.into_data_stream();
+    let read_on = async move {
+        let mut left = DISCARDED_BYTES;
+        while let Some(Ok(chunk)) = body.next().await {
+            match left.checked_sub(chunk.len()) {
+                Some(rest) => left = rest,
+                None => break,
+            }
+        }
+    };
+    tokio::spawn(tokio::time::timeout(DISCARDED_WITHIN, read_on));
+}

@@ -1,0 +1,61 @@
+//! Whether the server is well, and its counters.
+
+use super::{App, Refusal};
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::IntoResponse;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::Mutex;
+
+/// A look at the store is not repeated sooner: anyone may ask, and an S3 store charges for it.
+const FRESH: Duration = Duration::from_secs(2);
+const PROBE_WITHIN: Duration = Duration::from_secs(3);
+
+/// The last look at the store.
+#[derive(Debug, Default)]
+pub(crate) struct Cached(Mutex<Option<(Instant, bool)>>);
+
+pub(super) async fn check(State(app): State<Arc<App>>) -> Result<&'static str, Refusal> {
+    let unwell = |error: &str| Refusal::new(StatusCode::SERVICE_UNAVAILABLE, error).retry_after(2);
+    if app.stopping.is_cancelled() {
+        return Err(unwell("the server is stopping"));
+    }
+    if app
+        .relay
+        .as_ref()
+        .is_some_and(|relay| !relay.is_connected())
+    {
+        return Err(unwell(
+            "no connection to NATS: only rooms of this instance are served",
+        ));
+    }
+    if !store_answers(&app).await {
+        return Err(unwell("the package store does not answer"));
+    }
+    Ok("ok")
+}
+
+async fn store_answers(app: &App) -> bool {
+    let mut last = app.health.0.lock().await;
+    if let Some((when, well)) = *last
+        && when.elapsed() < FRESH
+    {
+        return well;
+    }
+    let well = match tokio::time::timeout(PROBE_WITHIN, app.packages.probe()).await {
+        Ok(Ok(())) => true,
+        Ok(Err(e)) => {
+            log::error!("the package store fails: {e}");
+            false
+        }
+        Err(_) => false,
+    };
+    *last = Some((Instant::now(), well));
+    well
+}
+
+pub(super) async fn metrics(State(app): State<Arc<App>>) -> impl IntoResponse {
+    let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+    ([(header::CONTENT_TYPE, kind)], app.metrics.text())
+}

@@ -1,0 +1,137 @@
+//! The routes. Every request passes, from outside in: CORS, the counters, the rate limit, its token, its timeout.
+
+mod guard;
+mod health;
+mod packages;
+mod presence;
+mod refusal;
+mod rooms;
+
+use crate::metrics::Metrics;
+use crate::packages::Packages;
+use crate::relay::Relay;
+use crate::rooms::{Reply, Rooms};
+use crate::{Id, Limits, Secret};
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::http::{Method, StatusCode, header};
+use axum::middleware::{from_fn, from_fn_with_state};
+use axum::routing::{get, post, put};
+pub(crate) use guard::RateLimit;
+pub(crate) use health::Cached;
+use refusal::Refusal;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio_util::sync::CancellationToken;
+use tower_http::cors::{Any, CorsLayer};
+
+/// Bytes of an announcement or an order for a room.
+const SMALL_BODY: usize = 4 << 10;
+
+/// What the handlers share.
+#[derive(Debug)]
+pub(crate) struct App {
+    pub(crate) limits: Limits,
+    pub(crate) secret: Secret,
+    pub(crate) rooms: Arc<Rooms>,
+    pub(crate) relay: Option<Relay>,
+    pub(crate) packages: Packages,
+    pub(crate) metrics: Arc<Metrics>,
+    pub(crate) rate: RateLimit,
+    pub(crate) health: Cached,
+    /// The server is stopping: streams end.
+    pub(crate) stopping: CancellationToken,
+}
+
+impl App {
+    /// Asks the room's sender, wherever it is connected.
+    async fn ask(&self, room: Id, ask: crate::rooms::Ask) -> Reply {
+        match (self.rooms.presence(room), &self.relay) {
+            (Some(presence), _) => presence.ask(ask).await,
+            (None, Some(relay)) => relay.ask(room, &ask).await,
+            (None, None) => Reply::Absent,
+        }
+    }
+}
+
+/// The whole of it.
+pub(crate) fn router(app: Arc<App>) -> Router {
+    let within = app.limits.request_within;
+    let sdp = app.limits.sdp_bytes;
+    let short = Router::new()
+        .route("/v1/rooms", post(rooms::open))
+        .route("/v1/rooms/{room}", get(rooms::announcement))
+        .route(
+            "/v1/rooms/{room}/sessions/{session}",
+            axum::routing::delete(rooms::leave),
+        )
+        .layer(DefaultBodyLimit::max(SMALL_BODY));
+    let offers = Router::new()
+        .route("/v1/rooms/{room}/whep", post(rooms::join))
+        .route(
+            "/v1/rooms/{room}/sessions/{session}/answer",
+            put(rooms::answer),
+        )
+        .layer(DefaultBodyLimit::max(sdp));
+    // These bound their own time: they last as long as a call or a transfer does.
+    let long = Router::new()
+        .route(
+            "/v1/rooms/{room}/presence",
+            post(presence::enter).layer(DefaultBodyLimit::max(SMALL_BODY)),
+        )
+        .route(
+            "/v1/packages/{hash}",
+            get(packages::read)
+                .put(packages::store)
+                .delete(packages::remove),
+        );
+    short
+        .merge(offers)
+        .layer(from_fn(move |request, next| {
+            guard::within(within, request, next)
+        }))
+        .merge(long)
+        .route("/healthz", get(health::check))
+        .route("/metrics", get(health::metrics))
+        .fallback(async || Refusal::not_found())
+        .method_not_allowed_fallback(async || {
+            Refusal::new(
+                StatusCode::METHOD_NOT_ALLOWED,
+                "there is no such method here",
+            )
+        })
+        .layer(from_fn_with_state(Arc::clone(&app), guard::authenticate))
+        .layer(from_fn_with_state(Arc::clone(&app), guard::limit_rate))
+        .layer(from_fn_with_state(Arc::clone(&app), guard::count))
+        .layer(cors())
+        .with_state(app)
+}
+
+/// Any page may call this server: what a token allows it allows from everywhere, and there are no cookies.
+fn cors() -> CorsLayer {
+    CorsLayer::new()
+        .allow_origin(Any)
+        .allow_methods([
+            Method::GET,
+            Method::HEAD,
+            Method::POST,
+            Method::PUT,
+            Method::DELETE,
+        ])
+        .allow_headers([
+            header::AUTHORIZATION,
+            header::CONTENT_TYPE,
+            header::RANGE,
+            header::IF_RANGE,
+            header::IF_NONE_MATCH,
+        ])
+        .expose_headers([
+            header::LOCATION,
+            header::ETAG,
+            header::ACCEPT_RANGES,
+            header::CONTENT_RANGE,
+            header::CONTENT_LENGTH,
+            header::RETRY_AFTER,
+        ])
+        .max_age(Duration::from_secs(3600))
+}

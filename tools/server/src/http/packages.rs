@@ -1,0 +1,177 @@
+//! Putting, reading and removing packages.
+
+use super::guard::discard;
+use super::{App, Refusal};
+use crate::id::PackageHash;
+use crate::packages::{Conditions, Part, UploadError};
+use crate::token::{Claims, Role};
+use axum::body::Body;
+use axum::extract::{Extension, Path, Request, State};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use futures_util::TryStreamExt;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How long the store may take to say what it has.
+const STORE_WITHIN: Duration = Duration::from_secs(15);
+
+pub(super) async fn store(
+    State(app): State<Arc<App>>,
+    Extension(claims): Extension<Claims>,
+    Path(hash): Path<String>,
+    request: Request,
+) -> Result<StatusCode, Refusal> {
+    let hash = PackageHash::parse(&hash).filter(|_| claims.role == Role::Owner);
+    let Some(hash) = hash else {
+        discard(request.into_body());
+        return Err(Refusal::not_found());
+    };
+    let declared = request.headers().get(header::CONTENT_LENGTH);
+    let declared = declared.and_then(|value| value.to_str().ok()?.parse().ok());
+    let mut body = request.into_body().into_data_stream();
+    let whole = async {
+        let upload = app.packages.receive(hash, declared, &mut body).await?;
+        Ok(upload)
+    };
+    let received = tokio::time::timeout(app.limits.upload_within, whole)
+        .await
+        .unwrap_or(Err(UploadError::Paused));
+    let app_again = Arc::clone(&app);
+    let stored = match received {
+        // Once it is whole it is stored, even if the client does not wait for it.
+        Ok(upload) => {
+            let keep = async move { app_again.packages.keep(claims.owner, upload).await };
+            match tokio::spawn(keep).await {
+                Ok(stored) => stored,
+                Err(e) => Err(UploadError::Spool(std::io::Error::other(e))),
+            }
+        }
+        Err(e) => {
+            discard(Body::from_stream(body));
+            Err(e)
+        }
+    };
+    match stored {
+        Ok(true) => {
+            log::info!("package {hash} is stored");
+            Ok(StatusCode::CREATED)
+        }
+        Ok(false) => Ok(StatusCode::OK),
+        Err(e) => {
+            app.metrics.upload_refused(e.reason());
+            Err(refused(&e))
+        }
+    }
+}
+
+fn refused(error: &UploadError) -> Refusal {
+    let status = match error {
+        UploadError::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
+        UploadError::Truncated => StatusCode::BAD_REQUEST,
+        UploadError::Paused => StatusCode::REQUEST_TIMEOUT,
+        UploadError::Hash { .. } | UploadError::Package(_) => StatusCode::UNPROCESSABLE_ENTITY,
+        UploadError::DiskFull => {
+            log::error!("an upload is refused because the disk is full");
+            StatusCode::INSUFFICIENT_STORAGE
+        }
+        UploadError::Busy => return Refusal::busy("too many uploads are under way; try again"),
+        UploadError::Spool(cause) => {
+            log::error!("an upload cannot be stored: {cause}");
+            return Refusal::busy(&error.to_string());
+        }
+        UploadError::Store(cause) => {
+            log::error!("an upload cannot be stored: {cause}");
+            return Refusal::busy(&error.to_string());
+        }
+    };
+    Refusal::new(status, error.to_string())
+}
+
+/// `GET` and `HEAD`.
+pub(super) async fn read(
+    State(app): State<Arc<App>>,
+    Extension(claims): Extension<Claims>,
+    Path(hash): Path<String>,
+    method: Method,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let hash = PackageHash::parse(&hash).ok_or_else(Refusal::not_found)?;
+    let size = in_time(app.packages.size(claims.owner, hash))
+        .await?
+        .ok_or_else(Refusal::not_found)?;
+    let whole = Part {
+        first: 0,
+        count: size,
+    };
+    let (status, part) = match Conditions::of(&headers, hash, size) {
+        Conditions::NotModified => (StatusCode::NOT_MODIFIED, None),
+        Conditions::Whole => (StatusCode::OK, Some(whole)),
+        Conditions::Part(part) => (StatusCode::PARTIAL_CONTENT, Some(part)),
+        Conditions::Unsatisfiable => {
+            let error = format!("the package has {size} bytes");
+            let refusal = Refusal::new(StatusCode::RANGE_NOT_SATISFIABLE, error);
+            let range = [(header::CONTENT_RANGE, format!("bytes */{size}"))];
+            return Ok((range, refusal).into_response());
+        }
+    };
+    let body = match part {
+        Some(part) if method != Method::HEAD && part.count > 0 => {
+            let found = in_time(app.packages.read(hash, part)).await?;
+            let metrics = Arc::clone(&app.metrics);
+            Body::from_stream(found.into_stream().inspect_ok(move |chunk| {
+                metrics.bytes_down.inc_by(chunk.len() as u64);
+            }))
+        }
+        _ => Body::empty(),
+    };
+    let mut response = (status, body).into_response();
+    let headers = response.headers_mut();
+    let mut set = |name, value: String| {
+        if let Ok(value) = HeaderValue::from_str(&value) {
+            headers.insert(name, value);
+        }
+    };
+    set(header::ETAG, format!("\"{hash}\""));
+    set(header::ACCEPT_RANGES, "bytes".into());
+    // Only for the one who has a token; but the bytes of a hash never change.
+    let immutable = "private, max-age=31536000, immutable";
+    set(header::CACHE_CONTROL, immutable.into());
+    if let Some(Part { first, count }) = part {
+        set(header::CONTENT_LENGTH, count.to_string());
+        set(header::CONTENT_TYPE, "application/octet-stream".into());
+        if status == StatusCode::PARTIAL_CONTENT {
+            let last = first + count - 1;
+            set(
+                header::CONTENT_RANGE,
+                format!("bytes {first}-{last}/{size}"),
+            );
+        }
+    }
+    Ok(response)
+}
+
+pub(super) async fn remove(
+    State(app): State<Arc<App>>,
+    Extension(claims): Extension<Claims>,
+    Path(hash): Path<String>,
+) -> Result<StatusCode, Refusal> {
+    let hash = PackageHash::parse(&hash)
+        .filter(|_| claims.role == Role::Owner)
+        .ok_or_else(Refusal::not_found)?;
+    if in_time(app.packages.remove(claims.owner, hash)).await? {
+        log::info!("package {hash} is removed for one owner");
+        Ok(StatusCode::NO_CONTENT)
+    } else {
+        Err(Refusal::not_found())
+    }
+}
+
+async fn in_time<T>(
+    asked: impl Future<Output = Result<T, object_store::Error>>,
+) -> Result<T, Refusal> {
+    match tokio::time::timeout(STORE_WITHIN, asked).await {
+        Ok(answer) => answer.map_err(|e| Refusal::store(&e)),
+        Err(_) => Err(Refusal::busy("the server's package store is slow")),
+    }
+}

@@ -1,0 +1,253 @@
+//! An upload's way into the store: to a file without a name, checked there, then copied to its place in one step.
+//!
+//! The spool file has no name (`O_TMPFILE`), so whatever kills the process leaves nothing of it.
+
+use super::{Packages, absent, package, record};
+use crate::Id;
+use crate::id::PackageHash;
+use crate::metrics::UploadRefusal;
+use bytes::Bytes;
+use futures_util::{Stream, StreamExt};
+use object_store::{MultipartUpload, ObjectStoreExt, PutPayload};
+use sha2::{Digest, Sha256};
+use spmm3::{Avatar, PackageError};
+use std::io::{BufReader, ErrorKind, Seek};
+use std::sync::Arc;
+use tokio::io::{AsyncReadExt, AsyncSeekExt, AsyncWriteExt};
+use tokio::sync::{OwnedSemaphorePermit, SemaphorePermit};
+
+/// Bytes held of an upload on its way to the store; also an S3 part's size, which has to be 5 MiB at least.
+const PART: usize = 5 << 20;
+
+/// Why an upload is refused.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum UploadError {
+    #[error("a package may have {limit} bytes at most")]
+    TooLarge { limit: u64 },
+    #[error("the upload ended before its end; nothing of it was kept")]
+    Truncated,
+    #[error("the upload paused for too long; nothing of it was kept")]
+    Paused,
+    #[error("the bytes have the SHA-256 {found}, not the one in the request's path")]
+    Hash { found: PackageHash },
+    #[error("{}", chain(.0))]
+    Package(PackageError),
+    #[error("the server's disk is full; nothing of the upload was kept")]
+    DiskFull,
+    #[error("too many uploads are under way")]
+    Busy,
+    #[error("the server cannot store it at this moment; nothing of the upload was kept")]
+    Spool(#[source] std::io::Error),
+    #[error("the server cannot store it at this moment; nothing of the upload was kept")]
+    Store(#[source] object_store::Error),
+}
+
+impl UploadError {
+    /// What it is counted as.
+    pub(crate) fn reason(&self) -> UploadRefusal {
+        match self {
+            Self::TooLarge { .. } => UploadRefusal::TooLarge,
+            Self::Truncated | Self::Paused => UploadRefusal::Incomplete,
+            Self::Hash { .. } => UploadRefusal::Hash,
+            Self::Package(_) => UploadRefusal::Package,
+            Self::DiskFull => UploadRefusal::DiskFull,
+            Self::Busy => UploadRefusal::Busy,
+            Self::Spool(_) | Self::Store(_) => UploadRefusal::Storage,
+        }
+    }
+
+    fn spool(error: std::io::Error) -> Self {
+        if is_full(&error) {
+            Self::DiskFull
+        } else {
+            Self::Spool(error)
+        }
+    }
+
+    fn store(error: object_store::Error) -> Self {
+        if is_full(&error) {
+            Self::DiskFull
+        } else {
+            Self::Store(error)
+        }
+    }
+}
+
+/// An upload that is whole and has the right hash.
+#[derive(Debug)]
+pub(crate) struct Spooled {
+    file: std::fs::File,
+    bytes: u64,
+    hash: PackageHash,
+    _place: OwnedSemaphorePermit,
+}
+
+impl Packages {
+    /// Receives an upload of which `declared` bytes are to come, if the client said so.
+    pub(crate) async fn receive<E>(
+        &self,
+        hash: PackageHash,
+        declared: Option<u64>,
+        mut body: impl Stream<Item = Result<Bytes, E>> + Unpin,
+    ) -> Result<Spooled, UploadError> {
+        let limit = self.limit;
+        if declared.is_some_and(|bytes| bytes > limit) {
+            return Err(UploadError::TooLarge { limit });
+        }
+        let place = Arc::clone(&self.uploads)
+            .try_acquire_owned()
+            .map_err(|_| UploadError::Busy)?;
+        let file = tempfile::tempfile_in(&self.spool).map_err(UploadError::spool)?;
+        let mut file = tokio::fs::File::from_std(file);
+        let mut digest = Sha256::new();
+        let mut bytes = 0u64;
+        while let Some(chunk) = tokio::time::timeout(self.pause, body.next())
+            .await
+            .map_err(|_| UploadError::Paused)?
+        {
+            let chunk = chunk.map_err(|_| UploadError::Truncated)?;
+            bytes = bytes.saturating_add(chunk.len() as u64);
+            self.metrics.bytes_up.inc_by(chunk.len() as u64);
+            if bytes > limit {
+                return Err(UploadError::TooLarge { limit });
+            }
+            digest.update(&chunk);
+            file.write_all(&chunk).await.map_err(UploadError::spool)?;
+        }
+        file.flush().await.map_err(UploadError::spool)?;
+        let found = PackageHash::from_bytes(digest.finalize().into());
+        if found != hash {
+            return Err(UploadError::Hash { found });
+        }
+        Ok(Spooled {
+            file: file.into_std().await,
+            bytes,
+            hash,
+            _place: place,
+        })
+    }
+
+    /// Checks that an upload is an avatar package, and stores it as the owner's. True if the owner had not put it yet.
+    pub(crate) async fn keep(&self, owner: Id, upload: Spooled) -> Result<bool, UploadError> {
+        let place = self.checks.acquire().await.ok();
+        let upload = check(upload, place).await?;
+        let hash = upload.hash;
+        let _stripe = self.stripe(hash).await;
+        let record = record(hash, owner);
+        let head = absent(self.store.head(&record).await).map_err(UploadError::store)?;
+        let known = head.is_some();
+        if !known {
+            let put = self.store.put(&record, PutPayload::default()).await;
+            put.map_err(UploadError::store)?;
+        }
+        let stored = self.keep_bytes(upload).await;
+        if let Err(e) = stored {
+            // Unless the owner has it from before, in which case the bytes may be there all the same.
+            if !known && let Err(left) = self.store.delete(&record).await {
+                log::warn!("the record of a package that could not be stored stays: {left}");
+            }
+            return Err(e);
+        }
+        if !known {
+            self.metrics.packages_stored.inc();
+        }
+        Ok(!known)
+    }
+
+    async fn keep_bytes(&self, upload: Spooled) -> Result<(), UploadError> {
+        let to = package(upload.hash);
+        let size = |head: Option<object_store::ObjectMeta>| head.map(|meta| meta.size);
+        let head = absent(self.store.head(&to).await).map_err(UploadError::store)?;
+        if size(head) == Some(upload.bytes) {
+            return Ok(());
+        }
+        let mut from = tokio::fs::File::from_std(upload.file);
+        from.rewind().await.map_err(UploadError::spool)?;
+        // The package appears under its name when it is complete, not before.
+        let put = self.store.put_multipart(&to).await;
+        let mut put = put.map_err(UploadError::store)?;
+        if let Err(e) = copy(&mut from, put.as_mut()).await {
+            if let Err(left) = put.abort().await {
+                log::warn!("an upload that could not be stored is not undone: {left}");
+            }
+            return Err(e);
+        }
+        let head = absent(self.store.head(&to).await).map_err(UploadError::store)?;
+        if size(head) == Some(upload.bytes) {
+            Ok(())
+        } else {
+            // Another instance removed it, for its last owner there, in just this moment.
+            let gone = std::io::Error::new(ErrorKind::NotFound, "removed while it was stored");
+            Err(UploadError::Spool(gone))
+        }
+    }
+}
+
+/// Copies a file part by part, and completes it.
+async fn copy(from: &mut tokio::fs::File, to: &mut dyn MultipartUpload) -> Result<(), UploadError> {
+    loop {
+        let mut part = Vec::with_capacity(PART);
+        let mut rest = (&mut *from).take(PART as u64);
+        let read = rest.read_to_end(&mut part).await;
+        if read.map_err(UploadError::spool)? == 0 {
+            break;
+        }
+        let part = PutPayload::from(part);
+        to.put_part(part).await.map_err(UploadError::store)?;
+    }
+    to.complete().await.map_err(UploadError::store)?;
+    Ok(())
+}
+
+/// Reads the package as a receiver would. It takes memory in proportion to the package, so `place` bounds how many are
+/// checked at once.
+async fn check(
+    mut upload: Spooled,
+    place: Option<SemaphorePermit<'_>>,
+) -> Result<Spooled, UploadError> {
+    let checked = tokio::task::spawn_blocking(move || {
+        upload.file.rewind().map_err(UploadError::spool)?;
+        Avatar::read(BufReader::new(&upload.file)).map_err(UploadError::Package)?;
+        Ok(upload)
+    })
+    .await;
+    drop(place);
+    checked.unwrap_or_else(|e| Err(UploadError::Spool(std::io::Error::other(e))))
+}
+
+/// Whether the disk, or what of it the server may use, is full.
+fn is_full(error: &(dyn std::error::Error + 'static)) -> bool {
+    let mut next = Some(error);
+    while let Some(error) = next {
+        if let Some(io) = error.downcast_ref::<std::io::Error>() {
+            let full = [
+                ErrorKind::StorageFull,
+                ErrorKind::QuotaExceeded,
+                ErrorKind::FileTooLarge,
+            ];
+            if full.contains(&io.kind()) {
+                return true;
+            }
+            // An io::Error that wraps another error does not name it as its source.
+            if let Some(inner) = io.get_ref()
+                && is_full(inner)
+            {
+                return true;
+            }
+        }
+        next = error.source();
+    }
+    false
+}
+
+/// An error with what caused it, in one line.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        text.push_str(": ");
+        text.push_str(&cause.to_string());
+        next = cause.source();
+    }
+    text
+}

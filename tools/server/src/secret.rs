@@ -1,0 +1,124 @@
+//! The server's secret: what its tokens are authenticated by. Instances behind one balancer share one.
+
+use crate::id::{from_hex, random_bytes, write_hex};
+use crate::token::Claims;
+use crate::{Id, ServerError};
+use std::fmt;
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+
+/// 32 random bytes that only the server knows.
+#[derive(Clone)]
+pub struct Secret([u8; 32]);
+
+impl fmt::Debug for Secret {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Secret(..)")
+    }
+}
+
+impl Secret {
+    /// A new one, kept nowhere: its tokens end with the process.
+    ///
+    /// # Errors
+    /// If the system gives no random numbers.
+    pub fn random() -> Result<Self, ServerError> {
+        random_bytes().map(Self)
+    }
+
+    /// The secret in the file `path` (64 hexadecimal digits), which is made, readable by its owner alone, if there is
+    /// none. Of two servers that make it at once, both get the same.
+    ///
+    /// # Errors
+    /// If the file can be neither read nor made, or holds something else.
+    pub fn load_or_create(path: &Path) -> Result<Self, ServerError> {
+        let failed = |action| {
+            move |source| ServerError::SecretFile {
+                action,
+                path: path.to_path_buf(),
+                source,
+            }
+        };
+        match std::fs::read_to_string(path) {
+            Ok(text) => return Self::parse(path, &text),
+            Err(e) if e.kind() == ErrorKind::NotFound => {}
+            Err(e) if e.kind() == ErrorKind::InvalidData => return Self::parse(path, ""),
+            Err(e) => return Err(failed("read")(e)),
+        }
+        let secret = Self::random()?;
+        let mut text = String::new();
+        // Writing to a String cannot fail.
+        let _ = write_hex(&secret.0, &mut text);
+        text.push('\n');
+        let folder = match path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        std::fs::create_dir_all(folder).map_err(failed("create"))?;
+        // Temporary files have mode 0600, and appear under the final name only when whole.
+        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed("create"))?;
+        file.write_all(text.as_bytes())
+            .and_then(|()| file.as_file().sync_all())
+            .map_err(failed("create"))?;
+        match file.persist_noclobber(path) {
+            Ok(_) => Ok(secret),
+            Err(e) if e.error.kind() == ErrorKind::AlreadyExists => {
+                let text = std::fs::read_to_string(path).map_err(failed("read"))?;
+                Self::parse(path, &text)
+            }
+            Err(e) => Err(failed("create")(e.error)),
+        }
+    }
+
+    fn parse(path: &Path, text: &str) -> Result<Self, ServerError> {
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            if std::fs::metadata(path).is_ok_and(|m| m.permissions().mode() & 0o077 != 0) {
+                log::warn!(
+                    "{} holds the server's secret and others may read it; chmod 600 it",
+                    path.display()
+                );
+            }
+        }
+        from_hex(text.trim())
+            .map(Self)
+            .ok_or_else(|| ServerError::SecretDamaged {
+                path: path.to_path_buf(),
+            })
+    }
+
+    /// A token with which the owner called `name` opens rooms and puts packages until `expires` (Unix seconds).
+    pub fn owner_token(&self, name: &str, expires: u64) -> String {
+        Claims::owner(Id::of_owner(name), expires).sign(self)
+    }
+
+    pub(crate) fn key(&self) -> &[u8; 32] {
+        &self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_secret_is_made_once_and_only_its_owner_may_read_it()
+    -> Result<(), Box<dyn std::error::Error>> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("below/secret");
+        let first = Secret::load_or_create(&path)?;
+        assert_eq!(first.0, Secret::load_or_create(&path)?.0, "kept");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let mode = std::fs::metadata(&path)?.permissions().mode() & 0o777;
+            assert_eq!(mode, 0o600, "mode {mode:o}");
+        }
+        std::fs::write(&path, "not a secret")?;
+        let error = Secret::load_or_create(&path).err().ok_or("accepted")?;
+        assert!(error.to_string().contains("below/secret"), "{error}");
+        assert_eq!(format!("{first:?}"), "Secret(..)", "not in a log");
+        Ok(())
+    }
+}

@@ -1,0 +1,181 @@
+//! Tokens: what their bearer may do, with a MAC by the server's secret.
+//!
+//! A token is a capability: nothing about a room or an owner is kept anywhere, so any instance that has the secret
+//! checks any token, and a restart forgets nothing. It cannot be taken back before it expires, but by a new secret.
+
+use crate::{Id, Secret};
+use base64::Engine;
+use base64::engine::general_purpose::URL_SAFE_NO_PAD;
+use hmac::{Hmac, KeyInit, Mac};
+use sha2::Sha256;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+const VERSION: u8 = 1;
+const CLAIMS_BYTES: usize = 42;
+const MAC_BYTES: usize = 32;
+
+/// What a bearer is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Role {
+    /// Opens rooms, puts packages.
+    Owner = 1,
+    /// Is present in one room.
+    Sender = 2,
+    /// Joins one room.
+    Viewer = 3,
+}
+
+/// What a genuine token says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Claims {
+    pub(crate) role: Role,
+    /// The owner, or the room's owner.
+    pub(crate) owner: Id,
+    /// All zero for an owner's token; no handler looks at it then.
+    room: Id,
+    /// Unix seconds.
+    pub(crate) expires: u64,
+}
+
+impl Claims {
+    pub(crate) fn owner(owner: Id, expires: u64) -> Self {
+        Self {
+            role: Role::Owner,
+            owner,
+            room: Id::from_bytes([0; 16]),
+            expires,
+        }
+    }
+
+    /// `role` is a sender's or a viewer's.
+    pub(crate) fn in_room(role: Role, owner: Id, room: Id, expires: u64) -> Self {
+        Self {
+            role,
+            owner,
+            room,
+            expires,
+        }
+    }
+
+    /// Whether the bearer is one of `roles` in just this room.
+    pub(crate) fn may(&self, roles: &[Role], room: Id) -> bool {
+        self.role != Role::Owner && roles.contains(&self.role) && self.room == room
+    }
+
+    fn bytes(&self) -> [u8; CLAIMS_BYTES] {
+        let mut bytes = [0; CLAIMS_BYTES];
+        bytes[0] = VERSION;
+        bytes[1] = self.role as u8;
+        bytes[2..10].copy_from_slice(&self.expires.to_le_bytes());
+        bytes[10..26].copy_from_slice(self.owner.as_bytes());
+        bytes[26..42].copy_from_slice(self.room.as_bytes());
+        bytes
+    }
+
+    pub(crate) fn sign(&self, secret: &Secret) -> String {
+        let claims = self.bytes();
+        let mut token = claims.to_vec();
+        token.extend_from_slice(&mac(secret, &claims).finalize().into_bytes());
+        URL_SAFE_NO_PAD.encode(token)
+    }
+
+    /// What `token` says, if this secret signed it and `now` (Unix seconds) is before its end. The MAC is compared in
+    /// a time that does not depend on where it differs, and before anything else is looked at.
+    pub(crate) fn verify(token: &str, secret: &Secret, now: u64) -> Option<Self> {
+        let mut bytes = [0; CLAIMS_BYTES + MAC_BYTES];
+        let length = URL_SAFE_NO_PAD.decode_slice(token, &mut bytes).ok()?;
+        if length != bytes.len() {
+            return None;
+        }
+        let (claims, tag) = bytes.split_at(CLAIMS_BYTES);
+        mac(secret, claims).verify_slice(tag).ok()?;
+        let role = match (claims[0], claims[1]) {
+            (VERSION, 1) => Role::Owner,
+            (VERSION, 2) => Role::Sender,
+            (VERSION, 3) => Role::Viewer,
+            _ => return None,
+        };
+        let claims = Self {
+            role,
+            expires: u64::from_le_bytes(claims[2..10].try_into().ok()?),
+            owner: Id::from_bytes(claims[10..26].try_into().ok()?),
+            room: Id::from_bytes(claims[26..42].try_into().ok()?),
+        };
+        (now < claims.expires).then_some(claims)
+    }
+}
+
+fn mac(secret: &Secret, claims: &[u8]) -> Hmac<Sha256> {
+    // HMAC fills a key up to the hash's block with zeros; done here, there is no length to go wrong.
+    let mut key = [0; 64];
+    key[..32].copy_from_slice(secret.key());
+    let mut mac = Hmac::<Sha256>::new(&key.into());
+    mac.update(b"mon3tr token\0");
+    mac.update(claims);
+    mac
+}
+
+/// Unix seconds.
+pub(crate) fn now() -> u64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| since.as_secs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_says_what_was_signed_until_it_expires() -> Result<(), Box<dyn std::error::Error>> {
+        let secret = Secret::random()?;
+        let (owner, room) = (Id::random()?, Id::random()?);
+        let claims = Claims::in_room(Role::Viewer, owner, room, 1000);
+        let token = claims.sign(&secret);
+        assert_eq!(Claims::verify(&token, &secret, 999), Some(claims), "valid");
+        assert_eq!(Claims::verify(&token, &secret, 1000), None, "expired");
+        assert_eq!(
+            Claims::verify(&token, &Secret::random()?, 999),
+            None,
+            "another secret's"
+        );
+        assert!(claims.may(&[Role::Viewer], room), "its room");
+        assert!(!claims.may(&[Role::Viewer], Id::random()?), "another room");
+        assert!(!claims.may(&[Role::Sender], room), "another role");
+        let owner = Claims::owner(owner, 1000);
+        assert!(
+            !owner.may(&[Role::Owner, Role::Sender], Id::from_bytes([0; 16])),
+            "an owner's token is no room's"
+        );
+        Ok(())
+    }
+
+    #[test]
+    fn a_token_with_any_bit_changed_or_any_byte_missing_is_refused()
+    -> Result<(), Box<dyn std::error::Error>> {
+        let secret = Secret::random()?;
+        let token = Claims::owner(Id::of_owner("ada"), u64::MAX).sign(&secret);
+        let bytes = URL_SAFE_NO_PAD.decode(&token)?;
+        for at in 0..bytes.len() * 8 {
+            let mut changed = bytes.clone();
+            changed[at / 8] ^= 1 << (at % 8);
+            let changed = URL_SAFE_NO_PAD.encode(changed);
+            assert_eq!(Claims::verify(&changed, &secret, 0), None, "bit {at}");
+        }
+        for length in 0..bytes.len() {
+            let short = URL_SAFE_NO_PAD.encode(&bytes[..length]);
+            assert_eq!(Claims::verify(&short, &secret, 0), None, "{length} bytes");
+        }
+        assert_eq!(
+            Claims::verify(&format!("{token}AAAA"), &secret, 0),
+            None,
+            "longer"
+        );
+        assert_eq!(
+            Claims::verify(&format!("{token}="), &secret, 0),
+            None,
+            "padded"
+        );
+        Ok(())
+    }
+}

@@ -1,0 +1,209 @@
+//! Clients that mean no good, and how the server stays there for the others.
+
+use crate::support::{Outcome, PATIENCE, TestServer, package};
+use reqwest::{Method, StatusCode};
+use std::time::Duration;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn connections_that_never_finish_their_request_head_are_closed_while_others_are_served()
+-> Outcome {
+    let server = TestServer::start_with(|c| c.limits.head_within = Duration::from_secs(1)).await?;
+    let caller = server.caller.clone();
+    let mut lorises = Vec::new();
+    for number in 0..100 {
+        let address = caller.address;
+        lorises.push((
+            number,
+            tokio::spawn(async move {
+                let mut stream = TcpStream::connect(address).await?;
+                if number % 4 != 0 {
+                    stream.write_all(b"GET /healthz HTTP/1.1\r\n").await?;
+                }
+                let (mut from, mut to) = stream.split();
+                let drip = async {
+                    loop {
+                        // One that says nothing at all is waited for no longer than one that says little.
+                        if number % 4 != 0 && to.write_all(b"X: y\r\n").await.is_err() {
+                            break;
+                        }
+                        tokio::time::sleep(Duration::from_millis(100)).await;
+                    }
+                    std::future::pending::<()>().await;
+                };
+                let mut answer = Vec::new();
+                tokio::select! {
+                    // Closed or reset, it is over.
+                    _ = from.read_to_end(&mut answer) => Outcome::Ok(true),
+                    () = drip => Ok(false),
+                    () = tokio::time::sleep(PATIENCE) => Ok(false),
+                }
+            }),
+        ));
+    }
+    let served = caller.get("/healthz", "").await?;
+    assert_eq!(
+        served.status(),
+        StatusCode::OK,
+        "others are served meanwhile"
+    );
+    for loris in lorises {
+        assert!(loris.1.await??, "the server ends it: {}", loris.0);
+    }
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_download_that_nobody_reads_is_given_up() -> Outcome {
+    let server = TestServer::start_with(|c| c.limits.pause = Duration::from_secs(1)).await?;
+    let caller = &server.caller;
+    let owner = caller.owner("ada");
+    // More than the sockets' buffers hold; put past the check, which has tests of its own.
+    let big = crate::support::Package::of(vec![7; 64 << 20]);
+    let below = |name: String| server.folder.path().join(name);
+    std::fs::create_dir_all(below(format!("records/{}", big.hash)))?;
+    std::fs::write(below(format!("packages/{}", big.hash)), &big.bytes)?;
+    let ada = server::Id::of_owner("ada");
+    std::fs::write(below(format!("records/{}/{ada}", big.hash)), "")?;
+    let mut stream = TcpStream::connect(caller.address).await?;
+    let head = format!(
+        "GET {} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {owner}\r\n\r\n",
+        big.path()
+    );
+    stream.write_all(head.as_bytes()).await?;
+    let mut status = [0; 12];
+    stream.read_exact(&mut status).await?;
+    assert_eq!(&status, b"HTTP/1.1 200", "it begins");
+    // Its connection ends at the server, and only those of this test's questions stay.
+    let mut ended = false;
+    for _ in 0..600 {
+        ended = caller.metric("mon3tr_connections ").await? == 1;
+        if ended {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    assert!(ended, "the server gives it up");
+    let mut rest = Vec::new();
+    let read = tokio::time::timeout(PATIENCE, stream.read_to_end(&mut rest)).await?;
+    assert!(
+        read.is_err() || rest.len() < big.bytes.len(),
+        "it was cut off"
+    );
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_address_has_so_many_connections_and_no_more() -> Outcome {
+    let server = TestServer::start_with(|c| c.limits.connections_per_address = 3).await?;
+    let address = server.caller.address;
+    let mut open = Vec::new();
+    for _ in 0..3 {
+        let mut stream = TcpStream::connect(address).await?;
+        stream
+            .write_all(b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n")
+            .await?;
+        let mut status = [0; 12];
+        tokio::time::timeout(PATIENCE, stream.read_exact(&mut status)).await??;
+        assert_eq!(&status, b"HTTP/1.1 200", "within the bound");
+        open.push(stream);
+    }
+    let mut fourth = TcpStream::connect(address).await?;
+    let mut nothing = Vec::new();
+    let read = tokio::time::timeout(PATIENCE, fourth.read_to_end(&mut nothing)).await?;
+    assert!(read.is_err() || nothing.is_empty(), "closed without a word");
+    drop(open);
+    let mut served = None;
+    for _ in 0..100 {
+        if let Ok(answer) = server.caller.get("/healthz", "").await {
+            served = Some(answer.status());
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    assert_eq!(served, Some(StatusCode::OK), "there is room again");
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_address_that_asks_too_fast_is_told_when_to_ask_again_whatever_it_says_it_is_forwarded_for()
+-> Outcome {
+    let server = TestServer::start_with(|c| {
+        c.limits.requests_per_second = 1;
+        c.limits.request_burst = 5;
+    })
+    .await?;
+    let caller = &server.caller;
+    let mut told = None;
+    for number in 0..100 {
+        let request = caller.request(Method::GET, "/healthz", "");
+        let answer = request
+            .header("x-forwarded-for", format!("10.0.0.{number}"))
+            .send()
+            .await?;
+        if answer.status() == StatusCode::TOO_MANY_REQUESTS {
+            told = Some(answer);
+            break;
+        }
+    }
+    let told = told.ok_or("never refused")?;
+    let seconds: u64 = told.headers()["retry-after"].to_str()?.parse()?;
+    assert!((1..=5).contains(&seconds), "after {seconds} s");
+    tokio::time::sleep(Duration::from_secs(seconds)).await;
+    assert_eq!(
+        caller.get("/healthz", "").await?.status(),
+        StatusCode::OK,
+        "and then it may"
+    );
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_browser_may_call_from_any_page() -> Outcome {
+    let server = TestServer::start().await?;
+    let caller = &server.caller;
+    let url = format!("http://{}{}", caller.address, package().path());
+    let asked = caller
+        .client
+        .request(Method::OPTIONS, &url)
+        .header("origin", "https://elsewhere.example")
+        .header("access-control-request-method", "PUT")
+        .header("access-control-request-headers", "authorization,range")
+        .send()
+        .await?;
+    assert_eq!(asked.status(), StatusCode::OK, "it may ask without a token");
+    let allowed = |name: &str| {
+        let value = asked.headers().get(name);
+        value
+            .and_then(|v| v.to_str().ok())
+            .unwrap_or_default()
+            .to_lowercase()
+    };
+    assert_eq!(allowed("access-control-allow-origin"), "*", "any page");
+    assert!(
+        allowed("access-control-allow-methods").contains("put"),
+        "this method"
+    );
+    assert!(
+        allowed("access-control-allow-headers").contains("authorization"),
+        "with a token"
+    );
+    let refused = caller
+        .client
+        .get(&url)
+        .header("origin", "https://elsewhere.example")
+        .send()
+        .await?;
+    assert_eq!(
+        refused.status(),
+        StatusCode::UNAUTHORIZED,
+        "a token is needed all the same"
+    );
+    assert_eq!(
+        refused.headers()["access-control-allow-origin"],
+        "*",
+        "and the page sees that"
+    );
+    Ok(())
+}

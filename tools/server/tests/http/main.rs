@@ -1,0 +1,11 @@
+//! The server as its clients see it: over sockets, with a store on a disk.
+
+mod abuse;
+mod access;
+mod child;
+mod packages;
+mod processes;
+mod rooms;
+mod scale_out;
+mod support;
+mod tls;

@@ -1,0 +1,111 @@
+//! TLS with a certificate made for the test.
+
+use crate::support::{Outcome, PATIENCE, TestServer, config};
+use rcgen::{CertifiedKey, generate_simple_self_signed};
+use reqwest::StatusCode;
+use server::{Server, StoreConfig};
+use tokio::io::AsyncReadExt;
+use tokio::net::TcpStream;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn with_a_certificate_the_server_speaks_tls_and_nothing_else() -> Outcome {
+    let files = tempfile::tempdir()?;
+    let (certificate, key) = (files.path().join("cert.pem"), files.path().join("key.pem"));
+    let CertifiedKey { cert, signing_key } = generate_simple_self_signed(["localhost".to_owned()])?;
+    std::fs::write(&certificate, cert.pem())?;
+    std::fs::write(&key, signing_key.serialize_pem())?;
+    let server = TestServer::start_with(|c| {
+        c.tls = Some((certificate, key));
+        c.limits.head_within = std::time::Duration::from_secs(1);
+    })
+    .await?;
+    let port = server.server.address().port();
+    let trusting = reqwest::Client::builder()
+        .tls_certs_only([reqwest::Certificate::from_pem(cert.pem().as_bytes())?])
+        .resolve("localhost", server.server.address())
+        .build()?;
+    let url = format!("https://localhost:{port}/healthz");
+    let answer = trusting.get(&url).send().await?;
+    assert_eq!(answer.status(), StatusCode::OK, "over TLS");
+    assert_eq!(answer.text().await?, "ok", "over TLS");
+    let stranger = reqwest::Client::builder()
+        .resolve("localhost", server.server.address())
+        .build()?;
+    assert!(
+        stranger.get(&url).send().await.is_err(),
+        "a stranger does not trust it"
+    );
+    let plain = server.caller.get("/healthz", "").await;
+    assert!(plain.is_err(), "no plain HTTP on the same port");
+    // One that connects and never shakes hands is not kept.
+    let mut silent = TcpStream::connect(server.server.address()).await?;
+    let mut nothing = Vec::new();
+    let read = tokio::time::timeout(PATIENCE, silent.read_to_end(&mut nothing)).await?;
+    assert!(read.is_err() || nothing.is_empty(), "closed");
+    server.server.stop().await;
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_certificate_that_cannot_be_used_is_named() -> Outcome {
+    let files = tempfile::tempdir()?;
+    let at = |name: &str| files.path().join(name);
+    let first = generate_simple_self_signed(["localhost".to_owned()])?;
+    let second = generate_simple_self_signed(["localhost".to_owned()])?;
+    std::fs::write(at("cert.pem"), first.cert.pem())?;
+    std::fs::write(at("other-key.pem"), second.signing_key.serialize_pem())?;
+    std::fs::write(at("empty.pem"), "")?;
+    for (certificate, key, named, why) in [
+        (
+            "missing.pem",
+            "other-key.pem",
+            "missing.pem",
+            "No such file",
+        ),
+        ("cert.pem", "missing.pem", "missing.pem", "No such file"),
+        (
+            "empty.pem",
+            "other-key.pem",
+            "empty.pem",
+            "no PEM certificate",
+        ),
+        ("cert.pem", "empty.pem", "empty.pem", "no PEM private key"),
+        (
+            "cert.pem",
+            "other-key.pem",
+            "other-key.pem",
+            "not the key of",
+        ),
+    ] {
+        let mut config = config(StoreConfig::Local(at("store")))?;
+        config.tls = Some((at(certificate), at(key)));
+        let error = Server::start(config)
+            .await
+            .err()
+            .ok_or("it started")?
+            .to_string();
+        assert!(
+            error.contains(named) && error.contains(why),
+            "{certificate} {key}: {error}"
+        );
+    }
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_address_in_use_is_named() -> Outcome {
+    let first = TestServer::start().await?;
+    let folder = tempfile::tempdir()?;
+    let mut config = config(StoreConfig::Local(folder.path().to_path_buf()))?;
+    config.listen = first.server.address();
+    let error = Server::start(config)
+        .await
+        .err()
+        .ok_or("it started")?
+        .to_string();
+    assert!(
+        error.contains(&first.server.address().to_string()),
+        "{error}"
+    );
+    Ok(())
+}
