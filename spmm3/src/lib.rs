@@ -21,7 +21,7 @@ mod skeleton;
 mod template;
 
 pub use binding::{BoundGaussians, PlanarVertices, triangle_frame};
-pub use clip::{LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Playback};
+pub use clip::{LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Playback, at_ease};
 pub use controllers::{Controllers, NEIGHBOURS};
 pub use error::PersonError;
 pub use expression::{ExpressionPreset, Expressions};

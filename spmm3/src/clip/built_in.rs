@@ -65,6 +65,18 @@ pub(super) fn perform(
     })
 }
 
+/// Somebody who stands and does nothing: at the origin, facing +z, soles flat on y = 0, arms hanging as in the built-in
+/// performance, hands half open, neutral face.
+#[must_use]
+pub fn at_ease(skeleton: &Skeleton) -> MotionParams {
+    let mut motion = MotionParams::default();
+    stance::plant(&mut motion, skeleton, Vec3::ZERO, Quat::IDENTITY);
+    for side in [0, 1] {
+        place_arm(&mut motion, skeleton, side, score::HANG);
+    }
+    motion
+}
+
 fn one_frame(skeleton: &Skeleton, expressions: &Expressions, time: f64) -> MotionParams {
     let mut motion = MotionParams::default();
     body(&mut motion, skeleton, time);
@@ -142,6 +154,22 @@ fn arm(motion: &mut MotionParams, skeleton: &Skeleton, time: f64, side: usize) {
     let [_, _, _, _, _, _, curl, pinch] = score::at(track, time - 0.13);
     let phase = if side == 0 { 0.0 } else { 0.37 };
     let drift = narrow((TAU * (2.0 * time / LOOP_SECONDS + phase)).sin());
+    let arm = [
+        forward + 0.8 * drift,
+        sideways,
+        inward,
+        elbow + 1.2 * drift,
+        palm_up,
+        back + drift,
+        curl + 0.02 * drift,
+        pinch,
+    ];
+    place_arm(motion, skeleton, side, arm);
+}
+
+/// Poses one arm with its hand, in the score's angles.
+fn place_arm(motion: &mut MotionParams, skeleton: &Skeleton, side: usize, arm: score::Arm) {
+    let [forward, sideways, inward, elbow, palm_up, back, curl, pinch] = arm;
     let joints = [
         [Joint::LeftShoulder, Joint::LeftElbow, Joint::LeftWrist],
         [Joint::RightShoulder, Joint::RightElbow, Joint::RightWrist],
@@ -153,17 +181,17 @@ fn arm(motion: &mut MotionParams, skeleton: &Skeleton, time: f64, side: usize) {
             Quat::from_xyzw(q.x, -q.y, -q.z, q.w)
         }
     };
-    let shoulder = Quat::from_rotation_x(-(forward + 0.8 * drift).to_radians())
+    let shoulder = Quat::from_rotation_x(-forward.to_radians())
         * Quat::from_rotation_z((sideways - 90.0).to_radians())
         * Quat::from_rotation_x(inward.to_radians());
     let half_turn = Quat::from_rotation_x((-0.5 * palm_up).to_radians());
-    let elbow = Quat::from_rotation_y(-(elbow + 1.2 * drift).to_radians()) * half_turn;
+    let elbow = Quat::from_rotation_y(-elbow.to_radians()) * half_turn;
     motion.set_rotation(joints[0], mirror(shoulder));
     motion.set_rotation(joints[1], mirror(elbow));
     let axis = hands::curl_axis(skeleton, side);
-    let bend = Quat::from_axis_angle(axis, -(back + drift).to_radians());
+    let bend = Quat::from_axis_angle(axis, -back.to_radians());
     motion.set_rotation(joints[2], mirror(half_turn) * bend);
-    hand(motion, axis, side, curl + 0.02 * drift, pinch);
+    hand(motion, axis, side, curl, pinch);
 }
 
 fn hand(motion: &mut MotionParams, axis: Vec3, side: usize, curl: f32, pinch: f32) {

@@ -19,7 +19,7 @@ mod smplx;
 mod source;
 mod stance;
 
-pub use built_in::LOOP_SECONDS;
+pub use built_in::{LOOP_SECONDS, at_ease};
 pub use error::MotionError;
 
 use crate::{EXPRESSION, Expressions, Joint, MotionParams, Skeleton};

@@ -46,8 +46,8 @@ pub(super) fn bump(seconds: f64, centre: f64, half_width: f64) -> f32 {
 }
 
 /// Arm: raise forward, raise sideways, turn inward, elbow, palm up, wrist back, curl (0..1), pinch (0..1).
-type Arm = [f32; 8];
-const HANG: Arm = [-1.0, 13.0, 14.0, 17.0, 0.0, 0.0, 0.38, 0.0];
+pub(super) type Arm = [f32; 8];
+pub(super) const HANG: Arm = [-1.0, 13.0, 14.0, 17.0, 0.0, 0.0, 0.38, 0.0];
 const EXPLAIN: Arm = [16.0, 15.0, 16.0, 84.0, 52.0, 6.0, 0.22, 0.0];
 const BEAT: Arm = [13.0, 15.0, 14.0, 74.0, 58.0, 0.0, 0.20, 0.0];
 const WIDE: Arm = [17.0, 26.0, -8.0, 74.0, 66.0, 8.0, 0.12, 0.0];

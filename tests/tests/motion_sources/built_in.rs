@@ -6,6 +6,7 @@ use crate::{
 };
 use spmm3::{
     EXPRESSION, ExpressionPreset, Expressions, Joint, LOOP_SECONDS, MotionClip, MotionError,
+    at_ease,
 };
 
 const NAMES: [&str; 11] = [
@@ -38,6 +39,44 @@ fn face() -> Expressions {
 
 fn perform() -> MotionClip {
     MotionClip::built_in(&man(), &face(), LOOP_SECONDS, 60.0).expect("a performance")
+}
+
+#[test]
+fn a_person_at_ease_stands_on_flat_soles_with_hanging_arms_and_a_neutral_face() {
+    let (skeleton, motion) = (man(), at_ease(&man()));
+    let world = person(&skeleton, &motion);
+    let at = |joint: Joint| world[joint.index()].0;
+    for (joint, rest) in Joint::ALL.into_iter().zip(skeleton.rest_positions()) {
+        if matches!(
+            joint,
+            Joint::LeftAnkle | Joint::RightAnkle | Joint::LeftFoot | Joint::RightFoot
+        ) {
+            let off = at(joint).distance(rest.as_dvec3());
+            assert!(off < 1e-3, "{} is {off} m off the stance", joint.name());
+        }
+    }
+    for (wrist, shoulder, hip, side) in [
+        (Joint::LeftWrist, Joint::LeftShoulder, Joint::LeftHip, 1.0),
+        (
+            Joint::RightWrist,
+            Joint::RightShoulder,
+            Joint::RightHip,
+            -1.0,
+        ),
+    ] {
+        let arm = at(wrist) - at(shoulder);
+        assert!(-arm.y > 0.9 * arm.length(), "the arm does not hang: {arm}");
+        let beside = side * (at(wrist).x - at(hip).x);
+        assert!(
+            (0.05..0.3).contains(&beside),
+            "the hand is {beside} m beside the hip"
+        );
+    }
+    assert!(
+        motion.expression().iter().all(|e| *e == 0.0),
+        "the face is not neutral"
+    );
+    assert_eq!(motion.axis_angle(Joint::Jaw), glam::Vec3::ZERO, "jaw");
 }
 
 #[test]

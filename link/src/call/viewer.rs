@@ -1,0 +1,433 @@
+//! The receiving side of a call: joins a room and hands over what arrives, through outages and restarts, until somebody hangs up.
+
+use super::message::{Feedback, Message};
+use super::peer::{Peer, PeerEvent};
+use super::{Backoff, local_addresses, part, part_too, raised};
+use crate::{
+    Announcement, Client, Clock, ClockOffset, Decoder, Exchange, LinkError, Micros, MotionFrame,
+    RefusalCounts, RoomLink,
+};
+use serde::Serialize;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
+
+/// Silence after which another connection is made beside the silent one: SCTP alone takes 15 s to come back from an outage of 10 s.
+const SILENT: Duration = Duration::from_secs(1);
+
+/// From the offer to the open channel. ICE gives up its checks after 1.4 s, so waiting longer for a dead path gains nothing.
+const CONNECTING: Duration = Duration::from_millis(2_500);
+
+/// How often silence and feedback are looked at.
+const TICK: Duration = Duration::from_millis(50);
+
+/// A feedback at least this often, and one for every second frame.
+const FEEDBACK: Duration = Duration::from_millis(200);
+const FRAMES_A_FEEDBACK: u32 = 2;
+
+/// Time between questions for the sender's clock: often at first, then to follow its drift.
+const ASK_AT_FIRST: Duration = Duration::from_millis(50);
+const ASK_LATER: Duration = Duration::from_secs(1);
+const ASKED_AT_FIRST: u32 = 10;
+
+/// Events that may wait for who draws: 8 s at 60 Hz.
+const WAITING: usize = 512;
+
+/// What happens in a call.
+#[derive(Debug)]
+pub enum CallEvent {
+    /// What the sender announces: once before the first connection, and again whenever it has changed.
+    Announced(Announcement),
+    /// A connection is open; sequences begin anew.
+    Joined,
+    /// A frame that passed every check.
+    Frame {
+        /// What was captured, its time by the sender's clock.
+        frame: MotionFrame,
+        /// When it was captured, by this side's clock; `None` until the clocks are compared.
+        captured: Option<Micros>,
+        /// When it arrived, by this side's clock.
+        arrived: Micros,
+    },
+    /// The sender said goodbye: the call is over.
+    HungUp,
+    /// The call cannot go on; the last event.
+    Failed(LinkError),
+}
+
+/// What has arrived so far.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct ViewerStatistics {
+    /// Connections that were made.
+    pub sessions: u32,
+    /// Frames that passed every check.
+    pub frames: u64,
+    /// Frames that who draws was too slow to take.
+    pub overrun: u64,
+    /// Bytes of all messages, without any header.
+    pub payload_bytes: u64,
+    /// Messages refused, by reason.
+    pub refused: RefusalCounts,
+    /// The sender's clock less this side's, microseconds.
+    pub clock_offset_us: Option<i64>,
+    /// Shortest round trip of late, microseconds.
+    pub round_trip_us: Option<u128>,
+}
+
+/// A viewer's place in a room.
+#[derive(Debug)]
+pub struct Viewer {
+    events: Receiver<CallEvent>,
+    stop: watch::Sender<bool>,
+    task: JoinHandle<()>,
+    statistics: Arc<Mutex<ViewerStatistics>>,
+}
+
+impl Viewer {
+    /// Joins `room` in tasks of the current tokio runtime, and comes back after every outage until somebody hangs up.
+    #[must_use]
+    pub fn join(client: Client, room: RoomLink, clock: Clock) -> Self {
+        let (tell, events) = sync_channel(WAITING);
+        let (stop, stopped) = watch::channel(false);
+        let statistics = Arc::<Mutex<ViewerStatistics>>::default();
+        let call = Call {
+            client,
+            room,
+            clock,
+            tell,
+            stop: stopped,
+            statistics: Arc::clone(&statistics),
+            announced: None,
+        };
+        Self {
+            events,
+            stop,
+            task: tokio::spawn(call.run()),
+            statistics,
+        }
+    }
+
+    /// What happens, in order. Closed after the last event.
+    #[must_use]
+    pub fn events(&self) -> &Receiver<CallEvent> {
+        &self.events
+    }
+
+    /// Figures so far.
+    #[must_use]
+    pub fn statistics(&self) -> ViewerStatistics {
+        self.statistics
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    /// Says goodbye and leaves the room.
+    pub async fn hang_up(self) {
+        self.stop.send_replace(true);
+        if let Err(error) = self.task.await {
+            log::error!("a task of the call failed: {error}");
+        }
+    }
+}
+
+/// The task behind a [`Viewer`].
+#[derive(Debug)]
+struct Call {
+    client: Client,
+    room: RoomLink,
+    clock: Clock,
+    tell: SyncSender<CallEvent>,
+    stop: watch::Receiver<bool>,
+    statistics: Arc<Mutex<ViewerStatistics>>,
+    announced: Option<Announcement>,
+}
+
+/// A connection that is open.
+#[derive(Debug)]
+struct Session {
+    peer: Peer,
+    /// Of the messages.
+    id: u32,
+    /// The server's name for it.
+    name: String,
+    decoder: Decoder,
+    offset: ClockOffset,
+    fresh_frames: u32,
+    next_feedback: Instant,
+    next_question: Instant,
+    questions: u32,
+    heard: Instant,
+}
+
+/// What making a connection came to.
+type Joining = JoinHandle<Result<(Announcement, Session), LinkError>>;
+
+/// Why [`Call::run`] looks at a session again.
+enum Turn {
+    Event(PeerEvent),
+    Joined(Result<(Announcement, Session), LinkError>),
+    Tick,
+    Stop,
+}
+
+impl Call {
+    async fn run(mut self) {
+        let mut current: Option<Session> = None;
+        let mut joining: Option<Joining> = Some(self.start_joining(Duration::ZERO));
+        let mut backoff = Backoff::default();
+        let mut out = Vec::with_capacity(64);
+        let mut ticks = interval(TICK);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            match self.turn(&mut current, &mut joining, &mut ticks).await {
+                Turn::Event(PeerEvent::Message(bytes)) => {
+                    let Some(session) = &mut current else {
+                        continue;
+                    };
+                    session.heard = Instant::now();
+                    if self.take(session, &bytes, &mut out).await {
+                        self.tell(CallEvent::HungUp);
+                        part_too(&session.peer, session.id).await;
+                        self.finish(current.as_ref(), joining).await;
+                        return;
+                    }
+                    // The silent connection has come back by itself.
+                    if let Some(superfluous) = joining.take() {
+                        superfluous.abort();
+                    }
+                }
+                Turn::Event(PeerEvent::Closed) => {
+                    if let Some(session) = current.take() {
+                        self.count_refusals(&session);
+                    }
+                    joining.get_or_insert_with(|| self.start_joining(Duration::ZERO));
+                }
+                Turn::Event(PeerEvent::Open { .. }) => {}
+                Turn::Joined(Ok((announcement, session))) => {
+                    joining = None;
+                    backoff.reset();
+                    if let Some(old) = current.replace(session) {
+                        self.count_refusals(&old);
+                    }
+                    self.announce(announcement);
+                    self.with_statistics(|s| s.sessions += 1);
+                    self.tell(CallEvent::Joined);
+                }
+                Turn::Joined(Err(error)) if error.is_final() => {
+                    self.tell(CallEvent::Failed(error));
+                    break;
+                }
+                Turn::Joined(Err(error)) => {
+                    log::debug!("not joined yet: {error}");
+                    joining = Some(self.start_joining(backoff.next()));
+                }
+                Turn::Tick => {
+                    let Some(session) = &mut current else {
+                        continue;
+                    };
+                    if session.heard.elapsed() > SILENT && joining.is_none() {
+                        log::info!("nothing for a second: making another connection");
+                        joining = Some(self.start_joining(Duration::ZERO));
+                    }
+                    session.speak(self.clock, &mut out).await;
+                }
+                Turn::Stop => break,
+            }
+        }
+        if let Some(session) = &mut current {
+            part(&mut session.peer, session.id).await;
+            // The goodbye may have been lost; the server's word is a second way.
+            if let Err(error) = self.client.leave(&self.room, &session.name).await {
+                log::debug!("the server was not told that this viewer left: {error}");
+            }
+        }
+        self.finish(current.as_ref(), joining).await;
+    }
+
+    async fn finish(&self, current: Option<&Session>, joining: Option<Joining>) {
+        if let Some(joining) = joining {
+            joining.abort();
+        }
+        if let Some(session) = current {
+            self.count_refusals(session);
+            session.peer.close().await;
+        }
+    }
+
+    /// Waits for whatever comes first.
+    async fn turn(
+        &mut self,
+        current: &mut Option<Session>,
+        joining: &mut Option<Joining>,
+        ticks: &mut tokio::time::Interval,
+    ) -> Turn {
+        let event = async {
+            match current {
+                Some(session) => session.peer.next().await,
+                None => std::future::pending().await,
+            }
+        };
+        let joined = async {
+            match joining {
+                Some(task) => task.await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            () = raised(&mut self.stop) => Turn::Stop,
+            event = event => Turn::Event(event),
+            joined = joined => Turn::Joined(joined.unwrap_or_else(|error| Err(LinkError::Task(error.to_string())))),
+            _ = ticks.tick() => Turn::Tick,
+        }
+    }
+
+    fn start_joining(&self, after: Duration) -> Joining {
+        let (client, room, clock) = (self.client.clone(), self.room.clone(), self.clock);
+        tokio::spawn(async move {
+            tokio::time::sleep(after).await;
+            let announcement = client.ask(&room).await?.ok_or(LinkError::SenderAbsent)?;
+            let session = timeout(
+                CONNECTING,
+                Session::open(&client, &room, &announcement, clock),
+            );
+            let session = session.await.map_err(|_| LinkError::NotConnected)??;
+            Ok((announcement, session))
+        })
+    }
+
+    fn announce(&mut self, announcement: Announcement) {
+        if self.announced.as_ref() != Some(&announcement) {
+            self.announced = Some(announcement.clone());
+            self.tell(CallEvent::Announced(announcement));
+        }
+    }
+
+    /// Takes one message; returns whether it was the goodbye.
+    async fn take(&self, session: &mut Session, bytes: &[u8], out: &mut Vec<u8>) -> bool {
+        let arrived = self.clock.now();
+        self.with_statistics(|s| s.payload_bytes += bytes.len() as u64);
+        match Message::read(bytes, session.id) {
+            Some(Message::Bye) => return true,
+            Some(Message::Pong(pong)) => {
+                let exchange = Exchange {
+                    sent: pong.asked,
+                    arrived: pong.arrived,
+                    left: pong.left,
+                    returned: arrived,
+                };
+                if let Err(error) = session.offset.observe(&exchange) {
+                    log::debug!("a pong is not believed: {error}");
+                }
+                self.with_statistics(|s| {
+                    s.clock_offset_us = session.offset.offset_us();
+                    s.round_trip_us = session.offset.round_trip().map(|time| time.as_micros());
+                });
+            }
+            Some(Message::Feedback(_)) => log::debug!("a feedback from the sender makes no sense"),
+            None => match session.decoder.decode(bytes) {
+                Ok(frame) => {
+                    let captured = session.offset.to_local(frame.captured);
+                    self.with_statistics(|s| s.frames += 1);
+                    self.tell(CallEvent::Frame {
+                        frame,
+                        captured,
+                        arrived,
+                    });
+                    session.fresh_frames += 1;
+                    session.speak(self.clock, out).await;
+                }
+                Err(refusal) => log::debug!("a message of {} bytes: {refusal}", bytes.len()),
+            },
+        }
+        false
+    }
+
+    fn tell(&self, event: CallEvent) {
+        match self.tell.try_send(event) {
+            Ok(()) => {}
+            Err(TrySendError::Full(_)) => self.with_statistics(|s| s.overrun += 1),
+            // Whoever listened has gone, and will stop this task.
+            Err(TrySendError::Disconnected(_)) => {}
+        }
+    }
+
+    fn count_refusals(&self, session: &Session) {
+        self.with_statistics(|s| s.refused.merge(session.decoder.refusals()));
+    }
+
+    fn with_statistics(&self, change: impl FnOnce(&mut ViewerStatistics)) {
+        // A panic elsewhere leaves counts that are still counts.
+        change(
+            &mut self
+                .statistics
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner),
+        );
+    }
+}
+
+impl Session {
+    /// Offers, takes the answer and waits for the channel.
+    async fn open(
+        client: &Client,
+        room: &RoomLink,
+        announcement: &Announcement,
+        clock: Clock,
+    ) -> Result<Self, LinkError> {
+        let id = getrandom::u32().map_err(|error| LinkError::Random(error.to_string()))?;
+        let local = local_addresses(room.server());
+        let (mut peer, offer) = Peer::offer(local, announcement.channel, id).await?;
+        let answer = client.offer(room, &offer).await?;
+        peer.accept(answer.sdp).await?;
+        loop {
+            match peer.next().await {
+                PeerEvent::Open { .. } => break,
+                PeerEvent::Closed => return Err(LinkError::NotConnected),
+                PeerEvent::Message(_) => {}
+            }
+        }
+        let now = Instant::now();
+        let mut session = Self {
+            peer,
+            id,
+            name: answer.session,
+            decoder: Decoder::new(id),
+            offset: ClockOffset::new(),
+            fresh_frames: 0,
+            next_feedback: now,
+            next_question: now,
+            questions: 0,
+            heard: now,
+        };
+        session.speak(clock, &mut Vec::new()).await;
+        Ok(session)
+    }
+
+    /// Sends a feedback if it is time for one.
+    async fn speak(&mut self, clock: Clock, out: &mut Vec<u8>) {
+        let now = Instant::now();
+        let ask = now >= self.next_question;
+        if !ask && now < self.next_feedback && self.fresh_frames < FRAMES_A_FEEDBACK {
+            return;
+        }
+        if ask {
+            self.questions += 1;
+            let settled = self.questions >= ASKED_AT_FIRST;
+            self.next_question = now + if settled { ASK_LATER } else { ASK_AT_FIRST };
+        }
+        let (newest, received) = self.decoder.feedback();
+        let feedback = Feedback {
+            newest,
+            received,
+            sent: if ask { clock.now() } else { Micros(0) },
+        };
+        Message::Feedback(feedback).write(self.id, out);
+        self.peer.try_send(out).await;
+        self.fresh_frames = 0;
+        self.next_feedback = now + FEEDBACK;
+    }
+}

@@ -1,0 +1,223 @@
+//! Server addresses and room links (`docs/protocol.md`, "Tokens and links"). A link is a secret: its token shows only where the
+//! whole link is printed on purpose.
+
+use std::{fmt, str::FromStr};
+
+use reqwest::header::HeaderValue;
+use url::Url;
+
+use super::HttpError;
+
+const MAX_LINK: usize = 8192;
+const MAX_TOKEN: usize = 4096;
+const MAX_NAME: usize = 128;
+
+/// A server's base address: http or https, a host, maybe a port and a path before `/v1`.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub struct ServerUrl {
+    // Without a slash at its end.
+    base: String,
+}
+
+impl ServerUrl {
+    /// Whether it is this machine's own, by its loopback.
+    #[must_use]
+    pub fn is_loopback(&self) -> bool {
+        let Ok(url) = Url::parse(&self.base) else {
+            return false;
+        };
+        match url.host() {
+            Some(url::Host::Domain(name)) => name == "localhost",
+            Some(url::Host::Ipv4(ip)) => ip.is_loopback(),
+            Some(url::Host::Ipv6(ip)) => ip.is_loopback(),
+            None => false,
+        }
+    }
+
+    /// The address of a route below `/v1/`. Segments must be checked names.
+    pub(super) fn route(&self, segments: &[&str]) -> Result<Url, HttpError> {
+        let text = format!("{}/v1/{}", self.base, segments.join("/"));
+        Url::parse(&text).map_err(|error| HttpError::Address(error.to_string()))
+    }
+}
+
+impl FromStr for ServerUrl {
+    type Err = HttpError;
+
+    fn from_str(text: &str) -> Result<Self, HttpError> {
+        check_address(text.trim()).map_err(HttpError::Address)
+    }
+}
+
+fn check_address(text: &str) -> Result<ServerUrl, String> {
+    if text.len() > MAX_LINK {
+        return Err(format!("it is longer than {MAX_LINK} characters"));
+    }
+    if text.contains(['#', '?']) {
+        return Err("it must end before any `#` or `?`".to_owned());
+    }
+    let url = Url::parse(text).map_err(|error| match error {
+        url::ParseError::RelativeUrlWithoutBase => {
+            "it must begin with http:// or https://".to_owned()
+        }
+        other => other.to_string(),
+    })?;
+    if !matches!(url.scheme(), "http" | "https") {
+        return Err(format!(
+            "it must begin with http:// or https://, not {}:",
+            url.scheme()
+        ));
+    }
+    if !url.has_host() {
+        return Err("it names no host".to_owned());
+    }
+    if !url.username().is_empty() || url.password().is_some() {
+        return Err("it must not hold a user name or password".to_owned());
+    }
+    Ok(ServerUrl {
+        base: url.as_str().trim_end_matches('/').to_owned(),
+    })
+}
+
+impl fmt::Display for ServerUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.base)
+    }
+}
+
+impl fmt::Debug for ServerUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.base)
+    }
+}
+
+/// `http(s)://HOST[:PORT][/PREFIX]/rooms/ROOM#TOKEN`: a room, and the right to be in it.
+///
+/// [`Display`](fmt::Display) gives the whole link, token and all; [`Debug`](fmt::Debug) hides the token.
+#[derive(Clone, PartialEq, Eq)]
+pub struct RoomLink {
+    server: ServerUrl,
+    room: String,
+    token: Token,
+}
+
+impl RoomLink {
+    pub(super) fn new(server: ServerUrl, room: String, token: Token) -> Self {
+        Self {
+            server,
+            room,
+            token,
+        }
+    }
+
+    /// The server that has the room.
+    #[must_use]
+    pub fn server(&self) -> &ServerUrl {
+        &self.server
+    }
+
+    /// The room's name there.
+    #[must_use]
+    pub fn room(&self) -> &str {
+        &self.room
+    }
+
+    pub(super) fn token(&self) -> &Token {
+        &self.token
+    }
+}
+
+impl FromStr for RoomLink {
+    type Err = HttpError;
+
+    fn from_str(text: &str) -> Result<Self, HttpError> {
+        let text = text.trim();
+        let wrong = |why: &str| HttpError::Link(why.to_owned());
+        if text.len() > MAX_LINK {
+            return Err(wrong("it is too long"));
+        }
+        let (address, token) = text
+            .split_once('#')
+            .ok_or_else(|| wrong("the `#TOKEN` at its end is missing (an unquoted # begins a comment in some shells)"))?;
+        let token = Token::new(token).map_err(|error| match error {
+            HttpError::Token(why) => {
+                HttpError::Link(format!("what follows the `#` is no token: {why}"))
+            }
+            other => other,
+        })?;
+        let (server, room) = address
+            .rsplit_once("/rooms/")
+            .ok_or_else(|| wrong("it has no `/rooms/ROOM`"))?;
+        let server = check_address(server).map_err(HttpError::Link)?;
+        if !is_name(room) {
+            return Err(wrong(
+                "the room's name is missing or has a character that none has",
+            ));
+        }
+        Ok(Self::new(server, room.to_owned(), token))
+    }
+}
+
+impl fmt::Display for RoomLink {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/rooms/{}#{}", self.server, self.room, self.token.0)
+    }
+}
+
+impl fmt::Debug for RoomLink {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/rooms/{}#...", self.server, self.room)
+    }
+}
+
+/// A token that can stand in a header. It has no `Display` and its `Debug` hides it.
+#[derive(Clone, PartialEq, Eq)]
+pub(super) struct Token(String);
+
+impl Token {
+    /// Refuses what is not RFC 6750's `b64token`.
+    pub(super) fn new(text: &str) -> Result<Self, HttpError> {
+        let text = text.trim();
+        if text.is_empty() {
+            return Err(HttpError::Token("it is empty"));
+        }
+        if text.len() > MAX_TOKEN {
+            return Err(HttpError::Token("it is too long"));
+        }
+        if !text
+            .bytes()
+            .all(|byte| byte.is_ascii_alphanumeric() || b"-._~+/=".contains(&byte))
+        {
+            return Err(HttpError::Token("it has a character that no token has"));
+        }
+        Ok(Self(text.to_owned()))
+    }
+
+    /// `Bearer TOKEN`, marked so that no log shows it.
+    pub(super) fn header(&self) -> Result<HeaderValue, HttpError> {
+        let mut value = HeaderValue::try_from(format!("Bearer {}", self.0))
+            .map_err(|_| HttpError::Token("it fits no HTTP header"))?;
+        value.set_sensitive(true);
+        Ok(value)
+    }
+
+    /// `text` without this token, for what a server says back.
+    pub(super) fn struck_from(&self, text: &str) -> String {
+        text.replace(&self.0, "[token]")
+    }
+}
+
+impl fmt::Debug for Token {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("...")
+    }
+}
+
+/// Whether this may be a room's or session's name: it stands in paths, so it must not be able to lead out of one.
+pub(super) fn is_name(text: &str) -> bool {
+    (1..=MAX_NAME).contains(&text.len())
+        && text
+            .bytes()
+            .all(|byte| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte))
+        && text.bytes().any(|byte| byte != b'.')
+}

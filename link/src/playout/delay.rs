@@ -1,0 +1,163 @@
+//! How long frames wait: between capture by the sender's clock and display by ours, adapted to the jitter that is seen.
+//!
+//! Works on *transit*, arrival by our clock minus capture by the sender's. Whatever the clocks' offset is, it is in every
+//! transit and in the least of them, so nothing here needs to know it. After WebRTC's NetEq (a percentile of the relative
+//! delay over a window; quickly up, slowly down).
+
+use std::collections::VecDeque;
+
+/// No frame is held back longer than this.
+pub(super) const MOST_US: i64 = 200_000;
+/// The window of transits: this long, and this many frames at most.
+const WINDOW_US: i64 = 5_000_000;
+const WINDOW_FRAMES: usize = 512;
+/// Share of frames that shall come in time.
+const IN_TIME: f64 = 0.98;
+/// The delay grows by at most this share of the time that passes: motion runs at half its speed until it fits.
+const RISE: f64 = 0.5;
+/// It falls by this share of what is too much a second, and at least by [`FALL_LEAST`] microseconds a second.
+const FALL: f64 = 0.25;
+const FALL_LEAST: f64 = 10_000.0;
+/// Steps between two frames count no more than this.
+const SPAN_US: i64 = 100_000;
+/// Late by more than [`MOST_US`] for so long: not a stall, the path has become longer.
+const STALL_US: i64 = 1_000_000;
+
+#[derive(Debug, Clone)]
+pub(super) struct PlayoutDelay {
+    /// (arrived, transit), oldest first.
+    window: VecDeque<(i64, i64)>,
+    scratch: Vec<i64>,
+    /// Display by our clock minus capture by the sender's; `None` before the first frame.
+    offset: Option<i64>,
+    /// Arrival of the first frame of a stall that still lasts.
+    stalled_since: Option<i64>,
+    pub(super) stalls: u64,
+    last_arrived: i64,
+}
+
+impl PlayoutDelay {
+    pub(super) fn new() -> Self {
+        Self {
+            window: VecDeque::with_capacity(WINDOW_FRAMES),
+            scratch: Vec::with_capacity(WINDOW_FRAMES),
+            offset: None,
+            stalled_since: None,
+            stalls: 0,
+            last_arrived: 0,
+        }
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.window.clear();
+        self.offset = None;
+        self.stalled_since = None;
+    }
+
+    /// The least transit of the window.
+    fn base(&self) -> Option<i64> {
+        self.window.iter().map(|(_, transit)| *transit).min()
+    }
+
+    /// What is added to the least transit, microseconds.
+    pub(super) fn added_us(&self) -> u64 {
+        match (self.offset, self.base()) {
+            (Some(offset), Some(base)) => (offset - base).max(0).unsigned_abs(),
+            _ => 0,
+        }
+    }
+
+    /// When a frame is due by our clock.
+    pub(super) fn due(&self, captured: i64, arrived: i64) -> i64 {
+        let offset = self.offset.unwrap_or(arrived - captured);
+        (captured + offset).min(arrived + MOST_US)
+    }
+
+    /// Percentiles of transit beyond the least one, microseconds; zero before the first frame.
+    pub(super) fn jitter_us<const N: usize>(&self, shares: [f64; N]) -> [u64; N] {
+        let mut sorted: Vec<_> = self.window.iter().map(|(_, transit)| *transit).collect();
+        sorted.sort_unstable();
+        shares.map(|share| match sorted.first() {
+            Some(base) => (sorted[rank(sorted.len(), share)] - base).unsigned_abs(),
+            None => 0,
+        })
+    }
+
+    /// Learns from one frame's arrival; `newest` if none captured later has come.
+    pub(super) fn observe(&mut self, captured: i64, arrived: i64, newest: bool) {
+        let transit = arrived - captured;
+        while self.window.len() >= WINDOW_FRAMES
+            || self
+                .window
+                .front()
+                .is_some_and(|(at, _)| arrived - at > WINDOW_US)
+        {
+            self.window.pop_front();
+        }
+        if self.is_stall(captured, arrived, newest) {
+            return;
+        }
+        self.window.push_back((arrived, transit));
+        self.follow(transit, arrived);
+    }
+
+    /// Whether a frame belongs to what piled up behind an outage. No delay within bounds would have saved it, and a pile
+    /// of them must not make the next seconds late as well: only the newest of the pile is of use.
+    fn is_stall(&mut self, captured: i64, arrived: i64, newest: bool) -> bool {
+        let Some(base) = self.base() else {
+            self.stalled_since = None;
+            return false;
+        };
+        let in_time = arrived <= self.due(captured, arrived) + super::LATE_US;
+        let hopeless = arrived - captured - base > MOST_US;
+        match self.stalled_since {
+            // Overtaken: a stray, or the last of a longer path.
+            None if hopeless && !newest => true,
+            None if hopeless => {
+                self.stalls += 1;
+                self.stalled_since = Some(arrived);
+                true
+            }
+            None => false,
+            Some(_) if in_time => {
+                self.stalled_since = None;
+                false
+            }
+            Some(since) if arrived - since > STALL_US => {
+                self.stalled_since = None;
+                self.window.clear();
+                false
+            }
+            Some(_) => true,
+        }
+    }
+
+    fn follow(&mut self, transit: i64, arrived: i64) {
+        self.scratch.clear();
+        self.scratch
+            .extend(self.window.iter().map(|(_, transit)| *transit));
+        let rank = rank(self.scratch.len(), IN_TIME);
+        let (_, wanted, _) = self.scratch.select_nth_unstable(rank);
+        let wanted = *wanted;
+        let base = self.base().unwrap_or(transit);
+        let span = (arrived - self.last_arrived).clamp(0, SPAN_US) as f64;
+        let offset = match self.offset {
+            None => wanted,
+            Some(offset) if offset < wanted => (offset + super::whole(RISE * span)).min(wanted),
+            Some(offset) => {
+                let rate = (FALL * (offset - wanted) as f64).max(FALL_LEAST);
+                (offset - super::whole(rate * span * 1e-6)).max(wanted)
+            }
+        };
+        self.offset = Some(offset.clamp(base, base + MOST_US));
+        self.last_arrived = self.last_arrived.max(arrived);
+    }
+}
+
+/// Place of a percentile among `count` > 0 sorted values.
+fn rank(count: usize, share: f64) -> usize {
+    let above = super::whole((1.0 - share) * count as f64 - 0.5);
+    count
+        .saturating_sub(1)
+        .saturating_sub(usize::try_from(above).unwrap_or(0))
+}
