@@ -163,7 +163,7 @@ impl Profile {
 }
 
 /// Nearest-rank percentile of ascending samples.
-fn percentile(sorted: &[f64], percent: usize) -> Option<f64> {
+pub(crate) fn percentile(sorted: &[f64], percent: usize) -> Option<f64> {
     sorted
         .get((sorted.len() * percent).div_ceil(100).saturating_sub(1))
         .copied()

@@ -1,0 +1,155 @@
+//! The receiver's end of a call: what arrives goes through the jitter buffer and the bridge, and becomes the motion to show now.
+
+mod figures;
+
+pub use figures::{CallFigures, Gap, LatencyFigures, Percentiles};
+
+use crate::{Bridge, BridgeState};
+use figures::Log;
+use link::{Announcement, CallEvent, Clock, JitterBuffer, LinkError, Micros, Played, Viewer};
+use spmm3::{MotionParams, Skeleton};
+use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
+use std::time::Duration;
+
+/// Why a call is over.
+#[derive(Debug)]
+pub enum CallEnd {
+    /// The sender said goodbye.
+    HungUp,
+    /// The sender has come back as somebody else: another avatar has to be fetched.
+    AnotherAvatar(Announcement),
+    /// It cannot go on.
+    Failed(LinkError),
+}
+
+/// A call in progress.
+#[derive(Debug)]
+pub struct Call {
+    viewer: Viewer,
+    announced: Announcement,
+    clock: Clock,
+    buffer: JitterBuffer,
+    bridge: Bridge,
+    log: Log,
+    end: Option<CallEnd>,
+}
+
+impl Call {
+    /// Follows `viewer`, who was told `announced` before, for an avatar of this `skeleton`.
+    #[must_use]
+    pub fn new(viewer: Viewer, announced: Announcement, skeleton: &Skeleton, clock: Clock) -> Self {
+        Self {
+            viewer,
+            announced,
+            clock,
+            buffer: JitterBuffer::new(),
+            bridge: Bridge::new(skeleton),
+            log: Log::new(clock.now()),
+            end: None,
+        }
+    }
+
+    /// What to show now, and where it comes from; `None` until the first frame. The frames that are due are taken at this moment: call it when the deform
+    /// stage is ready for the answer.
+    pub fn motion(&mut self) -> Option<(MotionParams, BridgeState)> {
+        self.drain();
+        let now = self.clock.now();
+        self.release(now);
+        if !self.log.has_begun() {
+            return None;
+        }
+        let (motion, state) = self.bridge.sample(now);
+        self.log.shown(state);
+        Some((motion, state))
+    }
+
+    /// Waits until a frame is due, something else happens, or `longest` has passed, then hands out what is due. For a receiver
+    /// that shows nothing.
+    pub fn wait(&mut self, longest: Duration) {
+        let until = self.clock.now().0.saturating_add(micros(longest));
+        loop {
+            let now = self.clock.now();
+            if self.release(now) || self.end.is_some() || now.0 >= until {
+                return;
+            }
+            let due = self
+                .buffer
+                .next()
+                .map_or(until, |(_, due)| due.0.min(until));
+            let pause = Duration::from_micros(due.saturating_sub(now.0));
+            match self.viewer.events().recv_timeout(pause) {
+                Ok(event) => self.take(event),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+        }
+    }
+
+    /// Why the call is over, if it is.
+    pub fn end(&mut self) -> Option<CallEnd> {
+        self.end.take()
+    }
+
+    /// What was measured so far.
+    #[must_use]
+    pub fn figures(&self) -> CallFigures {
+        self.log.figures(
+            self.clock.now(),
+            &self.announced,
+            self.viewer.statistics(),
+            self.buffer.statistics(),
+        )
+    }
+
+    /// Leaves the call.
+    pub async fn hang_up(self) {
+        self.viewer.hang_up().await;
+    }
+
+    fn drain(&mut self) {
+        loop {
+            match self.viewer.events().try_recv() {
+                Ok(event) => self.take(event),
+                Err(TryRecvError::Empty | TryRecvError::Disconnected) => return,
+            }
+        }
+    }
+
+    fn take(&mut self, event: CallEvent) {
+        match event {
+            CallEvent::Announced(announced) => {
+                if announced.avatar != self.announced.avatar {
+                    self.end = Some(CallEnd::AnotherAvatar(announced.clone()));
+                }
+                self.announced = announced;
+            }
+            CallEvent::Joined => {
+                self.buffer.reset();
+            }
+            CallEvent::Frame {
+                frame,
+                captured,
+                arrived,
+            } => {
+                self.buffer.push(frame, arrived, captured);
+            }
+            CallEvent::HungUp => self.end = Some(CallEnd::HungUp),
+            CallEvent::Failed(error) => self.end = Some(CallEnd::Failed(error)),
+        }
+    }
+
+    /// Gives the bridge all that is due; returns whether there was anything.
+    fn release(&mut self, now: Micros) -> bool {
+        let mut any = false;
+        for Played { frame, timing } in self.buffer.take(now) {
+            self.log.released(&timing);
+            self.bridge.push(&frame);
+            any = true;
+        }
+        any
+    }
+}
+
+fn micros(duration: Duration) -> u64 {
+    u64::try_from(duration.as_micros()).unwrap_or(u64::MAX)
+}
