@@ -1,1 +1,13 @@
-//! The sending side of a call.
+//! The sending side of a call as a library: motion from a [`Capture`] to everyone who has joined the room.
+
+mod capture;
+mod clip;
+mod error;
+mod room;
+mod send;
+
+pub use capture::{Capture, Captured};
+pub use clip::ClipCapture;
+pub use error::SendError;
+pub use room::{Desk, Entered, Place, enter};
+pub use send::send;

@@ -1,0 +1,22 @@
+//! What can stop a sender.
+
+use link::LinkError;
+use std::path::PathBuf;
+
+/// An error on the sending side.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SendError {
+    /// The server or the network.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The store lacks the avatar and there is no token to put it there.
+    #[error(
+        "the server has no package {} of the room's owner yet, and only that owner may put it there: give the owner's token too",
+        .0.display()
+    )]
+    NotUploaded(PathBuf),
+    /// The source of motion failed.
+    #[error("the source of motion failed: {0}")]
+    Capture(String),
+}

@@ -1,0 +1,134 @@
+//! Into the room: the avatar is put into the store if it is not there, and a room is opened if none was given.
+
+use crate::SendError;
+use link::{
+    Announcement, AvatarRef, ChannelMode, Client, Clock, Codec, Host, LinkError, RoomLink,
+    ServerUrl,
+};
+use std::path::PathBuf;
+
+/// What a sender brings along.
+#[derive(Debug, Clone)]
+pub struct Desk {
+    /// Where the room is, or is to be opened.
+    pub place: Place,
+    /// The avatar's package.
+    pub avatar: PathBuf,
+    /// How frames are written.
+    pub codec: Codec,
+    /// How the channel treats losses.
+    pub channel: ChannelMode,
+    /// Motions a second.
+    pub rate_hz: f64,
+}
+
+/// A room that is open already, or a server to open one on.
+#[derive(Debug, Clone)]
+pub enum Place {
+    /// A room by its sender's link. The owner's token is needed only where the store lacks the avatar.
+    Room {
+        /// The sender's link.
+        link: RoomLink,
+        /// Puts packages.
+        owner_token: Option<String>,
+    },
+    /// A room yet to be opened.
+    Server {
+        /// The server.
+        server: ServerUrl,
+        /// Opens rooms and puts packages.
+        owner_token: String,
+    },
+}
+
+impl Place {
+    /// The server's address.
+    #[must_use]
+    pub fn server(&self) -> &ServerUrl {
+        match self {
+            Self::Room { link, .. } => link.server(),
+            Self::Server { server, .. } => server,
+        }
+    }
+
+    fn owner_token(&self) -> Option<&str> {
+        match self {
+            Self::Room { owner_token, .. } => owner_token.as_deref(),
+            Self::Server { owner_token, .. } => Some(owner_token),
+        }
+    }
+}
+
+/// A sender in its room.
+#[derive(Debug)]
+pub struct Entered {
+    /// Takes motion from here to the viewers.
+    pub host: Host,
+    /// The sender's own link, with which to come back.
+    pub sender: RoomLink,
+    /// The viewers' link, where the room was opened here.
+    pub viewers: Option<RoomLink>,
+}
+
+/// Puts the avatar into the store if it is not there, telling `progress` the bytes done and in all; then opens the room if need be, and
+/// enters it.
+///
+/// # Errors
+/// If the package cannot be read, the server cannot be reached or refuses, or the right to put the package is wanting.
+pub async fn enter(
+    client: &Client,
+    desk: &Desk,
+    clock: Clock,
+    progress: impl Fn(u64, u64) + Send + Sync + 'static,
+) -> Result<Entered, SendError> {
+    let file = desk.avatar.clone();
+    let avatar = tokio::task::spawn_blocking(move || AvatarRef::of_file(&file))
+        .await
+        .map_err(|error| LinkError::Task(error.to_string()))?
+        .map_err(LinkError::from)?;
+    if let Some(token) = desk.place.owner_token() {
+        let server = desk.place.server();
+        if !client
+            .has_package(server, token, &avatar.sha256)
+            .await
+            .map_err(LinkError::from)?
+        {
+            client
+                .put_package(server, token, &desk.avatar, progress)
+                .await
+                .map_err(LinkError::from)?;
+        }
+    }
+    let (sender, viewers) = match &desk.place {
+        Place::Room { link, .. } => (link.clone(), None),
+        Place::Server {
+            server,
+            owner_token,
+        } => {
+            let room = client
+                .open_room(server, owner_token, None)
+                .await
+                .map_err(LinkError::from)?;
+            (room.sender, Some(room.viewer))
+        }
+    };
+    let announcement = Announcement {
+        avatar,
+        channel: desk.channel,
+        codec: desk.codec,
+        rate_hz: desk.rate_hz,
+    };
+    let entered = Host::enter(client.clone(), sender.clone(), announcement, clock).await;
+    let host = match entered {
+        // The room is there, for its token is good: it is the avatar that the store lacks.
+        Err(error) if error.is_not_found() => {
+            return Err(SendError::NotUploaded(desk.avatar.clone()));
+        }
+        entered => entered?,
+    };
+    Ok(Entered {
+        host,
+        sender,
+        viewers,
+    })
+}

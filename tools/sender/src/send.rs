@@ -1,0 +1,24 @@
+//! From the capture to the host, one motion at a time.
+
+use crate::{Capture, SendError};
+use link::{Clock, Host};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+/// Sends what `capture` gives until it ends or `stop` is set. Blocks: a capture has a thread of its own.
+///
+/// # Errors
+/// If the capture fails.
+pub fn send(
+    host: &Host,
+    capture: &mut dyn Capture,
+    clock: Clock,
+    stop: &AtomicBool,
+) -> Result<(), SendError> {
+    while !stop.load(Relaxed) {
+        let Some(captured) = capture.next()? else {
+            break;
+        };
+        host.publish(clock.at(captured.at), &captured.motion);
+    }
+    Ok(())
+}
