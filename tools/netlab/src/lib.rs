@@ -1,1 +1,30 @@
-//! A network of any quality on one machine.
+//! A network of any quality on one machine, without root: a front for the real server that leads every call's packets through relays which
+//! delay, lose, reorder, double and slow them, decided by a seed; counts of what went through; and reports of what calls made of it.
+//!
+//! [`Lab`] is the whole; [`Link`] is what decides, pure and without a clock. Starts no programs and measures no calls: that is its user's.
+
+mod error;
+mod impairment;
+mod lab;
+mod link;
+mod pacer;
+mod proxy;
+mod rate;
+mod relay;
+pub mod report;
+pub mod sdp;
+mod statistics;
+mod tcp;
+mod trace;
+
+pub use error::NetlabError;
+pub use impairment::{Impairment, Jitter, Loss, Outage, Probability, Queue, Reordering};
+pub use lab::{Lab, LabConfig};
+pub use link::{Backlog, Cause, Fate, Link};
+pub use rate::{BitRate, Rate};
+pub use relay::Direction;
+pub use statistics::{
+    Count, DirectionStatistics, IP_UDP_HEADERS, Lost, Punctuality, Second, Statistics,
+};
+pub use tcp::{TcpImpairment, TcpPath, TcpRelay};
+pub use trace::Trace;

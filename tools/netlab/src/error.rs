@@ -1,0 +1,60 @@
+//! What can go wrong in the lab, as its user can act on it.
+
+use std::net::{IpAddr, SocketAddr};
+
+/// Why the lab could not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum NetlabError {
+    /// A bandwidth trace is not one.
+    #[error(
+        "{trace}, line {line}: {why}; a trace has lines of `ms,kbit/s` with growing times that begin at 0"
+    )]
+    Trace {
+        /// The file's name or what the caller called it.
+        trace: String,
+        /// Counted from 1; the last one where the trace as a whole is wrong.
+        line: usize,
+        /// What is wrong there.
+        why: String,
+    },
+    /// A trace could not be read at all.
+    #[error("cannot read the trace {trace}")]
+    ReadTrace {
+        /// The file's name.
+        trace: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A figure that no network can have.
+    #[error("{what} is {value}, but must be {expected}")]
+    OutOfRange {
+        /// Which figure.
+        what: &'static str,
+        /// What was given.
+        value: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// No socket to be had.
+    #[error("cannot open a socket on {address}")]
+    Bind {
+        /// Where.
+        address: IpAddr,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A session description that cannot be led through the lab.
+    #[error("cannot lead this session description through the lab: {0}")]
+    Sdp(&'static str),
+    /// The server behind the lab does not answer.
+    #[error("the server at {server} does not answer: {why}")]
+    Upstream {
+        /// Its address.
+        server: SocketAddr,
+        /// What was tried and what came of it.
+        why: String,
+    },
+    /// A chart could not be drawn.
+    #[error("cannot draw the chart: {0}")]
+    Chart(String),
+}
