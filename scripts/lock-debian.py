@@ -5,7 +5,7 @@ For maintainers, when a prefix is to be renewed; `./run` only reads the lock fil
 It follows Depends/Pre-Depends of a prefix's roots in the suites' indices, taking the first alternative that exists. It does
 not check an index's signature: review the diff.
 
-    scripts/lock-debian.py [lavapipe] [spirv-val] [adreno]    (all without a name; from https://deb.debian.org/debian)
+    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [adreno]    (all without a name; from https://deb.debian.org/debian)
 """
 
 import datetime
@@ -50,6 +50,14 @@ PREFIXES = {
         "lock": "scripts/spirv-val-{arch}.lock",
         "arches": ["amd64", "arm64"],
         "roots": ["spirv-tools"],
+    },
+    "nats-server": {
+        "what": "The NATS server and what it needs",
+        "lock": "scripts/nats-server-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        "roots": ["nats-server"],
+        # Makes the account that Debian's service runs under.
+        "left_out": ["adduser"],
     },
     "adreno": {
         "what": "Mesa's turnip, the shim that pretends to be an Adreno, and what they need",

@@ -6,6 +6,7 @@
 #   ORT_DYLIB_PATH                            ONNX Runtime's shared library
 #   MON3TR_MAKEHUMAN                          the demo person's raw material, only where it was asked for
 #   MON3TR_SPIRV_VAL                          the SPIR-V validator, only where it was asked for
+#   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
 # and where lavapipe from the cache is used instead of the machine's own Vulkan:
 #   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH XKB_CONFIG_ROOT
 #   MON3TR_RUNNER                             the wrapper that a program of ours has to be started through
@@ -35,6 +36,10 @@ export MON3TR_CACHE
 . "$repo/scripts/spirv-val.sh"
 # shellcheck source=scripts/onnxruntime.sh
 . "$repo/scripts/onnxruntime.sh"
+# shellcheck source=scripts/nats-server.sh
+. "$repo/scripts/nats-server.sh"
+# shellcheck source=scripts/python.sh
+. "$repo/scripts/python.sh"
 # shellcheck source=scripts/makehuman.sh
 . "$repo/scripts/makehuman.sh"
 
@@ -119,15 +124,16 @@ choose_vulkan() {
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
-# prepare GPU [--makehuman] [--layer] [--spirv-val]
+# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop]
 prepare() {
-	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
+	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
 	shift
 	for one in "$@"; do
 		case $one in
 		--makehuman) with_makehuman=1 ;;
 		--layer) with_layer=(--layer) ;;
 		--spirv-val) with_spirv_val=1 ;;
+		--interop) with_interop=1 ;;
 		esac
 	done
 	check_tools
@@ -169,6 +175,14 @@ find_todo() {
 	if [ "$with_spirv_val" = 1 ] && ! spirv_val_is_there && command -v dpkg-deb >/dev/null; then
 		todo+=("install_spirv_val|spirv-val $(locked_version "$spirv_val_lock" spirv-tools) with its libraries, from Debian ($(lock_megabytes "$spirv_val_lock") MB): a test runs it over the compiled shaders")
 	fi
+	if [ "$with_interop" = 1 ]; then
+		if ! nats_server_is_there && command -v dpkg-deb >/dev/null; then
+			todo+=("install_nats_server|nats-server $(locked_version "$nats_server_lock" nats-server) with its libraries, from Debian ($(lock_megabytes "$nats_server_lock") MB): tests let two servers share their rooms through it")
+		fi
+		if ! python_is_there && [ -n "$python_found" ]; then
+			todo+=("install_python|aiortc and moto with what they need, from PyPI, for $python_found ($(python_megabytes) MB): tests call with the one and store into the other")
+		fi
+	fi
 	if [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
 		todo+=("install_onnxruntime|ONNX Runtime $ort_version's shared library from PyPI (24 MB): runs the networks that deform the avatar")
 	fi
@@ -208,6 +222,10 @@ export_environment() {
 	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
 	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi
 	if [ "$with_spirv_val" = 1 ] && spirv_val_is_there; then export_spirv_val; fi
+	if [ "$with_interop" = 1 ]; then
+		if nats_server_is_there; then export_nats_server; fi
+		if python_is_there; then export_python; else lament_python; fi
+	fi
 	if [ "$vulkan_from" = machine ]; then
 		# A wrapper left in the environment would hide the machine's hardware drivers.
 		if [ "${!runner:-}" = "${MON3TR_RUNNER:-}" ]; then unset "$runner"; fi

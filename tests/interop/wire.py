@@ -1,0 +1,185 @@
+"""The wire of docs/protocol.md for programs that are not ours, written from that page alone: nothing of Mon3tr is called.
+
+Links and requests of a room, messages of the data channel, `paper` frames with LZ4 in plain Python. No `compact` frames.
+"""
+
+import http.client
+import json
+import struct
+import time
+import urllib.parse
+
+PAPER, COMPACT, FEEDBACK, PONG, BYE = 1, 2, 16, 17, 31
+PARAMS = 215
+BODY = 2 * PARAMS + 12
+PAPER_HEADER = struct.Struct("<BBIIQB")
+FEEDBACK_MESSAGE = struct.Struct("<BIIQQ")
+PONG_MESSAGE = struct.Struct("<BIQQQ")
+BYE_MESSAGE = struct.Struct("<BI")
+STORED, LZ4 = 0, 1
+
+
+class Refused(Exception):
+    """A message is not what the protocol says; its text is the reason that it is counted under."""
+
+
+def now_us():
+    """Microseconds of this program's own clock."""
+    return time.monotonic_ns() // 1000
+
+
+class Link:
+    """`http://HOST:PORT/rooms/ROOM#TOKEN`."""
+
+    def __init__(self, text):
+        parts = urllib.parse.urlsplit(text)
+        before, found, room = parts.path.partition("/rooms/")
+        if parts.scheme not in ("http", "https") or not parts.netloc or not found or not room or not parts.fragment:
+            raise ValueError("this is not a link: it should read http://HOST:PORT/rooms/ROOM#TOKEN")
+        self.tls, self.host, self.base = parts.scheme == "https", parts.netloc, before
+        self.room, self.token = room.strip("/"), parts.fragment
+
+    def open(self, method, path, body=None, content_type=None, timeout=15):
+        """Sends one request to a path below the server's address; gives the connection and the answer's head."""
+        kind = http.client.HTTPSConnection if self.tls else http.client.HTTPConnection
+        connection = kind(self.host, timeout=timeout)
+        headers = {"Authorization": f"Bearer {self.token}"}
+        if content_type:
+            headers["Content-Type"] = content_type
+        connection.request(method, self.base + path, body, headers)
+        return connection, connection.getresponse()
+
+    def ask(self, method, path, body=None, content_type=None):
+        """Status, headers and body of one request."""
+        connection, answer = self.open(method, path, body, content_type)
+        try:
+            return answer.status, answer.headers, answer.read()
+        finally:
+            connection.close()
+
+    def room_path(self, below=""):
+        """The path of the room, or of what lies below it."""
+        return f"/v1/rooms/{self.room}{below}"
+
+
+def events(answer):
+    """(name, data) of every event of a `text/event-stream`, ("", None) for every comment; ends with the stream."""
+    name, data = "", []
+    for raw in answer:
+        line = raw.decode().rstrip("\r\n")
+        if line.startswith(":"):
+            yield "", None
+        elif line.startswith("event:"):
+            name = line[6:].strip()
+        elif line.startswith("data:"):
+            data.append(line[5:].removeprefix(" "))
+        elif not line and data:
+            yield name, json.loads("\n".join(data))
+            name, data = "", []
+        elif not line and name:
+            yield name, None
+            name = ""
+
+
+def lz4_block(plain):
+    """A valid LZ4 block that packs nothing: one sequence of literals."""
+    rest, lengths = len(plain) - 15, bytearray()
+    if rest < 0:
+        return bytes([len(plain) << 4]) + plain
+    while rest >= 255:
+        lengths.append(255)
+        rest -= 255
+    return bytes([0xF0]) + bytes(lengths) + bytes([rest]) + plain
+
+
+def lz4_unblock(block, size):
+    """What an LZ4 block unpacks to; refused unless that is exactly `size` bytes."""
+    out, at = bytearray(), 0
+
+    def length(first):
+        nonlocal at
+        total = first
+        while first == 15:
+            total += block[at]
+            at += 1
+            if block[at - 1] != 255:
+                break
+        return total
+
+    try:
+        while True:
+            token = block[at]
+            at += 1
+            literals = length(token >> 4)
+            if at + literals > len(block):
+                raise Refused("lz4")
+            out += block[at : at + literals]
+            at += literals
+            if at == len(block):
+                break
+            back = block[at] | block[at + 1] << 8
+            at += 2
+            copied = length(token & 15) + 4
+            if not 0 < back <= len(out) or len(out) + copied > size:
+                raise Refused("lz4")
+            # One by one: what is copied may reach into itself.
+            for _ in range(copied):
+                out.append(out[-back])
+    except IndexError:
+        raise Refused("lz4") from None
+    if len(out) != size:
+        raise Refused("lz4")
+    return bytes(out)
+
+
+def paper_frame(session, sequence, captured, values, translation, packing=LZ4):
+    """The message of one frame: 215 numbers and the root translation in metres."""
+    halves = struct.pack(f"<{PARAMS}e", *values)
+    body = halves[1::2] + halves[0::2] + struct.pack("<3f", *translation)
+    head = PAPER_HEADER.pack(PAPER, 1, session, sequence, captured, packing)
+    return head + (lz4_block(body) if packing == LZ4 else body)
+
+
+def read_paper_frame(message, session):
+    """(sequence, capture time, values, translation) of a message whose first byte says `paper`."""
+    if len(message) < PAPER_HEADER.size:
+        raise Refused("length")
+    _, version, of_session, sequence, captured, packing = PAPER_HEADER.unpack_from(message)
+    if version != 1:
+        raise Refused("version")
+    if of_session != session:
+        raise Refused("session")
+    body = message[PAPER_HEADER.size :]
+    if packing == LZ4:
+        body = lz4_unblock(body, BODY)
+    elif packing != STORED or len(body) != BODY:
+        raise Refused("length")
+    halves = bytearray(2 * PARAMS)
+    halves[1::2], halves[0::2] = body[:PARAMS], body[PARAMS : 2 * PARAMS]
+    values = struct.unpack(f"<{PARAMS}e", halves)
+    translation = struct.unpack_from("<3f", body, 2 * PARAMS)
+    # NaN is the one number that is not below any bound.
+    if not all(abs(value) < 1000 for value in (*values, *translation)):
+        raise Refused("range")
+    return sequence, captured, values, translation
+
+
+def unpack(layout, message, session):
+    """The fields of a message of fixed layout, without kind and session."""
+    if len(message) != layout.size:
+        raise Refused("length")
+    _, of_session, *fields = layout.unpack(message)
+    if of_session != session:
+        raise Refused("session")
+    return fields
+
+
+def session_of(protocol):
+    """The session that a data channel's protocol names, or None."""
+    parts = protocol.split(".")
+    if len(parts) != 3 or parts[:2] != ["mon3tr", "1"] or len(parts[2]) != 8:
+        return None
+    try:
+        return int(parts[2], 16)
+    except ValueError:
+        return None
