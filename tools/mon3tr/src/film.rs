@@ -7,6 +7,7 @@ use image::{
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
+use std::time::Duration;
 use webp_animation::{
     AnimParams, Encoder, EncoderOptions, EncodingConfig, EncodingType, LossyEncodingConfig,
 };
@@ -33,21 +34,24 @@ pub(crate) fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
     write().with_context(|| format!("cannot write {}", path.display()))
 }
 
+/// A picture and when it is shown, from the animation's beginning.
+type Shown = (RgbImage, Duration);
+
 /// An animation being encoded on its own thread, so that the next frame is drawn meanwhile.
 #[derive(Debug)]
 pub(crate) struct Film {
     path: PathBuf,
-    frames: SyncSender<RgbImage>,
+    frames: SyncSender<Shown>,
     encoder: JoinHandle<anyhow::Result<()>>,
     added: usize,
 }
 
 impl Film {
-    /// Starts an animation at `path` that shows `frame_rate` frames a second and repeats forever.
-    pub(crate) fn start(path: PathBuf, frame_rate: f64) -> Self {
+    /// Starts an animation at `path` that repeats forever.
+    pub(crate) fn start(path: PathBuf) -> Self {
         let (frames, waiting) = sync_channel(WAITING);
         let file = path.clone();
-        let encoder = std::thread::spawn(move || encode(&file, frame_rate, &waiting));
+        let encoder = std::thread::spawn(move || encode(&file, &waiting));
         Self {
             path,
             frames,
@@ -56,12 +60,21 @@ impl Film {
         }
     }
 
-    /// Adds a frame, unless the animation is at its longest; waits while the encoder is behind.
-    pub(crate) fn add(&mut self, picture: RgbImage) {
+    /// Adds a frame that is shown at `time`, unless the animation is at its longest; waits while the encoder is behind.
+    pub(crate) fn add(&mut self, picture: RgbImage, time: Duration) {
         self.added += 1;
         // A closed channel means that the encoder failed; finishing tells why.
-        if self.added <= ANIMATION_FRAMES && self.frames.send(picture).is_err() {
+        if self.added <= ANIMATION_FRAMES && self.frames.send((picture, time)).is_err() {
             log::debug!("the animation's encoder no longer takes frames");
+        }
+    }
+
+    /// The same for a frame that is live: it is left out where the encoder is behind.
+    pub(crate) fn offer(&mut self, picture: &RgbImage, time: Duration) {
+        if self.added >= ANIMATION_FRAMES {
+            self.added += 1;
+        } else if self.frames.try_send((picture.clone(), time)).is_ok() {
+            self.added += 1;
         }
     }
 
@@ -82,8 +95,8 @@ impl Film {
     }
 }
 
-fn encode(path: &Path, frame_rate: f64, waiting: &Receiver<RgbImage>) -> anyhow::Result<()> {
-    let Ok(first) = waiting.recv() else {
+fn encode(path: &Path, waiting: &Receiver<Shown>) -> anyhow::Result<()> {
+    let Ok((first, begun)) = waiting.recv() else {
         return Ok(());
     };
     let first = shrink(&first);
@@ -106,16 +119,23 @@ fn encode(path: &Path, frame_rate: f64, waiting: &Receiver<RgbImage>) -> anyhow:
         clippy::cast_possible_truncation,
         reason = "an animation of 24 days would be needed to overflow"
     )]
-    let shown_at_ms = |k: usize| (k as f64 * 1e3 / frame_rate).round() as i32;
-    let mut count = 0;
-    for picture in std::iter::once(first).chain(waiting.iter().map(|picture| shrink(&picture))) {
+    let ms = |time: Duration| (time.as_secs_f64() * 1e3).round() as i32;
+    let (mut last, mut step) = (-1, 1);
+    let rest = waiting
+        .iter()
+        .map(|(picture, time)| (shrink(&picture), time));
+    for (picture, time) in std::iter::once((first, begun)).chain(rest) {
+        // libwebp wants every frame later than the one before.
+        let shown_at = ms(time.saturating_sub(begun)).max(last + 1);
         let rgba = DynamicImage::ImageRgb8(picture).into_rgba8();
-        encoder
-            .add_frame(&rgba, shown_at_ms(count))
-            .map_err(failed)?;
-        count += 1;
+        encoder.add_frame(&rgba, shown_at).map_err(failed)?;
+        if last >= 0 {
+            step = shown_at - last;
+        }
+        last = shown_at;
     }
-    let bytes = encoder.finalize(shown_at_ms(count)).map_err(failed)?;
+    // The last frame is shown as long as the one before it.
+    let bytes = encoder.finalize(last + step).map_err(failed)?;
     std::fs::write(path, &*bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 

@@ -1,9 +1,13 @@
 //! The `mon3tr` command: builds, shows and measures avatars.
 
 mod backdrop;
+mod children;
 mod commands;
 mod film;
 mod ground;
+mod live;
+mod moments;
+mod network;
 mod performance;
 mod place;
 mod progress;
@@ -15,7 +19,7 @@ mod viewpoint;
 mod window;
 
 use clap::{Parser, Subcommand};
-use commands::{bake, bench, demo, inspect, render};
+use commands::{bake, bench, demo, inspect, netlab, receive, render, send, serve};
 use std::process::ExitCode;
 use surroundings::Surroundings;
 
@@ -44,6 +48,14 @@ enum Command {
     Inspect(inspect::Options),
     /// Draw an avatar that follows a motion, a Gaussian scene, or both together
     Render(render::Options),
+    /// Run the server that introduces callers and keeps avatars
+    Serve(serve::Options),
+    /// Send a motion, as if it were captured now, to everyone who joins
+    Send(send::Options),
+    /// Join a call and show who is there
+    Receive(receive::Options),
+    /// Measure calls over networks of any quality, all on this machine
+    Netlab(netlab::Options),
 }
 
 fn main() -> ExitCode {
@@ -55,10 +67,17 @@ fn main() -> ExitCode {
         1 => log::LevelFilter::Info,
         _ => log::LevelFilter::Debug,
     };
-    env_logger::Builder::new()
-        .filter_level(level)
-        .parse_default_env()
-        .init();
+    // What the WebRTC library warns of is the ordinary course of a connection being made.
+    let of_webrtc = match arguments.verbose {
+        0 | 1 => log::LevelFilter::Error,
+        2 => log::LevelFilter::Info,
+        _ => log::LevelFilter::Debug,
+    };
+    let mut logger = env_logger::Builder::new();
+    for library in ["rtc", "webrtc"] {
+        logger.filter_module(library, of_webrtc);
+    }
+    logger.filter_level(level).parse_default_env().init();
     let surroundings = &arguments.surroundings;
     let outcome = match &arguments.command {
         Command::Demo(options) => demo::run(options, surroundings),
@@ -66,6 +85,10 @@ fn main() -> ExitCode {
         Command::Bench(options) => bench::run(options, surroundings),
         Command::Inspect(options) => inspect::run(options),
         Command::Render(options) => render::run(options, surroundings),
+        Command::Serve(options) => serve::run(options),
+        Command::Send(options) => send::run(options),
+        Command::Receive(options) => receive::run(options, surroundings),
+        Command::Netlab(options) => netlab::run(options),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -4,6 +4,7 @@ use anyhow::{Context, bail};
 use glam::{Quat, Vec3};
 use spmm3::{Avatar, Joint, MotionParams};
 use spmm3::{LOOP_SECONDS, LoadOptions, MotionClip, Playback};
+use std::ffi::OsString;
 use std::path::Path;
 
 /// Motion rate of the paper's sender, frames per second.
@@ -42,6 +43,24 @@ impl MotionOptions {
         self.motion != BUILT_IN || self.bvh_scale.is_some() || self.frames.is_some()
     }
 
+    /// What it is called: a file or built-in.
+    pub(crate) fn name(&self) -> &str {
+        &self.motion
+    }
+
+    /// The same choice as arguments for another process.
+    pub(crate) fn arguments(&self) -> Vec<OsString> {
+        let mut arguments = vec!["--motion".into(), (&self.motion).into()];
+        if let Some(scale) = self.bvh_scale {
+            arguments.extend(["--bvh-scale".into(), scale.to_string().into()]);
+        }
+        if let Some((first, end)) = self.frames {
+            let end = end.map_or_else(String::new, |end| end.to_string());
+            arguments.extend(["--frames".into(), format!("{first}..{end}").into()]);
+        }
+        arguments
+    }
+
     /// Refuses a motion file that is not there, before anything long begins.
     pub(crate) fn check(&self) -> anyhow::Result<()> {
         if self.motion != BUILT_IN && !Path::new(&self.motion).is_file() {
@@ -53,14 +72,14 @@ impl MotionOptions {
         Ok(())
     }
 
-    /// Loads the motion, fits it to `avatar`'s skeleton and samples it at 30 Hz.
-    pub(crate) fn load(&self, avatar: &Avatar) -> anyhow::Result<Performance> {
-        let clip = if self.motion == BUILT_IN {
+    /// Loads the motion and fits it to `avatar`'s skeleton; what is built in has `built_in_rate` frames a second, a file's motion its own.
+    pub(crate) fn clip(&self, avatar: &Avatar, built_in_rate: f64) -> anyhow::Result<MotionClip> {
+        let mut clip = if self.motion == BUILT_IN {
             MotionClip::built_in(
                 &avatar.skeleton,
                 &avatar.expressions,
                 LOOP_SECONDS,
-                MOTION_RATE,
+                built_in_rate,
             )
             .context("cannot perform the built-in motion")?
         } else {
@@ -76,23 +95,32 @@ impl MotionOptions {
         for note in &clip.notes {
             log::info!("{}: {note}", clip.name);
         }
-        #[allow(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a clip's frames fit memory"
-        )]
-        let count = ((clip.duration() * MOTION_RATE).round() as usize).max(1);
-        let (first, end) = self.frames.unwrap_or((0, None));
-        let (name, end) = (&clip.name, end.unwrap_or(count).min(count));
-        if first >= end {
-            bail!("no frame at {first}: the motion {name} has the frames 0..{count} at 30 Hz");
+        if let Some((first, end)) = self.frames {
+            let count = frames_at_motion_rate(&clip);
+            let end = end.unwrap_or(count).min(count);
+            if first >= end {
+                let name = &clip.name;
+                bail!("no frame at {first}: the motion {name} has the frames 0..{count} at 30 Hz");
+            }
+            clip.frames = (first..end)
+                .map(|k| clip.sample(k as f64 / MOTION_RATE, Playback::Clamp))
+                .collect();
+            clip.frame_seconds = 1.0 / MOTION_RATE;
         }
-        if end - first > MOST_FRAMES {
+        Ok(clip)
+    }
+
+    /// Loads the motion, fits it to `avatar`'s skeleton and samples it at 30 Hz.
+    pub(crate) fn load(&self, avatar: &Avatar) -> anyhow::Result<Performance> {
+        let clip = self.clip(avatar, MOTION_RATE)?;
+        let count = frames_at_motion_rate(&clip);
+        if count > MOST_FRAMES {
             bail!(
-                "the motion {name} has {count} frames at 30 Hz: choose at most {MOST_FRAMES} with --frames A..B"
+                "the motion {} has {count} frames at 30 Hz: choose at most {MOST_FRAMES} with --frames A..B",
+                clip.name
             );
         }
-        let frames = (first..end)
+        let frames = (0..count)
             .map(|k| clip.sample(k as f64 / MOTION_RATE, Playback::Clamp))
             .collect();
         Ok(Performance {
@@ -100,6 +128,17 @@ impl MotionOptions {
             frames,
         })
     }
+}
+
+/// At least one.
+fn frames_at_motion_rate(clip: &MotionClip) -> usize {
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a clip's frames fit memory"
+    )]
+    let count = (clip.duration() * MOTION_RATE).round() as usize;
+    count.max(1)
 }
 
 impl Performance {

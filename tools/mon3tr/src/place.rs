@@ -32,6 +32,13 @@ impl Place {
     }
 }
 
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Vec3 { x, y, z } = self.offset;
+        write!(f, "{x},{y},{z},{},{}", self.degrees, self.scale)
+    }
+}
+
 impl FromStr for Place {
     type Err = anyhow::Error;
 
@@ -85,6 +92,7 @@ mod tests {
             scale: 0.5,
         };
         assert_eq!(read("1,0,-2.5,90,0.5"), whole, "moved, turned and scaled");
+        assert_eq!(read(&whole.to_string()), whole, "as it is written");
         for mistake in ["1,0", "1,0,x", "1,0,0,0,0", "1,0,NaN", "1,2,3,4,5,6"] {
             assert!(mistake.parse::<Place>().is_err(), "{mistake}");
         }

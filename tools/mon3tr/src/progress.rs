@@ -3,7 +3,7 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use reconstruct::bake::Progress;
 use std::io::IsTerminal;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A bar of `steps` steps labelled `what`. Where standard error is no terminal, one line says what begins.
 pub(crate) fn bar(what: &str, steps: usize) -> ProgressBar {
@@ -16,6 +16,44 @@ pub(crate) fn bar(what: &str, steps: usize) -> ProgressBar {
         bar.set_style(style);
     }
     bar
+}
+
+/// A bar for bytes that are transferred, which shows once there are any.
+#[derive(Debug, Clone)]
+pub(crate) struct Bytes {
+    what: &'static str,
+    bar: Arc<OnceLock<ProgressBar>>,
+}
+
+/// A bar of bytes labelled `what`.
+pub(crate) fn bytes(what: &'static str) -> Bytes {
+    Bytes {
+        what,
+        bar: Arc::default(),
+    }
+}
+
+impl Bytes {
+    /// Shows `done` of `total` bytes.
+    pub(crate) fn show(&self, done: u64, total: u64) {
+        let bar = self.bar.get_or_init(|| {
+            let bar = bar(self.what, 0);
+            let template = "{msg:<24} {bar:32} {bytes}/{total_bytes}  {bytes_per_sec} ({eta} left)";
+            if let Ok(style) = ProgressStyle::with_template(template) {
+                bar.set_style(style);
+            }
+            bar
+        });
+        bar.set_length(total);
+        bar.set_position(done);
+    }
+
+    /// Removes the bar.
+    pub(crate) fn finish(&self) {
+        if let Some(bar) = self.bar.get() {
+            bar.finish_and_clear();
+        }
+    }
 }
 
 /// One bar per step of a bake, one after the other.

@@ -24,6 +24,9 @@ pub(crate) struct RunReport {
     pub(crate) onnx_runtime: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) background: Option<SceneFigures>,
+    /// What the receiver of the demo's call measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) call: Option<serde_json::Value>,
     pub(crate) runs: Vec<StageTable>,
     pub(crate) pictures: Vec<PathBuf>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -151,6 +154,7 @@ impl RunReport {
             vulkan_driver: gpu.info().driver.clone(),
             onnx_runtime: runtime.version().to_owned(),
             background: None,
+            call: None,
             runs,
             pictures,
             bake: None,

@@ -8,6 +8,7 @@ use glam::{Quat, Vec2, Vec3};
 use serde::Serialize;
 use splat_scene::cameras::{Cameras, SceneCamera};
 use splat_scene::{Bounds, Placement, Scene};
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -33,6 +34,18 @@ pub(crate) struct SceneryOptions {
 }
 
 impl SceneryOptions {
+    /// The same choice as arguments for another process.
+    pub(crate) fn arguments(&self) -> Vec<OsString> {
+        let mut arguments = Vec::new();
+        if let Some(file) = &self.background {
+            arguments.extend(["--background".into(), file.into()]);
+        }
+        if let Some(place) = self.place {
+            arguments.extend(["--place".into(), place.to_string().into()]);
+        }
+        arguments
+    }
+
     /// Refuses a scene file that is not there, before anything long begins.
     pub(crate) fn check(&self) -> anyhow::Result<()> {
         match &self.background {

@@ -48,6 +48,12 @@ impl std::str::FromStr for Size {
     }
 }
 
+impl std::fmt::Display for Size {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
 /// One eye or two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Views {
@@ -185,6 +191,16 @@ impl Stage {
         Ok(views
             .map(|view| renderer.read_back(view))
             .collect::<Result<_, _>>()?)
+    }
+
+    /// What deforms and draws, for who shows pictures without reading them back.
+    pub(crate) fn receiver(&mut self) -> &mut Receiver {
+        &mut self.receiver
+    }
+
+    /// What pictures it makes.
+    pub(crate) fn setting(&self) -> &Setting {
+        &self.setting
     }
 
     /// The device that draws: another than at first after a loss.

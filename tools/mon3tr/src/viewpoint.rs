@@ -152,6 +152,14 @@ impl Viewpoint {
     }
 }
 
+impl std::fmt::Display for Viewpoint {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (e, t) = (self.eye, self.target);
+        let fov = self.fov_degrees;
+        write!(f, "{},{},{}:{},{},{}:{fov}", e.x, e.y, e.z, t.x, t.y, t.z)
+    }
+}
+
 impl FromStr for Viewpoint {
     type Err = anyhow::Error;
 
@@ -230,6 +238,10 @@ mod tests {
     fn exact_viewpoints_are_read() {
         let read: Viewpoint = "1,2,3:0,1,0:40".parse().expect("a full viewpoint");
         assert_eq!(read, Viewpoint::new([1.0, 2.0, 3.0], [0.0, 1.0, 0.0], 40.0));
+        for (name, named) in NAMED {
+            let written = named.to_string().parse();
+            assert_eq!(written.ok(), Some(named), "{name} as it is written");
+        }
     }
 
     #[test]

@@ -1,15 +1,12 @@
-//! `demo --window`: the motion live in a window, over and over. Drag to orbit, scroll to come closer, Escape to leave.
+//! `receive --display window`: the call live in a window. Drag to orbit, scroll to come closer, Escape to leave.
 
 use crate::backdrop::DUSK;
-use crate::performance::{MOTION_RATE, Performance};
-use crate::stage::Setting;
-use crate::surroundings::Surroundings;
+use crate::commands::receive::{Prepared, Until, Watched};
+use crate::live::Live;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
-use app::{Deformer, Receiver, ReceiverError};
-use glam::{Quat, Vec3};
-use npu_runtime::Runtime;
-use spmm3::{Avatar, MotionParams};
+use app::{CallEnd, Receiver, ReceiverError};
+use spmm3::MotionParams;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -31,63 +28,53 @@ const STUDIO: Backdrop = Backdrop::Gradient {
 /// Degrees of orbit per pixel of drag.
 const DRAG: f32 = 0.3;
 
+/// Pause before looking again whether the first frame has come.
+const WAITING: Duration = Duration::from_millis(5);
+
 /// Pause between frames while the window cannot show any.
 const HIDDEN: Duration = Duration::from_millis(50);
 
 /// Frames between updates of the rate in the title.
 const TITLE_FRAMES: u32 = 30;
 
-/// Connects to the window system.
-pub(crate) fn events() -> anyhow::Result<EventLoop<()>> {
+/// Connects to the window system; without one, says what to do `instead`.
+pub(crate) fn events(instead: &str) -> anyhow::Result<EventLoop<()>> {
     // winit's own text names a line of its source; its cause is always the same.
     EventLoop::new().map_err(|error| {
         log::debug!("{error}");
-        anyhow!("--window needs a display, and there is none: leave it out, and demo draws pictures instead")
+        anyhow!("a window needs a display, and there is none: {instead}")
     })
 }
 
-/// Shows the performance until the window is closed.
+/// Shows the call until it is over or the window is closed.
 pub(crate) fn show(
     events: EventLoop<()>,
-    gpu: &Arc<Gpu>,
-    runtime: &Runtime,
-    avatar: &Avatar,
-    performance: &Performance,
+    live: &mut Live,
+    prepared: Prepared<'_>,
     viewpoint: Viewpoint,
-    setting: &Setting,
-) -> anyhow::Result<()> {
-    let frames = performance
-        .followed(avatar)
-        .map(|(motion, floor)| (motion.clone(), floor))
-        .collect();
-    let deformer = Deformer::new(runtime, avatar, Surroundings::provider())?;
-    let options = setting.renderer(deformer.gaussians())?;
-    let renderer = renderer(gpu, &options)?;
-    let mut live = Live {
-        gpu: Arc::clone(gpu),
-        receiver: Receiver::new(deformer, renderer),
-        frames,
-        heading: performance.heading(),
+    until: &Until,
+) -> anyhow::Result<Watched> {
+    let size = prepared.size();
+    let mut view = View {
+        live,
+        prepared,
+        until,
         viewpoint,
-        backdrop: if options.background.is_some() {
-            DUSK
-        } else {
-            STUDIO
-        },
-        size: (options.width, options.height),
+        size: (size.width, size.height),
         open: None,
         drag: None,
         cursor: PhysicalPosition::default(),
+        end: None,
         outcome: Ok(()),
     };
     events
-        .run_app(&mut live)
+        .run_app(&mut view)
         .context("the window system ended the window")?;
-    live.outcome
-}
-
-fn renderer(gpu: &Arc<Gpu>, options: &RendererOptions) -> anyhow::Result<SplatRenderer> {
-    SplatRenderer::new(Arc::clone(gpu), options).context("cannot prepare the renderer")
+    view.outcome?;
+    Ok(Watched {
+        end: view.end,
+        ..Watched::default()
+    })
 }
 
 /// The window while it is open.
@@ -95,7 +82,6 @@ struct Open {
     window: Arc<Window>,
     /// Only without one while it is taken to another device.
     target: Option<WindowTarget>,
-    since: Instant,
     counted: (Instant, u32),
 }
 
@@ -110,6 +96,24 @@ impl Open {
         self.target = Some(target);
         Ok(())
     }
+}
+
+/// Makes the renderer's pictures as large as the window is now: once for a picture, not for every step of a drag.
+fn fit(receiver: &mut Receiver, gpu: &Arc<Gpu>, size: (u32, u32)) -> anyhow::Result<()> {
+    let options = receiver.renderer().options().clone();
+    if (options.width, options.height) == size {
+        return Ok(());
+    }
+    let options = RendererOptions {
+        width: size.0,
+        height: size.1,
+        back_end: Some(receiver.back_end()),
+        ..options
+    };
+    let renderer =
+        SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
+    receiver.replace_renderer(renderer);
+    Ok(())
 }
 
 /// Draws one frame and hands it to the window.
@@ -127,22 +131,22 @@ fn show_frame(
     Ok(target.present(receiver.renderer(), backdrop)?)
 }
 
-struct Live {
-    gpu: Arc<Gpu>,
-    receiver: Receiver,
-    frames: Vec<(MotionParams, Vec3)>,
-    heading: Quat,
+/// A call in its window.
+struct View<'a> {
+    live: &'a mut Live,
+    prepared: Prepared<'a>,
+    until: &'a Until,
     viewpoint: Viewpoint,
-    backdrop: Backdrop,
     size: (u32, u32),
     open: Option<Open>,
     /// Where the cursor was when the last part of a drag was taken.
     drag: Option<PhysicalPosition<f64>>,
     cursor: PhysicalPosition<f64>,
+    end: Option<CallEnd>,
     outcome: anyhow::Result<()>,
 }
 
-impl ApplicationHandler for Live {
+impl ApplicationHandler for View<'_> {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         let outcome = self.open(events);
         self.settle(events, outcome);
@@ -161,7 +165,7 @@ impl ApplicationHandler for Live {
                 Ok(())
             }
             WindowEvent::Resized(size) => self.resize(size),
-            WindowEvent::RedrawRequested => self.draw(),
+            WindowEvent::RedrawRequested => self.draw(events),
             WindowEvent::MouseInput {
                 state,
                 button: MouseButton::Left,
@@ -185,7 +189,7 @@ impl ApplicationHandler for Live {
     }
 }
 
-impl Live {
+impl View<'_> {
     /// Keeps the first error and leaves.
     fn settle(&mut self, events: &ActiveEventLoop, outcome: anyhow::Result<()>) {
         if outcome.is_err() && self.outcome.is_ok() {
@@ -213,10 +217,9 @@ impl Live {
         let mut open = Open {
             window,
             target: None,
-            since: now,
             counted: (now, 0),
         };
-        open.renew(&self.gpu)?;
+        open.renew(self.prepared.gpu())?;
         self.open = Some(open);
         self.resize(size)
     }
@@ -235,49 +238,40 @@ impl Live {
         Ok(())
     }
 
-    /// Makes the renderer's pictures as large as the window is now: once for a picture, not for every step of a drag.
-    fn fit(&mut self) -> anyhow::Result<()> {
-        let (width, height) = self.size;
-        let options = self.receiver.renderer().options().clone();
-        if (options.width, options.height) == self.size {
-            return Ok(());
-        }
-        let options = RendererOptions {
-            width,
-            height,
-            back_end: Some(self.receiver.back_end()),
-            ..options
-        };
-        self.receiver
-            .replace_renderer(renderer(&self.gpu, &options)?);
-        Ok(())
-    }
-
-    fn draw(&mut self) -> anyhow::Result<()> {
-        self.fit()?;
+    fn draw(&mut self, events: &ActiveEventLoop) -> anyhow::Result<()> {
         let Some(open) = &mut self.open else {
             return Ok(());
         };
-        #[allow(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "seconds since the window opened"
-        )]
-        let index =
-            (open.since.elapsed().as_secs_f64() * MOTION_RATE) as usize % self.frames.len().max(1);
-        let (motion, floor) = self
-            .frames
-            .get(index)
-            .ok_or_else(|| anyhow!("the motion has no frames"))?;
+        open.window.request_redraw();
+        let moment = self.live.now();
+        self.end = self.live.call.end();
+        if self.end.is_some() || self.until.is_over() {
+            events.exit();
+            return Ok(());
+        }
+        let Some(moment) = moment else {
+            std::thread::sleep(WAITING);
+            return Ok(());
+        };
+        let (width, height) = self.size;
+        let stage = self.prepared.stage(&moment)?;
+        let backdrop = if stage.setting().background.is_some() {
+            DUSK
+        } else {
+            STUDIO
+        };
+        let gpu = stage.gpu();
+        fit(stage.receiver(), &gpu, self.size)?;
         let camera = self
             .viewpoint
-            .camera(*floor, self.heading, self.size.0, self.size.1);
-        let shown = match show_frame(&mut self.receiver, open, motion, camera, self.backdrop) {
+            .camera(moment.floor, moment.heading, width, height);
+        let motion = &moment.motion;
+        let shown = match show_frame(stage.receiver(), open, motion, camera, backdrop) {
             Err(ReceiverError::Render(error @ RenderError::DeviceLost(_))) => {
                 log::warn!("{error}; this is done once for a picture");
-                self.gpu = self.receiver.recover()?;
-                open.renew(&self.gpu)?;
-                show_frame(&mut self.receiver, open, motion, camera, self.backdrop)?
+                let gpu = stage.receiver().recover()?;
+                open.renew(&gpu)?;
+                show_frame(stage.receiver(), open, motion, camera, backdrop)?
             }
             shown => shown?,
         };
@@ -286,16 +280,15 @@ impl Live {
             let rate = f64::from(TITLE_FRAMES) / open.counted.0.elapsed().as_secs_f64().max(1e-6);
             open.window.set_title(&format!(
                 "Mon3tr: {rate:.0} frames/s on {}",
-                self.gpu.info().name
+                gpu.info().name
             ));
             open.counted = (Instant::now(), 0);
-            self.receiver.forget_times();
+            stage.receiver().forget_times();
         }
         if shown == Shown::NotNow {
             // Hidden or just changing: no need to hurry.
             std::thread::sleep(HIDDEN);
         }
-        open.window.request_redraw();
         Ok(())
     }
 

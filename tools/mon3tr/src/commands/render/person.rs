@@ -11,6 +11,7 @@ use crate::surroundings::Surroundings;
 use crate::viewpoint::{CameraChoice, eyes};
 use anyhow::Context;
 use std::path::Path;
+use std::time::Duration;
 use xr_renderer::Filter;
 
 pub(super) fn run(
@@ -42,7 +43,7 @@ pub(super) fn run(
         filter: options.filter.map_or(default_filter, Into::into),
     };
     let mut stage = Stage::new(&gpu, &runtime, &avatar, setting)?;
-    let mut film = Film::start(options.out.join("animation.webp"), MOTION_RATE);
+    let mut film = Film::start(options.out.join("animation.webp"));
     let bar = progress::bar("drawing", performance.frames.len());
     let mut pictures = Vec::new();
     for (k, (motion, floor)) in performance.followed(&avatar).enumerate() {
@@ -59,6 +60,7 @@ pub(super) fn run(
                 .into_iter()
                 .next()
                 .context("the renderer returned no picture")?,
+            Duration::from_secs_f64(k as f64 / MOTION_RATE),
         );
         bar.inc(1);
     }

@@ -1,8 +1,10 @@
-//! `mon3tr demo`: the main job in one command. Bakes the demo avatar if the cache has none, moves it, and leaves
-//! pictures and a table of stage times.
+//! `mon3tr demo`: the main job in one command. Bakes the demo avatar if the cache has none, holds a call between three processes,
+//! and leaves pictures and tables of times.
+
+mod call;
 
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
-use crate::film::{Film, write_png};
+use crate::film::write_png;
 use crate::performance::{MOTION_RATE, MotionOptions, Performance};
 use crate::progress;
 use crate::report::{RunReport, StageTable, check_writable, write_json};
@@ -19,8 +21,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use xr_renderer::{Filter, Gpu};
 
-/// Moments on the contact sheet, columns x rows.
-const SHEET: (u32, u32) = (4, 2);
+/// Longest call of the demo, seconds: as long as an animation may be.
+const LONGEST_CALL: f64 = 20.0;
 
 /// Frames drawn to measure stereo.
 const STEREO_FRAMES: usize = 30;
@@ -49,7 +51,7 @@ pub(crate) struct Options {
         allow_hyphen_values = true
     )]
     camera: Viewpoint,
-    /// Show the motion live in a window instead (drag to orbit, scroll to come closer, Escape to leave)
+    /// Show the call live in a window instead (drag to orbit, scroll to come closer, Escape to leave)
     #[arg(long, conflicts_with_all = ["out", "json"])]
     window: bool,
     /// Write every figure as JSON
@@ -73,14 +75,23 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     options.scenery.check()?;
     let gpu = surroundings.gpu()?;
     let runtime = surroundings.runtime()?;
-    let events = options.window.then(window::events).transpose()?;
-    if events.is_none() {
+    if options.window {
+        drop(window::events(
+            "leave out --window, and demo draws pictures instead",
+        )?);
+    } else {
         make_folder(&options.out)?;
         options.json.as_deref().map_or(Ok(()), check_writable)?;
     }
     let package = baked_demo_avatar(&options.bake, surroundings)?;
     let (avatar, figures) = load_avatar(&package)?;
     let performance = options.motion.load(&avatar)?;
+    if options.window {
+        return call::run(options, &package, None).map(drop);
+    }
+    let seconds = performance.frames.len() as f64 / MOTION_RATE;
+    let call = call::run(options, &package, Some(seconds.min(LONGEST_CALL)))?;
+
     let scenery = options
         .scenery
         .around(performance.start(&avatar), performance.heading())?;
@@ -90,18 +101,6 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         background: scenery.as_ref().map(|scenery| scenery.background.clone()),
         filter: scenery.as_ref().map_or(Filter::Dilation, Scenery::filter),
     };
-    if let Some(events) = events {
-        return window::show(
-            events,
-            &gpu,
-            &runtime,
-            &avatar,
-            &performance,
-            options.camera,
-            &setting,
-        );
-    }
-
     let show = Show {
         runtime: &runtime,
         avatar: &avatar,
@@ -109,16 +108,21 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         out: &options.out,
         setting: &setting,
     };
+    let (stereo, stereo_picture) = show.stereo(&gpu, &options.camera)?;
     let mut mono = Stage::new(&gpu, &runtime, &avatar, setting.clone())?;
-    let mut pictures = show.animate(&mut mono, &options.camera)?;
-    let animated = mono.times();
-    let (stereo, stereo_picture) = show.stereo(&mono.gpu(), &options.camera)?;
-    pictures.push(stereo_picture);
+    let mut pictures = vec![stereo_picture];
     for view in ["front", "side", "back", "waist-up", "face", "hands"] {
         pictures.push(show.still(&mut mono, view)?);
     }
-    let runs = vec![animated, stereo];
-    let mut report = RunReport::new(figures, &performance, &mono.gpu(), &runtime, runs, pictures);
+    let mut report = RunReport::new(
+        figures,
+        &performance,
+        &mono.gpu(),
+        &runtime,
+        vec![stereo],
+        pictures,
+    );
+    report.call = Some(call);
     report.bake = Some(avatar.report.clone());
     report.background = scenery.map(|scenery| scenery.figures);
     report.print();
@@ -126,36 +130,6 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
 }
 
 impl Show<'_> {
-    /// The whole motion as an animation, and its moments on one sheet.
-    fn animate(&self, stage: &mut Stage, viewpoint: &Viewpoint) -> anyhow::Result<Vec<PathBuf>> {
-        let Size { width, height } = self.setting.size;
-        let moments = self.out.join("moments.png");
-        let mut film = Film::start(self.out.join("animation.webp"), MOTION_RATE);
-        let frames = self.performance.followed(self.avatar);
-        let total = frames.len();
-        let heading = self.performance.heading();
-        let count = (SHEET.0 * SHEET.1) as usize;
-        let mut sheet = RgbImage::new(width / 2 * SHEET.0, height / 2 * SHEET.1);
-        let mut placed = 0;
-        let bar = progress::bar("drawing", total);
-        for (k, (motion, floor)) in frames.enumerate() {
-            let camera = viewpoint.camera(floor, heading, width, height);
-            let picture = stage.picture(motion, &[camera])?.swap_remove(0);
-            // Moments are spread evenly; a motion shorter than the sheet leaves cells empty.
-            if placed < count && k * count >= placed * total {
-                place(&mut sheet, &picture, placed);
-                placed += 1;
-            }
-            film.add(picture);
-            bar.inc(1);
-        }
-        bar.set_message("finishing the animation");
-        let animation = film.finish()?;
-        bar.finish_and_clear();
-        write_png(&moments, &sheet)?;
-        Ok(vec![animation, moments])
-    }
-
     /// Both eyes: times over some frames, and one picture of left and right side by side.
     fn stereo(
         &self,
@@ -200,18 +174,4 @@ impl Show<'_> {
         write_png(&file, &picture)?;
         Ok(file)
     }
-}
-
-/// Puts `picture` at half size into cell `k` of the contact sheet.
-fn place(sheet: &mut RgbImage, picture: &RgbImage, k: usize) {
-    let (width, height) = (picture.width() / 2, picture.height() / 2);
-    let small = imageops::resize(picture, width, height, imageops::FilterType::Triangle);
-    let columns = SHEET.0 as usize;
-    let (column, row) = (k % columns, k / columns);
-    imageops::replace(
-        sheet,
-        &small,
-        column as i64 * i64::from(width),
-        row as i64 * i64::from(height),
-    );
 }

@@ -1,0 +1,179 @@
+//! Other processes of this same program: a call's server, sender and receiver on one machine, as `demo` and `netlab` run them.
+
+use anyhow::{Context, bail};
+use link::{Client, RoomLink, ServerUrl};
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+/// A process that is ended with whoever started it.
+#[derive(Debug)]
+pub(crate) struct Process {
+    name: &'static str,
+    child: Child,
+}
+
+/// What becomes of a process' standard output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Output {
+    /// It goes where this process' goes.
+    Shown,
+    /// Nobody reads it.
+    Dropped,
+}
+
+impl Process {
+    /// Starts `mon3tr NAME ARGUMENTS`.
+    pub(crate) fn start<A: AsRef<OsStr>>(
+        name: &'static str,
+        arguments: impl IntoIterator<Item = A>,
+        output: Output,
+    ) -> anyhow::Result<Self> {
+        let stdout = match output {
+            Output::Shown => Stdio::inherit(),
+            Output::Dropped => Stdio::null(),
+        };
+        Ok(Self {
+            name,
+            child: command(name, arguments)?
+                .stdout(stdout)
+                .spawn()
+                .with_context(|| format!("cannot start `mon3tr {name}`"))?,
+        })
+    }
+
+    /// Waits for its end; an error if it failed or takes longer than `longest`.
+    pub(crate) fn finish(mut self, longest: Option<Duration>) -> anyhow::Result<()> {
+        match self.wait(longest)? {
+            Some(status) if status.success() => Ok(()),
+            Some(status) => bail!("`mon3tr {}` failed ({status})", self.name),
+            None => bail!("`mon3tr {}` takes too long", self.name),
+        }
+    }
+
+    /// Asks it to end, and makes it end if it does not.
+    pub(crate) fn stop(mut self) -> anyhow::Result<()> {
+        #[cfg(unix)]
+        if let Err(error) = rustix::process::kill_process(
+            rustix::process::Pid::from_child(&self.child),
+            rustix::process::Signal::TERM,
+        ) {
+            log::debug!("`mon3tr {}` has ended already: {error}", self.name);
+        }
+        self.wait(Some(Duration::from_secs(3)))?;
+        Ok(())
+    }
+
+    fn wait(&mut self, longest: Option<Duration>) -> anyhow::Result<Option<ExitStatus>> {
+        let deadline = longest.map(|longest| Instant::now() + longest);
+        loop {
+            let status = self.child.try_wait();
+            if let Some(status) =
+                status.with_context(|| format!("cannot wait for `mon3tr {}`", self.name))?
+            {
+                return Ok(Some(status));
+            }
+            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                return Ok(None);
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended long since.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn command<A: AsRef<OsStr>>(
+    name: &str,
+    arguments: impl IntoIterator<Item = A>,
+) -> anyhow::Result<Command> {
+    let mut command = match std::env::var_os("MON3TR_RUNNER").filter(|runner| !runner.is_empty()) {
+        // Started through the wrapper this process is the wrapper's dynamic linker; its first argument is the program.
+        Some(runner) => {
+            let program = std::env::args_os().next();
+            let mut command = Command::new(runner);
+            command.arg(program.context("this program was started without its name")?);
+            command
+        }
+        None => {
+            Command::new(std::env::current_exe().context("cannot find this program's own file")?)
+        }
+    };
+    command.arg(name).args(arguments).stdin(Stdio::null());
+    Ok(command)
+}
+
+/// A server on a free port of this machine alone.
+#[derive(Debug)]
+pub(crate) struct LocalServer {
+    pub(crate) url: ServerUrl,
+    pub(crate) owner_token: String,
+    process: Process,
+}
+
+impl LocalServer {
+    /// Starts one that keeps everything below `folder`.
+    pub(crate) fn start(folder: &Path) -> anyhow::Result<Self> {
+        let mut command = command("serve", ["--listen", "127.0.0.1:0", "--data"])?;
+        let mut child = command
+            .arg(folder)
+            .stdout(Stdio::piped())
+            .spawn()
+            .context("cannot start `mon3tr serve`")?;
+        let stdout = child.stdout.take();
+        let process = Process {
+            name: "serve",
+            child,
+        };
+        let mut lines = BufReader::new(stdout.context("`mon3tr serve` has no output")?).lines();
+        let first = lines
+            .next()
+            .transpose()
+            .context("cannot read from `mon3tr serve`")?;
+        let url = first
+            .as_deref()
+            .and_then(|line| line.strip_prefix("serving on "))
+            .context("`mon3tr serve` did not start")?
+            .parse()
+            .context("`mon3tr serve` says no address")?;
+        // It must never wait for somebody to read.
+        std::thread::spawn(move || lines.for_each(drop));
+        let file = folder.join("owner-token");
+        let owner_token = std::fs::read_to_string(&file)
+            .with_context(|| format!("cannot read {}", file.display()))?;
+        Ok(Self {
+            url,
+            owner_token,
+            process,
+        })
+    }
+
+    /// Where it listens.
+    pub(crate) fn address(&self) -> anyhow::Result<SocketAddr> {
+        let text = self.url.to_string();
+        let address = text.trim_start_matches("http://").trim_end_matches('/');
+        address
+            .parse()
+            .with_context(|| format!("{text} is no address of this machine"))
+    }
+
+    /// Opens a room: the sender's link and the viewers'.
+    pub(crate) async fn open_room(&self, client: &Client) -> anyhow::Result<(RoomLink, RoomLink)> {
+        let room = client.open_room(&self.url, &self.owner_token, None).await?;
+        Ok((room.sender, room.viewer))
+    }
+
+    /// Ends it.
+    pub(crate) fn stop(self) -> anyhow::Result<()> {
+        self.process.stop()
+    }
+}

@@ -1,0 +1,307 @@
+//! `mon3tr receive`: joins a room, fetches the avatar once, and shows who is there.
+
+mod offscreen;
+mod report;
+mod undrawn;
+
+use crate::live::{Live, Moment};
+use crate::network::{self, Network};
+use crate::progress;
+use crate::report::{StageTable, check_writable, write_json};
+use crate::scenery::{Scenery, SceneryOptions};
+use crate::stage::{DEFAULT_SIZE, Setting, Size, Stage, Views, load_avatar};
+use crate::surroundings::{Surroundings, cache, make_folder};
+use crate::viewpoint::Viewpoint;
+use crate::window;
+use anyhow::{Context, bail};
+use app::{Call, CallEnd};
+use clap::ValueEnum;
+use link::{Announcement, Client, Clock, PackageCache, RoomLink, Viewer};
+use npu_runtime::Runtime;
+use report::Report;
+use spmm3::Avatar;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+use xr_renderer::{Filter, Gpu};
+
+/// Between two questions whether the sender has come.
+const WAITING: Duration = Duration::from_millis(500);
+
+/// Options of `receive`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// The viewers' link, as `send` prints it
+    #[arg(value_name = "LINK")]
+    room: RoomLink,
+    /// Where the person is shown: in a window, offscreen as pictures on disk, or not at all, to measure the network alone
+    #[arg(long, value_name = "WHERE", default_value = "window")]
+    display: Display,
+    /// Folder for the pictures of `--display offscreen`; made if missing
+    #[arg(long, value_name = "FOLDER", default_value = "out/call")]
+    out: PathBuf,
+    /// Leave after so many seconds [default: when the sender hangs up, or on Ctrl-C]
+    #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
+    seconds: Option<Duration>,
+    /// Size of one picture in pixels, or of the window at first
+    #[arg(long, value_name = "WxH", default_value_t = DEFAULT_SIZE)]
+    size: Size,
+    /// Both eyes' views
+    #[arg(long)]
+    stereo: bool,
+    /// Where the person is seen from: front, three-quarter, side, back, waist-up, face, hands, or EYE:TARGET:FOV in metres and
+    /// degrees relative to the person, e.g. 0,1.6,2:0,1.4,0:30
+    #[arg(
+        long,
+        value_name = "VIEW",
+        default_value = "three-quarter",
+        allow_hyphen_values = true
+    )]
+    camera: Viewpoint,
+    #[command(flatten)]
+    scenery: SceneryOptions,
+    #[command(flatten)]
+    trust: network::Trust,
+    /// Write every figure as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Where the person is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Display {
+    Window,
+    Offscreen,
+    None,
+}
+
+/// When to leave.
+#[derive(Debug, Clone)]
+pub(crate) struct Until {
+    stop: Arc<AtomicBool>,
+    deadline: Option<Instant>,
+}
+
+impl Until {
+    /// Whether that time has come.
+    pub(crate) fn is_over(&self) -> bool {
+        self.stop.load(Relaxed)
+            || self
+                .deadline
+                .is_some_and(|deadline| Instant::now() >= deadline)
+    }
+}
+
+/// Runs `receive`.
+pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+    options.scenery.check()?;
+    options.json.as_deref().map_or(Ok(()), check_writable)?;
+    // What may be missing on this machine comes before anybody is kept waiting.
+    let screen = match options.display {
+        Display::None => None,
+        Display::Offscreen | Display::Window => {
+            Some((surroundings.gpu()?, surroundings.runtime()?))
+        }
+    };
+    let mut events = match options.display {
+        Display::Window => Some(window::events(
+            "give --display offscreen for pictures on disk",
+        )?),
+        Display::Offscreen => {
+            make_folder(&options.out)?;
+            None
+        }
+        Display::None => None,
+    };
+    let network = Network::start()?;
+    let client = options.trust.client()?;
+    let clock = Clock::start();
+    let stop = network.stop_on_signal();
+    let Some(mut announced) = network.block_on(wait_for_sender(&client, &options.room, &stop))?
+    else {
+        return Ok(());
+    };
+    let until = Until {
+        stop,
+        deadline: options.seconds.map(|seconds| Instant::now() + seconds),
+    };
+    loop {
+        let package = fetch(&network, &client, &options.room, &announced)?;
+        let (avatar, figures) = load_avatar(&package.path)?;
+        let prepared = match &screen {
+            Some((gpu, runtime)) => Some(Prepared::new(options, gpu, runtime, &avatar)?),
+            None => None,
+        };
+        let viewer =
+            network.block_on(async { Viewer::join(client.clone(), options.room.clone(), clock) });
+        let mut live = Live::new(
+            Call::new(viewer, announced.clone(), &avatar.skeleton, clock),
+            &avatar,
+        );
+        let mut watched = match (prepared, events.take()) {
+            (None, _) => Watched {
+                end: undrawn::run(&mut live.call, &until),
+                ..Watched::default()
+            },
+            (Some(prepared), Some(events)) => {
+                window::show(events, &mut live, prepared, options.camera, &until)?
+            }
+            (Some(prepared), None) => offscreen::run(&mut live, prepared, options, &until)?,
+        };
+        let end = watched.end.take();
+        let report = Report::new(figures, &package, live.call.figures(), watched);
+        network.block_on(live.call.hang_up());
+        match end {
+            Some(CallEnd::AnotherAvatar(another)) if options.display != Display::Window => {
+                println!("the sender has come back as somebody else");
+                announced = another;
+            }
+            Some(CallEnd::Failed(error)) => return Err(error).context("the call ended"),
+            Some(CallEnd::AnotherAvatar(_)) => {
+                bail!("the sender has come back as somebody else: join again to see them")
+            }
+            Some(CallEnd::HungUp) | None => {
+                report.print();
+                return write_json(options.json.as_deref(), &report);
+            }
+        }
+    }
+}
+
+/// What a call's pictures came to.
+#[derive(Debug, Default)]
+pub(crate) struct Watched {
+    pub(crate) pictures: Vec<PathBuf>,
+    pub(crate) stages: Option<StageTable>,
+    /// Pictures drawn, and the time from the first to the last.
+    pub(crate) drawn: u32,
+    pub(crate) seconds: f64,
+    pub(crate) end: Option<CallEnd>,
+}
+
+/// All that drawing needs, ready before the first frame comes, but for a scene, which is put around the place where the person first stands.
+pub(crate) struct Prepared<'a> {
+    options: &'a Options,
+    gpu: &'a Arc<Gpu>,
+    runtime: &'a Runtime,
+    avatar: &'a Avatar,
+    stage: Option<Stage>,
+}
+
+impl<'a> Prepared<'a> {
+    fn new(
+        options: &'a Options,
+        gpu: &'a Arc<Gpu>,
+        runtime: &'a Runtime,
+        avatar: &'a Avatar,
+    ) -> anyhow::Result<Self> {
+        let mut prepared = Self {
+            options,
+            gpu,
+            runtime,
+            avatar,
+            stage: None,
+        };
+        if options.scenery.background.is_none() {
+            prepared.stage = Some(prepared.stage_with(None)?);
+        }
+        Ok(prepared)
+    }
+
+    /// The stage for a person who is first seen at this moment.
+    pub(crate) fn stage(&mut self, moment: &Moment) -> anyhow::Result<&mut Stage> {
+        let stage = match self.stage.take() {
+            Some(stage) => stage,
+            None => {
+                let scenery = self.options.scenery.around(moment.floor, moment.heading)?;
+                self.stage_with(scenery.as_ref())?
+            }
+        };
+        Ok(self.stage.insert(stage))
+    }
+
+    /// The device that draws at first.
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
+        self.gpu
+    }
+
+    /// Of the pictures, or of the window at first.
+    pub(crate) fn size(&self) -> Size {
+        self.options.size
+    }
+
+    /// What the stages took, if anything was drawn.
+    pub(crate) fn times(&self) -> Option<StageTable> {
+        self.stage.as_ref().map(Stage::times)
+    }
+
+    fn stage_with(&self, scenery: Option<&Scenery>) -> anyhow::Result<Stage> {
+        let setting = Setting {
+            size: self.options.size,
+            views: if self.options.stereo {
+                Views::Stereo
+            } else {
+                Views::Mono
+            },
+            background: scenery.map(|scenery| Arc::clone(&scenery.background)),
+            filter: scenery.map_or(Filter::Dilation, Scenery::filter),
+        };
+        Stage::new(self.gpu, self.runtime, self.avatar, setting)
+    }
+}
+
+/// Asks until the sender is in the room; nothing if it is time to leave before.
+async fn wait_for_sender(
+    client: &Client,
+    room: &RoomLink,
+    stop: &AtomicBool,
+) -> anyhow::Result<Option<Announcement>> {
+    let mut told = false;
+    while !stop.load(Relaxed) {
+        match client.ask(room).await {
+            Ok(Some(announced)) => return Ok(Some(announced)),
+            Ok(None) => {}
+            Err(error) if error.is_final() => return Err(error).context("cannot join the room"),
+            Err(error) => log::warn!("{error}; trying again"),
+        }
+        if !told {
+            println!("waiting for the sender");
+            told = true;
+        }
+        tokio::time::sleep(WAITING).await;
+    }
+    Ok(None)
+}
+
+/// The avatar's package on this machine.
+#[derive(Debug)]
+pub(crate) struct Fetched {
+    pub(crate) path: PathBuf,
+    pub(crate) seconds: f64,
+    pub(crate) downloaded: u64,
+}
+
+fn fetch(
+    network: &Network,
+    client: &Client,
+    room: &RoomLink,
+    announced: &Announcement,
+) -> anyhow::Result<Fetched> {
+    let begun = Instant::now();
+    let packages = PackageCache::new(cache()?.join("packages"))?;
+    let bar = progress::bytes("fetching the avatar");
+    let mut downloaded = 0;
+    let path = network.block_on(
+        client.fetch_package(room, &announced.avatar, &packages, |step| {
+            downloaded = step.downloaded;
+            bar.show(step.done, step.total);
+        }),
+    );
+    bar.finish();
+    Ok(Fetched {
+        path: path.context("cannot fetch the avatar")?,
+        seconds: begun.elapsed().as_secs_f64(),
+        downloaded,
+    })
+}

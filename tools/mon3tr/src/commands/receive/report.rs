@@ -1,0 +1,146 @@
+//! What a call came to, as a table for people and as JSON for programs.
+
+use super::{Fetched, Watched};
+use crate::report::{AvatarFigures, StageTable};
+use app::{CallFigures, Percentiles};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Everything `receive` prints.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    avatar: AvatarFigures,
+    download: Download,
+    call: CallFigures,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    drawing: Option<Drawing>,
+    pictures: Vec<PathBuf>,
+}
+
+/// How the avatar came here.
+#[derive(Debug, Serialize)]
+struct Download {
+    /// Bytes that crossed the network: none where the cache had it.
+    bytes: u64,
+    seconds: f64,
+}
+
+/// How it was drawn.
+#[derive(Debug, Serialize)]
+struct Drawing {
+    pictures: u32,
+    pictures_per_second: f64,
+    #[serde(flatten)]
+    stages: StageTable,
+}
+
+impl Report {
+    pub(super) fn new(
+        avatar: AvatarFigures,
+        package: &Fetched,
+        call: CallFigures,
+        shown: Watched,
+    ) -> Self {
+        Self {
+            avatar,
+            download: Download {
+                bytes: package.downloaded,
+                seconds: package.seconds,
+            },
+            call,
+            drawing: shown.stages.map(|stages| Drawing {
+                pictures: shown.drawn,
+                pictures_per_second: f64::from(shown.drawn.saturating_sub(1))
+                    / shown.seconds.max(1e-3),
+                stages,
+            }),
+            pictures: shown.pictures,
+        }
+    }
+
+    pub(super) fn print(&self) {
+        let (call, a) = (&self.call, &self.avatar);
+        println!(
+            "\navatar   {}: {} Gaussians, {:.1} MB, {}",
+            a.name,
+            a.gaussians,
+            a.package_bytes as f64 / 1e6,
+            if self.download.bytes == 0 {
+                "from the cache".to_owned()
+            } else {
+                format!("fetched in {:.2} s", self.download.seconds)
+            }
+        );
+        println!(
+            "call     {:.1} s of {} on the {} channel at {} Hz: {} frames shown, {} lost, {} late, {:.1} kbit/s of payload",
+            call.live_seconds,
+            call.announced.codec,
+            call.announced.channel,
+            call.announced.rate_hz,
+            call.released,
+            call.lost,
+            call.late,
+            call.payload_kbit_s
+        );
+        if call.received.refused.total() > 0 {
+            println!("refused  {}", call.received.refused);
+        }
+        println!(
+            "\n{:<44} {:>8} {:>8} {:>8} {:>8}",
+            "milliseconds", "p50", "p95", "p99", "max"
+        );
+        let latency = &call.latency;
+        for (what, times) in [
+            ("network (capture to arrival)", latency.network),
+            (
+                "hand-over (arrived and due to deform stage)",
+                latency.hand_over,
+            ),
+            ("added: both of these", latency.added),
+            ("held by the jitter buffer", latency.jitter_buffer),
+            (
+                "capture to deform stage, all told",
+                latency.capture_to_deform,
+            ),
+        ] {
+            let Some(Percentiles {
+                p50_ms,
+                p95_ms,
+                p99_ms,
+                max_ms,
+                ..
+            }) = times
+            else {
+                continue;
+            };
+            println!("{what:<44} {p50_ms:>8.2} {p95_ms:>8.2} {p99_ms:>8.2} {max_ms:>8.2}");
+        }
+        if let Some(round_trip) = call.received.round_trip_us {
+            println!(
+                "{:<44} {:>8.2}",
+                "shortest round trip",
+                round_trip as f64 / 1e3
+            );
+        }
+        for gap in call.gaps.iter().take(5) {
+            println!(
+                "nothing came for {:.1} s, {:.1} s into the call",
+                gap.ms / 1e3,
+                gap.at_s
+            );
+        }
+        if let Some(drawing) = &self.drawing {
+            drawing.stages.print();
+            println!(
+                "drawn live: {} pictures, {:.1} a second",
+                drawing.pictures, drawing.pictures_per_second
+            );
+        }
+        if !self.pictures.is_empty() {
+            println!("\npictures");
+            for picture in &self.pictures {
+                println!("  {}", picture.display());
+            }
+        }
+    }
+}

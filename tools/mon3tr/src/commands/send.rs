@@ -1,0 +1,192 @@
+//! `mon3tr send`: a motion, as if it were captured now, to everyone who joins the room.
+
+use crate::commands::serve::owner_token_file;
+use crate::network::{self, Network};
+use crate::performance::MotionOptions;
+use crate::progress;
+use crate::report::{check_writable, write_json};
+use crate::stage::load_avatar;
+use anyhow::{Context, anyhow, bail};
+use link::{ChannelMode, Clock, Codec, RoomLink, ServerUrl};
+use sender::{ClipCapture, Desk, Place};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+/// Motion rates a sender may have.
+const RATES: std::ops::RangeInclusive<f64> = 1.0..=120.0;
+
+/// Between two looks whether the first viewer has come.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// Options of `send`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// The avatar's package; put into the server's store if it is not there
+    #[arg(long, value_name = "PACKAGE")]
+    avatar: PathBuf,
+    /// The server on which to open a room
+    #[arg(
+        long,
+        value_name = "URL",
+        default_value = "http://127.0.0.1:8080",
+        conflicts_with = "room"
+    )]
+    server: ServerUrl,
+    /// The sender's link of a room that is open already, as `send` prints it
+    #[arg(long, value_name = "LINK")]
+    room: Option<RoomLink>,
+    /// The owner's token, as `serve` prints it [default: that of a server on this machine]
+    #[arg(
+        long,
+        value_name = "TOKEN",
+        env = "MON3TR_OWNER_TOKEN",
+        hide_env_values = true
+    )]
+    owner_token: Option<String>,
+    #[command(flatten)]
+    motion: MotionOptions,
+    /// Motions a second
+    #[arg(long, value_name = "HZ", default_value = "30", value_parser = parse_rate)]
+    rate: f64,
+    /// How frames are written: compact (quantised, predicted, entropy coded) or paper (FP16 and LZ4)
+    #[arg(long, value_name = "CODEC", default_value = "compact")]
+    codec: Codec,
+    /// What becomes of lost frames: unreliable (they stay lost) or reliable (as in the paper: everything waits for them)
+    #[arg(long, value_name = "MODE", default_value = "unreliable")]
+    channel: ChannelMode,
+    /// Leave after so many seconds [default: on Ctrl-C]
+    #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
+    seconds: Option<Duration>,
+    #[command(flatten)]
+    trust: network::Trust,
+    /// Write every figure as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What the command measured.
+#[derive(Debug, Serialize)]
+struct Report {
+    motion: String,
+    codec: Codec,
+    channel: ChannelMode,
+    rate_hz: f64,
+    seconds: f64,
+    #[serde(flatten)]
+    sent: link::HostStatistics,
+}
+
+/// Runs `send`.
+pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    options.motion.check()?;
+    options.json.as_deref().map_or(Ok(()), check_writable)?;
+    let (avatar, _) = load_avatar(&options.avatar)?;
+    let clip = options.motion.clip(&avatar, options.rate)?;
+    let motion = clip.name.clone();
+    let network = Network::start()?;
+    let client = options.trust.client()?;
+    let clock = Clock::start();
+    let desk = Desk {
+        place: options.place()?,
+        avatar: options.avatar.clone(),
+        codec: options.codec,
+        channel: options.channel,
+        rate_hz: options.rate,
+    };
+    let bar = progress::bytes("uploading the avatar");
+    let entered = network.block_on(sender::enter(&client, &desk, clock, {
+        let bar = bar.clone();
+        move |done, total| bar.show(done, total)
+    }));
+    bar.finish();
+    let entered = entered.context("cannot enter the room")?;
+    if let Some(viewers) = &entered.viewers {
+        println!("in the room. Others join with\n  mon3tr receive '{viewers}'");
+        println!(
+            "and this sender comes back with --room '{}'",
+            entered.sender
+        );
+    }
+    let stop = network.stop_on_signal();
+    // A performance begins when somebody is there to see it.
+    while entered.host.statistics().viewers == 0 && !stop.load(Relaxed) {
+        std::thread::sleep(LOOK);
+    }
+    let begun = std::time::Instant::now();
+    let mut capture = ClipCapture::new(clip, options.rate, options.seconds);
+    let outcome = sender::send(&entered.host, &mut capture, clock, &stop);
+    let report = Report {
+        motion,
+        codec: options.codec,
+        channel: options.channel,
+        rate_hz: options.rate,
+        seconds: begun.elapsed().as_secs_f64(),
+        sent: entered.host.statistics(),
+    };
+    network.block_on(entered.host.hang_up());
+    outcome?;
+    report.print();
+    write_json(options.json.as_deref(), &report)
+}
+
+impl Options {
+    fn place(&self) -> anyhow::Result<Place> {
+        let token_here = || -> anyhow::Result<Option<String>> {
+            let file = owner_token_file(None)?;
+            match std::fs::read_to_string(&file) {
+                Ok(token) => Ok(Some(token.trim().to_owned())),
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+                Err(error) => Err(error).with_context(|| format!("cannot read {}", file.display())),
+            }
+        };
+        if let Some(link) = &self.room {
+            return Ok(Place::Room {
+                link: link.clone(),
+                owner_token: self.owner_token.clone(),
+            });
+        }
+        let owner_token = match &self.owner_token {
+            Some(token) => token.clone(),
+            None if self.server.is_loopback() => token_here()?.ok_or_else(|| {
+                anyhow!("no owner's token: start `mon3tr serve` on this machine first, or give the --owner-token that it printed elsewhere")
+            })?,
+            None => bail!("no owner's token: give the --owner-token that `mon3tr serve` printed where it runs"),
+        };
+        Ok(Place::Server {
+            server: self.server.clone(),
+            owner_token,
+        })
+    }
+}
+
+impl Report {
+    fn print(&self) {
+        let sent = &self.sent;
+        println!(
+            "sent {} of {} frames captured in {:.1} s to {} viewers, {} skipped; {} on the {} channel: {:.1} bytes a frame",
+            sent.sent,
+            sent.captured,
+            self.seconds,
+            sent.joined,
+            sent.skipped,
+            self.codec,
+            self.channel,
+            sent.payload_bytes as f64 / (sent.sent.max(1)) as f64
+        );
+    }
+}
+
+fn parse_rate(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|rate| RATES.contains(rate))
+        .ok_or_else(|| {
+            format!(
+                "{text} is not a rate of {}..{} motions a second",
+                RATES.start(),
+                RATES.end()
+            )
+        })
+}

@@ -1,0 +1,140 @@
+//! `mon3tr serve`: signaling and avatar store for calls.
+
+use crate::network::{Network, asked_to_end};
+use crate::surroundings::{cache, make_folder};
+use anyhow::Context;
+use server::{Config, Limits, Secret, Server, StoreConfig};
+use std::io::Write;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
+use std::path::{Path, PathBuf};
+
+/// Owner of the rooms and packages of whoever runs the server.
+const HOST: &str = "host";
+
+/// An owner's token is good until the secret changes.
+const FOREVER: u64 = u64::MAX;
+
+/// Options of `serve`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Address and port to listen on; port 0 takes a free one
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "0.0.0.0:8080")]
+    listen: SocketAddr,
+    /// Folder for the server's secret, the owner's token, and packages unless --s3 is given [default: `server` in the cache folder]
+    #[arg(long, value_name = "FOLDER")]
+    data: Option<PathBuf>,
+    /// Keep packages in this bucket of an S3-compatible store; credentials come from AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY
+    #[arg(long, value_name = "BUCKET")]
+    s3: Option<String>,
+    /// The S3-compatible store's address, if it is not Amazon's
+    #[arg(long, value_name = "URL", requires = "s3")]
+    s3_endpoint: Option<String>,
+    /// The store's region
+    #[arg(long, value_name = "REGION", requires = "s3")]
+    s3_region: Option<String>,
+    /// Share rooms with other instances through this NATS server; all need the same secret, so copy FOLDER/secret
+    #[arg(long, value_name = "URL")]
+    nats: Option<String>,
+    /// Certificate chain (PEM): serve over TLS
+    #[arg(long, value_name = "FILE", requires = "tls_key")]
+    tls_cert: Option<PathBuf>,
+    /// The certificate's private key (PEM)
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    tls_key: Option<PathBuf>,
+    /// Print a token for another owner of rooms and packages, and end
+    #[arg(long, value_name = "NAME")]
+    new_owner: Option<String>,
+}
+
+/// Where the token of whoever runs the server is kept, below the data folder; `send` on the same machine finds it there.
+pub(crate) fn owner_token_file(data: Option<&Path>) -> anyhow::Result<PathBuf> {
+    Ok(folder(data)?.join("owner-token"))
+}
+
+fn folder(data: Option<&Path>) -> anyhow::Result<PathBuf> {
+    match data {
+        Some(folder) => Ok(folder.to_path_buf()),
+        None => Ok(cache()?.join("server")),
+    }
+}
+
+/// Runs `serve`.
+pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    let folder = folder(options.data.as_deref())?;
+    make_folder(&folder)?;
+    let secret = Secret::load_or_create(&folder.join("secret"))?;
+    if let Some(name) = &options.new_owner {
+        println!("{}", secret.owner_token(name, FOREVER));
+        return Ok(());
+    }
+    let token = secret.owner_token(HOST, FOREVER);
+    let token_file = folder.join("owner-token");
+    write_private(&token_file, &token)
+        .with_context(|| format!("cannot write {}", token_file.display()))?;
+    let store = match &options.s3 {
+        Some(bucket) => StoreConfig::S3 {
+            bucket: bucket.clone(),
+            endpoint: options.s3_endpoint.clone(),
+            region: options.s3_region.clone(),
+        },
+        None => StoreConfig::Local(folder.join("packages")),
+    };
+    let config = Config {
+        listen: options.listen,
+        store,
+        secret,
+        nats: options.nats.clone(),
+        tls: options.tls_cert.clone().zip(options.tls_key.clone()),
+        limits: Limits::default(),
+    };
+    let scheme = if config.tls.is_some() {
+        "https"
+    } else {
+        "http"
+    };
+    let network = Network::start()?;
+    network.block_on(async {
+        let server = Server::start(config).await.context("cannot serve")?;
+        let address = SocketAddr::new(reachable(options.listen.ip()), server.address().port());
+        println!("serving on {scheme}://{address}");
+        println!(
+            "owner's token, which opens rooms and puts avatars (keep it to yourself): {token}"
+        );
+        println!(
+            "on this machine it is found in {}; elsewhere give it with --owner-token",
+            token_file.display()
+        );
+        println!(
+            "now let somebody in:\n  mon3tr send --server {scheme}://{address} --avatar PACKAGE.m3a"
+        );
+        std::io::stdout()
+            .flush()
+            .context("cannot say where this serves")?;
+        asked_to_end().await.context("cannot wait for Ctrl-C")?;
+        server.stop().await;
+        Ok(())
+    })
+}
+
+/// The address under which others find a server that listens on `ip`: where it listens on all, the one that packets to the world leave from.
+fn reachable(ip: IpAddr) -> IpAddr {
+    if !ip.is_unspecified() {
+        return ip;
+    }
+    // Nothing is sent: connecting a UDP socket only chooses the address. 192.0.2.1 is reserved for documentation.
+    UdpSocket::bind((ip, 0))
+        .and_then(|socket| {
+            socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9))?;
+            socket.local_addr()
+        })
+        .map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |address| address.ip())
+}
+
+/// Writes a file that only this user may read.
+fn write_private(path: &Path, text: &str) -> std::io::Result<()> {
+    let mut open = std::fs::OpenOptions::new();
+    open.write(true).create(true).truncate(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut open, 0o600);
+    open.open(path)?.write_all(text.as_bytes())
+}

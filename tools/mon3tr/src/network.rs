@@ -1,0 +1,87 @@
+//! What `send` and `receive` share: the network's threads, the server's certificate, and Ctrl-C.
+
+use anyhow::Context;
+use link::Client;
+use std::future::Future;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Duration;
+
+/// The network's threads: apart from all that draws or deforms, so that neither waits for the other.
+#[derive(Debug)]
+pub(crate) struct Network(tokio::runtime::Runtime);
+
+impl Network {
+    /// Two threads: the connection's own work takes a fraction of one.
+    pub(crate) fn start() -> anyhow::Result<Self> {
+        tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(2)
+            .thread_name("network")
+            .enable_all()
+            .build()
+            .map(Self)
+            .context("cannot start the network's threads")
+    }
+
+    /// Runs `task` to its end.
+    pub(crate) fn block_on<T>(&self, task: impl Future<Output = T>) -> T {
+        self.0.block_on(task)
+    }
+
+    /// Becomes true on Ctrl-C or when the process is asked to end. A second Ctrl-C ends it at once.
+    pub(crate) fn stop_on_signal(&self) -> Arc<AtomicBool> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let set = Arc::clone(&stop);
+        self.0.spawn(async move {
+            if let Err(error) = asked_to_end().await {
+                log::warn!("Ctrl-C ends this without goodbye: {error}");
+                return;
+            }
+            set.store(true, Relaxed);
+            if asked_to_end().await.is_ok() {
+                std::process::exit(130);
+            }
+        });
+        stop
+    }
+}
+
+/// Waits for Ctrl-C or SIGTERM.
+pub(crate) async fn asked_to_end() -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        let mut terminate = signal(SignalKind::terminate())?;
+        tokio::select! {
+            outcome = tokio::signal::ctrl_c() => outcome,
+            _ = terminate.recv() => Ok(()),
+        }
+    }
+    #[cfg(not(unix))]
+    tokio::signal::ctrl_c().await
+}
+
+/// Whose certificates are trusted.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct Trust {
+    /// A certificate (PEM) to trust beside the system's: for a server with one of its own making
+    #[arg(long, value_name = "FILE")]
+    ca: Option<PathBuf>,
+}
+
+impl Trust {
+    /// An HTTP client that trusts them.
+    pub(crate) fn client(&self) -> anyhow::Result<Client> {
+        Ok(Client::new(self.ca.as_deref())?)
+    }
+}
+
+/// A number of seconds, up to a day.
+pub(crate) fn parse_seconds(text: &str) -> Result<Duration, String> {
+    text.parse::<f64>()
+        .ok()
+        .filter(|seconds| (0.1..=86_400.0).contains(seconds))
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| format!("{text} is not a number of seconds from 0.1 to 86400"))
+}
