@@ -6,8 +6,8 @@ use super::message::{Message, Pong};
 use super::peer::{Peer, PeerEvent, Sent};
 use super::{Backoff, local_addresses, part, part_too, raised};
 use crate::{
-    Announcement, Client, Clock, Codec, Encoder, LinkError, Micros, MotionFrame, Presence,
-    PresenceEvent, RoomLink,
+    Announcement, ChannelMode, Client, Clock, Codec, Encoder, LinkError, Micros, MotionFrame,
+    Presence, PresenceEvent, RoomLink,
 };
 use serde::Serialize;
 use spmm3::MotionParams;
@@ -70,6 +70,7 @@ struct Shared {
     client: Client,
     room: RoomLink,
     codec: Codec,
+    channel: ChannelMode,
     clock: Clock,
     frames: watch::Receiver<Arc<MotionFrame>>,
     stop: watch::Receiver<bool>,
@@ -96,6 +97,7 @@ impl Host {
             client,
             room,
             codec: announcement.codec,
+            channel: announcement.channel,
             clock,
             frames: newest,
             stop: stopped,
@@ -236,20 +238,24 @@ async fn serve_viewer(
     mut left: watch::Receiver<bool>,
 ) -> Result<(), LinkError> {
     let local = local_addresses(shared.room.server());
-    let (mut peer, answer) = Peer::answer(local, offer).await?;
+    let (mut peer, answer) = Peer::answer(local, shared.channel, offer).await?;
     shared.client.answer(&shared.room, session, &answer).await?;
-    let opened = timeout(OPENING, async {
+    // The first feedback names the session.
+    let introduced = timeout(OPENING, async {
+        peer.opened().await?;
         loop {
             match peer.next().await {
-                PeerEvent::Open { session } => return Some(session),
-                PeerEvent::Closed => return None,
-                PeerEvent::Message(_) => {}
+                PeerEvent::Message(bytes) => {
+                    if let Some(session) = Message::session_of_feedback(&bytes) {
+                        return Ok(session);
+                    }
+                }
+                PeerEvent::Closed => return Err(LinkError::NotConnected),
+                PeerEvent::Open => {}
             }
         }
     });
-    let Ok(Some(session)) = opened.await else {
-        return Err(LinkError::NotConnected);
-    };
+    let session = introduced.await.map_err(|_| LinkError::NotConnected)??;
     let counts = Arc::clone(&shared.counts);
     counts.viewers.fetch_add(1, Relaxed);
     counts.joined.fetch_add(1, Relaxed);
@@ -301,7 +307,7 @@ async fn send_motion(
                 let arrived = shared.clock.now();
                 let bytes = match event {
                     PeerEvent::Message(bytes) => bytes,
-                    PeerEvent::Open { .. } => continue,
+                    PeerEvent::Open => continue,
                     PeerEvent::Closed => return "its connection is closed",
                 };
                 match Message::read(&bytes, session) {

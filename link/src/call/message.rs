@@ -64,6 +64,13 @@ impl Message {
         }
     }
 
+    /// The session of a viewer's feedback, by which a sender learns it.
+    pub(super) fn session_of_feedback(bytes: &[u8]) -> Option<u32> {
+        let session = bytes.get(1..5)?.try_into().ok().map(u32::from_le_bytes)?;
+        let is_feedback = matches!(Self::read(bytes, session), Some(Self::Feedback(_)));
+        is_feedback.then_some(session)
+    }
+
     /// Reads a message of `session`; `None` for anything else.
     pub(super) fn read(bytes: &[u8], session: u32) -> Option<Self> {
         let (kind, rest) = bytes.split_first()?;
@@ -122,6 +129,13 @@ mod tests {
             message.write(0xdead_beef, &mut bytes);
             assert_eq!(Message::read(&bytes, 0xdead_beef), Some(message), "whole");
             assert_eq!(Message::read(&bytes, 1), None, "a foreign session");
+            let feedback = matches!(message, Message::Feedback(_));
+            let session = Message::session_of_feedback(&bytes);
+            assert_eq!(
+                session,
+                feedback.then_some(0xdead_beef),
+                "{message:?} tells it"
+            );
             for length in 0..bytes.len() {
                 assert_eq!(
                     Message::read(&bytes[..length], 0xdead_beef),

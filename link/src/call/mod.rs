@@ -36,7 +36,7 @@ async fn part(peer: &mut Peer, session: u32) {
                     {
                         return;
                     }
-                    PeerEvent::Message(_) | PeerEvent::Open { .. } => {}
+                    PeerEvent::Message(_) | PeerEvent::Open => {}
                 }
             }
         };

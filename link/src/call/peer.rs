@@ -1,12 +1,13 @@
 //! One WebRTC connection with one data channel. All that knows the `webrtc` crate is here.
 
+use super::raised;
 use crate::{ChannelMode, LinkError};
 use bytes::{Bytes, BytesMut};
 use rtc::ice::mdns::MulticastDnsMode;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use webrtc::data_channel::{DataChannel, DataChannelEvent, RTCDataChannelInit};
 use webrtc::error::Error;
 use webrtc::peer_connection::{
@@ -14,9 +15,11 @@ use webrtc::peer_connection::{
     RTCIceGatheringState, RTCPeerConnectionState, RTCSessionDescription, SettingEngineBuilder,
 };
 
-/// The channel's label; the protocol beside it carries version and session.
+/// The channel is agreed on beforehand instead of opened in-band: the library would send reliably on a channel that the
+/// other side opened, whatever that side asked for.
 const LABEL: &str = "mon3tr";
-const PROTOCOL: &str = "mon3tr.1.";
+const PROTOCOL: &str = "mon3tr.1";
+const ID: u16 = 0;
 
 /// Bytes that may wait to be sent: some eight motion frames. The default, no limit, lets a slow network put seconds of old
 /// motion before the newest.
@@ -42,8 +45,8 @@ const GATHERING: Duration = Duration::from_secs(2);
 /// What happens on a connection.
 #[derive(Debug)]
 pub(super) enum PeerEvent {
-    /// The channel is open, for messages of this session.
-    Open { session: u32 },
+    /// The channel is open.
+    Open,
     /// A message came.
     Message(Bytes),
     /// The other side closed the channel, or the connection failed.
@@ -64,8 +67,9 @@ pub(super) enum Sent {
 /// One end of a connection. Dropping it closes it in the background.
 pub(super) struct Peer {
     connection: Arc<dyn PeerConnection>,
-    channel: Option<Arc<dyn DataChannel>>,
-    happenings: mpsc::Receiver<Happening>,
+    channel: Arc<dyn DataChannel>,
+    events: mpsc::Receiver<PeerEvent>,
+    gathered: mpsc::Receiver<()>,
 }
 
 impl std::fmt::Debug for Peer {
@@ -74,14 +78,9 @@ impl std::fmt::Debug for Peer {
     }
 }
 
-enum Happening {
-    Channel(Arc<dyn DataChannel>),
-    Event(PeerEvent),
-}
-
 /// Passes on what the connection's driver calls back with. Never waits: it is the driver's own task.
 struct Handler {
-    happenings: mpsc::Sender<Happening>,
+    failed: watch::Sender<bool>,
     gathered: mpsc::Sender<()>,
 }
 
@@ -99,55 +98,34 @@ impl PeerConnectionEventHandler for Handler {
             state,
             RTCPeerConnectionState::Failed | RTCPeerConnectionState::Closed
         ) {
-            let _ = self
-                .happenings
-                .try_send(Happening::Event(PeerEvent::Closed));
+            self.failed.send_replace(true);
         }
-    }
-
-    async fn on_data_channel(&self, channel: Arc<dyn DataChannel>) {
-        // A second channel is nothing of ours; the queue has room for the first.
-        let _ = self.happenings.try_send(Happening::Channel(channel));
     }
 }
 
 impl Peer {
-    /// Begins a call: opens the channel and returns the offer with all candidates. `local` are the addresses to bind.
+    /// Begins a call: returns the offer with all candidates. `local` are the addresses to bind.
     pub(super) async fn offer(
         local: Vec<SocketAddr>,
         mode: ChannelMode,
-        session: u32,
     ) -> Result<(Self, String), LinkError> {
-        let (mut peer, gathered) = Self::new(local).await?;
-        let unreliable = mode == ChannelMode::Unreliable;
-        let channel = peer
-            .connection
-            .create_data_channel(
-                LABEL,
-                Some(RTCDataChannelInit {
-                    ordered: !unreliable,
-                    max_retransmits: unreliable.then_some(0),
-                    protocol: format!("{PROTOCOL}{session:08x}"),
-                    ..RTCDataChannelInit::default()
-                }),
-            )
-            .await?;
-        peer.listen(channel, session);
+        let mut peer = Self::new(local, mode).await?;
         let offer = peer.connection.create_offer(None).await?;
-        let sdp = peer.describe(offer, gathered).await?;
+        let sdp = peer.describe(offer).await?;
         Ok((peer, sdp))
     }
 
-    /// Answers an offer; the channel comes with [`PeerEvent::Open`].
+    /// Answers an offer.
     pub(super) async fn answer(
         local: Vec<SocketAddr>,
+        mode: ChannelMode,
         offer: String,
     ) -> Result<(Self, String), LinkError> {
-        let (peer, gathered) = Self::new(local).await?;
+        let mut peer = Self::new(local, mode).await?;
         let offer = RTCSessionDescription::offer(offer)?;
         peer.connection.set_remote_description(offer).await?;
         let answer = peer.connection.create_answer(None).await?;
-        let sdp = peer.describe(answer, gathered).await?;
+        let sdp = peer.describe(answer).await?;
         Ok((peer, sdp))
     }
 
@@ -157,7 +135,7 @@ impl Peer {
         Ok(self.connection.set_remote_description(answer).await?)
     }
 
-    async fn new(local: Vec<SocketAddr>) -> Result<(Self, mpsc::Receiver<()>), LinkError> {
+    async fn new(local: Vec<SocketAddr>, mode: ChannelMode) -> Result<Self, LinkError> {
         let [disconnected, failed, keep_alive] = ICE_TIMEOUTS.map(Some);
         let settings = SettingEngineBuilder::new()
             // It needs port 5353, and a local name tells a viewer elsewhere nothing.
@@ -165,109 +143,70 @@ impl Peer {
             .with_ice_timeouts(disconnected, failed, keep_alive)
             .with_host_acceptance_min_wait(None)
             .build();
-        let (happenings, waiting) = mpsc::channel(WAITING);
+        let (fail, failed) = watch::channel(false);
         let (gathered_now, gathered) = mpsc::channel(1);
         let connection = PeerConnectionBuilder::new()
             .with_configuration(RTCConfigurationBuilder::new().build())
             .with_setting_engine(settings)
             .with_handler(Arc::new(Handler {
-                happenings,
+                failed: fail,
                 gathered: gathered_now,
             }))
             .with_udp_addrs(local)
             .with_data_channel_send_buffer_limit(SEND_BUFFER)
             .build()
             .await?;
-        let peer = Self {
+        let unreliable = mode == ChannelMode::Unreliable;
+        let channel = connection
+            .create_data_channel(
+                LABEL,
+                Some(RTCDataChannelInit {
+                    ordered: !unreliable,
+                    max_retransmits: unreliable.then_some(0),
+                    protocol: PROTOCOL.to_owned(),
+                    negotiated: Some(ID),
+                    ..RTCDataChannelInit::default()
+                }),
+            )
+            .await?;
+        let (tell, events) = mpsc::channel(WAITING);
+        tokio::spawn(listen(Arc::clone(&channel), failed, tell));
+        Ok(Self {
             connection: Arc::new(connection),
-            channel: None,
-            happenings: waiting,
-        };
-        Ok((peer, gathered))
+            channel,
+            events,
+            gathered,
+        })
     }
 
     /// Takes `description` for this side's own and returns it with all candidates.
-    async fn describe(
-        &self,
-        description: RTCSessionDescription,
-        mut gathered: mpsc::Receiver<()>,
-    ) -> Result<String, LinkError> {
+    async fn describe(&mut self, description: RTCSessionDescription) -> Result<String, LinkError> {
         self.connection.set_local_description(description).await?;
         // What has been gathered by then is offered.
-        let _ = tokio::time::timeout(GATHERING, gathered.recv()).await;
+        let _ = tokio::time::timeout(GATHERING, self.gathered.recv()).await;
         let description = self.connection.local_description().await;
         Ok(description.ok_or(LinkError::NoDescription)?.sdp)
     }
 
-    /// Reads the channel from a task of its own; its events come through [`Self::next`].
-    fn listen(&mut self, channel: Arc<dyn DataChannel>, session: u32) {
-        let (events, waiting) = mpsc::channel(WAITING);
-        self.channel = Some(Arc::clone(&channel));
-        // What the handler says from now on comes through the same queue.
-        let mut handlers = std::mem::replace(&mut self.happenings, waiting);
-        tokio::spawn(async move {
-            let mut open = false;
-            loop {
-                let event = tokio::select! {
-                    event = channel.poll() => event,
-                    happening = handlers.recv() => match happening {
-                        Some(Happening::Channel(_)) => continue,
-                        Some(Happening::Event(PeerEvent::Closed)) | None => None,
-                        Some(Happening::Event(_)) => continue,
-                    },
-                };
-                let told = match event {
-                    Some(DataChannelEvent::OnOpen) if !open => {
-                        open = true;
-                        events.try_send(Happening::Event(PeerEvent::Open { session }))
-                    }
-                    Some(DataChannelEvent::OnMessage(message)) => {
-                        if message.data.len() > LARGEST_MESSAGE {
-                            log::debug!("a message of {} bytes is dropped", message.data.len());
-                            continue;
-                        }
-                        if !open {
-                            open = true;
-                            let _ = events.try_send(Happening::Event(PeerEvent::Open { session }));
-                        }
-                        events.try_send(Happening::Event(PeerEvent::Message(message.data.freeze())))
-                    }
-                    Some(DataChannelEvent::OnClose | DataChannelEvent::OnClosing) | None => {
-                        let _ = events.send(Happening::Event(PeerEvent::Closed)).await;
-                        return;
-                    }
-                    Some(_) => Ok(()),
-                };
-                if let Err(mpsc::error::TrySendError::Closed(_)) = told {
-                    return;
-                }
-            }
-        });
-    }
-
-    /// The next event. After [`PeerEvent::Closed`] there is nothing more.
-    pub(super) async fn next(&mut self) -> PeerEvent {
+    /// Waits until the channel is open.
+    pub(super) async fn opened(&mut self) -> Result<(), LinkError> {
         loop {
-            match self.happenings.recv().await {
-                Some(Happening::Event(event)) => return event,
-                None => return PeerEvent::Closed,
-                Some(Happening::Channel(channel)) => {
-                    let protocol = channel.protocol().await.unwrap_or_default();
-                    match session_of(&protocol) {
-                        Some(session) => self.listen(channel, session),
-                        None => log::debug!("a channel of protocol {protocol:?} is left alone"),
-                    }
-                }
+            match self.next().await {
+                PeerEvent::Open => return Ok(()),
+                PeerEvent::Closed => return Err(LinkError::NotConnected),
+                PeerEvent::Message(_) => {}
             }
         }
     }
 
+    /// The next event. After [`PeerEvent::Closed`] there is nothing more.
+    pub(super) async fn next(&mut self) -> PeerEvent {
+        self.events.recv().await.unwrap_or(PeerEvent::Closed)
+    }
+
     /// Sends `message` unless too much is waiting.
     pub(super) async fn try_send(&self, message: &[u8]) -> Sent {
-        let Some(channel) = &self.channel else {
-            return Sent::Closed;
-        };
-        match channel.try_send(BytesMut::from(message)).await {
+        match self.channel.try_send(BytesMut::from(message)).await {
             Ok(()) => Sent::Queued,
             Err(Error::ErrSendBufferFull) => Sent::Skipped,
             Err(_) => Sent::Closed,
@@ -276,9 +215,7 @@ impl Peer {
 
     /// Closes the connection, telling the other side.
     pub(super) async fn close(&self) {
-        if let Some(channel) = &self.channel {
-            let _ = channel.close().await;
-        }
+        let _ = self.channel.close().await;
         if let Err(error) = self.connection.close().await {
             log::debug!("closing a connection: {error}");
         }
@@ -294,11 +231,41 @@ impl Drop for Peer {
     }
 }
 
-/// The session that a channel's protocol names.
-fn session_of(protocol: &str) -> Option<u32> {
-    let digits = protocol.strip_prefix(PROTOCOL)?;
-    let plain = digits.len() == 8 && digits.bytes().all(|b| b.is_ascii_hexdigit());
-    plain.then(|| u32::from_str_radix(digits, 16).ok())?
+/// Reads the channel until it is closed, the connection fails, or nobody listens any more.
+async fn listen(
+    channel: Arc<dyn DataChannel>,
+    mut failed: watch::Receiver<bool>,
+    tell: mpsc::Sender<PeerEvent>,
+) {
+    loop {
+        let event = tokio::select! {
+            event = channel.poll() => event,
+            () = raised(&mut failed) => None,
+        };
+        let told = match event {
+            Some(DataChannelEvent::OnOpen) => tell.try_send(PeerEvent::Open),
+            Some(DataChannelEvent::OnMessage(message)) => {
+                if message.data.len() > LARGEST_MESSAGE {
+                    log::debug!("a message of {} bytes is dropped", message.data.len());
+                    continue;
+                }
+                tell.try_send(PeerEvent::Message(message.data.freeze()))
+            }
+            Some(DataChannelEvent::OnClose | DataChannelEvent::OnClosing) | None => {
+                // Nobody listening is as good.
+                let _ = tell.send(PeerEvent::Closed).await;
+                return;
+            }
+            Some(_) => continue,
+        };
+        match told {
+            Ok(()) => {}
+            Err(mpsc::error::TrySendError::Full(_)) => {
+                log::debug!("a message is dropped: too many wait")
+            }
+            Err(mpsc::error::TrySendError::Closed(_)) => return,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -312,17 +279,13 @@ mod tests {
     #[tokio::test]
     async fn two_peers_meet_and_part() {
         for mode in [ChannelMode::Unreliable, ChannelMode::Reliable] {
-            let (mut viewer, offer) = Peer::offer(loopback(), mode, 0xfeed)
+            let (mut viewer, offer) = Peer::offer(loopback(), mode).await.expect("an offer");
+            let (mut sender, answer) = Peer::answer(loopback(), mode, offer)
                 .await
-                .expect("an offer");
-            let (mut sender, answer) = Peer::answer(loopback(), offer).await.expect("an answer");
+                .expect("an answer");
             viewer.accept(answer).await.expect("a good answer");
             for peer in [&mut viewer, &mut sender] {
-                let first = peer.next().await;
-                assert!(
-                    matches!(first, PeerEvent::Open { session: 0xfeed }),
-                    "{first:?} on a {mode} channel"
-                );
+                peer.opened().await.expect("an open channel");
             }
             assert_eq!(sender.try_send(b"motion").await, Sent::Queued, "{mode}");
             let message = viewer.next().await;
@@ -333,20 +296,6 @@ mod tests {
             viewer.close().await;
             let last = tokio::time::timeout(Duration::from_secs(4), sender.next()).await;
             assert!(matches!(last, Ok(PeerEvent::Closed)), "{last:?}");
-        }
-    }
-
-    #[test]
-    fn only_our_protocol_names_a_session() {
-        assert_eq!(session_of("mon3tr.1.0000feed"), Some(0xfeed));
-        for other in [
-            "",
-            "mon3tr.1.",
-            "mon3tr.1.feed",
-            "mon3tr.2.0000feed",
-            "mon3tr.1.+000feed",
-        ] {
-            assert_eq!(session_of(other), None, "{other}");
         }
     }
 }

@@ -206,7 +206,7 @@ impl Call {
                     }
                     joining.get_or_insert_with(|| self.start_joining(Duration::ZERO));
                 }
-                Turn::Event(PeerEvent::Open { .. }) => {}
+                Turn::Event(PeerEvent::Open) => {}
                 Turn::Joined(Ok((announcement, session))) => {
                     joining = None;
                     backoff.reset();
@@ -380,16 +380,10 @@ impl Session {
     ) -> Result<Self, LinkError> {
         let id = getrandom::u32().map_err(|error| LinkError::Random(error.to_string()))?;
         let local = local_addresses(room.server());
-        let (mut peer, offer) = Peer::offer(local, announcement.channel, id).await?;
+        let (mut peer, offer) = Peer::offer(local, announcement.channel).await?;
         let answer = client.offer(room, &offer).await?;
         peer.accept(answer.sdp).await?;
-        loop {
-            match peer.next().await {
-                PeerEvent::Open { .. } => break,
-                PeerEvent::Closed => return Err(LinkError::NotConnected),
-                PeerEvent::Message(_) => {}
-            }
-        }
+        peer.opened().await?;
         let now = Instant::now();
         let mut session = Self {
             peer,
