@@ -1,4 +1,4 @@
-//! The small messages beside motion frames: feedback, pong, bye (`docs/protocol.md`, "The data channel").
+//! The small messages beside motion frames: feedback, pong, bye (`docs/protocol.md`, "The data channels").
 
 use crate::Micros;
 

@@ -15,11 +15,11 @@ use webrtc::peer_connection::{
     RTCIceGatheringState, RTCPeerConnectionState, RTCSessionDescription, SettingEngineBuilder,
 };
 
-/// The channel is agreed on beforehand instead of opened in-band: the library would send reliably on a channel that the
-/// other side opened, whatever that side asked for.
-const LABEL: &str = "mon3tr";
+/// There is a channel for each direction, both agreed on beforehand. The library would send reliably, whatever was asked for, on a channel that
+/// the other side opened in-band, and on one that the other side used first.
 const PROTOCOL: &str = "mon3tr.1";
-const ID: u16 = 0;
+const MOTION: (u16, &str) = (0, "motion");
+const FEEDBACK: (u16, &str) = (1, "feedback");
 
 /// Bytes that may wait to be sent: some eight motion frames. The default, no limit, lets a slow network put seconds of old
 /// motion before the newest.
@@ -67,7 +67,8 @@ pub(super) enum Sent {
 /// One end of a connection. Dropping it closes it in the background.
 pub(super) struct Peer {
     connection: Arc<dyn PeerConnection>,
-    channel: Arc<dyn DataChannel>,
+    /// What this side sends on.
+    own: Arc<dyn DataChannel>,
     events: mpsc::Receiver<PeerEvent>,
     gathered: mpsc::Receiver<()>,
 }
@@ -104,24 +105,24 @@ impl PeerConnectionEventHandler for Handler {
 }
 
 impl Peer {
-    /// Begins a call: returns the offer with all candidates. `local` are the addresses to bind.
+    /// Begins a call as a viewer: returns the offer with all candidates. `local` are the addresses to bind.
     pub(super) async fn offer(
         local: Vec<SocketAddr>,
         mode: ChannelMode,
     ) -> Result<(Self, String), LinkError> {
-        let mut peer = Self::new(local, mode).await?;
+        let mut peer = Self::new(local, mode, FEEDBACK, MOTION).await?;
         let offer = peer.connection.create_offer(None).await?;
         let sdp = peer.describe(offer).await?;
         Ok((peer, sdp))
     }
 
-    /// Answers an offer.
+    /// Answers an offer as a sender.
     pub(super) async fn answer(
         local: Vec<SocketAddr>,
         mode: ChannelMode,
         offer: String,
     ) -> Result<(Self, String), LinkError> {
-        let mut peer = Self::new(local, mode).await?;
+        let mut peer = Self::new(local, mode, MOTION, FEEDBACK).await?;
         let offer = RTCSessionDescription::offer(offer)?;
         peer.connection.set_remote_description(offer).await?;
         let answer = peer.connection.create_answer(None).await?;
@@ -135,7 +136,12 @@ impl Peer {
         Ok(self.connection.set_remote_description(answer).await?)
     }
 
-    async fn new(local: Vec<SocketAddr>, mode: ChannelMode) -> Result<Self, LinkError> {
+    async fn new(
+        local: Vec<SocketAddr>,
+        mode: ChannelMode,
+        own: (u16, &str),
+        other: (u16, &str),
+    ) -> Result<Self, LinkError> {
         let [disconnected, failed, keep_alive] = ICE_TIMEOUTS.map(Some);
         let settings = SettingEngineBuilder::new()
             // It needs port 5353, and a local name tells a viewer elsewhere nothing.
@@ -156,24 +162,14 @@ impl Peer {
             .with_data_channel_send_buffer_limit(SEND_BUFFER)
             .build()
             .await?;
-        let unreliable = mode == ChannelMode::Unreliable;
-        let channel = connection
-            .create_data_channel(
-                LABEL,
-                Some(RTCDataChannelInit {
-                    ordered: !unreliable,
-                    max_retransmits: unreliable.then_some(0),
-                    protocol: PROTOCOL.to_owned(),
-                    negotiated: Some(ID),
-                    ..RTCDataChannelInit::default()
-                }),
-            )
-            .await?;
+        let connection: Arc<dyn PeerConnection> = Arc::new(connection);
+        let own = open(&connection, mode, own).await?;
+        let other = open(&connection, mode, other).await?;
         let (tell, events) = mpsc::channel(WAITING);
-        tokio::spawn(listen(Arc::clone(&channel), failed, tell));
+        tokio::spawn(listen(Arc::clone(&own), other, failed, tell));
         Ok(Self {
-            connection: Arc::new(connection),
-            channel,
+            connection,
+            own,
             events,
             gathered,
         })
@@ -206,7 +202,7 @@ impl Peer {
 
     /// Sends `message` unless too much is waiting.
     pub(super) async fn try_send(&self, message: &[u8]) -> Sent {
-        match self.channel.try_send(BytesMut::from(message)).await {
+        match self.own.try_send(BytesMut::from(message)).await {
             Ok(()) => Sent::Queued,
             Err(Error::ErrSendBufferFull) => Sent::Skipped,
             Err(_) => Sent::Closed,
@@ -215,7 +211,7 @@ impl Peer {
 
     /// Closes the connection, telling the other side.
     pub(super) async fn close(&self) {
-        let _ = self.channel.close().await;
+        let _ = self.own.close().await;
         if let Err(error) = self.connection.close().await {
             log::debug!("closing a connection: {error}");
         }
@@ -231,15 +227,38 @@ impl Drop for Peer {
     }
 }
 
-/// Reads the channel until it is closed, the connection fails, or nobody listens any more.
+/// Makes one of the channels.
+async fn open(
+    connection: &Arc<dyn PeerConnection>,
+    mode: ChannelMode,
+    (id, label): (u16, &str),
+) -> Result<Arc<dyn DataChannel>, LinkError> {
+    let unreliable = mode == ChannelMode::Unreliable;
+    let init = RTCDataChannelInit {
+        ordered: !unreliable,
+        max_retransmits: unreliable.then_some(0),
+        protocol: PROTOCOL.to_owned(),
+        negotiated: Some(id),
+        ..RTCDataChannelInit::default()
+    };
+    Ok(connection.create_data_channel(label, Some(init)).await?)
+}
+
+/// Reads the other side's channel, until one of both is closed, the connection fails, or nobody listens any more.
 async fn listen(
-    channel: Arc<dyn DataChannel>,
+    own: Arc<dyn DataChannel>,
+    other: Arc<dyn DataChannel>,
     mut failed: watch::Receiver<bool>,
     tell: mpsc::Sender<PeerEvent>,
 ) {
     loop {
         let event = tokio::select! {
-            event = channel.poll() => event,
+            event = own.poll() => event,
+            event = other.poll() => match event {
+                // Only this side's own tells that it may speak.
+                Some(DataChannelEvent::OnOpen) => continue,
+                event => event,
+            },
             () = raised(&mut failed) => None,
         };
         let told = match event {
