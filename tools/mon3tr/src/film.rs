@@ -13,7 +13,7 @@ use webp_animation::{
 };
 
 /// Longest side of the animation in pixels: large enough to judge a motion, small enough to mail.
-const ANIMATION_PIXELS: u32 = 640;
+pub(crate) const ANIMATION_PIXELS: u32 = 640;
 
 /// Quality of libwebp's lossy mode, 0..100.
 const ANIMATION_QUALITY: f32 = 82.0;

@@ -24,6 +24,21 @@ pub(crate) struct Size {
     pub(crate) height: u32,
 }
 
+impl Size {
+    /// The same shape, no side longer than `longest`.
+    pub(crate) fn within(self, longest: u32) -> Self {
+        let side = self.width.max(self.height);
+        if side <= longest {
+            return self;
+        }
+        let scaled = |length: u32| (length * longest / side).max(16);
+        Self {
+            width: scaled(self.width),
+            height: scaled(self.height),
+        }
+    }
+}
+
 /// Of pictures for which no other size was asked for.
 pub(crate) const DEFAULT_SIZE: Size = Size {
     width: 1024,

@@ -2,6 +2,7 @@
 
 use super::Options;
 use crate::children::{LocalServer, Output, Process};
+use crate::film::ANIMATION_PIXELS;
 use crate::network::Network;
 use anyhow::Context;
 use link::Client;
@@ -36,22 +37,30 @@ pub(super) fn run(
     send.extend(options.motion.arguments());
     let figures = folder.path().join("call.json");
     let mut receive = vec![viewer_link.to_string().into()];
-    receive.extend(arguments([
-        "--size",
-        &options.size.to_string(),
-        "--camera",
-        &options.camera.to_string(),
-    ]));
+    receive.extend(arguments(["--camera", &options.camera.to_string()]));
     receive.extend(options.scenery.arguments());
     match seconds {
         Some(seconds) => {
             send.extend(arguments(["--seconds", &seconds.to_string()]));
-            receive.extend(arguments(["--display", "offscreen", "--out"]));
+            // As large as the animation shows it: a machine without a GPU draws more of them then.
+            let size = options.size.within(ANIMATION_PIXELS).to_string();
+            receive.extend(arguments([
+                "--size",
+                &size,
+                "--display",
+                "offscreen",
+                "--out",
+            ]));
             receive.push(options.out.clone().into());
             receive.push("--json".into());
             receive.push(figures.clone().into());
         }
-        None => receive.extend(arguments(["--display", "window"])),
+        None => receive.extend(arguments([
+            "--size",
+            &options.size.to_string(),
+            "--display",
+            "window",
+        ])),
     }
     println!(
         "a call on this machine: a server, a sender and a receiver, each a process of its own"

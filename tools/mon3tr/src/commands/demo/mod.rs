@@ -39,7 +39,7 @@ pub(crate) struct Options {
     /// Folder for the pictures; made if missing
     #[arg(long, value_name = "FOLDER", default_value = "out/demo")]
     out: PathBuf,
-    /// Size of one picture in pixels
+    /// Size of one still in pixels; what is drawn live is as large as the animation, 640 pixels at most
     #[arg(long, value_name = "WxH", default_value = "1024x1024")]
     size: Size,
     /// Where the animation is seen from: front, three-quarter, side, back, waist-up, face, hands, or EYE:TARGET:FOV in

@@ -11,15 +11,16 @@ use crate::report::{StageTable, check_writable, write_json};
 use crate::scenery::{Scenery, SceneryOptions};
 use crate::stage::{DEFAULT_SIZE, Setting, Size, Stage, Views, load_avatar};
 use crate::surroundings::{Surroundings, cache, make_folder};
-use crate::viewpoint::Viewpoint;
+use crate::viewpoint::{Viewpoint, eyes};
 use crate::window;
 use anyhow::{Context, bail};
 use app::{Call, CallEnd};
 use clap::ValueEnum;
+use glam::{Quat, Vec3};
 use link::{Announcement, Client, Clock, PackageCache, RoomLink, Viewer};
 use npu_runtime::Runtime;
 use report::Report;
-use spmm3::Avatar;
+use spmm3::{Avatar, at_ease};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -247,7 +248,17 @@ impl<'a> Prepared<'a> {
             background: scenery.map(|scenery| Arc::clone(&scenery.background)),
             filter: scenery.map_or(Filter::Dilation, Scenery::filter),
         };
-        Stage::new(self.gpu, self.runtime, self.avatar, setting)
+        let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, setting)?;
+        // The first picture takes long: both back ends are tried on it. Nobody is to wait for that in the call.
+        let Size { width, height } = self.options.size;
+        let camera = self
+            .options
+            .camera
+            .camera(Vec3::ZERO, Quat::IDENTITY, width, height);
+        let cameras = eyes(camera, stage.setting().views);
+        stage.picture(&at_ease(&self.avatar.skeleton), &cameras)?;
+        stage.receiver().forget_times();
+        Ok(stage)
     }
 }
 
