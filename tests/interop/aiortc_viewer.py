@@ -134,6 +134,8 @@ class Call:
                 announcement, location = await self.join(peer)
                 telling = asyncio.ensure_future(self.keep_telling())
                 await self.done.wait()
+            if self.frames < self.options.frames:
+                failed = f"the sender said bye after {self.frames} frames"
         except (asyncio.TimeoutError, TimeoutError):
             failed = f"only {self.frames} frames came in {self.options.timeout} s"
         except (RuntimeError, OSError, ValueError, KeyError) as error:

@@ -11,7 +11,8 @@ import urllib.parse
 
 PAPER, COMPACT, FEEDBACK, PONG, BYE = 1, 2, 16, 17, 31
 PARAMS = 215
-BODY = 2 * PARAMS + 12
+PAPER_BODY = struct.Struct(f"<{PARAMS}e3f")
+BODY = PAPER_BODY.size
 PAPER_HEADER = struct.Struct("<BBIIQB")
 FEEDBACK_MESSAGE = struct.Struct("<BIIQQ")
 PONG_MESSAGE = struct.Struct("<BIQQQ")
@@ -82,14 +83,38 @@ def events(answer):
 
 
 def lz4_block(plain):
-    """A valid LZ4 block that packs nothing: one sequence of literals."""
-    rest, lengths = len(plain) - 15, bytearray()
-    if rest < 0:
-        return bytes([len(plain) << 4]) + plain
-    while rest >= 255:
-        lengths.append(255)
-        rest -= 255
-    return bytes([0xF0]) + bytes(lengths) + bytes([rest]) + plain
+    """An LZ4 block, by the format's own rules: the last five bytes are literals, no match begins in the last twelve."""
+    out, seen, literal, at = bytearray(), {}, 0, 0
+
+    def length(value):
+        while value >= 255:
+            out.append(255)
+            value -= 255
+        out.append(value)
+
+    def sequence(literals, back=0, copied=4):
+        out.append(min(len(literals), 15) << 4 | min(copied - 4, 15))
+        if len(literals) >= 15:
+            length(len(literals) - 15)
+        out.extend(literals)
+        if back:
+            out.extend(struct.pack("<H", back))
+            if copied - 4 >= 15:
+                length(copied - 4 - 15)
+
+    while at + 12 <= len(plain):
+        four = plain[at : at + 4]
+        before, seen[four] = seen.get(four, -1), at
+        if before < 0 or at - before > 0xFFFF:
+            at += 1
+            continue
+        end = at + 4
+        while end < len(plain) - 5 and plain[end] == plain[before + end - at]:
+            end += 1
+        sequence(plain[literal:at], at - before, end - at)
+        literal = at = end
+    sequence(plain[literal:])
+    return bytes(out)
 
 
 def lz4_unblock(block, size):
@@ -133,11 +158,13 @@ def lz4_unblock(block, size):
 
 
 def paper_frame(session, sequence, captured, values, translation, packing=LZ4):
-    """The message of one frame: 215 numbers and the root translation in metres."""
-    halves = struct.pack(f"<{PARAMS}e", *values)
-    body = halves[1::2] + halves[0::2] + struct.pack("<3f", *translation)
-    head = PAPER_HEADER.pack(PAPER, 1, session, sequence, captured, packing)
-    return head + (lz4_block(body) if packing == LZ4 else body)
+    """The message of one frame: 215 numbers and the root translation in metres. What LZ4 would only lengthen is stored."""
+    body = plain = PAPER_BODY.pack(*values, *translation)
+    if packing == LZ4:
+        body = lz4_block(plain)
+        if len(body) >= BODY:
+            packing, body = STORED, plain
+    return PAPER_HEADER.pack(PAPER, 1, session, sequence, captured, packing) + body
 
 
 def read_paper_frame(message, session):
@@ -154,10 +181,8 @@ def read_paper_frame(message, session):
         body = lz4_unblock(body, BODY)
     elif packing != STORED or len(body) != BODY:
         raise Refused("length")
-    halves = bytearray(2 * PARAMS)
-    halves[1::2], halves[0::2] = body[:PARAMS], body[PARAMS : 2 * PARAMS]
-    values = struct.unpack(f"<{PARAMS}e", halves)
-    translation = struct.unpack_from("<3f", body, 2 * PARAMS)
+    numbers = PAPER_BODY.unpack(body)
+    values, translation = numbers[:PARAMS], numbers[PARAMS:]
     # NaN is the one number that is not below any bound.
     if not all(abs(value) < 1000 for value in (*values, *translation)):
         raise Refused("range")
