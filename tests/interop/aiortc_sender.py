@@ -39,6 +39,8 @@ class Viewer:
     def __init__(self, peer):
         self.peer, self.channel, self.session = peer, None, 0
         self.sequence, self.heard, self.acknowledged, self.said_bye = 0, wire.now_us(), 0, False
+        # It has said bye itself.
+        self.gone = False
 
 
 class Sender:
@@ -137,11 +139,21 @@ class Sender:
             elif kind == wire.BYE:
                 wire.unpack(wire.BYE_MESSAGE, message, viewer.session)
                 self.count("byes_heard")
-                asyncio.ensure_future(self.drop(name))
+                viewer.gone = True
+                if not viewer.said_bye:
+                    self.say_bye(viewer)
+                    # Once the answer has left.
+                    self.loop.call_later(0.1, lambda: asyncio.ensure_future(self.drop(name)))
             else:
                 raise wire.Refused("kind")
         except wire.Refused as why:
             self.count(f"refused_{why}")
+
+    def say_bye(self, viewer):
+        if viewer.channel.readyState == "open":
+            viewer.channel.send(wire.BYE_MESSAGE.pack(wire.BYE, viewer.session))
+            viewer.said_bye = True
+            self.count("byes_said")
 
     async def drop(self, name):
         viewer = self.viewers.pop(name, None)
@@ -155,7 +167,7 @@ class Sender:
             if captured - viewer.heard > SILENCE_US:
                 self.count("silent_viewers")
                 asyncio.ensure_future(self.drop(name))
-            elif viewer.channel and viewer.channel.readyState == "open":
+            elif not viewer.gone and viewer.channel and viewer.channel.readyState == "open":
                 viewer.sequence += 1
                 if viewer.channel.bufferedAmount > BUFFER_BYTES:
                     self.count("frames_skipped")
@@ -179,12 +191,14 @@ class Sender:
                 await asyncio.wait_for(self.end.wait(), max(0, due - self.loop.time()))
             except asyncio.TimeoutError:
                 pass
-        for viewer in self.viewers.values():
-            if viewer.channel and viewer.channel.readyState == "open":
-                viewer.channel.send(wire.BYE_MESSAGE.pack(wire.BYE, viewer.session))
-                self.count("byes_said")
-        # Until the byes have left.
-        await asyncio.sleep(0.2)
+        until = self.loop.time() + wire.BYE_PATIENCE_S
+        while self.loop.time() < until:
+            left = [one for one in self.viewers.values() if not one.gone and one.channel and one.channel.readyState == "open"]
+            if not left:
+                break
+            for viewer in left:
+                self.say_bye(viewer)
+            await asyncio.sleep(0.1)
         newest = {f"{one.session:08x}": {"sequence": one.sequence, "acknowledged": one.acknowledged} for one in self.viewers.values()}
         await asyncio.gather(*(self.drop(name) for name in list(self.viewers)))
         print(json.dumps({**self.counts, "viewers_at_end": newest, "failed": self.failed}), flush=True)

@@ -32,6 +32,7 @@ class Call:
         self.options, self.link = options, wire.Link(options.link)
         self.session, self.channel, self.done = secrets.randbits(32), None, asyncio.Event()
         self.newest, self.received, self.frames, self.bye = 0, 0, 0, False
+        self.leaving = False
         self.counts, self.kept, self.arrivals, self.bytes = {}, [], [], 0
         # (round trip, their clock less ours) of the pong that was quickest: it is wrong by half its round trip at most.
         self.clock = None
@@ -53,6 +54,8 @@ class Call:
                 self.count("pongs")
             elif kind == wire.BYE:
                 wire.unpack(wire.BYE_MESSAGE, message, self.session)
+                if not self.bye and not self.leaving:
+                    self.say_bye()
                 self.bye = True
                 self.done.set()
             else:
@@ -93,6 +96,10 @@ class Call:
             fields = (self.session, self.newest, self.received, wire.now_us())
             self.channel.send(wire.FEEDBACK_MESSAGE.pack(wire.FEEDBACK, *fields))
             self.count("feedbacks")
+
+    def say_bye(self):
+        if self.channel.readyState == "open":
+            self.channel.send(wire.BYE_MESSAGE.pack(wire.BYE, self.session))
 
     async def keep_telling(self):
         while True:
@@ -143,9 +150,15 @@ class Call:
         if telling:
             telling.cancel()
         if location:
-            if self.channel.readyState == "open" and not self.bye:
-                self.channel.send(wire.BYE_MESSAGE.pack(wire.BYE, self.session))
+            said_by_them, self.leaving = self.bye, True
+            for _ in range(round(wire.BYE_PATIENCE_S / 0.1)):
+                if self.bye or self.channel.readyState != "open":
+                    break
+                self.say_bye()
                 await asyncio.sleep(0.1)
+            self.counts["bye_answered"] = int(self.bye and not said_by_them)
+            # Until what was said last has left.
+            await asyncio.sleep(0.1)
             try:
                 status, _, _ = await asyncio.to_thread(self.link.ask, "DELETE", location)
                 self.count(f"delete_{status}")

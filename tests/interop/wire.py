@@ -18,6 +18,8 @@ FEEDBACK_MESSAGE = struct.Struct("<BIIQQ")
 PONG_MESSAGE = struct.Struct("<BIQQQ")
 BYE_MESSAGE = struct.Struct("<BI")
 STORED, LZ4 = 0, 1
+# Whoever leaves says bye until it is answered, but no longer than this.
+BYE_PATIENCE_S = 1.5
 
 
 class Refused(Exception):
