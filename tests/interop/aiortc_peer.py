@@ -1,7 +1,8 @@
-"""aiortc peer connections as the protocol wants them: all candidates in the description, no STUN server asked."""
+"""aiortc peer connections as the protocol wants them: all candidates in the description, no STUN server asked, one data channel for
+each direction, and a sender that waits for the viewer to begin."""
 
 import aioice.ice
-from aiortc import RTCConfiguration, RTCPeerConnection
+from aiortc import RTCConfiguration, RTCPeerConnection, RTCSessionDescription
 
 
 def bind_to(address):
@@ -13,3 +14,18 @@ def bind_to(address):
 def new_peer():
     """A connection that asks nobody on the internet where it is."""
     return RTCPeerConnection(RTCConfiguration(iceServers=[]))
+
+
+def open_channels(peer, channel):
+    """The motion and the feedback channel, as `unreliable` or `reliable` as the announcement says."""
+    how = {"ordered": False, "maxRetransmits": 0} if channel == "unreliable" else {"ordered": True}
+    how |= {"protocol": "mon3tr.1", "negotiated": True}
+    return peer.createDataChannel("motion", id=0, **how), peer.createDataChannel("feedback", id=1, **how)
+
+
+async def answer_passively(peer):
+    """Answers the offer that was set; the other side begins DTLS. aiortc by itself would."""
+    answer = await peer.createAnswer()
+    sdp = answer.sdp.replace("a=setup:active", "a=setup:passive")
+    await peer.setLocalDescription(RTCSessionDescription(sdp, "answer"))
+    return peer.localDescription.sdp

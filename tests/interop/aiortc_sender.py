@@ -18,7 +18,7 @@ import time
 
 import wire
 from aiortc import RTCSessionDescription
-from aiortc_peer import bind_to, new_peer
+from aiortc_peer import answer_passively, bind_to, new_peer, open_channels
 
 SILENCE_US = 4_000_000
 BUFFER_BYTES = 4000
@@ -37,7 +37,8 @@ class Viewer:
     """One connection, from its offer on."""
 
     def __init__(self, peer):
-        self.peer, self.channel, self.session = peer, None, 0
+        # Nothing is said to it before it has told its session.
+        self.peer, self.channel, self.session = peer, None, None
         self.sequence, self.heard, self.acknowledged, self.said_bye = 0, wire.now_us(), 0, False
         # It has said bye itself.
         self.gone = False
@@ -100,36 +101,31 @@ class Sender:
 
     async def answer(self, name, offer):
         viewer = self.viewers[name] = Viewer(new_peer())
-        viewer.peer.on("datachannel", lambda channel: self.opened(name, viewer, channel))
         try:
             await viewer.peer.setRemoteDescription(RTCSessionDescription(offer, "offer"))
-            await viewer.peer.setLocalDescription(await viewer.peer.createAnswer())
+            viewer.channel, feedback = open_channels(viewer.peer, self.options.channel)
+            feedback.on("message", lambda message: self.heard(name, viewer, message))
+            sdp = await answer_passively(viewer.peer)
         except Exception as error:  # aiortc has no error type of its own for what it cannot read
             print(f"cannot answer {name}: {error!r}", file=sys.stderr)
             self.count("offers_refused")
             await self.drop(name)
             return
-        path, sdp = self.link.room_path(f"/sessions/{name}/answer"), viewer.peer.localDescription.sdp
+        path = self.link.room_path(f"/sessions/{name}/answer")
         try:
             status, _, _ = await asyncio.to_thread(self.link.ask, "PUT", path, sdp, "application/sdp")
         except OSError:
             status = 0
         self.count("answers" if status == 204 else f"answers_{status}")
 
-    def opened(self, name, viewer, channel):
-        session = wire.session_of(channel.protocol)
-        if channel.label != "mon3tr" or session is None:
-            self.count("foreign_channels")
-            return
-        viewer.channel, viewer.session, viewer.heard = channel, session, wire.now_us()
-        self.count("viewers")
-        channel.on("message", lambda message: self.heard(name, viewer, message))
-
     def heard(self, name, viewer, message):
         arrived = wire.now_us()
         try:
             kind = message[0] if isinstance(message, bytes) and message else None
             if kind == wire.FEEDBACK:
+                if viewer.session is None and len(message) == wire.FEEDBACK_MESSAGE.size:
+                    viewer.session = wire.FEEDBACK_MESSAGE.unpack(message)[1]
+                    self.count("viewers")
                 newest, _, sent = wire.unpack(wire.FEEDBACK_MESSAGE, message, viewer.session)
                 viewer.heard, viewer.acknowledged = arrived, max(viewer.acknowledged, newest)
                 self.count("feedbacks")
@@ -149,6 +145,9 @@ class Sender:
         except wire.Refused as why:
             self.count(f"refused_{why}")
 
+    def speaks_to(self, viewer):
+        return not viewer.gone and viewer.session is not None and viewer.channel.readyState == "open"
+
     def say_bye(self, viewer):
         if viewer.channel.readyState == "open":
             viewer.channel.send(wire.BYE_MESSAGE.pack(wire.BYE, viewer.session))
@@ -167,7 +166,7 @@ class Sender:
             if captured - viewer.heard > SILENCE_US:
                 self.count("silent_viewers")
                 asyncio.ensure_future(self.drop(name))
-            elif not viewer.gone and viewer.channel and viewer.channel.readyState == "open":
+            elif self.speaks_to(viewer):
                 viewer.sequence += 1
                 if viewer.channel.bufferedAmount > BUFFER_BYTES:
                     self.count("frames_skipped")
@@ -193,13 +192,13 @@ class Sender:
                 pass
         until = self.loop.time() + wire.BYE_PATIENCE_S
         while self.loop.time() < until:
-            left = [one for one in self.viewers.values() if not one.gone and one.channel and one.channel.readyState == "open"]
+            left = [one for one in self.viewers.values() if self.speaks_to(one)]
             if not left:
                 break
             for viewer in left:
                 self.say_bye(viewer)
             await asyncio.sleep(0.1)
-        newest = {f"{one.session:08x}": {"sequence": one.sequence, "acknowledged": one.acknowledged} for one in self.viewers.values()}
+        newest = [{"sequence": one.sequence, "acknowledged": one.acknowledged} for one in self.viewers.values()]
         await asyncio.gather(*(self.drop(name) for name in list(self.viewers)))
         print(json.dumps({**self.counts, "viewers_at_end": newest, "failed": self.failed}), flush=True)
         return 1 if self.failed else 0

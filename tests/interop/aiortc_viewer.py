@@ -14,7 +14,7 @@ import sys
 
 import wire
 from aiortc import RTCSessionDescription
-from aiortc_peer import bind_to, new_peer
+from aiortc_peer import bind_to, new_peer, open_channels
 
 FEEDBACK_EVERY_S = 0.15
 
@@ -120,9 +120,8 @@ class Call:
         announcement = await self.room()
         if announcement["codec"] != "paper":
             raise RuntimeError(f"the sender speaks {announcement['codec']}, this viewer reads paper frames only")
-        how = {"ordered": False, "maxRetransmits": 0} if announcement["channel"] == "unreliable" else {"ordered": True}
-        self.channel = peer.createDataChannel("mon3tr", protocol=f"mon3tr.1.{self.session:08x}", **how)
-        self.channel.on("message", self.heard)
+        motion, self.channel = open_channels(peer, announcement["channel"])
+        motion.on("message", self.heard)
         opened = asyncio.Event()
         self.channel.on("open", opened.set)
         await peer.setLocalDescription(await peer.createOffer())

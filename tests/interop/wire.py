@@ -199,14 +199,3 @@ def unpack(layout, message, session):
     if of_session != session:
         raise Refused("session")
     return fields
-
-
-def session_of(protocol):
-    """The session that a data channel's protocol names, or None."""
-    parts = protocol.split(".")
-    if len(parts) != 3 or parts[:2] != ["mon3tr", "1"] or len(parts[2]) != 8:
-        return None
-    try:
-        return int(parts[2], 16)
-    except ValueError:
-        return None

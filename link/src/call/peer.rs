@@ -4,6 +4,7 @@ use super::raised;
 use crate::{ChannelMode, LinkError};
 use bytes::{Bytes, BytesMut};
 use rtc::ice::mdns::MulticastDnsMode;
+use rtc::peer_connection::transport::RTCDtlsRole;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
@@ -156,6 +157,8 @@ impl Peer {
             .with_ice_timeouts(disconnected, failed, keep_alive)
             .with_dtls_cipher_suites(CIPHERS.to_vec())
             .with_host_acceptance_min_wait(None)
+            // Here who begins DTLS begins SCTP too; elsewhere (aiortc) it is who offered. So both are the viewer.
+            .with_answering_dtls_role(RTCDtlsRole::Server)
             .build();
         let (fail, failed) = watch::channel(false);
         let (gathered_now, gathered) = mpsc::channel(1);
