@@ -34,6 +34,16 @@ impl AvatarRef {
             bytes: metadata.len(),
         })
     }
+
+    pub(super) fn checked(&self) -> Result<(), HttpError> {
+        if (1..=MAX_PACKAGE_BYTES).contains(&self.bytes) {
+            return Ok(());
+        }
+        Err(HttpError::Announcement(format!(
+            "a package of {} bytes, where 1 to {MAX_PACKAGE_BYTES} can be",
+            self.bytes
+        )))
+    }
 }
 
 /// How the data channel delivers.
@@ -99,12 +109,7 @@ impl Announcement {
                 self.rate_hz
             )));
         }
-        if !(1..=MAX_PACKAGE_BYTES).contains(&self.avatar.bytes) {
-            return Err(HttpError::Announcement(format!(
-                "a package of {} bytes, where 1 to {MAX_PACKAGE_BYTES} can be",
-                self.avatar.bytes
-            )));
-        }
+        self.avatar.checked()?;
         Ok(self)
     }
 }

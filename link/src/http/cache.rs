@@ -1,130 +1,188 @@
-//! The folder that keeps packages: whole ones by their hash, parts of ones that are on their way.
+//! The folder that keeps packages between calls: `SHA256.m3a` is whole, `SHA256.part` is on its way, `SHA256.lock` is held by whoever
+//! fetches it. Any number of processes may share a folder. A whole file's name is a promise that is checked before each use, so
+//! nothing needs to be flushed to the disk before its rename.
 
-use std::fs::{self, File, TryLockError};
-use std::io;
-use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::{
+    fs::{self, File, TryLockError},
+    io,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::{Duration, SystemTime},
+};
 
-use super::{HttpError, PackageId};
+use super::{AvatarRef, HttpError, PackageId};
 
-/// Bytes of whole packages kept; beyond, those not used for longest go.
-const KEPT: u64 = 4 << 30;
-const WHOLE: &str = "m3a";
+/// Bytes that a cache keeps unless told otherwise.
+const KEPT: u64 = 4_000_000_000;
 
-/// A folder of packages, which several programs may use at once.
+/// How often a lock that another process holds is tried.
+const LOCK_EVERY: Duration = Duration::from_millis(100);
+
+/// A folder of packages. When it grows over its bound, 4 GB unless told otherwise, those go that were not used for longest.
 #[derive(Debug, Clone)]
 pub struct PackageCache {
     folder: PathBuf,
+    limit: u64,
 }
 
+/// The right to write one package's files. The file's lock goes with the last copy, at the latest with the process.
+#[derive(Debug, Clone)]
+pub(super) struct Lock(#[expect(dead_code, reason = "held, never read")] Arc<File>);
+
 impl PackageCache {
-    /// The cache in `folder`, which is made if missing.
+    /// The cache in this folder, which is made, for this user's eyes only, if it is not there.
     ///
     /// # Errors
     /// [`HttpError::Cache`] if it cannot be made.
     pub fn new(folder: impl Into<PathBuf>) -> Result<Self, HttpError> {
         let folder = folder.into();
-        fs::create_dir_all(&folder).map_err(|source| cannot("make the folder", &folder, source))?;
-        Ok(Self { folder })
+        let mut builder = fs::DirBuilder::new();
+        builder.recursive(true);
+        #[cfg(unix)]
+        std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+        builder.create(&folder).map_err(|source| HttpError::Cache {
+            doing: "make package cache",
+            path: folder.clone(),
+            source,
+        })?;
+        Ok(Self {
+            folder,
+            limit: KEPT,
+        })
     }
 
-    /// The folder.
+    /// The same with another bound, in bytes. The package fetched last stays, however large.
+    #[must_use]
+    pub fn with_limit(self, bytes: u64) -> Self {
+        Self {
+            limit: bytes,
+            ..self
+        }
+    }
+
+    /// Where it is.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Where a whole package lies.
     pub(super) fn whole(&self, package: &PackageId) -> PathBuf {
-        self.folder.join(format!("{package}.{WHOLE}"))
+        self.folder.join(format!("{package}.m3a"))
     }
 
-    /// Where it lies while it is on its way.
     pub(super) fn part(&self, package: &PackageId) -> PathBuf {
         self.folder.join(format!("{package}.part"))
     }
 
-    /// Keeps others from downloading the same package until the file is dropped; waits for who does so already. Blocks.
-    pub(super) fn lock(&self, package: &PackageId) -> Result<File, HttpError> {
-        let path = self.folder.join(format!("{package}.lock"));
-        let lock = || -> io::Result<File> {
-            let file = File::options()
-                .create(true)
-                .write(true)
-                .truncate(false)
-                .open(&path)?;
-            match file.try_lock() {
-                Err(TryLockError::WouldBlock) => {
-                    log::info!("another program is fetching this package: waiting for it");
-                    file.lock()?;
-                }
-                Err(TryLockError::Error(error)) => return Err(error),
-                Ok(()) => {}
-            }
-            Ok(file)
-        };
-        lock().map_err(|source| cannot("lock", &path, source))
-    }
-
-    /// The whole package if it is here, intact, and of this size. A damaged one is removed. Blocks: reads all of it.
-    pub(super) fn find(
-        &self,
-        package: &PackageId,
-        bytes: u64,
-    ) -> Result<Option<PathBuf>, HttpError> {
-        let path = self.whole(package);
-        let Ok(metadata) = path.metadata() else {
-            return Ok(None);
-        };
-        if metadata.len() == bytes && PackageId::of_file(&path)? == *package {
-            // For `evict`; where times cannot be set, it goes by downloads instead.
-            if let Err(error) = File::options()
-                .write(true)
-                .open(&path)
-                .and_then(|file| file.set_modified(SystemTime::now()))
-            {
-                log::debug!("{}: {error}", path.display());
-            }
-            return Ok(Some(path));
+    /// The whole package, if it is there and what its name says. Reads all of it: not for an async task.
+    pub(super) fn look_up(&self, avatar: &AvatarRef) -> Option<PathBuf> {
+        let path = self.whole(&avatar.sha256);
+        if path.metadata().ok()?.len() != avatar.bytes
+            || PackageId::of_file(&path).ok()? != avatar.sha256
+        {
+            log::warn!("{} is damaged and will be fetched anew", path.display());
+            return None;
         }
-        log::warn!("{} is damaged and is fetched again", path.display());
-        fs::remove_file(&path).map_err(|source| cannot("remove", &path, source))?;
-        Ok(None)
+        // For `evict`. A cache that cannot be written to is still good for reading.
+        if let Ok(file) = File::options().append(true).open(&path) {
+            let _ = file.set_modified(SystemTime::now());
+        }
+        Some(path)
     }
 
-    /// Removes the packages not used for longest until the rest is within bounds; never `but`.
-    pub(super) fn evict(&self, but: &Path) {
-        let Ok(entries) = fs::read_dir(&self.folder) else {
+    /// Waits until no other process, and nothing else in this one, writes this package.
+    pub(super) async fn lock(&self, package: &PackageId) -> Result<Lock, HttpError> {
+        let mut told = false;
+        loop {
+            if let Some(lock) = self.try_lock(package)? {
+                return Ok(lock);
+            }
+            if !std::mem::replace(&mut told, true) {
+                log::info!("another program is fetching package {package}: waiting for it");
+            }
+            tokio::time::sleep(LOCK_EVERY).await;
+        }
+    }
+
+    /// Lock files are never removed: somebody may be about to lock the one that is gone while the next one locks a new one.
+    fn try_lock(&self, package: &PackageId) -> Result<Option<Lock>, HttpError> {
+        let path = self.folder.join(format!("{package}.lock"));
+        let wrong = |source| self.wrong("lock", &path, 0, source);
+        let file = File::options()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(&path)
+            .map_err(wrong)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Some(Lock(Arc::new(file)))),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(source)) => Err(wrong(source)),
+        }
+    }
+
+    /// What the system says of a file here. `needed`: bytes still to be written.
+    pub(super) fn wrong(
+        &self,
+        doing: &'static str,
+        path: &Path,
+        needed: u64,
+        source: io::Error,
+    ) -> HttpError {
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => HttpError::DiskFull {
+                folder: self.folder.clone(),
+                needed,
+            },
+            _ => HttpError::Cache {
+                doing,
+                path: path.to_owned(),
+                source,
+            },
+        }
+    }
+
+    /// Removes what was not used for longest until the rest is within the bound. Spares `newest`, and parts that are being fetched.
+    pub(super) fn evict(&self, newest: &PackageId) {
+        let Ok(folder) = fs::read_dir(&self.folder) else {
             return;
         };
-        let mut packages: Vec<_> = entries
+        let mut files: Vec<(SystemTime, u64, PathBuf, PackageId)> = folder
             .filter_map(|entry| {
                 let path = entry.ok()?.path();
+                let ours = path
+                    .extension()
+                    .is_some_and(|extension| extension == "m3a" || extension == "part");
+                let package = path.file_stem()?.to_str()?.parse().ok()?;
                 let metadata = path.metadata().ok()?;
-                let is_package =
-                    path.extension().is_some_and(|extension| extension == WHOLE) && path != but;
-                is_package.then(|| Some((metadata.modified().ok()?, metadata.len(), path)))?
+                ours.then_some((metadata.modified().ok()?, metadata.len(), path, package))
             })
             .collect();
-        packages.sort();
-        let mut all: u64 = packages.iter().map(|(_, bytes, _)| bytes).sum();
-        for (_, bytes, path) in packages {
-            if all <= KEPT {
+        files.sort();
+        let mut total: u64 = files.iter().map(|(_, bytes, ..)| bytes).sum();
+        for (_, bytes, path, package) in files {
+            if total <= self.limit {
                 return;
             }
-            if let Err(error) = fs::remove_file(&path) {
-                log::debug!("{}: {error}", path.display());
+            if package == *newest {
+                continue;
             }
-            all -= bytes;
+            let Ok(Some(_lock)) = self.try_lock(&package) else {
+                continue;
+            };
+            match fs::remove_file(&path) {
+                Ok(()) => {
+                    total -= bytes;
+                    log::info!(
+                        "removed {} from the package cache to keep it within its bound",
+                        path.display()
+                    );
+                }
+                Err(error) => log::warn!(
+                    "cannot remove {} from the package cache: {error}",
+                    path.display()
+                ),
+            }
         }
-    }
-}
-
-/// What the system refused, with a disk that is full told apart elsewhere.
-pub(super) fn cannot(doing: &'static str, path: &Path, source: io::Error) -> HttpError {
-    HttpError::Cache {
-        doing,
-        path: path.to_owned(),
-        source,
     }
 }

@@ -1,234 +1,398 @@
-//! The HTTP client: how requests are made, and what answers other than success mean.
+//! One request and its answer: the token in its header, a bound on time and on size, and each refusal as a [`HttpError`]. Which
+//! requests there are is told in the files beside.
 
-use std::{path::Path, sync::Once, time::Duration};
+use std::{
+    fs,
+    path::Path,
+    time::{Duration, Instant},
+};
 
 use bytes::Bytes;
-use futures_util::StreamExt;
-use reqwest::header::{AUTHORIZATION, HeaderMap, LOCATION, RETRY_AFTER};
-use reqwest::{Method, RequestBuilder, Response, StatusCode, Url, redirect};
-use serde::Deserialize;
+use reqwest::{
+    Certificate, Method, RequestBuilder, Response, StatusCode,
+    header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, LOCATION, RETRY_AFTER},
+    redirect,
+};
+use serde::de::DeserializeOwned;
+use url::Url;
 
-use super::error::of_request;
-use super::room_link::Token;
-use super::{HttpError, ServerUrl};
+use super::{HttpError, ServerUrl, error::of_request, room_link::Token};
 
-/// How long a connection may take to be made.
-const CONNECTING: Duration = Duration::from_secs(2);
-/// How long an answer may take; joining waits 5 s for the sender.
-pub(super) const ANSWERING: Duration = Duration::from_secs(10);
-/// Bytes read of an answer that is not a package.
+/// No JSON or SDP of the protocol is larger, in bytes.
 const MAX_ANSWER: usize = 256 << 10;
-/// Characters kept of what a server says of an error.
+/// As much of what a server says for a refusal goes into a message, in characters.
 const MAX_SAID: usize = 300;
+/// A connection that has been idle for this long may be dead without anybody knowing.
+const IDLE: Duration = Duration::from_secs(20);
 
-/// Speaks HTTP to servers. Cheap to clone.
+/// How long a client waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Patience {
+    /// For a connection.
+    pub connect: Duration,
+    /// For an answer's head; of a small answer, for all of it.
+    pub answer: Duration,
+    /// For the next byte of what takes its time: a download, an upload, the presence stream.
+    pub silence: Duration,
+    /// For the store to take a package in after its last byte was sent.
+    pub store: Duration,
+    /// Before trying a broken transfer again; doubled each time that nothing came, up to 4 s.
+    pub pause: Duration,
+}
+
+impl Default for Patience {
+    fn default() -> Self {
+        Self {
+            connect: Duration::from_secs(2),
+            answer: Duration::from_secs(10),
+            silence: Duration::from_secs(15),
+            store: Duration::from_secs(120),
+            pause: Duration::from_millis(250),
+        }
+    }
+}
+
+/// Speaks to servers. Cheap to clone; clones share their connections.
+///
+/// It follows no redirect and uses no proxy that the environment names: either would hand a token to another machine.
 #[derive(Debug, Clone)]
 pub struct Client {
     http: reqwest::Client,
+    patience: Patience,
 }
 
-/// One request to be made.
-pub(super) struct Request<'a> {
-    pub(super) server: &'a ServerUrl,
-    pub(super) token: &'a Token,
-    /// For messages: what is asked for, and what to do if it is not there.
-    pub(super) what: &'static str,
-    pub(super) advice: &'static str,
+/// An answer that came whole.
+#[derive(Debug)]
+pub(super) struct Reply {
+    pub(super) status: StatusCode,
+    pub(super) headers: HeaderMap,
+    pub(super) body: Vec<u8>,
 }
 
 impl Client {
-    /// A client that trusts the system's certificates and, if given, those of a PEM file.
+    /// A client that trusts what the system trusts, and the certificates in this PEM file.
     ///
     /// # Errors
-    /// [`HttpError::RootCertificate`] if the file holds none, [`HttpError::Setup`] if TLS cannot be set up.
+    /// [`HttpError::RootCertificate`] if the file is no such file, [`HttpError::Setup`] if TLS cannot be set up.
     pub fn new(extra_root_certificate: Option<&Path>) -> Result<Self, HttpError> {
-        // For the whole process; another part of it may have chosen already, which is as good.
-        static PROVIDER: Once = Once::new();
-        PROVIDER.call_once(|| drop(rustls::crypto::ring::default_provider().install_default()));
-        let mut builder = reqwest::Client::builder()
-            .connect_timeout(CONNECTING)
-            .tcp_nodelay(true)
-            // A token goes only where its owner sent it.
-            .redirect(redirect::Policy::none());
-        if let Some(path) = extra_root_certificate {
-            let wrong = |why: String| HttpError::RootCertificate {
-                path: path.to_owned(),
-                why,
-            };
-            let pem = std::fs::read(path).map_err(|error| wrong(error.to_string()))?;
-            let certificates = reqwest::Certificate::from_pem_bundle(&pem)
-                .map_err(|error| wrong(error.to_string()))?;
-            if certificates.is_empty() {
-                return Err(wrong("there is no certificate in it".into()));
-            }
-            builder = builder.tls_certs_merge(certificates);
-        }
-        let http = builder.build().map_err(HttpError::Setup)?;
-        Ok(Self { http })
+        Self::with_patience(extra_root_certificate, Patience::default())
+    }
+
+    /// As [`Client::new`], with other waits.
+    ///
+    /// # Errors
+    /// As [`Client::new`].
+    pub fn with_patience(
+        extra_root_certificate: Option<&Path>,
+        patience: Patience,
+    ) -> Result<Self, HttpError> {
+        // An error says that somebody installed one before us; whichever it is will do.
+        let _ = rustls::crypto::ring::default_provider().install_default();
+        let extra = extra_root_certificate
+            .map(root_certificates)
+            .transpose()?
+            .unwrap_or_default();
+        let builder = || {
+            reqwest::Client::builder()
+                .connect_timeout(patience.connect)
+                .pool_idle_timeout(IDLE)
+                .redirect(redirect::Policy::none())
+                .no_proxy()
+                .http1_only()
+                .user_agent(concat!("mon3tr/", env!("CARGO_PKG_VERSION")))
+        };
+        let http = builder()
+            .tls_certs_merge(extra.clone())
+            .build()
+            .or_else(|error| {
+                // A machine without any certificate authority (a bare container) can still call by http.
+                log::warn!(
+                    "only http and servers with a given root certificate can be reached: {}",
+                    error_text(&error)
+                );
+                builder().tls_certs_only(extra).build()
+            });
+        Ok(Self {
+            http: http.map_err(HttpError::Setup)?,
+            patience,
+        })
+    }
+
+    pub(super) fn patience(&self) -> &Patience {
+        &self.patience
     }
 
     /// A request to a route below `/v1/`.
     pub(super) fn request(
         &self,
-        about: &Request<'_>,
         method: Method,
+        server: &ServerUrl,
+        token: &Token,
         segments: &[&str],
     ) -> Result<RequestBuilder, HttpError> {
-        let url: Url = about.server.route(segments)?;
         Ok(self
             .http
-            .request(method, url)
-            .header(AUTHORIZATION, about.token.header()?))
+            .request(method, server.route(segments)?)
+            .header(AUTHORIZATION, token.header()?))
+    }
+
+    /// Sends, and waits for the answer's head.
+    pub(super) async fn open(
+        &self,
+        server: &ServerUrl,
+        what: &'static str,
+        request: RequestBuilder,
+    ) -> Result<Response, HttpError> {
+        let limit = self.patience.answer;
+        match tokio::time::timeout(limit, request.send()).await {
+            Ok(answer) => answer.map_err(|error| of_request(server, error)),
+            Err(_) => Err(HttpError::TimedOut {
+                server: server.clone(),
+                what,
+                limit,
+            }),
+        }
+    }
+
+    /// Sends, and waits for the whole answer.
+    pub(super) async fn exchange(
+        &self,
+        server: &ServerUrl,
+        what: &'static str,
+        request: RequestBuilder,
+    ) -> Result<Reply, HttpError> {
+        let limit = self.patience.answer;
+        let begun = Instant::now();
+        let answer = self.open(server, what, request).await?;
+        let left = limit.saturating_sub(begun.elapsed());
+        match tokio::time::timeout(left, read_whole(server, what, answer)).await {
+            Ok(reply) => reply,
+            Err(_) => Err(HttpError::TimedOut {
+                server: server.clone(),
+                what,
+                limit,
+            }),
+        }
+    }
+
+    /// The refusal that an answer is, if its body comes in time.
+    pub(super) async fn refusal(
+        &self,
+        server: &ServerUrl,
+        token: &Token,
+        what: &'static str,
+        answer: Response,
+    ) -> HttpError {
+        let (status, headers) = (answer.status(), answer.headers().clone());
+        let body = match tokio::time::timeout(
+            self.patience.answer,
+            read_whole(server, what, answer),
+        )
+        .await
+        {
+            Ok(Ok(reply)) => reply.body,
+            // The status alone says enough.
+            Ok(Err(_)) | Err(_) => Vec::new(),
+        };
+        Reply {
+            status,
+            headers,
+            body,
+        }
+        .refusal(server, token, what)
     }
 }
 
-impl Request<'_> {
-    /// Sends within `limit` and returns a successful answer's head.
-    pub(super) async fn send(
-        &self,
-        request: RequestBuilder,
-        limit: Duration,
-    ) -> Result<Response, HttpError> {
-        let sent = tokio::time::timeout(limit, request.send()).await;
-        let response = sent
-            .map_err(|_| self.timed_out(limit))?
-            .map_err(|error| of_request(self.server, error))?;
-        if response.status().is_success() || response.status() == StatusCode::NOT_MODIFIED {
-            return Ok(response);
+/// The whole of an answer, if it is small.
+pub(super) async fn read_whole(
+    server: &ServerUrl,
+    what: &'static str,
+    mut answer: Response,
+) -> Result<Reply, HttpError> {
+    let mut body = Vec::new();
+    while let Some(piece) = next_piece(server, &mut answer).await? {
+        if body.len() + piece.len() > MAX_ANSWER {
+            return Err(unintelligible(
+                server,
+                what,
+                format!("more than {MAX_ANSWER} bytes"),
+            ));
         }
-        Err(self.refused(response, limit).await)
+        body.extend_from_slice(&piece);
     }
+    Ok(Reply {
+        status: answer.status(),
+        headers: answer.headers().clone(),
+        body,
+    })
+}
 
-    /// The whole of a small answer.
-    pub(super) async fn read(
-        &self,
-        response: Response,
-        limit: Duration,
-    ) -> Result<Bytes, HttpError> {
-        let collect = async {
-            let mut all = Vec::new();
-            let mut pieces = response.bytes_stream();
-            while let Some(piece) = pieces.next().await {
-                let piece = piece.map_err(|error| of_request(self.server, error))?;
-                if all.len() + piece.len() > MAX_ANSWER {
-                    return Err(self.unintelligible("it is far too long"));
-                }
-                all.extend_from_slice(&piece);
-            }
-            Ok(Bytes::from(all))
-        };
-        tokio::time::timeout(limit, collect)
-            .await
-            .map_err(|_| self.timed_out(limit))?
+pub(super) async fn next_piece(
+    server: &ServerUrl,
+    answer: &mut Response,
+) -> Result<Option<Bytes>, HttpError> {
+    answer
+        .chunk()
+        .await
+        .map_err(|error| of_request(server, error))
+}
+
+pub(super) fn unintelligible(
+    server: &ServerUrl,
+    what: &'static str,
+    why: impl Into<String>,
+) -> HttpError {
+    HttpError::Unintelligible {
+        server: server.clone(),
+        what,
+        why: why.into(),
     }
+}
 
-    /// A small answer's JSON.
-    pub(super) async fn read_json<T: for<'a> Deserialize<'a>>(
+impl Reply {
+    /// The JSON that the body is.
+    pub(super) fn json<T: DeserializeOwned>(
         &self,
-        response: Response,
-        limit: Duration,
+        server: &ServerUrl,
+        token: &Token,
+        what: &'static str,
     ) -> Result<T, HttpError> {
-        let bytes = self.read(response, limit).await?;
-        serde_json::from_slice(&bytes).map_err(|error| self.unintelligible(&error.to_string()))
+        // serde_json cites wrong values.
+        serde_json::from_slice(&self.body)
+            .map_err(|error| unintelligible(server, what, token.struck_from(&error.to_string())))
     }
 
-    /// A small answer's text.
-    pub(super) async fn read_text(
+    /// What this status means where it is no success.
+    pub(super) fn refusal(
         &self,
-        response: Response,
-        limit: Duration,
-    ) -> Result<String, HttpError> {
-        let bytes = self.read(response, limit).await?;
-        String::from_utf8(bytes.into()).map_err(|_| self.unintelligible("it is no text"))
-    }
-
-    pub(super) fn unintelligible(&self, why: &str) -> HttpError {
-        HttpError::Unintelligible {
-            server: self.server.clone(),
-            what: self.what,
-            why: self.token.struck_from(why),
+        server: &ServerUrl,
+        token: &Token,
+        what: &'static str,
+    ) -> HttpError {
+        let (status, server) = (self.status.as_u16(), server.clone());
+        let retry_after = self.retry_after();
+        match status {
+            401 => HttpError::NotAccepted { server },
+            404 => HttpError::NotFound {
+                server,
+                what,
+                advice: advice(what),
+            },
+            413 => HttpError::TooLarge { server, what },
+            429 => HttpError::RateLimited {
+                server,
+                retry_after,
+            },
+            507 => HttpError::StoreFull { server },
+            500..=599 => HttpError::Unavailable {
+                server,
+                status,
+                said: self.said(token),
+                retry_after,
+            },
+            300..=399 => match self.points_to(&server) {
+                Some(to) => HttpError::Redirected { server, to },
+                None => HttpError::Refused {
+                    server,
+                    what,
+                    status,
+                    said: self.said(token),
+                },
+            },
+            _ => HttpError::Refused {
+                server,
+                what,
+                status,
+                said: self.said(token),
+            },
         }
     }
 
-    fn timed_out(&self, limit: Duration) -> HttpError {
-        HttpError::TimedOut {
-            server: self.server.clone(),
-            what: self.what,
-            limit,
-        }
+    /// Whole seconds, as the protocol's server says them; a date is left unread.
+    pub(super) fn retry_after(&self) -> Option<Duration> {
+        let seconds = self
+            .headers
+            .get(RETRY_AFTER)?
+            .to_str()
+            .ok()?
+            .trim()
+            .parse::<u32>()
+            .ok()?;
+        Some(Duration::from_secs(seconds.into()))
     }
 
-    async fn refused(&self, response: Response, limit: Duration) -> HttpError {
-        #[derive(Deserialize)]
+    /// Scheme and host of a redirect: the rest may hold secrets.
+    fn points_to(&self, server: &ServerUrl) -> Option<String> {
+        let location = self.headers.get(LOCATION)?.to_str().ok()?;
+        let to = Url::parse(&server.to_string()).ok()?.join(location).ok()?;
+        Some(to.origin().ascii_serialization())
+    }
+
+    /// The server's own sentence, fit to be shown: short, on one line, without the token.
+    fn said(&self, token: &Token) -> String {
+        #[derive(serde::Deserialize)]
         struct Said {
             error: String,
         }
-        let server = self.server.clone();
-        let status = response.status();
-        let retry_after = retry_after(response.headers());
-        if status.is_redirection() {
-            return HttpError::Redirected {
-                to: origin(response.headers()),
-                server,
-            };
-        }
-        let body = self.read(response, limit).await.unwrap_or_default();
-        let said = serde_json::from_slice::<Said>(&body).map_or_else(
-            |_| String::from_utf8_lossy(&body).into_owned(),
-            |said| said.error,
+        let text = serde_json::from_slice(&self.body).map_or_else(
+            |_| {
+                let is_text = self
+                    .headers
+                    .get(CONTENT_TYPE)
+                    .is_some_and(|kind| kind.as_bytes().starts_with(b"text/plain"));
+                if is_text {
+                    String::from_utf8_lossy(&self.body).into_owned()
+                } else {
+                    "no reason given".to_owned()
+                }
+            },
+            |said: Said| said.error,
         );
-        let said: String = self
-            .token
-            .struck_from(&said)
+        token
+            .struck_from(&text)
             .chars()
-            .filter(|c| !c.is_control())
+            .map(|c| if c.is_control() { ' ' } else { c })
             .take(MAX_SAID)
-            .collect();
-        match status {
-            StatusCode::UNAUTHORIZED => HttpError::NotAccepted { server },
-            StatusCode::NOT_FOUND => HttpError::NotFound {
-                server,
-                what: self.what,
-                advice: self.advice,
-            },
-            StatusCode::TOO_MANY_REQUESTS => HttpError::RateLimited {
-                server,
-                retry_after,
-            },
-            StatusCode::PAYLOAD_TOO_LARGE => HttpError::TooLarge {
-                server,
-                what: self.what,
-            },
-            StatusCode::INSUFFICIENT_STORAGE => HttpError::StoreFull { server },
-            status if status.is_server_error() => HttpError::Unavailable {
-                server,
-                status: status.as_u16(),
-                said,
-                retry_after,
-            },
-            status => HttpError::Refused {
-                server,
-                what: self.what,
-                status: status.as_u16(),
-                said,
-            },
-        }
+            .collect()
     }
 }
 
-fn retry_after(headers: &HeaderMap) -> Option<Duration> {
-    let seconds = headers.get(RETRY_AFTER)?.to_str().ok()?.parse().ok()?;
-    Some(Duration::from_secs(seconds))
+fn advice(what: &'static str) -> &'static str {
+    match what {
+        ROOM | PRESENCE | OFFER => {
+            "the room is gone or the link is for another; ask for a new link"
+        }
+        PACKAGE | HAS_PACKAGE => "have the sender upload it again",
+        ANSWER => "the viewer no longer waits",
+        _ => "check that the token is meant for this",
+    }
 }
 
-/// Scheme and host of where an answer points.
-fn origin(headers: &HeaderMap) -> String {
-    let url = headers
-        .get(LOCATION)
-        .and_then(|l| l.to_str().ok())
-        .and_then(|l| Url::parse(l).ok());
-    url.map_or_else(
-        || "another address".to_owned(),
-        |url| url.origin().ascii_serialization(),
-    )
+/// What is asked of a server, as messages name it.
+pub(super) const OPEN_ROOM: &str = "open a room";
+pub(super) const ROOM: &str = "tell about the room";
+pub(super) const OFFER: &str = "pass on an offer";
+pub(super) const LEAVE: &str = "end the session";
+pub(super) const PRESENCE: &str = "note the sender's presence";
+pub(super) const ANSWER: &str = "pass on an answer";
+pub(super) const HAS_PACKAGE: &str = "look for a package";
+pub(super) const PUT_PACKAGE: &str = "take a package";
+pub(super) const PACKAGE: &str = "send a package";
+
+fn root_certificates(path: &Path) -> Result<Vec<Certificate>, HttpError> {
+    let wrong = |why: String| HttpError::RootCertificate {
+        path: path.to_owned(),
+        why,
+    };
+    let pem = fs::read(path).map_err(|error| wrong(error.to_string()))?;
+    let certificates =
+        Certificate::from_pem_bundle(&pem).map_err(|error| wrong(error_text(&error)))?;
+    if certificates.is_empty() {
+        return Err(wrong("no PEM block `CERTIFICATE`".to_owned()));
+    }
+    Ok(certificates)
+}
+
+fn error_text(error: &reqwest::Error) -> String {
+    std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string)
 }

@@ -1,6 +1,6 @@
 //! What can go wrong between a program and the server, each with what to do about it. No message holds a token.
 
-use std::{error::Error, io, path::PathBuf, time::Duration};
+use std::{error::Error, fmt::Write, io, path::PathBuf, time::Duration};
 
 use super::{PackageId, ServerUrl};
 
@@ -321,14 +321,25 @@ pub(super) fn of_request(server: &ServerUrl, error: reqwest::Error) -> HttpError
 fn is_about_tls(error: &reqwest::Error) -> bool {
     let mut next: Option<&(dyn Error + 'static)> = Some(error);
     while let Some(error) = next {
-        // tokio-rustls wraps in an io::Error, whose `source` skips what it wraps.
+        if error.is::<rustls::Error>() {
+            return true;
+        }
+        // An io::Error's `source` skips what it wraps, and here they wrap one another.
         let wrapped = error
             .downcast_ref::<io::Error>()
             .and_then(io::Error::get_ref);
-        if error.is::<rustls::Error>() || wrapped.is_some_and(|inner| inner.is::<rustls::Error>()) {
-            return true;
-        }
-        next = error.source();
+        next = wrapped.map_or_else(|| error.source(), |wrapped| Some(wrapped));
     }
     false
+}
+
+/// An error with all its causes, on one line.
+pub(super) fn with_causes(error: &HttpError) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        let _ = write!(text, ": {cause}");
+        next = cause.source();
+    }
+    text
 }

@@ -1,35 +1,36 @@
-//! Fetching a package: resumed where it broke off, checked against its hash, kept.
+//! Fetches a package into the cache: one streaming request where all goes well, resumed where the connection breaks, and nothing is
+//! called whole whose hash is not its name.
 
-use std::io;
-use std::path::PathBuf;
-use std::time::Duration;
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
-use futures_util::StreamExt;
-use reqwest::header::{CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_RANGE, IF_RANGE, RANGE};
-use reqwest::{Method, Response, StatusCode};
-use sha2::{Digest, Sha256};
-use tokio::fs::File;
-use tokio::io::{AsyncSeekExt, AsyncWriteExt, BufWriter};
+use reqwest::{
+    Method, Response, StatusCode,
+    header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, IF_RANGE, RANGE},
+};
 
-use super::cache::cannot;
-use super::client::{ANSWERING, Request};
-use super::error::of_request;
-use super::package_id::hash_reader;
-use super::rooms::about;
-use super::{AvatarRef, Client, HttpError, PackageCache, PackageId, RoomLink};
+use super::{
+    AvatarRef, Client, HttpError, PackageCache, PackageId, RoomLink,
+    cache::Lock,
+    client::{PACKAGE, next_piece, unintelligible},
+    error::with_causes,
+    part::PartWriter,
+};
 
-/// Attempts in a row that bring nothing before this gives up, and the pause between two, which doubles.
-const ATTEMPTS: u32 = 5;
-const PAUSE: Duration = Duration::from_millis(200);
-/// Silence after which a download counts as broken.
-const SILENCE: Duration = Duration::from_secs(10);
-/// Bytes gathered before they go to the disk.
-const BUFFER: usize = 1 << 20;
+/// Attempts in a row that bring nothing to speak of.
+const ATTEMPTS: u32 = 6;
+/// Bytes that make an attempt count as a success: it bounds how often a server that cuts every connection is asked.
+const WORTH: u64 = 64 << 10;
+const LONGEST_PAUSE: Duration = Duration::from_secs(4);
+const LONGEST_WAIT: Duration = Duration::from_secs(30);
 
 /// How far a download is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Bytes that are here, of the part that was here before too.
+    /// Bytes that are here, with those of the part that was here before.
     pub done: u64,
     /// Bytes in all.
     pub total: u64,
@@ -37,265 +38,279 @@ pub struct Progress {
     pub downloaded: u64,
 }
 
-/// A package on its way.
-struct Download<'a> {
-    about: Request<'a>,
+/// How an attempt ended where it did not fail.
+enum Outcome {
+    Whole,
+    /// All the bytes, and not the package.
+    Damaged,
+}
+
+/// One package on its way.
+struct Fetch<'a> {
+    client: &'a Client,
+    link: &'a RoomLink,
     avatar: &'a AvatarRef,
     cache: &'a PackageCache,
-    file: BufWriter<File>,
-    hash: Sha256,
-    progress: Progress,
+    lock: Lock,
+    part: PathBuf,
 }
 
 impl Client {
-    /// The announced package, out of the cache or fetched into it, as a file of its whole and checked bytes. `progress` is
-    /// told how far it is.
+    /// The path of the whole package, hash-checked. It is fetched only if the cache lacks it; what an interrupted download left is
+    /// gone on from; who else fetches the same package into the same cache is waited for. May be cancelled at any time.
     ///
     /// # Errors
-    /// If the server cannot be reached or refuses, the package is not what was announced, or the cache cannot hold it. What has
-    /// come is kept, and the next call goes on from there.
+    /// [`HttpError::NotFound`], [`HttpError::NotAccepted`], [`HttpError::WrongSize`], [`HttpError::Damaged`],
+    /// [`HttpError::GaveUp`], [`HttpError::DiskFull`], [`HttpError::Cache`], and those of any request.
     pub async fn fetch_package(
         &self,
-        room: &RoomLink,
+        link: &RoomLink,
         avatar: &AvatarRef,
         cache: &PackageCache,
         mut progress: impl FnMut(Progress),
     ) -> Result<PathBuf, HttpError> {
-        let (looked_in, wanted) = (cache.clone(), *avatar);
-        let (lock, found) = blocking(cache, move || {
-            let lock = looked_in.lock(&wanted.sha256)?;
-            let found = looked_in.find(&wanted.sha256, wanted.bytes)?;
-            Ok((lock, found))
-        })
-        .await?;
-        if let Some(path) = found {
+        avatar.checked()?;
+        if let Some(path) = look_up(cache, avatar).await? {
             return Ok(path);
         }
-        let mut download = Download::open(room, avatar, cache).await?;
-        // What was here before may be damaged; then all of it is fetched once more.
-        for again in [true, false] {
-            download.run(self, &mut progress).await?;
-            if download.is_intact() {
-                let path = download.keep().await?;
-                drop(lock);
-                return Ok(path);
-            }
-            if again {
-                log::warn!(
-                    "package {} arrived damaged: fetching it again",
-                    avatar.sha256
-                );
-            }
-            download.start_over().await?;
+        let lock = cache.lock(&avatar.sha256).await?;
+        // Who held the lock may have fetched it.
+        if let Some(path) = look_up(cache, avatar).await? {
+            return Ok(path);
         }
-        Err(HttpError::Damaged {
-            server: room.server().clone(),
-            package: avatar.sha256,
-        })
+        let part = cache.part(&avatar.sha256);
+        Fetch {
+            client: self,
+            link,
+            avatar,
+            cache,
+            lock,
+            part,
+        }
+        .run(&mut progress)
+        .await
     }
 }
 
-impl<'a> Download<'a> {
-    /// With the part that is here already, hashed.
-    async fn open(
-        room: &'a RoomLink,
-        avatar: &'a AvatarRef,
-        cache: &'a PackageCache,
-    ) -> Result<Self, HttpError> {
-        let path = cache.part(&avatar.sha256);
-        let opened = path.clone();
-        let bytes = avatar.bytes;
-        let (file, hash, done) = blocking(cache, move || {
-            let open = || -> io::Result<_> {
-                let mut file = std::fs::File::options()
-                    .create(true)
-                    .read(true)
-                    .write(true)
-                    .truncate(false)
-                    .open(&opened)?;
-                let mut hash = Sha256::new();
-                let mut done = hash_reader(&mut hash, &mut file)?;
-                if done > bytes {
-                    file.set_len(0)?;
-                    io::Seek::rewind(&mut file)?;
-                    (hash, done) = (Sha256::new(), 0);
+async fn look_up(cache: &PackageCache, avatar: &AvatarRef) -> Result<Option<PathBuf>, HttpError> {
+    let (cache, avatar) = (cache.clone(), *avatar);
+    let path = cache.whole(&avatar.sha256);
+    tokio::task::spawn_blocking(move || cache.look_up(&avatar))
+        .await
+        .map_err(|error| HttpError::Cache {
+            doing: "read",
+            path,
+            source: io::Error::other(error),
+        })
+}
+
+impl Fetch<'_> {
+    async fn run(self, progress: &mut impl FnMut(Progress)) -> Result<PathBuf, HttpError> {
+        let (mut fruitless, mut damaged, mut downloaded) = (0, false, 0);
+        let mut pause = self.client.patience().pause;
+        loop {
+            let had = self.part_bytes()?;
+            match self.attempt(had, &mut downloaded, progress).await {
+                Ok(Outcome::Whole) => return self.keep(),
+                Ok(Outcome::Damaged) => {
+                    self.discard()?;
+                    if damaged {
+                        return Err(HttpError::Damaged {
+                            server: self.link.server().clone(),
+                            package: self.avatar.sha256,
+                        });
+                    }
+                    damaged = true;
+                    log::warn!(
+                        "package {} arrived damaged; fetching it once more",
+                        self.avatar.sha256
+                    );
                 }
-                Ok((file, hash, done))
-            };
-            open().map_err(|source| cannot("open", &opened, source))
-        })
-        .await?;
-        Ok(Self {
-            about: about(room, "the avatar's package"),
-            avatar,
-            cache,
-            file: BufWriter::with_capacity(BUFFER, File::from_std(file)),
-            hash,
-            progress: Progress {
-                done,
-                total: avatar.bytes,
-                downloaded: 0,
-            },
-        })
-    }
-
-    /// Until all bytes are here, through as many connections as it takes.
-    async fn run(
-        &mut self,
-        client: &Client,
-        progress: &mut impl FnMut(Progress),
-    ) -> Result<(), HttpError> {
-        let mut attempts = 0;
-        while self.progress.done < self.progress.total {
-            let before = self.progress.downloaded;
-            let outcome = self.attempt(client, progress).await;
-            let flushed = self.file.flush().await;
-            flushed.map_err(|source| self.cannot_write(source))?;
-            let Err(error) = outcome else {
-                continue;
-            };
-            if !is_passing(&error) {
-                return Err(error);
+                Err(error) => {
+                    let Some(wait) = may_be_tried_again(&error) else {
+                        return Err(error);
+                    };
+                    let have = self.part_bytes()?;
+                    if have >= had.saturating_add(WORTH) {
+                        (fruitless, pause) = (0, self.client.patience().pause);
+                    }
+                    fruitless += 1;
+                    if fruitless >= ATTEMPTS {
+                        return Err(HttpError::GaveUp {
+                            package: self.avatar.sha256,
+                            attempts: fruitless,
+                            have,
+                            total: self.avatar.bytes,
+                            last: Box::new(error),
+                        });
+                    }
+                    let after = wait.max(spread(pause));
+                    log::info!("{}; going on from byte {have}", with_causes(&error));
+                    tokio::time::sleep(after).await;
+                    pause = (pause * 2).min(LONGEST_PAUSE);
+                }
             }
-            attempts = if self.progress.downloaded > before {
-                1
-            } else {
-                attempts + 1
-            };
-            if attempts == ATTEMPTS {
-                return Err(HttpError::GaveUp {
-                    package: self.avatar.sha256,
-                    attempts,
-                    have: self.progress.done,
-                    total: self.progress.total,
-                    last: Box::new(error),
-                });
-            }
-            log::info!("{error}; going on from byte {}", self.progress.done);
-            tokio::time::sleep(PAUSE * 2u32.pow(attempts - 1)).await;
         }
-        Ok(())
     }
 
-    /// One request for all that is missing.
+    /// One request, and its body to the part.
     async fn attempt(
-        &mut self,
-        client: &Client,
+        &self,
+        had: u64,
+        downloaded: &mut u64,
         progress: &mut impl FnMut(Progress),
-    ) -> Result<(), HttpError> {
+    ) -> Result<Outcome, HttpError> {
+        let total = self.avatar.bytes;
+        if had >= total {
+            // Whoever wrote it was stopped between its last byte and its rename; or it is nonsense, as its hash will tell.
+            let writer = PartWriter::begin(&self.part, had, self.lock.clone());
+            return self.judge(had, writer).await;
+        }
+        let (mut answer, kept) = self.ask_for(had).await?;
+        let writer = PartWriter::begin(&self.part, kept, self.lock.clone());
+        let mut bytes = kept;
+        progress(Progress {
+            done: kept,
+            total,
+            downloaded: *downloaded,
+        });
+        let ended = loop {
+            match self.next_piece(&mut answer).await {
+                Ok(Some(piece)) => {
+                    let length = piece.len() as u64;
+                    bytes += length;
+                    if bytes > total {
+                        break Err(self.wrong_size(bytes));
+                    }
+                    if !writer.push(piece).await {
+                        break Ok(());
+                    }
+                    *downloaded += length;
+                    progress(Progress {
+                        done: bytes,
+                        total,
+                        downloaded: *downloaded,
+                    });
+                }
+                Ok(None) => break Ok(()),
+                Err(error) => break Err(error),
+            }
+        };
+        match ended {
+            Ok(()) => self.judge(bytes, writer).await,
+            Err(error) => {
+                self.written(bytes, writer).await?;
+                if matches!(error, HttpError::WrongSize { .. }) {
+                    self.discard()?;
+                }
+                Err(error)
+            }
+        }
+    }
+
+    /// The answer's head, and how many bytes of the part it goes on from.
+    async fn ask_for(&self, had: u64) -> Result<(Response, u64), HttpError> {
+        let (server, token) = (self.link.server(), self.link.token());
         let name = self.avatar.sha256.to_string();
-        let mut request = client.request(&self.about, Method::GET, &["packages", &name])?;
-        if self.progress.done > 0 {
+        let mut request = self
+            .client
+            .request(Method::GET, server, token, &["packages", &name])?
+            .header(ACCEPT_ENCODING, "identity");
+        if had > 0 {
             request = request
-                .header(RANGE, format!("bytes={}-", self.progress.done))
+                .header(RANGE, format!("bytes={had}-"))
                 .header(IF_RANGE, format!("\"{name}\""));
         }
-        let response = self.about.send(request, ANSWERING).await?;
-        self.check_head(&response)?;
-        if response.status() != StatusCode::PARTIAL_CONTENT {
-            self.start_over().await?;
-        }
-        let mut pieces = response.bytes_stream();
-        loop {
-            let broken = |source| HttpError::Broken {
-                server: self.about.server.clone(),
-                source,
-            };
-            let piece = match tokio::time::timeout(SILENCE, pieces.next()).await {
-                Err(_) => return Err(broken(None)),
-                Ok(None) if self.progress.done < self.progress.total => return Err(broken(None)),
-                Ok(None) => return Ok(()),
-                Ok(Some(piece)) => piece.map_err(|error| of_request(self.about.server, error))?,
-            };
-            let done = self.progress.done + piece.len() as u64;
-            if done > self.progress.total {
-                return Err(self.wrong_size(done));
+        let answer = self.client.open(server, PACKAGE, request).await?;
+        let kept = match answer.status() {
+            // No range: from the beginning, whatever we have.
+            StatusCode::OK => 0,
+            StatusCode::PARTIAL_CONTENT if had > 0 => had,
+            StatusCode::RANGE_NOT_SATISFIABLE if had > 0 => {
+                self.discard()?;
+                return Err(HttpError::Broken {
+                    server: server.clone(),
+                    source: None,
+                });
             }
-            self.hash.update(&piece);
-            let written = self.file.write_all(&piece).await;
-            written.map_err(|source| self.cannot_write(source))?;
-            self.progress.done = done;
-            self.progress.downloaded += piece.len() as u64;
-            progress(self.progress);
-        }
-    }
-
-    /// Refuses an answer that cannot be the rest of this package.
-    fn check_head(&self, response: &Response) -> Result<(), HttpError> {
-        let text = |name| {
-            response
-                .headers()
-                .get(name)
-                .and_then(|value| value.to_str().ok())
+            _ => return Err(self.client.refusal(server, token, PACKAGE, answer).await),
         };
-        if let Some(encoding) = text(CONTENT_ENCODING).filter(|encoding| *encoding != "identity") {
+        let headers = answer.headers();
+        if let Some(encoding) = headers
+            .get(CONTENT_ENCODING)
+            .filter(|encoding| *encoding != "identity")
+        {
+            let encoding = token.struck_from(&String::from_utf8_lossy(encoding.as_bytes()));
             return Err(HttpError::Encoded {
-                server: self.about.server.clone(),
-                encoding: encoding.to_owned(),
+                server: server.clone(),
+                encoding,
             });
         }
-        let length: Option<u64> = text(CONTENT_LENGTH).and_then(|length| length.parse().ok());
-        let begins = match response.status() {
-            StatusCode::PARTIAL_CONTENT => {
-                let begins = text(CONTENT_RANGE).and_then(|range| {
-                    range
-                        .strip_prefix("bytes ")?
-                        .split('-')
-                        .next()?
-                        .parse()
-                        .ok()
-                });
-                if begins != Some(self.progress.done) {
-                    return Err(self
-                        .about
-                        .unintelligible("it is another part than was asked for"));
-                }
-                self.progress.done
+        if kept > 0 {
+            let range = headers
+                .get(CONTENT_RANGE)
+                .and_then(|range| range.to_str().ok())
+                .unwrap_or_default();
+            let (first, size) = read_range(range)
+                .ok_or_else(|| unintelligible(server, PACKAGE, "a part without saying which"))?;
+            if size.is_some_and(|size| size != self.avatar.bytes) {
+                return Err(self.wrong_size(size.unwrap_or_default()));
             }
-            _ => 0,
-        };
-        match length {
-            Some(length) if begins.saturating_add(length) != self.progress.total => {
-                Err(self.wrong_size(begins.saturating_add(length)))
+            if first != kept {
+                return Err(unintelligible(
+                    server,
+                    PACKAGE,
+                    "another part than was asked for",
+                ));
             }
-            _ => Ok(()),
         }
+        if let Some(length) = answer.content_length() {
+            // A range may end early; more than the whole never comes.
+            let sent = kept.saturating_add(length);
+            if sent > self.avatar.bytes || kept == 0 && sent != self.avatar.bytes {
+                return Err(self.wrong_size(sent));
+            }
+        }
+        Ok((answer, kept))
     }
 
-    /// Whether the hash is the announced one.
-    fn is_intact(&self) -> bool {
-        PackageId::finish(self.hash.clone()) == self.avatar.sha256
-    }
-
-    /// Forgets what has come.
-    async fn start_over(&mut self) -> Result<(), HttpError> {
-        self.hash = Sha256::new();
-        self.progress.done = 0;
-        let empty = async {
-            self.file.flush().await?;
-            self.file.get_mut().set_len(0).await?;
-            self.file.get_mut().rewind().await.map(drop)
-        };
-        empty.await.map_err(|source| self.cannot_write(source))
-    }
-
-    /// Gives the whole package its name.
-    async fn keep(mut self) -> Result<PathBuf, HttpError> {
-        let flushed = async {
-            self.file.flush().await?;
-            self.file.get_ref().sync_all().await
-        };
-        flushed.await.map_err(|source| self.cannot_write(source))?;
-        let (part, whole) = (
-            self.cache.part(&self.avatar.sha256),
-            self.cache.whole(&self.avatar.sha256),
-        );
-        drop(self.file);
-        tokio::fs::rename(&part, &whole)
+    async fn next_piece(&self, answer: &mut Response) -> Result<Option<bytes::Bytes>, HttpError> {
+        let limit = self.client.patience().silence;
+        let server = self.link.server();
+        tokio::time::timeout(limit, next_piece(server, answer))
             .await
-            .map_err(|source| cannot("rename", &part, source))?;
-        self.cache.evict(&whole);
-        Ok(whole)
+            .map_err(|_| HttpError::TimedOut {
+                server: server.clone(),
+                what: PACKAGE,
+                limit,
+            })?
+    }
+
+    /// What the part is now that no more comes.
+    async fn judge(&self, bytes: u64, writer: PartWriter) -> Result<Outcome, HttpError> {
+        let hash = self.written(bytes, writer).await?;
+        if bytes < self.avatar.bytes {
+            return Err(HttpError::Broken {
+                server: self.link.server().clone(),
+                source: None,
+            });
+        }
+        Ok(if hash == self.avatar.sha256 {
+            Outcome::Whole
+        } else {
+            Outcome::Damaged
+        })
+    }
+
+    async fn written(&self, bytes: u64, writer: PartWriter) -> Result<PackageId, HttpError> {
+        let needed = self
+            .avatar
+            .bytes
+            .saturating_sub(self.part_bytes()?.min(bytes));
+        writer
+            .finish()
+            .await
+            .map_err(|source| self.cache.wrong("write", &self.part, needed, source))
     }
 
     fn wrong_size(&self, sent: u64) -> HttpError {
@@ -306,37 +321,62 @@ impl<'a> Download<'a> {
         }
     }
 
-    fn cannot_write(&self, source: io::Error) -> HttpError {
-        if matches!(
-            source.kind(),
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
-        ) {
-            return HttpError::DiskFull {
-                folder: self.cache.folder().to_owned(),
-                needed: self.progress.total - self.progress.done.min(self.progress.total),
-            };
+    fn part_bytes(&self) -> Result<u64, HttpError> {
+        match self.part.metadata() {
+            Ok(metadata) => Ok(metadata.len()),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
+            Err(source) => Err(self.cache.wrong("read", &self.part, 0, source)),
         }
-        cannot("write", &self.cache.part(&self.avatar.sha256), source)
+    }
+
+    fn discard(&self) -> Result<(), HttpError> {
+        remove(&self.part).map_err(|source| self.cache.wrong("remove", &self.part, 0, source))
+    }
+
+    /// Gives the part its name.
+    fn keep(self) -> Result<PathBuf, HttpError> {
+        let whole = self.cache.whole(&self.avatar.sha256);
+        fs::rename(&self.part, &whole)
+            .map_err(|source| self.cache.wrong("rename", &self.part, 0, source))?;
+        self.cache.evict(&self.avatar.sha256);
+        Ok(whole)
     }
 }
 
-/// Whether trying again may help.
-fn is_passing(error: &HttpError) -> bool {
-    matches!(
-        error,
-        HttpError::Broken { .. }
-            | HttpError::TimedOut { .. }
-            | HttpError::Unreachable { .. }
-            | HttpError::Unavailable { .. }
-            | HttpError::RateLimited { .. }
-    )
+fn remove(path: &Path) -> io::Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
 }
 
-/// Runs what waits for the disk on a thread for that.
-async fn blocking<T: Send + 'static>(
-    cache: &PackageCache,
-    task: impl FnOnce() -> Result<T, HttpError> + Send + 'static,
-) -> Result<T, HttpError> {
-    let done = tokio::task::spawn_blocking(task).await;
-    done.map_err(|error| cannot("use", cache.folder(), io::Error::other(error)))?
+/// `bytes FIRST-LAST/SIZE`: the first byte, and the whole's size where it is told.
+fn read_range(text: &str) -> Option<(u64, Option<u64>)> {
+    let (range, size) = text.strip_prefix("bytes ")?.split_once('/')?;
+    let (first, _) = range.split_once('-')?;
+    let size = if size == "*" {
+        None
+    } else {
+        Some(size.parse().ok()?)
+    };
+    Some((first.parse().ok()?, size))
+}
+
+/// How long to wait at least before trying once more, where that may help.
+pub(super) fn may_be_tried_again(error: &HttpError) -> Option<Duration> {
+    match error {
+        HttpError::Broken { .. } | HttpError::TimedOut { .. } | HttpError::Unreachable { .. } => {
+            Some(Duration::ZERO)
+        }
+        HttpError::Unavailable { retry_after, .. } | HttpError::RateLimited { retry_after, .. } => {
+            Some(retry_after.unwrap_or_default().min(LONGEST_WAIT))
+        }
+        _ => None,
+    }
+}
+
+/// Half to all of a pause, at random: a room full of viewers does not come back at once.
+pub(super) fn spread(pause: Duration) -> Duration {
+    let random = getrandom::u32().unwrap_or(u32::MAX);
+    pause.mul_f64(0.5 + 0.5 * f64::from(random) / f64::from(u32::MAX))
 }

@@ -8,6 +8,7 @@ mod client;
 mod error;
 mod fetch;
 mod package_id;
+mod part;
 mod presence;
 mod room_link;
 mod rooms;
@@ -16,7 +17,7 @@ mod upload;
 
 pub use announcement::{Announcement, AvatarRef, ChannelMode, MAX_PACKAGE_BYTES};
 pub use cache::PackageCache;
-pub use client::Client;
+pub use client::{Client, Patience};
 pub use error::HttpError;
 pub use fetch::Progress;
 pub use package_id::PackageId;

@@ -1,125 +1,156 @@
-//! The sender's presence in its room: an event stream that lasts as long as the sender is there.
+//! A sender's presence in its room: a stream of events that lasts as long as the sender is there. It does not come back by itself;
+//! whoever holds it decides when to be present again.
 
-use std::collections::VecDeque;
-use std::time::Duration;
+use std::{collections::VecDeque, fmt};
 
-use bytes::Bytes;
-use futures_util::StreamExt;
-use futures_util::stream::BoxStream;
-use reqwest::Method;
-use reqwest::header::{ACCEPT, CONTENT_TYPE};
-use serde::Deserialize;
+use reqwest::{
+    Method, Response, StatusCode,
+    header::{ACCEPT, CONTENT_TYPE},
+};
+use serde::{Deserialize, de::DeserializeOwned};
+use tokio::time::Instant;
 
-use super::client::ANSWERING;
-use super::error::of_request;
-use super::rooms::about;
-use super::sse::{Event, Parser};
-use super::{Announcement, Client, HttpError, RoomLink, ServerUrl};
+use super::{
+    Announcement, Client, HttpError, Patience, RoomLink, ServerUrl,
+    client::{PRESENCE, next_piece, unintelligible},
+    room_link::is_name,
+    sse::{Event, Parser},
+};
 
-/// A living server says something every 5 s.
-const SILENCE: Duration = Duration::from_secs(15);
-const STREAM: &str = "text/event-stream";
-
-/// What happens in the room.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// What a sender is told.
+#[derive(Clone, PartialEq, Eq)]
 pub enum PresenceEvent {
-    /// A viewer wants to join.
+    /// A viewer wants to be called: answer with [`Client::answer`] within 5 s.
     Offer {
-        /// The server's name for it.
+        /// The session's name on the server.
         session: String,
-        /// What it offers.
+        /// The viewer's SDP, with all its candidates.
         sdp: String,
     },
     /// A viewer has left.
     Leave {
-        /// The server's name for it.
+        /// The session's name on the server.
         session: String,
     },
-    /// Another sender has taken the room; the stream is over.
+    /// Another sender has come with this link: nothing follows.
     Replaced,
 }
 
-/// An open presence. Dropping it leaves the room.
-pub struct Presence {
-    server: ServerUrl,
-    stream: BoxStream<'static, reqwest::Result<Bytes>>,
-    parser: Parser,
-    events: VecDeque<Event>,
-}
-
-impl std::fmt::Debug for Presence {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Presence")
-            .field("server", &self.server)
-            .finish_non_exhaustive()
+// An SDP holds addresses and a password.
+impl fmt::Debug for PresenceEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Offer { session, .. } => f
+                .debug_struct("Offer")
+                .field("session", session)
+                .finish_non_exhaustive(),
+            Self::Leave { session } => f.debug_struct("Leave").field("session", session).finish(),
+            Self::Replaced => f.write_str("Replaced"),
+        }
     }
 }
 
+/// An open presence. Dropping it ends it.
+#[derive(Debug)]
+pub struct Presence {
+    server: ServerUrl,
+    stream: Response,
+    parser: Parser,
+    ready: VecDeque<Event>,
+    /// When bytes last came.
+    heard: Instant,
+    patience: Patience,
+    ended: bool,
+}
+
 impl Client {
-    /// Enters `sender`'s room.
+    /// Takes the sender's place in its room. Another sender that holds it is told that it was replaced.
     ///
     /// # Errors
-    /// If the server cannot be reached, refuses the link, or does not have the avatar ([`HttpError::NotFound`]).
+    /// [`HttpError::Announcement`] if it is out of bounds, [`HttpError::NotFound`] if the room is gone or its owner has no such
+    /// package (upload it first), and those of any request.
     pub async fn present(
         &self,
         sender: &RoomLink,
         announcement: &Announcement,
     ) -> Result<Presence, HttpError> {
-        let about = about(sender, "entering the room with this avatar");
+        let announcement = announcement.checked()?;
+        let server = sender.server();
         let request = self
-            .request(&about, Method::POST, &["rooms", sender.room(), "presence"])?
-            .header(ACCEPT, STREAM)
-            .json(announcement);
-        let response = about.send(request, ANSWERING).await?;
-        let kind = response
+            .request(
+                Method::POST,
+                server,
+                sender.token(),
+                &["rooms", sender.room(), "presence"],
+            )?
+            .header(ACCEPT, "text/event-stream")
+            .json(&announcement);
+        let stream = self.open(server, PRESENCE, request).await?;
+        if stream.status() != StatusCode::OK {
+            return Err(self.refusal(server, sender.token(), PRESENCE, stream).await);
+        }
+        let kind = stream
             .headers()
             .get(CONTENT_TYPE)
-            .and_then(|kind| kind.to_str().ok());
-        if !kind.is_some_and(|kind| kind.starts_with(STREAM)) {
-            return Err(about.unintelligible("it is no event stream"));
+            .map(|kind| kind.as_bytes())
+            .unwrap_or_default();
+        if !kind.starts_with(b"text/event-stream") {
+            return Err(unintelligible(server, PRESENCE, "no text/event-stream"));
         }
         Ok(Presence {
-            server: sender.server().clone(),
-            stream: response.bytes_stream().boxed(),
+            server: server.clone(),
+            stream,
             parser: Parser::default(),
-            events: VecDeque::new(),
+            ready: VecDeque::new(),
+            heard: Instant::now(),
+            patience: *self.patience(),
+            ended: false,
         })
     }
 }
 
 impl Presence {
-    /// The next event. Events of kinds that this program does not know are left out.
+    /// Waits for the next event. May be cancelled, in `select!`, without losing one.
     ///
     /// # Errors
-    /// If the stream ends, breaks, or is silent for longer than a living server is: be present again.
+    /// [`HttpError::PresenceSilent`] if nothing, not even a comment, has come for 15 s, [`HttpError::PresenceEnded`] once the
+    /// stream is over, [`HttpError::Broken`] if it was cut, [`HttpError::Unintelligible`] for an event that cannot be.
     pub async fn next(&mut self) -> Result<PresenceEvent, HttpError> {
         loop {
-            while let Some(event) = self.events.pop_front() {
-                match self.understand(&event)? {
-                    Some(event) => return Ok(event),
-                    None => log::debug!("an event of kind {:?} is left alone", event.kind),
+            while let Some(event) = self.ready.pop_front() {
+                // What a later version may send is not for us.
+                if let Some(event) = self.read(&event)? {
+                    self.ended = event == PresenceEvent::Replaced;
+                    return Ok(event);
                 }
             }
-            let piece = tokio::time::timeout(SILENCE, self.stream.next()).await;
-            let server = || self.server.clone();
+            if self.ended {
+                return Err(HttpError::PresenceEnded {
+                    server: self.server.clone(),
+                });
+            }
+            let limit = self.patience.silence;
+            let piece = tokio::time::timeout_at(
+                self.heard + limit,
+                next_piece(&self.server, &mut self.stream),
+            )
+            .await
+            .map_err(|_| HttpError::PresenceSilent {
+                server: self.server.clone(),
+                limit,
+            })??;
+            self.heard = Instant::now();
             match piece {
-                Err(_) => {
-                    return Err(HttpError::PresenceSilent {
-                        server: server(),
-                        limit: SILENCE,
-                    });
-                }
-                Ok(None) => return Err(HttpError::PresenceEnded { server: server() }),
-                Ok(Some(Err(error))) => return Err(of_request(&self.server, error)),
-                Ok(Some(Ok(bytes))) => self
+                Some(piece) => self
                     .parser
-                    .push(&bytes, &mut self.events)
-                    .map_err(|_| unintelligible(&self.server, "an event is too long"))?,
+                    .push(&piece, &mut self.ready)
+                    .map_err(|_| unintelligible(&self.server, PRESENCE, "an event without end"))?,
+                None => self.ended = true,
             }
         }
     }
 
-    fn understand(&self, event: &Event) -> Result<Option<PresenceEvent>, HttpError> {
+    fn read(&self, event: &Event) -> Result<Option<PresenceEvent>, HttpError> {
         #[derive(Deserialize)]
         struct Offer {
             session: String,
@@ -129,26 +160,44 @@ impl Presence {
         struct Leave {
             session: String,
         }
-        let wrong = |error: serde_json::Error| unintelligible(&self.server, &error.to_string());
-        Ok(match event.kind.as_str() {
+        match event.kind.as_str() {
             "offer" => {
-                let Offer { session, sdp } = serde_json::from_str(&event.data).map_err(wrong)?;
-                Some(PresenceEvent::Offer { session, sdp })
+                let Offer { session, sdp } = self.data(event)?;
+                Ok(Some(PresenceEvent::Offer {
+                    session: self.named(session)?,
+                    sdp,
+                }))
             }
             "leave" => {
-                let Leave { session } = serde_json::from_str(&event.data).map_err(wrong)?;
-                Some(PresenceEvent::Leave { session })
+                let Leave { session } = self.data(event)?;
+                Ok(Some(PresenceEvent::Leave {
+                    session: self.named(session)?,
+                }))
             }
-            "replaced" => Some(PresenceEvent::Replaced),
-            _ => None,
+            "replaced" => Ok(Some(PresenceEvent::Replaced)),
+            _ => Ok(None),
+        }
+    }
+
+    fn data<T: DeserializeOwned>(&self, event: &Event) -> Result<T, HttpError> {
+        serde_json::from_str(&event.data).map_err(|error| {
+            unintelligible(
+                &self.server,
+                PRESENCE,
+                format!("in `{}`: {error}", event.kind),
+            )
         })
     }
-}
 
-fn unintelligible(server: &ServerUrl, why: &str) -> HttpError {
-    HttpError::Unintelligible {
-        server: server.clone(),
-        what: "the presence",
-        why: why.to_owned(),
+    fn named(&self, session: String) -> Result<String, HttpError> {
+        if is_name(&session) {
+            Ok(session)
+        } else {
+            Err(unintelligible(
+                &self.server,
+                PRESENCE,
+                "a session's name that cannot be",
+            ))
+        }
     }
 }

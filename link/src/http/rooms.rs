@@ -1,71 +1,96 @@
-//! Rooms: opening one, asking about one, and the one offer and answer by which a viewer joins.
+//! Rooms: opening one, asking about it, and the one offer and one answer that begin a call.
 
-use std::time::Duration;
+use std::{
+    fmt,
+    time::{Duration, SystemTime},
+};
 
-use reqwest::header::{CONTENT_TYPE, LOCATION};
-use reqwest::{Method, StatusCode};
-use serde::Deserialize;
+use reqwest::{
+    Method, StatusCode,
+    header::{ACCEPT, CONTENT_TYPE, LOCATION},
+};
+use serde::{Deserialize, Serialize};
 
-use super::client::{ANSWERING, Request};
-use super::room_link::{Token, is_name};
-use super::{Announcement, Client, HttpError, RoomLink, ServerUrl};
+use super::{
+    Announcement, Client, HttpError, RoomLink, ServerUrl,
+    client::{ANSWER, LEAVE, OFFER, OPEN_ROOM, ROOM, unintelligible},
+    room_link::{Token, is_name},
+};
 
 const SDP: &str = "application/sdp";
-const LINK_ADVICE: &str = "ask whoever gave you the link for a new one";
 
 /// A room that was opened.
 #[derive(Debug, Clone)]
 pub struct Room {
-    /// The sender's link.
+    /// The link of the one who sends.
     pub sender: RoomLink,
-    /// The viewers' link.
+    /// The link of those who watch.
     pub viewer: RoomLink,
-    /// When both end, Unix seconds.
-    pub expires: u64,
+    /// When both end, by the server's clock.
+    pub expires: SystemTime,
 }
 
-/// The sender's answer to an offer.
-#[derive(Debug, Clone)]
+/// A sender's answer to an offer.
+#[derive(Clone, PartialEq, Eq)]
 pub struct Answer {
-    /// What the sender says.
+    /// The SDP, with all its candidates.
     pub sdp: String,
-    /// The server's name for this viewer's session.
+    /// The session's name on the server, for [`Client::leave`].
     pub session: String,
 }
 
+// An SDP holds addresses and a password.
+impl fmt::Debug for Answer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Answer")
+            .field("session", &self.session)
+            .finish_non_exhaustive()
+    }
+}
+
+#[derive(Serialize)]
+struct Wish {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lifetime_s: Option<u64>,
+}
+
+#[derive(Deserialize)]
+struct Opened {
+    room: String,
+    sender_token: String,
+    viewer_token: String,
+    expires: u64,
+}
+
 impl Client {
-    /// Opens a room for `lifetime`, or as long as the server likes.
+    /// Opens a room; the server chooses how long it lasts where nothing is said.
     ///
     /// # Errors
-    /// If the server cannot be reached or the token opens no rooms there.
+    /// [`HttpError::NotAccepted`] if this is no owner's token of that server, and those of any request.
     pub async fn open_room(
         &self,
         server: &ServerUrl,
         owner_token: &str,
         lifetime: Option<Duration>,
     ) -> Result<Room, HttpError> {
-        #[derive(Deserialize)]
-        struct Opened {
-            room: String,
-            sender_token: String,
-            viewer_token: String,
-            expires: u64,
-        }
         let token = Token::new(owner_token)?;
-        let about = Request {
-            server,
-            token: &token,
-            what: "opening a room",
-            advice: "only an owner's token opens rooms",
+        let wish = Wish {
+            lifetime_s: lifetime.map(|lifetime| lifetime.as_secs()),
         };
-        let mut request = self.request(&about, Method::POST, &["rooms"])?;
-        if let Some(lifetime) = lifetime {
-            request = request.json(&serde_json::json!({ "lifetime_s": lifetime.as_secs() }));
+        let request = self
+            .request(Method::POST, server, &token, &["rooms"])?
+            .json(&wish);
+        let reply = self.exchange(server, OPEN_ROOM, request).await?;
+        if reply.status != StatusCode::CREATED {
+            return Err(reply.refusal(server, &token, OPEN_ROOM));
         }
-        let response = about.send(request, ANSWERING).await?;
-        let opened: Opened = about.read_json(response, ANSWERING).await?;
+        let opened: Opened = reply.json(server, &token, OPEN_ROOM)?;
         if !is_name(&opened.room) {
-            return Err(about.unintelligible("its room has no possible name"));
+            return Err(unintelligible(
+                server,
+                OPEN_ROOM,
+                "a room's name that cannot be",
+            ));
         }
         let link = |token: &str| {
             Ok::<_, HttpError>(RoomLink::new(
@@ -74,106 +99,131 @@ impl Client {
                 Token::new(token)?,
             ))
         };
+        let expires = SystemTime::UNIX_EPOCH
+            .checked_add(Duration::from_secs(opened.expires))
+            .ok_or_else(|| unintelligible(server, OPEN_ROOM, "a time that cannot be"))?;
         Ok(Room {
             sender: link(&opened.sender_token)?,
             viewer: link(&opened.viewer_token)?,
-            expires: opened.expires,
+            expires,
         })
     }
 
-    /// What the sender announces; `None` while it is not there.
+    /// What the sender announces; nothing while it is not there.
     ///
     /// # Errors
-    /// If the server cannot be reached or the link is not (any more) good there.
-    pub async fn ask(&self, room: &RoomLink) -> Result<Option<Announcement>, HttpError> {
-        let about = about(room, "the room");
-        let request = self.request(&about, Method::GET, &["rooms", room.room()])?;
-        match about.send(request, ANSWERING).await {
-            Ok(response) => about.read_json(response, ANSWERING).await.map(Some),
-            Err(HttpError::Unavailable { status: 503, .. }) => Ok(None),
-            Err(error) => Err(error),
+    /// [`HttpError::NotAccepted`] or [`HttpError::NotFound`] if the link is not, or no longer, good, and those of any request.
+    pub async fn ask(&self, viewer: &RoomLink) -> Result<Option<Announcement>, HttpError> {
+        let server = viewer.server();
+        let request = self.request(
+            Method::GET,
+            server,
+            viewer.token(),
+            &["rooms", viewer.room()],
+        )?;
+        let reply = self.exchange(server, ROOM, request).await?;
+        match reply.status {
+            StatusCode::OK => reply.json(server, viewer.token(), ROOM).map(Some),
+            StatusCode::SERVICE_UNAVAILABLE => Ok(None),
+            _ => Err(reply.refusal(server, viewer.token(), ROOM)),
         }
     }
 
-    /// Offers to join and waits for the sender's answer.
+    /// Offers a connection to the sender: an SDP with all its candidates.
     ///
     /// # Errors
-    /// [`HttpError::SenderAbsent`], [`HttpError::SenderSilent`], and as [`Self::ask`].
+    /// [`HttpError::SenderAbsent`], [`HttpError::SenderSilent`], and as [`Client::ask`].
     pub async fn offer(&self, viewer: &RoomLink, sdp: &str) -> Result<Answer, HttpError> {
-        let about = about(viewer, "joining");
+        let server = viewer.server();
         let request = self
-            .request(&about, Method::POST, &["rooms", viewer.room(), "whep"])?
+            .request(
+                Method::POST,
+                server,
+                viewer.token(),
+                &["rooms", viewer.room(), "whep"],
+            )?
             .header(CONTENT_TYPE, SDP)
+            .header(ACCEPT, SDP)
             .body(sdp.to_owned());
-        let response = match about.send(request, ANSWERING).await {
-            Err(HttpError::Unavailable {
-                status: 503,
-                retry_after,
-                ..
-            }) => return Err(HttpError::SenderAbsent { retry_after }),
-            Err(HttpError::Unavailable { status: 504, .. }) => return Err(HttpError::SenderSilent),
-            response => response?,
-        };
-        let location = response
-            .headers()
-            .get(LOCATION)
-            .and_then(|location| location.to_str().ok());
-        let session = location
-            .and_then(|location| location.rsplit('/').next())
-            .unwrap_or_default()
-            .to_owned();
-        if response.status() != StatusCode::CREATED || !is_name(&session) {
-            return Err(about.unintelligible("it names no session"));
+        let reply = self.exchange(server, OFFER, request).await?;
+        match reply.status {
+            StatusCode::CREATED => {}
+            StatusCode::SERVICE_UNAVAILABLE => {
+                return Err(HttpError::SenderAbsent {
+                    retry_after: reply.retry_after(),
+                });
+            }
+            StatusCode::GATEWAY_TIMEOUT => return Err(HttpError::SenderSilent),
+            _ => return Err(reply.refusal(server, viewer.token(), OFFER)),
         }
-        let sdp = about.read_text(response, ANSWERING).await?;
+        let session = reply
+            .headers
+            .get(LOCATION)
+            .and_then(|location| location.to_str().ok())
+            .and_then(|location| location.rsplit_once("/sessions/"))
+            .map(|(_, session)| session)
+            .filter(|session| is_name(session))
+            .ok_or_else(|| unintelligible(server, OFFER, "no session in its Location header"))?
+            .to_owned();
+        let sdp = String::from_utf8(reply.body)
+            .map_err(|_| unintelligible(server, OFFER, "an answer that is no text"))?;
         Ok(Answer { sdp, session })
     }
 
-    /// Tells the server that a viewer has left.
+    /// Ends a session, so that the sender need not find out by itself. One that is gone already is no error.
     ///
     /// # Errors
-    /// As [`Self::ask`].
+    /// As [`Client::ask`], without [`HttpError::NotFound`].
     pub async fn leave(&self, viewer: &RoomLink, session: &str) -> Result<(), HttpError> {
-        let about = about(viewer, "the session");
-        let request = self.request(
-            &about,
-            Method::DELETE,
-            &["rooms", viewer.room(), "sessions", session],
-        )?;
-        about.send(request, ANSWERING).await.map(drop)
+        let server = viewer.server();
+        let session = checked_session(server, LEAVE, session)?;
+        let segments = ["rooms", viewer.room(), "sessions", session];
+        let request = self.request(Method::DELETE, server, viewer.token(), &segments)?;
+        let reply = self.exchange(server, LEAVE, request).await?;
+        match reply.status {
+            StatusCode::NO_CONTENT | StatusCode::OK | StatusCode::NOT_FOUND => Ok(()),
+            _ => Err(reply.refusal(server, viewer.token(), LEAVE)),
+        }
     }
 
-    /// Answers a viewer's offer.
+    /// Answers a viewer's offer: an SDP with all its candidates.
     ///
     /// # Errors
-    /// As [`Self::ask`]; [`HttpError::NotFound`] if the viewer no longer waits.
+    /// [`HttpError::NotFound`] if that viewer no longer waits, and those of any request.
     pub async fn answer(
         &self,
         sender: &RoomLink,
         session: &str,
         sdp: &str,
     ) -> Result<(), HttpError> {
-        let about = about(sender, "the viewer's offer");
-        if !is_name(session) {
-            return Err(about.unintelligible("its session has no possible name"));
-        }
+        let server = sender.server();
+        let session = checked_session(server, ANSWER, session)?;
+        let segments = ["rooms", sender.room(), "sessions", session, "answer"];
         let request = self
-            .request(
-                &about,
-                Method::PUT,
-                &["rooms", sender.room(), "sessions", session, "answer"],
-            )?
+            .request(Method::PUT, server, sender.token(), &segments)?
             .header(CONTENT_TYPE, SDP)
             .body(sdp.to_owned());
-        about.send(request, ANSWERING).await.map(drop)
+        let reply = self.exchange(server, ANSWER, request).await?;
+        match reply.status {
+            StatusCode::NO_CONTENT | StatusCode::OK => Ok(()),
+            _ => Err(reply.refusal(server, sender.token(), ANSWER)),
+        }
     }
 }
 
-pub(super) fn about<'a>(room: &'a RoomLink, what: &'static str) -> Request<'a> {
-    Request {
-        server: room.server(),
-        token: room.token(),
-        what,
-        advice: LINK_ADVICE,
+/// A session's name stands in a path.
+fn checked_session<'a>(
+    server: &ServerUrl,
+    what: &'static str,
+    session: &'a str,
+) -> Result<&'a str, HttpError> {
+    if is_name(session) {
+        Ok(session)
+    } else {
+        Err(unintelligible(
+            server,
+            what,
+            "a session's name that cannot be",
+        ))
     }
 }

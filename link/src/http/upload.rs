@@ -1,28 +1,47 @@
-//! Putting a package into the server's store.
+//! Puts an owner's package into the server's store, unless it is there.
 
-use std::path::Path;
-use std::sync::Arc;
-use std::time::Duration;
+use std::{
+    fs::File,
+    io::{self, Read},
+    path::Path,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
+    time::Duration,
+};
 
+use bytes::Bytes;
 use futures_util::stream;
-use reqwest::header::{CONTENT_LENGTH, CONTENT_TYPE};
-use reqwest::{Body, Method};
-use tokio::fs::File;
-use tokio::io::AsyncReadExt;
+use reqwest::{
+    Body, Method, Response, StatusCode,
+    header::{CONTENT_LENGTH, CONTENT_TYPE},
+};
+use tokio::{
+    sync::mpsc,
+    task::JoinHandle,
+    time::{Instant, MissedTickBehavior, interval},
+};
 
-use super::client::{ANSWERING, Request};
-use super::room_link::Token;
-use super::{Client, HttpError, PackageId, ServerUrl};
+use super::{
+    AvatarRef, Client, HttpError, PackageId, ServerUrl,
+    client::{HAS_PACKAGE, PUT_PACKAGE},
+    error::of_request,
+    fetch::{may_be_tried_again, spread},
+    room_link::Token,
+};
 
-/// The server checks the package before it answers, and a slow line has to carry it first.
-const UPLOADING: Duration = Duration::from_secs(900);
-const CHUNK: usize = 256 << 10;
+const ATTEMPTS: u32 = 3;
+const PIECE: usize = 256 << 10;
+const QUEUE: usize = 4;
+/// How often progress is told.
+const TICK: Duration = Duration::from_millis(100);
 
 impl Client {
-    /// Whether the owner has put this package there.
+    /// Whether the owner's store has this package.
     ///
     /// # Errors
-    /// If the server cannot be reached or does not accept the token.
+    /// [`HttpError::NotAccepted`] if this is no owner's token of that server, and those of any request.
     pub async fn has_package(
         &self,
         server: &ServerUrl,
@@ -30,68 +49,176 @@ impl Client {
         package: &PackageId,
     ) -> Result<bool, HttpError> {
         let token = Token::new(owner_token)?;
-        let about = about(server, &token);
-        let request = self.request(&about, Method::HEAD, &["packages", &package.to_string()])?;
-        match about.send(request, ANSWERING).await {
-            Ok(_) => Ok(true),
-            Err(HttpError::NotFound { .. }) => Ok(false),
-            Err(error) => Err(error),
+        let request = self.request(
+            Method::HEAD,
+            server,
+            &token,
+            &["packages", &package.to_string()],
+        )?;
+        let reply = self.exchange(server, HAS_PACKAGE, request).await?;
+        match reply.status {
+            StatusCode::OK => Ok(true),
+            StatusCode::NOT_FOUND => Ok(false),
+            _ => Err(reply.refusal(server, &token, HAS_PACKAGE)),
         }
     }
 
-    /// Puts the package file `path` there, telling `progress` the bytes sent and in all.
+    /// Uploads a package unless the store has it, and says what to announce. `progress` gets bytes sent and bytes in all.
     ///
     /// # Errors
-    /// If the file cannot be read, the server cannot be reached, or it refuses the token or the package.
+    /// [`HttpError::File`] if it cannot be read, [`HttpError::Announcement`] if it is empty or too large for any call,
+    /// [`HttpError::TooLarge`], [`HttpError::StoreFull`], and as [`Client::has_package`].
     pub async fn put_package(
         &self,
         server: &ServerUrl,
         owner_token: &str,
         path: &Path,
-        progress: impl Fn(u64, u64) + Send + Sync + 'static,
-    ) -> Result<PackageId, HttpError> {
+        progress: impl Fn(u64, u64),
+    ) -> Result<AvatarRef, HttpError> {
         let token = Token::new(owner_token)?;
-        let about = about(server, &token);
         let unread = |source| HttpError::File {
             path: path.to_owned(),
             source,
         };
-        let hashed = path.to_owned();
-        let package = tokio::task::spawn_blocking(move || PackageId::of_file(&hashed))
+        let file = path.to_owned();
+        let avatar = tokio::task::spawn_blocking(move || AvatarRef::of_file(&file))
             .await
-            .map_err(|error| unread(std::io::Error::other(error)))??;
-        let file = File::open(path).await.map_err(unread)?;
-        let total = file.metadata().await.map_err(unread)?.len();
-        let progress = Arc::new(progress);
-        let pieces = stream::try_unfold((file, 0), move |(mut file, done)| {
-            let progress = Arc::clone(&progress);
-            async move {
-                let mut piece = vec![0; CHUNK];
-                let got = file.read(&mut piece).await?;
-                if got == 0 {
-                    return Ok::<_, std::io::Error>(None);
-                }
-                piece.truncate(got);
-                let done = done + got as u64;
-                progress(done, total);
-                Ok(Some((piece, (file, done))))
-            }
-        });
+            .map_err(|error| unread(io::Error::other(error)))??;
+        avatar.checked()?;
+        let mut pause = self.patience().pause;
+        let mut attempt = 1;
+        loop {
+            // Also before a second attempt: the first may have arrived.
+            let tried = match self.has_package(server, owner_token, &avatar.sha256).await {
+                Ok(true) => return Ok(avatar),
+                Ok(false) => self.upload(server, &token, path, &avatar, &progress).await,
+                Err(error) => Err(error),
+            };
+            let error = match tried {
+                Ok(()) => return Ok(avatar),
+                Err(error) => error,
+            };
+            let Some(wait) = may_be_tried_again(&error).filter(|_| attempt < ATTEMPTS) else {
+                return Err(error);
+            };
+            attempt += 1;
+            tokio::time::sleep(wait.max(spread(pause))).await;
+            pause *= 2;
+        }
+    }
+
+    async fn upload(
+        &self,
+        server: &ServerUrl,
+        token: &Token,
+        path: &Path,
+        avatar: &AvatarRef,
+        progress: &impl Fn(u64, u64),
+    ) -> Result<(), HttpError> {
+        let sent = Arc::new(AtomicU64::new(0));
+        let (body, reader) = stream_file(path, avatar.bytes, sent.clone());
         let request = self
-            .request(&about, Method::PUT, &["packages", &package.to_string()])?
-            .header(CONTENT_TYPE, "application/zip")
-            .header(CONTENT_LENGTH, total)
-            .body(Body::wrap_stream(pieces));
-        about.send(request, UPLOADING).await?;
-        Ok(package)
+            .request(
+                Method::PUT,
+                server,
+                token,
+                &["packages", &avatar.sha256.to_string()],
+            )?
+            .header(CONTENT_TYPE, "application/octet-stream")
+            .header(CONTENT_LENGTH, avatar.bytes)
+            .body(body);
+        let answer = self
+            .watch(server, request, avatar.bytes, &sent, progress)
+            .await;
+        match answer {
+            Ok(answer) if matches!(answer.status(), StatusCode::OK | StatusCode::CREATED) => Ok(()),
+            Ok(answer) => Err(self.refusal(server, token, PUT_PACKAGE, answer).await),
+            // The body has been dropped with the request, so the reader is done; its error is the cause of ours.
+            Err(error) => match reader.await {
+                Ok(Err(source)) => Err(HttpError::File {
+                    path: path.to_owned(),
+                    source,
+                }),
+                Ok(Ok(())) | Err(_) => Err(error),
+            },
+        }
+    }
+
+    /// Waits for the answer as long as bytes leave.
+    async fn watch(
+        &self,
+        server: &ServerUrl,
+        request: reqwest::RequestBuilder,
+        total: u64,
+        sent: &AtomicU64,
+        progress: &impl Fn(u64, u64),
+    ) -> Result<Response, HttpError> {
+        let mut answer = std::pin::pin!(request.send());
+        let mut tick = interval(TICK);
+        tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let (mut last, mut moved) = (0, Instant::now());
+        loop {
+            tokio::select! {
+                answer = &mut answer => {
+                    progress(sent.load(Ordering::Relaxed), total);
+                    return answer.map_err(|error| of_request(server, error));
+                }
+                _ = tick.tick() => {
+                    let now = sent.load(Ordering::Relaxed);
+                    if now != last {
+                        (last, moved) = (now, Instant::now());
+                        progress(now, total);
+                    }
+                    let limit = if now == total { self.patience().store } else { self.patience().silence };
+                    if moved.elapsed() > limit {
+                        return Err(HttpError::TimedOut { server: server.clone(), what: PUT_PACKAGE, limit });
+                    }
+                }
+            }
+        }
     }
 }
 
-fn about<'a>(server: &'a ServerUrl, token: &'a Token) -> Request<'a> {
-    Request {
-        server,
-        token,
-        what: "the package",
-        advice: "packages are put with an owner's token",
+/// A request's body that is a file of this many bytes; `sent` counts what has been handed to the connection.
+fn stream_file(
+    path: &Path,
+    bytes: u64,
+    sent: Arc<AtomicU64>,
+) -> (Body, JoinHandle<io::Result<()>>) {
+    let (pieces, queue) = mpsc::channel::<io::Result<Bytes>>(QUEUE);
+    let path = path.to_owned();
+    let reader = tokio::task::spawn_blocking(move || {
+        let result = read_pieces(&path, bytes, &pieces);
+        if result.is_err() {
+            // Without it the body would end early as if that were all.
+            let _ = pieces.blocking_send(Err(io::ErrorKind::UnexpectedEof.into()));
+        }
+        result
+    });
+    let stream = stream::unfold((queue, sent), async |(mut queue, sent)| {
+        let piece = queue.recv().await?;
+        if let Ok(piece) = &piece {
+            sent.fetch_add(piece.len() as u64, Ordering::Relaxed);
+        }
+        Some((piece, (queue, sent)))
+    });
+    (Body::wrap_stream(stream), reader)
+}
+
+fn read_pieces(
+    path: &Path,
+    bytes: u64,
+    pieces: &mpsc::Sender<io::Result<Bytes>>,
+) -> io::Result<()> {
+    let mut file = File::open(path)?;
+    let mut left = bytes;
+    while left > 0 {
+        let mut piece = vec![0; usize::try_from(left).map_or(PIECE, |left| left.min(PIECE))];
+        file.read_exact(&mut piece)?;
+        left -= piece.len() as u64;
+        if pieces.blocking_send(Ok(piece.into())).is_err() {
+            return Ok(());
+        }
     }
+    Ok(())
 }
