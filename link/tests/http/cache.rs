@@ -14,7 +14,7 @@ use crate::{
 async fn a_second_call_asks_nobody() {
     let server = Server::start(random_bytes(2, 100_000), []).await;
     let folder = tempfile::tempdir().expect("a folder");
-    let cache = PackageCache::new(&folder.path().join("made/when/needed")).expect("a cache");
+    let cache = PackageCache::new(folder.path().join("made/when/needed")).expect("a cache");
     let (link, avatar) = (server.link(), server.avatar());
     let first = client()
         .fetch_package(&link, &avatar, &cache, |_| ())

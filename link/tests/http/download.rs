@@ -51,7 +51,7 @@ async fn download_after(
     let packages = PackageCache::new(cache.path()).expect("a cache");
     let path = client()
         .fetch_package(&server.link(), &server.avatar(), &packages, |progress| {
-            told.push(progress)
+            told.push(progress);
         })
         .await;
     let result = path.map(|path| std::fs::read(path).expect("what was fetched"));
@@ -65,7 +65,7 @@ async fn download_after(
 
 fn part_of(bytes: &[u8]) -> impl FnOnce(&Path, &AvatarRef) {
     move |folder, avatar| {
-        std::fs::write(folder.join(format!("{}.part", avatar.sha256)), bytes).expect("a part")
+        std::fs::write(folder.join(format!("{}.part", avatar.sha256)), bytes).expect("a part");
     }
 }
 

@@ -105,12 +105,12 @@ async fn a_broken_upload_is_tried_again_and_not_without_end() {
 async fn a_refused_upload_says_why() {
     for code in [401, 413, 507] {
         let (result, server, _) = upload([Fault::None, Fault::Status(code, "no")]).await;
-        let right = match (code, &result) {
+        let right = matches!(
+            (code, &result),
             (401, Err(HttpError::NotAccepted { .. }))
-            | (413, Err(HttpError::TooLarge { .. }))
-            | (507, Err(HttpError::StoreFull { .. })) => true,
-            _ => false,
-        };
+                | (413, Err(HttpError::TooLarge { .. }))
+                | (507, Err(HttpError::StoreFull { .. }))
+        );
         assert!(right, "{code}: {result:?}");
         assert_eq!(
             methods(&server),
