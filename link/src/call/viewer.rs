@@ -202,18 +202,15 @@ impl Call {
                     }
                 }
                 Turn::Event(PeerEvent::Closed) => {
-                    if let Some(session) = current.take() {
-                        self.count_refusals(&session);
-                    }
+                    current = None;
                     joining.get_or_insert_with(|| self.start_joining(Duration::ZERO));
                 }
                 Turn::Event(PeerEvent::Open) => {}
                 Turn::Joined(Ok((announcement, session))) => {
                     joining = None;
                     backoff.reset();
-                    if let Some(old) = current.replace(session) {
-                        self.count_refusals(&old);
-                    }
+                    log::info!("joined (session {:08x})", session.id);
+                    current = Some(session);
                     self.announce(announcement);
                     self.with_statistics(|s| s.sessions += 1);
                     self.tell(CallEvent::Joined);
@@ -254,7 +251,6 @@ impl Call {
             joining.abort();
         }
         if let Some(session) = current {
-            self.count_refusals(session);
             session.peer.close().await;
         }
     }
@@ -341,7 +337,10 @@ impl Call {
                     session.fresh_frames += 1;
                     session.speak(self.clock, out).await;
                 }
-                Err(refusal) => log::debug!("a message of {} bytes: {refusal}", bytes.len()),
+                Err(refusal) => {
+                    self.with_statistics(|s| s.refused.add(refusal));
+                    log::debug!("a message of {} bytes: {refusal}", bytes.len());
+                }
             },
         }
         false
@@ -354,10 +353,6 @@ impl Call {
             // Whoever listened has gone, and will stop this task.
             Err(TrySendError::Disconnected(_)) => {}
         }
-    }
-
-    fn count_refusals(&self, session: &Session) {
-        self.with_statistics(|s| s.refused.merge(session.decoder.refusals()));
     }
 
     fn with_statistics(&self, change: impl FnOnce(&mut ViewerStatistics)) {

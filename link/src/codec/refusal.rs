@@ -63,15 +63,8 @@ pub struct RefusalCounts([u64; Refusal::ALL.len()]);
 
 impl RefusalCounts {
     /// Counts one.
-    pub(super) fn add(&mut self, refusal: Refusal) {
+    pub(crate) fn add(&mut self, refusal: Refusal) {
         self.0[refusal as usize] += 1;
-    }
-
-    /// Adds the counts of another session.
-    pub(crate) fn merge(&mut self, others: &Self) {
-        for (count, other) in self.0.iter_mut().zip(others.0) {
-            *count += other;
-        }
     }
 
     /// How many were refused for this reason.
