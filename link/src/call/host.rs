@@ -48,7 +48,7 @@ pub struct HostStatistics {
     pub joined: u64,
     /// Frames handed to the network.
     pub sent: u64,
-    /// Frames left out because too much was waiting for the network.
+    /// Frames left out because too much was waiting for the network, or because the next one was there already.
     pub skipped: u64,
     /// Bytes of the frames sent, without any header.
     pub payload_bytes: u64,
@@ -143,11 +143,16 @@ impl Host {
         self.counts.replaced.load(Relaxed)
     }
 
-    /// Says goodbye to every viewer and leaves the room.
-    pub async fn hang_up(self) {
+    /// Says goodbye to every viewer and leaves the room. Returns the last figures, with the viewers who were there until then.
+    pub async fn hang_up(mut self) -> HostStatistics {
+        let HostStatistics { viewers, .. } = self.statistics();
         self.stop.send_replace(true);
-        if let Err(error) = self.task.await {
+        if let Err(error) = (&mut self.task).await {
             log::error!("a task of the call failed: {error}");
+        }
+        HostStatistics {
+            viewers,
+            ..self.statistics()
         }
     }
 }
@@ -256,20 +261,23 @@ async fn serve_viewer(
         }
     });
     let session = introduced.await.map_err(|_| LinkError::NotConnected)??;
+    // Before anybody learns of this viewer: every frame captured for it is its own, from sequence 1 on.
+    let before = shared.frames.borrow_and_update().sequence;
     let counts = Arc::clone(&shared.counts);
     counts.viewers.fetch_add(1, Relaxed);
     counts.joined.fetch_add(1, Relaxed);
     log::info!("a viewer has joined (session {session:08x})");
-    let why = send_motion(&mut shared, &mut peer, session, &mut left).await;
+    let why = send_motion(&mut shared, before, &mut peer, session, &mut left).await;
     counts.viewers.fetch_sub(1, Relaxed);
     log::info!("a viewer has left (session {session:08x}): {why}");
     peer.close().await;
     Ok(())
 }
 
-/// Sends every frame until the viewer or this side leaves; returns why it ended.
+/// Sends every frame after `before` until the viewer or this side leaves; returns why it ended.
 async fn send_motion(
     shared: &mut Shared,
+    before: u32,
     peer: &mut Peer,
     session: u32,
     left: &mut watch::Receiver<bool>,
@@ -277,16 +285,21 @@ async fn send_motion(
     let mut encoder = Encoder::new(shared.codec, session);
     let mut out = Vec::with_capacity(1024);
     let mut gone = Instant::now() + GONE;
-    // A viewer's sequences begin at 1 whenever it came.
-    shared.frames.mark_unchanged();
-    let before = shared.frames.borrow().sequence;
+    let mut last = before;
     loop {
         tokio::select! {
+            // In this order: the last frame before the goodbye, the goodbye whatever a viewer floods this with, and what it said
+            // before it counts as gone.
+            biased;
             changed = shared.frames.changed() => {
                 if changed.is_err() {
                     return "the sender has ended";
                 }
                 let captured = Arc::clone(&shared.frames.borrow_and_update());
+                // Frames that came faster than this task took them.
+                let passed_over = captured.sequence.saturating_sub(last.saturating_add(1));
+                shared.counts.skipped.fetch_add(passed_over.into(), Relaxed);
+                last = captured.sequence;
                 let frame = MotionFrame {
                     sequence: captured.sequence.saturating_sub(before),
                     ..MotionFrame::clone(&captured)
@@ -302,6 +315,11 @@ async fn send_motion(
                     }
                     Sent::Closed => return "its channel is closed",
                 }
+            }
+            () = raised(left) => return "it left",
+            () = raised(&mut shared.stop) => {
+                part(peer, session).await;
+                return "the sender hung up";
             }
             event = peer.next() => {
                 let arrived = shared.clock.now();
@@ -328,11 +346,6 @@ async fn send_motion(
                 }
             }
             () = sleep_until(gone) => return "nothing came from it for 4 s",
-            () = raised(left) => return "it left",
-            () = raised(&mut shared.stop) => {
-                part(peer, session).await;
-                return "the sender hung up";
-            }
         }
     }
 }

@@ -123,9 +123,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         channel: options.channel,
         rate_hz: options.rate,
         seconds: begun.elapsed().as_secs_f64(),
-        sent: entered.host.statistics(),
+        sent: network.block_on(entered.host.hang_up()),
     };
-    network.block_on(entered.host.hang_up());
     outcome?;
     report.print();
     write_json(options.json.as_deref(), &report)
