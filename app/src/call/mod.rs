@@ -69,7 +69,7 @@ impl Call {
         let until = self.clock.now().0.saturating_add(micros(longest));
         loop {
             let now = self.clock.now();
-            if self.release(now) || self.end.is_some() || now.0 >= until {
+            if self.release(now) || self.is_over() || now.0 >= until {
                 return;
             }
             let due = self
@@ -80,14 +80,26 @@ impl Call {
             match self.viewer.events().recv_timeout(pause) {
                 Ok(event) => self.take(event),
                 Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return,
+                // There is nothing more to come, but there may be frames to wait for.
+                Err(RecvTimeoutError::Disconnected) => std::thread::sleep(pause),
             }
         }
     }
 
-    /// Why the call is over, if it is.
+    /// Why the call is over, if it is. What came before a goodbye is shown before.
     pub fn end(&mut self) -> Option<CallEnd> {
-        self.end.take()
+        if self.is_over() {
+            self.end.take()
+        } else {
+            None
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        match &self.end {
+            Some(CallEnd::HungUp) => self.buffer.waiting() == 0,
+            end => end.is_some(),
+        }
     }
 
     /// What was measured so far.
