@@ -1,0 +1,331 @@
+//! A server of the test's own, and the programs of a call as processes.
+
+use crate::command::{command, json, puppet};
+use netlab::{Impairment, Lab, LabConfig};
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+use std::cell::Cell;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+use tokio::runtime::Runtime;
+
+/// Far longer than anything waited for takes on a slow machine.
+const PATIENCE: Duration = Duration::from_secs(100);
+
+/// Waits until `answer` is there.
+pub(crate) fn wait_for<T>(what: &str, mut answer: impl FnMut() -> Option<T>) -> T {
+    let begun = Instant::now();
+    loop {
+        if let Some(answer) = answer() {
+            return answer;
+        }
+        assert!(begun.elapsed() < PATIENCE, "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// A `mon3tr` process; killed with the test if it has not ended.
+pub(crate) struct Program {
+    child: Child,
+    said: Arc<Mutex<String>>,
+    report: PathBuf,
+}
+
+impl Program {
+    fn start(house: &House, cache: &Path, arguments: &[&str]) -> Self {
+        let mut child = command(arguments)
+            .env("MON3TR_CACHE", cache)
+            // What tells of the call's events, and nothing else.
+            .env("RUST_LOG", "link=info")
+            .env_remove("MON3TR_OWNER_TOKEN")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the command can be started");
+        let said = Arc::<Mutex<String>>::default();
+        listen(child.stdout.take().expect("piped"), &said);
+        listen(child.stderr.take().expect("piped"), &said);
+        Self {
+            child,
+            said,
+            report: house.latest_report(),
+        }
+    }
+
+    /// All that it has printed and logged so far.
+    pub(crate) fn said(&self) -> String {
+        self.said
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    /// Waits until it has said `words` in so many lines.
+    pub(crate) fn says(&mut self, words: &str, times: usize) {
+        wait_for(&format!("{times} times `{words}`"), || {
+            let said = self.said();
+            let lines = said.lines().filter(|line| line.contains(words)).count();
+            if lines < times {
+                let ended = self.child.try_wait().expect("a child can be asked");
+                assert!(
+                    ended.is_none(),
+                    "ended ({ended:?}) before it said `{words}` {times} times:\n{said}"
+                );
+            }
+            (lines >= times).then_some(())
+        });
+    }
+
+    /// What follows `words` on the line that says it.
+    pub(crate) fn word_after(&mut self, words: &str) -> String {
+        self.says(words, 1);
+        let said = self.said();
+        let rest = said.split_once(words).expect("it was said").1;
+        let word = rest.split_whitespace().next().expect("something follows");
+        word.trim_matches('\'').to_owned()
+    }
+
+    /// Whether it has not ended.
+    pub(crate) fn is_running(&mut self) -> bool {
+        let ended = self.child.try_wait().expect("a child can be asked");
+        ended.is_none()
+    }
+
+    /// As `kill -9`: it can say goodbye to nobody.
+    pub(crate) fn kill(mut self) {
+        self.child.kill().expect("a child can be killed");
+        self.child.wait().expect("it has ended");
+    }
+
+    /// Asks it to end, as Ctrl-C does.
+    pub(crate) fn ask_to_end(&self) {
+        kill_process(Pid::from_child(&self.child), Signal::TERM).expect("it is still there");
+    }
+
+    /// Waits for its good end and returns the JSON it wrote.
+    pub(crate) fn report(mut self) -> Value {
+        let status = wait_for("the end of a program", || {
+            self.child.try_wait().expect("a child can be asked")
+        });
+        let said = self.said();
+        assert!(status.success(), "it failed ({status}):\n{said}");
+        assert!(!said.contains("panicked"), "it panicked:\n{said}");
+        json(&self.report)
+    }
+
+    /// Asks it to end and returns the JSON it wrote.
+    pub(crate) fn ends(self) -> Value {
+        self.ask_to_end();
+        self.report()
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Keeps what a process says, line by line, so that it never waits for a reader.
+fn listen(stream: impl Read + Send + 'static, said: &Arc<Mutex<String>>) {
+    let said = Arc::clone(said);
+    std::thread::spawn(move || {
+        for line in BufReader::new(stream).lines().map_while(Result::ok) {
+            let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
+            said.push_str(&line);
+            said.push('\n');
+        }
+    });
+}
+
+/// A sender in a room that it opened.
+pub(crate) struct Sender {
+    pub(crate) program: Program,
+    /// With which others join.
+    pub(crate) viewers: String,
+    /// With which it comes back.
+    pub(crate) own: String,
+}
+
+/// A server, a package to send, and a place for everybody's files.
+pub(crate) struct House {
+    pub(crate) folder: TempDir,
+    pub(crate) avatar: PathBuf,
+    pub(crate) address: SocketAddr,
+    /// `None` while it is down.
+    server: Option<Program>,
+    reports: Cell<u32>,
+    pub(crate) runtime: Runtime,
+}
+
+impl House {
+    pub(crate) fn open() -> Self {
+        let folder = TempDir::new().expect("a temporary folder");
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .enable_all()
+            .build()
+            .expect("a runtime for the lab");
+        let mut house = Self {
+            avatar: puppet(&folder),
+            folder,
+            address: ([127, 0, 0, 1], 0).into(),
+            server: None,
+            reports: Cell::new(0),
+            runtime,
+        };
+        house.start_server();
+        house
+    }
+
+    /// Starts the server: again on the same port and with the same data, if it has run before.
+    pub(crate) fn start_server(&mut self) {
+        let data = self.path("server");
+        let arguments = [
+            "serve",
+            "--listen",
+            &self.address.to_string(),
+            "--data",
+            &data,
+        ];
+        let mut server = Program::start(self, self.folder.path(), &arguments);
+        let address = server.word_after("serving on http://");
+        self.address = address.parse().expect("it says an address");
+        self.server = Some(server);
+    }
+
+    /// As `kill -9`.
+    pub(crate) fn kill_server(&mut self) {
+        self.server.take().expect("it runs").kill();
+    }
+
+    /// The token that `serve` keeps for whoever runs it.
+    pub(crate) fn owner_token(&self) -> String {
+        let token = std::fs::read_to_string(self.folder.path().join("server/owner-token"));
+        token
+            .expect("the server has left it there")
+            .trim()
+            .to_owned()
+    }
+
+    /// A path below the test's folder.
+    pub(crate) fn path(&self, name: &str) -> String {
+        let path = self.folder.path().join(name);
+        path.to_str().expect("temporary paths are UTF-8").to_owned()
+    }
+
+    /// A sender in a new room.
+    pub(crate) fn sender(&self, arguments: &[&str]) -> Sender {
+        let server = format!("http://{}", self.address);
+        let avatar = self.avatar.to_str().expect("UTF-8").to_owned();
+        let first = ["--server", &server, "--avatar", &avatar];
+        let mut program = self.send(&[&first, arguments].concat());
+        let viewers = program.word_after("mon3tr receive ");
+        let own = program.word_after("comes back with --room ");
+        Sender {
+            program,
+            viewers,
+            own,
+        }
+    }
+
+    /// `send` with these arguments, the owner's token and a report.
+    pub(crate) fn send(&self, arguments: &[&str]) -> Program {
+        let (token, json) = (self.owner_token(), self.new_report());
+        let first = ["send", "--owner-token", &token, "--json", &json];
+        Program::start(self, self.folder.path(), &[&first, arguments].concat())
+    }
+
+    /// Somebody with this link, and a cache of their own by that name.
+    pub(crate) fn receiver(&self, link: &str, cache: &str, arguments: &[&str]) -> Program {
+        let json = self.new_report();
+        let first = ["receive", link, "--display", "none", "--json", &json];
+        let cache = self.folder.path().join(cache);
+        Program::start(self, &cache, &[&first, arguments].concat())
+    }
+
+    /// The lab before the server.
+    pub(crate) fn lab(&self, down: Impairment, up: Impairment) -> Lab {
+        let config = LabConfig {
+            down,
+            up,
+            ..LabConfig::new(self.address)
+        };
+        self.runtime
+            .block_on(Lab::start(config))
+            .expect("the lab starts")
+    }
+
+    /// One counter of the server's.
+    pub(crate) fn metric(&self, name: &str) -> u64 {
+        let mut stream = TcpStream::connect(self.address).expect("the server is there");
+        let ask = "GET /metrics HTTP/1.1\r\nHost: server\r\nConnection: close\r\n\r\n";
+        stream.write_all(ask.as_bytes()).expect("asked");
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).expect("answered");
+        let line = answer.lines().find_map(|line| line.strip_prefix(name));
+        let value = line.unwrap_or_else(|| panic!("no {name} in:\n{answer}"));
+        value.trim().parse().expect("a counter is a number")
+    }
+
+    fn new_report(&self) -> String {
+        self.reports.set(self.reports.get() + 1);
+        let report = self.latest_report();
+        report.to_str().expect("UTF-8").to_owned()
+    }
+
+    fn latest_report(&self) -> PathBuf {
+        let name = format!("report-{}.json", self.reports.get());
+        self.folder.path().join(name)
+    }
+}
+
+/// The same link by way of the lab.
+pub(crate) fn through(lab: &Lab, link: &str) -> String {
+    let rest = link.split_once("/rooms/").expect("a link names its room").1;
+    format!("http://{}/rooms/{rest}", lab.address())
+}
+
+/// Waits until some more frames have come through the lab.
+pub(crate) fn frames_come(lab: &Lab) {
+    let delivered = || lab.statistics().down.delivered.packets;
+    let before = delivered();
+    wait_for("frames", || (delivered() > before + 60).then_some(()));
+}
+
+/// A count of a report.
+pub(crate) fn count(value: &Value, name: &str) -> u64 {
+    let count = value[name].as_u64();
+    count.unwrap_or_else(|| panic!("no count {name} in {value:#}"))
+}
+
+/// A figure of a report.
+pub(crate) fn number(value: &Value, name: &str) -> f64 {
+    let number = value[name].as_f64();
+    number.unwrap_or_else(|| panic!("no figure {name} in {value:#}"))
+}
+
+/// The longest time between two frames, in milliseconds, if there was any worth telling.
+pub(crate) fn longest_gap(call: &Value) -> Option<f64> {
+    let gaps = call["gaps"].as_array().expect("a list of gaps");
+    let gaps = gaps.iter().map(|gap| number(gap, "ms"));
+    gaps.fold(None, |longest, gap| {
+        Some(longest.map_or(gap, |longest: f64| longest.max(gap)))
+    })
+}
+
+/// That no message was refused.
+pub(crate) fn assert_nothing_refused(call: &Value) {
+    let refused = call["received"]["refused"].as_object();
+    assert!(
+        refused.is_some_and(serde_json::Map::is_empty),
+        "{refused:?}"
+    );
+}

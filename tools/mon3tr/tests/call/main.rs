@@ -1,0 +1,12 @@
+//! Calls between real processes on this machine: a server, senders and receivers, through the network lab.
+//!
+//! Nothing here is timed: what is asserted is what comes, in what order, and what is said; waits end when something has happened.
+
+#[path = "../command/support.rs"]
+#[allow(dead_code, reason = "shared with the tests of the other sub-commands")]
+mod command;
+mod house;
+mod network;
+mod outage;
+mod restart;
+mod room;
