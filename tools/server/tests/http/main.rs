@@ -3,6 +3,7 @@
 mod abuse;
 mod access;
 mod child;
+mod link_client;
 mod packages;
 mod processes;
 mod rooms;
