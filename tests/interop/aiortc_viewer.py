@@ -86,7 +86,7 @@ class Call:
         if sequence in self.options.keep:
             one = {"sequence": sequence, "captured_us": captured, "translation": translation, "values": values}
             self.kept.append(one)
-        if self.frames % 2 == 0:
+        if self.frames % 3 == 0:
             self.feedback()
         if self.frames >= self.options.frames:
             self.done.set()
