@@ -189,7 +189,7 @@ impl Log {
             .zip(self.last)
             .map_or(0.0, |(first, last)| ms_between(first, last) / 1e3);
         CallFigures {
-            announced: announced.clone(),
+            announced: *announced,
             seconds: ms_between(self.begun, now) / 1e3,
             first_frame_ms: self.first.map(|first| ms_between(self.begun, first)),
             live_seconds,

@@ -131,7 +131,7 @@ impl Call {
         match event {
             CallEvent::Announced(announced) => {
                 if announced.avatar != self.announced.avatar {
-                    self.end = Some(CallEnd::AnotherAvatar(announced.clone()));
+                    self.end = Some(CallEnd::AnotherAvatar(announced));
                 }
                 self.announced = announced;
             }

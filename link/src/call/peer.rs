@@ -291,7 +291,7 @@ async fn listen(
         match told {
             Ok(()) => {}
             Err(mpsc::error::TrySendError::Full(_)) => {
-                log::debug!("a message is dropped: too many wait")
+                log::debug!("a message is dropped: too many wait");
             }
             Err(mpsc::error::TrySendError::Closed(_)) => return,
         }

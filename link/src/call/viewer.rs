@@ -39,6 +39,10 @@ const WAITING: usize = 512;
 
 /// What happens in a call.
 #[derive(Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "frames are nearly all of them, and a box would be an allocation for each"
+)]
 pub enum CallEvent {
     /// What the sender announces: once before the first connection, and again whenever it has changed.
     Announced(Announcement),
@@ -165,12 +169,12 @@ struct Session {
 }
 
 /// What making a connection came to.
-type Joining = JoinHandle<Result<(Announcement, Session), LinkError>>;
+type Joining = JoinHandle<Result<Box<(Announcement, Session)>, LinkError>>;
 
 /// Why [`Call::run`] looks at a session again.
 enum Turn {
     Event(PeerEvent),
-    Joined(Result<(Announcement, Session), LinkError>),
+    Joined(Result<Box<(Announcement, Session)>, LinkError>),
     Tick,
     Stop,
 }
@@ -206,7 +210,8 @@ impl Call {
                     joining.get_or_insert_with(|| self.start_joining(Duration::ZERO));
                 }
                 Turn::Event(PeerEvent::Open) => {}
-                Turn::Joined(Ok((announcement, session))) => {
+                Turn::Joined(Ok(joined)) => {
+                    let (announcement, session) = *joined;
                     joining = None;
                     backoff.reset();
                     log::info!("joined (session {:08x})", session.id);
@@ -292,13 +297,13 @@ impl Call {
                 Session::open(&client, &room, &announcement, clock),
             );
             let session = session.await.map_err(|_| LinkError::NotConnected)??;
-            Ok((announcement, session))
+            Ok(Box::new((announcement, session)))
         })
     }
 
     fn announce(&mut self, announcement: Announcement) {
         if self.announced.as_ref() != Some(&announcement) {
-            self.announced = Some(announcement.clone());
+            self.announced = Some(announcement);
             self.tell(CallEvent::Announced(announcement));
         }
     }

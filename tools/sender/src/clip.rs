@@ -70,9 +70,10 @@ mod tests {
     #[test]
     fn a_clip_is_played_at_its_pace_again_and_again_until_its_time_is_up() {
         let frames: Vec<_> = [1.0, 2.0]
-            .map(|x| MotionParams {
-                root_translation: Vec3::X * x,
-                ..MotionParams::default()
+            .map(|x| {
+                let mut motion = MotionParams::default();
+                motion.root_translation = Vec3::X * x;
+                motion
             })
             .to_vec();
         let clip = MotionClip {

@@ -6,6 +6,7 @@
 #[allow(dead_code, reason = "shared with the tests of the other sub-commands")]
 mod command;
 mod house;
+mod interop;
 mod network;
 mod outage;
 mod restart;

@@ -1,0 +1,156 @@
+//! Implementations that are not ours, written from `docs/protocol.md` alone: aiortc as a sender and as a viewer, and a browser as a viewer.
+
+use crate::house::{House, count, number};
+use link::{AvatarRef, Client, Room, ServerUrl};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+/// Where the programs are.
+fn program(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../tests/interop")
+        .join(name)
+}
+
+/// A Python with aiortc; on CI there must be one.
+fn python() -> Option<String> {
+    let python = std::env::var("MON3TR_PYTHON")
+        .ok()
+        .filter(|python| !python.is_empty());
+    if python.is_none() {
+        let why = "MON3TR_PYTHON names no Python with aiortc; ./run test fetches one";
+        assert!(std::env::var("CI").as_deref() != Ok("true"), "{why}");
+        println!("skipped: {why}");
+    }
+    python
+}
+
+/// Ended with the test, if it has not ended before.
+struct Killed(Option<Child>);
+
+impl Killed {
+    /// Asks it to end and waits for what it said.
+    fn ends(mut self) -> Output {
+        let child = self.0.take().expect("it is there");
+        let id = rustix::process::Pid::from_child(&child);
+        rustix::process::kill_process(id, rustix::process::Signal::TERM).expect("it runs");
+        child.wait_with_output().expect("it ends")
+    }
+}
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.0 {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+fn said(output: &Output) -> Value {
+    let text = String::from_utf8_lossy(&output.stdout);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{text}\n{errors}");
+    let last = text.lines().last().unwrap_or_default();
+    serde_json::from_str(last).unwrap_or_else(|error| panic!("{error} in {text}\n{errors}"))
+}
+
+#[test]
+fn a_sender_that_is_not_ours_is_received() {
+    let Some(python) = python() else {
+        return;
+    };
+    let house = House::open();
+    let avatar = AvatarRef::of_file(&house.avatar).expect("the package");
+    let room: Room = house.runtime.block_on(async {
+        let client = Client::new(None).expect("a client");
+        let server: ServerUrl = format!("http://{}", house.address)
+            .parse()
+            .expect("an address");
+        let token = house.owner_token();
+        let put = client.put_package(&server, &token, &house.avatar, |_, _| {});
+        put.await.expect("the package is taken");
+        let room = client.open_room(&server, &token, None);
+        room.await.expect("a room")
+    });
+    for channel in ["unreliable", "reliable"] {
+        let sender = Command::new(&python)
+            .arg(program("aiortc_sender.py"))
+            .arg(room.sender.to_string())
+            .args(["--sha256", &avatar.sha256.to_string()])
+            .args(["--bytes", &avatar.bytes.to_string()])
+            .args(["--channel", channel, "--address", "127.0.0.1"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("Python starts");
+        let sender = Killed(Some(sender));
+        let mut receiver = house.receiver(&room.viewer.to_string(), "viewer", &[]);
+        receiver.says("joined (session", 1);
+        // Three seconds of a call, by what has come rather than by the clock.
+        std::thread::sleep(std::time::Duration::from_secs(3));
+        let sent = said(&sender.ends());
+        let seen = receiver.report();
+        let call = &seen["call"];
+        assert!(
+            count(call, "released") > 30,
+            "{channel}: {call:#}\n{sent:#}"
+        );
+        assert_eq!(call["announced"]["channel"], channel, "{call:#}");
+        assert!(
+            call["received"]["refused"]
+                .as_object()
+                .is_some_and(serde_json::Map::is_empty),
+            "{channel}: {call:#}"
+        );
+        // Both clocks are this machine's.
+        let offset = number(&call["received"], "clock_offset_us");
+        assert!(offset.abs() < 50_000.0, "{channel}: {call:#}");
+    }
+}
+
+#[test]
+fn a_viewer_that_is_not_ours_sees_our_motion() {
+    let Some(python) = python() else {
+        return;
+    };
+    let house = House::open();
+    for channel in ["unreliable", "reliable"] {
+        let sender = house.sender(&["--codec", "paper", "--channel", channel]);
+        let seen = Command::new(&python)
+            .arg(program("aiortc_viewer.py"))
+            .arg(&sender.viewers)
+            .args([
+                "--frames",
+                "60",
+                "--keep",
+                "1,30,60",
+                "--address",
+                "127.0.0.1",
+            ])
+            .output()
+            .expect("Python starts");
+        let seen = said(&seen);
+        assert!(number(&seen, "frames") >= 60.0, "{channel}: {seen:#}");
+    }
+}
+
+/// Optional: said, and not failed, where there is no Chromium, on CI too.
+#[test]
+fn a_browser_sees_our_motion() {
+    let house = House::open();
+    let sender = house.sender(&["--codec", "paper"]);
+    let seen = Command::new("python3")
+        .arg(program("chromium_viewer.py"))
+        .arg(&sender.viewers)
+        .output()
+        .expect("Python starts");
+    let text = String::from_utf8_lossy(&seen.stdout);
+    if text.starts_with("skipped: ") {
+        println!("{text}");
+        return;
+    }
+    let seen = said(&seen);
+    assert!(number(&seen, "frames") >= 60.0, "{seen:#}");
+}
