@@ -28,7 +28,7 @@ pub struct CallFigures {
     pub payload_kbit_s: f64,
     /// Frames handed to the deform stage.
     pub released: u64,
-    /// Frames that never came.
+    /// Frames that never came, by gaps in a connection's sequence: what was captured while there was none is not known here.
     pub lost: u64,
     /// Frames that came when a newer one had been released.
     pub passed: u64,

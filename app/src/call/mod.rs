@@ -8,7 +8,7 @@ use crate::{Bridge, BridgeState};
 use figures::Log;
 use link::{Announcement, CallEvent, Clock, JitterBuffer, LinkError, Micros, Played, Viewer};
 use spmm3::{MotionParams, Skeleton};
-use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
+use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 /// Why a call is over.
@@ -49,8 +49,8 @@ impl Call {
         }
     }
 
-    /// What to show now, and where it comes from; `None` until the first frame. The frames that are due are taken at this moment: call it when the deform
-    /// stage is ready for the answer.
+    /// What to show now, and where it comes from; `None` until the first frame. The frames that are due are taken at this
+    /// moment: call it when the deform stage is ready for the answer.
     pub fn motion(&mut self) -> Option<(MotionParams, BridgeState)> {
         self.drain();
         let now = self.clock.now();
@@ -77,7 +77,7 @@ impl Call {
                 .next()
                 .map_or(until, |(_, due)| due.0.min(until));
             let pause = Duration::from_micros(due.saturating_sub(now.0));
-            match self.viewer.events().recv_timeout(pause) {
+            match self.viewer.next(pause) {
                 Ok(event) => self.take(event),
                 Err(RecvTimeoutError::Timeout) => {}
                 // There is nothing more to come, but there may be frames to wait for.
@@ -120,9 +120,9 @@ impl Call {
 
     fn drain(&mut self) {
         loop {
-            match self.viewer.events().try_recv() {
+            match self.viewer.next(Duration::ZERO) {
                 Ok(event) => self.take(event),
-                Err(TryRecvError::Empty | TryRecvError::Disconnected) => return,
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return,
             }
         }
     }

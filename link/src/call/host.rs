@@ -6,8 +6,8 @@ use super::message::{Message, Pong};
 use super::peer::{Peer, PeerEvent, Sent};
 use super::{Backoff, local_addresses, part, part_too, raised};
 use crate::{
-    Announcement, ChannelMode, Client, Clock, Codec, Encoder, LinkError, Micros, MotionFrame,
-    Presence, PresenceEvent, RoomLink,
+    Announcement, ChannelMode, Client, Clock, Codec, Encoder, HttpError, LinkError, Micros,
+    MotionFrame, Presence, PresenceEvent, RoomLink,
 };
 use serde::Serialize;
 use spmm3::MotionParams;
@@ -61,7 +61,6 @@ struct Counts {
     sent: AtomicU64,
     skipped: AtomicU64,
     payload_bytes: AtomicU64,
-    replaced: std::sync::atomic::AtomicBool,
 }
 
 /// What the tasks share.
@@ -137,12 +136,6 @@ impl Host {
         }
     }
 
-    /// Whether another sender has taken this one's place in the room: nobody new comes here any more.
-    #[must_use]
-    pub fn is_replaced(&self) -> bool {
-        self.counts.replaced.load(Relaxed)
-    }
-
     /// Says goodbye to every viewer and leaves the room. Returns the last figures, with the viewers who were there until then.
     pub async fn hang_up(mut self) -> HostStatistics {
         let HostStatistics { viewers, .. } = self.statistics();
@@ -195,7 +188,6 @@ async fn answer_viewers(shared: Shared, announcement: Announcement, presence: Pr
             }
             PresenceEvent::Replaced => {
                 log::warn!("another sender has entered the room: nobody new comes here any more");
-                shared.counts.replaced.store(true, Relaxed);
                 // Who is here may stay.
                 raised(&mut stop).await;
                 break;
@@ -230,6 +222,12 @@ async fn next_event(
                 backoff.reset();
                 *presence = Some(open);
             }
+            Err(HttpError::NotAccepted { .. }) => {
+                log::warn!(
+                    "the room has expired: calls go on, but nobody new gets in; open another room"
+                );
+                return std::future::pending().await;
+            }
             Err(error) => log::debug!("not in the room: {error}"),
         }
     }
@@ -244,9 +242,9 @@ async fn serve_viewer(
 ) -> Result<(), LinkError> {
     let local = local_addresses(shared.room.server());
     let (mut peer, answer) = Peer::answer(local, shared.channel, offer).await?;
-    shared.client.answer(&shared.room, session, &answer).await?;
     // The first feedback names the session.
     let introduced = timeout(OPENING, async {
+        shared.client.answer(&shared.room, session, &answer).await?;
         peer.opened().await?;
         loop {
             match peer.next().await {
@@ -260,7 +258,12 @@ async fn serve_viewer(
             }
         }
     });
-    let session = introduced.await.map_err(|_| LinkError::NotConnected)??;
+    let mut stop = shared.stop.clone();
+    let session = tokio::select! {
+        session = introduced => session.map_err(|_| LinkError::NotConnected)??,
+        () = raised(&mut left) => return Ok(()),
+        () = raised(&mut stop) => return Ok(()),
+    };
     // Before anybody learns of this viewer: every frame captured for it is its own, from sequence 1 on.
     let before = shared.frames.borrow_and_update().sequence;
     let counts = Arc::clone(&shared.counts);

@@ -19,13 +19,13 @@ use tokio::sync::watch;
 const GOODBYES: u32 = 30;
 const BETWEEN_GOODBYES: Duration = Duration::from_millis(50);
 
-/// Says goodbye until the other side has heard it, or cannot.
-async fn part(peer: &mut Peer, session: u32) {
+/// Says goodbye until the other side has heard it, or cannot; returns whether it has.
+async fn part(peer: &mut Peer, session: u32) -> bool {
     let mut bye = Vec::new();
     Message::Bye.write(session, &mut bye);
     for _ in 0..GOODBYES {
         if peer.try_send(&bye).await == Sent::Closed {
-            return;
+            return false;
         }
         let heard = async {
             loop {
@@ -41,9 +41,10 @@ async fn part(peer: &mut Peer, session: u32) {
             }
         };
         if tokio::time::timeout(BETWEEN_GOODBYES, heard).await.is_ok() {
-            return;
+            return true;
         }
     }
+    false
 }
 
 /// Answers a goodbye, and lets the answer leave before the connection is closed.

@@ -8,7 +8,8 @@ use crate::{
     RefusalCounts, RoomLink,
 };
 use serde::Serialize;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
@@ -18,8 +19,19 @@ use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 /// Silence after which another connection is made beside the silent one: SCTP alone takes 15 s to come back from an outage of 10 s.
 const SILENT: Duration = Duration::from_secs(1);
 
-/// From the offer to the open channel. ICE gives up its checks after 1.4 s, so waiting longer for a dead path gains nothing.
-const CONNECTING: Duration = Duration::from_millis(2_500);
+/// From the offer to the open channel, on a path that nothing is known of yet ...
+const CONNECTING: Duration = Duration::from_secs(10);
+
+/// ... and on one whose round trip is known, besides that: ICE gives up its checks after 1.4 s, so an attempt that falls into an outage
+/// is lost, and the next must not wait for it.
+const RECONNECTING: Duration = Duration::from_millis(2_500);
+
+/// For the server to say who is in the room, and to hear who has left.
+const ASKING: Duration = Duration::from_secs(3);
+const LEAVING: Duration = Duration::from_secs(1);
+
+/// Quiet after which every feedback asks for an answer.
+const QUIET: Duration = Duration::from_millis(300);
 
 /// How often silence and feedback are looked at.
 const TICK: Duration = Duration::from_millis(50);
@@ -34,7 +46,7 @@ const ASK_AT_FIRST: Duration = Duration::from_millis(50);
 const ASK_LATER: Duration = Duration::from_secs(1);
 const ASKED_AT_FIRST: u32 = 10;
 
-/// Events that may wait for who draws: 8 s at 60 Hz.
+/// Frames that may wait for who draws: 8 s at 60 Hz.
 const WAITING: usize = 512;
 
 /// What happens in a call.
@@ -79,13 +91,14 @@ pub struct ViewerStatistics {
     /// The sender's clock less this side's, microseconds.
     pub clock_offset_us: Option<i64>,
     /// Shortest round trip of late, microseconds.
-    pub round_trip_us: Option<u128>,
+    pub round_trip_us: Option<u64>,
 }
 
 /// A viewer's place in a room.
 #[derive(Debug)]
 pub struct Viewer {
     events: Receiver<CallEvent>,
+    waiting: Arc<AtomicUsize>,
     stop: watch::Sender<bool>,
     task: JoinHandle<()>,
     statistics: Arc<Mutex<ViewerStatistics>>,
@@ -95,7 +108,8 @@ impl Viewer {
     /// Joins `room` in tasks of the current tokio runtime, and comes back after every outage until somebody hangs up.
     #[must_use]
     pub fn join(client: Client, room: RoomLink, clock: Clock) -> Self {
-        let (tell, events) = sync_channel(WAITING);
+        let (tell, events) = channel();
+        let waiting = Arc::<AtomicUsize>::default();
         let (stop, stopped) = watch::channel(false);
         let statistics = Arc::<Mutex<ViewerStatistics>>::default();
         let call = Call {
@@ -103,22 +117,28 @@ impl Viewer {
             room,
             clock,
             tell,
+            waiting: Arc::clone(&waiting),
             stop: stopped,
             statistics: Arc::clone(&statistics),
             announced: None,
         };
         Self {
             events,
+            waiting,
             stop,
             task: tokio::spawn(call.run()),
             statistics,
         }
     }
 
-    /// What happens, in order. Closed after the last event.
-    #[must_use]
-    pub fn events(&self) -> &Receiver<CallEvent> {
-        &self.events
+    /// What happens next, if it does within `longest`.
+    ///
+    /// # Errors
+    /// [`RecvTimeoutError::Timeout`] if nothing does, [`RecvTimeoutError::Disconnected`] after the last event.
+    pub fn next(&self, longest: Duration) -> Result<CallEvent, RecvTimeoutError> {
+        let event = self.events.recv_timeout(longest)?;
+        self.waiting.fetch_sub(1, Relaxed);
+        Ok(event)
     }
 
     /// Figures so far.
@@ -145,7 +165,8 @@ struct Call {
     client: Client,
     room: RoomLink,
     clock: Clock,
-    tell: SyncSender<CallEvent>,
+    tell: Sender<CallEvent>,
+    waiting: Arc<AtomicUsize>,
     stop: watch::Receiver<bool>,
     statistics: Arc<Mutex<ViewerStatistics>>,
     announced: Option<Announcement>,
@@ -194,6 +215,7 @@ impl Call {
                         continue;
                     };
                     session.heard = Instant::now();
+                    backoff.reset();
                     if self.take(session, &bytes, &mut out).await {
                         self.tell(CallEvent::HungUp);
                         part_too(&session.peer, session.id).await;
@@ -207,20 +229,22 @@ impl Call {
                 }
                 Turn::Event(PeerEvent::Closed) => {
                     current = None;
-                    joining.get_or_insert_with(|| self.start_joining(Duration::ZERO));
+                    if joining.is_none() {
+                        joining = Some(self.start_joining(backoff.next()));
+                    }
                 }
                 Turn::Event(PeerEvent::Open) => {}
                 Turn::Joined(Ok(joined)) => {
                     let (announcement, session) = *joined;
                     joining = None;
-                    backoff.reset();
                     log::info!("joined (session {:08x})", session.id);
                     current = Some(session);
                     self.announce(announcement);
                     self.with_statistics(|s| s.sessions += 1);
                     self.tell(CallEvent::Joined);
                 }
-                Turn::Joined(Err(error)) if error.is_final() => {
+                // A connection that is only silent may come back, whatever the server says meanwhile.
+                Turn::Joined(Err(error)) if error.is_final() && current.is_none() => {
                     self.tell(CallEvent::Failed(error));
                     break;
                 }
@@ -233,7 +257,7 @@ impl Call {
                         continue;
                     };
                     if session.heard.elapsed() > SILENT && joining.is_none() {
-                        log::info!("nothing for a second: making another connection");
+                        log::warn!("nothing comes from the sender: looking for it");
                         joining = Some(self.start_joining(Duration::ZERO));
                     }
                     session.speak(self.clock, &mut out).await;
@@ -241,11 +265,13 @@ impl Call {
                 Turn::Stop => break,
             }
         }
-        if let Some(session) = &mut current {
-            part(&mut session.peer, session.id).await;
-            // The goodbye may have been lost; the server's word is a second way.
-            if let Err(error) = self.client.leave(&self.room, &session.name).await {
-                log::debug!("the server was not told that this viewer left: {error}");
+        if let Some(session) = &mut current
+            && !part(&mut session.peer, session.id).await
+        {
+            // It was not heard; the server's word is a second way.
+            let told = self.client.leave(&self.room, &session.name);
+            if !matches!(timeout(LEAVING, told).await, Ok(Ok(()))) {
+                log::debug!("the server was not told that this viewer left");
             }
         }
         self.finish(current.as_ref(), joining).await;
@@ -289,13 +315,19 @@ impl Call {
 
     fn start_joining(&self, after: Duration) -> Joining {
         let (client, room, clock) = (self.client.clone(), self.room.clone(), self.clock);
+        let limit = match self.statistics().round_trip_us {
+            // Some ten messages go to and fro until the channel is open.
+            Some(us) => RECONNECTING + 10 * Duration::from_micros(us),
+            None => CONNECTING,
+        };
         tokio::spawn(async move {
             tokio::time::sleep(after).await;
-            let announcement = client.ask(&room).await?.ok_or(LinkError::SenderAbsent)?;
-            let session = timeout(
-                CONNECTING,
-                Session::open(&client, &room, &announcement, clock),
-            );
+            // A connection to the server that died unseen must not hold this up for long.
+            let announcement = timeout(ASKING, client.ask(&room))
+                .await
+                .map_err(|_| LinkError::NotConnected)??
+                .ok_or(LinkError::SenderAbsent)?;
+            let session = timeout(limit, Session::open(&client, &room, &announcement, clock));
             let session = session.await.map_err(|_| LinkError::NotConnected)??;
             Ok(Box::new((announcement, session)))
         })
@@ -326,7 +358,10 @@ impl Call {
                 }
                 self.with_statistics(|s| {
                     s.clock_offset_us = session.offset.offset_us();
-                    s.round_trip_us = session.offset.round_trip().map(|time| time.as_micros());
+                    s.round_trip_us = session
+                        .offset
+                        .round_trip()
+                        .and_then(|time| u64::try_from(time.as_micros()).ok());
                 });
             }
             Some(Message::Feedback(_)) => log::debug!("a feedback from the sender makes no sense"),
@@ -352,12 +387,21 @@ impl Call {
     }
 
     fn tell(&self, event: CallEvent) {
-        match self.tell.try_send(event) {
-            Ok(()) => {}
-            Err(TrySendError::Full(_)) => self.with_statistics(|s| s.overrun += 1),
-            // Whoever listened has gone, and will stop this task.
-            Err(TrySendError::Disconnected(_)) => {}
+        // Frames may be missed by who does not look; what becomes of the call may not.
+        if matches!(event, CallEvent::Frame { .. }) && self.waiting.load(Relaxed) >= WAITING {
+            self.with_statistics(|s| s.overrun += 1);
+            return;
         }
+        self.waiting.fetch_add(1, Relaxed);
+        // Whoever does not listen any more will stop this task.
+        let _ = self.tell.send(event);
+    }
+
+    fn statistics(&self) -> ViewerStatistics {
+        self.statistics
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 
     fn with_statistics(&self, change: impl FnOnce(&mut ViewerStatistics)) {
@@ -405,7 +449,9 @@ impl Session {
     /// Sends a feedback if it is time for one.
     async fn speak(&mut self, clock: Clock, out: &mut Vec<u8>) {
         let now = Instant::now();
-        let ask = now >= self.next_question;
+        // A sender that has nothing to send still answers, and is told apart from one that is gone.
+        let quiet = self.heard.elapsed() > QUIET && now >= self.next_feedback;
+        let ask = quiet || now >= self.next_question;
         if !ask && now < self.next_feedback && self.fresh_frames < FRAMES_A_FEEDBACK {
             return;
         }

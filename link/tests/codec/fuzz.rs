@@ -50,10 +50,11 @@ impl Stream {
         });
         match random.u8(..8) {
             0 => out.truncate(random.usize(..=out.len())),
-            1 => out.extend(
-                std::iter::repeat_with(|| random.u8(..))
-                    .take(1 + random.usize(..random.clone().usize(1..1500))),
-            ),
+            1 => {
+                let longest = random.usize(1..1500);
+                let more = 1 + random.usize(..longest);
+                out.extend(std::iter::repeat_with(|| random.u8(..)).take(more));
+            }
             2 => {
                 let other = &self.shown[random.usize(..self.shown.len())];
                 out.truncate(random.usize(..=out.len()));

@@ -2,14 +2,14 @@
 
 use anyhow::{Context, bail};
 use link::{Client, RoomLink, ServerUrl};
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// A process that is ended with whoever started it.
+/// A process that is ended when this is dropped.
 #[derive(Debug)]
 pub(crate) struct Process {
     name: &'static str,
@@ -32,6 +32,23 @@ impl Process {
         arguments: impl IntoIterator<Item = A>,
         output: Output,
     ) -> anyhow::Result<Self> {
+        Self::start_with(name, arguments, output, None)
+    }
+
+    /// Starts `mon3tr send ARGUMENTS` for the owner of this token, which does not show in the list of processes.
+    pub(crate) fn start_sender(
+        arguments: impl IntoIterator<Item = OsString>,
+        owner_token: &str,
+    ) -> anyhow::Result<Self> {
+        Self::start_with("send", arguments, Output::Dropped, Some(owner_token))
+    }
+
+    fn start_with<A: AsRef<OsStr>>(
+        name: &'static str,
+        arguments: impl IntoIterator<Item = A>,
+        output: Output,
+        owner_token: Option<&str>,
+    ) -> anyhow::Result<Self> {
         let stdout = match output {
             Output::Shown => Stdio::inherit(),
             Output::Dropped => Stdio::null(),
@@ -39,6 +56,7 @@ impl Process {
         Ok(Self {
             name,
             child: command(name, arguments)?
+                .envs(owner_token.map(|token| ("MON3TR_OWNER_TOKEN", token)))
                 .stdout(stdout)
                 .spawn()
                 .with_context(|| format!("cannot start `mon3tr {name}`"))?,

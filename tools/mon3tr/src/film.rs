@@ -71,9 +71,8 @@ impl Film {
 
     /// The same for a frame that is live: it is left out where the encoder is behind.
     pub(crate) fn offer(&mut self, picture: &RgbImage, time: Duration) {
-        if self.added >= ANIMATION_FRAMES {
-            self.added += 1;
-        } else if self.frames.try_send((picture.clone(), time)).is_ok() {
+        let is_full = self.added >= ANIMATION_FRAMES;
+        if is_full || self.frames.try_send((picture.clone(), time)).is_ok() {
             self.added += 1;
         }
     }

@@ -92,7 +92,7 @@ impl Open {
         self.target = None;
         let size = self.window.inner_size();
         let target = WindowTarget::new(gpu, Arc::clone(&self.window), size.width, size.height)
-            .context("cannot draw into the window: demo without --window draws pictures instead")?;
+            .context("cannot draw into the window: --display offscreen draws pictures instead")?;
         self.target = Some(target);
         Ok(())
     }

@@ -21,7 +21,4 @@ pub trait Capture: Send {
     /// # Errors
     /// If the source fails for good. What is lost for a moment is left out instead.
     fn next(&mut self) -> Result<Option<Captured>, SendError>;
-
-    /// Motions a second that it means to give.
-    fn rate_hz(&self) -> f64;
 }

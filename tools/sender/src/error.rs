@@ -12,7 +12,8 @@ pub enum SendError {
     Link(#[from] LinkError),
     /// The store lacks the avatar and there is no token to put it there.
     #[error(
-        "the server has no package {} of the room's owner yet, and only that owner may put it there: give the owner's token too",
+        "the server has no package {} of the room's owner yet, and only that owner may put it there: give the owner's token too (or the link \
+         is the viewers', where the sender's is needed)",
         .0.display()
     )]
     NotUploaded(PathBuf),

@@ -124,11 +124,11 @@ impl Server {
         }
     }
 
-    /// Waits for as long as the server runs.
+    /// Waits for as long as the server runs. Not to be called again after that.
     ///
     /// # Errors
     /// Why it stopped by itself.
-    pub async fn wait(mut self) -> Result<(), ServerError> {
+    pub async fn wait(&mut self) -> Result<(), ServerError> {
         ended((&mut self.serving).await)
     }
 }

@@ -56,7 +56,7 @@ pub(crate) struct Options {
     /// What becomes of lost frames: unreliable (they stay lost) or reliable (as in the paper: everything waits for them)
     #[arg(long, value_name = "MODE", default_value = "unreliable")]
     channel: ChannelMode,
-    /// Leave after so many seconds [default: on Ctrl-C]
+    /// Leave so many seconds after the first viewer has come [default: on Ctrl-C]
     #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
     seconds: Option<Duration>,
     #[command(flatten)]
@@ -177,7 +177,7 @@ impl Report {
     }
 }
 
-fn parse_rate(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_rate(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(|rate| RATES.contains(rate))

@@ -94,14 +94,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     };
     let network = Network::start()?;
     network.block_on(async {
-        let server = Server::start(config).await.context("cannot serve")?;
+        let mut server = Server::start(config).await.context("cannot serve")?;
         let address = SocketAddr::new(reachable(options.listen.ip()), server.address().port());
         println!("serving on {scheme}://{address}");
         println!(
-            "owner's token, which opens rooms and puts avatars (keep it to yourself): {token}"
-        );
-        println!(
-            "on this machine it is found in {}; elsewhere give it with --owner-token",
+            "the owner's token, which opens rooms and puts avatars, is in {}: keep it to yourself",
             token_file.display()
         );
         println!(
@@ -110,8 +107,15 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         std::io::stdout()
             .flush()
             .context("cannot say where this serves")?;
-        asked_to_end().await.context("cannot wait for Ctrl-C")?;
-        server.stop().await;
+        tokio::select! {
+            asked = asked_to_end() => asked.context("cannot wait for Ctrl-C")?,
+            // It does not end by itself unless something is wrong.
+            ended = server.wait() => return ended.context("the server ended"),
+        }
+        tokio::select! {
+            () = server.stop() => {}
+            _ = asked_to_end() => {}
+        }
         Ok(())
     })
 }
@@ -132,8 +136,13 @@ fn reachable(ip: IpAddr) -> IpAddr {
 
 /// Writes a file that only this user may read.
 fn write_private(path: &Path, text: &str) -> std::io::Result<()> {
+    // An older one may be open to others.
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
     let mut open = std::fs::OpenOptions::new();
-    open.write(true).create(true).truncate(true);
+    open.write(true).create_new(true);
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::mode(&mut open, 0o600);
     open.open(path)?.write_all(text.as_bytes())

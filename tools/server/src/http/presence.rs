@@ -34,8 +34,8 @@ pub(super) async fn enter(
         let error = format!("the body is no announcement: {e}");
         Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, error)
     })?;
-    if !(announcement.rate_hz > 0.0 && announcement.rate_hz <= 1000.0) {
-        let error = "an announcement's rate_hz is above 0 and at most 1000";
+    if !(1.0..=240.0).contains(&announcement.rate_hz) {
+        let error = "an announcement's rate_hz is from 1 to 240";
         return Err(Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, error));
     }
     let avatar = announcement.avatar;

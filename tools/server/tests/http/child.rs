@@ -128,7 +128,7 @@ async fn serve() -> Outcome {
     config.limits.spool = text("spool").map(PathBuf::from);
     // Tests poll from one address.
     config.limits.requests_per_second = 0;
-    let server = Server::start(config).await?;
+    let mut server = Server::start(config).await?;
     println!("listening on {}", server.address());
     server.wait().await?;
     Ok(())

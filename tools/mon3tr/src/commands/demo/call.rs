@@ -14,7 +14,8 @@ use std::time::Duration;
 /// What the receiver needs beyond the motion: to fetch the avatar, to prepare, to write the pictures.
 const BESIDES: Duration = Duration::from_secs(300);
 
-/// Holds the call, of so many `seconds`, and returns the receiver's figures. Without a length it goes on in a window until that is closed, and there are none.
+/// Holds the call, of so many `seconds`, and returns the receiver's figures. Without a length it goes on in a window until that
+/// is closed, and there are none.
 pub(super) fn run(
     options: &Options,
     package: &Path,
@@ -28,11 +29,7 @@ pub(super) fn run(
 
     let mut send = arguments(["--room"]);
     send.push(sender_link.to_string().into());
-    send.extend(arguments([
-        "--owner-token",
-        &server.owner_token,
-        "--avatar",
-    ]));
+    send.push("--avatar".into());
     send.push(package.into());
     send.extend(options.motion.arguments());
     let figures = folder.path().join("call.json");
@@ -65,7 +62,7 @@ pub(super) fn run(
     println!(
         "a call on this machine: a server, a sender and a receiver, each a process of its own"
     );
-    let sender = Process::start("send", send, Output::Dropped)?;
+    let sender = Process::start_sender(send, &server.owner_token)?;
     let receiver = Process::start("receive", receive, Output::Shown)?;
     let longest = seconds.map(|seconds| BESIDES + Duration::from_secs_f64(seconds));
     receiver.finish(longest)?;

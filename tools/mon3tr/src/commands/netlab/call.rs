@@ -19,6 +19,9 @@ const BESIDES: Duration = Duration::from_secs(60);
 /// How much longer than the call the receiver waits for its end.
 const LONGER: Duration = Duration::from_secs(5);
 
+/// How long a call goes on after an outage at least.
+const COMING_BACK: Duration = Duration::from_secs(8);
+
 /// When an outage begins.
 const OUTAGE_AT: Duration = Duration::from_secs(4);
 
@@ -62,11 +65,10 @@ impl Bench<'_> {
         let through_lab = through(&viewer_link, lab.address())?;
         let sent = self.folder.join("sent.json");
         let received = self.folder.join("received.json");
-        let seconds = self.options.seconds;
-        let sender = Process::start(
-            "send",
-            self.sender_arguments(&sender_link, variant, &sent),
-            Output::Dropped,
+        let seconds = self.seconds(condition);
+        let sender = Process::start_sender(
+            self.sender_arguments(&sender_link, variant, seconds, &sent),
+            &self.server.owner_token,
         )?;
         let receiver = Process::start(
             "receive",
@@ -121,13 +123,17 @@ impl Bench<'_> {
         Ok((row, BitrateSeries::offered(&name, &statistics.down)))
     }
 
-    fn sender_arguments(&self, link: &RoomLink, variant: Variant, json: &Path) -> Vec<OsString> {
+    fn sender_arguments(
+        &self,
+        link: &RoomLink,
+        variant: Variant,
+        seconds: Duration,
+        json: &Path,
+    ) -> Vec<OsString> {
         let options = self.options;
         let mut arguments: Vec<OsString> = [
             "--room",
             &link.to_string(),
-            "--owner-token",
-            &self.server.owner_token,
             "--rate",
             &options.rate.to_string(),
             "--codec",
@@ -135,7 +141,7 @@ impl Bench<'_> {
             "--channel",
             &variant.channel.to_string(),
             "--seconds",
-            &options.seconds.as_secs_f64().to_string(),
+            &seconds.as_secs_f64().to_string(),
         ]
         .map(OsString::from)
         .to_vec();
@@ -143,6 +149,14 @@ impl Bench<'_> {
         arguments.extend(["--avatar".into(), options.avatar.clone().into()]);
         arguments.extend(["--json".into(), json.into()]);
         arguments
+    }
+
+    /// How long the call takes: long enough to come back from an outage.
+    fn seconds(&self, condition: &Condition) -> Duration {
+        let least = condition
+            .outage
+            .map_or(Duration::ZERO, |outage| OUTAGE_AT + outage + COMING_BACK);
+        self.options.seconds.max(least)
     }
 
     /// Until the sender's frames come through the lab.
@@ -160,9 +174,10 @@ impl Bench<'_> {
 /// From the end of an outage to the next frame: what the longest gap has beyond it.
 fn recovery(call: &Value, outage: Duration) -> Option<f64> {
     let gaps = call["gaps"].as_array()?;
-    let longest = gaps.iter().filter_map(|gap| gap["ms"].as_f64());
-    let longest = longest.fold(0.0, f64::max) / 1e3;
-    (longest > 0.0).then(|| (longest - outage.as_secs_f64()).max(0.0))
+    let gaps = gaps.iter().filter_map(|gap| gap["ms"].as_f64());
+    // What is not as long as the outage is something else; none that is means that the call did not come back.
+    let after = gaps.map(|ms| ms / 1e3 - outage.as_secs_f64());
+    after.filter(|after| *after >= 0.0).reduce(f64::max)
 }
 
 /// The same link by way of the lab.

@@ -9,8 +9,9 @@ use anyhow::{Context, ensure};
 use link::{AvatarRef, Client, PackageCache, RoomLink};
 use netlab::{BitRate, TcpImpairment, TcpRelay};
 use serde::Serialize;
+use std::io::Write;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// The path: round trip and rate.
@@ -114,11 +115,18 @@ fn curl(viewer: &RoomLink, avatar: &AvatarRef, file: &Path) -> anyhow::Result<f6
     let status = Command::new("curl")
         .args(["--silent", "--fail", "--output"])
         .arg(file)
-        .arg("--header")
-        .arg(format!("Authorization: Bearer {token}"))
+        // Not among its arguments, which everybody on this machine can see.
+        .args(["--header", "@-"])
         .arg(format!("{}/v1/packages/{}", viewer.server(), avatar.sha256))
-        .status()
-        .context("cannot start curl, which this is compared with")?;
+        .stdin(Stdio::piped())
+        .spawn()
+        .and_then(|mut curl| {
+            if let Some(mut stdin) = curl.stdin.take() {
+                stdin.write_all(format!("Authorization: Bearer {token}\n").as_bytes())?;
+            }
+            curl.wait()
+        })
+        .context("cannot run curl, which this is compared with")?;
     ensure!(status.success(), "curl failed ({status})");
     let seconds = begun.elapsed().as_secs_f64();
     let bytes = std::fs::metadata(file).context("curl left no file")?.len();

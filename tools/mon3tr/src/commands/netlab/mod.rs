@@ -5,6 +5,7 @@ mod condition;
 mod download;
 
 use crate::children::LocalServer;
+use crate::commands::send;
 use crate::network::{self, Network};
 use crate::performance::MotionOptions;
 use crate::progress;
@@ -27,7 +28,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     motion: MotionOptions,
     /// Motions a second
-    #[arg(long, value_name = "HZ", default_value = "30")]
+    #[arg(long, value_name = "HZ", default_value = "30", value_parser = send::parse_rate)]
     rate: f64,
     /// How long each call takes
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = network::parse_seconds)]
@@ -103,7 +104,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     bar.finish_and_clear();
     report.notes = vec![
         "down and up: what the sender and the viewer put on the wire, IPv4, UDP, DTLS and SCTP headers and all that holds the connection included.".into(),
-        "ms: from capture to the deform stage, the jitter buffer's part left out. lost: frames captured and never shown.".into(),
+        "ms: from capture to when the deform stage may have the frame, the jitter buffer's part left out; nothing is drawn. lost: frames \
+         captured that never came, or too late.".into(),
     ];
     print!("{report}");
     if let Some(file) = &options.json {

@@ -123,10 +123,6 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     else {
         return Ok(());
     };
-    let until = Until {
-        stop,
-        deadline: options.seconds.map(|seconds| Instant::now() + seconds),
-    };
     loop {
         let package = fetch(&network, &client, &options.room, &announced)?;
         let (avatar, figures) = load_avatar(&package.path)?;
@@ -136,8 +132,12 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         };
         let viewer =
             network.block_on(async { Viewer::join(client.clone(), options.room.clone(), clock) });
+        let until = Until {
+            stop: Arc::clone(&stop),
+            deadline: options.seconds.map(|seconds| Instant::now() + seconds),
+        };
         let mut live = Live::new(
-            Call::new(viewer, announced.clone(), &avatar.skeleton, clock),
+            Call::new(viewer, announced, &avatar.skeleton, clock),
             &avatar,
         );
         let mut watched = match (prepared, events.take()) {
