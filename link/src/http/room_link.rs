@@ -1,7 +1,11 @@
 //! Server addresses and room links (`docs/protocol.md`, "Tokens and links"). A link is a secret: its token shows only where the
 //! whole link is printed on purpose.
 
-use std::{fmt, str::FromStr};
+use std::{
+    fmt,
+    net::{IpAddr, UdpSocket},
+    str::FromStr,
+};
 
 use reqwest::header::HeaderValue;
 use url::Url;
@@ -32,6 +36,19 @@ impl ServerUrl {
             Some(url::Host::Ipv6(ip)) => ip.is_loopback(),
             None => false,
         }
+    }
+
+    /// Whether it is an address of this machine.
+    #[must_use]
+    pub fn is_here(&self) -> bool {
+        let url = Url::parse(&self.base).ok();
+        let ip = match url.as_ref().and_then(Url::host) {
+            Some(url::Host::Ipv4(ip)) => IpAddr::V4(ip),
+            Some(url::Host::Ipv6(ip)) => IpAddr::V6(ip),
+            _ => return self.is_loopback(),
+        };
+        // Only an address of its own can be bound.
+        UdpSocket::bind((ip, 0)).is_ok()
     }
 
     /// The address of a route below `/v1/`. Segments must be checked names.

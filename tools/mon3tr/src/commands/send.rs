@@ -104,6 +104,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let entered = entered.context("cannot enter the room")?;
     if let Some(viewers) = &entered.viewers {
         println!("in the room. Others join with\n  mon3tr receive '{viewers}'");
+        if viewers.server().is_loopback() {
+            println!(
+                "(on this machine only: give send the server's own address with --server for a link that works elsewhere)"
+            );
+        }
         println!(
             "and this sender comes back with --room '{}'",
             entered.sender
@@ -148,7 +153,7 @@ impl Options {
         }
         let owner_token = match &self.owner_token {
             Some(token) => token.clone(),
-            None if self.server.is_loopback() => token_here()?.ok_or_else(|| {
+            None if self.server.is_here() => token_here()?.ok_or_else(|| {
                 anyhow!("no owner's token: start `mon3tr serve` on this machine first, or give the --owner-token that it printed elsewhere")
             })?,
             None => bail!("no owner's token: give the --owner-token that `mon3tr serve` printed where it runs"),

@@ -104,9 +104,9 @@ fn a_sender_that_is_not_ours_is_received() {
                 .is_some_and(serde_json::Map::is_empty),
             "{channel}: {call:#}"
         );
-        // Both clocks are this machine's.
-        let offset = number(&call["received"], "clock_offset_us");
-        assert!(offset.abs() < 50_000.0, "{channel}: {call:#}");
+        // Its clock counts from another day: only by comparing both can a plausible time come out.
+        let network = number(&call["latency"]["network"], "p50_ms");
+        assert!((0.0..1000.0).contains(&network), "{channel}: {call:#}");
     }
 }
 

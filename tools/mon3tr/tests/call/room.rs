@@ -138,8 +138,8 @@ fn links_that_open_nothing_are_refused_in_one_line() {
         "http://{}/rooms/AAAAAAAAAAAAAAAAAAAAAA#{token}",
         house.address
     );
-    receive(&elsewhere).fails_naming(&["cannot join the room", "ask whoever gave you the link"]);
-    receive(&sender.own).fails_naming(&["ask whoever gave you the link"]);
+    receive(&elsewhere).fails_naming(&["cannot join the room", "ask for a new link"]);
+    receive(&sender.own).fails_naming(&["ask for a new link"]);
     let (_, expired) = self::room(&house, Some(Duration::from_secs(1)));
     receive(&expired.to_string()).fails_naming(&["does not accept this token", "expired"]);
     // Nor does a viewer's link let anybody send.

@@ -96,11 +96,29 @@ fn the_demo_leaves_pictures_and_figures_and_draws_as_the_reference_says() {
     );
     assert_eq!(
         figures["runs"].as_array().map(Vec::len),
-        Some(2),
-        "mono and stereo are measured"
+        Some(1),
+        "stereo is measured"
+    );
+    let call = &figures["call"];
+    assert!(
+        call["drawing"]["stages"]
+            .as_array()
+            .is_some_and(|stages| stages.len() >= 9),
+        "the call was drawn and measured: {call}"
+    );
+    assert!(
+        call["call"]["released"]
+            .as_u64()
+            .is_some_and(|frames| frames >= 1),
+        "motion came: {call}"
     );
     assert_eq!(figures["background"]["format"], "3DGS PLY", "the scene");
-    for picture in figures["pictures"].as_array().expect("a list of pictures") {
+    for picture in figures["pictures"]
+        .as_array()
+        .expect("a list of pictures")
+        .iter()
+        .chain(call["pictures"].as_array().expect("another"))
+    {
         let path = Path::new(picture.as_str().expect("a path"));
         assert!(
             std::fs::metadata(path).is_ok_and(|m| m.len() > 10_000),

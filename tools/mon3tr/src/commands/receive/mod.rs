@@ -42,7 +42,7 @@ pub(crate) struct Options {
     /// Folder for the pictures of `--display offscreen`; made if missing
     #[arg(long, value_name = "FOLDER", default_value = "out/call")]
     out: PathBuf,
-    /// Leave after so many seconds [default: when the sender hangs up, or on Ctrl-C]
+    /// Leave so many seconds after joining [default: when the sender hangs up, or on Ctrl-C]
     #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
     seconds: Option<Duration>,
     /// Size of one picture in pixels, or of the window at first
@@ -268,17 +268,26 @@ async fn wait_for_sender(
     room: &RoomLink,
     stop: &AtomicBool,
 ) -> anyhow::Result<Option<Announcement>> {
-    let mut told = false;
+    // The last trouble; empty for a sender who is not there.
+    let mut told: Option<String> = None;
     while !stop.load(Relaxed) {
         match client.ask(room).await {
             Ok(Some(announced)) => return Ok(Some(announced)),
+            Ok(None) if told.as_deref() != Some("") => {
+                println!("waiting for the sender");
+                told = Some(String::new());
+            }
             Ok(None) => {}
             Err(error) if error.is_final() => return Err(error).context("cannot join the room"),
-            Err(error) => log::warn!("{error}; trying again"),
-        }
-        if !told {
-            println!("waiting for the sender");
-            told = true;
+            // Said once, not twice a second.
+            Err(error) if told.as_deref() != Some(&error.to_string()) => {
+                told = Some(error.to_string());
+                log::warn!(
+                    "{:#}; trying again until Ctrl-C",
+                    anyhow::Error::from(error)
+                );
+            }
+            Err(_) => {}
         }
         tokio::time::sleep(WAITING).await;
     }

@@ -72,7 +72,7 @@ impl Report {
             }
         );
         println!(
-            "call     {:.1} s of {} on the {} channel at {} Hz: {} frames shown, {} lost, {} late, {:.1} kbit/s of payload",
+            "call     {:.1} s of {} on the {} channel at {} Hz: {} frames taken, {} lost, {} late, {:.1} kbit/s of payload",
             call.live_seconds,
             call.announced.codec,
             call.announced.channel,
