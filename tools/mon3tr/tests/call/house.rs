@@ -329,3 +329,11 @@ pub(crate) fn assert_nothing_refused(call: &Value) {
         "{refused:?}"
     );
 }
+
+/// That a viewer misses no frame but such as the sender left out, as it does where a machine is too busy to keep its pace.
+pub(crate) fn assert_only_skipped(call: &Value, sent: &Value) {
+    assert!(
+        count(call, "lost") <= count(sent, "skipped"),
+        "frames that were sent are lost: {call:#} {sent:#}"
+    );
+}
