@@ -114,7 +114,11 @@ fn lanes(calls: &[CallRow]) -> Vec<Lane<'_>> {
 fn heading(canvas: &Canvas<'_>) -> Result<(), NetlabError> {
     let y = 82.0;
     let key = 104.0;
-    canvas.bold("Latency, capture to decoded (ms)", (LATENCY.0, y), 16.0)?;
+    canvas.bold(
+        "Latency, capture to deform stage (ms)",
+        (LATENCY.0, y),
+        16.0,
+    )?;
     let (p50, p95, p99) = (LATENCY.0 + 6.0, LATENCY.0 + 76.0, LATENCY.0 + 146.0);
     canvas.dot((p50, key), FAINT)?;
     canvas.text("p50", (p50 + 12.0, key), 14.0, Anchor::Left, FAINT)?;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::DirectionStatistics;
 
-/// Percentiles of the time from capture to decoded, in milliseconds.
+/// Percentiles of the time from capture to when the deform stage may have the frame, in milliseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LatencyMs {
     /// Half are faster.
@@ -63,7 +63,7 @@ pub struct CallRow {
     pub down_kbit_s: f64,
     /// From the viewer to the sender.
     pub up_kbit_s: f64,
-    /// From capture to decoded; `None` if nothing came.
+    /// From capture to when the deform stage may have it; `None` if nothing came.
     pub latency_ms: Option<LatencyMs>,
     /// Their counts.
     pub frames: Frames,

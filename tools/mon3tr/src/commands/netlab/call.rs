@@ -119,7 +119,7 @@ impl Bench<'_> {
             },
             recover_s: recover_s.flatten(),
         };
-        let name = format!("{variant}, {}", condition.name);
+        let name = format!("{}, {}", variant.codec, variant.channel);
         Ok((row, BitrateSeries::offered(&name, &statistics.down)))
     }
 

@@ -136,15 +136,28 @@ fn variants(options: &Options) -> Vec<Variant> {
 }
 
 fn write_charts(report: &Report, folder: &Path) -> anyhow::Result<()> {
-    let charts = [
-        ("calls.svg", call_chart(report)?),
-        ("bitrates.svg", bitrate_chart(report)?),
-    ];
     println!("\npictures");
-    for (name, chart) in charts {
+    let write = |name: &str, chart: String| {
         let file = folder.join(name);
         std::fs::write(&file, chart).with_context(|| format!("cannot write {}", file.display()))?;
         println!("  {}", file.display());
+        anyhow::Ok(())
+    };
+    write("calls.svg", call_chart(report)?)?;
+    // One for each condition: all curves in one would hide each other.
+    let calls = report.calls.iter().zip(&report.bitrates);
+    let mut conditions: Vec<&str> = report.calls.iter().map(|c| c.condition.as_str()).collect();
+    conditions.dedup();
+    for (k, condition) in (1..).zip(conditions) {
+        let of_condition = calls
+            .clone()
+            .filter(|(call, _)| call.condition == condition);
+        let part = Report {
+            title: format!("{}: {condition}", report.title),
+            bitrates: of_condition.map(|(_, series)| series.clone()).collect(),
+            ..Report::default()
+        };
+        write(&format!("bitrates-{k}.svg"), bitrate_chart(&part)?)?;
     }
     Ok(())
 }
