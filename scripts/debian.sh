@@ -144,3 +144,42 @@ libc=\$here/libc/usr/lib/$deb_triplet
 exec "\$libc/$dynamic_linker" --library-path "\$libc:\$lib\${LD_LIBRARY_PATH:+:\$LD_LIBRARY_PATH}" "\$@"
 WRAPPER
 }
+
+# lock_pins LOCK LAYOUT: what the stamp of a folder made from LOCK says. LAYOUT is raised when what is unpacked, trimmed or written
+# into the wrapper changes.
+lock_pins() { echo "$(sha256sum <"$1" | cut -d' ' -f1) layout $2"; }
+
+# install_program NAME LOCK PACKAGE PATH PINS: the program at PATH in the packages of LOCK, with its libraries, below
+# $MON3TR_CACHE/NAME; `run ARGS...` there is the program with ARGS, under the same process id. PACKAGE is the one whose version is told.
+install_program() {
+	local name=$1 lock=$2 package=$3 program=$4 pins=$5 prefix=$MON3TR_CACHE/$1 new=$MON3TR_CACHE/$1.new instead="" trust=signed
+	say "Fetching $name $(locked_version "$lock" "$package") from $debian_mirror"
+	rm -rf "$new"
+	unpack_lock "$lock" "$new"
+	if [ -d "$new/root/usr/bin" ]; then find "$new/root/usr/bin" -type f ! -name "$name" -delete; fi
+	trim_documentation "$new"
+	{
+		cat <<WRAPPER
+#!/bin/sh
+# Written by ./run: $name in the prefix this script lies in.
+here=\$(cd "\$(dirname "\$0")" && pwd) || exit 1
+lib=\$here/root/usr/lib/$deb_triplet
+set -- "\$here/root/$program" "\$@"
+WRAPPER
+		wrapper_tail "$lock"
+	} >"$new/run"
+	chmod +x "$new/run"
+	put_in_place "$new" "$prefix" "$pins${instead:+, but $trust $instead}"
+}
+
+# program_is_there VARIABLE NAME PINS: something to point VARIABLE at, the user's choice, the machine's own, or what
+# install_program left.
+program_is_there() {
+	[ -n "${!1:-}" ] || command -v "$2" >/dev/null || debs_are_ready "$MON3TR_CACHE/$2" "$3"
+}
+
+# export_program VARIABLE NAME
+export_program() {
+	if [ -n "${!1:-}" ]; then return; fi
+	export "$1=$(command -v "$2" || echo "$MON3TR_CACHE/$2/run")"
+}

@@ -9,7 +9,7 @@ lavapipe_lock=$repo/scripts/lavapipe-$debian_arch.lock
 # Raise this when what is unpacked, trimmed or written into the wrapper changes.
 lavapipe_layout=1
 
-lavapipe_pins() { echo "$(sha256sum <"$lavapipe_lock" | cut -d' ' -f1) layout $lavapipe_layout"; }
+lavapipe_pins() { lock_pins "$lavapipe_lock" "$lavapipe_layout"; }
 
 # lavapipe_version: the locked Mesa, for messages
 lavapipe_version() { locked_version "$lavapipe_lock" mesa-vulkan-drivers; }
