@@ -157,8 +157,8 @@ impl Log {
         let hand_over = ms_between(ready, timing.released);
         self.held.push(held);
         self.hand_over.push(hand_over);
-        if let Some(captured) = timing.captured_local {
-            let network = ms_between(captured, timing.arrived);
+        if let Some(network_us) = timing.network_us() {
+            let network = network_us as f64 / 1e3;
             self.network.push(network);
             self.added.push(network + hand_over);
             self.whole.push(network + held + hand_over);

@@ -3,6 +3,7 @@
 mod host;
 mod message;
 mod peer;
+mod session;
 mod viewer;
 
 pub use host::{Host, HostStatistics};

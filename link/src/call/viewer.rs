@@ -1,16 +1,16 @@
 //! The receiving side of a call: joins a room and hands over what arrives, through outages and restarts, until somebody hangs up.
 
-use super::message::{Feedback, Message};
-use super::peer::{Peer, PeerEvent};
-use super::{Backoff, local_addresses, part, part_too, raised};
+use super::message::Message;
+use super::peer::PeerEvent;
+use super::session::Session;
+use super::{Backoff, part, part_too, raised};
 use crate::{
-    Announcement, Client, Clock, ClockOffset, Decoder, Exchange, LinkError, Micros, MotionFrame,
-    RefusalCounts, RoomLink,
+    Announcement, Client, Clock, Exchange, LinkError, Micros, MotionFrame, RefusalCounts, RoomLink,
 };
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -30,21 +30,8 @@ const RECONNECTING: Duration = Duration::from_millis(2_500);
 const ASKING: Duration = Duration::from_secs(3);
 const LEAVING: Duration = Duration::from_secs(1);
 
-/// Quiet after which every feedback asks for an answer.
-const QUIET: Duration = Duration::from_millis(300);
-
 /// How often silence and feedback are looked at.
 const TICK: Duration = Duration::from_millis(50);
-
-/// A feedback at least this often, and one for every third frame: more would cost more in SCTP's own acknowledgements than
-/// nearer frames to predict from save.
-const FEEDBACK: Duration = Duration::from_millis(200);
-const FRAMES_A_FEEDBACK: u32 = 3;
-
-/// Time between questions for the sender's clock: often at first, then to follow its drift.
-const ASK_AT_FIRST: Duration = Duration::from_millis(50);
-const ASK_LATER: Duration = Duration::from_secs(1);
-const ASKED_AT_FIRST: u32 = 10;
 
 /// Frames that may wait for who draws: 8 s at 60 Hz.
 const WAITING: usize = 512;
@@ -144,10 +131,7 @@ impl Viewer {
     /// Figures so far.
     #[must_use]
     pub fn statistics(&self) -> ViewerStatistics {
-        self.statistics
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        locked(&self.statistics).clone()
     }
 
     /// Says goodbye and leaves the room.
@@ -170,23 +154,6 @@ struct Call {
     stop: watch::Receiver<bool>,
     statistics: Arc<Mutex<ViewerStatistics>>,
     announced: Option<Announcement>,
-}
-
-/// A connection that is open.
-#[derive(Debug)]
-struct Session {
-    peer: Peer,
-    /// Of the messages.
-    id: u32,
-    /// The server's name for it.
-    name: String,
-    decoder: Decoder,
-    offset: ClockOffset,
-    fresh_frames: u32,
-    next_feedback: Instant,
-    next_question: Instant,
-    questions: u32,
-    heard: Instant,
 }
 
 /// What making a connection came to.
@@ -315,7 +282,7 @@ impl Call {
 
     fn start_joining(&self, after: Duration) -> Joining {
         let (client, room, clock) = (self.client.clone(), self.room.clone(), self.clock);
-        let limit = match self.statistics().round_trip_us {
+        let limit = match self.with_statistics(|s| s.round_trip_us) {
             // Some ten messages go to and fro until the channel is open.
             Some(us) => RECONNECTING + 10 * Duration::from_micros(us),
             None => CONNECTING,
@@ -397,78 +364,12 @@ impl Call {
         let _ = self.tell.send(event);
     }
 
-    fn statistics(&self) -> ViewerStatistics {
-        self.statistics
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
-    }
-
-    fn with_statistics(&self, change: impl FnOnce(&mut ViewerStatistics)) {
-        // A panic elsewhere leaves counts that are still counts.
-        change(
-            &mut self
-                .statistics
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner),
-        );
+    fn with_statistics<T>(&self, look: impl FnOnce(&mut ViewerStatistics) -> T) -> T {
+        look(&mut locked(&self.statistics))
     }
 }
 
-impl Session {
-    /// Offers, takes the answer and waits for the channel.
-    async fn open(
-        client: &Client,
-        room: &RoomLink,
-        announcement: &Announcement,
-        clock: Clock,
-    ) -> Result<Self, LinkError> {
-        let id = getrandom::u32().map_err(|error| LinkError::Random(error.to_string()))?;
-        let local = local_addresses(room.server());
-        let (mut peer, offer) = Peer::offer(local, announcement.channel).await?;
-        let answer = client.offer(room, &offer).await?;
-        peer.accept(answer.sdp).await?;
-        peer.opened().await?;
-        let now = Instant::now();
-        let mut session = Self {
-            peer,
-            id,
-            name: answer.session,
-            decoder: Decoder::new(id),
-            offset: ClockOffset::new(),
-            fresh_frames: 0,
-            next_feedback: now,
-            next_question: now,
-            questions: 0,
-            heard: now,
-        };
-        session.speak(clock, &mut Vec::new()).await;
-        Ok(session)
-    }
-
-    /// Sends a feedback if it is time for one.
-    async fn speak(&mut self, clock: Clock, out: &mut Vec<u8>) {
-        let now = Instant::now();
-        // A sender that has nothing to send still answers, and is told apart from one that is gone.
-        let quiet = self.heard.elapsed() > QUIET && now >= self.next_feedback;
-        let ask = quiet || now >= self.next_question;
-        if !ask && now < self.next_feedback && self.fresh_frames < FRAMES_A_FEEDBACK {
-            return;
-        }
-        if ask {
-            self.questions += 1;
-            let settled = self.questions >= ASKED_AT_FIRST;
-            self.next_question = now + if settled { ASK_LATER } else { ASK_AT_FIRST };
-        }
-        let (newest, received) = self.decoder.feedback();
-        let feedback = Feedback {
-            newest,
-            received,
-            sent: if ask { clock.now() } else { Micros(0) },
-        };
-        Message::Feedback(feedback).write(self.id, out);
-        self.peer.try_send(out).await;
-        self.fresh_frames = 0;
-        self.next_feedback = now + FEEDBACK;
-    }
+fn locked(statistics: &Mutex<ViewerStatistics>) -> MutexGuard<'_, ViewerStatistics> {
+    // A panic elsewhere leaves counts that are still counts.
+    statistics.lock().unwrap_or_else(PoisonError::into_inner)
 }

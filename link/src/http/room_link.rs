@@ -133,6 +133,15 @@ impl RoomLink {
         &self.server
     }
 
+    /// The same room, reached at another address: through a proxy, say.
+    #[must_use]
+    pub fn at(&self, server: ServerUrl) -> Self {
+        Self {
+            server,
+            ..self.clone()
+        }
+    }
+
     /// The room's name there.
     #[must_use]
     pub fn room(&self) -> &str {

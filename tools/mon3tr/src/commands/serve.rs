@@ -69,7 +69,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     }
     let token = secret.owner_token(HOST, FOREVER);
     let token_file = folder.join("owner-token");
-    write_private(&token_file, &token)
+    write_private(&folder, &token_file, &token)
         .with_context(|| format!("cannot write {}", token_file.display()))?;
     let store = match &options.s3 {
         Some(bucket) => StoreConfig::S3 {
@@ -134,16 +134,11 @@ fn reachable(ip: IpAddr) -> IpAddr {
         .map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |address| address.ip())
 }
 
-/// Writes a file that only this user may read.
-fn write_private(path: &Path, text: &str) -> std::io::Result<()> {
-    // An older one may be open to others.
-    match std::fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error),
-        _ => {}
-    }
-    let mut open = std::fs::OpenOptions::new();
-    open.write(true).create_new(true);
-    #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::mode(&mut open, 0o600);
-    open.open(path)?.write_all(text.as_bytes())
+/// Writes a file of `folder` that only this user may read, whatever was there before.
+fn write_private(folder: &Path, path: &Path, text: &str) -> std::io::Result<()> {
+    // Temporary files are their owner's alone.
+    let mut file = tempfile::NamedTempFile::new_in(folder)?;
+    file.write_all(text.as_bytes())?;
+    file.persist(path)?;
+    Ok(())
 }

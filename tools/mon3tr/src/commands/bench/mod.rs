@@ -11,6 +11,7 @@ mod traffic;
 
 use crate::surroundings::Surroundings;
 use clap::Subcommand;
+pub(crate) use measure::median;
 
 /// Options of `bench`.
 #[derive(Debug, clap::Args)]

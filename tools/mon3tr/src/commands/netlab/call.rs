@@ -1,6 +1,7 @@
 //! One call over one network: a sender and a receiver, each a process, with the lab between them.
 
-use super::{Condition, Options};
+use super::Options;
+use super::condition::{Condition, OUTAGE_AT};
 use crate::children::{LocalServer, Output, Process};
 use crate::network::Network;
 use anyhow::{Context, anyhow};
@@ -9,7 +10,6 @@ use netlab::report::{BitrateSeries, CallRow, Frames, LatencyMs};
 use netlab::{Lab, LabConfig};
 use serde_json::Value;
 use std::ffi::OsString;
-use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
 
@@ -18,12 +18,6 @@ const BESIDES: Duration = Duration::from_secs(60);
 
 /// How much longer than the call the receiver waits for its end.
 const LONGER: Duration = Duration::from_secs(5);
-
-/// How long a call goes on after an outage at least.
-const COMING_BACK: Duration = Duration::from_secs(8);
-
-/// When an outage begins.
-const OUTAGE_AT: Duration = Duration::from_secs(4);
 
 /// What is tried.
 #[derive(Debug, Clone, Copy)]
@@ -62,10 +56,10 @@ impl Bench<'_> {
             up: condition.up.clone(),
             ..LabConfig::new(self.server.address()?)
         }))?;
-        let through_lab = through(&viewer_link, lab.address())?;
+        let through_lab = viewer_link.at(format!("http://{}", lab.address()).parse()?);
         let sent = self.folder.join("sent.json");
         let received = self.folder.join("received.json");
-        let seconds = self.seconds(condition);
+        let seconds = condition.seconds(self.options.seconds);
         let sender = Process::start_sender(
             self.sender_arguments(&sender_link, variant, seconds, &sent),
             &self.server.owner_token,
@@ -151,14 +145,6 @@ impl Bench<'_> {
         arguments
     }
 
-    /// How long the call takes: long enough to come back from an outage.
-    fn seconds(&self, condition: &Condition) -> Duration {
-        let least = condition
-            .outage
-            .map_or(Duration::ZERO, |outage| OUTAGE_AT + outage + COMING_BACK);
-        self.options.seconds.max(least)
-    }
-
     /// Until the sender's frames come through the lab.
     fn wait_for_traffic(&self, lab: &Lab) {
         let enough = || lab.statistics().down.delivered.packets > 10;
@@ -178,16 +164,6 @@ fn recovery(call: &Value, outage: Duration) -> Option<f64> {
     // What is not as long as the outage is something else; none that is means that the call did not come back.
     let after = gaps.map(|ms| ms / 1e3 - outage.as_secs_f64());
     after.filter(|after| *after >= 0.0).reduce(f64::max)
-}
-
-/// The same link by way of the lab.
-pub(super) fn through(link: &RoomLink, lab: SocketAddr) -> anyhow::Result<RoomLink> {
-    let text = link.to_string();
-    let rest = text
-        .split_once("/rooms/")
-        .context("a link names its room")?
-        .1;
-    Ok(format!("http://{lab}/rooms/{rest}").parse()?)
 }
 
 fn read(file: &Path) -> anyhow::Result<Value> {

@@ -11,6 +11,10 @@ const DELAY: Duration = Duration::from_millis(20);
 /// How long a packet that is reordered is held back.
 const HOLD: Duration = Duration::from_millis(30);
 
+/// When an outage begins, and how long a call goes on after it at least.
+pub(super) const OUTAGE_AT: Duration = Duration::from_secs(4);
+const COMING_BACK: Duration = Duration::from_secs(8);
+
 /// Options that shape the network. Without any, a list of conditions is gone through.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Shape {
@@ -50,6 +54,16 @@ pub(super) struct Condition {
     pub(super) up: Impairment,
     /// Taken away for so long, in mid-call.
     pub(super) outage: Option<Duration>,
+}
+
+impl Condition {
+    /// How long a call of so long takes under it: long enough to come back from an outage.
+    pub(super) fn seconds(&self, asked: Duration) -> Duration {
+        let least = self
+            .outage
+            .map_or(Duration::ZERO, |outage| OUTAGE_AT + outage + COMING_BACK);
+        asked.max(least)
+    }
 }
 
 impl Shape {

@@ -1,8 +1,8 @@
 //! `netlab --download`: how long the avatar's package takes over a path of 50 ms and 100 Mbit/s, in turns with curl over the same path.
 
 use super::Options;
-use super::call::through;
 use crate::children::LocalServer;
+use crate::commands::bench::median;
 use crate::network::Network;
 use crate::report::write_json;
 use anyhow::{Context, ensure};
@@ -58,7 +58,7 @@ pub(super) fn run(
         server.address()?,
         path,
     ))?;
-    let viewer = through(&viewer, relay.address())?;
+    let viewer = viewer.at(format!("http://{}", relay.address()).parse()?);
     let (mut ours_s, mut curl_s) = (Vec::new(), Vec::new());
     for turn in 0..TURNS {
         ours_s.push(ours(
@@ -136,10 +136,4 @@ fn curl(viewer: &RoomLink, avatar: &AvatarRef, file: &Path) -> anyhow::Result<f6
         avatar.bytes
     );
     Ok(seconds)
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
 }

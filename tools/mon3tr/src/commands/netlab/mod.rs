@@ -13,7 +13,7 @@ use crate::report::check_writable;
 use crate::surroundings::make_folder;
 use anyhow::{Context, ensure};
 use call::{Bench, Variant};
-use condition::{Condition, Shape};
+use condition::Shape;
 use link::{ChannelMode, Client, Codec};
 use netlab::report::{Report, bitrate_chart, call_chart};
 use std::path::{Path, PathBuf};
@@ -74,11 +74,17 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     }
     let conditions = options.shape.conditions()?;
     let variants = variants(options);
+    // Only one that was asked for has an outage, and then there is no other.
+    let seconds = conditions
+        .iter()
+        .map(|one| one.seconds(options.seconds))
+        .max();
+    let seconds = seconds.unwrap_or(options.seconds);
     let bar = progress::bar("calling", conditions.len() * variants.len());
     let mut report = Report {
         title: format!(
             "Calls of {:.0} s at {} Hz, {}",
-            options.seconds.as_secs_f64(),
+            seconds.as_secs_f64(),
             options.rate,
             options.motion.name()
         ),

@@ -268,26 +268,21 @@ async fn wait_for_sender(
     room: &RoomLink,
     stop: &AtomicBool,
 ) -> anyhow::Result<Option<Announcement>> {
-    // The last trouble; empty for a sender who is not there.
-    let mut told: Option<String> = None;
+    // What was told last: once, not twice a second.
+    let mut told = None;
     while !stop.load(Relaxed) {
-        match client.ask(room).await {
+        let trouble = match client.ask(room).await {
             Ok(Some(announced)) => return Ok(Some(announced)),
-            Ok(None) if told.as_deref() != Some("") => {
-                println!("waiting for the sender");
-                told = Some(String::new());
-            }
-            Ok(None) => {}
+            Ok(None) => None,
             Err(error) if error.is_final() => return Err(error).context("cannot join the room"),
-            // Said once, not twice a second.
-            Err(error) if told.as_deref() != Some(&error.to_string()) => {
-                told = Some(error.to_string());
-                log::warn!(
-                    "{:#}; trying again until Ctrl-C",
-                    anyhow::Error::from(error)
-                );
+            Err(error) => Some(format!("{:#}", anyhow::Error::from(error))),
+        };
+        if told.as_ref() != Some(&trouble) {
+            match &trouble {
+                None => println!("waiting for the sender"),
+                Some(trouble) => log::warn!("{trouble}; trying again until Ctrl-C"),
             }
-            Err(_) => {}
+            told = Some(trouble);
         }
         tokio::time::sleep(WAITING).await;
     }
