@@ -1,6 +1,7 @@
 //! A server of the test's own, and the programs of a call as processes.
 
 use crate::command::{command, json, puppet};
+use link::RoomLink;
 use netlab::{Impairment, Lab, LabConfig};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
@@ -289,8 +290,19 @@ impl House {
 
 /// The same link by way of the lab.
 pub(crate) fn through(lab: &Lab, link: &str) -> String {
-    let rest = link.split_once("/rooms/").expect("a link names its room").1;
-    format!("http://{}/rooms/{rest}", lab.address())
+    let link: RoomLink = link.parse().expect("a room's link");
+    let lab = format!("http://{}", lab.address())
+        .parse()
+        .expect("an address");
+    link.at(lab).to_string()
+}
+
+/// Somebody who has joined by way of the lab, and sees the person move.
+pub(crate) fn joined(house: &House, lab: &Lab, link: &str, cache: &str) -> Program {
+    let mut receiver = house.receiver(link, cache, &[]);
+    receiver.says("joined (session", 1);
+    frames_come(lab);
+    receiver
 }
 
 /// Waits until some more frames have come through the lab.

@@ -1,7 +1,8 @@
 //! Somebody is killed in mid-call and comes back.
 
 use crate::house::{
-    House, assert_nothing_refused, assert_only_skipped, count, frames_come, longest_gap, through,
+    House, assert_nothing_refused, assert_only_skipped, count, frames_come, joined, longest_gap,
+    through,
 };
 use mon3tr_tests::synthetic::{Puppet, PuppetSize};
 use netlab::Impairment;
@@ -69,9 +70,7 @@ fn a_killed_viewer_is_dropped_and_stands_in_no_newcomers_way() {
     let lab = house.lab(Impairment::default(), Impairment::default());
     let mut sender = house.sender(&[]);
     let link = through(&lab, &sender.viewers);
-    let mut victim = house.receiver(&link, "viewer", &[]);
-    victim.says("joined (session", 1);
-    frames_come(&lab);
+    let victim = joined(&house, &lab, &link, "viewer");
     victim.kill();
     let mut newcomer = house.receiver(&link, "viewer", &[]);
     newcomer.says("joined (session", 1);
@@ -93,9 +92,7 @@ fn a_call_outlives_its_server_which_lets_newcomers_in_when_it_is_back() {
     let lab = house.lab(Impairment::default(), Impairment::default());
     let mut sender = house.sender(&[]);
     let link = through(&lab, &sender.viewers);
-    let mut receiver = house.receiver(&link, "viewer", &[]);
-    receiver.says("joined (session", 1);
-    frames_come(&lab);
+    let receiver = joined(&house, &lab, &link, "viewer");
     house.kill_server();
     sender.program.says("calls go on", 1);
     frames_come(&lab);

@@ -2,7 +2,7 @@
 
 use crate::command::{Outcome, command};
 use crate::house::{
-    House, assert_nothing_refused, assert_only_skipped, count, frames_come, through,
+    House, assert_nothing_refused, assert_only_skipped, count, frames_come, joined, through,
 };
 use link::{Client, RoomLink, ServerUrl};
 use netlab::{Impairment, Loss, Probability};
@@ -44,9 +44,7 @@ fn a_viewer_who_hangs_up_is_gone_at_once_and_the_sender_goes_on() {
     let lab = house.lab(Impairment::default(), Impairment::default());
     let mut sender = house.sender(&[]);
     let link = through(&lab, &sender.viewers);
-    let mut receiver = house.receiver(&link, "viewer", &[]);
-    receiver.says("joined (session", 1);
-    frames_come(&lab);
+    let receiver = joined(&house, &lab, &link, "viewer");
     let seen = receiver.ends();
     assert!(count(&seen["call"], "released") > 0, "{seen:#}");
     sender.program.says("it said goodbye", 1);

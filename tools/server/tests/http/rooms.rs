@@ -41,18 +41,7 @@ async fn a_viewer_meets_the_sender_and_leaves_again() -> Outcome {
         "two joined"
     );
 
-    let path = format!("{}/sessions/{session}", room.path());
-    assert_eq!(
-        caller.delete(&path, &room.viewer).await?,
-        StatusCode::NO_CONTENT,
-        "left"
-    );
-    let told = sender.next().await?;
-    assert_eq!(
-        told,
-        Some(("leave".into(), json!({ "session": session }))),
-        "the sender is told"
-    );
+    caller.part(&room, &session, &mut sender).await?;
 
     drop(sender);
     // The server sees a closed connection at its next write at the latest.
@@ -138,18 +127,7 @@ async fn a_sender_whose_stream_broke_comes_again_and_newcomers_get_in() -> Outco
     let mut sender = caller.enter(&room).await?;
     caller.meet(&room, &mut sender).await?;
     // One who joined before can still say goodbye.
-    let path = format!("{}/sessions/{session}", room.path());
-    assert_eq!(
-        caller.delete(&path, &room.viewer).await?,
-        StatusCode::NO_CONTENT,
-        "left"
-    );
-    let told = sender.next().await?;
-    assert_eq!(
-        told,
-        Some(("leave".into(), json!({ "session": session }))),
-        "told"
-    );
+    caller.part(&room, &session, &mut sender).await?;
     Ok(())
 }
 

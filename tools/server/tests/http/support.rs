@@ -231,6 +231,28 @@ impl Caller {
     }
 
     /// A viewer joins, the sender answers: the session that came of it.
+    /// One who has joined leaves, and the sender is told.
+    pub(crate) async fn part(
+        &self,
+        room: &Room,
+        session: &str,
+        sender: &mut Presence,
+    ) -> Outcome<()> {
+        let path = format!("{}/sessions/{session}", room.path());
+        assert_eq!(
+            self.delete(&path, &room.viewer).await?,
+            StatusCode::NO_CONTENT,
+            "left"
+        );
+        let told = sender.next().await?;
+        assert_eq!(
+            told,
+            Some(("leave".into(), json!({ "session": session }))),
+            "the sender is told"
+        );
+        Ok(())
+    }
+
     pub(crate) async fn meet(&self, room: &Room, sender: &mut Presence) -> Outcome<String> {
         let joining = tokio::spawn({
             let (caller, room) = (self.clone(), room.clone());
