@@ -1,31 +1,21 @@
 //! The deform graph on ONNX Runtime against the f64 reference.
 
+use mon3tr_tests::bound_person::session;
 use mon3tr_tests::onnx::runtime;
 use mon3tr_tests::person_reference as reference;
 use mon3tr_tests::synthetic::{Puppet, PuppetSize, Random};
-use npu_runtime::{Provider, Session, TensorSpec};
-use spmm3::networks::{AttributeNetwork, MeshNetwork, input, output};
-use spmm3::{ATTRIBUTES, JOINTS, PARAMS, SkinningTransforms};
+use npu_runtime::Session;
+use spmm3::networks::{AttributeNetwork, GraphParts, MeshNetwork};
+use spmm3::{ATTRIBUTES, Avatar, SkinningTransforms};
+use std::io::Cursor;
 
 #[test]
 fn the_graph_poses_mesh_and_attributes_as_in_f64() {
     let Some(runtime) = runtime() else { return };
     let puppet = Puppet::small();
     let (vertices, gaussians) = (puppet.template.vertices().len(), puppet.gaussians.len());
-    let mut session = Session::new(
-        &runtime,
-        &puppet.graph().to_onnx().expect("the networks fit"),
-        Provider::Cpu { threads: 2 },
-        &[
-            TensorSpec::new(input::MOTION, &[1, PARAMS]),
-            TensorSpec::new(input::SKINNING, &[12, JOINTS]),
-        ],
-        &[
-            TensorSpec::new(output::VERTICES, &[3, vertices]),
-            TensorSpec::new(output::RESIDUALS, &[ATTRIBUTES, gaussians]),
-        ],
-    )
-    .expect("ONNX Runtime takes the graph");
+    let mut session = session(&runtime, &puppet.avatar(), GraphParts::Whole);
+    let mut outputs = session.outputs().expect("memory for them");
     let rest = puppet.skeleton.rest_positions();
     let (mut worst_vertex, mut largest_offset) = (0.0f64, 0.0f64);
     let mut worst_attribute = [0.0f64; ATTRIBUTES];
@@ -38,11 +28,11 @@ fn the_graph_poses_mesh_and_attributes_as_in_f64() {
             .skinning(&puppet.skeleton.pose(&motion), &mut transforms);
         session.input_mut(0).copy_from_slice(motion.values());
         session.input_mut(1).copy_from_slice(&transforms.0);
-        session.run().expect("the graph runs");
+        session.run(&mut outputs).expect("the graph runs");
 
         let posed = reference::posed_mesh(&puppet.template, rest, &puppet.mesh, motion.values());
         for (v, want) in posed.iter().enumerate() {
-            let got = [0, 1, 2].map(|axis| f64::from(session.output(0)[axis * vertices + v]));
+            let got = [0, 1, 2].map(|axis| f64::from(outputs.get(0)[axis * vertices + v]));
             worst_vertex = worst_vertex.max(reference::norm(reference::sub(*want, got)));
         }
         for offset in reference::mesh_offsets(&puppet.mesh, motion.values()) {
@@ -52,7 +42,7 @@ fn the_graph_poses_mesh_and_attributes_as_in_f64() {
             reference::residuals(&puppet.attributes, &puppet.controllers, motion.values());
         for (i, want) in residuals.iter().enumerate() {
             for (plane, want) in want.iter().enumerate() {
-                let got = f64::from(session.output(1)[plane * gaussians + i]);
+                let got = f64::from(outputs.get(1)[plane * gaussians + i]);
                 worst_attribute[plane] = worst_attribute[plane].max((got - want).abs());
                 largest_attribute[plane] = largest_attribute[plane].max(want.abs());
             }
@@ -87,9 +77,28 @@ fn the_graph_poses_mesh_and_attributes_as_in_f64() {
 }
 
 #[test]
+fn outputs_of_another_graph_are_refused() {
+    let Some(runtime) = runtime() else { return };
+    let mut small = session(&runtime, &Puppet::small().avatar(), GraphParts::Whole);
+    let other = Puppet::new(PuppetSize {
+        gaussians: 1_000,
+        ..PuppetSize::SMALL
+    });
+    let mut outputs = session(&runtime, &other.avatar(), GraphParts::Whole)
+        .outputs()
+        .expect("memory");
+    let error = small.run(&mut outputs).expect_err("another shape");
+    assert!(error.to_string().contains("[14, 1000]"), "{error}");
+    assert!(outputs.get(0).is_empty(), "nothing was written");
+}
+
+#[test]
 fn the_networks_can_be_read_back_from_the_graph() {
     let puppet = Puppet::small();
-    let model = puppet.graph().to_onnx().expect("the networks fit");
+    let model = puppet
+        .graph()
+        .to_onnx(GraphParts::Whole)
+        .expect("the networks fit");
     let attributes = AttributeNetwork::read(&model, &puppet.controllers).expect("F_attr is there");
     assert!(attributes == puppet.attributes, "F_attr came back changed");
     let mesh = MeshNetwork::read(&model, &puppet.template).expect("F_mesh is there");
@@ -113,4 +122,55 @@ fn the_networks_can_be_read_back_from_the_graph() {
     });
     let error = AttributeNetwork::read(&model, &other.controllers).expect_err("fewer Gaussians");
     assert!(error.to_string().contains("bases"), "{error}");
+}
+
+#[test]
+fn the_graphs_parts_compute_what_stands_inside_the_whole() {
+    let Some(runtime) = runtime() else { return };
+    let puppet = Puppet::small();
+    let avatar = Avatar::read(Cursor::new(
+        puppet.avatar().to_bytes().expect("the puppet is an avatar"),
+    ))
+    .expect("the package is sound");
+    let [mut whole, mut skinned, mut networks] =
+        [GraphParts::Whole, GraphParts::Skinned, GraphParts::Networks]
+            .map(|parts| session(&runtime, &avatar, parts));
+    let motion = Random::new(3).motion(0.6);
+    let mut transforms = SkinningTransforms::default();
+    puppet
+        .skeleton
+        .skinning(&puppet.skeleton.pose(&motion), &mut transforms);
+    let run = |session: &mut Session| {
+        session.input_mut(0).copy_from_slice(motion.values());
+        // The networks' graph has no second input.
+        if let input @ [_, ..] = session.input_mut(1) {
+            input.copy_from_slice(&transforms.0);
+        }
+        let mut outputs = session.outputs().expect("memory for them");
+        session.run(&mut outputs).expect("the parts run");
+        outputs
+    };
+    let [whole, skinned, networks] = [&mut whole, &mut skinned, &mut networks].map(run);
+    // The rest shape comes back from a sum of floats, so that equal means equal but for its rounding.
+    for (got, want) in skinned.get(0).iter().zip(whole.get(0)) {
+        assert!((got - want).abs() < 1e-6, "a vertex at {got}, not {want} m");
+    }
+    assert_eq!(skinned.get(1), networks.get(1), "potentials");
+    let controllers = puppet.controllers.vertices().len();
+    let wanted = reference::potentials(&puppet.attributes, controllers, motion.values()).concat();
+    let got = networks.get(1);
+    assert_eq!(got.len(), wanted.len(), "C x B potentials");
+    for (got, want) in got.iter().zip(&wanted) {
+        let error = (f64::from(*got) - want).abs();
+        assert!(error < 1e-5, "a potential of {got}, not {want}");
+    }
+    let vertices = puppet.template.vertices();
+    let offsets = reference::mesh_offsets(&puppet.mesh, motion.values());
+    for (v, (rest, offset)) in vertices.iter().zip(offsets).enumerate() {
+        let want = reference::add(reference::wide(*rest), offset);
+        for (axis, want) in want.into_iter().enumerate() {
+            let got = f64::from(networks.get(0)[axis * vertices.len() + v]);
+            assert!((got - want).abs() < 5e-6, "vertex {v} at {got}, not {want}");
+        }
+    }
 }

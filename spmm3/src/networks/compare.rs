@@ -8,7 +8,7 @@ use super::graph::{Sink, head};
 use super::inspect::{Checked, Stored, check_tensor, find_graph, refuse};
 use super::onnx::{Node, Tensor};
 use super::wire::{Fields, Value};
-use super::{AttributeNetwork, DeformGraph, GraphRefused, MeshNetwork};
+use super::{AttributeNetwork, DeformGraph, GraphParts, GraphRefused, MeshNetwork};
 use crate::{Controllers, Template};
 use prost::Message;
 
@@ -39,7 +39,7 @@ impl DeformGraph<'_> {
             mesh: &mesh,
             attributes: &attributes,
         };
-        expected.write(&mut comparison);
+        expected.write(GraphParts::Whole, &mut comparison);
         comparison.finish()
     }
 }

@@ -1,12 +1,13 @@
-//! The deform graph: F_mesh -> LBS and F_attr in one static ONNX graph.
+//! The deform graph: F_mesh -> LBS and F_attr in one static ONNX graph, or those parts of it that a unit is to compute.
 //!
 //! Shapes are static, rank is at most 4, tensors are planar and inputs and outputs FP32: the form that both the CPU and
 //! the Hexagon NPU run whole. Stored FP16 and 8-bit weights are widened by constant nodes, which ONNX Runtime folds when
 //! it loads the graph, so that they cost nothing per frame.
 
 use super::onnx::{Attribute, Graph, Model, Node, OperatorSet, Tensor, ValueInfo, data_type};
+use super::parts::{GraphParts, GraphSizes, Port};
 use super::{AttributeNetwork, Dense, MeshNetwork};
-use crate::{ATTRIBUTES, Controllers, JOINTS, NEIGHBOURS, PARAMS, PersonError, Template};
+use crate::{ATTRIBUTES, Controllers, JOINTS, NEIGHBOURS, PersonError, Template};
 use prost::Message;
 
 /// Names of the graph's inputs.
@@ -17,12 +18,16 @@ pub mod input {
     pub const SKINNING: &str = "skinning";
 }
 
-/// Names of the graph's outputs.
+/// Names of the graph's outputs. Which of them a graph has depends on its [`GraphParts`].
 pub mod output {
     /// [3, N_v] posed vertices, metres, root translation left out.
     pub const VERTICES: &str = "posed_vertices";
+    /// [3, N_v] vertices in T-pose with F_mesh's offsets, metres: what skinning starts from.
+    pub const CANONICAL_VERTICES: &str = "canonical_vertices";
     /// [14, N_g] attribute residuals in the triangles' frames.
     pub const RESIDUALS: &str = "residuals";
+    /// [C, B] displacement potentials u_j of every controller: what F_attr's tail starts from.
+    pub const POTENTIALS: &str = "potentials";
 }
 
 const OPSET: i64 = 17;
@@ -42,30 +47,36 @@ pub struct DeformGraph<'a> {
 }
 
 impl DeformGraph<'_> {
-    /// Writes the graph as an ONNX model.
+    /// Writes `parts` of the graph as an ONNX model. A package holds [`GraphParts::Whole`].
     ///
     /// # Errors
     /// If the networks do not fit the template, the controllers or each other.
-    pub fn to_onnx(&self) -> Result<Vec<u8>, PersonError> {
+    pub fn to_onnx(&self, parts: GraphParts) -> Result<Vec<u8>, PersonError> {
         let vertices = self.template.vertices().len();
         let gaussians = self.controllers.neighbours().len();
         self.mesh.check(vertices)?;
         self.attributes
             .check(self.controllers.vertices().len(), gaussians)?;
+        let ports = parts.ports(&GraphSizes {
+            vertices,
+            gaussians,
+            controllers: self.controllers.vertices().len(),
+            bases: self.attributes.bases.bases(),
+        });
+        let info = |ports: &[Port]| {
+            ports
+                .iter()
+                .map(|(name, [rows, columns])| ValueInfo::float(name, &[dim(*rows), dim(*columns)]))
+                .collect()
+        };
         let mut graph = Graph {
             node: Vec::new(),
             name: Some("deform".into()),
             initializer: Vec::new(),
-            input: vec![
-                ValueInfo::float(input::MOTION, &[1, dim(PARAMS)]),
-                ValueInfo::float(input::SKINNING, &[12, dim(JOINTS)]),
-            ],
-            output: vec![
-                ValueInfo::float(output::VERTICES, &[3, dim(vertices)]),
-                ValueInfo::float(output::RESIDUALS, &[dim(ATTRIBUTES), dim(gaussians)]),
-            ],
+            input: info(&ports.inputs),
+            output: info(&ports.outputs),
         };
-        self.write(&mut graph);
+        self.write(parts, &mut graph);
         let model = Model {
             graph: Some(graph),
             ..head()
@@ -74,14 +85,25 @@ impl DeformGraph<'_> {
     }
 
     /// Hands every node and every stored tensor to `sink`, in the file's order. The networks fit each other.
-    pub(super) fn write(&self, sink: &mut dyn Sink) {
+    pub(super) fn write(&self, parts: GraphParts, sink: &mut dyn Sink) {
         let mut writer = Writer { sink };
-        self.mesh_and_skinning(&mut writer);
-        self.attribute_residuals(&mut writer);
+        let w = &mut writer;
+        if parts == GraphParts::Networks {
+            self.canonical_vertices(w, output::CANONICAL_VERTICES);
+        } else {
+            let planes = self.canonical_vertices(w, "mesh.planes.out");
+            self.skinning(w, &planes);
+        }
+        if parts == GraphParts::Whole {
+            let potentials = self.potentials(w, "attr.potentials.out");
+            self.residuals(w, &potentials);
+        } else {
+            self.potentials(w, output::POTENTIALS);
+        }
     }
 
-    /// `V_final = LBS(V_template + F_mesh(P))`, on planes.
-    fn mesh_and_skinning(&self, w: &mut Writer<'_>) {
+    /// `V_template + F_mesh(P)`, as planes named `out`.
+    fn canonical_vertices(&self, w: &mut Writer<'_>, out: &str) -> String {
         let vertices = dim(self.template.vertices().len());
         let mesh = self.mesh;
         let hidden = w.dense("mesh.first", input::MOTION, &mesh.first);
@@ -109,14 +131,18 @@ impl DeformGraph<'_> {
         let bias = w.float("mesh.canonical", &[3 * vertices], &canonical);
         let shaped = w.op("Gemm", "mesh.offsets", &[&code, &fields, &bias], &[]);
         let shape = w.int64("mesh.planes.shape", &[3, vertices]);
-        let planes = w.op("Reshape", "mesh.planes", &[&shaped, &shape], &[]);
+        w.op_named("Reshape", out, &[&shaped, &shape], &[])
+    }
 
+    /// `V_final = LBS(planes)`.
+    fn skinning(&self, w: &mut Writer<'_>, planes: &str) {
+        let vertices = dim(self.template.vertices().len());
         let weights = self.template.dense_weights_transposed();
         let weights = w.float("skin.weights", &[dim(JOINTS), vertices], &weights);
         let matrices = w.op("MatMul", "skin.matrices", &[input::SKINNING, &weights], &[]);
         let mut sum = w.slice("skin.translation", &matrices, 9, 12);
         for axis in 0..3 {
-            let coordinate = w.slice(&format!("skin.rest{axis}"), &planes, axis, axis + 1);
+            let coordinate = w.slice(&format!("skin.rest{axis}"), planes, axis, axis + 1);
             let column = w.slice(
                 &format!("skin.column{axis}"),
                 &matrices,
@@ -137,11 +163,10 @@ impl DeformGraph<'_> {
         }
     }
 
-    /// `Delta G_i = sum_b F_i[b] Delta G_i^b`, with F_i mixed from the three controllers' potentials.
-    fn attribute_residuals(&self, w: &mut Writer<'_>) {
+    /// `u_j = SiLU(P A_j + a_j) C_j + c_j` of every controller, named `out`.
+    fn potentials(&self, w: &mut Writer<'_>, out: &str) -> String {
         let network = self.attributes;
         let controllers = self.controllers.vertices().len();
-        let gaussians = dim(self.controllers.neighbours().len());
         let (hidden, bases) = (dim(network.hidden(controllers)), dim(network.bases.bases()));
         let controllers = dim(controllers);
 
@@ -162,8 +187,14 @@ impl DeformGraph<'_> {
         );
         let potentials = w.op("Add", "attr.second", &[&potentials, &bias], &[]);
         let shape = w.int64("attr.potentials.shape", &[controllers, bases]);
-        let potentials = w.op("Reshape", "attr.potentials", &[&potentials, &shape], &[]);
+        w.op_named("Reshape", out, &[&potentials, &shape], &[])
+    }
 
+    /// F_attr's tail: `Delta G_i = sum_b F_i[b] Delta G_i^b`, with F_i mixed from the three controllers' potentials.
+    fn residuals(&self, w: &mut Writer<'_>, potentials: &str) {
+        let network = self.attributes;
+        let gaussians = dim(self.controllers.neighbours().len());
+        let bases = dim(network.bases.bases());
         let mut force: Option<String> = None;
         for k in 0..NEIGHBOURS {
             let index: Vec<i32> = self
@@ -179,7 +210,7 @@ impl DeformGraph<'_> {
             let pulled = w.op(
                 "Gather",
                 &format!("attr.pull{k}"),
-                &[&potentials, &index],
+                &[potentials, &index],
                 &axis,
             );
             let pulled = w.op("Mul", &format!("attr.share{k}"), &[&pulled, &mass], &[]);

@@ -182,7 +182,7 @@ impl<'a> Stored<'a> {
 }
 
 /// A float tensor's name and static shape.
-fn read_port(bytes: &[u8]) -> Checked<(String, Vec<usize>)> {
+pub(super) fn read_port(bytes: &[u8]) -> Checked<(String, Vec<usize>)> {
     if bytes.len() > MAX_DESCRIPTION {
         return refuse("an input or output described at too great length");
     }

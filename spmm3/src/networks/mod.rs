@@ -4,16 +4,21 @@
 
 mod attributes;
 mod compare;
+mod compiled;
 mod graph;
 mod inspect;
 mod layer;
 mod mesh;
 mod onnx;
+mod parts;
 mod stored;
 mod wire;
 
 pub use attributes::{AttributeNetwork, QuantisedBases};
+pub use compiled::CompiledGraph;
+pub(crate) use compiled::check_compiled;
 pub use graph::{DeformGraph, input, output};
 pub use inspect::{GraphRefused, GraphSignature};
 pub use layer::Dense;
 pub use mesh::{MeshNetwork, QuantisedDecoder};
+pub use parts::{GraphParts, GraphPorts, GraphSizes, Port};
