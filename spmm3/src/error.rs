@@ -26,6 +26,24 @@ pub enum PersonError {
         /// The count it must stay below.
         bound: usize,
     },
+    /// An index stands twice where each may stand once.
+    #[error("{what} number {at} is {index}, which stands there before")]
+    Repeated {
+        /// The array of indices.
+        what: &'static str,
+        /// The position in it.
+        at: usize,
+        /// The index that is there a second time.
+        index: usize,
+    },
+    /// A Gaussian's place goes to one that is left out before it.
+    #[error("the place of Gaussian {gaussian} goes to {heir}, which is less important")]
+    Heir {
+        /// The Gaussian.
+        gaussian: usize,
+        /// Its heir.
+        heir: usize,
+    },
     /// A number is NaN, infinite or outside its range.
     #[error("{what} number {at} is {value}, outside {range}")]
     Value {

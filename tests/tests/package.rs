@@ -2,7 +2,7 @@
 
 use mon3tr_tests::synthetic::Puppet;
 use spmm3::package::Manifest;
-use spmm3::{Avatar, PackageError};
+use spmm3::{Avatar, Importance, PackageError};
 use std::io::Cursor;
 
 fn avatar() -> Avatar {
@@ -56,6 +56,22 @@ fn an_avatar_in_full_precision_loads_rounded_as_quantised_says() {
 }
 
 #[test]
+fn a_package_without_an_order_of_importance_loads_and_takes_the_larger_gaussians_first() {
+    let mut avatar = avatar();
+    avatar.importance = None;
+    let bytes = avatar.to_bytes().expect("the puppet packs");
+    let loaded = Avatar::read(Cursor::new(bytes)).expect("the puppet loads");
+    assert!(loaded == avatar, "loading changed the avatar");
+    let order = loaded.importance();
+    assert_eq!(order, Importance::by_size(&avatar.gaussians), "the rule");
+    assert_eq!(
+        avatar.kept_levels(&[0.5])[0].kept.len(),
+        1_000,
+        "half of them"
+    );
+}
+
+#[test]
 fn the_manifest_alone_tells_what_is_in_a_package() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("puppet.m3a");
@@ -85,6 +101,7 @@ fn an_avatar_whose_parts_do_not_fit_each_other_is_not_saved() {
         ..mon3tr_tests::synthetic::PuppetSize::SMALL
     });
     broken.gaussians = other.gaussians;
+    broken.importance = None;
     let error = broken
         .save(&path)
         .expect_err("1,000 Gaussians on 2,000 ties");

@@ -2,9 +2,16 @@
 
 use super::PackageError;
 use super::archive::{self, Archive};
-use super::manifest::{self, Counts, FORMAT, MANIFEST, Manifest, MemberEntry, VERSION};
+use super::compiled::{self, check_entries};
+use super::manifest::{
+    self, Counts, FORMAT, MANIFEST, Manifest, MemberEntry, VERSION, VERSION_PLAIN,
+};
 use super::members::{self, MEMBERS};
-use crate::{BoundGaussians, Controllers, Expressions, JOINTS, PARAMS, Skeleton, Template};
+use crate::networks::CompiledGraph;
+use crate::{
+    BoundGaussians, Controllers, Expressions, Importance, JOINTS, KeptLevel, PARAMS, Skeleton,
+    Template,
+};
 use std::fs::File;
 use std::io::{BufReader, Cursor, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -27,12 +34,16 @@ pub struct Avatar {
     pub template: Template,
     /// G_template and its binding to the template.
     pub gaussians: BoundGaussians,
+    /// Which Gaussians to leave out last, where the builder found out; see [`Self::importance`].
+    pub importance: Option<Importance>,
     /// Which controllers hold each Gaussian.
     pub controllers: Controllers,
     /// Named expressions.
     pub expressions: Expressions,
     /// F_mesh, LBS and F_attr as one ONNX graph ([`crate::networks::DeformGraph::to_onnx`]).
     pub deform_graph: Vec<u8>,
+    /// The same graph compiled for chips, if it was.
+    pub compiled: Vec<CompiledGraph>,
     /// What the builder measured (errors, times), free in form.
     pub report: serde_json::Value,
 }
@@ -44,6 +55,22 @@ impl Avatar {
     pub fn quantised(mut self) -> Self {
         self.gaussians = self.gaussians.quantised();
         self
+    }
+
+    /// Which Gaussians to leave out last: as the package says, else the larger and the less transparent ones.
+    #[must_use]
+    pub fn importance(&self) -> Importance {
+        self.importance
+            .clone()
+            .unwrap_or_else(|| Importance::by_size(&self.gaussians))
+    }
+
+    /// The Gaussians to draw at each of these shares of them (0..=1), by importance. Allocates: once, at the start.
+    #[must_use]
+    pub fn kept_levels(&self, shares: &[f32]) -> Vec<KeptLevel> {
+        let importance = self.importance();
+        let level = |share: &f32| importance.level(&self.gaussians, *share);
+        shares.iter().map(level).collect()
     }
 
     /// Writes the package to `path` and returns its size in bytes. The file is complete or, on an error, what it was
@@ -80,9 +107,19 @@ impl Avatar {
     /// # Errors
     /// If the avatar's parts do not fit each other.
     pub fn to_bytes(&self) -> Result<Vec<u8>, PackageError> {
-        let packed = members::pack(self)?;
-        let entries = MEMBERS.iter().zip(&packed);
-        let members = entries
+        let signature = members::signature(&self.deform_graph)?;
+        let (compiled, compiled_entries): (Vec<_>, Vec<_>) =
+            compiled::pack(&self.compiled, &signature)?
+                .into_iter()
+                .unzip();
+        let names = compiled_entries.iter().map(|entry| entry.member.as_str());
+        let packed: Vec<_> = MEMBERS
+            .into_iter()
+            .zip(members::pack(self)?)
+            .chain(names.zip(compiled))
+            .collect();
+        let members = packed
+            .iter()
             .map(|(name, (bytes, tensors))| MemberEntry {
                 name: (*name).to_owned(),
                 bytes: bytes.len() as u64,
@@ -92,7 +129,11 @@ impl Avatar {
             .collect();
         let manifest = Manifest {
             format: FORMAT.into(),
-            version: VERSION,
+            version: if self.compiled.is_empty() && self.importance.is_none() {
+                VERSION_PLAIN
+            } else {
+                VERSION
+            },
             name: self.name.clone(),
             generator: concat!("mon3tr ", env!("CARGO_PKG_VERSION")).into(),
             provenance: self.provenance.clone(),
@@ -103,11 +144,12 @@ impl Avatar {
                 faces: self.template.faces().len(),
                 gaussians: self.gaussians.len(),
                 controllers: self.controllers.vertices().len(),
-                bases: members::signature(&self.deform_graph)?.bases,
+                bases: signature.bases,
                 joints: JOINTS,
                 motion: PARAMS,
             },
             members,
+            compiled: compiled_entries.clone(),
             expressions: self
                 .expressions
                 .iter()
@@ -118,7 +160,7 @@ impl Avatar {
         let text = serde_json::to_vec_pretty(&manifest)
             .map_err(|e| PackageError::member(MANIFEST, e.to_string()))?;
         let mut files = vec![(MANIFEST, text)];
-        files.extend(MEMBERS.into_iter().zip(packed.map(|(bytes, _)| bytes)));
+        files.extend(packed.into_iter().map(|(name, (bytes, _))| (name, bytes)));
         let bytes = archive::write(&files)?;
         // A package that its own reader refuses must not leave the house.
         drop(files);
@@ -143,9 +185,16 @@ impl Avatar {
         let manifest = Manifest::from_archive(&mut archive)?;
         let expressions = manifest.presets()?;
         let (skeleton, template) = members::unpack_template(&mut archive, &manifest)?;
-        let gaussians = members::unpack_gaussians(&mut archive, &manifest, &template)?;
+        let (gaussians, importance) =
+            members::unpack_gaussians(&mut archive, &manifest, &template)?;
         let controllers = members::unpack_controllers(&mut archive, &manifest, &template)?;
         let deform_graph = members::unpack_graph(&mut archive, &manifest, &template, &controllers)?;
+        let compiled = if manifest.compiled.is_empty() {
+            Vec::new()
+        } else {
+            let signature = members::signature(&deform_graph)?;
+            compiled::unpack(&mut archive, &manifest, &signature)?
+        };
         Ok(Self {
             name: manifest.name,
             provenance: manifest.provenance,
@@ -153,9 +202,11 @@ impl Avatar {
             skeleton,
             template,
             gaussians,
+            importance,
             controllers,
             expressions,
             deform_graph,
+            compiled,
             report: manifest.report,
         })
     }
@@ -183,7 +234,14 @@ impl Manifest {
                 "it holds {present:?}, but its manifest lists {listed:?}"
             )));
         }
-        let mut known: Vec<&str> = MEMBERS.into_iter().chain([MANIFEST]).collect();
+        let entries: Vec<_> = manifest.compiled.iter().collect();
+        check_entries(&entries).map_err(|e| PackageError::member(MANIFEST, e))?;
+        let compiled = manifest.compiled.iter().map(|entry| entry.member.as_str());
+        let mut known: Vec<&str> = MEMBERS
+            .into_iter()
+            .chain([MANIFEST])
+            .chain(compiled)
+            .collect();
         known.sort_unstable();
         if listed != known {
             return Err(PackageError::archive(format!(

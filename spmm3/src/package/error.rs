@@ -1,6 +1,8 @@
 //! What can be wrong with an avatar package.
 
+use super::members::GRAPH;
 use crate::PersonError;
+use crate::networks::GraphRefused;
 use std::path::PathBuf;
 
 /// A package that cannot be written, or that must not be used. The text does not repeat the package's path: whoever
@@ -71,6 +73,16 @@ impl PackageError {
             member: member.to_owned(),
             reason: printable(reason),
         }
+    }
+
+    /// The deform graph is not in our form.
+    pub(crate) fn graph(refused: GraphRefused) -> Self {
+        Self::member(GRAPH, refused.to_string())
+    }
+
+    /// The deform graph's numbers do not fit each other.
+    pub(crate) fn graph_contents(source: PersonError) -> Self {
+        Self::contents(GRAPH)(source)
     }
 
     pub(super) fn archive(reason: impl Into<String>) -> Self {

@@ -11,8 +11,11 @@ use std::collections::BTreeMap;
 
 /// Name of the format in [`Manifest::format`].
 pub const FORMAT: &str = "mon3tr-avatar";
-/// Newest format version this crate reads, and the one it writes.
-pub const VERSION: u32 = 1;
+/// Newest format version this crate reads. It came with compiled graphs and the order of importance, and is written where
+/// there is either.
+pub const VERSION: u32 = 2;
+/// The version of a package with neither, which programs of before them read too.
+pub(super) const VERSION_PLAIN: u32 = 1;
 
 /// Name of the manifest's member.
 pub(super) const MANIFEST: &str = "manifest.json";
@@ -54,6 +57,9 @@ pub struct Manifest {
     pub counts: Counts,
     /// Every other member of the archive, in its order there.
     pub members: Vec<MemberEntry>,
+    /// The members that hold the deform graph compiled for a chip's NPU.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub compiled: Vec<CompiledEntry>,
     /// Named expressions.
     #[serde(default)]
     pub expressions: BTreeMap<String, ExpressionEntry>,
@@ -94,6 +100,19 @@ pub struct MemberEntry {
     /// The member's tensors by name; for the graph, its inputs and outputs.
     #[serde(default)]
     pub tensors: BTreeMap<String, TensorEntry>,
+}
+
+/// One member that holds the deform graph compiled for a chip's NPU.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CompiledEntry {
+    /// The member's name.
+    pub member: String,
+    /// The chip.
+    pub target: String,
+    /// The version of ONNX Runtime that compiled it.
+    pub onnx_runtime: String,
+    /// The version of QNN that compiled it.
+    pub qnn: String,
 }
 
 /// Type and shape of one tensor.
@@ -158,7 +177,13 @@ impl Manifest {
             ("licence", &self.licence),
         ];
         let expressions = self.expressions.keys().map(|name| ("expressions", name));
-        for (what, text) in texts.into_iter().chain(expressions) {
+        let compiled = self.compiled.iter().flat_map(|entry| {
+            [
+                ("compiled graphs", &entry.onnx_runtime),
+                ("compiled graphs", &entry.qnn),
+            ]
+        });
+        for (what, text) in texts.into_iter().chain(expressions).chain(compiled) {
             if let Some(c) = text.chars().find(|c| is_unprintable(*c)) {
                 let reason = format!(
                     "its {what} holds the character U+{:04X}, which must not be printed",
@@ -265,6 +290,14 @@ pub(super) fn conventions() -> BTreeMap<String, String> {
             "attributes",
             "14 planes: offset 3 (metres), quaternion x y z w, log of the standard deviation 3 (ln metres), opacity \
              logit, colour 3 as SH degree 0 (rgb = 0.5 + 0.28209479 c); offset and quaternion in the triangle's frame",
+        ),
+        (
+            "order",
+            "Gaussian indices, the most important first: whoever draws fewer draws the first ones",
+        ),
+        (
+            "heirs",
+            "for each Gaussian the one that covers its place once it is left out; itself if none does",
         ),
         (
             "triangle frame",

@@ -6,8 +6,8 @@ use super::tensors::{Reader, Writer};
 use super::{Avatar, Manifest, PackageError, TensorEntry};
 use crate::networks::{DeformGraph, GraphSignature, input, output};
 use crate::{
-    ATTRIBUTES, BoundGaussians, Controllers, INFLUENCES, JOINTS, NEIGHBOURS, PARAMS, Skeleton,
-    SkinWeights, Template,
+    ATTRIBUTES, BoundGaussians, Controllers, INFLUENCES, Importance, JOINTS, NEIGHBOURS, PARAMS,
+    Skeleton, SkinWeights, Template,
 };
 use glam::Vec3;
 use half::f16;
@@ -18,8 +18,11 @@ const TEMPLATE: &str = "template.safetensors";
 const GAUSSIANS: &str = "gaussians.safetensors";
 const BINDING: &str = "binding.safetensors";
 const CONTROLLERS: &str = "controllers.safetensors";
-const GRAPH: &str = "deform.onnx";
-/// The members of format version 1, in their order in the archive.
+pub(super) const GRAPH: &str = "deform.onnx";
+/// The tensors of [`GAUSSIANS`] that may be missing: packages of format version 1 have neither.
+const ORDER: &str = "order";
+const HEIRS: &str = "heirs";
+/// The members, in their order in the archive.
 pub(super) const MEMBERS: [&str; 5] = [TEMPLATE, GAUSSIANS, BINDING, CONTROLLERS, GRAPH];
 
 /// One member ready to be packed: its bytes and its tensors.
@@ -55,13 +58,16 @@ fn pack_template(avatar: &Avatar) -> Result<Packed, PackageError> {
 
 fn pack_gaussians(avatar: &Avatar) -> Result<Packed, PackageError> {
     let attributes = halves(avatar.gaussians.attributes());
-    Writer::new(GAUSSIANS)
-        .add(
-            "attributes",
-            &[ATTRIBUTES, avatar.gaussians.len()],
-            &attributes,
-        )?
-        .finish()
+    let count = avatar.gaussians.len();
+    let writer = Writer::new(GAUSSIANS).add("attributes", &[ATTRIBUTES, count], &attributes)?;
+    let Some(importance) = &avatar.importance else {
+        return writer.finish();
+    };
+    let writer = writer.add(ORDER, &[count], importance.order())?;
+    match importance.heirs() {
+        None => writer.finish(),
+        Some(heirs) => writer.add(HEIRS, &[count], heirs)?.finish(),
+    }
 }
 
 fn pack_binding(avatar: &Avatar) -> Result<Packed, PackageError> {
@@ -90,15 +96,16 @@ fn pack_controllers(avatar: &Avatar) -> Result<Packed, PackageError> {
 }
 
 /// A member's bytes, once size and hash are the manifest's.
-fn unpack<'m, R: Read + Seek>(
+pub(super) fn unpack<'m, R: Read + Seek>(
     archive: &mut Archive<R>,
     manifest: &'m Manifest,
     name: &str,
+    limit: u64,
 ) -> Result<(Vec<u8>, &'m BTreeMap<String, TensorEntry>), PackageError> {
     let entry = manifest
         .member(name)
         .ok_or_else(|| PackageError::member(name, "missing from the manifest"))?;
-    let bytes = archive.unpack(name, entry.bytes.min(MAX_BYTES))?;
+    let bytes = archive.unpack(name, entry.bytes.min(limit))?;
     if bytes.len() as u64 != entry.bytes {
         let reason = format!("{} bytes, not {}", bytes.len(), entry.bytes);
         return Err(PackageError::member(name, reason));
@@ -116,7 +123,7 @@ pub(super) fn unpack_template<R: Read + Seek>(
     archive: &mut Archive<R>,
     manifest: &Manifest,
 ) -> Result<(Skeleton, Template), PackageError> {
-    let (bytes, listed) = unpack(archive, manifest, TEMPLATE)?;
+    let (bytes, listed) = unpack(archive, manifest, TEMPLATE, MAX_BYTES)?;
     let member = Reader::new(TEMPLATE, &bytes, listed)?;
     let count = manifest.counts.vertices;
     let vertices: Vec<f32> = member.get("vertices", &[count, 3])?;
@@ -147,13 +154,23 @@ pub(super) fn unpack_gaussians<R: Read + Seek>(
     archive: &mut Archive<R>,
     manifest: &Manifest,
     template: &Template,
-) -> Result<BoundGaussians, PackageError> {
+) -> Result<(BoundGaussians, Option<Importance>), PackageError> {
     let count = manifest.counts.gaussians;
-    let (bytes, listed) = unpack(archive, manifest, GAUSSIANS)?;
+    let (bytes, listed) = unpack(archive, manifest, GAUSSIANS, MAX_BYTES)?;
     let member = Reader::new(GAUSSIANS, &bytes, listed)?;
     let attributes: Vec<f16> = member.get("attributes", &[ATTRIBUTES, count])?;
-    member.only(1)?;
-    let (bytes, listed) = unpack(archive, manifest, BINDING)?;
+    let optional = |name: &str| {
+        let listed = listed.contains_key(name);
+        listed.then(|| member.get(name, &[count])).transpose()
+    };
+    let (order, heirs): (Option<Vec<u32>>, Option<Vec<u32>>) = (optional(ORDER)?, optional(HEIRS)?);
+    // Heirs without an order say nothing.
+    member.only(1 + usize::from(order.is_some()) * (1 + usize::from(heirs.is_some())))?;
+    let importance = order
+        .map(|order| Importance::new(order, heirs, count))
+        .transpose()
+        .map_err(PackageError::contents(GAUSSIANS))?;
+    let (bytes, listed) = unpack(archive, manifest, BINDING, MAX_BYTES)?;
     let member = Reader::new(BINDING, &bytes, listed)?;
     let triangles: Vec<u32> = member.get("triangle", &[count])?;
     let barycentric: Vec<f16> = member.get("barycentric", &[count, 2])?;
@@ -161,8 +178,9 @@ pub(super) fn unpack_gaussians<R: Read + Seek>(
     let barycentrics = barycentric.as_chunks().0.iter();
     let barycentrics = barycentrics.map(|pair: &[f16; 2]| pair.map(f16::to_f32));
     let attributes = attributes.iter().map(|value| value.to_f32()).collect();
-    BoundGaussians::new(template, triangles, barycentrics.collect(), attributes)
-        .map_err(PackageError::contents(BINDING))
+    let gaussians = BoundGaussians::new(template, triangles, barycentrics.collect(), attributes)
+        .map_err(PackageError::contents(BINDING))?;
+    Ok((gaussians, importance))
 }
 
 pub(super) fn unpack_controllers<R: Read + Seek>(
@@ -170,7 +188,7 @@ pub(super) fn unpack_controllers<R: Read + Seek>(
     manifest: &Manifest,
     template: &Template,
 ) -> Result<Controllers, PackageError> {
-    let (bytes, listed) = unpack(archive, manifest, CONTROLLERS)?;
+    let (bytes, listed) = unpack(archive, manifest, CONTROLLERS, MAX_BYTES)?;
     let member = Reader::new(CONTROLLERS, &bytes, listed)?;
     let counts = &manifest.counts;
     let vertices = member.get("vertex", &[counts.controllers])?;
@@ -193,11 +211,10 @@ pub(super) fn unpack_graph<R: Read + Seek>(
     template: &Template,
     controllers: &Controllers,
 ) -> Result<Vec<u8>, PackageError> {
-    let (bytes, listed) = unpack(archive, manifest, GRAPH)?;
+    let (bytes, listed) = unpack(archive, manifest, GRAPH, MAX_BYTES)?;
     let signature = signature(&bytes)?;
     check_signature(&signature, &manifest.counts)?;
-    DeformGraph::check(&bytes, template, controllers)
-        .map_err(|e| PackageError::member(GRAPH, e.to_string()))?;
+    DeformGraph::check(&bytes, template, controllers).map_err(PackageError::graph)?;
     if ports(&signature) != *listed {
         let reason = "its inputs and outputs are not those the manifest lists";
         return Err(PackageError::member(GRAPH, reason));
@@ -207,7 +224,7 @@ pub(super) fn unpack_graph<R: Read + Seek>(
 
 /// What the graph declares.
 pub(super) fn signature(graph: &[u8]) -> Result<GraphSignature, PackageError> {
-    GraphSignature::read(graph).map_err(|e| PackageError::member(GRAPH, e.to_string()))
+    GraphSignature::read(graph).map_err(PackageError::graph)
 }
 
 fn check_signature(signature: &GraphSignature, counts: &Counts) -> Result<(), PackageError> {
@@ -231,7 +248,7 @@ fn check_signature(signature: &GraphSignature, counts: &Counts) -> Result<(), Pa
 }
 
 /// The graph's inputs and outputs as the manifest lists them.
-fn ports(signature: &GraphSignature) -> BTreeMap<String, TensorEntry> {
+pub(super) fn ports(signature: &GraphSignature) -> BTreeMap<String, TensorEntry> {
     let all = signature.inputs.iter().chain(&signature.outputs);
     all.map(|(name, shape)| {
         let entry = TensorEntry {

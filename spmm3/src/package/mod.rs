@@ -5,6 +5,7 @@
 
 mod archive;
 mod avatar;
+mod compiled;
 mod error;
 mod manifest;
 mod members;
@@ -12,8 +13,9 @@ mod tensors;
 
 pub use archive::{MAX_BYTES, MAX_MEMBERS};
 pub use avatar::Avatar;
+pub use compiled::{MAX_COMPILED, MAX_COMPILED_BYTES};
 pub use error::PackageError;
 pub use manifest::{
-    Counts, ExpressionEntry, FORMAT, MAX_CONTROLLERS, MAX_FACES, MAX_GAUSSIANS, MAX_VERTICES,
-    Manifest, MemberEntry, TensorEntry, VERSION,
+    CompiledEntry, Counts, ExpressionEntry, FORMAT, MAX_CONTROLLERS, MAX_FACES, MAX_GAUSSIANS,
+    MAX_VERTICES, Manifest, MemberEntry, TensorEntry, VERSION,
 };

@@ -9,10 +9,10 @@ mod random;
 mod skin;
 
 pub use random::Random;
-use spmm3::networks::{AttributeNetwork, DeformGraph, MeshNetwork};
+use spmm3::networks::{AttributeNetwork, DeformGraph, GraphParts, MeshNetwork};
 use spmm3::{
     Avatar, BoundGaussians, Controllers, EXPRESSION, EdgeGraph, ExpressionPreset, Expressions,
-    GaussianSet, Skeleton, Template,
+    GaussianSet, Importance, Skeleton, Template,
 };
 
 /// How large a puppet is.
@@ -144,6 +144,17 @@ impl Puppet {
         }
     }
 
+    /// The larger Gaussians first; each one's heir is the one before it in the order.
+    fn importance(&self) -> Importance {
+        let order = Importance::by_size(&self.gaussians).order().to_vec();
+        let mut heirs = order.clone();
+        for pair in order.windows(2) {
+            heirs[pair[1] as usize] = pair[0];
+        }
+        heirs[order[0] as usize] = order[0];
+        Importance::new(order, Some(heirs), self.gaussians.len()).expect("an order")
+    }
+
     /// The puppet as an avatar, ready to be saved.
     ///
     /// # Panics
@@ -157,9 +168,14 @@ impl Puppet {
             skeleton: self.skeleton.clone(),
             template: self.template.clone(),
             gaussians: self.gaussians.clone(),
+            importance: Some(self.importance()),
             controllers: self.controllers.clone(),
             expressions: self.expressions.clone(),
-            deform_graph: self.graph().to_onnx().expect("the networks fit"),
+            deform_graph: self
+                .graph()
+                .to_onnx(GraphParts::Whole)
+                .expect("the networks fit"),
+            compiled: Vec::new(),
             report: serde_json::json!({ "vertices": self.template.vertices().len(), "error_mm": 0.1 + 0.2 }),
         }
     }

@@ -96,6 +96,42 @@ pub(crate) fn wrong_numbers(court: &mut Court, parts: &Parts, random: &mut Rando
             CONTROLLERS,
         );
     }
+    for (value, reason) in [
+        (2_000u32, "but there are only 2000"),
+        (u32::MAX, "but there are only 2000"),
+    ] {
+        let at = random.below(count("order", GAUSSIANS));
+        let value = value.to_le_bytes();
+        edit(court, parts, GAUSSIANS, "order", at, &value, reason);
+        edit(court, parts, GAUSSIANS, "heirs", at, &value, reason);
+    }
+    // In range, but no permutation: the first and the last cannot both be what the first was.
+    let first = Tensors::of(parts.clone().member(GAUSSIANS)).first("order", 4);
+    edit(
+        court,
+        parts,
+        GAUSSIANS,
+        "order",
+        1_999,
+        &first,
+        "stands there before",
+    );
+    // The most important one has no heir but itself.
+    let [a, b, c, d] = first[..] else {
+        panic!("an index of four bytes")
+    };
+    let most = u32::from_le_bytes([a, b, c, d]);
+    let other = ((most + 1) % 2_000).to_le_bytes();
+    let most = usize::try_from(most).expect("an index");
+    edit(
+        court,
+        parts,
+        GAUSSIANS,
+        "heirs",
+        most,
+        &other,
+        "is less important",
+    );
     // Finite and in range, but weights and masses that no longer sum to 1.
     edit(
         court,
@@ -147,6 +183,7 @@ pub(crate) fn wrong_shapes(court: &mut Court, parts: &Parts) {
         (TEMPLATE, "vertices"),
         (TEMPLATE, "joints"),
         (GAUSSIANS, "attributes"),
+        (GAUSSIANS, "order"),
         (BINDING, "triangle"),
         (CONTROLLERS, "neighbours"),
     ] {
@@ -206,7 +243,7 @@ pub(crate) fn wrong_shapes(court: &mut Court, parts: &Parts) {
     court.refuse(
         "an extra tensor",
         &broken.rehash().pack(),
-        "2 tensors, not 1",
+        "4 tensors, not 3",
     );
 }
 
@@ -237,7 +274,7 @@ pub(crate) fn wrong_manifests(court: &mut Court, parts: &Parts) {
             change(&path, value, "package member");
         }
     }
-    change("/version", json!(2), "update mon3tr");
+    change("/version", json!(3), "update mon3tr");
     change("/version", json!(4_000_000_000u32), "update mon3tr");
     change("/version", json!("1"), MANIFEST);
     change("/format", json!("mon3tr-scene"), "mon3tr-scene");
@@ -285,7 +322,11 @@ pub(crate) fn wrong_manifests(court: &mut Court, parts: &Parts) {
         files.extend(parts.members.iter().cloned());
         court.refuse("a manifest that is none", &pack(&files), MANIFEST);
     }
-    // A key from the future is not an error.
+    // A package of an older version is not an error.
+    let mut older = parts.clone();
+    older.manifest["version"] = json!(1);
+    assert_eq!(court.read("version 1", &older.pack()), None, "it is read");
+    // Nor is a key from the future.
     let mut newer = parts.clone();
     newer.manifest["mood"] = json!({"today": ["good", 1]});
     newer.manifest["counts"]["hats"] = json!(3);

@@ -2,21 +2,9 @@
 
 use crate::Court;
 use crate::parts::{GRAPH, Parts};
+use mon3tr_tests::onnx::field;
 use mon3tr_tests::synthetic::Puppet;
 use spmm3::Controllers;
-
-/// One protobuf field of bytes.
-fn field(number: u8, content: &[u8]) -> Vec<u8> {
-    let mut out = vec![number << 3 | 2];
-    let mut length = content.len();
-    while length > 0x7f {
-        out.push(length.to_le_bytes()[0] | 0x80);
-        length >>= 7;
-    }
-    out.push(length.to_le_bytes()[0]);
-    out.extend(content);
-    out
-}
 
 /// Where a stored tensor's numbers begin: its name, the key of raw data, a length, then they.
 fn raw_data(graph: &[u8], tensor: &str) -> usize {
@@ -268,7 +256,10 @@ pub(crate) fn graphs_of_their_own(court: &mut Court, parts: &Parts) {
     )
     .expect("the masses still sum to 1");
     let mut broken = parts.clone();
-    *broken.member(GRAPH) = other.graph().to_onnx().expect("the networks fit");
+    *broken.member(GRAPH) = other
+        .graph()
+        .to_onnx(spmm3::networks::GraphParts::Whole)
+        .expect("the networks fit");
     court.refuse("another's graph", &broken.rehash().pack(), own);
 
     // A later operator set, under which the same nodes may mean something else.

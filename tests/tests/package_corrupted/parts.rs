@@ -101,6 +101,13 @@ impl Tensors {
         [&length[..], &header, &self.data].concat()
     }
 
+    /// Element 0 of a tensor of elements of `size` bytes.
+    pub(crate) fn first(&self, tensor: &str, size: usize) -> Vec<u8> {
+        let start = self.header[tensor]["data_offsets"][0].as_u64();
+        let start = usize::try_from(start.expect("an offset")).expect("an offset");
+        self.data[start..start + size].to_vec()
+    }
+
     /// Overwrites element `at` of a tensor.
     pub(crate) fn set(&mut self, tensor: &str, at: usize, value: &[u8]) {
         let start = self.header[tensor]["data_offsets"][0].as_u64();

@@ -3,6 +3,7 @@
 //! Deterministic: the same options give the same avatar whatever the number of threads. It neither draws (the caller
 //! may pass something that does) nor writes files.
 
+mod importance;
 mod measure;
 mod order;
 mod progress;
@@ -11,6 +12,7 @@ mod report;
 #[cfg(test)]
 mod tests;
 
+pub use importance::{Weights, importance};
 pub use measure::{Draw, Shot};
 pub use progress::Progress;
 pub use puppet::puppet;
@@ -26,16 +28,16 @@ use crate::simulate::{GroundTruth, PoseSampler, Puppet, Simulator};
 use crate::{Light, Person, ReconstructError, build_gaussians};
 use glam::Vec3;
 use rayon::prelude::*;
-use spmm3::networks::{AttributeNetwork, DeformGraph, MeshNetwork};
+use spmm3::networks::{AttributeNetwork, DeformGraph, GraphParts, MeshNetwork};
 use spmm3::{
-    Avatar, BoundGaussians, Controllers, Expressions, MotionParams, SH_C0, Skeleton, Template,
-    attribute,
+    Avatar, BoundGaussians, Controllers, Expressions, Importance, MotionParams, SH_C0, Skeleton,
+    Template, attribute,
 };
 use std::ops::Range;
 use std::path::Path;
 
 /// Raised whenever the same options give another avatar, so that caches of older ones are left alone.
-pub const BAKE_VERSION: u32 = 2;
+pub const BAKE_VERSION: u32 = 3;
 
 /// What to build.
 #[derive(Debug, Clone, Copy)]
@@ -82,6 +84,8 @@ pub struct Baked {
     pub skeleton: Skeleton,
     /// Gaussians on the template, sorted by their strongest controller.
     pub gaussians: BoundGaussians,
+    /// Which Gaussians a poor device leaves out last.
+    pub importance: Importance,
     /// The controllers and their holds.
     pub controllers: Controllers,
     /// F_mesh.
@@ -112,11 +116,13 @@ impl Baked {
                          mon3tr bake"
                 .to_owned(),
             licence: "CC0-1.0 for the MakeHuman Team's core assets as released in 2020".to_owned(),
-            deform_graph: graph.to_onnx()?,
+            deform_graph: graph.to_onnx(GraphParts::Whole)?,
+            compiled: Vec::new(),
             report: serde_json::to_value(&self.report).unwrap_or_default(),
             skeleton: self.skeleton,
             template: self.template,
             gaussians: self.gaussians,
+            importance: Some(self.importance),
             controllers: self.controllers,
             expressions: self.expressions,
         })
@@ -293,7 +299,9 @@ fn bake_subject(
         pictures: None,
         steps: Vec::new(),
     };
+    let importance = importance(&puppet.template, &gaussians, Weights::default())?;
     let mut baked = Baked {
+        importance,
         template: puppet.template.clone(),
         skeleton: puppet.skeleton.clone(),
         gaussians,

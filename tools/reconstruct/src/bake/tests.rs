@@ -106,6 +106,7 @@ fn a_seed_gives_one_avatar_whatever_the_number_of_threads() {
     assert_eq!(one.mesh, two.mesh, "F_mesh differs");
     assert_eq!(one.attributes, two.attributes, "F_attr differs");
     assert_eq!(one.gaussians, two.gaussians, "the Gaussians differ");
+    assert_eq!(one.importance, two.importance, "their order differs");
 }
 
 #[test]
