@@ -1,4 +1,5 @@
 // What every stage of one picture shares: cameras, sizes, limits. Mirrors `FrameParams` in src/frame.rs.
+#include "numbers.glsl"
 
 const uint TILE = 16u;               // pixels along a tile's side
 const uint NO_DEPTH = 0xFFFFFFFFu;   // start value of a least depth
@@ -44,7 +45,3 @@ struct Splat {
 const float LOG2_ALPHA_CUT = -7.994353436858858; // log2(1/255)
 const float ALPHA_CUT = 1.0 / 255.0;
 const float ALPHA_MOST = 0.99;
-
-bool finite(float x) { return (floatBitsToUint(x) & 0x7F800000u) != 0x7F800000u; }
-bool finite(vec3 v) { return finite(v.x) && finite(v.y) && finite(v.z); }
-bool finite(vec4 v) { return finite(v.xyz) && finite(v.w); }

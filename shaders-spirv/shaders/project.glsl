@@ -17,7 +17,6 @@ layout(set = 0, binding = 5, std430) writeonly buffer Items { uint items[]; };
 
 const float SQRT_HALF_LOG2_E = 0.8493218002880191; // sqrt(log2(e) / 2)
 const float LN_2 = 0.6931471805599453;
-const float MOST_HALF = 65504.0;
 // 3DGS widens every splat by 0.3 px^2. The Mip filter widens by its box filter's 0.1 px^2 and fades accordingly.
 const float LOW_PASS = MIP_FILTER ? 0.1 : 0.3;
 
@@ -27,15 +26,6 @@ mat3 scaled_axes(vec4 q, vec3 scale) {
     vec3 y = vec3(2.0 * (q.x * q.y - q.w * q.z), 1.0 - 2.0 * (q.x * q.x + q.z * q.z), 2.0 * (q.y * q.z + q.w * q.x));
     vec3 z = vec3(2.0 * (q.x * q.z + q.w * q.y), 2.0 * (q.y * q.z - q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y));
     return mat3(x * scale.x, y * scale.y, z * scale.z);
-}
-
-// A unit quaternion from which number was left out, being the largest, and the other three in -1/sqrt(2)..1/sqrt(2).
-vec4 quaternion(uint largest, vec3 others) {
-    float rest = sqrt(max(0.0, 1.0 - dot(others, others)));
-    if (largest == 0u) return vec4(rest, others);
-    if (largest == 1u) return vec4(others.x, rest, others.yz);
-    if (largest == 2u) return vec4(others.xy, rest, others.z);
-    return vec4(others, rest);
 }
 
 // What one view makes of a Gaussian.

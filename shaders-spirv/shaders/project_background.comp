@@ -30,7 +30,6 @@ layout(set = 0, binding = 8, std430) readonly buffer Blocks { Block blocks[]; };
 layout(set = 0, binding = 9, std430) readonly buffer Harmonics { uint harmonics[]; };
 
 const uint BLOCK = 256u;
-const float SQRT_2 = 1.4142135623730951;
 const float SH_C0 = 0.28209479177387814;
 
 // Whether any of a box's points, reach added, may be in the picture: all eight corners beyond one plane say no.

@@ -32,13 +32,22 @@ pub struct PackedGaussian {
 }
 
 /// Steps of `log2(scale)` in one octave; `SCALE_STEPS` in the shader.
-const SCALE_STEPS: f32 = 2048.0;
+pub(crate) const SCALE_STEPS: f32 = 2048.0;
 /// `log2(scale)` of the least scale, 60 nm; `SCALE_LEAST` in the shader.
-const SCALE_LEAST: f32 = -24.0;
+pub(crate) const SCALE_LEAST: f32 = -24.0;
 /// `log2(scale)` that no scale reaches: 256 m.
-const SCALE_END: f32 = 8.0;
+pub(crate) const SCALE_END: f32 = 8.0;
 /// Greatest step of one of the quaternion's numbers, which lie in -1/sqrt(2) ..= 1/sqrt(2); 15 bits, even so that 0 is one of the steps.
-const ROTATION_MOST: f32 = 32_766.0;
+pub(crate) const ROTATION_MOST: f32 = 32_766.0;
+
+/// The least half that is not subnormal.
+pub(crate) const HALF_LEAST: f32 = 6.103_515_6e-5;
+/// The greatest half.
+pub(crate) const HALF_MOST: f32 = 65_504.0;
+/// From a float's exponent to a half's.
+pub(crate) const HALF_REBIAS: u32 = 112 << 23;
+/// Half of a half's last bit, in a float's bits.
+pub(crate) const HALF_STEP: u32 = 0x1000;
 
 impl PackedGaussian {
     /// Packs one Gaussian from the logarithms (base 2) of its scales; for the rest see [`Gaussian`].
@@ -82,33 +91,40 @@ impl PackedGaussian {
         }
     }
 
+    /// The Gaussian as it is drawn: what [`Self::new`] was given, rounded to the layout's steps. One that is never drawn
+    /// comes back with an opacity of 0 and no rotation.
+    #[must_use]
+    pub fn unpacked(&self) -> Gaussian {
+        let [_, _, _, scale_xy, scale_z_alpha, ab, c_red, green_blue] = self.words;
+        let low = |word: u32| f32::from(u16::try_from(word & 0xFFFF).unwrap_or_default());
+        let high = |word: u32| low(word >> 16);
+        let scale = |steps: f32| (steps / SCALE_STEPS + SCALE_LEAST).exp2();
+        let drawn = ab != 0 || c_red & 0xFFFF != 0;
+        let others = [low(ab & 0x7FFF), low((ab >> 15) & 0x7FFF), low(c_red)]
+            .map(|steps| (steps / ROTATION_MOST - 0.5) * std::f32::consts::SQRT_2);
+        let [a, b, c] = others;
+        let left_out = (1.0 - (a * a + b * b + c * c)).max(0.0).sqrt();
+        let rotation = match ab >> 30 {
+            _ if !drawn => [0.0; 4],
+            0 => [left_out, a, b, c],
+            1 => [a, left_out, b, c],
+            2 => [a, b, left_out, c],
+            _ => [a, b, c, left_out],
+        };
+        Gaussian {
+            position: self.position(),
+            rotation,
+            scale: [low(scale_xy), high(scale_xy), low(scale_z_alpha)].map(scale),
+            opacity: high(scale_z_alpha) / 65_535.0,
+            colour: [c_red >> 16, green_blue & 0xFFFF, green_blue >> 16].map(half_value),
+        }
+    }
+
     /// World position, metres.
     #[must_use]
     pub fn position(&self) -> [f32; 3] {
         let [x, y, z, ..] = self.words;
         [x, y, z].map(f32::from_bits)
-    }
-
-    /// Whether it is opaque enough to be drawn: above 1/255 at its centre.
-    #[must_use]
-    pub fn shows(&self) -> bool {
-        self.words[4] >> 16 > 65_535 / 255
-    }
-
-    /// The greatest of the three scales as it is stored: 2,048 steps an octave.
-    #[must_use]
-    #[expect(clippy::cast_possible_truncation, reason = "16 bits each")]
-    pub const fn greatest_scale_step(&self) -> u16 {
-        let [_, _, _, xy, z, ..] = self.words;
-        let (x, y, z) = (xy as u16, (xy >> 16) as u16, z as u16);
-        let most = if x > y { x } else { y };
-        if most > z { most } else { z }
-    }
-
-    /// The opacity as it is stored: 65,535 steps.
-    #[must_use]
-    pub const fn opacity_step(&self) -> u16 {
-        (self.words[4] >> 16) as u16
     }
 }
 
@@ -159,15 +175,19 @@ pub fn quantised(value: f32, most: f32) -> u32 {
 
 /// The nearest half to a colour that is finite; below 0 and below the least normal half (0.00006) it is black.
 fn half_bits(value: f32) -> u32 {
-    const LEAST: f32 = 6.103_515_6e-5;
-    const MOST: f32 = 65_504.0;
-    // From a float's exponent to a half's, and half of the last bit that stays.
-    const REBIAS: u32 = 112 << 23;
-    const HALF_STEP: u32 = 0x1000;
-    if value < LEAST {
+    if value < HALF_LEAST {
         return 0;
     }
-    (value.min(MOST).to_bits() + HALF_STEP - REBIAS) >> 13
+    (value.min(HALF_MOST).to_bits() + HALF_STEP - HALF_REBIAS) >> 13
+}
+
+/// What a half that [`half_bits`] made stands for.
+fn half_value(bits: u32) -> f32 {
+    const REBIAS: u32 = 112 << 23;
+    if bits == 0 {
+        return 0.0;
+    }
+    f32::from_bits((bits << 13) + REBIAS)
 }
 
 #[cfg(test)]
@@ -250,6 +270,36 @@ mod tests {
         ] {
             assert_eq!(half_bits(value), bits, "{value}");
         }
+    }
+
+    #[test]
+    fn what_was_packed_comes_back_within_the_layouts_steps() {
+        for seed in 1u16..500 {
+            let wave = |k: f32| (f32::from(seed) * k).sin();
+            let rotation = [wave(1.1), wave(1.7), wave(2.3), wave(3.1)];
+            let length = rotation.iter().map(|q| q * q).sum::<f32>().sqrt();
+            let gaussian = Gaussian {
+                position: [wave(0.3), wave(0.7), wave(0.9)],
+                rotation: rotation.map(|q| q / length),
+                scale: [wave(0.5), wave(0.6), wave(0.8)].map(f32::exp2),
+                opacity: wave(0.2).abs(),
+                colour: [wave(0.35), wave(0.45), wave(0.55)].map(f32::abs),
+            };
+            let got = PackedGaussian::from(&gaussian).unpacked();
+            assert_eq!(got.position, gaussian.position, "position");
+            let turned = got.rotation.iter().zip(&gaussian.rotation);
+            let cosine: f32 = turned.map(|(got, want)| got * want).sum();
+            assert!(1.0 - cosine.abs() < 1e-6, "rotation: {cosine}");
+            assert!((got.opacity - gaussian.opacity).abs() < 1e-5, "opacity");
+            for (got, want) in got.scale.iter().zip(&gaussian.scale) {
+                assert!((got / want - 1.0).abs() < 2e-4, "scale {got} for {want}");
+            }
+            for (got, want) in got.colour.iter().zip(&gaussian.colour) {
+                assert!((got - want).abs() <= want * 5e-4 + 7e-5, "{got} for {want}");
+            }
+        }
+        let never = PackedGaussian::zeroed().unpacked();
+        assert_eq!((never.opacity, never.rotation), (0.0, [0.0; 4]), "never");
     }
 
     #[test]

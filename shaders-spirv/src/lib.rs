@@ -5,9 +5,11 @@
 
 mod frame;
 mod gaussian;
+mod gaussian_lanes;
 
 pub use frame::{FrameParams, SortState, Splat, ViewParams};
 pub use gaussian::{Gaussian, PackedGaussian, quantised, smallest_three};
+pub use gaussian_lanes::GaussianLanes;
 
 /// One compiled shader. Its entry point is `main`.
 #[derive(Debug, Clone, Copy)]

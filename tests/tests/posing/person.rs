@@ -1,0 +1,101 @@
+//! The puppet as the tests of this program pose it.
+
+use mon3tr_tests::bound_person::bound_mesh;
+use mon3tr_tests::person_reference::{self as reference, V3};
+use mon3tr_tests::synthetic::{Puppet, Random};
+use spmm3::{MotionParams, SkinningTransforms};
+use std::sync::LazyLock;
+use xr_renderer::{BoundMesh, PosedInput};
+
+/// Building the puppet takes longer than a test.
+pub(crate) static PUPPET: LazyLock<Puppet> = LazyLock::new(Puppet::small);
+
+/// The puppet as a mesh.
+pub(crate) fn mesh_of(puppet: &Puppet) -> BoundMesh {
+    bound_mesh(
+        &puppet.template,
+        &puppet.gaussians,
+        &puppet.controllers,
+        &puppet.attributes.bases,
+    )
+}
+
+/// What the networks say of one motion, in single precision as they do, by the reference.
+pub(crate) struct Pose {
+    pub(crate) canonical: Vec<f32>,
+    pub(crate) skinning: SkinningTransforms,
+    pub(crate) potentials: Vec<f32>,
+    pub(crate) root: [f32; 3],
+}
+
+#[allow(
+    clippy::cast_possible_truncation,
+    reason = "networks give single precision"
+)]
+impl Pose {
+    pub(crate) fn of(puppet: &Puppet, motion: &MotionParams) -> Self {
+        let offsets = reference::mesh_offsets(&puppet.mesh, motion.values());
+        let vertices = puppet.template.vertices();
+        let canonical = (0..3)
+            .flat_map(|axis| {
+                let moved = vertices.iter().zip(&offsets);
+                moved.map(move |(rest, offset)| (f64::from(rest[axis]) + offset[axis]) as f32)
+            })
+            .collect();
+        let controllers = puppet.controllers.vertices().len();
+        let potentials = reference::potentials(&puppet.attributes, controllers, motion.values());
+        let mut skinning = SkinningTransforms::default();
+        let joints = puppet.skeleton.pose(motion);
+        puppet.skeleton.skinning(&joints, &mut skinning);
+        Self {
+            canonical,
+            skinning,
+            potentials: potentials.iter().flatten().map(|u| *u as f32).collect(),
+            root: motion.root_translation.to_array(),
+        }
+    }
+
+    /// A pose that no other test has.
+    pub(crate) fn random(puppet: &Puppet, seed: u64) -> Self {
+        Self::of(puppet, &Random::new(seed).motion(0.6))
+    }
+
+    pub(crate) fn input(&self) -> PosedInput<'_> {
+        PosedInput {
+            canonical_vertices: &self.canonical,
+            skinning: &self.skinning.0,
+            potentials: &self.potentials,
+            root: self.root,
+        }
+    }
+
+    /// The skinned mesh, in f64.
+    pub(crate) fn skinned(&self, puppet: &Puppet) -> Vec<V3> {
+        let count = puppet.template.vertices().len();
+        let shape: Vec<V3> = (0..count)
+            .map(|v| [0, 1, 2].map(|axis| f64::from(self.canonical[axis * count + v])))
+            .collect();
+        let matrices: Vec<reference::Rigid> = (0..spmm3::JOINTS)
+            .map(|joint| {
+                let at = |column: usize, row: usize| {
+                    f64::from(self.skinning.0[(3 * column + row) * spmm3::JOINTS + joint])
+                };
+                reference::Rigid {
+                    rotation: [0, 1, 2].map(|row| [0, 1, 2].map(|column| at(column, row))),
+                    translation: [0, 1, 2].map(|row| at(3, row)),
+                }
+            })
+            .collect();
+        reference::skin(&puppet.template, &shape, &matrices)
+    }
+
+    /// Residuals of every Gaussian, in f64.
+    pub(crate) fn residuals(&self, puppet: &Puppet) -> Vec<[f64; 14]> {
+        let bases = &puppet.attributes.bases;
+        let rows = self.potentials.chunks_exact(bases.bases());
+        let potentials: Vec<Vec<f64>> = rows
+            .map(|row| row.iter().map(|u| f64::from(*u)).collect())
+            .collect();
+        reference::residuals_of(bases, &puppet.controllers, &potentials)
+    }
+}
