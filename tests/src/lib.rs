@@ -1,5 +1,6 @@
 //! What the end-to-end tests share: slow references in f64, written apart from the code under test.
 
+pub mod bound_person;
 pub mod onnx;
 pub mod person_reference;
 pub mod picture_check;
@@ -8,3 +9,4 @@ pub mod splat_reference;
 pub mod splat_scenes;
 pub mod synthetic;
 pub mod vulkan;
+pub mod walking;

@@ -4,7 +4,7 @@
 //! Rotations are matrices throughout (Rodrigues' formula, no quaternion products), so that a mistake in either way of
 //! writing them shows.
 
-use spmm3::networks::{AttributeNetwork, Dense, MeshNetwork};
+use spmm3::networks::{AttributeNetwork, Dense, MeshNetwork, QuantisedBases};
 use spmm3::{BoundGaussians, Controllers, Template};
 
 /// A vector.
@@ -297,7 +297,16 @@ pub fn residuals(
     motion: &[f32],
 ) -> Vec<[f64; 14]> {
     let potentials = potentials(network, controllers.vertices().len(), motion);
-    let bases = &network.bases;
+    residuals_of(&network.bases, controllers, &potentials)
+}
+
+/// F_attr's second half: residuals of every Gaussian, `[N_g][14]`, by given potentials `[C][B]`.
+#[must_use]
+pub fn residuals_of(
+    bases: &QuantisedBases,
+    controllers: &Controllers,
+    potentials: &[Vec<f64>],
+) -> Vec<[f64; 14]> {
     let (b_count, count) = (
         bases.values().len() / bases.scales().len(),
         controllers.masses().len(),

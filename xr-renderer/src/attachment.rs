@@ -19,7 +19,7 @@ pub(crate) struct Attachment {
 }
 
 impl Attachment {
-    /// An image of the target's size and layers.
+    /// An image of the largest size that the target has room for, and with its layers.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         what: &'static str,
@@ -30,11 +30,7 @@ impl Attachment {
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(format)
-            .extent(vk::Extent3D {
-                width: target.width,
-                height: target.height,
-                depth: 1,
-            })
+            .extent(target.most.into())
             .mip_levels(1)
             .array_layers(target.layers)
             .samples(vk::SampleCountFlags::TYPE_1)
@@ -77,7 +73,7 @@ impl Attachment {
         Ok(made)
     }
 
-    /// Records the copy of all layers, which a render pass left ready for it, into a buffer whose rows have `stride`
+    /// Records the copy of the picture's part of all layers, which a render pass left ready for it, into a buffer whose rows have `stride`
     /// pixels.
     pub(crate) fn record_copy(
         &self,

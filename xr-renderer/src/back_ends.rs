@@ -110,9 +110,9 @@ impl BackEnds {
     }
 
     /// Fills in what the shaders read of sizes.
-    pub(crate) fn describe(&self, frame: &mut FrameParams) {
+    pub(crate) fn describe(&self, frame: &mut FrameParams, target: &Target) {
         if let Some(tiles) = &self.tiles {
-            tiles.describe(frame);
+            tiles.describe(frame, target);
         }
     }
 
@@ -126,7 +126,7 @@ impl BackEnds {
     /// Records the drawing into the target.
     pub(crate) fn record_draw(&self, commands: vk::CommandBuffer, target: &Target) {
         match (self.present(), &self.tiles, &self.quads) {
-            (BackEnd::Tiles, Some(tiles), _) => tiles.record_raster(commands),
+            (BackEnd::Tiles, Some(tiles), _) => tiles.record_raster(commands, target),
             (_, _, Some(quads)) => quads.record(commands, target),
             _ => {}
         }

@@ -43,7 +43,8 @@ impl Gpu {
                 timestamps.record_point(commands, 1);
             }
         })?;
-        let [_, milliseconds] = timestamps.read()?;
+        let [start, end] = timestamps.read()?;
+        let milliseconds = self.nanoseconds(start, end) * 1e-6;
         #[expect(clippy::cast_precision_loss, reason = "exact: a power of two")]
         let moved = 2.0 * BYTES as f64;
         Ok((milliseconds > 0.0).then(|| moved / (milliseconds * 1e-3)))

@@ -127,20 +127,25 @@ impl Bindings {
     /// outlive its next use.
     pub(crate) fn bind(&mut self, resources: &[Resource<'_>]) {
         for (binding, resource) in (0..).zip(resources) {
-            let buffer = resource.buffer();
-            let buffers = [vk::DescriptorBufferInfo {
-                buffer: buffer.handle(),
-                offset: 0,
-                range: buffer.size(),
-            }];
-            let write = vk::WriteDescriptorSet::default()
-                .dst_set(self.set)
-                .dst_binding(binding)
-                .descriptor_type(resource.kind())
-                .buffer_info(&buffers);
-            // SAFETY: the set is not in use (the caller's promise), the resources are alive.
-            unsafe { self.gpu.device().update_descriptor_sets(&[write], &[]) };
+            self.rebind(binding, *resource);
         }
+    }
+
+    /// Binds another resource of the same kind in one place, under the same conditions.
+    pub(crate) fn rebind(&mut self, binding: u32, resource: Resource<'_>) {
+        let buffer = resource.buffer();
+        let buffers = [vk::DescriptorBufferInfo {
+            buffer: buffer.handle(),
+            offset: 0,
+            range: buffer.size(),
+        }];
+        let write = vk::WriteDescriptorSet::default()
+            .dst_set(self.set)
+            .dst_binding(binding)
+            .descriptor_type(resource.kind())
+            .buffer_info(&buffers);
+        // SAFETY: the set is not in use (the caller's promise), the resource is alive.
+        unsafe { self.gpu.device().update_descriptor_sets(&[write], &[]) };
     }
 
     /// The pipeline layout.

@@ -131,13 +131,19 @@ impl Buffer {
     /// Copies values to the buffer's start. The caller made the buffer for uploads, large enough, and the
     /// device is not reading it.
     pub(crate) fn write<T: Pod>(&mut self, values: &[T]) {
+        self.write_at(0, values);
+    }
+
+    /// As [`Self::write`], from the place of the value number `first` on.
+    pub(crate) fn write_at<T: Pod>(&mut self, first: usize, values: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(values);
+        let start = first * size_of::<T>();
         let Some(target) = self.mapped else {
             unreachable!("made for uploads")
         };
         assert!(
-            bytes.len() as u64 <= self.size,
-            "{} bytes into {}",
+            (start + bytes.len()) as u64 <= self.size,
+            "{} bytes at {start} into {}",
             bytes.len(),
             self.size
         );
@@ -145,30 +151,77 @@ impl Buffer {
         unsafe {
             target
                 .as_ptr()
+                .add(start)
                 .copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
         }
+    }
+
+    /// The buffer's first `count` values in place, for the host to write. The caller made the buffer for uploads, large
+    /// enough.
+    ///
+    /// # Safety
+    /// No one else reaches the buffer's memory from the host while the slice lives.
+    #[expect(
+        clippy::mut_from_ref,
+        reason = "the buffer is shared for its handle; the caller owns its memory"
+    )]
+    pub(crate) unsafe fn mapped_slice<T: Pod>(&self, count: usize) -> &mut [T] {
+        let Some(start) = self.mapped else {
+            unreachable!("made for uploads")
+        };
+        let bytes = (count * size_of::<T>()) as u64;
+        assert!(bytes <= self.size, "{bytes} bytes in {}", self.size);
+        // SAFETY: the mapping is `size` bytes long, aligned to a page, and ours alone (the caller's promise); any bits
+        // are a T.
+        unsafe { std::slice::from_raw_parts_mut(start.as_ptr().cast(), count) }
+    }
+
+    /// Records the copy of the first bytes, more than none, to another buffer; both hold as many.
+    pub(crate) fn record_copy(&self, commands: vk::CommandBuffer, to: &Self, bytes: u64) {
+        let region = [vk::BufferCopy::default().size(bytes)];
+        // SAFETY: the command buffer is being recorded; both buffers hold as many bytes.
+        unsafe {
+            let device = self.gpu.device();
+            device.cmd_copy_buffer(commands, self.handle, to.handle, &region);
+        }
+    }
+
+    /// Whether it was made on this device.
+    pub(crate) fn is_on(&self, gpu: &Arc<Gpu>) -> bool {
+        Arc::ptr_eq(&self.gpu, gpu)
+    }
+
+    /// The buffer's first value, for one made for reading back, once the device has finished writing.
+    pub(crate) fn read_one<T: Pod>(&self) -> T {
+        let mut value = T::zeroed();
+        self.read_into(std::slice::from_mut(&mut value));
+        value
     }
 
     /// The buffer's first `count` values. The caller made the buffer for reading back, large enough, and
     /// the device has finished writing.
     pub(crate) fn read<T: Pod>(&self, count: usize) -> Vec<T> {
+        let mut values = vec![T::zeroed(); count];
+        self.read_into(&mut values);
+        values
+    }
+
+    fn read_into<T: Pod>(&self, values: &mut [T]) {
         let Some(source) = self.mapped else {
             unreachable!("made for reading back")
         };
-        let bytes = count * size_of::<T>();
+        let bytes = size_of_val(values);
         assert!(
             bytes as u64 <= self.size,
             "{bytes} bytes out of {}",
             self.size
         );
-        let mut values = vec![T::zeroed(); count];
         // SAFETY: the mapping is `size` bytes long and holds initialised, coherent memory; T is plain data.
         unsafe {
             source
                 .as_ptr()
                 .copy_to_nonoverlapping(values.as_mut_ptr().cast::<u8>(), bytes);
         }
-        values
     }
 }
 

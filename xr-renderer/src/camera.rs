@@ -45,6 +45,29 @@ pub struct Fov {
 }
 
 impl Camera {
+    /// The same view in a picture of `share` of the width and height, a pixel at least.
+    #[must_use]
+    pub fn scaled(&self, share: f32) -> Self {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a picture's side, which a float holds"
+        )]
+        let side = |pixels: u32| ((pixels as f32 * share).round() as u32).max(1);
+        let (width, height) = (side(self.width), side(self.height));
+        let x = width as f32 / self.width.max(1) as f32;
+        let y = height as f32 / self.height.max(1) as f32;
+        Self {
+            fx: self.fx * x,
+            cx: self.cx * x,
+            fy: self.fy * y,
+            cy: self.cy * y,
+            width,
+            height,
+            ..*self
+        }
+    }
+
     /// A camera at `eye` that sees `target` in its picture's centre, with square pixels.
     ///
     /// `vertical_fov` in radians. If `up` is (nearly) along the line of sight, another up is taken.

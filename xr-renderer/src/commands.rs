@@ -1,7 +1,7 @@
 //! Recording commands, handing them to the queue and waiting until they are done.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use ash::vk;
 
@@ -19,6 +19,8 @@ pub(crate) struct Commands {
     fence: vk::Fence,
     /// The work that was submitted and not yet seen to end: buffer, fence and all it uses are the device's.
     in_flight: Option<&'static str>,
+    /// When work was last handed to the queue, and seen to end.
+    last_run: [Instant; 2],
     patience: Duration,
 }
 
@@ -36,6 +38,7 @@ impl Commands {
             buffer: vk::CommandBuffer::null(),
             fence: vk::Fence::null(),
             in_flight: None,
+            last_run: [Instant::now(); 2],
             patience: PATIENCE,
         };
         let info = vk::CommandBufferAllocateInfo::default()
@@ -87,15 +90,15 @@ impl Commands {
         what: &'static str,
         record: impl FnOnce(vk::CommandBuffer),
     ) -> Result<(), RenderError> {
-        self.run_between(what, &[], &[], record)
+        self.run_between(what, None, None, record)
     }
 
-    /// As [`Self::run`]; the device's copies begin after `wait` and its end signals `signal`.
+    /// As [`Self::run`]; the device's copies begin after `wait`, if any, and its end signals `signal`.
     pub(crate) fn run_between(
         &mut self,
         what: &'static str,
-        wait: &[vk::Semaphore],
-        signal: &[vk::Semaphore],
+        wait: Option<vk::Semaphore>,
+        signal: Option<vk::Semaphore>,
         record: impl FnOnce(vk::CommandBuffer),
     ) -> Result<(), RenderError> {
         self.settle()?;
@@ -116,17 +119,17 @@ impl Commands {
         }
         record(self.buffer);
         let buffers = [self.buffer];
-        let stages = vec![vk::PipelineStageFlags::TRANSFER; wait.len()];
+        let stages = wait.map(|_| vk::PipelineStageFlags::TRANSFER);
         let submit = [vk::SubmitInfo::default()
-            .wait_semaphores(wait)
-            .wait_dst_stage_mask(&stages)
-            .signal_semaphores(signal)
+            .wait_semaphores(wait.as_slice())
+            .wait_dst_stage_mask(stages.as_slice())
+            .signal_semaphores(signal.as_slice())
             .command_buffers(&buffers)];
+        // SAFETY: the buffer is being recorded.
+        unsafe { device.end_command_buffer(self.buffer) }.during("vkEndCommandBuffer")?;
+        let start = Instant::now();
         // SAFETY: the buffer is recorded, the fence unsignalled, the queue locked.
         let submitted = unsafe {
-            device
-                .end_command_buffer(self.buffer)
-                .during("vkEndCommandBuffer")?;
             self.gpu
                 .with_queue(|queue| device.queue_submit(queue, &submit, self.fence))
         };
@@ -137,7 +140,14 @@ impl Commands {
             Err(_) => None,
         };
         submitted.during(what)?;
-        self.settle()
+        self.settle()?;
+        self.last_run = [start, Instant::now()];
+        Ok(())
+    }
+
+    /// When the work that last went well was handed to the queue, and when it was seen to have ended.
+    pub(crate) fn last_run(&self) -> [Instant; 2] {
+        self.last_run
     }
 }
 

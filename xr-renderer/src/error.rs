@@ -79,6 +79,34 @@ pub enum RenderError {
         /// How many fit.
         limit: u32,
     },
+    /// The parts of a mesh with Gaussians do not fit together.
+    #[error("Gaussians cannot be posed with this mesh: {0}; give arrays of one avatar")]
+    BoundMesh(String),
+    /// A pose is not of the mesh it was given for.
+    #[error(
+        "a pose has {got} {what}, but its mesh needs {expected}: give the outputs of the same avatar's networks"
+    )]
+    PosedInput {
+        /// What there are too few or too many of.
+        what: &'static str,
+        /// How many were given.
+        got: usize,
+        /// How many the mesh needs.
+        expected: usize,
+    },
+    /// A state was asked for that is not on the device.
+    #[error(
+        "the state is not on the device: push a pose, draw before four more are pushed, and push anew after `recover`"
+    )]
+    NoState,
+    /// A posed foreground was asked of a renderer that has no mesh.
+    #[error("the renderer has no mesh to pose: make it with `RendererOptions::mesh` set")]
+    NoMesh,
+    /// A slot's memory is another device's than the renderer's.
+    #[error(
+        "the foreground slot belongs to another device than the renderer: make slots with `foreground_slot` of the renderer that draws them, and new ones after `recover`"
+    )]
+    ForeignSlot,
     /// The Gaussians cover too many tiles together.
     #[error(
         "the Gaussians cover {pairs} screen tiles together, more than the {limit} that fit: use fewer or smaller Gaussians, or a smaller picture"
@@ -103,7 +131,7 @@ pub enum RenderError {
     },
     /// A camera does not fit the picture or is no camera.
     #[error(
-        "camera {view} cannot be drawn with: {problem}; give each view of the renderer one rigid camera with finite numbers and the size of its pictures"
+        "camera {view} cannot be drawn with: {problem}; give each view of the renderer one rigid camera with finite numbers and a size that fits"
     )]
     Camera {
         /// Which view's camera.

@@ -1,7 +1,6 @@
 //! The half of drawing that does not care how splats become pixels: upload, project, cull, key, sort.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use ash::vk;
 use shaders_spirv::{FrameParams, PackedGaussian, SortState, Splat};
@@ -12,18 +11,24 @@ use crate::buffer::{Buffer, Place};
 use crate::commands::barrier;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
-use crate::options::Filter;
+use crate::options::{Filter, RendererOptions};
+use crate::path::ForegroundPath;
 use crate::pipeline::{ComputePipeline, Specialisation};
+use crate::posing::{Between, BoundMesh, PosedInput, Posing, StateId};
+use crate::slot::ForegroundSlot;
 use crate::sort::{SortInput, SortPasses};
 use crate::upload::Upload;
 
 /// Invocations per workgroup; divides a background's block.
 const GROUP: u32 = 64;
+/// Where `shaders/project_foreground.comp` binds the Gaussians.
+const GAUSSIANS: u32 = 7;
 
 /// Gaussians in, splats of each view and their common order out.
 pub(crate) struct Front {
     gpu: Arc<Gpu>,
     foreground: Foreground,
+    posing: Option<Posing>,
     background: Vec<StaticChunk>,
     sort: SortPasses,
     passed: Passed,
@@ -46,10 +51,19 @@ pub(crate) struct Passed {
 
 struct Foreground {
     project: ComputePipeline,
-    gaussians: Upload,
-    /// Whether the device has not yet what the host wrote.
-    stale: bool,
+    /// What a slot held, in the device's own memory; next to nothing on a software driver, which reads the slots.
+    copy: Buffer,
+    /// The slot that is drawn, kept alive while the device may read it.
+    slot: Option<Arc<Buffer>>,
+    /// Its writing, and the one that the device has.
+    writing: u64,
+    copied: Option<u64>,
+    /// Whether the Gaussians are the mesh's instead.
+    posed: bool,
+    /// The buffer that is projected.
+    projected: vk::Buffer,
     count: u32,
+    path: ForegroundPath,
 }
 
 /// A part of the background that one set of buffers holds.
@@ -61,13 +75,13 @@ struct StaticChunk {
 }
 
 impl Front {
-    pub(crate) fn new(
-        gpu: &Arc<Gpu>,
-        max_foreground: u32,
-        background: Option<&Background>,
-        filter: Filter,
-        views: u32,
-    ) -> Result<Self, RenderError> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, options: &RendererOptions) -> Result<Self, RenderError> {
+        let RendererOptions { filter, views, .. } = *options;
+        let background = options.background.as_deref();
+        let mesh = options.mesh.as_deref();
+        let max_foreground = options
+            .max_foreground
+            .max(mesh.map_or(0, BoundMesh::gaussians));
         let static_count = background.map_or(0, Background::places);
         let most = gpu.limits.max_compute_work_group_count[0].saturating_mul(GROUP);
         let capacity = max_foreground
@@ -78,7 +92,8 @@ impl Front {
                 limit: most,
             })?;
         let passed = Passed::new(gpu, capacity, views)?;
-        let foreground = Foreground::new(gpu, max_foreground, filter, &passed)?;
+        let foreground = Foreground::new(gpu, options.max_foreground, filter, &passed)?;
+        let posing = mesh.map(|mesh| Posing::new(gpu, mesh)).transpose()?;
         let words = background.map_or(0, Background::harmonics_words);
         let mut chunks = Vec::new();
         let mut first = 0;
@@ -97,6 +112,7 @@ impl Front {
             sort: SortPasses::new(gpu, input)?,
             gpu: Arc::clone(gpu),
             foreground,
+            posing,
             background: chunks,
             passed,
             capacity,
@@ -128,14 +144,33 @@ impl Front {
         self.foreground.count + last.map_or(0, |chunk| chunk.first + chunk.count)
     }
 
-    /// Writes the foreground, which fits, to memory the device sees; returns how many milliseconds that took. The
-    /// device is idle.
-    pub(crate) fn write_foreground(&mut self, gaussians: &[PackedGaussian], count: u32) -> f64 {
-        let start = Instant::now();
-        self.foreground.gaussians.write(gaussians);
-        self.foreground.count = count;
-        self.foreground.stale = true;
-        start.elapsed().as_secs_f64() * 1e3
+    /// Where on their path the Gaussians of the foreground are now.
+    pub(crate) fn foreground_path(&self) -> ForegroundPath {
+        self.foreground.path
+    }
+
+    /// Takes another foreground, which fits, or none for the pictures that follow. The device is idle.
+    pub(crate) fn show(&mut self, slot: Option<&ForegroundSlot>) {
+        self.foreground.show(slot, self.gpu.shares_memory);
+    }
+
+    /// Takes a pose of the mesh. The device is idle.
+    pub(crate) fn push_state(&mut self, input: &PosedInput<'_>) -> Result<StateId, RenderError> {
+        let posing = self.posing.as_mut().ok_or(RenderError::NoMesh)?;
+        posing.push(input)
+    }
+
+    /// Takes the mesh's Gaussians between two states as the foreground of the pictures that follow. The device is idle.
+    pub(crate) fn show_posed(&mut self, between: Between) -> Result<(), RenderError> {
+        let posing = self.posing.as_mut().ok_or(RenderError::NoMesh)?;
+        posing.show(between)?;
+        self.foreground.show_posed(posing);
+        Ok(())
+    }
+
+    /// The mesh, where the foreground is its Gaussians.
+    fn posed(&self) -> Option<&Posing> {
+        self.posing.as_ref().filter(|_| self.foreground.posed)
     }
 
     /// Writes what the stages read of cameras and sizes.
@@ -143,16 +178,22 @@ impl Front {
         self.passed.frame.write(std::slice::from_ref(frame));
     }
 
-    /// Records the upload of the background, once.
-    pub(crate) fn record_background(&self, commands: vk::CommandBuffer) {
+    /// Records the upload of what never changes, background and mesh, once.
+    pub(crate) fn record_once(&self, commands: vk::CommandBuffer) {
+        if let Some(posing) = &self.posing {
+            posing.record_mesh(commands);
+        }
         for upload in self.background.iter().flat_map(|chunk| &chunk.uploads) {
-            upload.record(&self.gpu, commands, upload.size());
+            upload.record(commands);
         }
         barrier(&self.gpu, commands);
     }
 
-    /// Frees what only the background's upload needed. The device is idle.
-    pub(crate) fn background_is_there(&mut self) {
+    /// Frees what only that upload needed. The device is idle.
+    pub(crate) fn once_is_there(&mut self) {
+        if let Some(posing) = &mut self.posing {
+            posing.mesh_is_there();
+        }
         let chunks = self.background.iter_mut();
         chunks
             .flat_map(|chunk| &mut chunk.uploads)
@@ -163,9 +204,9 @@ impl Front {
     /// counted into.
     pub(crate) fn record_upload(&self, commands: vk::CommandBuffer, sorts: bool) {
         let foreground = &self.foreground;
-        if foreground.stale && foreground.count > 0 {
-            let bytes = u64::from(foreground.count) * size_of::<PackedGaussian>() as u64;
-            foreground.gaussians.record(&self.gpu, commands, bytes);
+        foreground.record_copy(&self.gpu, commands);
+        if let Some(posing) = self.posed() {
+            posing.record_upload(commands);
         }
         if sorts {
             let empty = bytemuck::bytes_of(&SortState::EMPTY);
@@ -179,9 +220,33 @@ impl Front {
         barrier(&self.gpu, commands);
     }
 
-    /// Takes note that the picture was drawn, and so its foreground uploaded.
+    /// Takes note that the picture was drawn, and so its foreground uploaded or posed.
     pub(crate) fn foreground_is_there(&mut self) {
-        self.foreground.stale = false;
+        self.foreground.copied = Some(self.foreground.writing);
+        if let Some(posing) = self.posing.as_mut().filter(|_| self.foreground.posed) {
+            posing.picture_is_there();
+        }
+    }
+
+    /// Records the skinning of new poses, where the foreground is posed.
+    pub(crate) fn record_skin(&self, commands: vk::CommandBuffer) {
+        if let Some(posing) = self.posed() {
+            posing.record_skin(commands);
+        }
+    }
+
+    /// Records the making of their states.
+    pub(crate) fn record_attributes(&self, commands: vk::CommandBuffer) {
+        if let Some(posing) = self.posed() {
+            posing.record_attributes(commands);
+        }
+    }
+
+    /// Records the making of the picture's Gaussians.
+    pub(crate) fn record_interpolation(&self, commands: vk::CommandBuffer) {
+        if let Some(posing) = self.posed() {
+            posing.record_interpolation(commands);
+        }
     }
 
     pub(crate) fn record_project(&self, commands: vk::CommandBuffer) {
@@ -248,8 +313,10 @@ impl Foreground {
         filter: Filter,
         passed: &Passed,
     ) -> Result<Self, RenderError> {
-        let bytes = u64::from(capacity) * size_of::<PackedGaussian>() as u64;
-        let gaussians = Upload::new(gpu, "foreground Gaussians", bytes)?;
+        // Without one the shaders read the slots.
+        let copied = if gpu.shares_memory { 0 } else { capacity };
+        let bytes = u64::from(copied) * size_of::<PackedGaussian>() as u64;
+        let copy = Buffer::storage(gpu, "foreground Gaussians", bytes)?;
         let specialisation = Specialisation {
             constants: &[GROUP, filter.is_mip()],
             ..Default::default()
@@ -258,14 +325,64 @@ impl Foreground {
             gpu,
             shaders_spirv::PROJECT_FOREGROUND,
             specialisation,
-            &passed.projecting(&[gaussians.buffer()]),
+            &passed.projecting(&[&copy]),
         )?;
         Ok(Self {
             project,
-            gaussians,
-            stale: true,
+            projected: copy.handle(),
+            copy,
+            posed: false,
+            slot: None,
+            writing: 0,
+            copied: None,
             count: 0,
+            path: ForegroundPath::NOWHERE,
         })
+    }
+
+    fn show(&mut self, slot: Option<&ForegroundSlot>, shaders_read_slots: bool) {
+        self.posed = false;
+        let Some(slot) = slot else {
+            (self.count, self.path) = (0, ForegroundPath::NOWHERE);
+            return;
+        };
+        let memory = slot.memory();
+        let held = self.slot.as_ref();
+        if held.is_none_or(|held| !Arc::ptr_eq(held, memory)) {
+            self.slot = Some(Arc::clone(memory));
+            self.copied = None;
+        }
+        let source = if shaders_read_slots {
+            memory
+        } else {
+            &self.copy
+        };
+        project(&mut self.project, &mut self.projected, source);
+        self.writing = slot.writing;
+        (self.count, self.path) = (slot.count, slot.path);
+    }
+
+    fn show_posed(&mut self, posing: &Posing) {
+        self.posed = true;
+        project(&mut self.project, &mut self.projected, posing.present());
+        (self.count, self.path) = (posing.count(), posing.path());
+    }
+
+    /// Records the copy of what the device has not yet.
+    fn record_copy(&self, gpu: &Gpu, commands: vk::CommandBuffer) {
+        let news = !self.posed && self.count > 0 && self.copied != Some(self.writing);
+        if let (Some(slot), true) = (&self.slot, news && !gpu.shares_memory) {
+            let bytes = u64::from(self.count) * size_of::<PackedGaussian>() as u64;
+            slot.record_copy(commands, &self.copy, bytes);
+        }
+    }
+}
+
+/// Makes a pass project the Gaussians of another buffer, which outlives its next use. The device is idle.
+fn project(pass: &mut ComputePipeline, projected: &mut vk::Buffer, source: &Buffer) {
+    if *projected != source.handle() {
+        *projected = source.handle();
+        pass.rebind(GAUSSIANS, Resource::Storage(source));
     }
 }
 
@@ -279,9 +396,9 @@ impl StaticChunk {
         passed: &Passed,
     ) -> Result<Self, RenderError> {
         let uploads = [
-            Upload::filled(gpu, "background Gaussians", &chunk.gaussians)?,
-            Upload::filled(gpu, "background blocks", &chunk.blocks)?,
-            Upload::filled(gpu, "background colours", &chunk.harmonics)?,
+            Upload::new(gpu, "background Gaussians", &chunk.gaussians)?,
+            Upload::new(gpu, "background blocks", &chunk.blocks)?,
+            Upload::new(gpu, "background colours", &chunk.harmonics)?,
         ];
         let specialisation = Specialisation {
             constants: &[GROUP, filter.is_mip(), harmonics_words],

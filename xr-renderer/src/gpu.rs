@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use ash::{ext, khr, vk};
 
 use crate::choice::{GpuChoice, first_able, rank};
+use crate::clock::Calibration;
 use crate::error::{RenderError, VkContext};
 use crate::instance::{Instance, contains};
 use crate::physical::{Ability, Candidate, DeviceInfo, Subgroup};
@@ -26,9 +27,13 @@ pub struct Gpu {
     pub(crate) queue_family: u32,
     /// Bits of a timestamp that count; 0 where the queue has none.
     pub(crate) timestamp_bits: u32,
+    /// Reads the device's clock, where that can be done.
+    pub(crate) calibration: Option<Calibration>,
     pub(crate) has_swapchain: bool,
     /// Whether a subgroup's lanes hand values round by broadcasts rather than through shared memory.
     pub(crate) broadcasts: bool,
+    /// Whether shaders read what the host writes where it wrote it, as a software driver's do, rather than a copy.
+    pub(crate) shares_memory: bool,
     /// Bytes of device memory taken by what was made with this device.
     pub(crate) memory_taken: AtomicU64,
     /// Whether work is refused, as by a device that its driver gave up.
@@ -78,7 +83,12 @@ impl Gpu {
         } = ability;
         let has_swapchain = instance.surface_extensions.contains(&khr::surface::NAME)
             && contains(&chosen.extensions, khr::swapchain::NAME);
-        let device = open_device(&instance, &chosen, &ability, has_swapchain)?;
+        let clock = (timestamp_bits > 0)
+            .then(|| Calibration::extension(&instance, chosen.handle, &chosen.extensions))
+            .flatten();
+        let optional = [has_swapchain.then_some(khr::swapchain::NAME), clock];
+        let device = open_device(&instance, &chosen, &ability, optional)?;
+        let calibration = clock.map(|name| Calibration::new(&instance, &device.0, name));
         // SAFETY: the family and its first queue were asked for when the device was made.
         let queue = unsafe { device.0.get_device_queue(queue_family, 0) };
         // SAFETY: the handle belongs to this instance.
@@ -103,8 +113,10 @@ impl Gpu {
             subgroup,
             queue_family,
             timestamp_bits,
+            calibration,
             has_swapchain,
             broadcasts,
+            shares_memory: chosen.info.is_cpu,
             memory_taken: AtomicU64::new(0),
             declared_lost: AtomicBool::new(false),
             choice: choice.clone(),
@@ -133,6 +145,11 @@ impl Gpu {
         self.declared_lost.load(Ordering::Relaxed)
     }
 
+    /// Bytes of device memory taken by what was made with this device and is still there.
+    pub fn memory_taken(&self) -> u64 {
+        self.memory_taken.load(Ordering::Relaxed)
+    }
+
     /// The device's name, driver and version.
     pub fn info(&self) -> &DeviceInfo {
         &self.info
@@ -157,6 +174,14 @@ impl Gpu {
     /// How many warnings and errors the validation layer has given so far; 0 without the layer.
     pub fn validation_messages(&self) -> u32 {
         self.messenger.as_ref().map_or(0, Messenger::count)
+    }
+
+    /// Nanoseconds from one of the device's stamps to a later one.
+    pub(crate) fn nanoseconds(&self, from: u64, to: u64) -> f64 {
+        let mask = u64::MAX >> (64 - self.timestamp_bits.clamp(1, 64));
+        #[expect(clippy::cast_precision_loss, reason = "differences of seconds at most")]
+        let ticks = (to.wrapping_sub(from) & mask) as f64;
+        ticks * f64::from(self.limits.timestamp_period)
     }
 
     /// The device's functions.
@@ -206,7 +231,7 @@ fn open_device(
     instance: &Instance,
     chosen: &Candidate,
     ability: &Ability,
-    has_swapchain: bool,
+    optional: [Option<&'static CStr>; 2],
 ) -> Result<Device, RenderError> {
     let &Ability {
         subgroup,
@@ -218,10 +243,7 @@ fn open_device(
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(queue_family)
         .queue_priorities(&priorities)];
-    let mut extensions: Vec<&CStr> = Vec::new();
-    if has_swapchain {
-        extensions.push(khr::swapchain::NAME);
-    }
+    let mut extensions: Vec<&CStr> = optional.into_iter().flatten().collect();
     if subgroup.can_be_required && chosen.api_version < vk::API_VERSION_1_3 {
         extensions.push(ext::subgroup_size_control::NAME);
     }

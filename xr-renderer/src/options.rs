@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::background::Background;
+use crate::posing::BoundMesh;
 
 /// How splats are kept from falling between pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -46,11 +47,13 @@ impl std::fmt::Display for BackEnd {
 pub struct RendererOptions {
     /// The most Gaussians that change from frame to frame.
     pub max_foreground: u32,
+    /// Gaussians on a skinned mesh, which the device poses itself: see [`crate::Foreground::Posed`].
+    pub mesh: Option<Arc<BoundMesh>>,
     /// The scene behind and around them.
     pub background: Option<Arc<Background>>,
-    /// Width of a picture in pixels, at most 4096.
+    /// Width of the largest picture in pixels, at most 4096.
     pub width: u32,
-    /// Height of a picture in pixels, at most 4096.
+    /// Height of the largest picture in pixels, at most 4096.
     pub height: u32,
     /// 1, or 2 for stereo.
     pub views: u32,
@@ -63,11 +66,12 @@ pub struct RendererOptions {
 }
 
 impl RendererOptions {
-    /// Pictures of one size of a foreground alone, by whichever back end is faster.
+    /// Pictures up to a size of a foreground alone, by whichever back end is faster.
     #[must_use]
     pub const fn new(max_foreground: u32, width: u32, height: u32, views: u32) -> Self {
         Self {
             max_foreground,
+            mesh: None,
             background: None,
             width,
             height,

@@ -3,10 +3,8 @@
 //! The order is by distance along the head's forward direction, so walking and swaying do not change it: only turning
 //! does, by the splats' width across the line of sight times the angle. And the foreground changes it by moving.
 
-use glam::Vec3;
-use shaders_spirv::PackedGaussian;
-
 use crate::camera::Camera;
+use crate::path::ForegroundPath;
 
 /// The head may turn so far, radians (0.25 degrees): two splats 2 cm apart across the line of sight whose order is
 /// swapped differ by less than 0.1 mm in depth.
@@ -16,77 +14,36 @@ pub(crate) const KEPT_TURN: f32 = 0.004_36;
 /// which the sorted set has that much room.
 pub(crate) const KEPT_MOVE: f32 = 0.005;
 
-/// Foreground Gaussians may move so far, metres: less than the spacing of a person's Gaussians.
-pub(crate) const KEPT_FOREGROUND_MOVE: f32 = 0.000_25;
-
-/// Steps of a packed scale, a hundredth, by which a foreground Gaussian may grow.
-const KEPT_SCALE_STEPS: u16 = 29;
-
-/// Steps of a packed opacity, a hundredth of full, by which one may rise.
-const KEPT_OPACITY_STEPS: u16 = 655;
-
-/// What the present order was made for.
+/// What the present order was made for, if there is one.
 #[derive(Debug, Default)]
 pub(crate) struct Order {
     cameras: Vec<Camera>,
-    /// The foreground when it was sorted ...
-    sorted: Vec<Place>,
-    /// ... and now.
-    latest: Vec<Place>,
-    /// Whether there is an order at all, and of this foreground.
-    valid: bool,
+    foreground: Option<Sorted>,
 }
 
-/// What the order depends on of one Gaussian.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    position: Vec3,
-    /// What does not show is not in the order.
-    shows: bool,
-    /// What grows may come into a picture that it was not in.
-    greatest_scale: u16,
-    opacity: u16,
-}
-
-impl Place {
-    fn of(gaussian: &PackedGaussian) -> Self {
-        Self {
-            position: gaussian.position().into(),
-            shows: gaussian.shows(),
-            greatest_scale: gaussian.greatest_scale_step(),
-            opacity: gaussian.opacity_step(),
-        }
-    }
-
-    /// Whether an order made for the Gaussian as it was `then` serves it as it is now.
-    fn is_served_from(&self, then: &Self) -> bool {
-        let grown = self.greatest_scale.saturating_sub(then.greatest_scale);
-        let risen = self.opacity.saturating_sub(then.opacity);
-        self.position.distance_squared(then.position) <= KEPT_FOREGROUND_MOVE * KEPT_FOREGROUND_MOVE
-            && (then.shows || !self.shows)
-            && grown <= KEPT_SCALE_STEPS
-            && risen <= KEPT_OPACITY_STEPS
-    }
+/// A foreground as far as its order depends on it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Sorted {
+    /// How many Gaussians there are: another number shifts those of the background.
+    pub(crate) count: u32,
+    pub(crate) path: ForegroundPath,
 }
 
 impl Order {
     /// Makes the next picture sort.
     pub(crate) fn forget(&mut self) {
-        self.valid = false;
+        self.foreground = None;
     }
 
-    /// Takes note of another foreground.
-    pub(crate) fn foreground_changed(&mut self, gaussians: &[PackedGaussian]) {
-        self.latest.clear();
-        self.latest.extend(gaussians.iter().map(Place::of));
-        self.valid = self.valid
-            && self.latest.len() == self.sorted.len()
-            && (self.latest.iter().zip(&self.sorted)).all(|(now, then)| now.is_served_from(then));
+    /// Whether it is an order of these very Gaussians, if maybe one from when they and the head were elsewhere.
+    pub(crate) fn is_of(&self, now: Sorted) -> bool {
+        (self.foreground).is_some_and(|then| now.count == then.count && now.path.is_of(&then.path))
     }
 
-    /// Whether the order still serves these cameras.
-    pub(crate) fn serves(&self, cameras: &[Camera]) -> bool {
-        self.valid
+    /// Whether it still shows this foreground to these cameras as a fresh one would.
+    pub(crate) fn serves(&self, cameras: &[Camera], now: Sorted) -> bool {
+        self.is_of(now)
+            && (self.foreground).is_some_and(|then| now.path.is_served_from(&then.path))
             && cameras.len() == self.cameras.len()
             && cameras.iter().zip(&self.cameras).all(|(now, then)| {
                 let lens =
@@ -98,24 +55,25 @@ impl Order {
                     .sum::<f32>()
                     / 2.0;
                 lens(now) == lens(then)
+                    && (now.width, now.height) == (then.width, then.height)
                     && turn <= KEPT_TURN * KEPT_TURN
                     && now.position().distance(then.position()) <= KEPT_MOVE
             })
     }
 
     /// Takes note of a fresh order.
-    pub(crate) fn made(&mut self, cameras: &[Camera]) {
+    pub(crate) fn made(&mut self, cameras: &[Camera], foreground: Sorted) {
         self.cameras.clear();
         self.cameras.extend_from_slice(cameras);
-        self.sorted.clone_from(&self.latest);
-        self.valid = true;
+        self.foreground = Some(foreground);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shaders_spirv::Gaussian;
+    use crate::path::Change;
+    use glam::Vec3;
 
     fn camera(x: f32, turn: f32) -> Camera {
         let eye = Vec3::new(x, 1.6, 3.0);
@@ -123,67 +81,52 @@ mod tests {
         Camera::look_at(eye, target, Vec3::Y, 0.8, 64, 64)
     }
 
-    fn gaussian(x: f32) -> PackedGaussian {
-        PackedGaussian::from(&Gaussian {
-            position: [x, 0.0, 0.0],
-            rotation: [0.0, 0.0, 0.0, 1.0],
-            scale: [0.01; 3],
-            opacity: 0.9,
-            colour: [0.5; 3],
-        })
-    }
-
     #[test]
     fn an_order_serves_until_the_head_turns_or_moves_or_the_foreground_does() {
         let mut order = Order::default();
-        assert!(!order.serves(&[camera(0.0, 0.0)]), "none yet");
-        order.foreground_changed(&[gaussian(0.0)]);
-        order.made(&[camera(0.0, 0.0)]);
-        assert!(order.serves(&[camera(0.0, 0.0)]), "nothing changed");
-        assert!(order.serves(&[camera(0.004, 0.004)]), "hardly anything");
-        assert!(!order.serves(&[camera(0.0, 0.006)]), "a turn");
-        assert!(!order.serves(&[camera(0.006, 0.0)]), "a step");
-        assert!(!order.serves(&[camera(0.0, 0.0); 2]), "a second eye");
-        order.foreground_changed(&[gaussian(0.0002)]);
-        assert!(order.serves(&[camera(0.0, 0.0)]), "the foreground trembles");
-        order.foreground_changed(&[gaussian(0.0003)]);
-        assert!(!order.serves(&[camera(0.0, 0.0)]), "the foreground moves");
-        order.foreground_changed(&[gaussian(0.0)]);
-        order.made(&[camera(0.0, 0.0)]);
-        order.foreground_changed(&[gaussian(0.0), gaussian(0.0)]);
-        assert!(!order.serves(&[camera(0.0, 0.0)]), "one more Gaussian");
-        order.foreground_changed(&[gaussian(0.0)]);
-        order.made(&[camera(0.0, 0.0)]);
-        order.forget();
-        assert!(!order.serves(&[camera(0.0, 0.0)]), "forgotten");
-    }
-
-    #[test]
-    fn a_gaussian_that_begins_to_show_is_not_in_the_order_yet() {
-        let shown = gaussian(0.0);
-        let hidden =
-            PackedGaussian::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], [-7.0; 3], 0.003, [0.5; 3]);
-        let mut order = Order::default();
-        order.foreground_changed(&[shown, hidden]);
-        order.made(&[camera(0.0, 0.0)]);
-        order.foreground_changed(&[hidden, hidden]);
-        assert!(order.serves(&[camera(0.0, 0.0)]), "one is hidden");
-        order.foreground_changed(&[shown, hidden]);
-        assert!(order.serves(&[camera(0.0, 0.0)]), "and shows again");
-        order.foreground_changed(&[shown, shown]);
-        assert!(!order.serves(&[camera(0.0, 0.0)]), "the other shows");
-    }
-
-    #[test]
-    fn small_steps_add_up_to_a_new_order() {
-        let mut order = Order::default();
-        order.foreground_changed(&[gaussian(0.0)]);
-        order.made(&[camera(0.0, 0.0)]);
-        order.foreground_changed(&[gaussian(0.0002)]);
-        order.foreground_changed(&[gaussian(0.0004)]);
+        let then = Sorted {
+            count: 1,
+            path: ForegroundPath::new(),
+        };
+        let moved = |metres| {
+            let mut now = then;
+            now.path.advance(Change {
+                metres,
+                ..Change::default()
+            });
+            now
+        };
+        assert!(!order.serves(&[camera(0.0, 0.0)], then), "none yet");
+        assert!(!order.is_of(then), "none at all");
+        order.made(&[camera(0.0, 0.0)], then);
+        assert!(order.serves(&[camera(0.0, 0.0)], then), "nothing changed");
         assert!(
-            !order.serves(&[camera(0.0, 0.0)]),
-            "0.4 mm from where it was sorted"
+            order.serves(&[camera(0.004, 0.004)], then),
+            "hardly anything"
         );
+        assert!(!order.serves(&[camera(0.0, 0.006)], then), "a turn");
+        assert!(!order.serves(&[camera(0.006, 0.0)], then), "a step");
+        assert!(!order.serves(&[camera(0.0, 0.0); 2], then), "a second eye");
+        let mut wider = camera(0.0, 0.0);
+        wider.width += 1;
+        assert!(!order.serves(&[wider], then), "more to see");
+        assert!(
+            order.serves(&[camera(0.0, 0.0)], moved(0.000_2)),
+            "the foreground trembles"
+        );
+        assert!(
+            !order.serves(&[camera(0.0, 0.0)], moved(0.000_3)),
+            "the foreground moves"
+        );
+        assert!(order.is_of(moved(1.0)), "but is the same");
+        let more = Sorted { count: 2, ..then };
+        assert!(
+            !order.serves(&[camera(0.0, 0.0)], more),
+            "one more Gaussian"
+        );
+        assert!(!order.is_of(more), "which is another foreground");
+        order.forget();
+        assert!(!order.serves(&[camera(0.0, 0.0)], then), "forgotten");
+        assert!(!order.is_of(then), "wholly");
     }
 }

@@ -73,6 +73,11 @@ impl ComputePipeline {
         self.bindings.bind(resources);
     }
 
+    /// Binds another resource of the same kind in one place, under the same conditions.
+    pub(crate) fn rebind(&mut self, binding: u32, resource: Resource<'_>) {
+        self.bindings.rebind(binding, resource);
+    }
+
     /// Records a dispatch of `groups` workgroups; nothing where a count is 0.
     pub(crate) fn dispatch(&self, commands: vk::CommandBuffer, push: &[u32], groups: [u32; 3]) {
         if groups.contains(&0) {

@@ -1,6 +1,6 @@
 //! Showing the first view in a window, over a backdrop.
 //!
-//! The picture is fitted into the window on the device. No event loop: the caller owns the window.
+//! The picture, however small it was drawn, is fitted into the window on the device. No event loop: the caller owns the window.
 
 use std::sync::Arc;
 
@@ -17,6 +17,7 @@ use crate::pipeline::{ComputePipeline, Specialisation};
 use crate::splat::SplatRenderer;
 use crate::surface::{Surface, refused};
 use crate::swapchain::{Acquired, Swapchain};
+use crate::target::Target;
 
 const GROUP: u32 = 64;
 /// Of `ComposeParams` in the shader.
@@ -120,6 +121,7 @@ impl WindowTarget {
         if !Arc::ptr_eq(renderer.gpu(), &self.gpu) {
             return Err(refused(&self.gpu, "the renderer draws on another device"));
         }
+        let target = renderer.target()?;
         // What follows frees and rebinds what an earlier picture may still be made with.
         self.commands.settle()?;
         if self
@@ -133,7 +135,7 @@ impl WindowTarget {
             return Ok(Shown::NotNow);
         };
         // The picture's buffer may be another renderer's each time.
-        let composed = Composed::new(&self.gpu, renderer, swapchain.extent, self.composed.take())?;
+        let composed = Composed::new(&self.gpu, target, swapchain.extent, self.composed.take())?;
         let index = match swapchain.acquire()? {
             Acquired::Image(index) => index,
             Acquired::Busy => {
@@ -146,13 +148,18 @@ impl WindowTarget {
             }
         };
         let (image, written) = swapchain.image(index);
-        let push = push_words(renderer, swapchain, backdrop);
+        let push = push_words(target, swapchain, backdrop);
         let gpu = &self.gpu;
         let shown = self
             .commands
-            .run_between("showing", &[swapchain.acquired], &[written], |commands| {
-                composed.record(gpu, commands, &push, image);
-            })
+            .run_between(
+                "showing",
+                Some(swapchain.acquired),
+                Some(written),
+                |commands| {
+                    composed.record(gpu, commands, &push, image);
+                },
+            )
             .and_then(|()| swapchain.present(index));
         // Kept whatever happened: after an error the device may still be at work on it.
         self.composed = Some(composed);
@@ -177,11 +184,11 @@ impl Composed {
     /// Pixels of the window's size, reusing the last ones if they are that large. The device is idle.
     fn new(
         gpu: &Arc<Gpu>,
-        renderer: &SplatRenderer,
+        target: &Target,
         extent: vk::Extent2D,
         last: Option<Self>,
     ) -> Result<Self, RenderError> {
-        let picture = Resource::Storage(&renderer.target().buffer);
+        let picture = Resource::Storage(&target.buffer);
         if let Some(mut last) = last.filter(|last| last.extent == extent) {
             last.pipeline
                 .bind(&[picture, Resource::Storage(&last.pixels)]);
@@ -268,15 +275,10 @@ impl Composed {
 }
 
 /// `ComposeParams` in `shaders/compose.comp`, as words.
-fn push_words(
-    renderer: &SplatRenderer,
-    swapchain: &Swapchain,
-    backdrop: Backdrop,
-) -> [u32; PUSH_WORDS] {
+fn push_words(target: &Target, swapchain: &Swapchain, backdrop: Backdrop) -> [u32; PUSH_WORDS] {
     let (top, bottom) = backdrop.ends();
     let [t0, t1, t2] = top.map(f32::to_bits);
     let [b0, b1, b2] = bottom.map(f32::to_bits);
-    let target = renderer.target();
     let vk::Extent2D { width, height } = swapchain.extent;
     let blue_first = u32::from(swapchain.blue_first);
     [

@@ -19,7 +19,6 @@ pub(crate) struct RenderPass {
     framebuffer: vk::Framebuffer,
     picture: Attachment,
     depth: Option<Attachment>,
-    area: vk::Rect2D,
 }
 
 impl RenderPass {
@@ -35,13 +34,6 @@ impl RenderPass {
             framebuffer: vk::Framebuffer::null(),
             picture,
             depth,
-            area: vk::Rect2D {
-                offset: vk::Offset2D::default(),
-                extent: vk::Extent2D {
-                    width: target.width,
-                    height: target.height,
-                },
-            },
         };
         let attachments = std::iter::once(&made.picture).chain(&made.depth);
         let views: Vec<_> = attachments.map(|attachment| attachment.view).collect();
@@ -49,8 +41,8 @@ impl RenderPass {
         let info = vk::FramebufferCreateInfo::default()
             .render_pass(made.handle)
             .attachments(&views)
-            .width(target.width)
-            .height(target.height)
+            .width(target.most.width)
+            .height(target.most.height)
             .layers(1);
         // SAFETY: pass and views are alive and fit one another.
         made.framebuffer = unsafe { gpu.device().create_framebuffer(&info, None) }
@@ -58,7 +50,7 @@ impl RenderPass {
         Ok(made)
     }
 
-    /// Records the pass with what `draw` records inside, then the copies to the target.
+    /// Records the pass over the picture's area with what `draw` records inside, then the copies to the target.
     pub(crate) fn record(
         &self,
         commands: vk::CommandBuffer,
@@ -67,16 +59,23 @@ impl RenderPass {
     ) {
         let device = self.gpu.device();
         let clear = [vk::ClearValue::default(); 2];
+        let area = vk::Rect2D {
+            offset: vk::Offset2D::default(),
+            extent: vk::Extent2D {
+                width: target.width,
+                height: target.height,
+            },
+        };
         let begin = vk::RenderPassBeginInfo::default()
             .render_pass(self.handle)
             .framebuffer(self.framebuffer)
-            .render_area(self.area)
+            .render_area(area)
             .clear_values(&clear);
         // SAFETY: the command buffer is being recorded; pass and framebuffer fit.
         unsafe {
             device.cmd_begin_render_pass(commands, &begin, vk::SubpassContents::INLINE);
         }
-        draw(self.area);
+        draw(area);
         // SAFETY: as above.
         unsafe { device.cmd_end_render_pass(commands) };
         let colours = target.buffer.handle();

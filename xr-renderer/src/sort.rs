@@ -295,8 +295,8 @@ impl Sorter {
             barrier(gpu, commands);
         })?;
         if let Some(timestamps) = &self.timestamps {
-            let [_, end] = timestamps.read()?;
-            self.milliseconds = end;
+            let [start, end] = timestamps.read()?;
+            self.milliseconds = self.passes.gpu.nanoseconds(start, end) * 1e-6;
         }
         Ok(self.order.read(values.len()))
     }

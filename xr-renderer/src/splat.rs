@@ -1,4 +1,4 @@
-//! From Gaussians and cameras to finished pictures: the order of the stages, and their times.
+//! From Gaussians and cameras to finished pictures, on a device that may be lost and found again.
 //!
 //! Image formation is that of 3D Gaussian Splatting (Kerbl et al., 2023): EWA projection with 0.3 px^2
 //! added to the covariance's diagonal, alpha = min(0.99, opacity exp(-q/2)) cut at 1/255, front to back
@@ -6,41 +6,33 @@
 
 use std::sync::Arc;
 
-use ash::vk;
-use bytemuck::Zeroable;
-use shaders_spirv::{FrameParams, PackedGaussian};
+use shaders_spirv::PackedGaussian;
 
-use crate::back_ends::{Again, BackEndTrial, BackEnds};
-use crate::camera::{Camera, head_depth_plane};
-use crate::commands::{Commands, barrier};
+use crate::back_ends::BackEndTrial;
+use crate::camera::Camera;
+use crate::drawing::{Drawing, Foreground};
+use crate::engine::Engine;
 use crate::error::RenderError;
-use crate::front::Front;
 use crate::gpu::Gpu;
 use crate::options::{BackEnd, RendererOptions};
-use crate::order::{KEPT_FOREGROUND_MOVE, KEPT_MOVE, KEPT_TURN, Order};
 use crate::picture::Image;
-use crate::read_back::ReadBack;
+use crate::posing::{PosedInput, StateId};
+use crate::slot::ForegroundSlot;
 use crate::target::Target;
-use crate::timestamps::{StageTimes, Timestamps};
+use crate::timestamps::{PictureTime, StageTimes};
 
 /// Widest and highest picture: a tile's column and row are 8 bits each.
 const MOST_PIXELS: u32 = 4096;
 
+/// Said of every picture from then on.
+const NOT_RECOVERED: RenderError = RenderError::DeviceLost("a recovery that failed");
+
 /// Draws Gaussians into one or two views, sorted once for both: a foreground that changes, and a background that
 /// does not.
 pub struct SplatRenderer {
-    // Dropped first: waits for the device.
-    commands: Commands,
+    /// Nothing after a recovery that failed.
+    engine: Option<Engine>,
     gpu: Arc<Gpu>,
-    back_ends: BackEnds,
-    front: Front,
-    target: Target,
-    read_back: ReadBack,
-    timestamps: Option<Timestamps<6>>,
-    times: StageTimes,
-    order: Order,
-    /// Milliseconds the host took to write the foreground that is not drawn yet.
-    host_upload: f64,
     options: RendererOptions,
 }
 
@@ -49,22 +41,21 @@ impl std::fmt::Debug for SplatRenderer {
         f.debug_struct("SplatRenderer")
             .field("gpu", &self.gpu)
             .field("max_foreground", &self.options.max_foreground)
-            .field("width", &self.target.width)
-            .field("height", &self.target.height)
-            .field("views", &self.target.layers)
+            .field("width", &self.options.width)
+            .field("height", &self.options.height)
+            .field("views", &self.options.views)
             .finish_non_exhaustive()
     }
 }
 
 impl SplatRenderer {
-    /// A renderer for pictures of one size with one or two views. All memory is taken here, except that
-    /// the tiles' lists grow when Gaussians are larger on the screen than a person's are; the background is uploaded.
+    /// A renderer for pictures up to a size with one or two views. All memory is taken here, except that the tiles' lists
+    /// grow when Gaussians are larger on the screen than a person's are, and that of foregrounds; the background is uploaded.
     ///
     /// # Errors
     /// A size out of range, or more memory than the device has.
     pub fn new(gpu: Arc<Gpu>, options: &RendererOptions) -> Result<Self, RenderError> {
         let RendererOptions {
-            max_foreground,
             width,
             height,
             views,
@@ -78,119 +69,92 @@ impl SplatRenderer {
                 views,
             });
         }
-        let background = options.background.as_deref();
-        let target = Target::new(&gpu, width, height, views, options.depth)?;
-        let mut front = Front::new(&gpu, max_foreground, background, options.filter, views)?;
-        let back_ends = BackEnds::new(&gpu, &front, &target, options.back_end)?;
-        // Made last and so dropped first after an error: its drop waits for the device, which uses the rest.
-        let mut commands = Commands::new(&gpu)?;
-        commands.run("the first clear", |commands| {
-            clear(&gpu, commands, &target);
-            front.record_background(commands);
-        })?;
-        front.background_is_there();
         Ok(Self {
-            commands,
-            back_ends,
-            front,
-            read_back: ReadBack::new(&gpu, &target)?,
-            timestamps: Timestamps::new(&gpu)?,
-            target,
-            times: StageTimes::default(),
-            order: Order::default(),
-            host_upload: 0.0,
-            options: options.clone(),
+            engine: Some(Engine::new(&gpu, options)?),
             gpu,
+            options: options.clone(),
         })
     }
 
-    /// Takes another foreground (world space) for the pictures that follow; at first there is none.
+    /// Room for a foreground, written by whoever holds it while the device draws another: see [`Foreground::Slot`].
+    ///
+    /// # Errors
+    /// More memory than the device has.
+    pub fn foreground_slot(&self) -> Result<ForegroundSlot, RenderError> {
+        ForegroundSlot::new(&self.gpu, self.options.max_foreground)
+    }
+
+    /// Takes another foreground (world space) for the pictures that follow, which are sorted anew; at first there is none.
     ///
     /// Gaussians with a number that is not finite are left out, as are those behind a near plane.
     ///
     /// # Errors
     /// Too many Gaussians, or a device that fails.
     pub fn set_foreground(&mut self, gaussians: &[PackedGaussian]) -> Result<(), RenderError> {
-        let limit = self.options.max_foreground;
-        let count = u32::try_from(gaussians.len())
-            .ok()
-            .filter(|count| *count <= limit)
-            .ok_or(RenderError::TooManyGaussians {
-                count: gaussians.len(),
-                limit,
-            })?;
-        // The device may still be reading the last picture's input after an error.
-        self.commands.settle()?;
-        self.order.foreground_changed(gaussians);
-        self.host_upload = self.front.write_foreground(gaussians, count);
-        Ok(())
+        self.engine_mut()?.set_foreground(gaussians)
+    }
+
+    /// Takes a pose of [`RendererOptions::mesh`]. The next picture that shows the mesh makes a state of it on the device,
+    /// which is kept until four more poses are pushed.
+    ///
+    /// # Errors
+    /// [`RenderError::NoMesh`] without a mesh, [`RenderError::PosedInput`] if the pose is not of its sizes, or a device that
+    /// fails.
+    pub fn push_state(&mut self, input: &PosedInput<'_>) -> Result<StateId, RenderError> {
+        self.engine_mut()?.push_state(input)
+    }
+
+    /// [`Self::draw_with`] what [`Self::set_foreground`] took.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn draw(&mut self, cameras: &[Camera]) -> Result<(), RenderError> {
+        self.draw_with(&Drawing::new(cameras, Foreground::Set))
     }
 
     /// Draws foreground and background as each camera sees them, and waits until they are drawn.
     ///
+    /// Cameras may make smaller pictures than the renderer was made for, all of one size: nothing is allocated for that.
     /// The Gaussians are sorted anew only where the head or the foreground moved enough to change the order.
     ///
     /// # Errors
-    /// Cameras that do not fit the renderer, more splats than the tiles' lists can hold, or a device that fails.
-    pub fn draw(&mut self, cameras: &[Camera]) -> Result<(), RenderError> {
-        self.check(cameras)?;
-        // The device may still be reading the last picture's cameras after an error.
-        self.commands.settle()?;
-        let needs_order = !self.order.serves(cameras);
-        if needs_order {
-            // Made below: what fails on the way must not leave the old note beside a new order.
-            self.order.forget();
-        }
-        let mut sorts = needs_order;
-        loop {
-            let mut frame = self.frame_params(cameras, sorts);
-            self.back_ends.describe(&mut frame);
-            self.front.write_frame(&frame);
-            self.record_and_run(sorts)?;
-            if self.back_ends.has_grown(&self.front, &self.target)? {
-                continue;
-            }
-            self.times = self.read_times()?;
-            match self.back_ends.took(self.times.bin + self.times.raster) {
-                Again::No => break,
-                // The order of the first attempt serves all.
-                Again::ForComparison => sorts = false,
-                Again::ForShowing => sorts = needs_order,
-            }
-        }
-        if needs_order {
-            self.order.made(cameras);
-        }
-        self.front.foreground_is_there();
-        self.host_upload = 0.0;
-        Ok(())
+    /// Cameras, a slot or states that do not fit the renderer, more splats than the tiles' lists can hold, or a device that fails.
+    pub fn draw_with(&mut self, drawing: &Drawing<'_>) -> Result<(), RenderError> {
+        self.engine_mut()?.draw(drawing)
     }
 
-    /// Opens the device again after it was lost and makes the renderer as it was, the background from the host's copy.
-    /// The foreground is to be set again. Returns the new device.
+    /// Opens the device again after it was lost and makes the renderer as it was, background and mesh from the host's copies.
+    /// The foreground is to be set again, slots to be made and poses pushed anew. Returns the new device. What the renderer had on the
+    /// lost device is freed first: if this fails the renderer draws nothing until it is tried again and succeeds.
     ///
     /// # Errors
     /// No device any more, or as [`Self::new`].
     pub fn recover(&mut self) -> Result<Arc<Gpu>, RenderError> {
-        let gpu = self.gpu.reopen()?;
-        *self = Self::new(Arc::clone(&gpu), &self.options)?;
-        Ok(gpu)
+        self.engine = None;
+        self.gpu = self.gpu.reopen()?;
+        self.engine = Some(Engine::new(&self.gpu, &self.options)?);
+        Ok(Arc::clone(&self.gpu))
     }
 
     /// Makes the next picture sort its Gaussians, whether they moved or not.
     pub fn forget_order(&mut self) {
-        self.order.forget();
+        if let Some(engine) = &mut self.engine {
+            engine.order.forget();
+        }
     }
 
     /// The back end that draws the next picture.
     pub fn back_end(&self) -> BackEnd {
-        self.back_ends.present()
+        let asked = self.options.back_end.unwrap_or(BackEnd::Tiles);
+        self.engine
+            .as_ref()
+            .map_or(asked, |engine| engine.back_ends.present())
     }
 
     /// How the two back ends compared on the first picture; nothing before it, where one was asked for, or where the
     /// device has no clock.
     pub fn back_end_trial(&self) -> Option<BackEndTrial> {
-        self.back_ends.trial()
+        self.engine.as_ref()?.back_ends.trial()
     }
 
     /// What the renderer was made for.
@@ -200,27 +164,35 @@ impl SplatRenderer {
 
     /// How long the stages of the last picture took.
     pub fn stage_times(&self) -> StageTimes {
-        self.times
+        self.engine
+            .as_ref()
+            .map_or_else(StageTimes::default, |engine| engine.times)
+    }
+
+    /// When the last picture was drawn; nothing before the first.
+    pub fn picture_time(&self) -> Option<PictureTime> {
+        self.engine.as_ref()?.picture_time
     }
 
     /// (Gaussian, tile) pairs in the last picture, all views together; 0 where quads drew it.
     pub fn tile_pairs(&self) -> u32 {
-        self.back_ends.tile_pairs()
+        self.engine
+            .as_ref()
+            .map_or(0, |engine| engine.back_ends.tile_pairs())
     }
 
     /// How many views a picture has.
     pub fn views(&self) -> u32 {
-        self.target.layers
+        self.options.views
     }
 
-    /// The last picture of a view; all transparent before the first.
+    /// The last picture of a view, as large as its camera said; all transparent before the first.
     ///
     /// # Errors
     /// No such view, or a device that fails.
     pub fn read_back(&mut self, view: u32) -> Result<Image, RenderError> {
         self.check_view(view)?;
-        self.read_back
-            .read(&self.gpu, &mut self.commands, &self.target, view)
+        self.engine_mut()?.read_back(view)
     }
 
     /// The last picture's depth in metres times its alpha, row by row from the top: divided by alpha, where that is
@@ -230,16 +202,16 @@ impl SplatRenderer {
     /// A renderer that was not made to draw depth, no such view, or a device that fails.
     pub fn read_back_depth(&mut self, view: u32) -> Result<Vec<f32>, RenderError> {
         self.check_view(view)?;
-        if !self.target.has_depth() {
+        if !self.options.depth {
             return Err(RenderError::NoDepth);
         }
-        self.read_back
-            .read_depth(&self.gpu, &mut self.commands, &self.target, view)
+        self.engine_mut()?.read_back_depth(view)
     }
 
     /// Where the pictures lie on the device.
-    pub(crate) fn target(&self) -> &Target {
-        &self.target
+    pub(crate) fn target(&self) -> Result<&Target, RenderError> {
+        let engine = self.engine.as_ref().ok_or(NOT_RECOVERED)?;
+        Ok(&engine.target)
     }
 
     /// The device it draws on.
@@ -247,111 +219,61 @@ impl SplatRenderer {
         &self.gpu
     }
 
+    fn engine_mut(&mut self) -> Result<&mut Engine, RenderError> {
+        self.engine.as_mut().ok_or(NOT_RECOVERED)
+    }
+
     fn check_view(&self, view: u32) -> Result<(), RenderError> {
-        let views = self.target.layers;
+        let views = self.views();
         if view < views {
             Ok(())
         } else {
             Err(RenderError::NoSuchView { view, views })
         }
     }
-
-    fn check(&self, cameras: &[Camera]) -> Result<(), RenderError> {
-        let Target {
-            width,
-            height,
-            layers,
-            ..
-        } = self.target;
-        if cameras.len() != layers as usize {
-            let problem = format!("{} cameras for {layers} view(s)", cameras.len());
-            return Err(RenderError::Camera { view: 0, problem });
-        }
-        for (view, camera) in cameras.iter().enumerate() {
-            if let Some(problem) = camera.problem() {
-                return Err(RenderError::Camera { view, problem });
-            }
-            if (camera.width, camera.height) != (width, height) {
-                let problem = format!(
-                    "it makes pictures of {}x{} pixels, the renderer of {width}x{height}",
-                    camera.width, camera.height
-                );
-                return Err(RenderError::Camera { view, problem });
-            }
-        }
-        Ok(())
-    }
-
-    fn frame_params(&self, cameras: &[Camera], sorts: bool) -> FrameParams {
-        let mut frame = FrameParams::zeroed();
-        for (params, camera) in frame.views.iter_mut().zip(cameras) {
-            *params = camera.params();
-        }
-        frame.depth_plane = head_depth_plane(cameras);
-        frame.foreground_count = self.front.foreground_count();
-        frame.total_count = self.front.total_count();
-        frame.view_count = self.target.layers;
-        frame.width = self.target.width;
-        frame.height = self.target.height;
-        frame.sorts = u32::from(sorts);
-        frame.guard_turn = KEPT_TURN;
-        frame.guard_move = KEPT_MOVE + KEPT_FOREGROUND_MOVE;
-        frame
-    }
-
-    fn record_and_run(&mut self, sorts: bool) -> Result<(), RenderError> {
-        let (front, back_ends, target) = (&self.front, &self.back_ends, &self.target);
-        let timestamps = self.timestamps.as_ref();
-        let point = |commands: vk::CommandBuffer, index: usize| {
-            if let Some(timestamps) = timestamps {
-                timestamps.record_point(commands, index);
-            }
-        };
-        self.commands.run("drawing", |commands| {
-            if let Some(timestamps) = timestamps {
-                timestamps.record_reset(commands);
-            }
-            point(commands, 0);
-            front.record_upload(commands, sorts);
-            point(commands, 1);
-            front.record_project(commands);
-            point(commands, 2);
-            if sorts {
-                front.record_sort(commands);
-            }
-            point(commands, 3);
-            back_ends.record_bin(commands, target);
-            point(commands, 4);
-            back_ends.record_draw(commands, target);
-            point(commands, 5);
-        })
-    }
-
-    fn read_times(&self) -> Result<StageTimes, RenderError> {
-        let Some(timestamps) = &self.timestamps else {
-            return Ok(StageTimes {
-                upload: self.host_upload,
-                ..Default::default()
-            });
-        };
-        let [start, uploaded, projected, sorted, binned, drawn] = timestamps.read()?;
-        Ok(StageTimes {
-            upload: self.host_upload + uploaded - start,
-            project: projected - uploaded,
-            sort: sorted - projected,
-            bin: binned - sorted,
-            raster: drawn - binned,
-        })
-    }
 }
 
-/// Makes a new target transparent.
-fn clear(gpu: &Gpu, commands: vk::CommandBuffer, target: &Target) {
-    // SAFETY: the command buffer is being recorded; the buffers can be a copy's target.
-    unsafe {
-        let device = gpu.device();
-        device.cmd_fill_buffer(commands, target.buffer.handle(), 0, vk::WHOLE_SIZE, 0);
-        device.cmd_fill_buffer(commands, target.depth.handle(), 0, vk::WHOLE_SIZE, 0);
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::Ordering;
+
+    use glam::Vec3;
+
+    use super::*;
+    use crate::testing::open_gpu;
+
+    #[test]
+    fn a_renderer_whose_recovery_failed_holds_no_memory_says_so_and_recovers_later() {
+        let Some(gpu) = open_gpu() else { return };
+        let options = RendererOptions {
+            back_end: Some(BackEnd::Quads),
+            ..RendererOptions::new(100, 64, 64, 1)
+        };
+        let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 1.0, 64, 64);
+        renderer.set_foreground(&[]).expect("none fits");
+        renderer.draw(&[camera]).expect("a picture");
+        assert!(
+            gpu.memory_taken.load(Ordering::Relaxed) > 0,
+            "memory in use"
+        );
+        // As `recover` leaves it where there is no device any more.
+        renderer.engine = None;
+        assert_eq!(gpu.memory_taken.load(Ordering::Relaxed), 0, "memory left");
+        for refused in [
+            renderer.set_foreground(&[]),
+            renderer.draw(&[camera]),
+            renderer.read_back(0).map(drop),
+            renderer.target().map(drop),
+        ] {
+            assert!(
+                matches!(refused, Err(RenderError::DeviceLost(_))),
+                "{refused:?}"
+            );
+        }
+        assert_eq!(renderer.back_end(), BackEnd::Quads, "what was asked for");
+        let another = renderer.recover().expect("a device");
+        renderer.draw(&[camera]).expect("a picture");
+        assert_eq!(another.validation_messages(), 0, "validation messages");
     }
-    barrier(gpu, commands);
 }

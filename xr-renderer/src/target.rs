@@ -1,9 +1,11 @@
 //! The picture on the device: one layer per view, premultiplied RGBA and premultiplied depth in half floats.
 //!
-//! Buffers, which every driver writes well from compute; whoever shows them copies them to an image.
+//! Buffers, which every driver writes well from compute; whoever shows them copies them to an image. A picture may be
+//! smaller than there is room for: it then lies at the buffer's start, without gaps.
 
 use std::sync::Arc;
 
+use ash::vk;
 use half::f16;
 
 use crate::buffer::Buffer;
@@ -18,8 +20,11 @@ pub(crate) struct Target {
     pub(crate) buffer: Buffer,
     /// Depth in metres times alpha, [`Self::depth_stride`] in a row.
     pub(crate) depth: Buffer,
+    /// Size of the picture that is drawn.
     pub(crate) width: u32,
     pub(crate) height: u32,
+    /// The largest there is room for.
+    pub(crate) most: vk::Extent2D,
     pub(crate) layers: u32,
     has_depth: bool,
 }
@@ -41,9 +46,37 @@ impl Target {
             depth: Buffer::storage(gpu, "the picture's depth", depth_bytes)?,
             width,
             height,
+            most: vk::Extent2D { width, height },
             layers,
             has_depth,
         })
+    }
+
+    /// Takes pictures of another size, for which there is room, from now on.
+    pub(crate) fn resize(&mut self, width: u32, height: u32) {
+        debug_assert!(
+            width <= self.most.width && height <= self.most.height,
+            "no room for {width}x{height}"
+        );
+        (self.width, self.height) = (width, height);
+    }
+
+    /// Records that all of the picture is made transparent.
+    pub(crate) fn record_clear(&self, gpu: &Gpu, commands: vk::CommandBuffer) {
+        let layers = u64::from(self.layers);
+        for (buffer, bytes) in [
+            (&self.buffer, layers * self.layer_bytes()),
+            (&self.depth, layers * self.depth_layer_bytes()),
+        ] {
+            // Without depths there is hardly a buffer for them, and nothing to clear.
+            let bytes = bytes.min(buffer.size());
+            // SAFETY: the command buffer is being recorded; the buffer can be a copy's target and has as many bytes,
+            // which are a multiple of 4 and more than none.
+            unsafe {
+                let device = gpu.device();
+                device.cmd_fill_buffer(commands, buffer.handle(), 0, bytes, 0);
+            }
+        }
     }
 
     /// Whether depths are drawn; without them their buffer is next to nothing.

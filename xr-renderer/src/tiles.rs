@@ -25,33 +25,38 @@ const TILE_GROUP: u32 = 64;
 /// The lanes' table grows with their number: no more than this.
 const TABLE_BYTES: u64 = 64 << 20;
 
-/// Sizes that do not change from picture to picture.
+/// A picture's tiles.
 #[derive(Debug, Clone, Copy)]
 struct Layout {
     tiles_x: u32,
     tiles_y: u32,
     views: u32,
-    /// Invocations that share the sorted splats among them.
-    lanes: u32,
 }
 
 impl Layout {
-    fn new(gpu: &Gpu, target: &Target) -> Self {
-        let tiles_x = target.width.div_ceil(TILE_PIXELS);
-        let tiles_y = target.height.div_ceil(TILE_PIXELS);
+    fn new(width: u32, height: u32, views: u32) -> Self {
+        Self {
+            tiles_x: width.div_ceil(TILE_PIXELS),
+            tiles_y: height.div_ceil(TILE_PIXELS),
+            views,
+        }
+    }
+
+    /// Those of the target's picture as it is now.
+    fn of(target: &Target) -> Self {
+        Self::new(target.width, target.height, target.layers)
+    }
+
+    /// Invocations that share the sorted splats among them.
+    fn lanes(self, gpu: &Gpu) -> u32 {
         // A software driver has a few cores to feed, a GPU thousands of lanes.
         let mut lanes = if gpu.info().is_cpu { 128 } else { 1024 };
         let limit = TABLE_BYTES.min(u64::from(gpu.limits.max_storage_buffer_range));
-        let row = u64::from(tiles_x) * u64::from(tiles_y) * u64::from(target.layers) * 4;
+        let row = u64::from(self.lists()) * 4;
         while lanes > LANE_GROUP && row * u64::from(lanes) > limit {
             lanes /= 2;
         }
-        Self {
-            tiles_x,
-            tiles_y,
-            views: target.layers,
-            lanes,
-        }
+        lanes
     }
 
     fn tiles(self) -> u32 {
@@ -67,9 +72,9 @@ impl Layout {
 /// The passes and what they hand one another.
 pub(crate) struct Tiles {
     gpu: Arc<Gpu>,
-    layout: Layout,
+    lanes: u32,
     count: ComputePipeline,
-    lanes: ComputePipeline,
+    sum_lanes: ComputePipeline,
     scan: Scan,
     emit: ComputePipeline,
     raster: ComputePipeline,
@@ -81,11 +86,13 @@ pub(crate) struct Tiles {
 
 impl Tiles {
     pub(crate) fn new(gpu: &Arc<Gpu>, front: &Front, target: &Target) -> Result<Self, RenderError> {
-        let layout = Layout::new(gpu, target);
+        let vk::Extent2D { width, height } = target.most;
+        let layout = Layout::new(width, height, target.layers);
+        let lanes = layout.lanes(gpu);
         let table = Buffer::storage(
             gpu,
             "tile counts",
-            u64::from(layout.lists()) * u64::from(layout.lanes) * 4,
+            u64::from(layout.lists()) * u64::from(lanes) * 4,
         )?;
         // One more than there are lists: the end of the last, which is the number of all pairs.
         let tile_starts = Buffer::storage(gpu, "tile lists", (u64::from(layout.lists()) + 1) * 4)?;
@@ -123,9 +130,9 @@ impl Tiles {
         )?;
         Ok(Self {
             gpu: Arc::clone(gpu),
-            layout,
+            lanes,
             count: make(shaders_spirv::BIN_COUNT, LANE_GROUP, &resources[..5])?,
-            lanes: make(shaders_spirv::BIN_LANES, TILE_GROUP, &resources[..6])?,
+            sum_lanes: make(shaders_spirv::BIN_LANES, TILE_GROUP, &resources[..6])?,
             scan: Scan::new(gpu, &tile_starts, layout.lists() + 1)?,
             emit: make(shaders_spirv::BIN_EMIT, LANE_GROUP, &resources)?,
             raster,
@@ -143,11 +150,7 @@ impl Tiles {
 
     /// Pairs of the last picture: more than the capacity if nothing was drawn for want of room.
     pub(crate) fn pairs_wanted(&self) -> u32 {
-        self.total
-            .read::<u32>(1)
-            .first()
-            .copied()
-            .unwrap_or_default()
+        self.total.read_one()
     }
 
     /// Makes room for `wanted` pairs and some more. The device is idle.
@@ -179,27 +182,26 @@ impl Tiles {
     /// Records the filling of the tiles' lists, and clears the picture, of which only touched tiles are drawn.
     pub(crate) fn record_bin(&self, commands: vk::CommandBuffer, target: &Target) {
         let device = self.gpu.device();
-        for buffer in [
-            &target.buffer,
-            &target.depth,
-            &self.table,
-            &self.tile_starts,
-        ] {
-            // SAFETY: the command buffer is being recorded; the buffers can be a copy's target.
-            unsafe { device.cmd_fill_buffer(commands, buffer.handle(), 0, vk::WHOLE_SIZE, 0) };
+        let layout = Layout::of(target);
+        target.record_clear(&self.gpu, commands);
+        let counted = u64::from(layout.lists()) * u64::from(self.lanes) * 4;
+        for (buffer, bytes) in [(&self.table, counted), (&self.tile_starts, vk::WHOLE_SIZE)] {
+            // SAFETY: the command buffer is being recorded; the buffers can be a copy's target, and the table has room
+            // for the counts of a larger picture.
+            unsafe { device.cmd_fill_buffer(commands, buffer.handle(), 0, bytes, 0) };
         }
         barrier(&self.gpu, commands);
-        let Layout { lanes, views, .. } = self.layout;
-        let by_lane = [lanes.div_ceil(LANE_GROUP), views, 1];
+        let by_lane = [self.lanes.div_ceil(LANE_GROUP), layout.views, 1];
         self.count.dispatch(commands, &[], by_lane);
         barrier(&self.gpu, commands);
-        let by_tile = [self.layout.tiles().div_ceil(TILE_GROUP), views, 1];
-        self.lanes.dispatch(commands, &[], by_tile);
+        let by_tile = [layout.tiles().div_ceil(TILE_GROUP), layout.views, 1];
+        self.sum_lanes.dispatch(commands, &[], by_tile);
         barrier(&self.gpu, commands);
+        // Over the lists of the largest picture: those that this one lacks were cleared and add nothing.
         self.scan.record(commands);
         self.emit.dispatch(commands, &[], by_lane);
         let region = [vk::BufferCopy {
-            src_offset: u64::from(self.layout.lists()) * 4,
+            src_offset: u64::from(layout.lists()) * 4,
             dst_offset: 0,
             size: 4,
         }];
@@ -216,13 +218,12 @@ impl Tiles {
     }
 
     /// Records the blending of all tiles of all views into the cleared picture.
-    pub(crate) fn record_raster(&self, commands: vk::CommandBuffer) {
+    pub(crate) fn record_raster(&self, commands: vk::CommandBuffer, target: &Target) {
         let Layout {
             tiles_x,
             tiles_y,
             views,
-            ..
-        } = self.layout;
+        } = Layout::of(target);
         // Each workgroup draws a block: 16x8 pixels by the widest subgroups, 8x8 by all others.
         let blocks_x = if self.gpu.subgroup.size > 64 { 1 } else { 2 };
         let groups = [tiles_x * blocks_x, tiles_y * 2, views];
@@ -231,10 +232,11 @@ impl Tiles {
     }
 
     /// Fills in what the passes read of sizes.
-    pub(crate) fn describe(&self, frame: &mut FrameParams) {
-        frame.tiles_x = self.layout.tiles_x;
-        frame.tiles_y = self.layout.tiles_y;
-        frame.lane_count = self.layout.lanes;
+    pub(crate) fn describe(&self, frame: &mut FrameParams, target: &Target) {
+        let layout = Layout::of(target);
+        frame.tiles_x = layout.tiles_x;
+        frame.tiles_y = layout.tiles_y;
+        frame.lane_count = self.lanes;
         frame.pair_capacity = self.pair_capacity();
     }
 }

@@ -1,4 +1,4 @@
-//! What the host writes and shaders read: on a GPU through a copy in the device's own memory.
+//! What the host writes once and shaders read: on a GPU through a copy in the device's own memory.
 
 use std::sync::Arc;
 
@@ -16,30 +16,20 @@ pub(crate) struct Upload {
 }
 
 impl Upload {
-    pub(crate) fn new(gpu: &Arc<Gpu>, what: &'static str, bytes: u64) -> Result<Self, RenderError> {
-        let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
-        Ok(Self {
-            staging: Buffer::new(gpu, what, bytes, storage, Place::Upload)?,
-            copy: (!gpu.info().is_cpu)
-                .then(|| Buffer::storage(gpu, what, bytes))
-                .transpose()?,
-        })
-    }
-
     /// As large as the values, and holding them on the host's side.
-    pub(crate) fn filled<T: Pod>(
+    pub(crate) fn new<T: Pod>(
         gpu: &Arc<Gpu>,
         what: &'static str,
         values: &[T],
     ) -> Result<Self, RenderError> {
-        let mut upload = Self::new(gpu, what, size_of_val(values) as u64)?;
-        upload.write(values);
-        Ok(upload)
-    }
-
-    /// Writes values, which fit, on the host's side. The device is idle.
-    pub(crate) fn write<T: Pod>(&mut self, values: &[T]) {
-        self.staging.write(values);
+        let bytes = size_of_val(values) as u64;
+        let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
+        let mut staging = Buffer::new(gpu, what, bytes, storage, Place::Upload)?;
+        staging.write(values);
+        let copy = (!gpu.shares_memory)
+            .then(|| Buffer::storage(gpu, what, bytes))
+            .transpose()?;
+        Ok(Self { staging, copy })
     }
 
     /// What shaders bind.
@@ -47,19 +37,11 @@ impl Upload {
         self.copy.as_ref().unwrap_or(&self.staging)
     }
 
-    /// Bytes there is room for.
-    pub(crate) fn size(&self) -> u64 {
-        self.staging.size()
-    }
-
-    /// Records the copy of the first bytes, more than none, where there is one to be made.
-    pub(crate) fn record(&self, gpu: &Gpu, commands: vk::CommandBuffer, bytes: u64) {
-        let Some(copy) = &self.copy else { return };
-        let region = [vk::BufferCopy::default().size(bytes)];
-        // SAFETY: the command buffer is being recorded; both buffers hold as many bytes.
-        unsafe {
-            let device = gpu.device();
-            device.cmd_copy_buffer(commands, self.staging.handle(), copy.handle(), &region);
+    /// Records the copy, where there is one to be made.
+    pub(crate) fn record(&self, commands: vk::CommandBuffer) {
+        if let Some(copy) = &self.copy {
+            self.staging
+                .record_copy(commands, copy, self.staging.size());
         }
     }
 

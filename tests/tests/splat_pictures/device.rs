@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
-use mon3tr_tests::picture_check::{BACK_ENDS, draw, renderer_for, show};
+use mon3tr_tests::picture_check::{BACK_ENDS, draw, packed, renderer_for, show};
 use mon3tr_tests::splat_reference::World;
 use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
 use mon3tr_tests::vulkan::{LOGGED_MESSAGES, assert_silent, gpu, open_gpu, or_skip};
@@ -54,6 +55,63 @@ fn stages_are_timed_where_the_device_has_a_clock() {
         gpu.has_clock(),
         "blending is timed by the device alone: {times:?}"
     );
+}
+
+#[test]
+fn stages_lie_between_submission_and_fence_on_the_hosts_clock() {
+    let Some(gpu) = gpu() else { return };
+    let gaussians = random_gaussians(2_000, 38);
+    for back_end in BACK_ENDS {
+        let mut renderer = renderer_for(&gpu, back_end, 2_000, 128, 128, 2);
+        assert_eq!(renderer.picture_time(), None, "no picture yet");
+        let mut last = Instant::now();
+        let mut widest = Duration::ZERO;
+        for picture in 0..60 {
+            if picture % 2 == 0 {
+                // The others keep the order.
+                renderer
+                    .set_foreground(&packed(&gaussians))
+                    .expect("they fit");
+            }
+            renderer.draw(&eyes(128, 128)).expect("a picture");
+            let time = renderer.picture_time().expect("a picture");
+            let times = renderer.stage_times();
+            let now = Instant::now();
+            assert!(
+                last <= time.submitted && time.submitted <= time.finished && time.finished <= now,
+                "picture {picture}: {time:?}"
+            );
+            last = now;
+            assert_eq!(time.stages.is_some(), gpu.has_clock(), "a clock");
+            let Some(stages) = time.stages else { continue };
+            let spans = [
+                stages.upload,
+                stages.project,
+                stages.sort,
+                stages.bin,
+                stages.raster,
+            ];
+            let row: Vec<Instant> = std::iter::once(time.submitted)
+                .chain(spans.into_iter().flatten())
+                .chain([time.finished])
+                .collect();
+            assert!(row.is_sorted(), "picture {picture}: {row:?}");
+            let raster = (stages.raster[1] - stages.raster[0]).as_secs_f64() * 1e3;
+            assert!(
+                (raster - times.raster).abs() < 0.001 + 2.0 * stages.within.as_secs_f64() * 1e3,
+                "picture {picture}: {raster} ms against {times:?}"
+            );
+            // Half of what lies between submission and fence beside the stages is known without comparing clocks.
+            let beside = (time.finished - time.submitted).as_secs_f64() * 1e3 - times.total();
+            assert!(
+                stages.within.as_secs_f64() * 1e3 <= 0.5 * beside.max(0.0) + times.upload + 0.001,
+                "picture {picture}: {stages:?}"
+            );
+            widest = widest.max(stages.within);
+        }
+        println!("{back_end}: within {widest:?} at most");
+    }
+    assert_silent(&gpu);
 }
 
 #[test]

@@ -143,8 +143,8 @@ fn what_does_not_fit_the_renderer_is_refused_by_name() {
         error.to_string().contains("2 cameras for 1 view"),
         "{error}"
     );
-    let error = show(&mut renderer, &[], &[front_camera(64, 32)]).expect_err("other size");
-    assert!(error.to_string().contains("64x32"), "{error}");
+    let error = show(&mut renderer, &[], &[front_camera(64, 65)]).expect_err("too high");
+    assert!(error.to_string().contains("64x65"), "{error}");
     let mut scaled = camera;
     scaled.camera_from_world.matrix3 *= 1.5;
     let error = show(&mut renderer, &[], &[scaled]).expect_err("no rigid camera");

@@ -10,6 +10,8 @@ mod foreground;
 mod golden;
 mod order;
 mod person_in_scene;
+mod sizes;
+mod slots;
 mod subgroups;
 
 use mon3tr_tests::picture_check::Least;

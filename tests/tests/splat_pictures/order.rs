@@ -2,7 +2,7 @@
 
 use glam::{Affine3A, Quat, Vec3};
 use mon3tr_tests::picture_check::{
-    BACK_ENDS, compare, keep_pictures, packed, renderer_of, show, views_of, whole,
+    BACK_ENDS, compare, keep_pictures, renderer_of, show, views_of, whole,
 };
 use mon3tr_tests::splat_reference::{PixelBox, World};
 use mon3tr_tests::splat_scenes::{
@@ -10,7 +10,8 @@ use mon3tr_tests::splat_scenes::{
 };
 use mon3tr_tests::synthetic::Random;
 use mon3tr_tests::vulkan::{assert_silent, gpu};
-use xr_renderer::{Camera, Gaussian, Image};
+use mon3tr_tests::walking::Walking;
+use xr_renderer::{Camera, Change, Gaussian, Image, SplatRenderer};
 
 /// Least PSNR in dB of a picture in the kept order against one in its own.
 const NO_POPPING: f64 = 50.0;
@@ -49,7 +50,15 @@ fn a_head_that_hardly_turns_or_moves_sees_no_popping() {
     for back_end in BACK_ENDS {
         let mut kept = renderer_of(&gpu, back_end, &world, &[start]);
         let mut fresh = renderer_of(&gpu, back_end, &world, &[start]);
-        kept.draw(&[start]).expect("a picture");
+        let mut person = Walking::new(&kept);
+        person.write(&figure);
+        person.draw(&mut kept, &[start], false).expect("a picture");
+        let still = person.path();
+        let mut aside = still;
+        aside.advance(Change {
+            metres: 0.000_241,
+            ..Change::default()
+        });
         for (left, up, way) in [
             (0.06, 0.0, Vec3::ZERO),
             (0.12, 0.02, Vec3::new(0.001, 0.0, 0.0)),
@@ -60,8 +69,12 @@ fn a_head_that_hardly_turns_or_moves_sees_no_popping() {
             (0.0, -0.24, Vec3::new(0.0, 0.0, 0.004_9)),
         ] {
             let camera = moved(&start, left, up, way);
-            for (people, trembles) in [(&figure, ""), (&trembling, ", the person trembles")] {
-                show(&mut kept, people, &[camera]).expect("a picture");
+            for (people, path, trembles) in [
+                (&figure, still, ""),
+                (&trembling, aside, ", the person trembles"),
+            ] {
+                person.write_at(people, path);
+                person.draw(&mut kept, &[camera], false).expect("a picture");
                 fresh.forget_order();
                 show(&mut fresh, people, &[camera]).expect("a picture");
                 let what = format!("{back_end}, {left} left, {up} up, {way} m{trembles}");
@@ -179,15 +192,17 @@ fn the_order_is_kept_below_the_threshold_and_renewed_beyond_it() {
     let start = Camera::look_at(Vec3::Z * 2.0, Vec3::ZERO, Vec3::Y, 0.5, 128, 128);
     for back_end in BACK_ENDS {
         let mut renderer = renderer_of(&gpu, back_end, &World::of(&pair), &[start]);
+        let mut slot = Walking::new(&renderer);
+        slot.write(&pair);
         let mut red_shows = |camera: Camera, foreground: Option<&[Gaussian]>, forget: bool| {
             if let Some(foreground) = foreground {
-                let packed = packed(foreground);
-                renderer.set_foreground(&packed).expect("two fit");
+                slot.write(foreground);
             }
             if forget {
                 renderer.forget_order();
             }
-            renderer.draw(&[camera]).expect("a picture");
+            slot.draw(&mut renderer, &[camera], false)
+                .expect("a picture");
             let middle = renderer.read_back(0).expect("a view").pixels()[64 * 128 + 64];
             middle[0] > middle[1]
         };
@@ -211,6 +226,64 @@ fn the_order_is_kept_below_the_threshold_and_renewed_beyond_it() {
         back[0].position[2] = -0.000_3;
         let kept = red_shows(turned(0.03), Some(&back), false);
         assert!(!kept, "{back_end}: a move of 0.3 mm does not");
+        // To and fro is a way of 0.4 mm, though it ends where it began.
+        assert!(
+            red_shows(turned(0.03), Some(&pair), false),
+            "{back_end}: sorted anew"
+        );
+    }
+    assert_silent(&gpu);
+}
+
+/// A foreground as it is drawn right after it was another one.
+fn drawn_after(
+    renderer: &mut SplatRenderer,
+    before: &[Gaussian],
+    after: &[Gaussian],
+    camera: Camera,
+) -> Vec<Image> {
+    let mut slot = Walking::new(renderer);
+    for gaussians in [before, after] {
+        slot.write(gaussians);
+        slot.draw(renderer, &[camera], false).expect("a picture");
+    }
+    views_of(renderer)
+}
+
+#[test]
+fn an_order_is_kept_on_request_but_only_by_the_gaussians_it_was_made_of() {
+    let Some(gpu) = gpu() else { return };
+    let (figure, scene) = (standing_figure(20_000), railing_and_wall());
+    let world = World {
+        background: Some(&scene),
+        ..World::of(&figure)
+    };
+    let start = in_front_of_figure(256, 256);
+    // Most of what is in view here was not there, and the other way round.
+    let turned = moved(&start, 25.0, 5.0, Vec3::new(0.3, 0.0, -0.8));
+    let fewer = &figure[..figure.len() - 1_000];
+    for back_end in BACK_ENDS {
+        let mut kept = renderer_of(&gpu, back_end, &world, &[start]);
+        let mut person = Walking::new(&kept);
+        let mut draw = |kept: &mut SplatRenderer, people: &[Gaussian], camera, keep_order| {
+            person.write(people);
+            person.draw(kept, &[camera], keep_order).expect("a picture");
+            views_of(kept).remove(0)
+        };
+        let first = draw(&mut kept, &figure, start, true);
+        let stale = draw(&mut kept, &figure, turned, true);
+        let back = draw(&mut kept, &figure, start, true);
+        assert!(back == first, "{back_end}: the order of the first picture");
+        let fresh = draw(&mut kept, &figure, turned, false);
+        assert!(stale != fresh, "{back_end}: the order was not kept");
+        let without = draw(&mut kept, fewer, start, true);
+        kept.forget_order();
+        let sorted = draw(&mut kept, fewer, start, false);
+        assert!(without == sorted, "{back_end}: an order of other Gaussians");
+        kept.forget_order();
+        let forgotten = draw(&mut kept, fewer, turned, true);
+        let sorted = draw(&mut kept, fewer, turned, false);
+        assert!(forgotten == sorted, "{back_end}: there was no order");
     }
     assert_silent(&gpu);
 }
@@ -231,11 +304,8 @@ fn gaussians_that_appear_in_their_place_are_drawn_at_once() {
     ] {
         for back_end in BACK_ENDS {
             let mut renderer = renderer_of(&gpu, back_end, &World::of(&before), &[camera]);
-            renderer.draw(&[camera]).expect("a picture");
+            let got = drawn_after(&mut renderer, &before, &after, camera);
             show(&mut renderer, &after, &[camera]).expect("a picture");
-            let got = views_of(&mut renderer);
-            renderer.forget_order();
-            renderer.draw(&[camera]).expect("a picture");
             let what = format!("{back_end}, {what} before");
             assert_no_popping(&what, &got, &views_of(&mut renderer));
         }
@@ -258,11 +328,8 @@ fn gaussians_that_grow_into_the_picture_are_drawn_at_once() {
     let (before, after) = ([at(0.0, 0.1), at(1.2, 0.01)], [at(0.0, 0.1), at(1.2, 0.3)]);
     for back_end in BACK_ENDS {
         let mut renderer = renderer_of(&gpu, back_end, &World::of(&before), &[camera]);
-        renderer.draw(&[camera]).expect("a picture");
+        let got = drawn_after(&mut renderer, &before, &after, camera);
         show(&mut renderer, &after, &[camera]).expect("a picture");
-        let got = views_of(&mut renderer);
-        renderer.forget_order();
-        renderer.draw(&[camera]).expect("a picture");
         assert!(got == views_of(&mut renderer), "{back_end}: it is missing");
         let edge = got[0].pixels()[100 * 200 + 199];
         assert!(edge[3] > 0.05, "{back_end}: nothing at the edge: {edge:?}");

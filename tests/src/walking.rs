@@ -1,0 +1,91 @@
+//! Writing foregrounds to a slot as the lanes do: with bounds of how far their Gaussians came since the last time.
+
+use glam::Vec3;
+use xr_renderer::{
+    Camera, Change, Drawing, Foreground, ForegroundPath, ForegroundSlot, Gaussian, PackedGaussian,
+    RenderError, SplatRenderer,
+};
+
+/// A slot, and what was written to it last.
+#[derive(Debug)]
+pub struct Walking {
+    slot: ForegroundSlot,
+    path: ForegroundPath,
+    last: Vec<Gaussian>,
+}
+
+impl Walking {
+    /// A person that has not come yet.
+    pub fn new(renderer: &SplatRenderer) -> Self {
+        Self {
+            slot: renderer.foreground_slot().expect("memory for a slot"),
+            path: ForegroundPath::new(),
+            last: Vec::new(),
+        }
+    }
+
+    /// Writes where the Gaussians are now, on from where they were.
+    pub fn write(&mut self, gaussians: &[Gaussian]) {
+        let mut path = self.path;
+        path.advance(change(&self.last, gaussians));
+        self.write_at(gaussians, path);
+    }
+
+    /// Writes where the Gaussians are now, which is there on their path.
+    pub fn write_at(&mut self, gaussians: &[Gaussian], path: ForegroundPath) {
+        let room = self.slot.gaussians_mut();
+        for (place, gaussian) in room.iter_mut().zip(gaussians) {
+            *place = PackedGaussian::from(gaussian);
+        }
+        self.path = path;
+        self.last = gaussians.to_vec();
+        let count = u32::try_from(gaussians.len()).expect("few");
+        self.slot.set(count, self.path).expect("they fit");
+    }
+
+    /// Where the Gaussians written last are on their path.
+    pub fn path(&self) -> ForegroundPath {
+        self.path
+    }
+
+    /// The slot, to be drawn.
+    pub fn slot(&self) -> &ForegroundSlot {
+        &self.slot
+    }
+
+    /// Draws what was written last.
+    ///
+    /// # Errors
+    /// Those of the renderer.
+    pub fn draw(
+        &self,
+        renderer: &mut SplatRenderer,
+        cameras: &[Camera],
+        keep_order: bool,
+    ) -> Result<(), RenderError> {
+        renderer.draw_with(&Drawing {
+            keep_order,
+            ..Drawing::new(cameras, Foreground::Slot(&self.slot))
+        })
+    }
+}
+
+/// The most that any Gaussian changed.
+fn change(before: &[Gaussian], after: &[Gaussian]) -> Change {
+    let greatest = |gaussian: &Gaussian| gaussian.scale.into_iter().fold(0.0, f32::max);
+    // What is too large to be drawn is as good as transparent.
+    let opacity = |gaussian: &Gaussian| match greatest(gaussian) < 256.0 {
+        true => gaussian.opacity,
+        false => 0.0,
+    };
+    let pairs = before.iter().zip(after);
+    pairs.fold(Change::default(), |most, (before, after)| Change {
+        metres: most
+            .metres
+            .max(Vec3::from(before.position).distance(after.position.into())),
+        octaves: most
+            .octaves
+            .max((greatest(after) / greatest(before)).log2()),
+        opacity: most.opacity.max(opacity(after) - opacity(before)),
+    })
+}

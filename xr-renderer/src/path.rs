@@ -1,0 +1,181 @@
+//! How far a foreground has come since it was sorted, stated by whoever writes it.
+//!
+//! Memory that is mapped for uploads is slow to read, if it can be read at all: no one looks at the Gaussians again to
+//! find out whether their order still serves. The writer, who has them in hand, adds up bounds instead.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Foreground Gaussians may move so far, metres, while their order is kept: less than the spacing of a person's.
+pub(crate) const KEPT_FOREGROUND_MOVE: f32 = 0.000_25;
+
+/// Octaves by which a foreground Gaussian may grow, a hundredth of its size.
+const KEPT_GROWTH: f32 = 0.014_35;
+
+/// By how much an opacity may rise: what was too transparent to be sorted is at most twice as opaque as that.
+const KEPT_RISE: f32 = 1.0 / 255.0;
+
+/// The most that any Gaussian of a foreground changed from one writing to the next, each figure a bound. Rotations and
+/// colours do not matter to the order.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Change {
+    /// The longest way, metres.
+    pub metres: f32,
+    /// The greatest growth of a standard deviation, octaves (the difference of its logarithms to base 2).
+    pub octaves: f32,
+    /// The greatest rise of an opacity.
+    pub opacity: f32,
+}
+
+/// How far the Gaussians of a foreground have come, each writing added to the last.
+///
+/// One path belongs to one row of the same Gaussians, however many slots they are written to: its copies tell how far
+/// apart two writings are at most. [`Self::new`] begins a path that has nothing in common with any other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ForegroundPath {
+    /// Unlike that of any other path; 0 for no foreground at all.
+    epoch: u64,
+    /// The way so far; 1 is as much as an order is kept for.
+    way: f64,
+}
+
+impl ForegroundPath {
+    /// Where there is no foreground.
+    pub(crate) const NOWHERE: Self = Self { epoch: 0, way: 0.0 };
+
+    /// The start of a path: other Gaussians than before, or the same ones where nothing is known of how they changed.
+    #[must_use]
+    #[expect(
+        clippy::new_without_default,
+        reason = "no two are equal, as defaults would be"
+    )]
+    pub fn new() -> Self {
+        static EPOCHS: AtomicU64 = AtomicU64::new(1);
+        Self {
+            epoch: EPOCHS.fetch_add(1, Ordering::Relaxed),
+            way: 0.0,
+        }
+    }
+
+    /// Goes on by a change; by one that is negative or not a number, on to a new path.
+    pub fn advance(&mut self, change: Change) {
+        let parts = [
+            change.metres / KEPT_FOREGROUND_MOVE,
+            change.octaves / KEPT_GROWTH,
+            change.opacity / KEPT_RISE,
+        ];
+        if parts.iter().all(|part| part.is_finite() && *part >= 0.0) {
+            self.way += f64::from(parts.into_iter().fold(0.0, f32::max));
+        } else {
+            *self = Self::new();
+        }
+    }
+
+    /// Whether these are places on the way of the same Gaussians.
+    pub(crate) fn is_of(&self, other: &Self) -> bool {
+        self.epoch == other.epoch
+    }
+
+    /// Whether an order made at `then` still serves here.
+    pub(crate) fn is_served_from(&self, then: &Self) -> bool {
+        self.is_of(then) && (self.way - then.way).abs() <= 1.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(start: ForegroundPath, change: Change) -> ForegroundPath {
+        let mut path = start;
+        path.advance(change);
+        path
+    }
+
+    #[test]
+    fn an_order_serves_a_foreground_that_trembles_grows_or_fades_in_by_next_to_nothing() {
+        let start = ForegroundPath::new();
+        let none = Change::default();
+        for (change, serves) in [
+            (none, true),
+            (
+                Change {
+                    metres: 0.000_24,
+                    ..none
+                },
+                true,
+            ),
+            (
+                Change {
+                    metres: 0.000_26,
+                    ..none
+                },
+                false,
+            ),
+            (
+                Change {
+                    octaves: 1.009f32.log2(),
+                    ..none
+                },
+                true,
+            ),
+            (
+                Change {
+                    octaves: 1.011f32.log2(),
+                    ..none
+                },
+                false,
+            ),
+            (
+                Change {
+                    opacity: 0.9 / 255.0,
+                    ..none
+                },
+                true,
+            ),
+            (
+                Change {
+                    opacity: 1.1 / 255.0,
+                    ..none
+                },
+                false,
+            ),
+        ] {
+            let there = after(start, change);
+            assert_eq!(there.is_served_from(&start), serves, "{change:?}");
+            assert_eq!(start.is_served_from(&there), serves, "{change:?}, back");
+            assert!(there.is_of(&start), "{change:?}: the same Gaussians");
+        }
+    }
+
+    #[test]
+    fn small_steps_add_up_to_a_new_order_even_after_days() {
+        let step = Change {
+            metres: 0.000_2,
+            ..Change::default()
+        };
+        let mut start = ForegroundPath::new();
+        // Three days of a metre a second.
+        for _ in 0..260_000 {
+            start.advance(Change {
+                metres: 1.0,
+                ..step
+            });
+        }
+        let once = after(start, step);
+        assert!(once.is_served_from(&start), "0.2 mm");
+        assert!(!after(once, step).is_served_from(&start), "0.4 mm");
+    }
+
+    #[test]
+    fn other_gaussians_and_those_that_changed_no_one_knows_how_are_sorted() {
+        let start = ForegroundPath::new();
+        assert!(!ForegroundPath::new().is_of(&start), "another path");
+        for metres in [f32::NAN, f32::INFINITY, -1.0] {
+            let broken = Change {
+                metres,
+                ..Change::default()
+            };
+            assert!(!after(start, broken).is_of(&start), "{metres} m");
+        }
+    }
+}
