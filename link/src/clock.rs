@@ -64,6 +64,13 @@ impl Clock {
                 .saturating_add(micros(instant.saturating_duration_since(self.anchor))),
         )
     }
+
+    /// The instant of this process at a time of this clock; the clock's start for any before it.
+    #[must_use]
+    pub fn instant(&self, time: Micros) -> Instant {
+        let since = Duration::from_micros(time.0.saturating_sub(self.unix_us));
+        self.anchor.checked_add(since).unwrap_or(self.anchor)
+    }
 }
 
 fn micros(duration: Duration) -> u64 {

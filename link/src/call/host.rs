@@ -52,6 +52,10 @@ pub struct HostStatistics {
     pub skipped: u64,
     /// Bytes of the frames sent, without any header.
     pub payload_bytes: u64,
+    /// Frames encoded, for each viewer anew.
+    pub encoded: u64,
+    /// What encoding them took, all together, nanoseconds.
+    pub encode_ns: u64,
 }
 
 #[derive(Debug, Default)]
@@ -61,6 +65,8 @@ struct Counts {
     sent: AtomicU64,
     skipped: AtomicU64,
     payload_bytes: AtomicU64,
+    encoded: AtomicU64,
+    encode_ns: AtomicU64,
 }
 
 /// What the tasks share.
@@ -133,6 +139,8 @@ impl Host {
             sent: counts.sent.load(Relaxed),
             skipped: counts.skipped.load(Relaxed),
             payload_bytes: counts.payload_bytes.load(Relaxed),
+            encoded: counts.encoded.load(Relaxed),
+            encode_ns: counts.encode_ns.load(Relaxed),
         }
     }
 
@@ -307,7 +315,11 @@ async fn send_motion(
                     sequence: captured.sequence.saturating_sub(before),
                     ..MotionFrame::clone(&captured)
                 };
+                let begun = std::time::Instant::now();
                 encoder.encode(&frame, &mut out);
+                let took = u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX);
+                shared.counts.encoded.fetch_add(1, Relaxed);
+                shared.counts.encode_ns.fetch_add(took, Relaxed);
                 match peer.try_send(&out).await {
                     Sent::Queued => {
                         shared.counts.sent.fetch_add(1, Relaxed);
