@@ -3,12 +3,15 @@
 //!
 //! As captured scenes have it, y points down and the person faces -z: the world turned by half a turn about x.
 
-use app::{Deformer, Profile};
+use app::{Deformer, GaussianState, Inference, Plan, Profile, plane};
 use npu_runtime::{Provider, Runtime};
-use spmm3::{Avatar, GaussianSet, LOOP_SECONDS, MotionClip, Playback};
+use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback, SH_C0};
 use std::error::Error;
+use std::f32::consts::LN_2;
 use std::io::{BufWriter, Write};
+use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The clip's own rate, frames per second.
 const RATE: f64 = 30.0;
@@ -19,22 +22,28 @@ const PROPERTIES: [&str; 17] = [
     "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
 ];
 
-fn write(gaussians: &GaussianSet, out: &mut impl Write) -> std::io::Result<()> {
+fn write(state: &GaussianState, out: &mut impl Write) -> std::io::Result<()> {
     writeln!(out, "ply\nformat binary_little_endian 1.0")?;
-    writeln!(out, "element vertex {}", gaussians.len())?;
+    writeln!(out, "element vertex {}", state.len())?;
     for name in PROPERTIES {
         writeln!(out, "property float {name}")?;
     }
     writeln!(out, "end_header")?;
-    for i in 0..gaussians.len() {
-        let [x, y, z] = gaussians.positions[i].to_array();
-        let [r, g, b] = gaussians.colours[i].to_array();
-        let [sx, sy, sz] = gaussians.log_scales[i].to_array();
+    let three = |planes: Range<usize>, i| {
+        let mut values = planes.map(|one| state.plane(one)[i]);
+        [(); 3].map(|()| values.next().unwrap_or_default())
+    };
+    for i in 0..state.len() {
+        let [x, y, z] = three(plane::POSITION, i);
+        let [r, g, b] = three(plane::COLOUR, i).map(|value| (value - 0.5) / SH_C0);
+        let [sx, sy, sz] = three(plane::LOG2_SCALE, i).map(|octaves| octaves * LN_2);
         // (1, 0, 0, 0) * q, the half turn; then w first, as 3DGS writes it.
-        let [qx, qy, qz, qw] = gaussians.rotations[i].to_array();
-        let opacity = gaussians.opacity_logits[i];
+        let [qx, qy, qz] = three(plane::ROTATION, i);
+        let qw = state.plane(plane::ROTATION.end - 1)[i];
+        let opacity = state.plane(plane::OPACITY)[i];
+        let logit = (opacity / (1.0 - opacity)).ln();
         let row = [
-            x, -y, -z, 0.0, 0.0, 0.0, r, g, b, opacity, sx, sy, sz, -qx, qw, -qz, qy,
+            x, -y, -z, 0.0, 0.0, 0.0, r, g, b, logit, sx, sy, sz, -qx, qw, -qz, qy,
         ];
         for value in row {
             out.write_all(&value.to_le_bytes())?;
@@ -52,7 +61,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let clip = MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, RATE)?;
     let motion = clip.sample(seconds.parse()?, Playback::Clamp);
     let runtime = Runtime::open(None)?;
-    let mut deformer = Deformer::new(&runtime, &avatar, Provider::Cpu { threads: 1 })?;
+    let avatar = Arc::new(avatar);
+    let plan = Plan::CpuTail;
+    let providers = [Provider::Cpu { threads: 1 }];
+    let inference = Inference::open(&runtime, &avatar, plan.graph(), &providers, None)?;
+    let mut deformer = Deformer::new(&avatar, inference, plan)?;
     let gaussians = deformer.deform(&motion, &mut Profile::default())?;
     write(gaussians, &mut BufWriter::new(std::fs::File::create(ply)?))?;
     println!("{ply}: {} Gaussians", gaussians.len());

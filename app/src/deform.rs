@@ -1,63 +1,39 @@
-//! From motion parameters to the Gaussians of one frame: kinematics on the CPU, the deform graph on its provider's unit,
-//! F_m2g on the CPU.
+//! From motion parameters to the Gaussians of one frame, one step after the other on one thread: for stills, and to measure
+//! stages by themselves. A call does the same in lanes (`lanes/`).
 
-use crate::{Profile, ReceiverError, Stage, Unit};
-use npu_runtime::{Provider, Runtime, Session, TensorSpec};
-use spmm3::networks::{input, output};
-use spmm3::{
-    ATTRIBUTES, Avatar, BoundGaussians, GaussianSet, JOINTS, MotionParams, PARAMS, PlanarVertices,
-    Skeleton, SkinningTransforms,
-};
+use crate::posing::Posing;
+use crate::{GaussianState, Inference, Plan, Profile, ReceiverError, Stage, Unit, unit_of};
+use npu_runtime::Outputs;
+use spmm3::{Avatar, MotionParams, Skeleton, SkinningTransforms};
 use std::time::Instant;
-
-const MOTION: usize = 0;
-const SKINNING: usize = 1;
-const VERTICES: usize = 0;
-const RESIDUALS: usize = 1;
 
 /// An avatar ready to be moved. Allocates at construction, not per frame.
 #[derive(Debug)]
 pub struct Deformer {
     skeleton: Skeleton,
-    gaussians: BoundGaussians,
-    vertices: usize,
-    session: Session,
+    inference: Inference,
+    plan: Plan,
+    posing: Posing,
+    outputs: Outputs,
     skinning: SkinningTransforms,
-    state: GaussianSet,
+    state: GaussianState,
 }
 
 impl Deformer {
-    /// Loads the avatar's deform graph for `provider`.
+    /// For an avatar whose graph `inference` runs as `plan` leaves it to it.
     ///
     /// # Errors
-    /// If ONNX Runtime refuses the graph or its inputs and outputs are not those of the avatar.
-    pub fn new(
-        runtime: &Runtime,
-        avatar: &Avatar,
-        provider: Provider,
-    ) -> Result<Self, ReceiverError> {
-        let vertices = avatar.template.vertices().len();
-        let count = avatar.gaussians.len();
-        let session = Session::new(
-            runtime,
-            &avatar.deform_graph,
-            provider,
-            &[
-                TensorSpec::new(input::MOTION, &[1, PARAMS]),
-                TensorSpec::new(input::SKINNING, &[12, JOINTS]),
-            ],
-            &[
-                TensorSpec::new(output::VERTICES, &[3, vertices]),
-                TensorSpec::new(output::RESIDUALS, &[ATTRIBUTES, count]),
-            ],
-        )?;
+    /// If there is no memory for results, or the avatar's networks cannot be read back.
+    pub fn new(avatar: &Avatar, inference: Inference, plan: Plan) -> Result<Self, ReceiverError> {
+        let posing = Posing::new(avatar, plan)?;
         Ok(Self {
             skeleton: avatar.skeleton.clone(),
-            gaussians: avatar.gaussians.clone(),
-            vertices,
-            session,
+            outputs: inference.outputs()?,
+            inference,
+            plan,
+            state: GaussianState::new(posing.gaussians()),
+            posing,
             skinning: SkinningTransforms::default(),
-            state: GaussianSet::zeroed(count),
         })
     }
 
@@ -69,33 +45,38 @@ impl Deformer {
         &mut self,
         motion: &MotionParams,
         profile: &mut Profile,
-    ) -> Result<&GaussianSet, ReceiverError> {
+    ) -> Result<&GaussianState, ReceiverError> {
         let started = Instant::now();
         self.skeleton
             .skinning(&self.skeleton.pose(motion), &mut self.skinning);
-        self.session
-            .input_mut(MOTION)
-            .copy_from_slice(motion.values());
-        self.session
-            .input_mut(SKINNING)
-            .copy_from_slice(&self.skinning.0);
         profile.record(Stage::Kinematics, started.elapsed());
 
         let started = Instant::now();
-        self.session.run()?;
-        profile.record(Stage::Deform, started.elapsed());
+        self.inference
+            .run(motion, &self.skinning, &mut self.outputs)?;
+        profile.record(Stage::Inference, started.elapsed());
 
         let started = Instant::now();
-        let posed = PlanarVertices::new(self.session.output(VERTICES), self.vertices)?;
-        let residuals = self.session.output(RESIDUALS);
-        self.gaussians.pose(
-            posed,
-            Some(residuals),
-            motion.root_translation,
-            &mut self.state,
-        )?;
+        if self.posing.skin(&self.outputs, &self.skinning)? {
+            profile.record(Stage::Skin, started.elapsed());
+        }
+        let started = Instant::now();
+        let all = 0..self.posing.gaussians();
+        self.posing
+            .pose(&self.outputs, motion, all, None, &mut self.state)?;
         profile.record(Stage::Bind, started.elapsed());
         Ok(&self.state)
+    }
+
+    /// What [`Self::deform`] gave last.
+    #[must_use]
+    pub fn state(&self) -> &GaussianState {
+        &self.state
+    }
+
+    /// The session alone, to be used elsewhere.
+    pub(crate) fn into_inference(self) -> Inference {
+        self.inference
     }
 
     /// The skeleton that [`Self::deform`] poses.
@@ -107,14 +88,13 @@ impl Deformer {
     /// Number of Gaussians N_g.
     #[must_use]
     pub fn gaussians(&self) -> usize {
-        self.gaussians.len()
+        self.posing.gaussians()
     }
 
-    /// The unit that the deform graph's provider computes on.
+    /// The unit that a stage runs on.
     #[must_use]
-    pub fn unit(&self) -> Unit {
-        match self.session.provider() {
-            Provider::Cpu { .. } => Unit::Cpu,
-        }
+    pub fn unit(&self, stage: Stage) -> Unit {
+        let inference = unit_of(self.inference.provider().kind());
+        self.plan.unit(stage, inference)
     }
 }

@@ -1,7 +1,7 @@
 //! What can stop the receiver.
 
 use npu_runtime::RuntimeError;
-use spmm3::PersonError;
+use spmm3::{PackageError, PersonError};
 use xr_renderer::RenderError;
 
 /// An error on a frame's way from motion to picture.
@@ -14,7 +14,47 @@ pub enum ReceiverError {
     /// The deform graph's results do not fit the avatar.
     #[error("the deform graph's results do not fit the avatar")]
     Person(#[from] PersonError),
+    /// A list of Gaussians to draw is not in ascending order.
+    #[error("the Gaussians to draw must be listed in ascending order, each once")]
+    Order,
+    /// F_attr's potentials came to a [`crate::Poser`] that was made for residuals.
+    #[error(
+        "this poser was made without F_attr's bases: make it with Poser::with_tail to use potentials"
+    )]
+    NoTail,
+    /// The avatar's networks cannot be had from its package.
+    #[error("the avatar's networks cannot be read")]
+    Package(#[from] PackageError),
     /// The renderer failed.
     #[error("cannot draw the avatar")]
     Render(#[from] RenderError),
+    /// Nothing can run the deform graph.
+    #[error("no provider is left to run the deform graph")]
+    NoProvider,
+    /// A test made inference fail.
+    #[error("made to fail")]
+    Struck,
+    /// No thread for a lane.
+    #[error("cannot start a lane's thread")]
+    Thread(#[source] std::io::Error),
+    /// A lane ended though nobody stopped it.
+    #[error("a lane ended before its time")]
+    LaneEnded,
+    /// A lane panicked, which it says itself.
+    #[error("the {0} panicked")]
+    Panicked(String),
+}
+
+impl ReceiverError {
+    /// The error with all that caused it, in a line.
+    pub(crate) fn in_full(&self) -> String {
+        let mut text = self.to_string();
+        let mut cause = std::error::Error::source(self);
+        while let Some(error) = cause {
+            text.push_str(": ");
+            text.push_str(&error.to_string());
+            cause = error.source();
+        }
+        text
+    }
 }

@@ -1,20 +1,43 @@
 //! The receiver: an avatar and motion parameters in, pictures and per-stage times out.
 //!
-//! A frame's way through this crate: [`Deformer::deform`] (kinematics, deform graph, F_m2g) -> [`pack`] -> the splat
-//! renderer, all told to a [`Profile`].
+//! A call's frames go through [`Lanes`], a thread for each unit; stills go the same way step by step through a [`Receiver`].
+//! Which unit does what is decided in `placement/`, what each step took is told to a [`Collector`].
 
 mod bridge;
 mod call;
 mod deform;
 mod error;
-mod pack;
+pub mod hold;
+mod interpolate;
+mod kernels;
+mod lanes;
+mod placement;
+mod posing;
 mod profile;
 mod receiver;
+mod stage;
+mod state;
 
 pub use bridge::{Bridge, BridgeState};
-pub use call::{Call, CallEnd, CallFigures, Gap, LatencyFigures, Percentiles};
+pub use call::{Call, CallEnd, CallFigures, Gap, LatencyFigures};
 pub use deform::Deformer;
 pub use error::ReceiverError;
-pub use pack::pack;
-pub use profile::{Profile, Stage, StageSummary, Unit};
+pub use interpolate::{LatencyMode, Timeline};
+pub use kernels::{Attributes, Blend, Detail, MOST_ALPHA, PoseInputs, Poser, Skinner};
+pub use lanes::{
+    Bell, DisplayClock, Drawn, Giver, LaneOptions, Lanes, MotionSource, Pose, Skipped, Taker, Tick,
+    hand_over,
+};
+pub use placement::{
+    Alternative, Fault, Inference, Offer, Placed, PlacementReport, PlacementRequest, Plan,
+    ProviderChange, ProviderChanges, StageCosts, choose, place, predicted_picture_ms, unit_of,
+};
+pub use posing::bound_mesh;
+pub use profile::{
+    Busy, Collector, Event, LatencyBreakdown, Occupancy, Overlap, Part, PartLatency, Percentiles,
+    PictureFigures, PictureLatency, PictureTimes, Profile, Quality, Recorder, Recording, Since,
+    Span, StageSummary, StateTimes, Summary, Terms, nanoseconds,
+};
 pub use receiver::Receiver;
+pub use stage::{Lane, Stage, Unit};
+pub use state::{GaussianState, STATE_PLANES, StateChange, plane};

@@ -1,49 +1,59 @@
 //! The whole receiver path for one frame, on one thread: deform, pack, draw.
 
-use crate::{Deformer, Profile, ReceiverError, Stage, StageSummary, pack};
-use shaders_spirv::PackedGaussian;
+use crate::{Blend, Deformer, Profile, ReceiverError, Stage, StageSummary};
 use spmm3::MotionParams;
 use std::sync::Arc;
-use xr_renderer::{BackEnd, BackEndTrial, Camera, Gpu, SplatRenderer};
+use xr_renderer::{
+    BackEnd, BackEndTrial, Camera, Drawing, Foreground, ForegroundPath, ForegroundSlot, Gpu,
+    SplatRenderer,
+};
 
 /// An avatar, and the renderer that shows it.
 #[derive(Debug)]
 pub struct Receiver {
     deformer: Deformer,
     renderer: SplatRenderer,
-    packed: Vec<PackedGaussian>,
+    slot: ForegroundSlot,
     profile: Profile,
 }
 
 impl Receiver {
     /// Joins a loaded avatar and a renderer.
-    #[must_use]
-    pub fn new(deformer: Deformer, renderer: SplatRenderer) -> Self {
-        let packed = vec![bytemuck::Zeroable::zeroed(); deformer.gaussians()];
-        Self {
+    ///
+    /// # Errors
+    /// If the device has no memory for the avatar's Gaussians.
+    pub fn new(deformer: Deformer, renderer: SplatRenderer) -> Result<Self, ReceiverError> {
+        Ok(Self {
             deformer,
+            slot: renderer.foreground_slot()?,
             renderer,
-            packed,
             profile: Profile::default(),
-        }
+        })
     }
 
     /// Deforms the avatar to `motion` and draws it once for each of `cameras` (one, or two for stereo).
     /// The pictures are then in [`Self::renderer`].
     ///
     /// # Errors
-    /// If the deform graph or the renderer fails.
+    /// If the deform graph or the renderer fails, or the renderer was made for fewer Gaussians.
     pub fn frame(
         &mut self,
         motion: &MotionParams,
         cameras: &[Camera],
     ) -> Result<(), ReceiverError> {
-        let gaussians = self.deformer.deform(motion, &mut self.profile)?;
+        let state = self.deformer.deform(motion, &mut self.profile)?;
         let started = std::time::Instant::now();
-        pack(gaussians, &mut self.packed);
-        self.profile.record(Stage::Pack, started.elapsed());
-        self.renderer.set_foreground(&self.packed)?;
-        self.renderer.draw(cameras)?;
+        let all = 0..state.len();
+        let gaussians = self.slot.gaussians_mut();
+        let gaussians = gaussians.get_mut(all.clone()).unwrap_or_default();
+        Blend::new(state, state, 1.0)?.pack(all, gaussians)?;
+        self.profile.record(Stage::Interpolate, started.elapsed());
+        let count = u32::try_from(state.len()).unwrap_or(u32::MAX);
+        // Nothing is known of how far they went.
+        self.slot.set(count, ForegroundPath::new())?;
+        let foreground = Foreground::Slot(&self.slot);
+        self.renderer
+            .draw_with(&Drawing::new(cameras, foreground))?;
         self.profile.record_picture(&self.renderer.stage_times());
         Ok(())
     }
@@ -55,7 +65,9 @@ impl Receiver {
     /// # Errors
     /// If there is no such device any more, or the renderer cannot be made there.
     pub fn recover(&mut self) -> Result<Arc<Gpu>, ReceiverError> {
-        Ok(self.renderer.recover()?)
+        let gpu = self.renderer.recover()?;
+        self.slot = self.renderer.foreground_slot()?;
+        Ok(gpu)
     }
 
     /// What draws the next picture.
@@ -81,19 +93,9 @@ impl Receiver {
         &mut self.renderer
     }
 
-    /// Goes on with another renderer, for pictures of another size.
-    pub fn replace_renderer(&mut self, renderer: SplatRenderer) {
-        self.renderer = renderer;
-    }
-
-    /// Forgets the times of the frames so far, keeping the memory: for a view that runs without end.
-    pub fn forget_times(&mut self) {
-        self.profile.clear();
-    }
-
     /// Times of every frame so far, one row per stage.
     #[must_use]
     pub fn stage_times(&self) -> Vec<StageSummary> {
-        self.profile.summary(self.deformer.unit())
+        self.profile.summary(|stage| self.deformer.unit(stage))
     }
 }

@@ -106,3 +106,8 @@ impl Extent {
             .max(self.metres / unit.metres)
     }
 }
+
+/// The pose at `alpha` on the way from one to another: rotations on the shortest arcs, the rest straight.
+pub(crate) fn between(from: &MotionParams, to: &MotionParams, alpha: f32) -> MotionParams {
+    Change::between(from, to).applied(from, alpha)
+}

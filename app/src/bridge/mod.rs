@@ -6,6 +6,7 @@
 
 mod change;
 
+pub(crate) use change::between;
 use change::{Change, Extent};
 use glam::{Quat, Vec3};
 use link::{Micros, MotionFrame};
@@ -165,6 +166,16 @@ impl Bridge {
         self.fresh = true;
     }
 
+    /// From one frame to the next, as they came lately.
+    #[must_use]
+    pub fn interval(&self) -> Duration {
+        Duration::from_secs_f32(
+            self.anchor
+                .as_ref()
+                .map_or(INTERVAL, |anchor| anchor.interval),
+        )
+    }
+
     /// What to show at `now`. Called with times that do not go back; does not allocate.
     pub fn sample(&mut self, now: Micros) -> (MotionParams, BridgeState) {
         let now = self.shown.as_ref().map_or(now, |(at, _)| now.max(*at));
@@ -187,8 +198,7 @@ impl Bridge {
         (pose, state)
     }
 
-    /// The pose that frames, extrapolation and easing give. Display-rate interpolation between frames belongs here, in
-    /// place of the first case.
+    /// The pose that frames, extrapolation and easing give.
     fn without_remainder(&mut self, now: Micros) -> (MotionParams, BridgeState) {
         let Some(anchor) = &self.anchor else {
             return (self.at_ease.clone(), BridgeState::Resting);

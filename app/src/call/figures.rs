@@ -1,6 +1,6 @@
 //! What a call's frames cost in time, and what became of them.
 
-use crate::BridgeState;
+use crate::{BridgeState, Percentiles};
 use link::{Announcement, Micros, PlayoutStatistics, Timing, ViewerStatistics};
 use serde::Serialize;
 
@@ -63,21 +63,6 @@ pub struct LatencyFigures {
     pub jitter_buffer_depth_ms: f64,
 }
 
-/// Percentiles of a time, milliseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Percentiles {
-    /// Samples.
-    pub count: usize,
-    /// Median.
-    pub p50_ms: f64,
-    /// 95th percentile.
-    pub p95_ms: f64,
-    /// 99th percentile.
-    pub p99_ms: f64,
-    /// Longest.
-    pub max_ms: f64,
-}
-
 /// A pause between two frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gap {
@@ -85,23 +70,6 @@ pub struct Gap {
     pub at_s: f64,
     /// How long it took.
     pub ms: f64,
-}
-
-impl Percentiles {
-    /// Nearest-rank percentiles; `None` without samples.
-    #[must_use]
-    pub fn of(samples: &[f64]) -> Option<Self> {
-        let mut sorted = samples.to_vec();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let at = |percent| crate::profile::percentile(&sorted, percent);
-        Some(Self {
-            count: sorted.len(),
-            p50_ms: at(50)?,
-            p95_ms: at(95)?,
-            p99_ms: at(99)?,
-            max_ms: at(100)?,
-        })
-    }
 }
 
 /// What has been measured so far.

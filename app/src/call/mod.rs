@@ -2,12 +2,14 @@
 
 mod figures;
 
-pub use figures::{CallFigures, Gap, LatencyFigures, Percentiles};
+pub use figures::{CallFigures, Gap, LatencyFigures};
 
-use crate::{Bridge, BridgeState};
+use crate::{Bridge, BridgeState, MotionSource, Pose};
 use figures::Log;
-use link::{Announcement, CallEvent, Clock, JitterBuffer, LinkError, Micros, Played, Viewer};
-use spmm3::{MotionParams, Skeleton};
+use link::{
+    Announcement, CallEvent, Clock, JitterBuffer, LinkError, Micros, Played, Timing, Viewer,
+};
+use spmm3::Skeleton;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
@@ -32,6 +34,10 @@ pub struct Call {
     bridge: Bridge,
     log: Log,
     end: Option<CallEnd>,
+    /// When a pose is to be made up if no frame has come by then.
+    made_up: Micros,
+    /// Whether the last pose was of a person at ease, which stays as it is.
+    resting: bool,
 }
 
 impl Call {
@@ -46,43 +52,37 @@ impl Call {
             bridge: Bridge::new(skeleton),
             log: Log::new(clock.now()),
             end: None,
+            made_up: Micros(u64::MAX),
+            resting: true,
         }
-    }
-
-    /// What to show now, and where it comes from; `None` until the first frame. The frames that are due are taken at this
-    /// moment: call it when the deform stage is ready for the answer.
-    pub fn motion(&mut self) -> Option<(MotionParams, BridgeState)> {
-        self.drain();
-        let now = self.clock.now();
-        self.release(now);
-        if !self.log.has_begun() {
-            return None;
-        }
-        let (motion, state) = self.bridge.sample(now);
-        self.log.shown(state);
-        Some((motion, state))
     }
 
     /// Waits until a frame is due, something else happens, or `longest` has passed, then hands out what is due. For a receiver
-    /// that shows nothing.
+    /// that shows nothing; one that does has the call as its [`MotionSource`].
     pub fn wait(&mut self, longest: Duration) {
-        let until = self.clock.now().0.saturating_add(micros(longest));
+        let until = self.until(longest);
         loop {
             let now = self.clock.now();
-            if self.release(now) || self.is_over() || now.0 >= until {
+            if self.release(now).is_some() || self.is_over() || now >= until {
                 return;
             }
-            let due = self
-                .buffer
-                .next()
-                .map_or(until, |(_, due)| due.0.min(until));
-            let pause = Duration::from_micros(due.saturating_sub(now.0));
-            match self.viewer.next(pause) {
-                Ok(event) => self.take(event),
-                Err(RecvTimeoutError::Timeout) => {}
-                // There is nothing more to come, but there may be frames to wait for.
-                Err(RecvTimeoutError::Disconnected) => std::thread::sleep(pause),
-            }
+            self.listen(now, until);
+        }
+    }
+
+    fn until(&self, longest: Duration) -> Micros {
+        Micros(self.clock.now().0.saturating_add(micros(longest)))
+    }
+
+    /// Listens to the network until something comes, a frame is due, or it is `until`.
+    fn listen(&mut self, now: Micros, until: Micros) {
+        let due = self.buffer.next().map_or(until, |(_, due)| due.min(until));
+        let pause = Duration::from_micros(due.0.saturating_sub(now.0));
+        match self.viewer.next(pause) {
+            Ok(event) => self.take(event),
+            Err(RecvTimeoutError::Timeout) => {}
+            // There is nothing more to come, but there may be frames to wait for.
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(pause),
         }
     }
 
@@ -95,7 +95,9 @@ impl Call {
         }
     }
 
-    fn is_over(&self) -> bool {
+    /// Whether there is no more to come.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
         match &self.end {
             Some(CallEnd::HungUp) => self.buffer.waiting() == 0,
             end => end.is_some(),
@@ -116,15 +118,6 @@ impl Call {
     /// Leaves the call.
     pub async fn hang_up(self) {
         self.viewer.hang_up().await;
-    }
-
-    fn drain(&mut self) {
-        loop {
-            match self.viewer.next(Duration::ZERO) {
-                Ok(event) => self.take(event),
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return,
-            }
-        }
     }
 
     fn take(&mut self, event: CallEvent) {
@@ -150,15 +143,82 @@ impl Call {
         }
     }
 
-    /// Gives the bridge all that is due; returns whether there was anything.
-    fn release(&mut self, now: Micros) -> bool {
-        let mut any = false;
+    /// Gives the bridge all that is due; returns the newest frame's way, if there was any.
+    fn release(&mut self, now: Micros) -> Option<Timing> {
+        let mut newest = None;
         for Played { frame, timing } in self.buffer.take(now) {
             self.log.released(&timing);
             self.bridge.push(&frame);
-            any = true;
+            newest = Some(timing);
         }
-        any
+        newest
+    }
+
+    /// What to show from `now` on: a frame's pose at its place in time, or one made up for the moment.
+    fn pose(&mut self, now: Micros, timing: Option<Timing>) -> Pose {
+        let (motion, source) = self.bridge.sample(now);
+        self.log.shown(source);
+        self.resting = source == BridgeState::Resting;
+        // A frame may be followed at once; what is made up comes as frames did, once one is late.
+        let pause = self.bridge.interval();
+        let pause = if timing.is_some() {
+            pause * 3 / 2
+        } else {
+            pause
+        };
+        self.made_up = Micros(now.0.saturating_add(micros(pause)));
+        let at = |time| self.clock.instant(time);
+        match timing {
+            Some(timing) => Pose {
+                motion,
+                source,
+                captured: timing.captured_local.map(at),
+                arrived: at(timing.arrived),
+                due: at(timing.due.max(timing.arrived)),
+                released: at(timing.released),
+            },
+            None => Pose {
+                motion,
+                source,
+                captured: None,
+                arrived: at(now),
+                due: at(now),
+                released: at(now),
+            },
+        }
+    }
+}
+
+impl MotionSource for Call {
+    /// The frames' poses as they are due, and while there are none what the bridge makes up, at the rate that frames came. `None`
+    /// until the first frame, and while the person stands at ease.
+    fn next(&mut self, longest: Duration) -> Option<Pose> {
+        let until = self.until(longest);
+        loop {
+            let now = self.clock.now();
+            if let Some(timing) = self.release(now) {
+                return Some(self.pose(now, Some(timing)));
+            }
+            if self.is_over() || now >= until {
+                return None;
+            }
+            let moves = self.log.has_begun() && !self.resting;
+            if moves && now >= self.made_up {
+                return Some(self.pose(now, None));
+            }
+            self.listen(
+                now,
+                if moves {
+                    until.min(self.made_up)
+                } else {
+                    until
+                },
+            );
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        Self::is_over(self)
     }
 }
 

@@ -1,0 +1,302 @@
+//! Which moment of the motion a picture shows.
+//!
+//! States come at the motion rate, each with its place on the time axis of motion; pictures are shown at times of the display.
+//! What lies between, the *lag*, is measured rather than assumed: how old the newest state will be when the picture is shown
+//! goes up and down like a saw, by one motion period, and its upper end is the lag at which there is always a newer state to
+//! interpolate towards. A lag that changes does so slowly: time runs a little faster or slower, nothing jumps.
+
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// Pictures from which the lag is estimated: 1.4 s at 90 Hz.
+const WINDOW: usize = 128;
+/// Of those so many percent find a newer state; the rest shows the newest for a moment longer.
+const SERVED_PERCENT: usize = 95;
+/// The lag changes by no more than this share of the time that passes.
+const SLEW: f64 = 0.1;
+/// Until so many pictures the lag follows at once.
+const ACQUIRING: usize = 16;
+/// Two states further apart (seconds) do not belong to one motion: the older is taken to be this old.
+const FURTHEST: f64 = 0.1;
+
+/// After so many motion periods without a new state the person stands still, or frames are lost: ages say nothing about the lag.
+const PAUSE: f64 = 2.0;
+
+/// What is done about the time from one motion frame to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LatencyMode {
+    /// Pictures lie between two states: exact, and one motion period late.
+    #[default]
+    Interpolate,
+    /// Pictures go on from the newest state by up to one motion period: not late, and wrong where motion turns.
+    Extrapolate,
+}
+
+/// How far beyond the newest state [`LatencyMode::Extrapolate`] goes, in motion periods.
+const BOUND: f32 = 1.0;
+
+/// Where on the time axis of motion pictures are.
+#[derive(Debug, Clone)]
+pub struct Timeline {
+    mode: LatencyMode,
+    /// Seconds that the newest state is old when a picture is shown, for the last pictures.
+    ages: [f64; WINDOW],
+    seen: usize,
+    /// Seconds between motion frames.
+    period: f64,
+    lag: f64,
+    /// The newest state, and when the first picture after it was displayed.
+    newest: Option<(Instant, Instant)>,
+    /// The last picture's time on the display and on the axis.
+    last: Option<(Instant, Instant)>,
+}
+
+impl Timeline {
+    /// Without any lag yet.
+    #[must_use]
+    pub fn new(mode: LatencyMode) -> Self {
+        Self {
+            mode,
+            ages: [0.0; WINDOW],
+            seen: 0,
+            period: 1.0 / 30.0,
+            lag: 0.0,
+            newest: None,
+            last: None,
+        }
+    }
+
+    /// Seconds between motion frames, as they come at present.
+    #[must_use]
+    pub fn period(&self) -> f64 {
+        self.period
+    }
+
+    /// Takes note of the time between a state and the one before it.
+    pub fn state_came(&mut self, before: Instant, due: Instant) {
+        let apart = due.saturating_duration_since(before).as_secs_f64();
+        if (0.004..FURTHEST).contains(&apart) {
+            self.period += (apart - self.period) * 0.1;
+        }
+    }
+
+    /// The moment of motion that a picture shows which is displayed at `displayed`, when the newest state is due at `newest`.
+    pub fn moment(&mut self, displayed: Instant, newest: Instant) -> Instant {
+        let since = match self.newest {
+            Some((known, since)) if known == newest => since,
+            _ => displayed,
+        };
+        self.newest = Some((newest, since));
+        let waited = displayed.saturating_duration_since(since).as_secs_f64();
+        if waited < PAUSE * self.period || self.seen == 0 {
+            let age = displayed.saturating_duration_since(newest).as_secs_f64();
+            self.ages[self.seen % WINDOW] = age;
+            self.seen += 1;
+        }
+        let mut ages = self.ages;
+        let ages = &mut ages[..self.seen.min(WINDOW)];
+        let at = (ages.len() * SERVED_PERCENT)
+            .div_ceil(100)
+            .saturating_sub(1);
+        let (_, oldest, _) = ages.select_nth_unstable_by(at, f64::total_cmp);
+        let wanted = match self.mode {
+            LatencyMode::Interpolate => *oldest,
+            LatencyMode::Extrapolate => (*oldest - self.period).max(0.0),
+        };
+        let elapsed = self.last.map_or(0.0, |(last, _)| {
+            displayed.saturating_duration_since(last).as_secs_f64()
+        });
+        if self.seen <= ACQUIRING {
+            self.lag = self.lag.max(wanted);
+        } else {
+            let most = elapsed * SLEW;
+            self.lag += (wanted - self.lag).clamp(-most, most);
+        }
+        let moment = displayed
+            .checked_sub(Duration::from_secs_f64(self.lag))
+            .unwrap_or(displayed);
+        // Time never goes back, whatever the display says.
+        let moment = self.last.map_or(moment, |(_, last)| moment.max(last));
+        self.last = Some((displayed, moment));
+        moment
+    }
+
+    /// The place of `moment` between two states: 0 at `from`, 1 at `to`; beyond 1 only where extrapolation is asked for, by
+    /// no more than a motion period.
+    #[must_use]
+    pub fn alpha(&self, from: Instant, to: Instant, moment: Instant) -> f32 {
+        let apart = to.saturating_duration_since(from).as_secs_f64();
+        // After a pause the way from the old state to the new one takes no longer than that.
+        let apart = apart.clamp(1e-4, FURTHEST);
+        let before_end = to.saturating_duration_since(moment).as_secs_f64();
+        let after_end = moment.saturating_duration_since(to).as_secs_f64();
+        #[expect(clippy::cast_possible_truncation, reason = "a fraction")]
+        let alpha = (1.0 + (after_end - before_end) / apart) as f32;
+        let most = match self.mode {
+            LatencyMode::Interpolate => 1.0,
+            LatencyMode::Extrapolate => 1.0 + BOUND,
+        };
+        alpha.clamp(0.0, most)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MOTION: Duration = Duration::from_micros(33_333);
+
+    /// Shows motion at 30 Hz, each state ready `work` after it was due, asked for `lead` before it is displayed. Returns,
+    /// once all has settled, how far behind the display each picture was, and its alpha.
+    fn shown(mode: LatencyMode, hertz: u32, work: Duration, lead: Duration) -> Vec<(f64, f32)> {
+        let start = Instant::now();
+        let mut timeline = Timeline::new(mode);
+        let mut out = Vec::new();
+        let mut newest = 0;
+        for picture in 60..hertz * 20 {
+            let displayed = start + Duration::from_secs(1) / hertz * picture;
+            let asked = displayed - lead;
+            while start + MOTION * (newest + 1) + work <= asked {
+                newest += 1;
+                timeline.state_came(start + MOTION * (newest - 1), start + MOTION * newest);
+            }
+            let moment = timeline.moment(displayed, start + MOTION * newest);
+            // The pair it lies in.
+            let mut to = newest;
+            while to > 1 && start + MOTION * (to - 1) > moment {
+                to -= 1;
+            }
+            let alpha = timeline.alpha(start + MOTION * (to - 1), start + MOTION * to, moment);
+            if picture > hertz * 10 {
+                out.push(((displayed - moment).as_secs_f64() * 1e3, alpha));
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn interpolation_is_one_motion_period_later_than_extrapolation_at_every_display_rate() {
+        for hertz in [60, 72, 80, 90, 120] {
+            let (work, lead) = (Duration::from_millis(25), Duration::from_millis(20));
+            let interpolated = shown(LatencyMode::Interpolate, hertz, work, lead);
+            let extrapolated = shown(LatencyMode::Extrapolate, hertz, work, lead);
+            for ((late, alpha), (soon, beyond)) in interpolated.iter().zip(&extrapolated) {
+                assert!(
+                    (late - soon - 33.3).abs() < 1.0,
+                    "{hertz} Hz: {late} {soon}"
+                );
+                assert!(
+                    (60.0..80.0).contains(late),
+                    "{hertz} Hz: 25 + 20 + up to 33 ms, {late}"
+                );
+                assert!((0.0..=1.0).contains(alpha), "{hertz} Hz: {alpha}");
+                assert!((0.9..=2.0).contains(beyond), "{hertz} Hz: {beyond}");
+            }
+        }
+    }
+
+    #[test]
+    fn motion_goes_on_evenly_whatever_the_display_rate() {
+        for hertz in [60, 72, 90, 120] {
+            let pictures = shown(
+                LatencyMode::Interpolate,
+                hertz,
+                Duration::from_millis(18),
+                Duration::from_millis(14),
+            );
+            let behind: Vec<f64> = pictures.iter().map(|(behind, _)| *behind).collect();
+            let most = behind.iter().copied().fold(f64::MIN, f64::max);
+            let least = behind.iter().copied().fold(f64::MAX, f64::min);
+            assert!(most - least < 1.5, "{hertz} Hz: {least}..{most} ms behind");
+        }
+    }
+
+    #[test]
+    fn alpha_is_held_at_the_ends_and_a_pause_is_not_crept_over() {
+        let at = |ms: u64| Instant::now() + Duration::from_millis(1_000_000 + ms);
+        let start = at(0);
+        let after = |ms: u64| start + Duration::from_millis(ms);
+        let inside = Timeline::new(LatencyMode::Interpolate);
+        let beyond = Timeline::new(LatencyMode::Extrapolate);
+        assert!(
+            (inside.alpha(after(0), after(30), after(15)) - 0.5).abs() < 1e-3,
+            "half way"
+        );
+        assert_eq!(inside.alpha(after(0), after(30), after(60)), 1.0, "held");
+        assert_eq!(
+            beyond.alpha(after(0), after(30), after(60)),
+            2.0,
+            "one period on"
+        );
+        assert_eq!(
+            beyond.alpha(after(0), after(30), after(600)),
+            2.0,
+            "and no further"
+        );
+        assert_eq!(
+            inside.alpha(after(40), after(70), after(10)),
+            0.0,
+            "before both"
+        );
+        assert_eq!(
+            inside.alpha(after(0), after(5000), after(4800)),
+            0.0,
+            "in a pause"
+        );
+        assert_eq!(
+            inside.alpha(after(9), after(9), after(9)),
+            1.0,
+            "two at once"
+        );
+    }
+
+    #[test]
+    fn a_person_who_stood_still_for_a_minute_is_shown_no_later_than_before() {
+        let start = Instant::now() + Duration::from_secs(10);
+        let mut timeline = Timeline::new(LatencyMode::Interpolate);
+        let behind = |timeline: &mut Timeline, picture: u32, newest: Instant| {
+            let displayed = start + Duration::from_millis(10) * picture;
+            let moment = timeline.moment(displayed, newest);
+            displayed.duration_since(moment).as_millis()
+        };
+        let state = |picture: u32| start + MOTION * (picture * 3 / 10) - Duration::from_millis(30);
+        let mut before = 0;
+        for picture in 0..300 {
+            before = behind(&mut timeline, picture, state(picture));
+        }
+        for picture in 300..6300 {
+            behind(&mut timeline, picture, state(299));
+        }
+        let mut after = 0;
+        for picture in 6300..6350 {
+            after = behind(&mut timeline, picture, state(picture));
+        }
+        assert!(
+            after.abs_diff(before) <= 20,
+            "{after} ms behind, {before} before"
+        );
+    }
+
+    #[test]
+    fn a_changed_lag_is_reached_slowly_and_time_never_goes_back() {
+        let start = Instant::now() + Duration::from_secs(10);
+        let mut timeline = Timeline::new(LatencyMode::Interpolate);
+        let period = Duration::from_millis(10);
+        let mut last = None;
+        for picture in 0..1000u32 {
+            let displayed = start + period * picture;
+            let age = Duration::from_millis(if picture < 300 { 60 } else { 90 });
+            let moment = timeline.moment(displayed, displayed - age);
+            if let Some(last) = last {
+                let passed = moment.duration_since(last).as_secs_f64() * 1e3;
+                if picture > 20 {
+                    assert!((8.9..=11.1).contains(&passed), "{passed} ms in a picture");
+                }
+            }
+            last = Some(moment);
+        }
+        let behind = (start + period * 999).duration_since(last.expect("pictures"));
+        assert!((89..=91).contains(&behind.as_millis()), "{behind:?} behind");
+    }
+}

@@ -1,0 +1,88 @@
+//! What a call does once it runs.
+
+use crate::ALLOCATIONS;
+use crate::stage::{BLACK, CPU, SIDE, Stage, Swing};
+use app::Plan;
+use app::hold::HoldMode;
+use mon3tr_tests::vulkan;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+#[test]
+fn no_lane_allocates_once_the_call_runs() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    for plan in Plan::ALL {
+        let Some(mut stage) = Stage::new(&gpu, plan, &[CPU], Swing::new(30.0, 1000, 0.5)) else {
+            return;
+        };
+        stage.draw(60);
+        let before = ALLOCATIONS.load(Relaxed);
+        stage.draw(60);
+        let allocations = ALLOCATIONS.load(Relaxed) - before;
+        assert_eq!(allocations, 0, "{plan}: allocations in 60 pictures");
+    }
+}
+
+#[test]
+fn motion_that_comes_faster_than_it_can_be_shown_is_left_out_and_never_waited_for() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    let Some(mut stage) = Stage::new(&gpu, Plan::Cpu, &[CPU], Swing::new(2000.0, 4000, 0.5)) else {
+        return;
+    };
+    stage.run(Duration::from_secs(1));
+    let pictures: Vec<_> = stage.lanes.collector().pictures().copied().collect();
+    let last = pictures.last().expect("pictures");
+    let waited = last.to.inference[0] - last.to.released;
+    assert!(
+        waited < Duration::from_millis(200),
+        "poses queue up: {waited:?} before the NPU lane takes one"
+    );
+    let newest = last.to.number;
+    let (swing, collector) = stage.lanes.finish().expect("the lanes end");
+    let frames = 4000 - swing.left;
+    let inferred = collector
+        .spans()
+        .filter(|span| span.stage == app::Stage::Inference);
+    let inferred = inferred.count() as u64;
+    assert!(
+        inferred < frames,
+        "{inferred} of {frames} motion frames were taken"
+    );
+    assert!(
+        newest > inferred,
+        "the newest shown is {newest}, of {inferred} taken"
+    );
+}
+
+#[test]
+fn quality_is_given_up_for_a_rate_that_cannot_be_held_and_nothing_is_hidden() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    for plan in [Plan::CpuTail, Plan::Pc] {
+        let swing = Swing::new(30.0, 1000, 0.5);
+        // No software draws a picture in a millisecond.
+        let display = (1000.0, HoldMode::Adapt);
+        let Some(mut stage) = Stage::on_display(&gpu, plan, &[CPU], swing, display) else {
+            return;
+        };
+        stage.run(Duration::from_secs(3));
+        let figures = stage.lanes.hold();
+        assert!(figures.quality.step > 0, "{plan}: {figures:?}");
+        assert!(figures.missed_periods > 0, "{plan}: misses are counted");
+        let last = *stage.lanes.collector().pictures().last().expect("pictures");
+        assert!(last.scale < 1.0, "{plan}: drawn at {}", last.scale);
+        assert!(
+            last.gaussians < 2_000 || figures.quality.level == 0,
+            "{plan}: {} Gaussians at {:?}",
+            last.gaussians,
+            figures.quality
+        );
+        let image = stage.lanes.renderer().read_back(0).expect("a picture");
+        assert!(
+            image.width() < SIDE,
+            "{plan}: {} pixels wide",
+            image.width()
+        );
+        let bytes = image.over(BLACK);
+        assert!(bytes.iter().any(|byte| *byte > 40), "{plan}: nobody there");
+    }
+}
