@@ -1,0 +1,227 @@
+//! `mon3tr profile`: a real call on this machine, and where its milliseconds go: a table, JSON, a trace and a page.
+
+mod call;
+mod drive;
+mod memory;
+mod page;
+mod report;
+#[cfg(test)]
+mod synthetic;
+#[cfg(test)]
+mod tests;
+mod trace;
+
+use crate::commands::bake::{BakeChoices, baked_demo_avatar};
+use crate::commands::send;
+use crate::lanes::LaneChoices;
+use crate::measured::Measured;
+use crate::network;
+use crate::performance::MotionOptions;
+use crate::report::{check_writable, write_json};
+use crate::stage::{DEFAULT_SIZE, Size, Views, load_avatar};
+use crate::surroundings::{Surroundings, make_folder};
+use anyhow::{Context, ensure};
+use app::{Recording, Summary, Terms};
+use call::Room;
+use drive::{Driven, Wanted, drive};
+use memory::Memory;
+use report::{Conditions, Report};
+use serde_json::Value;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Where the person is seen from.
+const CAMERA: &str = "front";
+
+/// Options of `profile`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// The avatar's package [default: the demo avatar, baked if the cache has none]
+    #[arg(value_name = "PKG")]
+    package: Option<PathBuf>,
+    #[command(flatten)]
+    motion: MotionOptions,
+    /// Motions a second
+    #[arg(long, value_name = "HZ", default_value = "30", value_parser = send::parse_rate)]
+    rate: f64,
+    #[command(flatten)]
+    lanes: LaneChoices,
+    /// Give up quality where the GPU cannot hold the display's rate, as a window and a headset do
+    #[arg(long)]
+    hold: bool,
+    /// How long to measure, after a warm-up
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = network::parse_seconds)]
+    seconds: Duration,
+    /// Pictures a second that the display shows
+    #[arg(long, value_name = "HZ", default_value = "72", value_parser = parse_display_hz)]
+    display_hz: f64,
+    /// Size of one eye's picture in pixels
+    #[arg(long, value_name = "WxH", default_value_t = DEFAULT_SIZE)]
+    size: Size,
+    /// One eye's view instead of both
+    #[arg(long)]
+    mono: bool,
+    /// Write every figure as JSON
+    #[arg(long, value_name = "FILE", default_value = "out/profile/profile.json")]
+    json: PathBuf,
+    /// Write a trace for ui.perfetto.dev
+    #[arg(long, value_name = "FILE", default_value = "out/profile/trace.json")]
+    trace: PathBuf,
+    /// Write a page for any browser
+    #[arg(long, value_name = "FILE", default_value = "out/profile/profile.html")]
+    page: PathBuf,
+    #[command(flatten)]
+    bake: BakeChoices,
+}
+
+impl Options {
+    fn views(&self) -> Views {
+        if self.mono {
+            Views::Mono
+        } else {
+            Views::Stereo
+        }
+    }
+
+    /// The package, and what is needed before the long part begins.
+    fn package(&self, surroundings: &Surroundings) -> anyhow::Result<PathBuf> {
+        match &self.package {
+            Some(package) => {
+                ensure!(
+                    package.is_file(),
+                    "there is no avatar package {}: leave it out for the demo avatar, or make one with `mon3tr bake`",
+                    package.display()
+                );
+                Ok(package.clone())
+            }
+            None => baked_demo_avatar(&self.bake, surroundings),
+        }
+    }
+}
+
+/// Runs `profile`.
+pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+    options.motion.check()?;
+    for file in [&options.json, &options.trace, &options.page] {
+        file.parent().map_or(Ok(()), make_folder)?;
+        check_writable(file)?;
+    }
+    let gpu = surroundings.gpu()?;
+    let runtime = surroundings.runtime()?;
+    let package = options.package(surroundings)?;
+    let (avatar, figures) = load_avatar(&package)?;
+    println!(
+        "a call on this machine: a server and a sender, each a process of its own, and this receiver"
+    );
+    let Some(room) = Room::open(options, &package)? else {
+        return Ok(());
+    };
+    let Driven {
+        collector,
+        begin,
+        end,
+        placement,
+        skipped,
+        hold,
+        onnx_runtime_bytes,
+        device_bytes,
+        call,
+    } = drive(&Wanted {
+        options,
+        gpu: &gpu,
+        runtime: &runtime,
+        avatar: &avatar,
+        room: &room,
+    })?;
+    // Before anything is made of it: that takes memory too.
+    let memory = Memory::now(device_bytes, onnx_runtime_bytes);
+    let call_figures = call.figures();
+    let sent = room.close(call)?;
+    let recording = Recording::new(&collector, begin, end);
+    let terms = Terms {
+        display_period: Duration::from_secs_f64(1.0 / options.display_hz),
+        motion_hz: options.rate,
+        units: placement.units(),
+        encode: mean_encode(&sent),
+        lost_events: collector.lost(),
+    };
+    let Size { width, height } = options.size;
+    let report = Report {
+        avatar: figures,
+        conditions: Conditions {
+            motion: options.motion.name().to_owned(),
+            vulkan_device: gpu.info().name.clone(),
+            vulkan_driver: gpu.info().driver.clone(),
+            onnx_runtime: runtime.version().to_owned(),
+            provider: placement.provider.to_string(),
+            width,
+            height,
+            views: options.views().count(),
+            latency: format!("{:?}", options.lanes.latency).to_lowercase(),
+            cores: cores(),
+        },
+        shown: Measured {
+            placement,
+            skipped,
+            hold,
+            measured: Summary::new(&recording, &terms),
+        },
+        memory,
+        call: Some(call_figures),
+        sent,
+    };
+    report.print();
+    write_json(Some(&options.json), &report)?;
+    let page = page::page(&report, &recording, &terms)?;
+    std::fs::write(&options.page, page)
+        .with_context(|| format!("cannot write {}", options.page.display()))?;
+    write_trace(&options.trace, &recording, &terms, &report)?;
+    println!("\nwritten");
+    for (file, what) in [
+        (
+            &options.page,
+            "the timeline and distributions, for any browser",
+        ),
+        (&options.trace, "the trace, for ui.perfetto.dev"),
+        (&options.json, "every figure"),
+    ] {
+        println!("  {:<32} {what}", file.display());
+    }
+    Ok(())
+}
+
+fn write_trace(
+    path: &Path,
+    recording: &Recording,
+    terms: &Terms,
+    report: &Report,
+) -> anyhow::Result<()> {
+    let cannot = || format!("cannot write {}", path.display());
+    let about =
+        serde_json::json!({ "avatar": report.avatar.name, "conditions": report.conditions });
+    let mut out = BufWriter::new(File::create(path).with_context(cannot)?);
+    trace::write(&mut out, recording, terms, &about).with_context(cannot)?;
+    out.flush().with_context(cannot)
+}
+
+/// What the sender needed to encode a frame.
+fn mean_encode(sent: &Value) -> Option<Duration> {
+    let total = sent["encode_ns"].as_u64()?;
+    Some(Duration::from_nanos(
+        total.checked_div(sent["encoded"].as_u64()?)?,
+    ))
+}
+
+/// Threads this machine runs at once.
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+fn parse_display_hz(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|hz| (1.0..=1000.0).contains(hz))
+        .ok_or_else(|| format!("{text} is not a display's rate of 1 to 1000 pictures a second"))
+}
