@@ -1,8 +1,13 @@
-//! `mon3tr bench`: how long drawing and sorting take on this machine, as tables for `docs/performance.md` and as JSON.
+//! `mon3tr bench`: how long drawing, sorting, the CPU's kernels and all lanes together take on this machine and what the latency
+//! modes cost, as tables for `docs/performance.md` and as JSON.
 
 mod figure;
 mod growth;
+mod kernels;
+mod lanes;
+mod latency_modes;
 mod measure;
+mod profiler;
 mod render;
 mod scene;
 mod sort;
@@ -26,13 +31,24 @@ enum What {
     Render(render::Options),
     /// Time the depth sort by itself, from 20k to 4M keys
     Sort(sort::Options),
+    /// Measure the error of interpolating and of extrapolating an avatar's states, on real motion
+    LatencyModes(latency_modes::Options),
+    /// Time interpolation, F_attr's tail, skinning and the networks against the memory they touch
+    Kernels(kernels::Options),
+    /// Time handing over from lane to lane, and pictures by all lanes at once against the slowest unit alone
+    Lanes(lanes::Options),
+    /// Time what profiling itself costs
+    Profiler(profiler::Options),
 }
 
 /// Runs `bench`.
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
-    let gpu = surroundings.gpu()?;
     match &options.what {
-        What::Render(options) => render::run(options, &gpu),
-        What::Sort(options) => sort::run(options, &gpu),
+        What::Render(options) => render::run(options, &surroundings.gpu()?),
+        What::Sort(options) => sort::run(options, &surroundings.gpu()?),
+        What::LatencyModes(options) => latency_modes::run(options, surroundings),
+        What::Kernels(options) => kernels::run(options, surroundings),
+        What::Lanes(options) => lanes::run(options, surroundings),
+        What::Profiler(options) => profiler::run(options),
     }
 }
