@@ -1,17 +1,127 @@
-//! A person in a call, and the place of a camera that keeps to them.
+//! A call on screen: its lanes, its display, and a camera that keeps to the person.
 
-use app::Call;
+use crate::lanes::LaneChoices;
+use crate::stage::Setting;
+use crate::surroundings::{Surroundings, cache};
+use crate::viewpoint::{Viewpoint, eyes};
+use anyhow::Context;
+use app::hold::{HoldFigures, HoldMode};
+use app::{
+    Call, Collector, DisplayClock, Drawn, LaneOptions, Lanes, Offer, Placed, PlacementReport, Plan,
+    Skipped, bound_mesh, place,
+};
 use glam::{Quat, Vec3};
+use npu_runtime::Runtime;
 use spmm3::{Avatar, Joint, MotionParams};
+use std::sync::Arc;
 use std::time::Instant;
+use xr_renderer::{Camera, Gpu, RendererOptions, SplatRenderer};
 
 /// Share of the way to the person that the camera makes up in a second: it must not sway with every step.
 const FOLLOW: f32 = 3.8;
 
+/// All that a call needs to be drawn, ready before its first frame comes: stages are placed, graphs loaded, both of the
+/// renderer's back ends tried. Nobody is to wait for that in the call.
+#[derive(Debug)]
+pub(crate) struct Prepared {
+    avatar: Arc<Avatar>,
+    placed: Placed,
+    renderer: SplatRenderer,
+    setting: Setting,
+    choices: LaneChoices,
+}
+
+impl Prepared {
+    /// For an avatar on a device.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        runtime: &Runtime,
+        avatar: &Arc<Avatar>,
+        setting: Setting,
+        viewpoint: &Viewpoint,
+        choices: LaneChoices,
+    ) -> anyhow::Result<Self> {
+        let mesh = matches!(choices.placement.plan, None | Some(Plan::Pc))
+            .then(|| bound_mesh(avatar))
+            .transpose()?
+            .map(Arc::new);
+        let options = RendererOptions {
+            mesh,
+            ..setting.renderer(avatar.gaussians.len())?
+        };
+        let mut renderer =
+            SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
+        let compiled = cache()?.join("compiled");
+        let offer = Offer {
+            runtime,
+            threads: Surroundings::threads(),
+            cache: Some(&compiled),
+        };
+        let camera = viewpoint.camera(
+            Vec3::ZERO,
+            Quat::IDENTITY,
+            setting.size.width,
+            setting.size.height,
+        );
+        let cameras = eyes(camera, setting.views);
+        let placed = place(&offer, avatar, &mut renderer, &cameras, choices.placement)?;
+        if options.mesh.is_some() && placed.plan != Plan::Pc {
+            // 20 MB of the device's memory that nobody uses.
+            let options = RendererOptions {
+                mesh: None,
+                back_end: Some(renderer.back_end()),
+                ..options
+            };
+            renderer = SplatRenderer::new(Arc::clone(gpu), &options)
+                .context("cannot prepare the renderer")?;
+        }
+        Ok(Self {
+            avatar: Arc::clone(avatar),
+            placed,
+            renderer,
+            setting,
+            choices,
+        })
+    }
+
+    /// Begins to show `call` on a display of so many pictures a second.
+    pub(crate) fn show(self, call: Call, hertz: f64, hold: HoldMode) -> anyhow::Result<Live> {
+        let display = DisplayClock::new(hertz);
+        let Placed {
+            plan,
+            inference,
+            report,
+        } = self.placed;
+        let options = LaneOptions {
+            plan,
+            latency: self.choices.latency.into(),
+            hold,
+            display_period: display.period(),
+        };
+        let pelvis = self.avatar.skeleton.rest_positions()[Joint::Pelvis.index()];
+        let lanes = Lanes::start(&self.avatar, inference, self.renderer, call, &options)?;
+        Ok(Live {
+            lanes,
+            display,
+            begun: Instant::now(),
+            avatar: self.avatar,
+            placement: report,
+            setting: self.setting,
+            pelvis,
+            followed: None,
+        })
+    }
+}
+
 /// A call, seen from where its person stands.
 #[derive(Debug)]
 pub(crate) struct Live {
-    pub(crate) call: Call,
+    pub(crate) lanes: Lanes<Call>,
+    pub(crate) display: DisplayClock,
+    pub(crate) placement: PlacementReport,
+    avatar: Arc<Avatar>,
+    setting: Setting,
+    begun: Instant,
     pelvis: Vec3,
     followed: Option<Followed>,
 }
@@ -33,35 +143,91 @@ pub(crate) struct Moment {
     pub(crate) heading: Quat,
 }
 
-impl Live {
-    pub(crate) fn new(call: Call, avatar: &Avatar) -> Self {
-        Self {
-            call,
-            pelvis: avatar.skeleton.rest_positions()[Joint::Pelvis.index()],
-            followed: None,
-        }
-    }
+/// What is left of a call that was shown.
+#[derive(Debug)]
+pub(crate) struct Shown {
+    pub(crate) call: Call,
+    pub(crate) collector: Collector,
+    pub(crate) placement: PlacementReport,
+    pub(crate) skipped: Skipped,
+    pub(crate) hold: HoldFigures,
+}
 
-    /// What to show now; `None` until the first frame.
-    pub(crate) fn now(&mut self) -> Option<Moment> {
-        let (motion, _) = self.call.motion()?;
-        let now = Instant::now();
+impl Live {
+    /// Begins the picture that is due now; `None` until there is somebody to be seen.
+    pub(crate) fn begin(&mut self) -> anyhow::Result<Option<Moment>> {
+        self.begun = Instant::now();
+        let tick = self.display.tick(self.begun);
+        let Some(motion) = self.lanes.begin(tick)?.cloned() else {
+            return Ok(None);
+        };
         let stands = Vec3::new(1.0, 0.0, 1.0) * (motion.root_translation + self.pelvis);
         let followed = self.followed.get_or_insert_with(|| {
             let forward = motion.rotation(Joint::Pelvis) * Vec3::Z;
             Followed {
                 floor: stands,
                 heading: Quat::from_rotation_y(forward.x.atan2(forward.z)),
-                at: now,
+                at: self.begun,
             }
         });
-        let elapsed = now.duration_since(followed.at).as_secs_f32();
+        let elapsed = self.begun.duration_since(followed.at).as_secs_f32();
         followed.floor += (stands - followed.floor) * (1.0 - (-FOLLOW * elapsed).exp());
-        followed.at = now;
-        Some(Moment {
+        followed.at = self.begun;
+        Ok(Some(Moment {
             motion,
             floor: followed.floor,
             heading: followed.heading,
+        }))
+    }
+
+    /// Draws it as `camera` sees it, or the eyes beside it.
+    pub(crate) fn draw(&mut self, camera: Camera) -> anyhow::Result<Drawn> {
+        Ok(self.lanes.draw(&eyes(camera, self.setting.views))?)
+    }
+
+    /// Takes note that the picture is on its way to the display.
+    pub(crate) fn displayed(&mut self) {
+        let shown = self.display.drawn(self.begun, Instant::now());
+        self.lanes.displayed(shown);
+    }
+
+    /// What pictures are made.
+    pub(crate) fn setting(&self) -> &Setting {
+        &self.setting
+    }
+
+    /// Makes other pictures from now on.
+    pub(crate) fn set(&mut self, setting: Setting) -> anyhow::Result<()> {
+        let renderer = self.lanes.renderer();
+        let options = RendererOptions {
+            mesh: renderer.options().mesh.clone(),
+            // The faster one has been found.
+            back_end: Some(renderer.back_end()),
+            ..setting.renderer(self.avatar.gaussians.len())?
+        };
+        let gpu = Arc::clone(renderer.gpu());
+        let renderer = SplatRenderer::new(gpu, &options).context("cannot prepare the renderer")?;
+        self.lanes.replace_renderer(renderer)?;
+        self.setting = setting;
+        Ok(())
+    }
+
+    /// The person who is shown.
+    pub(crate) fn avatar(&self) -> &Arc<Avatar> {
+        &self.avatar
+    }
+
+    /// Ends the lanes; the call goes on until it is hung up.
+    pub(crate) fn finish(mut self) -> anyhow::Result<Shown> {
+        self.placement.follow(self.lanes.provider_changes());
+        let (skipped, hold) = (self.lanes.skipped(), self.lanes.hold());
+        let (call, collector) = self.lanes.finish()?;
+        Ok(Shown {
+            call,
+            collector,
+            placement: self.placement,
+            skipped,
+            hold,
         })
     }
 }

@@ -5,7 +5,9 @@ mod children;
 mod commands;
 mod film;
 mod ground;
+mod lanes;
 mod live;
+mod measured;
 mod moments;
 mod network;
 mod performance;
@@ -19,7 +21,7 @@ mod viewpoint;
 mod window;
 
 use clap::{Parser, Subcommand};
-use commands::{bake, bench, demo, inspect, netlab, receive, render, send, serve};
+use commands::{bake, bench, demo, inspect, netlab, profile, receive, render, send, serve};
 use std::process::ExitCode;
 use surroundings::Surroundings;
 
@@ -56,6 +58,8 @@ enum Command {
     Receive(receive::Options),
     /// Measure calls over networks of any quality, all on this machine
     Netlab(netlab::Options),
+    /// Show where a call's milliseconds go: what each unit does, and each picture's way from capture to display
+    Profile(profile::Options),
 }
 
 fn main() -> ExitCode {
@@ -89,6 +93,7 @@ fn main() -> ExitCode {
         Command::Send(options) => send::run(options),
         Command::Receive(options) => receive::run(options, surroundings),
         Command::Netlab(options) => netlab::run(options),
+        Command::Profile(options) => profile::run(options, surroundings),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -64,7 +64,7 @@ impl StageTable {
         stages: Vec<StageSummary>,
         splatting: Splatting,
     ) -> Self {
-        let sum_of_medians_ms = stages.iter().map(|s| s.p50_ms).sum();
+        let sum_of_medians_ms = stages.iter().map(|s| s.times.p50_ms).sum();
         Self {
             views: views.count(),
             width,
@@ -76,7 +76,7 @@ impl StageTable {
     }
 
     pub(crate) fn print(&self) {
-        let frames = self.stages.iter().map(|s| s.frames).max().unwrap_or(0);
+        let frames = self.stages.iter().map(|s| s.times.count).max().unwrap_or(0);
         let views = if self.views == 2 { "stereo, 2 x " } else { "" };
         println!(
             "\n{views}{} x {} pixels, {frames} frames",
@@ -89,11 +89,11 @@ impl StageTable {
         for s in &self.stages {
             println!(
                 "{:<30} {:<5} {:>9.2} {:>9.2} {:>9.2}",
-                s.stage,
+                s.stage.name(),
                 s.unit.name(),
-                s.p50_ms,
-                s.p95_ms,
-                s.max_ms
+                s.times.p50_ms,
+                s.times.p95_ms,
+                s.times.max_ms
             );
         }
         println!("{:<36} {:>9.2}", "sum of medians", self.sum_of_medians_ms);
@@ -187,6 +187,9 @@ impl RunReport {
         }
         println!("GPU      {} ({})", self.vulkan_device, self.vulkan_driver);
         println!("ORT      {}", self.onnx_runtime);
+        if let Some(line) = self.call.as_ref().and_then(call_line) {
+            println!("call     {line}");
+        }
         for run in &self.runs {
             run.print();
         }
@@ -198,6 +201,20 @@ impl RunReport {
             println!("  and {} more beside them", more + 1);
         }
     }
+}
+
+/// What a call came to for whoever watched it, of the figures that `receive` wrote.
+fn call_line(call: &serde_json::Value) -> Option<String> {
+    let measured = call.pointer("/drawing/measured")?;
+    let number = |at: &str| measured.pointer(at)?.as_f64();
+    Some(format!(
+        "{:.0} ms from {} to display (95 % within {:.0} ms), {:.1} of {:.0} pictures a second",
+        number("/latency/whole/p50_ms")?,
+        measured.pointer("/latency/since")?.as_str()?,
+        number("/latency/whole/p95_ms")?,
+        number("/pictures/per_second")?,
+        number("/display_hz")?
+    ))
 }
 
 /// Makes sure, before minutes of work, that a file can be written to `path`.

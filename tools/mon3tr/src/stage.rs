@@ -5,12 +5,12 @@ use crate::report::{AvatarFigures, Splatting, StageTable};
 use crate::scenery::is_scene;
 use crate::surroundings::Surroundings;
 use anyhow::{Context, anyhow, ensure};
-use app::{Deformer, Receiver, ReceiverError};
+use app::{Deformer, Inference, Plan, Receiver, ReceiverError};
 use clap::ValueEnum;
 use glam::Vec3;
 use image::RgbImage;
-use npu_runtime::Runtime;
-use spmm3::{Avatar, MotionParams};
+use npu_runtime::{Provider, Runtime};
+use spmm3::{Avatar, MotionParams, Skeleton};
 use std::path::Path;
 use std::sync::Arc;
 use xr_renderer::{
@@ -107,6 +107,9 @@ impl Setting {
     }
 }
 
+/// Stills need no lanes: stages run one after the other, each where it is fastest without a GPU's help.
+const PLAN: Plan = Plan::CpuTail;
+
 /// Joints before the jaw, the eyes and the fingers.
 const BODY_JOINTS: usize = 22;
 
@@ -118,7 +121,7 @@ pub(crate) struct Stage {
 }
 
 /// Loads a package and tells its sizes.
-pub(crate) fn load_avatar(path: &Path) -> anyhow::Result<(Avatar, AvatarFigures)> {
+pub(crate) fn load_avatar(path: &Path) -> anyhow::Result<(Arc<Avatar>, AvatarFigures)> {
     ensure!(
         !is_scene(path),
         "{} looks like a Gaussian scene, not an avatar package: give it with --background",
@@ -138,7 +141,7 @@ pub(crate) fn load_avatar(path: &Path) -> anyhow::Result<(Avatar, AvatarFigures)
         gaussians: avatar.gaussians.len(),
         controllers: avatar.controllers.vertices().len(),
     };
-    Ok((avatar, figures))
+    Ok((Arc::new(avatar), figures))
 }
 
 impl Stage {
@@ -146,15 +149,19 @@ impl Stage {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         runtime: &Runtime,
-        avatar: &Avatar,
+        avatar: &Arc<Avatar>,
         setting: Setting,
     ) -> anyhow::Result<Self> {
-        let deformer = Deformer::new(runtime, avatar, Surroundings::provider())?;
+        let provider = Provider::Cpu {
+            threads: Surroundings::threads(),
+        };
+        let inference = Inference::open(runtime, avatar, PLAN.graph(), &[provider], None)?;
+        let deformer = Deformer::new(avatar, inference, PLAN)?;
         let options = setting.renderer(deformer.gaussians())?;
         let renderer =
             SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
         Ok(Self {
-            receiver: Receiver::new(deformer, renderer),
+            receiver: Receiver::new(deformer, renderer)?,
             setting,
         })
     }
@@ -173,26 +180,13 @@ impl Stage {
             }
             splatted => splatted?,
         };
-        if self.setting.background.is_some() {
-            return splatted
-                .iter()
-                .map(|picture| to_rgb(picture, picture.over(DUSK)))
-                .collect();
-        }
-        let skeleton = self.receiver.deformer().skeleton();
-        let joints = skeleton.pose(motion);
-        // Without the 30 finger joints, which would make hands cast most of the shadow.
-        let body: Vec<Vec3> = spmm3::Joint::ALL
-            .into_iter()
-            .take(BODY_JOINTS)
-            .map(|j| joints.position(j) + motion.root_translation)
-            .collect();
-        let shadow = Shadow::of(&body);
-        splatted
-            .iter()
-            .zip(cameras)
-            .map(|(picture, camera)| to_rgb(picture, compose(picture, camera, &shadow)))
-            .collect()
+        compose_views(
+            &splatted,
+            cameras,
+            self.receiver.deformer().skeleton(),
+            motion,
+            &self.setting,
+        )
     }
 
     fn splat(
@@ -201,21 +195,7 @@ impl Stage {
         cameras: &[Camera],
     ) -> Result<Vec<Image>, ReceiverError> {
         self.receiver.frame(motion, cameras)?;
-        let renderer = self.receiver.renderer();
-        let views = 0..renderer.views();
-        Ok(views
-            .map(|view| renderer.read_back(view))
-            .collect::<Result<_, _>>()?)
-    }
-
-    /// What deforms and draws, for who shows pictures without reading them back.
-    pub(crate) fn receiver(&mut self) -> &mut Receiver {
-        &mut self.receiver
-    }
-
-    /// What pictures it makes.
-    pub(crate) fn setting(&self) -> &Setting {
-        &self.setting
+        Ok(read_views(self.receiver.renderer())?)
     }
 
     /// The device that draws: another than at first after a loss.
@@ -231,6 +211,42 @@ impl Stage {
     }
 }
 
+/// Views as pictures: within the scene, if they have one, else in the studio.
+pub(crate) fn compose_views(
+    splatted: &[Image],
+    cameras: &[Camera],
+    skeleton: &Skeleton,
+    motion: &MotionParams,
+    setting: &Setting,
+) -> anyhow::Result<Vec<RgbImage>> {
+    if setting.background.is_some() {
+        return splatted
+            .iter()
+            .map(|picture| to_rgb(picture, picture.over(DUSK)))
+            .collect();
+    }
+    let joints = skeleton.pose(motion);
+    // Without the 30 finger joints, which would make hands cast most of the shadow.
+    let body: Vec<Vec3> = spmm3::Joint::ALL
+        .into_iter()
+        .take(BODY_JOINTS)
+        .map(|j| joints.position(j) + motion.root_translation)
+        .collect();
+    let shadow = Shadow::of(&body);
+    splatted
+        .iter()
+        .zip(cameras)
+        .map(|(picture, camera)| to_rgb(picture, compose(picture, camera, &shadow)))
+        .collect()
+}
+
+/// All views of a renderer's last picture.
+pub(crate) fn read_views(renderer: &mut SplatRenderer) -> Result<Vec<Image>, RenderError> {
+    (0..renderer.views())
+        .map(|view| renderer.read_back(view))
+        .collect()
+}
+
 /// The rows of a picture as an image.
 pub(crate) fn to_rgb(picture: &Image, rgb: Vec<u8>) -> anyhow::Result<RgbImage> {
     RgbImage::from_raw(picture.width(), picture.height(), rgb)
@@ -243,6 +259,12 @@ mod tests {
     use mon3tr_tests::synthetic::Puppet;
     use mon3tr_tests::{onnx, vulkan};
     use xr_renderer::GpuChoice;
+
+    /// As from a package, so that its networks can be read back.
+    fn puppet() -> Avatar {
+        let bytes = Puppet::small().avatar().to_bytes().expect("a package");
+        Avatar::read(std::io::Cursor::new(bytes)).expect("the package is sound")
+    }
 
     #[test]
     fn a_lost_device_is_opened_again_and_the_frame_drawn_as_if_nothing_had_happened() {
@@ -262,7 +284,7 @@ mod tests {
             background: None,
             filter: Filter::Dilation,
         };
-        let avatar = Puppet::small().avatar();
+        let avatar = Arc::new(puppet());
         let mut stage = Stage::new(&gpu, &runtime, &avatar, setting).expect("a stage");
         let (eye, target) = (Vec3::new(0.0, 1.0, 4.0), Vec3::Y * 0.9);
         let camera = Camera::look_at(eye, target, Vec3::Y, 0.6, 96, 96);

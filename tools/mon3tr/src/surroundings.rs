@@ -1,7 +1,7 @@
 //! What the command finds around it: cache folder, MakeHuman's data, ONNX Runtime, the Vulkan device.
 
 use anyhow::{Context, bail};
-use npu_runtime::{Provider, Runtime};
+use npu_runtime::Runtime;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use xr_renderer::{Gpu, GpuChoice};
@@ -36,11 +36,9 @@ impl Surroundings {
         Ok(Runtime::open(self.ort.as_deref())?)
     }
 
-    /// The provider that runs deform graphs: here the CPU, on every core.
-    pub(crate) fn provider() -> Provider {
-        Provider::Cpu {
-            threads: std::thread::available_parallelism().map_or(1, usize::from),
-        }
+    /// Threads for providers that compute on the CPU: one for each core.
+    pub(crate) fn threads() -> usize {
+        std::thread::available_parallelism().map_or(1, usize::from)
     }
 }
 

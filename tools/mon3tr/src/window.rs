@@ -1,12 +1,11 @@
 //! `receive --display window`: the call live in a window. Drag to orbit, scroll to come closer, Escape to leave.
 
 use crate::backdrop::DUSK;
-use crate::commands::receive::{Prepared, Until, Watched};
-use crate::live::Live;
+use crate::commands::receive::{Screen, Until};
+use crate::stage::{Setting, Size};
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
-use app::{CallEnd, Receiver, ReceiverError};
-use spmm3::MotionParams;
+use app::Drawn;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -15,9 +14,7 @@ use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window, WindowId};
-use xr_renderer::{
-    Backdrop, Camera, Gpu, RenderError, RendererOptions, Shown, SplatRenderer, WindowTarget,
-};
+use xr_renderer::{Backdrop, Gpu, RenderError, Shown, WindowTarget};
 
 /// What stands behind the person.
 const STUDIO: Backdrop = Backdrop::Gradient {
@@ -49,32 +46,25 @@ pub(crate) fn events(instead: &str) -> anyhow::Result<EventLoop<()>> {
 /// Shows the call until it is over or the window is closed.
 pub(crate) fn show(
     events: EventLoop<()>,
-    live: &mut Live,
-    prepared: Prepared<'_>,
+    screen: &mut Screen<'_>,
     viewpoint: Viewpoint,
     until: &Until,
-) -> anyhow::Result<Watched> {
-    let size = prepared.size();
+) -> anyhow::Result<()> {
+    let Size { width, height } = screen.live.setting().size;
     let mut view = View {
-        live,
-        prepared,
+        screen,
         until,
         viewpoint,
-        size: (size.width, size.height),
+        size: (width, height),
         open: None,
         drag: None,
         cursor: PhysicalPosition::default(),
-        end: None,
         outcome: Ok(()),
     };
     events
         .run_app(&mut view)
         .context("the window system ended the window")?;
-    view.outcome?;
-    Ok(Watched {
-        end: view.end,
-        ..Watched::default()
-    })
+    view.outcome
 }
 
 /// The window while it is open.
@@ -98,43 +88,9 @@ impl Open {
     }
 }
 
-/// Makes the renderer's pictures as large as the window is now: once for a picture, not for every step of a drag.
-fn fit(receiver: &mut Receiver, gpu: &Arc<Gpu>, size: (u32, u32)) -> anyhow::Result<()> {
-    let options = receiver.renderer().options().clone();
-    if (options.width, options.height) == size {
-        return Ok(());
-    }
-    let options = RendererOptions {
-        width: size.0,
-        height: size.1,
-        back_end: Some(receiver.back_end()),
-        ..options
-    };
-    let renderer =
-        SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
-    receiver.replace_renderer(renderer);
-    Ok(())
-}
-
-/// Draws one frame and hands it to the window.
-fn show_frame(
-    receiver: &mut Receiver,
-    open: &mut Open,
-    motion: &MotionParams,
-    camera: Camera,
-    backdrop: Backdrop,
-) -> Result<Shown, ReceiverError> {
-    receiver.frame(motion, &[camera])?;
-    let Some(target) = &mut open.target else {
-        return Ok(Shown::NotNow);
-    };
-    Ok(target.present(receiver.renderer(), backdrop)?)
-}
-
 /// A call in its window.
-struct View<'a> {
-    live: &'a mut Live,
-    prepared: Prepared<'a>,
+struct View<'a, 'o> {
+    screen: &'a mut Screen<'o>,
     until: &'a Until,
     viewpoint: Viewpoint,
     size: (u32, u32),
@@ -142,11 +98,10 @@ struct View<'a> {
     /// Where the cursor was when the last part of a drag was taken.
     drag: Option<PhysicalPosition<f64>>,
     cursor: PhysicalPosition<f64>,
-    end: Option<CallEnd>,
     outcome: anyhow::Result<()>,
 }
 
-impl ApplicationHandler for View<'_> {
+impl ApplicationHandler for View<'_, '_> {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         let outcome = self.open(events);
         self.settle(events, outcome);
@@ -189,7 +144,7 @@ impl ApplicationHandler for View<'_> {
     }
 }
 
-impl View<'_> {
+impl View<'_, '_> {
     /// Keeps the first error and leaves.
     fn settle(&mut self, events: &ActiveEventLoop, outcome: anyhow::Result<()>) {
         if outcome.is_err() && self.outcome.is_ok() {
@@ -219,7 +174,8 @@ impl View<'_> {
             target: None,
             counted: (now, 0),
         };
-        open.renew(self.prepared.gpu())?;
+        let gpu = Arc::clone(self.screen.live.lanes.renderer().gpu());
+        open.renew(&gpu)?;
         self.open = Some(open);
         self.resize(size)
     }
@@ -243,47 +199,50 @@ impl View<'_> {
             return Ok(());
         };
         open.window.request_redraw();
-        let moment = self.live.now();
-        self.end = self.live.call.end();
-        if self.end.is_some() || self.until.is_over() {
+        if self.screen.live.lanes.is_over() || self.until.is_over() {
             events.exit();
             return Ok(());
         }
-        let Some(moment) = moment else {
+        let Some(moment) = self.screen.begin()? else {
             std::thread::sleep(WAITING);
             return Ok(());
         };
+        let live = &mut self.screen.live;
         let (width, height) = self.size;
-        let stage = self.prepared.stage(&moment)?;
-        let backdrop = if stage.setting().background.is_some() {
+        let size = Size { width, height };
+        if live.setting().size != size {
+            // Once for a picture, not for every step of a drag.
+            let setting = live.setting().clone();
+            live.set(Setting { size, ..setting })?;
+        }
+        let backdrop = if live.setting().background.is_some() {
             DUSK
         } else {
             STUDIO
         };
-        let gpu = stage.gpu();
-        fit(stage.receiver(), &gpu, self.size)?;
         let camera = self
             .viewpoint
             .camera(moment.floor, moment.heading, width, height);
-        let motion = &moment.motion;
-        let shown = match show_frame(stage.receiver(), open, motion, camera, backdrop) {
-            Err(ReceiverError::Render(error @ RenderError::DeviceLost(_))) => {
-                log::warn!("{error}; this is done once for a picture");
-                let gpu = stage.receiver().recover()?;
-                open.renew(&gpu)?;
-                show_frame(stage.receiver(), open, motion, camera, backdrop)?
-            }
-            shown => shown?,
+        if let Drawn::Renewed(gpu) = live.draw(camera)? {
+            return open.renew(&gpu);
+        }
+        let shown = match &mut open.target {
+            Some(target) => match target.present(live.lanes.renderer(), backdrop) {
+                // The next picture finds that out again, and opens another.
+                Err(RenderError::DeviceLost(_)) => Shown::NotNow,
+                shown => shown?,
+            },
+            None => Shown::NotNow,
         };
+        live.displayed();
         open.counted.1 += 1;
         if open.counted.1 == TITLE_FRAMES {
             let rate = f64::from(TITLE_FRAMES) / open.counted.0.elapsed().as_secs_f64().max(1e-6);
             open.window.set_title(&format!(
                 "Mon3tr: {rate:.0} frames/s on {}",
-                gpu.info().name
+                live.lanes.renderer().gpu().info().name
             ));
             open.counted = (Instant::now(), 0);
-            stage.receiver().forget_times();
         }
         if shown == Shown::NotNow {
             // Hidden or just changing: no need to hurry.

@@ -1,17 +1,22 @@
-//! `mon3tr bake`: builds the demo person's avatar package from MakeHuman's data.
+//! `mon3tr bake`: builds the demo person's avatar package from MakeHuman's data, and compiles a package's deform graph for
+//! a headset's NPU.
 
 use crate::progress::Bars;
 use crate::report::{check_writable, write_json};
+use crate::stage::load_avatar;
 use crate::surroundings::{Surroundings, cache, make_folder, makehuman};
-use anyhow::Context;
-use app::pack;
+use anyhow::{Context, bail};
+use app::GaussianState;
 use glam::Vec3;
+use npu_runtime::{ProviderKind, QnnTarget, Runtime};
 use reconstruct::bake::{BAKE_VERSION, BakeOptions, BakeReport, Shot, bake};
 use serde::Serialize;
-use spmm3::GaussianSet;
+use spmm3::networks::CompiledGraph;
+use spmm3::{Avatar, GaussianSet};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 use xr_renderer::{BackEnd, Camera, Gpu, RenderError, RendererOptions, SplatRenderer};
 
 /// Options of `bake`.
@@ -19,6 +24,18 @@ use xr_renderer::{BackEnd, Camera, Gpu, RenderError, RendererOptions, SplatRende
 pub(crate) struct Options {
     #[command(flatten)]
     choices: BakeChoices,
+    /// Also compile the deform graph for this NPU (sxr2230p: the Quest 3's). The package is for headsets with it: it keeps the
+    /// plain graph too, but is three times as large; send one without to everybody else. ./run fetches the compiler
+    #[arg(long, value_name = "TARGET")]
+    qnn: Option<QnnTarget>,
+    /// With --qnn: take this package's avatar instead of baking the demo person
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "qnn",
+        conflicts_with = "gaussians"
+    )]
+    avatar: Option<PathBuf>,
     /// The package to write
     #[arg(long, value_name = "FILE", default_value = "out/demo.m3a")]
     out: PathBuf,
@@ -38,8 +55,91 @@ pub(crate) struct BakeChoices {
 /// Runs `bake`.
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
-    let figures = bake_to(&options.choices, &options.out, surroundings)?;
+    // Its absence is to be known before minutes of baking.
+    let npu = options
+        .qnn
+        .map(|target| Npu::find(target, surroundings))
+        .transpose()?;
+    let out = &options.out;
+    let figures = match (&options.avatar, &npu) {
+        (Some(package), Some(npu)) => {
+            let (avatar, _) = load_avatar(package)?;
+            // Nobody else has it yet.
+            let mut avatar = Arc::unwrap_or_clone(avatar);
+            let compiled = npu.compile(&mut avatar)?;
+            Written::Compiled(Compilation {
+                package: out.clone(),
+                package_bytes: save(&avatar, out)?,
+                compiled,
+            })
+        }
+        _ => Written::Baked(Box::new(bake_to(
+            &options.choices,
+            npu.as_ref(),
+            out,
+            surroundings,
+        )?)),
+    };
     write_json(options.json.as_deref(), &figures)
+}
+
+/// The compiler for an NPU, found.
+struct Npu {
+    target: QnnTarget,
+    runtime: Runtime,
+}
+
+impl Npu {
+    fn find(target: QnnTarget, surroundings: &Surroundings) -> anyhow::Result<Self> {
+        let runtime = surroundings.runtime()?;
+        let found = runtime.probe();
+        let lacking = found
+            .into_iter()
+            .find(|one| one.provider == ProviderKind::Qnn)
+            .and_then(|one| one.lacking);
+        if let Some(why) = lacking {
+            bail!("cannot compile for {target} without QNN: {why}");
+        }
+        Ok(Self { target, runtime })
+    }
+
+    /// Puts the compiled graph into `avatar`, in the place of one for the same target.
+    fn compile(&self, avatar: &mut Avatar) -> anyhow::Result<CompiledFigures> {
+        let Self { target, runtime } = self;
+        println!("compiling the deform graph for {target}: this takes some seconds");
+        let started = Instant::now();
+        let onnx = npu_runtime::compile(runtime, &avatar.deform_graph, *target)
+            .with_context(|| format!("cannot compile the deform graph for {target}"))?;
+        let figures = CompiledFigures {
+            target: *target,
+            bytes: onnx.len(),
+            seconds: started.elapsed().as_secs_f64(),
+        };
+        println!(
+            "compiled for {target}: {:.1} MB in {:.1} s",
+            onnx.len() as f64 / 1e6,
+            figures.seconds
+        );
+        avatar
+            .compiled
+            .retain(|graph| graph.target != target.name());
+        avatar.compiled.push(CompiledGraph {
+            target: target.name().to_owned(),
+            onnx_runtime: runtime.version().to_owned(),
+            onnx,
+        });
+        Ok(figures)
+    }
+}
+
+/// Writes the package and gives its size in bytes.
+fn save(avatar: &Avatar, out: &Path) -> anyhow::Result<u64> {
+    if let Some(folder) = out.parent() {
+        make_folder(folder)?;
+    }
+    avatar
+        .save(out)
+        .with_context(|| format!("cannot write {}", out.display()))
 }
 
 /// The demo avatar's package from the cache; baked first if there is none of this kind yet.
@@ -54,14 +154,15 @@ pub(crate) fn baked_demo_avatar(
             "baking the demo avatar with {} Gaussians, once: this takes some minutes",
             choices.gaussians
         );
-        bake_to(choices, &package, surroundings)?;
+        bake_to(choices, None, &package, surroundings)?;
     }
     Ok(package)
 }
 
-/// Bakes the demo person into the package `out` and prints what was measured.
+/// Bakes the demo person into the package `out`, compiled for `npu` too if there is one, and prints what was measured.
 fn bake_to(
     choices: &BakeChoices,
+    npu: Option<&Npu>,
     out: &Path,
     surroundings: &Surroundings,
 ) -> anyhow::Result<BakeFigures> {
@@ -97,16 +198,16 @@ fn bake_to(
         bake(&options, &makehuman, &bars, Some(&draw)).context("cannot bake the demo avatar")?;
     bars.finish();
     let report = baked.report.clone();
-    let avatar = baked
+    let mut avatar = baked
         .into_avatar()
         .context("cannot put the avatar together")?;
-    let package_bytes = avatar
-        .save(out)
-        .with_context(|| format!("cannot write {}", out.display()))?;
+    let compiled = npu.map(|npu| npu.compile(&mut avatar)).transpose()?;
+    let package_bytes = save(&avatar, out)?;
     let figures = BakeFigures {
         package: out.to_path_buf(),
         package_bytes,
         report,
+        compiled,
     };
     figures.print();
     Ok(figures)
@@ -137,8 +238,7 @@ impl Easel {
         let Some((_, _, renderer)) = slot.as_mut() else {
             return Ok(Vec::new());
         };
-        let mut packed = vec![bytemuck::Zeroable::zeroed(); gaussians.len()];
-        pack(gaussians, &mut packed);
+        let packed = GaussianState::from(gaussians).packed();
         let camera = Camera::look_at(
             shot.eye,
             shot.target,
@@ -159,6 +259,32 @@ struct BakeFigures {
     package: PathBuf,
     package_bytes: u64,
     report: BakeReport,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compiled: Option<CompiledFigures>,
+}
+
+/// What compiling took and gave.
+#[derive(Debug, Serialize)]
+struct CompiledFigures {
+    target: QnnTarget,
+    bytes: usize,
+    seconds: f64,
+}
+
+/// What compiling another avatar's graph wrote.
+#[derive(Debug, Serialize)]
+struct Compilation {
+    package: PathBuf,
+    package_bytes: u64,
+    compiled: CompiledFigures,
+}
+
+/// What a call of `bake` wrote.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Written {
+    Baked(Box<BakeFigures>),
+    Compiled(Compilation),
 }
 
 impl BakeFigures {

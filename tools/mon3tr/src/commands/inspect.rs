@@ -26,6 +26,8 @@ struct Inspection {
     figures: AvatarFigures,
     /// Corners of the template's bounding box, metres.
     bounds_metres: [[f32; 3]; 2],
+    /// Whether the package says which Gaussians to leave out first; without, the smaller and more transparent ones go.
+    importance_in_package: bool,
     manifest: Manifest,
 }
 
@@ -59,6 +61,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let inspection = Inspection {
         figures,
         bounds_metres: [low.to_array(), high.to_array()],
+        importance_in_package: avatar.importance.is_some(),
         manifest,
     };
     inspection.print();
@@ -75,6 +78,12 @@ impl Inspection {
         );
         println!("package      {} bytes", figures.package_bytes);
         println!("Gaussians    {}", figures.gaussians);
+        let importance = if self.importance_in_package {
+            "which to leave out first is in the package"
+        } else {
+            "no order in the package: small and transparent ones are left out first"
+        };
+        println!("importance   {importance}");
         println!("vertices     {}", figures.vertices);
         println!("triangles    {}", figures.triangles);
         println!("controllers  {}", figures.controllers);
@@ -89,6 +98,12 @@ impl Inspection {
         );
         let expressions: Vec<&str> = manifest.expressions.keys().map(String::as_str).collect();
         println!("expressions  {}", expressions.join(", "));
+        for graph in &manifest.compiled {
+            println!(
+                "compiled     for {} by QNN {} and ONNX Runtime {}",
+                graph.target, graph.qnn, graph.onnx_runtime
+            );
+        }
         println!("from         {}", manifest.provenance);
         println!("licence      {}", manifest.licence);
         println!("\n{:<24} {:>10}  sha256", "member", "bytes");

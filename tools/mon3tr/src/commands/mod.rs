@@ -5,6 +5,7 @@ pub(crate) mod bench;
 pub(crate) mod demo;
 pub(crate) mod inspect;
 pub(crate) mod netlab;
+pub(crate) mod profile;
 pub(crate) mod receive;
 pub(crate) mod render;
 pub(crate) mod send;

@@ -17,7 +17,7 @@ fn folder_with_package() -> (TempDir, PathBuf) {
 #[test]
 fn help_names_every_sub_command() {
     let help = mon3tr(&["--help"]).succeeds();
-    for name in ["demo", "bake", "inspect", "render", "bench"] {
+    for name in ["demo", "bake", "inspect", "render", "bench", "profile"] {
         assert!(help.contains(name), "{name} is missing in:\n{help}");
     }
 }
@@ -104,7 +104,7 @@ fn render_leaves_pictures_an_animation_and_figures() {
             .find(|row| row["stage"] == stage)
             .expect("every stage has a row");
         assert_eq!(row["unit"], unit, "{stage}");
-        assert_eq!(row["frames"], 5, "{stage} is timed in every frame");
+        assert_eq!(row["count"], 5, "{stage} is timed in every frame");
         assert!(
             row["p50_ms"].as_f64().is_some_and(|ms| ms >= 0.0),
             "{stage} has a time"

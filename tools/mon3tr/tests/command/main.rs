@@ -2,5 +2,8 @@
 
 mod cli;
 mod demo_person;
+mod placements;
+mod profile;
+mod qnn;
 mod scenes;
 mod support;

@@ -62,7 +62,7 @@ pub(crate) struct Options {
 /// What all pictures of one demo share.
 struct Show<'a> {
     runtime: &'a Runtime,
-    avatar: &'a Avatar,
+    avatar: &'a Arc<Avatar>,
     performance: &'a Performance,
     out: &'a Path,
     setting: &'a Setting,

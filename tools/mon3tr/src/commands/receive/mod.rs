@@ -2,25 +2,28 @@
 
 mod offscreen;
 mod report;
+mod screen;
 mod undrawn;
 
-use crate::live::{Live, Moment};
+use crate::lanes::LaneChoices;
+use crate::live::Prepared;
 use crate::network::{self, Network};
 use crate::progress;
-use crate::report::{StageTable, check_writable, write_json};
-use crate::scenery::{Scenery, SceneryOptions};
-use crate::stage::{DEFAULT_SIZE, Setting, Size, Stage, Views, load_avatar};
+use crate::report::{check_writable, write_json};
+use crate::scenery::SceneryOptions;
+use crate::stage::{DEFAULT_SIZE, Setting, Size, Views, load_avatar};
 use crate::surroundings::{Surroundings, cache, make_folder};
-use crate::viewpoint::{Viewpoint, eyes};
+use crate::viewpoint::Viewpoint;
 use crate::window;
 use anyhow::{Context, bail};
+use app::hold::HoldMode;
 use app::{Call, CallEnd};
 use clap::ValueEnum;
-use glam::{Quat, Vec3};
 use link::{Announcement, Client, Clock, PackageCache, RoomLink, Viewer};
 use npu_runtime::Runtime;
 use report::Report;
-use spmm3::{Avatar, at_ease};
+pub(crate) use screen::Screen;
+use spmm3::Avatar;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -29,6 +32,9 @@ use xr_renderer::{Filter, Gpu};
 
 /// Between two questions whether the sender has come.
 const WAITING: Duration = Duration::from_millis(500);
+
+/// Pictures a second of a display, as most are.
+const HERTZ: f64 = 60.0;
 
 /// Options of `receive`.
 #[derive(Debug, clap::Args)]
@@ -60,6 +66,8 @@ pub(crate) struct Options {
         allow_hyphen_values = true
     )]
     camera: Viewpoint,
+    #[command(flatten)]
+    lanes: LaneChoices,
     #[command(flatten)]
     scenery: SceneryOptions,
     #[command(flatten)]
@@ -127,7 +135,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         let package = fetch(&network, &client, &options.room, &announced)?;
         let (avatar, figures) = load_avatar(&package.path)?;
         let prepared = match &screen {
-            Some((gpu, runtime)) => Some(Prepared::new(options, gpu, runtime, &avatar)?),
+            Some((gpu, runtime)) => Some(options.prepare(gpu, runtime, &avatar)?),
             None => None,
         };
         let viewer =
@@ -136,23 +144,29 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
             stop: Arc::clone(&stop),
             deadline: options.seconds.map(|seconds| Instant::now() + seconds),
         };
-        let mut live = Live::new(
-            Call::new(viewer, announced, &avatar.skeleton, clock),
-            &avatar,
-        );
-        let mut watched = match (prepared, events.take()) {
-            (None, _) => Watched {
-                end: undrawn::run(&mut live.call, &until),
-                ..Watched::default()
-            },
-            (Some(prepared), Some(events)) => {
-                window::show(events, &mut live, prepared, options.camera, &until)?
+        let mut call = Call::new(viewer, announced, &avatar.skeleton, clock);
+        let (mut call, watched) = match (prepared, events.take()) {
+            (None, _) => {
+                undrawn::run(&mut call, &until);
+                (call, None)
             }
-            (Some(prepared), None) => offscreen::run(&mut live, prepared, options, &until)?,
+            (Some(prepared), events) => {
+                // Pictures on disk are as good as they can be; a window's are to come in time.
+                let hold = match events {
+                    Some(_) => HoldMode::Adapt,
+                    None => HoldMode::Fixed(0),
+                };
+                let mut screen = Screen::new(options, prepared.show(call, HERTZ, hold)?);
+                match events {
+                    Some(events) => window::show(events, &mut screen, options.camera, &until)?,
+                    None => offscreen::run(&mut screen, &until)?,
+                }
+                screen.finish()?
+            }
         };
-        let end = watched.end.take();
-        let report = Report::new(figures, &package, live.call.figures(), watched);
-        network.block_on(live.call.hang_up());
+        let end = call.end();
+        let report = Report::new(figures, &package, call.figures(), watched);
+        network.block_on(call.hang_up());
         match end {
             Some(CallEnd::AnotherAvatar(another)) if options.display != Display::Window => {
                 println!("the sender has come back as somebody else");
@@ -170,100 +184,29 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     }
 }
 
-/// What a call's pictures came to.
-#[derive(Debug, Default)]
-pub(crate) struct Watched {
-    pub(crate) pictures: Vec<PathBuf>,
-    pub(crate) stages: Option<StageTable>,
-    /// Pictures drawn, and the time from the first to the last.
-    pub(crate) drawn: u32,
-    pub(crate) seconds: f64,
-    pub(crate) end: Option<CallEnd>,
-}
-
-/// All that drawing needs, ready before the first frame comes, but for a scene, which is put around the place where the person first stands.
-pub(crate) struct Prepared<'a> {
-    options: &'a Options,
-    gpu: &'a Arc<Gpu>,
-    runtime: &'a Runtime,
-    avatar: &'a Avatar,
-    stage: Option<Stage>,
-}
-
-impl<'a> Prepared<'a> {
-    fn new(
-        options: &'a Options,
-        gpu: &'a Arc<Gpu>,
-        runtime: &'a Runtime,
-        avatar: &'a Avatar,
-    ) -> anyhow::Result<Self> {
-        let mut prepared = Self {
-            options,
-            gpu,
-            runtime,
-            avatar,
-            stage: None,
-        };
-        if options.scenery.background.is_none() {
-            prepared.stage = Some(prepared.stage_with(None)?);
-        }
-        Ok(prepared)
-    }
-
-    /// The stage for a person who is first seen at this moment.
-    pub(crate) fn stage(&mut self, moment: &Moment) -> anyhow::Result<&mut Stage> {
-        let stage = match self.stage.take() {
-            Some(stage) => stage,
-            None => {
-                let scenery = self.options.scenery.around(moment.floor, moment.heading)?;
-                self.stage_with(scenery.as_ref())?
-            }
-        };
-        Ok(self.stage.insert(stage))
-    }
-
-    /// The device that draws at first.
-    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
-        self.gpu
-    }
-
-    /// Of the pictures, or of the window at first.
-    pub(crate) fn size(&self) -> Size {
-        self.options.size
-    }
-
-    /// What the stages took, if anything was drawn.
-    pub(crate) fn times(&self) -> Option<StageTable> {
-        self.stage.as_ref().map(Stage::times)
-    }
-
-    fn stage_with(&self, scenery: Option<&Scenery>) -> anyhow::Result<Stage> {
+impl Options {
+    fn prepare(
+        &self,
+        gpu: &Arc<Gpu>,
+        runtime: &Runtime,
+        avatar: &Arc<Avatar>,
+    ) -> anyhow::Result<Prepared> {
         let setting = Setting {
-            size: self.options.size,
-            views: if self.options.stereo {
+            size: self.size,
+            views: if self.stereo {
                 Views::Stereo
             } else {
                 Views::Mono
             },
-            background: scenery.map(|scenery| Arc::clone(&scenery.background)),
-            filter: scenery.map_or(Filter::Dilation, Scenery::filter),
+            background: None,
+            filter: Filter::Dilation,
         };
-        let mut stage = Stage::new(self.gpu, self.runtime, self.avatar, setting)?;
-        // The first picture takes long: both back ends are tried on it. Nobody is to wait for that in the call.
-        let Size { width, height } = self.options.size;
-        let camera = self
-            .options
-            .camera
-            .camera(Vec3::ZERO, Quat::IDENTITY, width, height);
-        let cameras = eyes(camera, stage.setting().views);
-        stage.picture(&at_ease(&self.avatar.skeleton), &cameras)?;
-        stage.receiver().forget_times();
-        Ok(stage)
+        Prepared::new(gpu, runtime, avatar, setting, &self.camera, self.lanes)
     }
 }
 
 /// Asks until the sender is in the room; nothing if it is time to leave before.
-async fn wait_for_sender(
+pub(crate) async fn wait_for_sender(
     client: &Client,
     room: &RoomLink,
     stop: &AtomicBool,

@@ -1,68 +1,79 @@
-//! `--display offscreen`: the call as pictures on disk, drawn as fast as this machine can.
+//! `--display offscreen`: the call as pictures on disk, as a display of 60 Hz would show it.
 
-use super::{Options, Prepared, Until, Watched};
+use super::{Screen, Until};
 use crate::film::{Film, write_png};
 use crate::live::{Live, Moment};
 use crate::moments::Moments;
-use crate::stage::{Setting, Stage};
+use crate::stage::{compose_views, read_views};
 use crate::viewpoint::{Viewpoint, eyes};
+use app::Drawn;
 use image::{RgbImage, imageops};
 use std::time::{Duration, Instant};
+use xr_renderer::RenderError;
 
-/// Time from one picture to the next at least, as of a display of 60 Hz.
-const REFRESH: Duration = Duration::from_micros(16_667);
+/// Pause before looking again whether there is somebody to be seen.
+const WAITING: Duration = Duration::from_millis(5);
 
 /// Draws the call until it is over.
-pub(super) fn run(
-    live: &mut Live,
-    mut prepared: Prepared<'_>,
-    options: &Options,
-    until: &Until,
-) -> anyhow::Result<Watched> {
+pub(super) fn run(screen: &mut Screen<'_>, until: &Until) -> anyhow::Result<()> {
+    let options = screen.options;
     let mut film = Film::start(options.out.join("animation.webp"));
     let mut moments = Moments::default();
-    let mut shown = Watched::default();
     let mut first = None;
     let mut last = None;
-    while !until.is_over() && shown.end.is_none() {
+    while !until.is_over() && !screen.live.lanes.is_over() {
+        screen.live.display.wait();
         let begun = Instant::now();
-        if let Some(moment) = live.now() {
-            let stage = prepared.stage(&moment)?;
-            let picture = draw(stage, &options.camera, &moment)?;
-            let since = *first.get_or_insert(begun);
-            moments.offer(&picture);
-            film.offer(&picture, begun - since);
-            last = Some(picture);
-            shown.drawn += 1;
-            shown.seconds = since.elapsed().as_secs_f64();
-        }
-        shown.end = live.call.end();
-        std::thread::sleep(REFRESH.saturating_sub(begun.elapsed()));
+        let Some(moment) = screen.begin()? else {
+            std::thread::sleep(WAITING);
+            continue;
+        };
+        let Some(picture) = draw(&mut screen.live, &options.camera, &moment)? else {
+            continue;
+        };
+        moments.offer(&picture);
+        film.offer(&picture, begun - *first.get_or_insert(begun));
+        last = Some(picture);
     }
     let Some(last) = last else {
-        return Ok(shown);
+        return Ok(());
     };
-    shown.stages = prepared.times();
-    shown.pictures.push(film.finish()?);
+    screen.pictures.push(film.finish()?);
     for (name, picture) in [("moments.png", &moments.sheet()), ("last.png", &last)] {
         let file = options.out.join(name);
         write_png(&file, picture)?;
-        shown.pictures.push(file);
+        screen.pictures.push(file);
     }
-    Ok(shown)
+    Ok(())
 }
 
-/// One picture of the moment; both eyes' side by side.
-fn draw(stage: &mut Stage, viewpoint: &Viewpoint, moment: &Moment) -> anyhow::Result<RgbImage> {
-    let &Setting { size, views, .. } = stage.setting();
+/// One picture of the moment; both eyes' side by side. Nothing if the device was lost meanwhile.
+fn draw(
+    live: &mut Live,
+    viewpoint: &Viewpoint,
+    moment: &Moment,
+) -> anyhow::Result<Option<RgbImage>> {
+    let setting = live.setting().clone();
+    let size = setting.size;
     let camera = viewpoint.camera(moment.floor, moment.heading, size.width, size.height);
-    let mut drawn = stage.picture(&moment.motion, &eyes(camera, views))?;
-    if drawn.len() == 1 {
-        return Ok(drawn.swap_remove(0));
+    if let Drawn::Renewed(_) = live.draw(camera)? {
+        return Ok(None);
     }
-    let mut both = RgbImage::new(size.width * views.count(), size.height);
+    let splatted = match read_views(live.lanes.renderer()) {
+        // The next picture finds that out again, and opens another.
+        Err(RenderError::DeviceLost(_)) => return Ok(None),
+        views => views?,
+    };
+    live.displayed();
+    let skeleton = &live.avatar().skeleton;
+    let cameras = eyes(camera, setting.views);
+    let mut drawn = compose_views(&splatted, &cameras, skeleton, &moment.motion, &setting)?;
+    if drawn.len() == 1 {
+        return Ok(Some(drawn.swap_remove(0)));
+    }
+    let mut both = RgbImage::new(size.width * setting.views.count(), size.height);
     for (picture, x) in drawn.iter().zip([0, i64::from(size.width)]) {
         imageops::replace(&mut both, picture, x, 0);
     }
-    Ok(both)
+    Ok(Some(both))
 }

@@ -1,7 +1,8 @@
 //! What a call came to, as a table for people and as JSON for programs.
 
-use super::{Fetched, Watched};
-use crate::report::{AvatarFigures, StageTable};
+use super::Fetched;
+use super::screen::Watched;
+use crate::report::AvatarFigures;
 use app::{CallFigures, Percentiles};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -13,7 +14,7 @@ pub(super) struct Report {
     download: Download,
     call: CallFigures,
     #[serde(skip_serializing_if = "Option::is_none")]
-    drawing: Option<Drawing>,
+    drawing: Option<Watched>,
     pictures: Vec<PathBuf>,
 }
 
@@ -25,21 +26,12 @@ struct Download {
     seconds: f64,
 }
 
-/// How it was drawn.
-#[derive(Debug, Serialize)]
-struct Drawing {
-    pictures: u32,
-    pictures_per_second: f64,
-    #[serde(flatten)]
-    stages: StageTable,
-}
-
 impl Report {
     pub(super) fn new(
         avatar: AvatarFigures,
         package: &Fetched,
         call: CallFigures,
-        shown: Watched,
+        shown: Option<Watched>,
     ) -> Self {
         Self {
             avatar,
@@ -48,13 +40,10 @@ impl Report {
                 seconds: package.seconds,
             },
             call,
-            drawing: shown.stages.map(|stages| Drawing {
-                pictures: shown.drawn,
-                pictures_per_second: f64::from(shown.drawn.saturating_sub(1))
-                    / shown.seconds.max(1e-3),
-                stages,
-            }),
-            pictures: shown.pictures,
+            pictures: shown
+                .as_ref()
+                .map_or_else(Vec::new, |shown| shown.pictures.clone()),
+            drawing: shown,
         }
     }
 
@@ -130,11 +119,7 @@ impl Report {
             );
         }
         if let Some(drawing) = &self.drawing {
-            drawing.stages.print();
-            println!(
-                "drawn live: {} pictures, {:.1} a second",
-                drawing.pictures, drawing.pictures_per_second
-            );
+            drawing.print();
         }
         if !self.pictures.is_empty() {
             println!("\npictures");

@@ -8,12 +8,8 @@ use std::time::Duration;
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Takes frames until it is over.
-pub(super) fn run(call: &mut Call, until: &Until) -> Option<app::CallEnd> {
-    while !until.is_over() {
+pub(super) fn run(call: &mut Call, until: &Until) {
+    while !until.is_over() && !call.is_over() {
         call.wait(LOOK);
-        if let Some(end) = call.end() {
-            return Some(end);
-        }
     }
-    None
 }

@@ -86,7 +86,7 @@ pub(super) fn run(
         runs: vec![StageTable::new(
             views,
             size,
-            profile.summary(Unit::Gpu),
+            profile.summary(|_| Unit::Gpu),
             splatting,
         )],
         pictures: write_frame(&options.out, 0, &drawn)?,

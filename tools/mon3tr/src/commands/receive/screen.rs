@@ -1,0 +1,130 @@
+//! A call on a screen, in a window or not: what stands around the person, and what the pictures came to.
+
+use super::Options;
+use crate::live::{Live, Moment, Shown};
+use crate::measured::Measured;
+use crate::report::Splatting;
+use crate::scenery::Scenery;
+use crate::stage::Setting;
+use app::{Call, Recording, Summary, Terms};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A call that is shown.
+#[derive(Debug)]
+pub(crate) struct Screen<'a> {
+    pub(super) options: &'a Options,
+    pub(crate) live: Live,
+    pub(super) pictures: Vec<PathBuf>,
+    /// Whether the scene stands already; it is put around the place where the person first stands.
+    settled: bool,
+    began: Option<Instant>,
+}
+
+/// What pictures came to.
+#[derive(Debug, Serialize)]
+pub(super) struct Watched {
+    #[serde(skip)]
+    pub(super) pictures: Vec<PathBuf>,
+    views: u32,
+    width: u32,
+    height: u32,
+    splatting: Splatting,
+    #[serde(flatten)]
+    shown: Measured,
+}
+
+impl Watched {
+    /// The tables that `profile` prints.
+    pub(super) fn print(&self) {
+        let of = &self.shown.measured;
+        let eyes = if self.views == 2 { "2 x " } else { "" };
+        println!(
+            "\npictures   {eyes}{} x {} pixels for a display of {:.0} Hz, the last {:.1} s",
+            self.width, self.height, of.display_hz, of.seconds
+        );
+        println!("splatting  {}", self.splatting);
+        for line in self.shown.tables() {
+            println!("{line}");
+        }
+        println!();
+        for line in self.shown.totals() {
+            println!("{line}");
+        }
+    }
+}
+
+impl<'a> Screen<'a> {
+    pub(super) fn new(options: &'a Options, live: Live) -> Self {
+        Self {
+            options,
+            live,
+            pictures: Vec::new(),
+            settled: options.scenery.background.is_none(),
+            began: None,
+        }
+    }
+
+    /// Begins the picture that is due now; `None` until there is somebody to be seen.
+    pub(crate) fn begin(&mut self) -> anyhow::Result<Option<Moment>> {
+        let Some(moment) = self.live.begin()? else {
+            return Ok(None);
+        };
+        if !self.settled {
+            self.settled = true;
+            let scenery = (self.options.scenery).around(moment.floor, moment.heading)?;
+            let setting = self.live.setting().clone();
+            self.live.set(Setting {
+                background: (scenery.as_ref()).map(|scenery| Arc::clone(&scenery.background)),
+                filter: scenery.as_ref().map_or(setting.filter, Scenery::filter),
+                ..setting
+            })?;
+        }
+        self.began.get_or_insert_with(Instant::now);
+        Ok(Some(moment))
+    }
+
+    /// Ends the lanes.
+    pub(super) fn finish(mut self) -> anyhow::Result<(Call, Option<Watched>)> {
+        let renderer = self.live.lanes.renderer();
+        let splatting = Splatting::new(renderer.back_end(), renderer.back_end_trial());
+        let Setting { size, views, .. } = *self.live.setting();
+        let period = self.live.display.period();
+        let Shown {
+            call,
+            collector,
+            placement,
+            skipped,
+            hold,
+        } = self.live.finish()?;
+        let Some(began) = self.began else {
+            return Ok((call, None));
+        };
+        let figures = call.figures();
+        let units = placement.units();
+        let terms = Terms {
+            display_period: period,
+            motion_hz: figures.announced.rate_hz,
+            units,
+            encode: None,
+            lost_events: collector.lost(),
+        };
+        let recording = Recording::new(&collector, began, Instant::now());
+        let watched = Watched {
+            pictures: self.pictures,
+            views: views.count(),
+            width: size.width,
+            height: size.height,
+            splatting,
+            shown: Measured {
+                placement,
+                skipped,
+                hold,
+                measured: Summary::new(&recording, &terms),
+            },
+        };
+        Ok((call, Some(watched)))
+    }
+}

@@ -1,0 +1,33 @@
+//! What can be chosen about the lanes that show a call.
+
+use app::{LatencyMode, PlacementRequest};
+use clap::ValueEnum;
+
+/// Options of commands that show a call.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub(crate) struct LaneChoices {
+    /// What runs where: auto (measured at the start, by preference as card), card (NPU: networks and skinning), cpu-tail, cpu, pc
+    /// (GPU: all but the networks), and which runtime the networks use: npu=qnn, nnapi, xnnpack or cpu, e.g. card,npu=qnn
+    #[arg(long, value_name = "PLACEMENT", default_value = "auto")]
+    pub(crate) placement: PlacementRequest,
+    /// Pictures between two motion frames: interpolate (exact, one motion frame late) or extrapolate (at once, and wrong where
+    /// motion turns)
+    #[arg(long, value_name = "HOW", default_value = "interpolate")]
+    pub(crate) latency: Latency,
+}
+
+/// [`LatencyMode`] by its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Latency {
+    Interpolate,
+    Extrapolate,
+}
+
+impl From<Latency> for LatencyMode {
+    fn from(latency: Latency) -> Self {
+        match latency {
+            Latency::Interpolate => Self::Interpolate,
+            Latency::Extrapolate => Self::Extrapolate,
+        }
+    }
+}
