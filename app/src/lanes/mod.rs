@@ -23,7 +23,7 @@ pub use display::{DisplayClock, Tick};
 pub use hand_over::{Bell, Giver, Taker, hand_over};
 pub use motion::{MotionSource, Pose};
 
-use crate::hold::{Hold, HoldFigures, HoldMode, KEPT_SHARES, Quality};
+use crate::hold::{Hold, HoldFigures, HoldMode, Quality};
 use crate::{
     Collector, Fault, LatencyMode, Plan, ProviderChange, ProviderChanges, ReceiverError, Recorder,
 };
@@ -94,8 +94,6 @@ pub struct Lanes<S: MotionSource> {
     /// What the CPU lane was asked for last.
     asked: Option<Request>,
     drawing: Option<Progress>,
-    /// Gaussians at each level of detail that the device poses.
-    device_counts: [u32; KEPT_SHARES.len()],
 }
 
 /// Where the Gaussians of pictures come from.

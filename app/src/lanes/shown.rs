@@ -1,7 +1,7 @@
 //! What is told of a picture once it is drawn: its way to the display, what the device did for it, and what it cost.
 
 use super::{Lanes, MotionSource, Supply};
-use crate::hold::{KEPT_SHARES, PictureCost};
+use crate::hold::PictureCost;
 use crate::{PictureTimes, Stage};
 use std::time::{Duration, Instant};
 
@@ -27,7 +27,8 @@ impl<S: MotionSource> Lanes<S> {
             repeated: self.repeated,
             gaussians: match &mut self.supply {
                 Supply::Host { pictures, .. } => pictures.taken().slot.len(),
-                Supply::Device(_) => self.device_counts[self.quality.level % KEPT_SHARES.len()],
+                Supply::Device(_) => (self.renderer.options().mesh.as_ref())
+                    .map_or(0, |mesh| mesh.gaussians_at(self.quality.level)),
             },
             scale: self.quality.resolution_scale,
         });

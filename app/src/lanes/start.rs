@@ -98,13 +98,6 @@ impl<S: MotionSource> Lanes<S> {
             motion::run(source, &skeleton, posed, motion_recorder, stop, over)
         })?;
         threads.spawn("npu lane", move |stop| npu.run(stop))?;
-        let mut device_counts = [0; KEPT_SHARES.len()];
-        for (count, level) in device_counts
-            .iter_mut()
-            .zip(avatar.kept_levels(&KEPT_SHARES))
-        {
-            *count = u32::try_from(level.kept.len()).unwrap_or(u32::MAX);
-        }
         Ok(Self {
             threads,
             collector,
@@ -122,7 +115,6 @@ impl<S: MotionSource> Lanes<S> {
             repeated: false,
             asked: None,
             drawing: None,
-            device_counts,
         })
     }
 }

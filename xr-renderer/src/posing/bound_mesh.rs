@@ -203,6 +203,16 @@ impl BoundMesh {
         self.gaussians
     }
 
+    /// Number of Gaussians of a level of detail; of those beyond the last, the last.
+    #[must_use]
+    pub fn gaussians_at(&self, level: usize) -> u32 {
+        let Some(index) = level.checked_sub(1) else {
+            return self.gaussians;
+        };
+        let range = self.levels.get(index).or(self.levels.last());
+        range.map_or(self.gaussians, |range| range.count)
+    }
+
     /// Number of joints.
     #[must_use]
     pub fn joints(&self) -> u32 {
