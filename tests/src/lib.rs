@@ -1,5 +1,6 @@
 //! What the end-to-end tests share: slow references in f64, written apart from the code under test.
 
+pub mod allocations;
 pub mod bound_person;
 pub mod onnx;
 pub mod person_reference;

@@ -1,34 +1,14 @@
 //! Running the deform graph again and again must not allocate on our side: a lane does so sixty times a second.
 
+use mon3tr_tests::allocations::{Counting, allocations};
 use mon3tr_tests::onnx::{runtime, whole_graph};
 use mon3tr_tests::synthetic::{Puppet, Random};
 use npu_runtime::{Outputs, Provider, Session};
 use spmm3::ATTRIBUTES;
 use spmm3::networks::GraphParts;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Rust's allocations; ONNX Runtime's own are C++'s.
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
 
 #[global_allocator]
 static COUNTING: Counting = Counting;
-
-// SAFETY: every call goes to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps GlobalAlloc's contract, which is System's.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
 
 #[test]
 fn a_run_allocates_nothing_whatever_set_it_writes_into() {
@@ -50,15 +30,12 @@ fn a_run_allocates_nothing_whatever_set_it_writes_into() {
     let motions: Vec<_> = (0..30).map(|seed| Random::new(seed).motion(0.6)).collect();
     let mut counts = Vec::with_capacity(motions.len());
     for (at, motion) in motions.iter().enumerate() {
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         session.input_mut(0).copy_from_slice(motion.values());
         session.run(&mut sets[at % 3]).expect("the graph runs");
-        counts.push(ALLOCATIONS.load(Ordering::Relaxed) - before);
+        counts.push(allocations() - before);
     }
-    assert!(
-        ALLOCATIONS.load(Ordering::Relaxed) > motions.len(),
-        "the counter does not count"
-    );
+    assert!(allocations() > motions.len(), "the counter does not count");
     println!("Rust allocations of each run: {counts:?}");
     assert!(
         counts.iter().all(|count| *count == 0),

@@ -1,11 +1,10 @@
 //! What a call does once it runs.
 
-use crate::ALLOCATIONS;
 use crate::stage::{BLACK, CPU, SIDE, Stage, Swing};
 use app::Plan;
 use app::hold::HoldMode;
+use mon3tr_tests::allocations::allocations as counted;
 use mon3tr_tests::vulkan;
-use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 #[test]
@@ -16,9 +15,9 @@ fn no_lane_allocates_once_the_call_runs() {
             return;
         };
         stage.draw(60);
-        let before = ALLOCATIONS.load(Relaxed);
+        let before = counted();
         stage.draw(60);
-        let allocations = ALLOCATIONS.load(Relaxed) - before;
+        let allocations = counted() - before;
         assert_eq!(allocations, 0, "{plan}: allocations in 60 pictures");
     }
 }
