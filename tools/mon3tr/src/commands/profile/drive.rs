@@ -7,8 +7,8 @@ use crate::live::{Live, Prepared, Shown};
 use crate::stage::Setting;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, bail};
-use app::hold::{HoldFigures, HoldMode};
-use app::{Call, Collector, Drawn, PlacementReport, Skipped};
+use app::Drawn;
+use app::hold::HoldMode;
 use npu_runtime::Runtime;
 use spmm3::Avatar;
 use std::sync::Arc;
@@ -37,19 +37,15 @@ pub(super) struct Wanted<'a> {
 
 /// What a run left.
 pub(super) struct Driven {
-    /// What the lanes recorded, collected to the end.
-    pub(super) collector: Collector,
+    /// What the lanes recorded, collected to the end, and what else is left of the call.
+    pub(super) shown: Shown,
     /// When measuring began, after a warm-up, and ended.
     pub(super) begin: Instant,
     pub(super) end: Instant,
-    pub(super) placement: PlacementReport,
-    pub(super) skipped: Skipped,
-    pub(super) hold: HoldFigures,
     /// What the resident set grew by when placements were tried and one was kept.
     pub(super) onnx_runtime_bytes: Option<u64>,
     /// [`Gpu::memory_taken`] while the renderer was there.
     pub(super) device_bytes: u64,
-    pub(super) call: Call,
 }
 
 /// Prepares, joins, warms up, and draws for as long as the options say.
@@ -81,23 +77,12 @@ pub(super) fn drive(wanted: &Wanted<'_>) -> anyhow::Result<Driven> {
     let mut live = prepared.show(room.join(&avatar.skeleton), options.display_hz, hold)?;
     let [begin, end] = draw(&mut live, &viewpoint, room, options.seconds)?;
     let device_bytes = gpu.memory_taken();
-    let Shown {
-        call,
-        collector,
-        placement,
-        skipped,
-        hold,
-    } = live.finish()?;
     Ok(Driven {
-        collector,
+        shown: live.finish()?,
         begin,
         end,
-        placement,
-        skipped,
-        hold,
         onnx_runtime_bytes,
         device_bytes,
-        call,
     })
 }
 

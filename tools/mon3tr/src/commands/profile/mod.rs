@@ -14,6 +14,7 @@ mod trace;
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::commands::send;
 use crate::lanes::LaneChoices;
+use crate::live::Shown;
 use crate::measured::Measured;
 use crate::network;
 use crate::performance::MotionOptions;
@@ -119,15 +120,18 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         return Ok(());
     };
     let Driven {
-        collector,
+        shown:
+            Shown {
+                call,
+                collector,
+                placement,
+                skipped,
+                hold,
+            },
         begin,
         end,
-        placement,
-        skipped,
-        hold,
         onnx_runtime_bytes,
         device_bytes,
-        call,
     } = drive(&Wanted {
         options,
         gpu: &gpu,
