@@ -101,6 +101,29 @@ impl Commands {
         signal: Option<vk::Semaphore>,
         record: impl FnOnce(vk::CommandBuffer),
     ) -> Result<(), RenderError> {
+        let start = self.begin(what, wait, signal, record)?;
+        self.settle()?;
+        self.last_run = [start, Instant::now()];
+        Ok(())
+    }
+
+    /// Records and submits, without waiting: [`Self::settle`] does, before any of what the work uses is touched again.
+    pub(crate) fn submit(
+        &mut self,
+        what: &'static str,
+        record: impl FnOnce(vk::CommandBuffer),
+    ) -> Result<(), RenderError> {
+        self.begin(what, None, None, record).map(drop)
+    }
+
+    /// Hands recorded work to the queue; returns when.
+    fn begin(
+        &mut self,
+        what: &'static str,
+        wait: Option<vk::Semaphore>,
+        signal: Option<vk::Semaphore>,
+        record: impl FnOnce(vk::CommandBuffer),
+    ) -> Result<Instant, RenderError> {
         self.settle()?;
         if self.gpu.is_declared_lost() {
             return Err(RenderError::DeviceLost(what));
@@ -140,9 +163,7 @@ impl Commands {
             Err(_) => None,
         };
         submitted.during(what)?;
-        self.settle()?;
-        self.last_run = [start, Instant::now()];
-        Ok(())
+        Ok(start)
     }
 
     /// When the work that last went well was handed to the queue, and when it was seen to have ended.

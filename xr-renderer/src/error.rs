@@ -180,6 +180,16 @@ pub enum RenderError {
         /// How long we waited.
         seconds: u64,
     },
+    /// The headset's runtime does not make a Vulkan device, or gave up while it did.
+    #[error(
+        "the headset's runtime failed to open Vulkan for us ({call}: {result}): is its service running, and does VK_DRIVER_FILES name the same driver for both?"
+    )]
+    HeadsetDevice {
+        /// What was asked of it.
+        call: &'static str,
+        /// What it said.
+        result: openxr::sys::Result,
+    },
     /// Any other failure of a Vulkan call.
     #[error("{call} failed: {result}; update the device's driver or try --gpu lavapipe")]
     Vulkan {

@@ -11,6 +11,7 @@ use crate::choice::{GpuChoice, first_able, rank};
 use crate::clock::Calibration;
 use crate::error::{RenderError, VkContext};
 use crate::instance::{Instance, contains};
+use crate::maker::{Maker, Own};
 use crate::physical::{Ability, Candidate, DeviceInfo, Subgroup};
 use crate::validation::Messenger;
 
@@ -38,6 +39,8 @@ pub struct Gpu {
     pub(crate) memory_taken: AtomicU64,
     /// Whether work is refused, as by a device that its driver gave up.
     declared_lost: AtomicBool,
+    /// Whether a headset's runtime made it, with what the runtime itself needs.
+    belongs_to_headset: bool,
     /// How it was opened, to open it again.
     choice: GpuChoice,
     // Vulkan wants submissions to a queue one at a time.
@@ -70,11 +73,28 @@ impl Gpu {
     /// No loader, no device, no device of that name, a device that lacks what the shaders need, or no
     /// validation layer: each says what to do.
     pub fn open(choice: &GpuChoice, validation: bool) -> Result<Arc<Self>, RenderError> {
-        let instance = Instance::new(validation)?;
+        Self::open_by(&Own, choice, validation)
+    }
+
+    /// As [`Self::open`], but instance and device are made by somebody else.
+    pub(crate) fn open_by(
+        maker: &dyn Maker,
+        choice: &GpuChoice,
+        validation: bool,
+    ) -> Result<Arc<Self>, RenderError> {
+        let instance = Instance::new(maker, validation)?;
         let messenger = validation
             .then(|| Messenger::new(&instance.entry, &instance.handle))
             .transpose()?;
-        let (chosen, ability) = choose(&instance, choice)?;
+        let wanted = maker.wanted_device(&instance)?;
+        let (chosen, ability) = match wanted {
+            Some(handle) => {
+                let candidate = Candidate::read(&instance.handle, handle)?;
+                let ability = candidate.ability(&instance.handle)?;
+                (candidate, ability)
+            }
+            None => choose(&instance, choice)?,
+        };
         let Ability {
             subgroup,
             queue_family,
@@ -87,7 +107,7 @@ impl Gpu {
             .then(|| Calibration::extension(&instance, chosen.handle, &chosen.extensions))
             .flatten();
         let optional = [has_swapchain.then_some(khr::swapchain::NAME), clock];
-        let device = open_device(&instance, &chosen, &ability, optional)?;
+        let device = open_device(maker, &instance, &chosen, &ability, optional)?;
         let calibration = clock.map(|name| Calibration::new(&instance, &device.0, name));
         // SAFETY: the family and its first queue were asked for when the device was made.
         let queue = unsafe { device.0.get_device_queue(queue_family, 0) };
@@ -119,6 +139,7 @@ impl Gpu {
             shares_memory: chosen.info.is_cpu,
             memory_taken: AtomicU64::new(0),
             declared_lost: AtomicBool::new(false),
+            belongs_to_headset: wanted.is_some(),
             choice: choice.clone(),
             queue: Mutex::new(queue),
             info: chosen.info,
@@ -133,6 +154,12 @@ impl Gpu {
     /// As [`Self::open`].
     pub fn reopen(&self) -> Result<Arc<Self>, RenderError> {
         Self::open(&self.choice, self.messenger.is_some())
+    }
+
+    /// Whether a headset's runtime made it: pictures for the headset are drawn on no other, and when it is lost the headset
+    /// has to be opened again.
+    pub fn belongs_to_headset(&self) -> bool {
+        self.belongs_to_headset
     }
 
     /// Makes all further work on this device fail with [`RenderError::DeviceLost`]: for tests of what must come after.
@@ -228,6 +255,7 @@ fn choose(instance: &Instance, choice: &GpuChoice) -> Result<(Candidate, Ability
 }
 
 fn open_device(
+    maker: &dyn Maker,
     instance: &Instance,
     chosen: &Candidate,
     ability: &Ability,
@@ -265,8 +293,6 @@ fn open_device(
     if broadcasts {
         info = info.push_next(&mut broadcast);
     }
-    // SAFETY: all names and structures live until the call returns; features were checked to be there.
-    unsafe { instance.handle.create_device(chosen.handle, &info, None) }
-        .during("vkCreateDevice")
-        .map(Device)
+    // Its features were checked to be there.
+    maker.device(instance, chosen.handle, &info).map(Device)
 }

@@ -5,6 +5,7 @@ use std::ffi::CStr;
 use ash::{ext, khr, vk};
 
 use crate::error::{RenderError, VkContext};
+use crate::maker::Maker;
 use crate::validation;
 
 /// The loader and the instance made from it.
@@ -25,7 +26,7 @@ const WANTED: [&CStr; 5] = [
 ];
 
 impl Instance {
-    pub(crate) fn new(with_validation: bool) -> Result<Self, RenderError> {
+    pub(crate) fn new(maker: &dyn Maker, with_validation: bool) -> Result<Self, RenderError> {
         // SAFETY: loading the system's Vulkan loader runs its initialisers; it is what it claims to be.
         let entry =
             unsafe { ash::Entry::load() }.map_err(|e| RenderError::NoLoader(e.to_string()))?;
@@ -35,7 +36,11 @@ impl Instance {
             .unwrap_or(vk::API_VERSION_1_0);
         let application = vk::ApplicationInfo::default()
             .application_name(c"mon3tr")
-            .api_version(offered_version.clamp(vk::API_VERSION_1_1, vk::API_VERSION_1_3));
+            .api_version(
+                offered_version
+                    .min(maker.newest_version())
+                    .clamp(vk::API_VERSION_1_1, vk::API_VERSION_1_3),
+            );
 
         // SAFETY: no preconditions.
         let offered = unsafe { entry.enumerate_instance_extension_properties(None) }
@@ -71,15 +76,7 @@ impl Instance {
         if with_validation {
             info = info.push_next(&mut features);
         }
-        // SAFETY: names and structures live until the call returns.
-        let handle =
-            unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
-                vk::Result::ERROR_INCOMPATIBLE_DRIVER => RenderError::NoDevice,
-                result => RenderError::Vulkan {
-                    call: "vkCreateInstance",
-                    result,
-                },
-            })?;
+        let handle = maker.instance(&entry, &info)?;
         Ok(Self {
             entry,
             handle,

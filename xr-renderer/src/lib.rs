@@ -20,6 +20,7 @@ mod error;
 mod front;
 mod gpu;
 mod instance;
+mod maker;
 mod memory;
 mod options;
 mod order;
@@ -45,6 +46,7 @@ mod tiles;
 mod timestamps;
 mod upload;
 mod validation;
+pub mod xr;
 
 pub use back_ends::BackEndTrial;
 pub use background::Background;

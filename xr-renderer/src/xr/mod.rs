@@ -1,0 +1,28 @@
+//! A headset through `OpenXR`: finding it, its frames, and showing pictures in it.
+//!
+//! [`Runtime::load`] finds the loader, [`Headset::open`] the headset and the Vulkan device it wants, [`Session`] shows frames.
+//! What goes away with the runtime comes back by being opened again: see [`XrError::is_loss`].
+
+mod error;
+mod extensions;
+mod eyes;
+mod frame;
+mod headset;
+mod layers;
+mod panel;
+mod runtime;
+mod session;
+mod space;
+mod state;
+mod swapchain;
+
+pub use error::XrError;
+pub use extensions::Extensions;
+pub use eyes::{EyePicture, Surround};
+pub use frame::{Eyes, Frame};
+pub use headset::{Headset, HeadsetInfo};
+pub use panel::PanelImage;
+pub use runtime::Runtime;
+pub use session::{Happenings, Over, Session, SessionOptions};
+pub use space::{EYE_HEIGHT, Floor};
+pub use state::{Duty, Life, Lifecycle};

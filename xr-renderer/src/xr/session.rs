@@ -1,0 +1,342 @@
+//! A headset's session: its events, its frames, and what is shown in them.
+//!
+//! A frame goes `poll`, `wait`, `look`, then `show` or `skip`. All of it on one thread, which waits for the headset in `wait`.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use ash::vk::{self, Handle};
+use glam::Affine3A;
+use openxr::{
+    EnvironmentBlendMode, Event, EventDataBuffer, FrameStream, FrameWaiter, Instance, View, Vulkan,
+};
+
+use super::error::{XrContext, XrError};
+use super::eyes::{EyeImages, EyePicture, Surround};
+use super::frame::{Eyes, Frame, XrClock};
+use super::headset::{Headset, VIEWS};
+use super::layers::{Layers, PlacedPanel};
+use super::panel::{Panel, PanelImage};
+use super::space::{Floor, FloorSpace};
+use super::state::{Duty, Life, Lifecycle};
+use crate::gpu::Gpu;
+use crate::splat::SplatRenderer;
+
+/// What a session is made for.
+#[derive(Debug, Clone, Copy)]
+pub struct SessionOptions {
+    /// Whether the viewer's own room is to be seen behind the person, where the headset can show it.
+    pub room: bool,
+    /// Whether eyes' pictures will be read back.
+    pub read_back: bool,
+}
+
+/// What the runtime told since it was asked last.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Happenings {
+    /// The viewer is somewhere else in floor space now, by their own wish.
+    pub recentred: bool,
+    /// The session is over.
+    pub over: Option<Over>,
+}
+
+/// How a session ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Over {
+    /// It was lost: open the headset again.
+    Lost,
+    /// The viewer, or this program, wants no more.
+    Left,
+}
+
+/// A session of a headset.
+pub struct Session {
+    // What was made with the session goes before it.
+    images: EyeImages,
+    panel: Option<(Panel, PlacedPanel)>,
+    space: FloorSpace,
+    stream: FrameStream<Vulkan>,
+    waiter: FrameWaiter,
+    session: openxr::Session<Vulkan>,
+    instance: Instance,
+    gpu: Arc<Gpu>,
+    events: EventDataBuffer,
+    clock: XrClock,
+    life: Lifecycle,
+    blend: EnvironmentBlendMode,
+    extent: vk::Extent2D,
+    eyes: Option<Eyes>,
+}
+
+impl std::fmt::Debug for Session {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Session")
+            .field("life", &self.life)
+            .field("eyes", &self.eyes)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Session {
+    /// A session, which begins when the runtime says so.
+    ///
+    /// # Errors
+    /// If the runtime or the device fails, or the runtime has no images that can be drawn.
+    pub fn new(headset: &Headset, options: SessionOptions) -> Result<Self, XrError> {
+        let gpu = Arc::clone(headset.gpu());
+        let instance = headset.instance.clone();
+        let info = openxr::vulkan::SessionCreateInfo {
+            instance: gpu.instance.handle.handle().as_raw() as _,
+            physical_device: gpu.physical.as_raw() as _,
+            device: gpu.device().handle().as_raw() as _,
+            queue_family_index: gpu.queue_family,
+            queue_index: 0,
+        };
+        // The session keeps the device alive, which its own destruction may still use.
+        let guard = Box::new(Arc::clone(&gpu));
+        let (session, waiter, stream) = gpu
+            .with_queue(|_| {
+                // SAFETY: instance, device and queue were made by this runtime for this system, and live as long as the session.
+                unsafe {
+                    instance.create_session_with_guard::<Vulkan>(headset.system, &info, guard)
+                }
+            })
+            .during("xrCreateSession")?;
+        let extensions = headset.extensions();
+        let blends = instance
+            .enumerate_environment_blend_modes(headset.system, VIEWS)
+            .during("xrEnumerateEnvironmentBlendModes")?;
+        let blend = if options.room && blends.contains(&EnvironmentBlendMode::ALPHA_BLEND) {
+            EnvironmentBlendMode::ALPHA_BLEND
+        } else {
+            blends
+                .first()
+                .copied()
+                .unwrap_or(EnvironmentBlendMode::OPAQUE)
+        };
+        let extent = headset.eye();
+        let enabled = extensions.set();
+        let with_depth = enabled.khr_composition_layer_depth;
+        let images = EyeImages::new(&gpu, &session, extent, with_depth, options.read_back)?;
+        Ok(Self {
+            space: FloorSpace::new(&session, enabled.ext_local_floor)?,
+            clock: XrClock::new(enabled.khr_convert_timespec_time),
+            images,
+            panel: None,
+            stream,
+            waiter,
+            session,
+            instance,
+            gpu,
+            events: EventDataBuffer::new(),
+            life: Lifecycle::default(),
+            blend,
+            extent,
+            eyes: None,
+        })
+    }
+
+    /// Whether depth is shown to the compositor where the renderer draws it.
+    #[must_use]
+    pub fn takes_depth(&self) -> bool {
+        self.images.depth.is_some()
+    }
+
+    /// Whether the viewer's own room is behind what is transparent.
+    #[must_use]
+    pub fn shows_room(&self) -> bool {
+        self.blend == EnvironmentBlendMode::ALPHA_BLEND
+    }
+
+    /// How the floor is known.
+    #[must_use]
+    pub fn floor(&self) -> Floor {
+        self.space.kind()
+    }
+
+    /// The session's life so far.
+    #[must_use]
+    pub fn life(&self) -> &Lifecycle {
+        &self.life
+    }
+
+    /// Takes all events there are, and begins and ends the session as they ask.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], or a call that fails.
+    pub fn poll(&mut self) -> Result<Happenings, XrError> {
+        let mut happened = Happenings::default();
+        while let Some(event) = self
+            .instance
+            .poll_event(&mut self.events)
+            .during("xrPollEvent")?
+        {
+            match event {
+                Event::SessionStateChanged(change) => match self.life.enter(change.state()) {
+                    Duty::None => {}
+                    Duty::Begin => {
+                        self.session.begin(VIEWS).during("xrBeginSession")?;
+                        self.life.begun();
+                    }
+                    Duty::End => {
+                        self.session.end().during("xrEndSession")?;
+                        self.life.ended();
+                    }
+                    Duty::Renew => happened.over = Some(Over::Lost),
+                    Duty::Leave => happened.over = Some(Over::Left),
+                },
+                Event::InstanceLossPending(_) => happened.over = Some(Over::Lost),
+                Event::ReferenceSpaceChangePending(_) => {
+                    self.space.moved();
+                    happened.recentred = true;
+                }
+                Event::EventsLost(lost) => {
+                    log::warn!(
+                        "the OpenXR runtime dropped {} events",
+                        lost.lost_event_count()
+                    );
+                }
+                _ => {}
+            }
+        }
+        Ok(happened)
+    }
+
+    /// Asks the runtime to end the session, which then tells so through [`Self::poll`].
+    ///
+    /// # Errors
+    /// If it does not run.
+    pub fn request_exit(&self) -> Result<(), XrError> {
+        self.session.request_exit().during("xrRequestExitSession")
+    }
+
+    /// Waits until the headset wants the next frame, and begins it: it has to be shown or skipped.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], or a call that fails.
+    pub fn wait(&mut self) -> Result<Frame, XrError> {
+        let state = self.waiter.wait().during("xrWaitFrame")?;
+        self.gpu
+            .with_queue(|_| self.stream.begin())
+            .during("xrBeginFrame")?;
+        let period = u64::try_from(state.predicted_display_period.as_nanos()).unwrap_or(0);
+        // A display of less than 1 Hz is none; one of more than 1 kHz neither.
+        let period = Duration::from_nanos(period.clamp(1_000_000, 1_000_000_000));
+        let time = state.predicted_display_time;
+        Ok(Frame {
+            time,
+            predicted: self.clock.instant(&self.instance, time, period),
+            period,
+            should_render: state.should_render,
+        })
+    }
+
+    /// Where the eyes will be when the frame is seen; where they were last, if that is not known now; nothing if it never was.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], or a call that fails.
+    pub fn look(&mut self, frame: &Frame) -> Result<Option<Eyes>, XrError> {
+        self.space.settle(&self.session, frame.time)?;
+        let (flags, views) = self
+            .session
+            .locate_views(VIEWS, frame.time, &self.space.floor)
+            .during("xrLocateViews")?;
+        // The views of a headset that sees nothing have their position still: from the last place it knew.
+        if flags.contains(openxr::ViewStateFlags::ORIENTATION_VALID) {
+            let seen = Eyes::of(&views, self.extent.width, self.extent.height);
+            self.eyes = seen.or(self.eyes);
+        }
+        Ok(self.eyes)
+    }
+
+    /// Shows the renderer's last picture, which was drawn from `eyes`, and ends the frame. Returns what the compositor got, where
+    /// that is to be read back.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], a renderer on another device, or a call that fails. The frame is then ended without a picture, if that
+    /// is still possible.
+    pub fn show(
+        &mut self,
+        frame: Frame,
+        eyes: &Eyes,
+        renderer: &SplatRenderer,
+        surround: Surround,
+        reads: bool,
+    ) -> Result<Option<[EyePicture; 2]>, XrError> {
+        let written = self.images.write(renderer, eyes, surround, reads);
+        let pictures = match written {
+            Ok(pictures) => pictures,
+            Err(error) => {
+                // What went wrong first is told.
+                let _ = self.skip(frame);
+                return Err(error);
+            }
+        };
+        self.end(frame, Some(&eyes.views), surround)?;
+        Ok(pictures)
+    }
+
+    /// Ends the frame with nothing new of ours in it.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], or a call that fails.
+    pub fn skip(&mut self, frame: Frame) -> Result<(), XrError> {
+        self.end(frame, None, Surround::Room)
+    }
+
+    /// Hangs a panel in the room, `width` metres wide, or changes the one that hangs there.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], or a call that fails.
+    pub fn hang_panel(
+        &mut self,
+        image: PanelImage<'_>,
+        floor_from_panel: Affine3A,
+        width: f32,
+    ) -> Result<(), XrError> {
+        let placed = PlacedPanel {
+            floor_from_panel,
+            width,
+        };
+        match &mut self.panel {
+            Some((panel, place)) if panel.fits(image) => {
+                *place = placed;
+                panel.show(image)
+            }
+            none => {
+                *none = Panel::new(&self.gpu, &self.session, image)?.map(|panel| (panel, placed));
+                Ok(())
+            }
+        }
+    }
+
+    /// Takes the panel away.
+    pub fn remove_panel(&mut self) {
+        self.panel = None;
+    }
+
+    fn end(
+        &mut self,
+        frame: Frame,
+        views: Option<&[View; 2]>,
+        surround: Surround,
+    ) -> Result<(), XrError> {
+        let layers = Layers {
+            passthrough: None,
+            eyes: views.map(|views| (&self.images, views)),
+            panel: (self.panel.as_ref())
+                .filter(|_| views.is_some())
+                .map(|(panel, place)| (panel, *place)),
+            floor: &self.space.floor,
+            transparent: surround == Surround::Room,
+        };
+        self.gpu
+            .with_queue(|_| layers.end_frame(&self.instance, &self.session, frame.time, self.blend))
+    }
+
+    /// Whether frames are seen by anybody now.
+    #[must_use]
+    pub fn is_seen(&self) -> bool {
+        matches!(self.life.now(), Life::Visible | Life::Focused)
+    }
+}
