@@ -95,6 +95,10 @@ impl Gpu {
             }
             None => choose(&instance, choice)?,
         };
+        let ability = Ability {
+            broadcasts: ability.broadcasts && !maker.adds_features(),
+            ..ability
+        };
         let Ability {
             subgroup,
             queue_family,

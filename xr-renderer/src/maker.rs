@@ -10,6 +10,10 @@ pub(crate) trait Maker {
     /// The newest version of Vulkan it can do with.
     fn newest_version(&self) -> u32;
 
+    /// Whether it asks the device for features of its own, one by one: a description must not then have those of a whole
+    /// version of Vulkan in it.
+    fn adds_features(&self) -> bool;
+
     /// An instance of this loader.
     fn instance(
         &self,
@@ -36,6 +40,10 @@ pub(crate) struct Own;
 impl Maker for Own {
     fn newest_version(&self) -> u32 {
         u32::MAX
+    }
+
+    fn adds_features(&self) -> bool {
+        false
     }
 
     fn instance(

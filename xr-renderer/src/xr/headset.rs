@@ -181,6 +181,10 @@ impl Maker for ByRuntime<'_> {
         self.newest
     }
 
+    fn adds_features(&self) -> bool {
+        true
+    }
+
     fn instance(
         &self,
         entry: &ash::Entry,

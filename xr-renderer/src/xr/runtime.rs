@@ -36,8 +36,8 @@ impl Runtime {
         let entry = match (own, private_loader()) {
             (Ok(entry), _) => entry,
             (Err(why), None) => return Err(no_loader(&why)),
-            // SAFETY: as above.
             (Err(_), Some(path)) => {
+                // SAFETY: as above.
                 unsafe { Entry::load_from(&path, &()) }.map_err(|why| no_loader(&why))?
             }
         };
