@@ -43,14 +43,14 @@ install_monado() {
 	add_monado_stand_in "$new"
 	add_monado_client "$new"
 	write_monado_wrapper "$new" run "monado-service" <<-'WRAPPER'
-		lib=$own
+		lib=$all
 		set -- "$here/root/usr/bin/monado-service" "$@"
 	WRAPPER
 	write_monado_wrapper "$new" with "a program, so that it can open OpenXR's loader and the runtime" <<-'WRAPPER'
 		lib=$here/lib
 	WRAPPER
 	write_monado_wrapper "$new" xvfb "Xvfb, an X server without a screen" <<-'WRAPPER'
-		lib=$own
+		lib=$all
 		# Xvfb starts xkbcomp from the folder it runs in.
 		cd "$here/xkb" || exit 1
 		set -- "$here/root/usr/bin/Xvfb" "$@" -xkbdir "$here/root/usr/share/X11/xkb" -extension GLX
@@ -113,15 +113,16 @@ add_monado_client() {
 	PY
 }
 
-# write_monado_wrapper PREFIX NAME WHAT <LINES: LINES set lib, the folders of libraries, and the program to run.
+# write_monado_wrapper PREFIX NAME WHAT <LINES: LINES set lib, the folders of libraries, of which all is every one, and may put the
+# program before the arguments.
 write_monado_wrapper() {
 	{
 		cat <<-WRAPPER
 			#!/bin/sh
-			# Written by ./run: runs $3 in the prefix this script lies in.
+			# Written by ./run: runs $3, in the prefix this script lies in.
 			here=\$(cd "\$(dirname "\$0")" && pwd) || exit 1
-			own=\$here/root/usr/lib/$deb_triplet
-			own=\$own:\$own/blas:\$own/lapack:\$own/pulseaudio
+			all=\$here/root/usr/lib/$deb_triplet
+			all=\$all:\$all/blas:\$all/lapack:\$all/pulseaudio
 		WRAPPER
 		sed "s/TRIPLET/$deb_triplet/"
 		cat <<-WRAPPER
