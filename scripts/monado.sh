@@ -70,7 +70,7 @@ trim_monado() {
 	local root=$1/root lib=$1/root/usr/lib/$deb_triplet
 	mv "$lib"/libstdc++.so.* "$lib"/libgcc_s.so.* "$1/libc/usr/lib/$deb_triplet/"
 	find "$root/usr/bin" -type f ! -name monado-service ! -name Xvfb ! -name xkbcomp -delete
-	rm -rf "$root/etc" "$root/var" "$root/usr/lib/systemd" "$root/usr/lib/udev" "$root/usr/share/alsa" "$root/usr/share/X11/locale"
+	rm -rf "${root:?}/etc" "${root:?}/var" "$root/usr/lib/systemd" "$root/usr/lib/udev" "$root/usr/share/alsa" "$root/usr/share/X11/locale"
 	trim_documentation "$1"
 }
 
