@@ -38,6 +38,8 @@ pub struct Gpu {
     pub(crate) memory_taken: AtomicU64,
     /// Whether work is refused, as by a device that its driver gave up.
     declared_lost: AtomicBool,
+    /// Whether a headset's runtime made it, and must make it again.
+    belongs_to_headset: bool,
     /// How it was opened, to open it again.
     choice: GpuChoice,
     // Vulkan wants submissions to a queue one at a time.
@@ -119,6 +121,7 @@ impl Gpu {
             shares_memory: chosen.info.is_cpu,
             memory_taken: AtomicU64::new(0),
             declared_lost: AtomicBool::new(false),
+            belongs_to_headset: false,
             choice: choice.clone(),
             queue: Mutex::new(queue),
             info: chosen.info,
@@ -133,6 +136,12 @@ impl Gpu {
     /// As [`Self::open`].
     pub fn reopen(&self) -> Result<Arc<Self>, RenderError> {
         Self::open(&self.choice, self.messenger.is_some())
+    }
+
+    /// Whether a headset's runtime made this device: once it is lost, only that runtime can make another that shows pictures
+    /// there, for [`crate::SplatRenderer::recover_on`].
+    pub fn belongs_to_headset(&self) -> bool {
+        self.belongs_to_headset
     }
 
     /// Makes all further work on this device fail with [`RenderError::DeviceLost`]: for tests of what must come after.
