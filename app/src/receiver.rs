@@ -4,7 +4,7 @@ use crate::{Blend, Deformer, Profile, ReceiverError, Stage, StageSummary};
 use spmm3::MotionParams;
 use std::sync::Arc;
 use xr_renderer::{
-    BackEnd, BackEndTrial, Camera, Drawing, Foreground, ForegroundPath, ForegroundSlot, Gpu,
+    BackEnd, BackEndTrial, Camera, Drawing, Foreground, ForegroundPath, ForegroundSlot, Gpu, Part,
     SplatRenderer,
 };
 
@@ -53,7 +53,7 @@ impl Receiver {
         self.slot.set(count, ForegroundPath::new())?;
         let foreground = Foreground::Slot(&self.slot);
         self.renderer
-            .draw_with(&Drawing::new(cameras, foreground))?;
+            .draw_with(&Drawing::new(cameras, &[Part::here(foreground)]))?;
         self.profile.record_picture(&self.renderer.stage_times());
         Ok(())
     }

@@ -6,23 +6,35 @@
 #include "project.glsl"
 #include "packed_gaussian.glsl"
 
-// One invocation per Gaussian of the foreground, as src/gaussian.rs packs it.
+// One invocation per Gaussian of one part of the foreground, as src/gaussian.rs packs it.
+
+// Mirrors `PartParams` in src/frame.rs.
+layout(push_constant) uniform PartParams {
+    vec4 world_from_part[3]; // rows of a rigid transform, metres
+    uint first;              // the part's first Gaussian among the foreground
+    uint count;
+    uint source;             // and in the buffer it is read from
+} part;
 
 layout(set = 0, binding = 7, std430) readonly buffer Gaussians { PackedGaussian gaussians[]; };
 
 void main() {
-    uint index = gl_GlobalInvocationID.x;
+    uint local = gl_GlobalInvocationID.x;
+    uint index = part.first + local;
     bool kept = false;
     uint depth = 0u;
-    if (index < frame.foreground_count) {
-        PackedGaussian g = gaussians[index];
-        vec3 position = uintBitsToFloat(g.low.xyz);
+    if (local < part.count) {
+        PackedGaussian g = gaussians[part.source + local];
+        vec4 p = vec4(uintBitsToFloat(g.low.xyz), 1.0);
+        vec4 x = part.world_from_part[0], y = part.world_from_part[1], z = part.world_from_part[2];
+        vec3 position = vec3(dot(x, p), dot(y, p), dot(z, p));
         float opacity = unpacked_opacity(g);
         uint rect_0 = EMPTY_RECT;
         uint rect_1 = EMPTY_RECT;
         if (opacity > ALPHA_CUT) {
             PlainGaussian plain = unpacked(g);
-            mat3 axes = scaled_axes(plain.rotation, exp2(plain.log2_scale));
+            mat3 axes_in_part = scaled_axes(plain.rotation, exp2(plain.log2_scale));
+            mat3 axes = transpose(mat3(x.xyz * axes_in_part, y.xyz * axes_in_part, z.xyz * axes_in_part));
             Seen left = see(frame.views[0], position, opacity, axes);
             kept = left.kept;
             rect_0 = left.rect;

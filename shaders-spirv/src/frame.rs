@@ -53,6 +53,21 @@ pub struct FrameParams {
     pub guard_move: f32,
 }
 
+/// Which Gaussians of the foreground a dispatch projects, and where they stand; `PartParams` in
+/// `shaders/project_foreground.comp`, push constants.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PartParams {
+    /// Rows of the 3x4 rigid transform, metres.
+    pub world_from_part: [[f32; 4]; 3],
+    /// The part's first Gaussian among the foreground.
+    pub first: u32,
+    /// How many it has.
+    pub count: u32,
+    /// Where the first lies in the buffer they are read from.
+    pub source: u32,
+}
+
 /// A Gaussian as one view sees it, 32 bytes; `Splat` in `shaders/frame.glsl`, written and read by the GPU alone.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]

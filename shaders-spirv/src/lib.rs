@@ -7,7 +7,7 @@ mod frame;
 mod gaussian;
 mod gaussian_lanes;
 
-pub use frame::{FrameParams, SortState, Splat, ViewParams};
+pub use frame::{FrameParams, PartParams, SortState, Splat, ViewParams};
 pub use gaussian::{Gaussian, PackedGaussian, quantised, smallest_three};
 pub use gaussian_lanes::GaussianLanes;
 

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::mem::{offset_of, size_of};
 
-use shaders_spirv::{FrameParams, PackedGaussian, Shader, SortState, Splat, ViewParams};
+use shaders_spirv::{
+    FrameParams, PackedGaussian, PartParams, Shader, SortState, Splat, ViewParams,
+};
 
 const OP_NAME: u32 = 5;
 const OP_MEMBER_NAME: u32 = 6;
@@ -124,6 +126,20 @@ fn frame_parameters_lie_as_the_shader_reads_them() {
         96,
         "two of them stand in an array of stride 96"
     );
+}
+
+#[test]
+fn a_parts_push_constants_lie_as_the_shader_reads_them() {
+    assert_layout!(
+        shaders_spirv::PROJECT_FOREGROUND,
+        PartParams {
+            world_from_part: world_from_part,
+            first: first,
+            count: count,
+            source: source,
+        }
+    );
+    assert_eq!(size_of::<PartParams>(), 60, "bytes pushed");
 }
 
 #[test]

@@ -19,8 +19,8 @@ use spmm3::{
     SkinningTransforms,
 };
 use xr_renderer::{
-    BackEnd, Backdrop, Camera, Drawing, Foreground, Image, PackedGaussian, Poser, RendererOptions,
-    SplatRenderer, StageTimes,
+    BackEnd, Backdrop, Camera, Drawing, Foreground, Image, PackedGaussian, Part, Poser,
+    RendererOptions, SplatRenderer, StageTimes,
 };
 
 const ROUNDS: usize = 60;
@@ -167,7 +167,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         share: SHARE,
         level: 0,
     };
-    renderer.draw_with(&Drawing::new(&camera, foreground))?;
+    renderer.draw_with(&Drawing::new(&camera, &[Part::here(foreground)]))?;
     let got = renderer.read_back(0)?;
     renderer.set_foreground(&between(&sets, SHARE))?;
     renderer.draw(&camera)?;
@@ -190,7 +190,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 share,
                 level: 0,
             };
-            renderer.draw_with(&Drawing::new(&camera, foreground))?;
+            renderer.draw_with(&Drawing::new(&camera, &[Part::here(foreground)]))?;
             posed.push(renderer.stage_times());
         }
         last = next;

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use xr_renderer::{
     Camera, Change, Drawing, Foreground, ForegroundPath, ForegroundSlot, Gaussian, PackedGaussian,
-    RenderError, SplatRenderer,
+    Part, RenderError, SplatRenderer,
 };
 
 /// A slot, and what was written to it last.
@@ -65,7 +65,7 @@ impl Walking {
     ) -> Result<(), RenderError> {
         renderer.draw_with(&Drawing {
             keep_order,
-            ..Drawing::new(cameras, Foreground::Slot(&self.slot))
+            ..Drawing::new(cameras, &[Part::here(Foreground::Slot(&self.slot))])
         })
     }
 }

@@ -7,7 +7,7 @@ use mon3tr_tests::vulkan::{assert_silent, open_gpu, or_skip};
 use mon3tr_tests::walking::Walking;
 use std::sync::Arc;
 use xr_renderer::{
-    BackEnd, Background, Camera, Drawing, Foreground, Image, PackedGaussian, PosedInput,
+    BackEnd, Background, Camera, Drawing, Foreground, Image, PackedGaussian, Part, PosedInput,
     RenderError, RendererOptions, SplatRenderer, StateId,
 };
 
@@ -70,7 +70,7 @@ fn posed(
         share: 1.0,
         level: 0,
     };
-    renderer.draw_with(&Drawing::new(&[camera], foreground))?;
+    renderer.draw_with(&Drawing::new(&[camera], &[Part::here(foreground)]))?;
     renderer.read_back(0)
 }
 

@@ -1,4 +1,4 @@
-//! The one descriptor set that a pipeline reads, and the layouts that describe it.
+//! The descriptor sets that a pipeline reads, mostly one, and the layouts that describe them.
 
 use std::sync::Arc;
 
@@ -30,21 +30,23 @@ impl<'a> Resource<'a> {
     }
 }
 
-/// A descriptor set with everything it was made from.
+/// Descriptor sets of one layout with everything they were made from.
 pub(crate) struct Bindings {
     gpu: Arc<Gpu>,
     stages: vk::ShaderStageFlags,
     set_layout: vk::DescriptorSetLayout,
     layout: vk::PipelineLayout,
     pool: vk::DescriptorPool,
-    set: vk::DescriptorSet,
+    sets: Vec<vk::DescriptorSet>,
 }
 
 impl Bindings {
+    /// As many sets, at least one, all of them of these resources.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         stages: vk::ShaderStageFlags,
         push_bytes: u32,
+        sets: u32,
         resources: &[Resource<'_>],
     ) -> Result<Self, RenderError> {
         let mut made = Self {
@@ -53,10 +55,10 @@ impl Bindings {
             set_layout: vk::DescriptorSetLayout::null(),
             layout: vk::PipelineLayout::null(),
             pool: vk::DescriptorPool::null(),
-            set: vk::DescriptorSet::null(),
+            sets: Vec::new(),
         };
         made.make_layout(push_bytes, resources)?;
-        made.make_set(resources)?;
+        made.make_sets(sets, resources)?;
         made.bind(resources);
         Ok(made)
     }
@@ -97,42 +99,43 @@ impl Bindings {
         Ok(())
     }
 
-    fn make_set(&mut self, resources: &[Resource<'_>]) -> Result<(), RenderError> {
+    fn make_sets(&mut self, sets: u32, resources: &[Resource<'_>]) -> Result<(), RenderError> {
         let device = self.gpu.device();
         let sizes: Vec<_> = resources
             .iter()
             .map(|resource| vk::DescriptorPoolSize {
                 ty: resource.kind(),
-                descriptor_count: 1,
+                descriptor_count: sets,
             })
             .collect();
         let info = vk::DescriptorPoolCreateInfo::default()
-            .max_sets(1)
+            .max_sets(sets)
             .pool_sizes(&sizes);
         // SAFETY: the structure is complete.
         self.pool = unsafe { device.create_descriptor_pool(&info, None) }
             .during("vkCreateDescriptorPool")?;
-        let layouts = [self.set_layout];
+        let layouts = vec![self.set_layout; sets as usize];
         let info = vk::DescriptorSetAllocateInfo::default()
             .descriptor_pool(self.pool)
             .set_layouts(&layouts);
-        // SAFETY: pool and layout are alive, and the pool has room for one set.
-        let sets =
+        // SAFETY: pool and layout are alive, and the pool has room for so many sets.
+        self.sets =
             unsafe { device.allocate_descriptor_sets(&info) }.during("vkAllocateDescriptorSets")?;
-        self.set = sets.first().copied().unwrap_or_default();
         Ok(())
     }
 
-    /// Binds other resources of the same kinds. The device is not using the set, and the resources
-    /// outlive its next use.
+    /// Binds other resources of the same kinds in all sets. The device is not using them, and the resources
+    /// outlive their next use.
     pub(crate) fn bind(&mut self, resources: &[Resource<'_>]) {
-        for (binding, resource) in (0..).zip(resources) {
-            self.rebind(binding, *resource);
+        for set in 0..self.sets.len() {
+            for (binding, resource) in (0..).zip(resources) {
+                self.rebind(set, binding, *resource);
+            }
         }
     }
 
-    /// Binds another resource of the same kind in one place, under the same conditions.
-    pub(crate) fn rebind(&mut self, binding: u32, resource: Resource<'_>) {
+    /// Binds another resource of the same kind in one place of one set, under the same conditions.
+    pub(crate) fn rebind(&mut self, set: usize, binding: u32, resource: Resource<'_>) {
         let buffer = resource.buffer();
         let buffers = [vk::DescriptorBufferInfo {
             buffer: buffer.handle(),
@@ -140,7 +143,7 @@ impl Bindings {
             range: buffer.size(),
         }];
         let write = vk::WriteDescriptorSet::default()
-            .dst_set(self.set)
+            .dst_set(self.set(set))
             .dst_binding(binding)
             .descriptor_type(resource.kind())
             .buffer_info(&buffers);
@@ -153,17 +156,23 @@ impl Bindings {
         self.layout
     }
 
-    /// Records the use of the set, and of these push constants, by the pipelines that follow.
+    /// One of the sets there are.
+    fn set(&self, index: usize) -> vk::DescriptorSet {
+        self.sets.get(index).copied().unwrap_or_default()
+    }
+
+    /// Records the use of a set, and of these push constants, by the pipelines that follow.
     pub(crate) fn record(
         &self,
         commands: vk::CommandBuffer,
         point: vk::PipelineBindPoint,
+        set: usize,
         push: &[u32],
     ) {
         let device = self.gpu.device();
         // SAFETY: the command buffer is being recorded; set and push constants match the layout.
         unsafe {
-            device.cmd_bind_descriptor_sets(commands, point, self.layout, 0, &[self.set], &[]);
+            device.cmd_bind_descriptor_sets(commands, point, self.layout, 0, &[self.set(set)], &[]);
             if !push.is_empty() {
                 let bytes = bytemuck::cast_slice(push);
                 device.cmd_push_constants(commands, self.layout, self.stages, 0, bytes);

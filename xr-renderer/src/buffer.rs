@@ -178,7 +178,18 @@ impl Buffer {
 
     /// Records the copy of the first bytes, more than none, to another buffer; both hold as many.
     pub(crate) fn record_copy(&self, commands: vk::CommandBuffer, to: &Self, bytes: u64) {
-        let region = [vk::BufferCopy::default().size(bytes)];
+        self.record_copy_to(commands, to, 0, bytes);
+    }
+
+    /// The same, to a place in the other buffer, which holds as many from there on.
+    pub(crate) fn record_copy_to(
+        &self,
+        commands: vk::CommandBuffer,
+        to: &Self,
+        start: u64,
+        bytes: u64,
+    ) {
+        let region = [vk::BufferCopy::default().dst_offset(start).size(bytes)];
         // SAFETY: the command buffer is being recorded; both buffers hold as many bytes.
         unsafe {
             let device = self.gpu.device();

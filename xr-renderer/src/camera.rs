@@ -140,9 +140,7 @@ impl Camera {
         if !self.camera_from_world.is_finite() || numbers.iter().any(|number| !number.is_finite()) {
             return Some("a number in it is not finite".to_owned());
         }
-        let matrix = self.camera_from_world.matrix3;
-        let gram = matrix * matrix.transpose();
-        if !gram.abs_diff_eq(Mat3A::IDENTITY, 1e-3) || matrix.determinant() < 0.0 {
+        if !is_rigid(&self.camera_from_world) {
             return Some("camera_from_world is not rigid".to_owned());
         }
         if self.fx <= 0.0 || self.fy <= 0.0 || self.near <= 0.0 {
@@ -193,6 +191,13 @@ pub(crate) fn head_depth_plane(cameras: &[Camera]) -> [f32; 4] {
 #[expect(clippy::cast_precision_loss, reason = "pixel counts are small")]
 fn pixels(count: u32) -> f32 {
     count as f32
+}
+
+/// Whether a transform only turns and shifts, by finite numbers.
+pub(crate) fn is_rigid(transform: &Affine3A) -> bool {
+    let matrix = transform.matrix3;
+    let gram = matrix * matrix.transpose();
+    transform.is_finite() && gram.abs_diff_eq(Mat3A::IDENTITY, 1e-3) && matrix.determinant() > 0.0
 }
 
 #[cfg(test)]

@@ -1,10 +1,35 @@
 //! What a picture is drawn from.
 
+use glam::Affine3A;
+
 use crate::camera::Camera;
 use crate::posing::StateId;
 use crate::slot::ForegroundSlot;
 
-/// Which foreground a picture shows.
+/// The most parts a foreground can have.
+pub const MOST_PARTS: usize = 8;
+
+/// A part of the foreground: Gaussians, and where they stand.
+#[derive(Debug, Clone, Copy)]
+pub struct Part<'a> {
+    /// What is drawn.
+    pub gaussians: Foreground<'a>,
+    /// From the space the Gaussians are given in to the world's, metres. Rigid.
+    pub world_from_part: Affine3A,
+}
+
+impl<'a> Part<'a> {
+    /// Gaussians that are in world space.
+    #[must_use]
+    pub const fn here(gaussians: Foreground<'a>) -> Self {
+        Self {
+            gaussians,
+            world_from_part: Affine3A::IDENTITY,
+        }
+    }
+}
+
+/// Which Gaussians a part shows.
 #[derive(Debug, Clone, Copy)]
 pub enum Foreground<'a> {
     /// What [`crate::SplatRenderer::set_foreground`] took last; at first there is none.
@@ -12,7 +37,7 @@ pub enum Foreground<'a> {
     /// What a slot holds.
     Slot(&'a ForegroundSlot),
     /// The Gaussians of [`crate::RendererOptions::mesh`], on the device from end to end: rotations along the shortest arc
-    /// from one state to another, the rest in a line.
+    /// from one state to another, the rest in a line. At most one part shows them.
     Posed {
         /// The earlier state.
         from: StateId,
@@ -32,8 +57,10 @@ pub enum Foreground<'a> {
 pub struct Drawing<'a> {
     /// One for each view.
     pub cameras: &'a [Camera],
-    /// What stands before the background.
-    pub foreground: Foreground<'a>,
+    /// What stands before the background and in it, at most [`MOST_PARTS`] of it; they may overlap in depth, for all
+    /// Gaussians are sorted together. All slots' Gaussians, and what was set, together are at most
+    /// [`crate::RendererOptions::max_foreground`].
+    pub foreground: &'a [Part<'a>],
     /// Whether the last order is kept even where the head or the foreground moved too far for it, to save the sort: depth
     /// is wrong where Gaussians passed one another, and what came into the picture since is missing. Where the last order
     /// is of other Gaussians, or there is none, they are sorted all the same.
@@ -43,7 +70,7 @@ pub struct Drawing<'a> {
 impl<'a> Drawing<'a> {
     /// A picture that sorts where it must.
     #[must_use]
-    pub const fn new(cameras: &'a [Camera], foreground: Foreground<'a>) -> Self {
+    pub const fn new(cameras: &'a [Camera], foreground: &'a [Part<'a>]) -> Self {
         Self {
             cameras,
             foreground,

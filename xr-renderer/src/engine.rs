@@ -8,18 +8,18 @@ use bytemuck::Zeroable;
 use shaders_spirv::{FrameParams, PackedGaussian};
 
 use crate::back_ends::{Again, BackEnds};
-use crate::camera::{Camera, head_depth_plane};
+use crate::camera::{Camera, head_depth_plane, is_rigid};
 use crate::clock::{HostClock, Placed};
 use crate::commands::{Commands, barrier};
-use crate::drawing::{Drawing, Foreground};
+use crate::drawing::{Drawing, Foreground, MOST_PARTS, Part};
 use crate::error::RenderError;
 use crate::front::Front;
 use crate::gpu::Gpu;
 use crate::options::RendererOptions;
-use crate::order::{KEPT_MOVE, KEPT_TURN, Order, Sorted};
+use crate::order::{KEPT_MOVE, KEPT_TURN, Order};
 use crate::path::{ForegroundPath, KEPT_FOREGROUND_MOVE};
 use crate::picture::Image;
-use crate::posing::{Between, PosedInput, StateId};
+use crate::posing::{PosedInput, StateId};
 use crate::read_back::ReadBack;
 use crate::slot::ForegroundSlot;
 use crate::target::Target;
@@ -125,18 +125,16 @@ impl Engine {
     pub(crate) fn draw(&mut self, drawing: &Drawing<'_>) -> Result<(), RenderError> {
         let cameras = drawing.cameras;
         self.check(cameras)?;
+        self.check_parts(drawing.foreground)?;
         // The device may still be reading the last picture's cameras and foreground after an error.
         self.commands.settle()?;
-        self.take_foreground(drawing.foreground)?;
+        self.front.show(drawing.foreground, self.own.as_ref())?;
         if let [camera, ..] = cameras {
             self.target.resize(camera.width, camera.height);
         }
-        let foreground = Sorted {
-            count: self.front.foreground_count(),
-            path: self.front.foreground_path(),
-        };
-        let keeps = drawing.keep_order && self.order.is_of(foreground);
-        let needs_order = !keeps && !self.order.serves(cameras, foreground);
+        let foreground = *self.front.sorted();
+        let keeps = drawing.keep_order && self.order.is_of(&foreground);
+        let needs_order = !keeps && !self.order.serves(cameras, &foreground);
         if needs_order {
             // Made below: what fails on the way must not leave the old note beside a new order.
             self.order.forget();
@@ -163,35 +161,6 @@ impl Engine {
         }
         self.front.foreground_is_there();
         self.host_upload = 0.0;
-        Ok(())
-    }
-
-    /// The device is idle.
-    fn take_foreground(&mut self, foreground: Foreground<'_>) -> Result<(), RenderError> {
-        let slot = match foreground {
-            Foreground::Set => self.own.as_ref(),
-            Foreground::Slot(slot) => Some(slot),
-            Foreground::Posed {
-                from,
-                to,
-                share,
-                level,
-            } => {
-                let between = Between::new(from, to, share, level);
-                return self.front.show_posed(between);
-            }
-        };
-        if let Some(slot) = slot {
-            let limit = self.max_foreground;
-            if !slot.memory().is_on(&self.gpu) {
-                return Err(RenderError::ForeignSlot);
-            }
-            if slot.len() > limit {
-                let count = slot.len() as usize;
-                return Err(RenderError::TooManyGaussians { count, limit });
-            }
-        }
-        self.front.show(slot);
         Ok(())
     }
 
@@ -227,6 +196,39 @@ impl Engine {
                 );
                 return Err(RenderError::Camera { view, problem });
             }
+        }
+        Ok(())
+    }
+
+    /// Whether the front can take these parts, but for states that are not there.
+    fn check_parts(&self, parts: &[Part<'_>]) -> Result<(), RenderError> {
+        if parts.len() > MOST_PARTS {
+            return Err(RenderError::TooManyParts { parts: parts.len() });
+        }
+        let limit = self.max_foreground;
+        let (mut count, mut posed) = (0, 0);
+        for (index, part) in parts.iter().enumerate() {
+            if !is_rigid(&part.world_from_part) {
+                return Err(RenderError::PartNotRigid { part: index });
+            }
+            let slot = match part.gaussians {
+                Foreground::Set => self.own.as_ref(),
+                Foreground::Slot(slot) => Some(slot),
+                Foreground::Posed { .. } => {
+                    posed += 1;
+                    None
+                }
+            };
+            if slot.is_some_and(|slot| !slot.memory().is_on(&self.gpu)) {
+                return Err(RenderError::ForeignSlot);
+            }
+            count += slot.map_or(0, |slot| slot.len() as usize);
+        }
+        if posed > 1 {
+            return Err(RenderError::PosedTwice);
+        }
+        if count > limit as usize {
+            return Err(RenderError::TooManyGaussians { count, limit });
         }
         Ok(())
     }

@@ -107,6 +107,28 @@ pub enum RenderError {
         "the foreground slot belongs to another device than the renderer: make slots with `foreground_slot` of the renderer that draws them, and new ones after `recover`"
     )]
     ForeignSlot,
+    /// A foreground of more parts than can be drawn at once.
+    #[error(
+        "a foreground of {parts} parts cannot be drawn, at most {}: put Gaussians that move together into one slot",
+        crate::drawing::MOST_PARTS
+    )]
+    TooManyParts {
+        /// How many were given.
+        parts: usize,
+    },
+    /// A part is placed by something else than a turn and a shift.
+    #[error(
+        "part {part} of the foreground cannot be drawn: its `world_from_part` is not rigid or not finite; give a turn and a shift alone, and bake sizes into the Gaussians"
+    )]
+    PartNotRigid {
+        /// Which one, from 0.
+        part: usize,
+    },
+    /// Two parts show the mesh.
+    #[error(
+        "two parts of the foreground are posed on the device, which holds one mesh: write all people but one to slots"
+    )]
+    PosedTwice,
     /// The Gaussians cover too many tiles together.
     #[error(
         "the Gaussians cover {pairs} screen tiles together, more than the {limit} that fit: use fewer or smaller Gaussians, or a smaller picture"

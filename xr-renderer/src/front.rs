@@ -3,32 +3,34 @@
 use std::sync::Arc;
 
 use ash::vk;
-use shaders_spirv::{FrameParams, PackedGaussian, SortState, Splat};
+use shaders_spirv::{FrameParams, SortState, Splat};
 
 use crate::background::{Background, Chunk};
 use crate::bindings::Resource;
 use crate::buffer::{Buffer, Place};
 use crate::commands::barrier;
+use crate::drawing::{Foreground, Part};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::options::{Filter, RendererOptions};
-use crate::path::ForegroundPath;
+use crate::order::{Sorted, SortedPart};
+use crate::parts::Parts;
 use crate::pipeline::{ComputePipeline, Specialisation};
 use crate::posing::{Between, BoundMesh, PosedInput, Posing, StateId};
 use crate::slot::ForegroundSlot;
 use crate::sort::{SortInput, SortPasses};
 use crate::upload::Upload;
 
-/// Invocations per workgroup; divides a background's block.
+/// Invocations per workgroup of the background's projection; divides its block.
 const GROUP: u32 = 64;
-/// Where `shaders/project_foreground.comp` binds the Gaussians.
-const GAUSSIANS: u32 = 7;
 
 /// Gaussians in, splats of each view and their common order out.
 pub(crate) struct Front {
     gpu: Arc<Gpu>,
-    foreground: Foreground,
+    parts: Parts,
     posing: Option<Posing>,
+    /// Whether a part is the mesh's Gaussians.
+    posed: bool,
     background: Vec<StaticChunk>,
     sort: SortPasses,
     passed: Passed,
@@ -49,23 +51,6 @@ pub(crate) struct Passed {
     items: Buffer,
 }
 
-struct Foreground {
-    project: ComputePipeline,
-    /// What a slot held, in the device's own memory; next to nothing on a software driver, which reads the slots.
-    copy: Buffer,
-    /// The slot that is drawn, kept alive while the device may read it.
-    slot: Option<Arc<Buffer>>,
-    /// Its writing, and the one that the device has.
-    writing: u64,
-    copied: Option<u64>,
-    /// Whether the Gaussians are the mesh's instead.
-    posed: bool,
-    /// The buffer that is projected.
-    projected: vk::Buffer,
-    count: u32,
-    path: ForegroundPath,
-}
-
 /// A part of the background that one set of buffers holds.
 struct StaticChunk {
     project: ComputePipeline,
@@ -79,9 +64,8 @@ impl Front {
         let RendererOptions { filter, views, .. } = *options;
         let background = options.background.as_deref();
         let mesh = options.mesh.as_deref();
-        let max_foreground = options
-            .max_foreground
-            .max(mesh.map_or(0, BoundMesh::gaussians));
+        let posed = mesh.map_or(0, BoundMesh::gaussians);
+        let max_foreground = options.max_foreground.saturating_add(posed);
         let static_count = background.map_or(0, Background::places);
         let most = gpu.limits.max_compute_work_group_count[0].saturating_mul(GROUP);
         let capacity = max_foreground
@@ -92,7 +76,7 @@ impl Front {
                 limit: most,
             })?;
         let passed = Passed::new(gpu, capacity, views)?;
-        let foreground = Foreground::new(gpu, options.max_foreground, filter, &passed)?;
+        let parts = Parts::new(gpu, options.max_foreground, filter, &passed)?;
         let posing = mesh.map(|mesh| Posing::new(gpu, mesh)).transpose()?;
         let words = background.map_or(0, Background::harmonics_words);
         let mut chunks = Vec::new();
@@ -111,8 +95,9 @@ impl Front {
         Ok(Self {
             sort: SortPasses::new(gpu, input)?,
             gpu: Arc::clone(gpu),
-            foreground,
+            parts,
             posing,
+            posed: false,
             background: chunks,
             passed,
             capacity,
@@ -135,23 +120,54 @@ impl Front {
 
     /// Gaussians of the foreground now.
     pub(crate) fn foreground_count(&self) -> u32 {
-        self.foreground.count
+        self.parts.count()
     }
 
     /// Gaussians of foreground and background now.
     pub(crate) fn total_count(&self) -> u32 {
         let last = self.background.last();
-        self.foreground.count + last.map_or(0, |chunk| chunk.first + chunk.count)
+        self.parts.count() + last.map_or(0, |chunk| chunk.first + chunk.count)
     }
 
-    /// Where on their path the Gaussians of the foreground are now.
-    pub(crate) fn foreground_path(&self) -> ForegroundPath {
-        self.foreground.path
+    /// The foreground as far as the order depends on it.
+    pub(crate) fn sorted(&self) -> &Sorted {
+        self.parts.sorted()
     }
 
-    /// Takes another foreground, which fits, or none for the pictures that follow. The device is idle.
-    pub(crate) fn show(&mut self, slot: Option<&ForegroundSlot>) {
-        self.foreground.show(slot, self.gpu.shares_memory);
+    /// Takes the foreground of the pictures that follow, whose slots fit, as does `own`, which is what was set. The device
+    /// is idle.
+    pub(crate) fn show(
+        &mut self,
+        parts: &[Part<'_>],
+        own: Option<&ForegroundSlot>,
+    ) -> Result<(), RenderError> {
+        self.posed = false;
+        self.parts.begin();
+        for part in parts {
+            let world_from_part = part.world_from_part;
+            match part.gaussians {
+                Foreground::Set => {
+                    if let Some(own) = own {
+                        self.parts.add_slot(own, world_from_part);
+                    }
+                }
+                Foreground::Slot(slot) => self.parts.add_slot(slot, world_from_part),
+                Foreground::Posed {
+                    from,
+                    to,
+                    share,
+                    level,
+                } => {
+                    let posing = self.posing.as_mut().ok_or(RenderError::NoMesh)?;
+                    posing.show(Between::new(from, to, share, level))?;
+                    let sorted = SortedPart::new(posing.count(), posing.path(), world_from_part);
+                    self.parts.add_made(posing.present(), sorted);
+                    self.posed = true;
+                }
+            }
+        }
+        self.parts.end();
+        Ok(())
     }
 
     /// Takes a pose of the mesh. The device is idle.
@@ -160,17 +176,9 @@ impl Front {
         posing.push(input)
     }
 
-    /// Takes the mesh's Gaussians between two states as the foreground of the pictures that follow. The device is idle.
-    pub(crate) fn show_posed(&mut self, between: Between) -> Result<(), RenderError> {
-        let posing = self.posing.as_mut().ok_or(RenderError::NoMesh)?;
-        posing.show(between)?;
-        self.foreground.show_posed(posing);
-        Ok(())
-    }
-
-    /// The mesh, where the foreground is its Gaussians.
+    /// The mesh, where its Gaussians are drawn.
     fn posed(&self) -> Option<&Posing> {
-        self.posing.as_ref().filter(|_| self.foreground.posed)
+        self.posing.as_ref().filter(|_| self.posed)
     }
 
     /// Writes what the stages read of cameras and sizes.
@@ -203,8 +211,7 @@ impl Front {
     /// Records the copy of a new foreground to the device and, where the picture sorts, the clearing of what is
     /// counted into.
     pub(crate) fn record_upload(&self, commands: vk::CommandBuffer, sorts: bool) {
-        let foreground = &self.foreground;
-        foreground.record_copy(&self.gpu, commands);
+        self.parts.record_copies(commands);
         if let Some(posing) = self.posed() {
             posing.record_upload(commands);
         }
@@ -222,8 +229,8 @@ impl Front {
 
     /// Takes note that the picture was drawn, and so its foreground uploaded or posed.
     pub(crate) fn foreground_is_there(&mut self) {
-        self.foreground.copied = Some(self.foreground.writing);
-        if let Some(posing) = self.posing.as_mut().filter(|_| self.foreground.posed) {
+        self.parts.copies_are_there();
+        if let Some(posing) = self.posing.as_mut().filter(|_| self.posed) {
             posing.picture_is_there();
         }
     }
@@ -250,8 +257,7 @@ impl Front {
     }
 
     pub(crate) fn record_project(&self, commands: vk::CommandBuffer) {
-        let groups = [self.foreground.count.div_ceil(GROUP), 1, 1];
-        self.foreground.project.dispatch(commands, &[], groups);
+        self.parts.record_project(commands);
         for chunk in &self.background {
             let push = [chunk.first, chunk.count];
             let groups = [chunk.count.div_ceil(GROUP), 1, 1];
@@ -289,7 +295,7 @@ impl Passed {
     }
 
     /// What `shaders/project.glsl` binds, and `more` after it.
-    fn projecting<'a>(&'a self, more: &[&'a Buffer]) -> Vec<Resource<'a>> {
+    pub(crate) fn projecting<'a>(&'a self, more: &[&'a Buffer]) -> Vec<Resource<'a>> {
         let [left, right] = &self.splats;
         let storage = [
             left,
@@ -303,86 +309,6 @@ impl Passed {
         std::iter::once(Resource::Uniform(&self.frame))
             .chain(storage.map(Resource::Storage))
             .collect()
-    }
-}
-
-impl Foreground {
-    fn new(
-        gpu: &Arc<Gpu>,
-        capacity: u32,
-        filter: Filter,
-        passed: &Passed,
-    ) -> Result<Self, RenderError> {
-        // Without one the shaders read the slots.
-        let copied = if gpu.shares_memory { 0 } else { capacity };
-        let bytes = u64::from(copied) * size_of::<PackedGaussian>() as u64;
-        let copy = Buffer::storage(gpu, "foreground Gaussians", bytes)?;
-        let specialisation = Specialisation {
-            constants: &[GROUP, filter.is_mip()],
-            ..Default::default()
-        };
-        let project = ComputePipeline::new(
-            gpu,
-            shaders_spirv::PROJECT_FOREGROUND,
-            specialisation,
-            &passed.projecting(&[&copy]),
-        )?;
-        Ok(Self {
-            project,
-            projected: copy.handle(),
-            copy,
-            posed: false,
-            slot: None,
-            writing: 0,
-            copied: None,
-            count: 0,
-            path: ForegroundPath::NOWHERE,
-        })
-    }
-
-    fn show(&mut self, slot: Option<&ForegroundSlot>, shaders_read_slots: bool) {
-        self.posed = false;
-        let Some(slot) = slot else {
-            (self.count, self.path) = (0, ForegroundPath::NOWHERE);
-            return;
-        };
-        let memory = slot.memory();
-        let held = self.slot.as_ref();
-        if held.is_none_or(|held| !Arc::ptr_eq(held, memory)) {
-            self.slot = Some(Arc::clone(memory));
-            self.copied = None;
-        }
-        let source = if shaders_read_slots {
-            memory
-        } else {
-            &self.copy
-        };
-        project(&mut self.project, &mut self.projected, source);
-        self.writing = slot.writing;
-        (self.count, self.path) = (slot.count, slot.path);
-    }
-
-    fn show_posed(&mut self, posing: &Posing) {
-        self.posed = true;
-        project(&mut self.project, &mut self.projected, posing.present());
-        (self.count, self.path) = (posing.count(), posing.path());
-    }
-
-    /// Records the copy of what the device has not yet.
-    fn record_copy(&self, gpu: &Gpu, commands: vk::CommandBuffer) {
-        let news = !self.posed && self.count > 0 && self.copied != Some(self.writing);
-        if let (Some(slot), true) = (&self.slot, news && !gpu.shares_memory) {
-            let bytes = u64::from(self.count) * size_of::<PackedGaussian>() as u64;
-            slot.record_copy(commands, &self.copy, bytes);
-        }
-    }
-}
-
-/// Makes a pass project the Gaussians of another buffer, which outlives its next use. The device is idle.
-fn project(pass: &mut ComputePipeline, projected: &mut vk::Buffer, source: &Buffer) {
-    if *projected != source.handle() {
-        *projected = source.handle();
-        pass.rebind(GAUSSIANS, Resource::Storage(source));
     }
 }
 

@@ -45,7 +45,7 @@ impl std::fmt::Display for BackEnd {
 /// after the first was lost.
 #[derive(Debug, Clone)]
 pub struct RendererOptions {
-    /// The most Gaussians that change from frame to frame.
+    /// The most Gaussians that change from frame to frame, of all slots that are drawn together; the mesh's come on top.
     pub max_foreground: u32,
     /// Gaussians on a skinned mesh, which the device poses itself: see [`crate::Foreground::Posed`].
     pub mesh: Option<Arc<BoundMesh>>,

@@ -75,9 +75,9 @@ impl ForegroundPath {
         self.epoch == other.epoch
     }
 
-    /// Whether an order made at `then` still serves here.
-    pub(crate) fn is_served_from(&self, then: &Self) -> bool {
-        self.is_of(then) && (self.way - then.way).abs() <= 1.0
+    /// How far it is from another place of the same Gaussians; 1 is as much as an order is kept for.
+    pub(crate) fn way_from(&self, then: &Self) -> f64 {
+        (self.way - then.way).abs()
     }
 }
 
@@ -91,11 +91,15 @@ mod tests {
         path
     }
 
+    fn serves(now: &ForegroundPath, then: &ForegroundPath) -> bool {
+        now.is_of(then) && now.way_from(then) <= 1.0
+    }
+
     #[test]
     fn an_order_serves_a_foreground_that_trembles_grows_or_fades_in_by_next_to_nothing() {
         let start = ForegroundPath::new();
         let none = Change::default();
-        for (change, serves) in [
+        for (change, expected) in [
             (none, true),
             (
                 Change {
@@ -141,8 +145,8 @@ mod tests {
             ),
         ] {
             let there = after(start, change);
-            assert_eq!(there.is_served_from(&start), serves, "{change:?}");
-            assert_eq!(start.is_served_from(&there), serves, "{change:?}, back");
+            assert_eq!(serves(&there, &start), expected, "{change:?}");
+            assert_eq!(serves(&start, &there), expected, "{change:?}, back");
             assert!(there.is_of(&start), "{change:?}: the same Gaussians");
         }
     }
@@ -162,8 +166,8 @@ mod tests {
             });
         }
         let once = after(start, step);
-        assert!(once.is_served_from(&start), "0.2 mm");
-        assert!(!after(once, step).is_served_from(&start), "0.4 mm");
+        assert!(serves(&once, &start), "0.2 mm");
+        assert!(!serves(&after(once, step), &start), "0.4 mm");
     }
 
     #[test]

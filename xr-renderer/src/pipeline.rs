@@ -19,9 +19,11 @@ pub(crate) struct Specialisation<'a> {
     pub(crate) push_bytes: u32,
     /// Whether the shader is written for subgroups of exactly the device's size, all full.
     pub(crate) fixed_subgroups: bool,
+    /// Sets of resources beside the first, for [`ComputePipeline::dispatch_with`].
+    pub(crate) more_sets: u32,
 }
 
-/// A shader made ready, with its resources bound.
+/// A shader made ready, with its resources bound: one set of them, or several to choose from.
 pub(crate) struct ComputePipeline {
     gpu: Arc<Gpu>,
     bindings: Bindings,
@@ -36,7 +38,12 @@ impl ComputePipeline {
         resources: &[Resource<'_>],
     ) -> Result<Self, RenderError> {
         let stage = vk::ShaderStageFlags::COMPUTE;
-        let bindings = Bindings::new(gpu, stage, specialisation.push_bytes, resources)?;
+        let Specialisation {
+            push_bytes,
+            more_sets,
+            ..
+        } = specialisation;
+        let bindings = Bindings::new(gpu, stage, push_bytes, 1 + more_sets, resources)?;
         let module = Module::new(gpu, shader)?;
         let constants = Constants::new(specialisation.constants);
         let constants = constants.info();
@@ -67,23 +74,34 @@ impl ComputePipeline {
         })
     }
 
-    /// Binds other resources of the same kinds. The device is not using the pipeline, and the resources
+    /// Binds other resources of the same kinds in all sets. The device is not using the pipeline, and the resources
     /// outlive its next use.
     pub(crate) fn bind(&mut self, resources: &[Resource<'_>]) {
         self.bindings.bind(resources);
     }
 
-    /// Binds another resource of the same kind in one place, under the same conditions.
-    pub(crate) fn rebind(&mut self, binding: u32, resource: Resource<'_>) {
-        self.bindings.rebind(binding, resource);
+    /// Binds another resource of the same kind in one place of one set, under the same conditions.
+    pub(crate) fn rebind(&mut self, set: usize, binding: u32, resource: Resource<'_>) {
+        self.bindings.rebind(set, binding, resource);
     }
 
     /// Records a dispatch of `groups` workgroups; nothing where a count is 0.
     pub(crate) fn dispatch(&self, commands: vk::CommandBuffer, push: &[u32], groups: [u32; 3]) {
+        self.dispatch_with(commands, 0, push, groups);
+    }
+
+    /// The same with another set of resources than the first.
+    pub(crate) fn dispatch_with(
+        &self,
+        commands: vk::CommandBuffer,
+        set: usize,
+        push: &[u32],
+        groups: [u32; 3],
+    ) {
         if groups.contains(&0) {
             return;
         }
-        self.record_bind(commands, push);
+        self.record_bind(commands, set, push);
         // SAFETY: the command buffer is being recorded; the pipeline and its resources are bound.
         unsafe {
             let [x, y, z] = groups;
@@ -98,7 +116,7 @@ impl ComputePipeline {
         groups: &Buffer,
         offset: u64,
     ) {
-        self.record_bind(commands, &[]);
+        self.record_bind(commands, 0, &[]);
         // SAFETY: as above; the buffer was made for indirect use and holds the numbers at `offset`.
         unsafe {
             let device = self.gpu.device();
@@ -106,14 +124,14 @@ impl ComputePipeline {
         }
     }
 
-    fn record_bind(&self, commands: vk::CommandBuffer, push: &[u32]) {
+    fn record_bind(&self, commands: vk::CommandBuffer, set: usize, push: &[u32]) {
         let point = vk::PipelineBindPoint::COMPUTE;
         // SAFETY: the command buffer is being recorded.
         unsafe {
             let device = self.gpu.device();
             device.cmd_bind_pipeline(commands, point, self.pipeline);
         }
-        self.bindings.record(commands, point, push);
+        self.bindings.record(commands, point, set, push);
     }
 }
 

@@ -199,7 +199,7 @@ impl Composed {
         let specialisation = Specialisation {
             constants: &[GROUP],
             push_bytes: PUSH_BYTES,
-            fixed_subgroups: false,
+            ..Default::default()
         };
         let resources = [picture, Resource::Storage(&pixels)];
         let pipeline =

@@ -37,7 +37,7 @@ impl Quads {
         let resources: Vec<_> = std::iter::once(Resource::Uniform(&passed.frame))
             .chain(storage.map(Resource::Storage))
             .collect();
-        let bindings = Bindings::new(gpu, vk::ShaderStageFlags::VERTEX, 0, &resources)?;
+        let bindings = Bindings::new(gpu, vk::ShaderStageFlags::VERTEX, 0, 1, &resources)?;
         let indices = index_buffer(gpu)?;
         let attachments = if target.has_depth() { 2 } else { 1 };
         let pipeline = make_pipeline(gpu, bindings.layout(), pass.handle, attachments)?;
@@ -62,7 +62,7 @@ impl Quads {
                 max_depth: 1.0,
                 ..Default::default()
             };
-            self.bindings.record(commands, point, &[]);
+            self.bindings.record(commands, point, 0, &[]);
             // SAFETY: the command buffer is being recorded, within the pass that the pipeline was made for; the state
             // holds the draw's arguments.
             unsafe {

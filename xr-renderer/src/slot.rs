@@ -101,7 +101,7 @@ mod tests {
 
     use super::*;
     use crate::testing::open_gpu;
-    use crate::{BackEnd, Camera, Drawing, Foreground, RendererOptions, SplatRenderer};
+    use crate::{BackEnd, Camera, Drawing, Foreground, Part, RendererOptions, SplatRenderer};
 
     #[test]
     fn slots_make_the_same_pictures_where_shaders_read_them_and_where_they_read_a_copy() {
@@ -149,7 +149,10 @@ mod tests {
                 }
                 for _ in 0..2 {
                     renderer
-                        .draw_with(&Drawing::new(&[camera], Foreground::Slot(&slots[slot])))
+                        .draw_with(&Drawing::new(
+                            &[camera],
+                            &[Part::here(Foreground::Slot(&slots[slot]))],
+                        ))
                         .expect("a picture");
                     pictures.push(renderer.read_back(0).expect("one view"));
                 }

@@ -10,7 +10,7 @@ use shaders_spirv::PackedGaussian;
 
 use crate::back_ends::BackEndTrial;
 use crate::camera::Camera;
-use crate::drawing::{Drawing, Foreground};
+use crate::drawing::{Drawing, Foreground, Part};
 use crate::engine::Engine;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
@@ -81,7 +81,15 @@ impl SplatRenderer {
     /// # Errors
     /// More memory than the device has.
     pub fn foreground_slot(&self) -> Result<ForegroundSlot, RenderError> {
-        ForegroundSlot::new(&self.gpu, self.options.max_foreground)
+        self.foreground_slot_for(self.options.max_foreground)
+    }
+
+    /// Room for a foreground of at most so many Gaussians, as one part of several has.
+    ///
+    /// # Errors
+    /// More memory than the device has.
+    pub fn foreground_slot_for(&self, count: u32) -> Result<ForegroundSlot, RenderError> {
+        ForegroundSlot::new(&self.gpu, count)
     }
 
     /// Takes another foreground (world space) for the pictures that follow, which are sorted anew; at first there is none.
@@ -109,7 +117,7 @@ impl SplatRenderer {
     /// # Errors
     /// As there.
     pub fn draw(&mut self, cameras: &[Camera]) -> Result<(), RenderError> {
-        self.draw_with(&Drawing::new(cameras, Foreground::Set))
+        self.draw_with(&Drawing::new(cameras, &[Part::here(Foreground::Set)]))
     }
 
     /// Draws foreground and background as each camera sees them, and waits until they are drawn.
@@ -118,7 +126,7 @@ impl SplatRenderer {
     /// The Gaussians are sorted anew only where the head or the foreground moved enough to change the order.
     ///
     /// # Errors
-    /// Cameras, a slot or states that do not fit the renderer, more splats than the tiles' lists can hold, or a device that fails.
+    /// Cameras, parts, a slot or states that do not fit the renderer, more splats than the tiles' lists can hold, or a device that fails.
     pub fn draw_with(&mut self, drawing: &Drawing<'_>) -> Result<(), RenderError> {
         self.engine_mut()?.draw(drawing)
     }
@@ -130,8 +138,18 @@ impl SplatRenderer {
     /// # Errors
     /// No device any more, or as [`Self::new`].
     pub fn recover(&mut self) -> Result<Arc<Gpu>, RenderError> {
+        // Before the device is opened, which may fail.
         self.engine = None;
-        self.gpu = self.gpu.reopen()?;
+        self.recover_on(self.gpu.reopen()?)
+    }
+
+    /// [`Self::recover`] on a device that someone else opened, as a headset's runtime does.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn recover_on(&mut self, gpu: Arc<Gpu>) -> Result<Arc<Gpu>, RenderError> {
+        self.engine = None;
+        self.gpu = gpu;
         self.engine = Some(Engine::new(&self.gpu, &self.options)?);
         Ok(Arc::clone(&self.gpu))
     }

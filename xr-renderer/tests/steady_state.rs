@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::Vec3;
 use xr_renderer::{
     BackEnd, Camera, Change, Drawing, Foreground, ForegroundPath, Gaussian, Gpu, GpuChoice,
-    PackedGaussian, RendererOptions, SplatRenderer,
+    PackedGaussian, Part, RendererOptions, SplatRenderer,
 };
 
 /// Counts how often memory is asked for.
@@ -96,7 +96,10 @@ fn pictures_after_the_first_few_are_drawn_without_an_allocation() {
             });
             slot.set(u32::from(COUNT), path).expect("they fit");
             renderer
-                .draw_with(&Drawing::new(&cameras, Foreground::Slot(slot)))
+                .draw_with(&Drawing::new(
+                    &cameras,
+                    &[Part::here(Foreground::Slot(slot))],
+                ))
                 .expect("a picture");
             if picture >= 3 {
                 taken += TAKEN.load(Ordering::Relaxed) - before;

@@ -35,7 +35,9 @@ use std::sync::Arc;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 use threads::Threads;
-use xr_renderer::{Camera, Drawing, Foreground, ForegroundSlot, Gpu, RenderError, SplatRenderer};
+use xr_renderer::{
+    Camera, Drawing, Foreground, ForegroundSlot, Gpu, Part, RenderError, SplatRenderer,
+};
 
 /// What lanes are started with.
 #[derive(Debug)]
@@ -209,7 +211,7 @@ impl<S: MotionSource> Lanes<S> {
         let drawing = Drawing {
             // One camera too many is the renderer's to refuse.
             cameras: if scale < 1.0 { scaled } else { cameras },
-            foreground,
+            foreground: &[Part::here(foreground)],
             keep_order: !self
                 .number
                 .is_multiple_of(u64::from(self.quality.sort_every.max(1))),

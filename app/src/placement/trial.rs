@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use xr_renderer::{
-    Camera, Drawing, Foreground, ForegroundPath, PosedInput, SplatRenderer, StateId,
+    Camera, Drawing, Foreground, ForegroundPath, Part, PosedInput, SplatRenderer, StateId,
 };
 
 /// Frames of each placement that are timed, after one that is not.
@@ -360,7 +360,8 @@ impl Canvas<'_> {
             blend.pack(0..state.len(), gaussians.unwrap_or_default())?;
             slot.set(count, ForegroundPath::new())?;
             let packed = Instant::now();
-            let drawing = Drawing::new(self.cameras, Foreground::Slot(&slot));
+            let parts = [Part::here(Foreground::Slot(&slot))];
+            let drawing = Drawing::new(self.cameras, &parts);
             self.renderer.draw_with(&drawing)?;
             // The first picture is drawn several times, to compare the renderer's back ends.
             if frame > 0 {
@@ -407,7 +408,7 @@ impl Canvas<'_> {
             };
             let handed = Instant::now();
             self.renderer
-                .draw_with(&Drawing::new(self.cameras, foreground))?;
+                .draw_with(&Drawing::new(self.cameras, &[Part::here(foreground)]))?;
             if frame > 0 {
                 let whole = ms(handed.elapsed());
                 let times = self.renderer.stage_times();

@@ -8,8 +8,8 @@ use mon3tr_tests::vulkan::{assert_silent, gpu};
 use spmm3::{GaussianSet, PlanarVertices, SH_C0};
 use std::sync::Arc;
 use xr_renderer::{
-    BackEnd, Camera, DetailLevel, Drawing, Foreground, Gpu, Image, PackedGaussian, PosedInput,
-    Poser, RenderError, RendererOptions, SplatRenderer, StateId,
+    BackEnd, Camera, DetailLevel, Drawing, Foreground, Gpu, Image, PackedGaussian, Part,
+    PosedInput, Poser, RenderError, RendererOptions, SplatRenderer, StateId,
 };
 
 /// Least likeness to the CPU's picture, dB, and the largest difference of a channel. What differs is a state's rounding
@@ -91,7 +91,7 @@ fn posed(
         level: 0,
     };
     renderer
-        .draw_with(&Drawing::new(&cameras, foreground))
+        .draw_with(&Drawing::new(&cameras, &[Part::here(foreground)]))
         .expect("a picture");
     renderer.read_back(0).expect("a view")
 }
@@ -201,7 +201,7 @@ fn posed_error(renderer: &mut SplatRenderer, camera: Camera) -> RenderError {
         level: 0,
     };
     renderer
-        .draw_with(&Drawing::new(&[camera], foreground))
+        .draw_with(&Drawing::new(&[camera], &[Part::here(foreground)]))
         .expect_err("nothing was pushed")
 }
 
@@ -263,7 +263,7 @@ fn a_level_of_detail_is_drawn_as_its_gaussians_are_when_uploaded() {
             level,
         };
         renderer
-            .draw_with(&Drawing::new(&[camera], foreground))
+            .draw_with(&Drawing::new(&[camera], &[Part::here(foreground)]))
             .expect("a picture");
         let got = renderer.read_back(0).expect("a view");
         assert_eq!(got, want, "level {level}");

@@ -8,7 +8,7 @@ use mon3tr_tests::picture_check::{BACK_ENDS, packed, renderer_for, show, views_o
 use mon3tr_tests::splat_scenes::{front_camera, random_gaussians};
 use mon3tr_tests::vulkan::{assert_silent, gpu, open_gpu};
 use mon3tr_tests::walking::Walking;
-use xr_renderer::{BackEnd, Drawing, Foreground, ForegroundPath, RenderError};
+use xr_renderer::{BackEnd, Drawing, Foreground, ForegroundPath, Part, RenderError};
 
 #[test]
 fn slots_filled_by_another_thread_while_others_are_drawn_show_what_was_set() {
@@ -38,7 +38,8 @@ fn slots_filled_by_another_thread_while_others_are_drawn_show_what_was_set() {
                 let slot = written.recv().expect("the writer lives");
                 for _ in 0..2 {
                     let cameras = [camera];
-                    let drawing = Drawing::new(&cameras, Foreground::Slot(&slot));
+                    let parts = [Part::here(Foreground::Slot(&slot))];
+                    let drawing = Drawing::new(&cameras, &parts);
                     renderer.draw_with(&drawing).expect("a picture");
                 }
                 // The writer may have finished.

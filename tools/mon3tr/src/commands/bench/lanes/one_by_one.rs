@@ -10,7 +10,8 @@ use npu_runtime::Outputs;
 use spmm3::{MotionParams, Skeleton, SkinningTransforms};
 use std::time::Instant;
 use xr_renderer::{
-    Camera, Drawing, Foreground, ForegroundPath, ForegroundSlot, PosedInput, SplatRenderer, StateId,
+    Camera, Drawing, Foreground, ForegroundPath, ForegroundSlot, Part, PosedInput, SplatRenderer,
+    StateId,
 };
 
 /// Nearly the newer state: the work is that of any place between two.
@@ -197,7 +198,10 @@ impl Maker {
                 slot.set(u32::try_from(state.len())?, ForegroundPath::new())?;
                 samples.interpolate.push(ms(interpolating));
                 let drawing = Instant::now();
-                renderer.draw_with(&Drawing::new(cameras, Foreground::Slot(slot)))?;
+                renderer.draw_with(&Drawing::new(
+                    cameras,
+                    &[Part::here(Foreground::Slot(slot))],
+                ))?;
                 samples.draw.push(ms(drawing));
             }
             Self::Device { states, .. } => {
@@ -209,7 +213,7 @@ impl Maker {
                     share: SHARE,
                     level: 0,
                 };
-                renderer.draw_with(&Drawing::new(cameras, foreground))?;
+                renderer.draw_with(&Drawing::new(cameras, &[Part::here(foreground)]))?;
                 let whole = ms(drawing);
                 let times = renderer.stage_times();
                 let bind = times.skin + times.attributes;

@@ -1,0 +1,220 @@
+//! The parts of a foreground, one after the other in the numbering of the Gaussians, each projected from where it lies.
+//!
+//! Who checks that parts fit the renderer is [`crate::engine`]; where the mesh's Gaussians come from is [`crate::posing`].
+
+use std::sync::Arc;
+
+use ash::vk;
+use glam::Affine3A;
+use shaders_spirv::{PackedGaussian, PartParams};
+
+use crate::bindings::Resource;
+use crate::buffer::Buffer;
+use crate::drawing::MOST_PARTS;
+use crate::error::RenderError;
+use crate::front::Passed;
+use crate::gpu::Gpu;
+use crate::options::Filter;
+use crate::order::{Sorted, SortedPart};
+use crate::pipeline::{ComputePipeline, Specialisation};
+use crate::slot::ForegroundSlot;
+
+/// Invocations per workgroup.
+const GROUP: u32 = 64;
+/// Where `shaders/project_foreground.comp` binds the Gaussians.
+const GAUSSIANS: u32 = 7;
+
+/// What is projected as the foreground. Whatever changes it wants an idle device.
+pub(crate) struct Parts {
+    gpu: Arc<Gpu>,
+    /// One set of resources for each part there may be.
+    project: ComputePipeline,
+    /// What the slots hold, one after the other, in the device's own memory; next to nothing on a software driver, which
+    /// reads the slots.
+    copy: Buffer,
+    places: [Place; MOST_PARTS],
+    /// How many of them there are.
+    len: usize,
+    /// Gaussians of all of them, and of those that come from slots.
+    count: u32,
+    from_slots: u32,
+    sorted: Sorted,
+}
+
+/// What one part's set of resources was last used for.
+#[derive(Default)]
+struct Place {
+    /// The slot that is drawn, kept alive while the device may read it; none where the mesh is.
+    slot: Option<Arc<Buffer>>,
+    writing: u64,
+    /// Whether the device has its copy of this writing, where `params` say.
+    copied: bool,
+    /// The buffer that is bound.
+    projected: vk::Buffer,
+    params: PartParams,
+}
+
+impl Parts {
+    /// Room for as many Gaussians from slots.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        capacity: u32,
+        filter: Filter,
+        passed: &Passed,
+    ) -> Result<Self, RenderError> {
+        // Without one the shaders read the slots.
+        let copied = if gpu.shares_memory { 0 } else { capacity };
+        let bytes = u64::from(copied) * size_of::<PackedGaussian>() as u64;
+        let copy = Buffer::storage(gpu, "foreground Gaussians", bytes)?;
+        let specialisation = Specialisation {
+            constants: &[GROUP, filter.is_mip()],
+            push_bytes: size_of::<PartParams>() as u32,
+            more_sets: MOST_PARTS as u32 - 1,
+            ..Default::default()
+        };
+        let project = ComputePipeline::new(
+            gpu,
+            shaders_spirv::PROJECT_FOREGROUND,
+            specialisation,
+            &passed.projecting(&[&copy]),
+        )?;
+        Ok(Self {
+            gpu: Arc::clone(gpu),
+            project,
+            places: std::array::from_fn(|_| Place {
+                projected: copy.handle(),
+                ..Place::default()
+            }),
+            copy,
+            len: 0,
+            count: 0,
+            from_slots: 0,
+            sorted: Sorted::default(),
+        })
+    }
+
+    /// Gaussians of all parts.
+    pub(crate) fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// What the order depends on.
+    pub(crate) fn sorted(&self) -> &Sorted {
+        &self.sorted
+    }
+
+    /// Begins with no part at all; [`Self::end`] follows once all parts were added.
+    pub(crate) fn begin(&mut self) {
+        (self.len, self.count, self.from_slots) = (0, 0, 0);
+        self.sorted = Sorted::default();
+    }
+
+    /// Adds what a slot holds, which fits.
+    pub(crate) fn add_slot(&mut self, slot: &ForegroundSlot, world_from_part: Affine3A) {
+        let Some(place) = self.places.get_mut(self.len) else {
+            return;
+        };
+        let memory = slot.memory();
+        let (source, binds) = if self.gpu.shares_memory {
+            (0, &**memory)
+        } else {
+            (self.from_slots, &self.copy)
+        };
+        let held = place.slot.as_ref();
+        let is_held = held.is_some_and(|held| Arc::ptr_eq(held, memory));
+        if !is_held || (place.writing, place.params.source) != (slot.writing, source) {
+            place.copied = false;
+        }
+        if !is_held {
+            place.slot = Some(Arc::clone(memory));
+        }
+        place.writing = slot.writing;
+        place.bind(&mut self.project, self.len, binds);
+        self.from_slots += slot.count;
+        self.add(
+            source,
+            SortedPart::new(slot.count, slot.path, world_from_part),
+        );
+    }
+
+    /// Adds the Gaussians of a buffer that is filled on the device.
+    pub(crate) fn add_made(&mut self, made: &Buffer, part: SortedPart) {
+        let Some(place) = self.places.get_mut(self.len) else {
+            return;
+        };
+        (place.slot, place.copied) = (None, false);
+        place.bind(&mut self.project, self.len, made);
+        self.add(0, part);
+    }
+
+    fn add(&mut self, source: u32, part: SortedPart) {
+        let Some(place) = self.places.get_mut(self.len) else {
+            return;
+        };
+        let matrix = part.world_from_part.matrix3;
+        let offset = part.world_from_part.translation;
+        place.params = PartParams {
+            world_from_part: [0, 1, 2]
+                .map(|index| matrix.row(index).extend(offset[index]).to_array()),
+            first: self.count,
+            count: part.count,
+            source,
+        };
+        self.count += part.count;
+        self.sorted.add(part);
+        self.len += 1;
+    }
+
+    /// Lets go of what parts held that are no more: others may be copied to where theirs lie.
+    pub(crate) fn end(&mut self) {
+        for place in self.places.iter_mut().skip(self.len) {
+            // The next one's handle may be the same.
+            *place = Place::default();
+        }
+    }
+
+    fn present(&self) -> impl Iterator<Item = &Place> {
+        self.places.iter().take(self.len)
+    }
+
+    /// Records the copies of what the device has not yet.
+    pub(crate) fn record_copies(&self, commands: vk::CommandBuffer) {
+        if self.gpu.shares_memory {
+            return;
+        }
+        let each = size_of::<PackedGaussian>() as u64;
+        for place in self.present() {
+            let PartParams { count, source, .. } = place.params;
+            if let (Some(slot), false, 1..) = (&place.slot, place.copied, count) {
+                let [start, bytes] = [source, count].map(|gaussians| u64::from(gaussians) * each);
+                slot.record_copy_to(commands, &self.copy, start, bytes);
+            }
+        }
+    }
+
+    /// Takes note that the copies were made.
+    pub(crate) fn copies_are_there(&mut self) {
+        for place in self.places.iter_mut().take(self.len) {
+            place.copied = place.slot.is_some();
+        }
+    }
+
+    /// Records the projection of each part.
+    pub(crate) fn record_project(&self, commands: vk::CommandBuffer) {
+        for (set, place) in self.present().enumerate() {
+            let push = bytemuck::cast_slice(std::slice::from_ref(&place.params));
+            let groups = [place.params.count.div_ceil(GROUP), 1, 1];
+            self.project.dispatch_with(commands, set, push, groups);
+        }
+    }
+}
+
+impl Place {
+    /// Makes the part's set read another buffer, which outlives its next use.
+    fn bind(&mut self, pass: &mut ComputePipeline, set: usize, source: &Buffer) {
+        if self.projected != source.handle() {
+            self.projected = source.handle();
+            pass.rebind(set, GAUSSIANS, Resource::Storage(source));
+        }
+    }
+}
