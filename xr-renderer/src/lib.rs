@@ -45,6 +45,7 @@ mod tiles;
 mod timestamps;
 mod upload;
 mod validation;
+pub mod xr;
 
 pub use back_ends::BackEndTrial;
 pub use background::Background;

@@ -1,0 +1,144 @@
+//! Which of `OpenXR`'s extensions are wanted, and which of them a runtime has.
+//!
+//! One is required; every other has a file in [`ext`](super::ext) that does without where it is missing.
+
+use openxr::ExtensionSet;
+
+use super::error::XrError;
+
+/// An extension by its name, its place in a set, and the others without which a runtime refuses it.
+struct Wanted {
+    name: &'static str,
+    needs: &'static [&'static str],
+    is_in: fn(&ExtensionSet) -> bool,
+    put_in: fn(&mut ExtensionSet),
+}
+
+macro_rules! wanted {
+    ($name:literal, $field:ident $(, $needs:literal)*) => {
+        Wanted {
+            name: $name,
+            needs: &[$($needs),*],
+            is_in: |set| set.$field,
+            put_in: |set| set.$field = true,
+        }
+    };
+}
+
+/// What no picture can be shown without.
+const REQUIRED: Wanted = wanted!("XR_KHR_vulkan_enable2", khr_vulkan_enable2);
+
+/// What is used where it is there, those that others need first.
+const OPTIONAL: &[Wanted] = &[
+    #[cfg(not(windows))]
+    wanted!("XR_KHR_convert_timespec_time", khr_convert_timespec_time),
+    wanted!("XR_EXT_local_floor", ext_local_floor),
+    wanted!(
+        "XR_KHR_composition_layer_depth",
+        khr_composition_layer_depth
+    ),
+    wanted!("XR_EXT_hand_tracking", ext_hand_tracking),
+    wanted!("XR_EXT_eye_gaze_interaction", ext_eye_gaze_interaction),
+    wanted!("XR_FB_passthrough", fb_passthrough),
+    wanted!("XR_FB_display_refresh_rate", fb_display_refresh_rate),
+    wanted!("XR_FB_swapchain_update_state", fb_swapchain_update_state),
+    wanted!(
+        "XR_FB_foveation",
+        fb_foveation,
+        "XR_FB_swapchain_update_state"
+    ),
+    wanted!(
+        "XR_FB_foveation_configuration",
+        fb_foveation_configuration,
+        "XR_FB_foveation"
+    ),
+    wanted!(
+        "XR_FB_foveation_vulkan",
+        fb_foveation_vulkan,
+        "XR_FB_foveation"
+    ),
+    wanted!(
+        "XR_META_foveation_eye_tracked",
+        meta_foveation_eye_tracked,
+        "XR_FB_foveation",
+        "XR_FB_foveation_configuration"
+    ),
+    wanted!("XR_EXT_performance_settings", ext_performance_settings),
+    #[cfg(target_os = "android")]
+    wanted!(
+        "XR_KHR_android_thread_settings",
+        khr_android_thread_settings
+    ),
+];
+
+/// Wanted, and only ever there on a headset's own Android.
+#[cfg(not(target_os = "android"))]
+const ANDROID_ONLY: &[&str] = &["XR_KHR_android_thread_settings"];
+#[cfg(target_os = "android")]
+const ANDROID_ONLY: &[&str] = &[];
+
+/// The extensions that an instance is made with, and those that it has to do without.
+#[derive(Debug, Clone)]
+pub struct Extensions {
+    set: ExtensionSet,
+    granted: Vec<&'static str>,
+    missing: Vec<&'static str>,
+}
+
+impl Extensions {
+    /// Those wanted of those available.
+    ///
+    /// # Errors
+    /// [`XrError::Unsupported`] without `XR_KHR_vulkan_enable2`.
+    pub fn of(available: &ExtensionSet) -> Result<Self, XrError> {
+        if !(REQUIRED.is_in)(available) {
+            return Err(XrError::Unsupported {
+                runtime: "the OpenXR runtime".to_owned(),
+                lacks: REQUIRED.name.to_owned(),
+            });
+        }
+        let mut set = ExtensionSet::default();
+        (REQUIRED.put_in)(&mut set);
+        let mut granted = vec![REQUIRED.name];
+        let mut missing = Vec::new();
+        for wanted in OPTIONAL {
+            let usable = wanted.needs.iter().all(|needed| granted.contains(needed));
+            if usable && (wanted.is_in)(available) {
+                (wanted.put_in)(&mut set);
+                granted.push(wanted.name);
+            } else {
+                missing.push(wanted.name);
+            }
+        }
+        missing.extend_from_slice(ANDROID_ONLY);
+        Ok(Self {
+            set,
+            granted,
+            missing,
+        })
+    }
+
+    /// What to make the instance with.
+    #[must_use]
+    pub fn set(&self) -> &ExtensionSet {
+        &self.set
+    }
+
+    /// Names (`XR_...`) of the wanted ones that the runtime has, the required one too.
+    #[must_use]
+    pub fn granted(&self) -> &[&'static str] {
+        &self.granted
+    }
+
+    /// Names (`XR_...`) of the wanted ones that it lacks, or that lack another that they need.
+    #[must_use]
+    pub fn missing(&self) -> &[&'static str] {
+        &self.missing
+    }
+
+    /// Whether the one by this name (`XR_...`) is granted.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        self.granted.contains(&name)
+    }
+}

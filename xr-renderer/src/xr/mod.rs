@@ -1,0 +1,11 @@
+//! A headset, through `OpenXR`.
+
+mod error;
+pub mod ext;
+mod extensions;
+mod input;
+mod pose;
+
+pub use error::XrError;
+pub use extensions::Extensions;
+pub use input::{Controls, Hand, Input};
