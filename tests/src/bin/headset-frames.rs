@@ -21,7 +21,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let frames: u64 = arguments.next().ok_or("how many frames?")?.parse()?;
     let folder = arguments.next().ok_or("where to?")?;
-    let reads: Vec<u64> = arguments.map(|frame| frame.parse()).collect::<Result<_, _>>()?;
+    let reads: Vec<u64> = arguments
+        .map(|frame| frame.parse())
+        .collect::<Result<_, _>>()?;
     let runtime = Runtime::load()?;
     let headset = Headset::open(&runtime, std::env::var_os("VK_LAYER_PATH").is_some())?;
     let mut session = Session::new(
@@ -32,7 +34,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         },
     )?;
     let [width, height] = headset.info().eye_size;
-    let gaussians: Vec<PackedGaussian> = standing_figure(20_000).iter().map(PackedGaussian::from).collect();
+    let gaussians: Vec<PackedGaussian> = standing_figure(20_000)
+        .iter()
+        .map(PackedGaussian::from)
+        .collect();
     let options = RendererOptions {
         depth: session.takes_depth(),
         ..RendererOptions::new(u32::try_from(gaussians.len())?, width, height, 2)
@@ -91,7 +96,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let rises = predictions.windows(2).all(|pair| pair[1] > pair[0]);
-    let passed: Vec<String> = session.life().passed().iter().map(ToString::to_string).collect();
+    let passed: Vec<String> = session
+        .life()
+        .passed()
+        .iter()
+        .map(ToString::to_string)
+        .collect();
     println!(
         "{}",
         json!({
@@ -126,7 +136,10 @@ fn show(
 
 /// A camera as numbers.
 fn told(camera: &Camera) -> Value {
-    let Affine3A { matrix3, translation } = camera.camera_from_world;
+    let Affine3A {
+        matrix3,
+        translation,
+    } = camera.camera_from_world;
     json!({
         "rotation": matrix3.to_cols_array(),
         "translation": Vec3::from(translation).to_array(),

@@ -263,7 +263,7 @@ impl EyeImages {
                 let specialisation = Specialisation {
                     constants: &[GROUP],
                     push_bytes: PUSH_BYTES,
-                    fixed_subgroups: false,
+                    ..Default::default()
                 };
                 self.pipeline = Some(ComputePipeline::new(
                     &self.gpu,

@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use glam::Affine3A;
+use glam::{Affine3A, Quat};
 use openxr::{Instance as XrInstance, Time, View};
 
-use super::space::{affine, parts};
+use super::pose::rigid;
 use crate::camera::{Camera, Fov};
 
 /// A frame that the runtime wants now.
@@ -43,7 +43,10 @@ impl Eyes {
     pub(crate) fn of(views: &[View], width: u32, height: u32) -> Option<Self> {
         let &[left, right] = views else { return None };
         let camera = |view: View| {
-            let (position, orientation) = parts(view.pose)?;
+            let Affine3A {
+                matrix3,
+                translation: position,
+            } = rigid(&view.pose)?;
             let fov = Fov {
                 left: view.fov.angle_left,
                 right: view.fov.angle_right,
@@ -55,10 +58,18 @@ impl Eyes {
                 limits.contains(&from) && limits.contains(&to) && from + 0.01 < to
             };
             let sound = open(fov.left, fov.right) && open(fov.down, fov.up);
-            sound.then(|| Camera::from_fov(position, orientation, fov, width, height))
+            sound.then(|| {
+                Camera::from_fov(
+                    position.into(),
+                    Quat::from_mat3a(&matrix3),
+                    fov,
+                    width,
+                    height,
+                )
+            })
         };
         let cameras = [camera(left)?, camera(right)?];
-        let [from_left, from_right] = [affine(left.pose)?, affine(right.pose)?];
+        let [from_left, from_right] = [rigid(&left.pose)?, rigid(&right.pose)?];
         let mut floor_from_head = from_left;
         floor_from_head.translation = (from_left.translation + from_right.translation) * 0.5;
         Some(Self {

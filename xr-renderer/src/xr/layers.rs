@@ -1,18 +1,26 @@
-//! What a frame is made of for the compositor: the room behind, both eyes' pictures, a panel.
+//! What a frame is made of for the compositor, from back to front: the room, both eyes' pictures, a panel.
 
-use openxr::sys;
-use openxr::{EnvironmentBlendMode, Instance, Session, Space, Time, View, Vulkan};
+use glam::Affine3A;
+use openxr::{
+    CompositionLayerBase, CompositionLayerFlags, CompositionLayerProjection,
+    CompositionLayerProjectionView, CompositionLayerQuad, EnvironmentBlendMode, EyeVisibility,
+    FrameStream, Space, SwapchainSubImage, Time, View, Vulkan,
+};
 
 use super::error::{XrContext, XrError};
-use super::eyes::{EyeImages, FAR, NEAR};
+use super::ext::depth::DepthRange;
+use super::ext::passthrough::PassthroughLayer;
+use super::eyes::EyeImages;
 use super::panel::Panel;
-use super::space::pose;
-use glam::Affine3A;
+use super::pose::posef;
+use super::swapchain::Swapchain;
 
-/// The layers of one frame, from back to front.
+/// The layers of one frame.
 pub(crate) struct Layers<'a> {
-    pub(crate) passthrough: Option<sys::CompositionLayerPassthroughFB>,
+    pub(crate) room: Option<PassthroughLayer<'a>>,
     pub(crate) eyes: Option<(&'a EyeImages, &'a [View; 2])>,
+    /// What depths mean, where the compositor takes them.
+    pub(crate) depth: Option<DepthRange>,
     pub(crate) panel: Option<(&'a Panel, PlacedPanel)>,
     /// Where eyes and panel are.
     pub(crate) floor: &'a Space,
@@ -32,132 +40,82 @@ impl Layers<'_> {
     /// Ends the frame that is to be seen at `time` with these layers.
     pub(crate) fn end_frame(
         &self,
-        instance: &Instance,
-        session: &Session<Vulkan>,
+        stream: &mut FrameStream<Vulkan>,
         time: Time,
         blend: EnvironmentBlendMode,
     ) -> Result<(), XrError> {
-        let depths = self.eyes.and_then(|(images, _)| depth_infos(images));
+        let depths = self.depths();
         let views = self.eyes.map(|(images, views)| {
-            let mut projected = [0, 1].map(|eye| view_of(images, views, eye));
-            if let Some(depths) = &depths {
-                for (view, depth) in projected.iter_mut().zip(depths) {
-                    view.next = std::ptr::from_ref(depth).cast();
+            let [left, right] = views;
+            let view = |eye: u32, view: &View| {
+                let (size, _) = images.written();
+                let picture = CompositionLayerProjectionView::new()
+                    .pose(view.pose)
+                    .fov(view.fov)
+                    .sub_image(part(&images.colour, size, eye));
+                match depths
+                    .as_ref()
+                    .map(|[left, right]| if eye == 0 { left } else { right })
+                {
+                    Some(depth) => depth.of(picture),
+                    None => picture,
                 }
-            }
-            projected
+            };
+            [view(0, left), view(1, right)]
         });
-        let mut flags = sys::CompositionLayerFlags::EMPTY;
-        if self.transparent {
-            flags |= sys::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA;
-        }
-        let projection = views.as_ref().map(|views| sys::CompositionLayerProjection {
-            ty: sys::CompositionLayerProjection::TYPE,
-            next: std::ptr::null(),
-            layer_flags: flags,
-            space: self.floor.as_raw(),
-            view_count: 2,
-            views: views.as_ptr(),
-        });
-        let panel = self.panel.map(|(panel, placed)| self.quad(panel, placed));
-        let mut layers: [*const sys::CompositionLayerBaseHeader; 3] = [std::ptr::null(); 3];
-        let there = [
-            self.passthrough
-                .as_ref()
-                .map(|layer| std::ptr::from_ref(layer).cast()),
-            projection
-                .as_ref()
-                .map(|layer| std::ptr::from_ref(layer).cast()),
-            panel.as_ref().map(|layer| std::ptr::from_ref(layer).cast()),
-        ];
-        let mut count = 0;
-        for (place, layer) in layers.iter_mut().zip(there.into_iter().flatten()) {
-            *place = layer;
-            count += 1;
-        }
-        let info = sys::FrameEndInfo {
-            ty: sys::FrameEndInfo::TYPE,
-            next: std::ptr::null(),
-            display_time: time,
-            environment_blend_mode: blend,
-            layer_count: count,
-            layers: layers.as_ptr(),
+        let flags = if self.transparent {
+            CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA
+        } else {
+            CompositionLayerFlags::EMPTY
         };
-        // SAFETY: all structures, and those they point to, live until the call returns; swapchains and spaces are the session's.
-        let result = unsafe { (instance.fp().end_frame)(session.as_raw(), &raw const info) };
-        if result.into_raw() < 0 {
-            return Err(result).during("xrEndFrame");
-        }
-        Ok(())
+        let pictures = views.as_ref().map(|views| {
+            CompositionLayerProjection::new()
+                .layer_flags(flags)
+                .space(self.floor)
+                .views(views)
+        });
+        let panel = self.panel.map(|(panel, placed)| {
+            let extent = panel.images.extent;
+            CompositionLayerQuad::new()
+                .layer_flags(CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA)
+                .space(self.floor)
+                .eye_visibility(EyeVisibility::BOTH)
+                .sub_image(part(&panel.images, extent, 0))
+                .pose(posef(&placed.floor_from_panel))
+                .size(openxr::Extent2Df {
+                    width: placed.width,
+                    height: placed.width * extent.height as f32 / extent.width.max(1) as f32,
+                })
+        });
+        let mut layers: Vec<&CompositionLayerBase<'_, Vulkan>> = Vec::with_capacity(3);
+        layers.extend(self.room.as_deref());
+        layers.extend(pictures.as_deref());
+        layers.extend(panel.as_deref());
+        stream.end(time, blend, &layers).during("xrEndFrame")
     }
 
-    fn quad(&self, panel: &Panel, placed: PlacedPanel) -> sys::CompositionLayerQuad {
-        let extent = panel.images.extent;
-        sys::CompositionLayerQuad {
-            ty: sys::CompositionLayerQuad::TYPE,
-            next: std::ptr::null(),
-            layer_flags: sys::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA,
-            space: self.floor.as_raw(),
-            eye_visibility: openxr::EyeVisibility::BOTH,
-            sub_image: sys::SwapchainSubImage {
-                swapchain: panel.images.handle.as_raw(),
-                image_rect: rect(extent.width, extent.height),
-                image_array_index: 0,
-            },
-            pose: pose(placed.floor_from_panel),
-            size: openxr::Extent2Df {
-                width: placed.width,
-                height: placed.width * extent.height as f32 / extent.width.max(1) as f32,
-            },
-        }
-    }
-}
-
-fn view_of(images: &EyeImages, views: &[View; 2], eye: u32) -> sys::CompositionLayerProjectionView {
-    let (size, _) = images.written();
-    let [left, right] = *views;
-    let view = if eye == 0 { left } else { right };
-    sys::CompositionLayerProjectionView {
-        ty: sys::CompositionLayerProjectionView::TYPE,
-        next: std::ptr::null(),
-        pose: view.pose,
-        fov: view.fov,
-        sub_image: sys::SwapchainSubImage {
-            swapchain: images.colour.handle.as_raw(),
-            image_rect: rect(size.width, size.height),
-            image_array_index: eye,
-        },
+    /// Both eyes' depth, where the last picture has it.
+    fn depths(&self) -> Option<[super::ext::depth::DepthImage<'_>; 2]> {
+        let (images, _) = self.eyes?;
+        let (size, true) = images.written() else {
+            return None;
+        };
+        let (range, depth) = (self.depth?, images.depth.as_ref()?);
+        Some([0, 1].map(|eye| range.image(part(depth, size, eye))))
     }
 }
 
-/// Both eyes' depth (`XR_KHR_composition_layer_depth`), where the last picture has it.
-fn depth_infos(images: &EyeImages) -> Option<[sys::CompositionLayerDepthInfoKHR; 2]> {
-    let (size, true) = images.written() else {
-        return None;
-    };
-    let depth = images.depth.as_ref()?;
-    Some([0, 1].map(|eye| sys::CompositionLayerDepthInfoKHR {
-        ty: sys::CompositionLayerDepthInfoKHR::TYPE,
-        next: std::ptr::null(),
-        sub_image: sys::SwapchainSubImage {
-            swapchain: depth.handle.as_raw(),
-            image_rect: rect(size.width, size.height),
-            image_array_index: eye,
-        },
-        min_depth: 0.0,
-        max_depth: 1.0,
-        near_z: NEAR,
-        far_z: FAR,
-    }))
-}
-
-fn rect(width: u32, height: u32) -> openxr::Rect2Di {
+/// The upper left of an image's layer.
+fn part(images: &Swapchain, size: ash::vk::Extent2D, layer: u32) -> SwapchainSubImage<'_, Vulkan> {
     let side = |pixels: u32| i32::try_from(pixels).unwrap_or(i32::MAX);
-    openxr::Rect2Di {
-        offset: openxr::Offset2Di { x: 0, y: 0 },
-        extent: openxr::Extent2Di {
-            width: side(width),
-            height: side(height),
-        },
-    }
+    SwapchainSubImage::new()
+        .swapchain(&images.handle)
+        .image_array_index(layer)
+        .image_rect(openxr::Rect2Di {
+            offset: openxr::Offset2Di { x: 0, y: 0 },
+            extent: openxr::Extent2Di {
+                width: side(size.width),
+                height: side(size.height),
+            },
+        })
 }

@@ -4,12 +4,15 @@
 //! What goes away with the runtime comes back by being opened again: see [`XrError::is_loss`].
 
 mod error;
+pub mod ext;
 mod extensions;
 mod eyes;
 mod frame;
 mod headset;
+mod input;
 mod layers;
 mod panel;
+mod pose;
 mod runtime;
 mod session;
 mod space;
@@ -21,8 +24,9 @@ pub use extensions::Extensions;
 pub use eyes::{EyePicture, Surround};
 pub use frame::{Eyes, Frame};
 pub use headset::{Headset, HeadsetInfo};
+pub use input::{Controls, Hand, Input};
 pub use panel::PanelImage;
 pub use runtime::Runtime;
-pub use session::{Happenings, Over, Session, SessionOptions};
+pub use session::{Happenings, Over, Session, SessionOptions, Tracks};
 pub use space::{EYE_HEIGHT, Floor};
 pub use state::{Duty, Life, Lifecycle};

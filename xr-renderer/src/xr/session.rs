@@ -12,9 +12,17 @@ use openxr::{
 };
 
 use super::error::{XrContext, XrError};
-use super::eyes::{EyeImages, EyePicture, Surround};
+use super::ext::Held;
+use super::ext::depth::DepthRange;
+use super::ext::or_without;
+use super::ext::passthrough::Passthrough;
+use super::ext::performance::{self, Thermal};
+use super::ext::refresh_rate::{DEFAULT_HZ, RefreshRate};
+use super::ext::threads::{self, Role};
+use super::eyes::{EyeImages, EyePicture, FAR, NEAR, Surround};
 use super::frame::{Eyes, Frame, XrClock};
 use super::headset::{Headset, VIEWS};
+use super::input::{Controls, Input};
 use super::layers::{Layers, PlacedPanel};
 use super::panel::{Panel, PanelImage};
 use super::space::{Floor, FloorSpace};
@@ -40,6 +48,15 @@ pub struct Happenings {
     pub over: Option<Over>,
 }
 
+/// What the headset follows of the viewer, beside the head.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tracks {
+    /// Bare hands.
+    pub hands: bool,
+    /// Where they look.
+    pub gaze: bool,
+}
+
 /// How a session ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Over {
@@ -54,6 +71,10 @@ pub struct Session {
     // What was made with the session goes before it.
     images: EyeImages,
     panel: Option<(Panel, PlacedPanel)>,
+    room: Option<Passthrough>,
+    input: Input,
+    refresh: Option<RefreshRate>,
+    depth: Option<DepthRange>,
     space: FloorSpace,
     stream: FrameStream<Vulkan>,
     waiter: FrameWaiter,
@@ -103,10 +124,15 @@ impl Session {
             })
             .during("xrCreateSession")?;
         let extensions = headset.extensions();
+        let room = options
+            .room
+            .then(|| or_without("passthrough", Passthrough::new(&session, headset.system)))
+            .flatten();
         let blends = instance
             .enumerate_environment_blend_modes(headset.system, VIEWS)
             .during("xrEnumerateEnvironmentBlendModes")?;
-        let blend = if options.room && blends.contains(&EnvironmentBlendMode::ALPHA_BLEND) {
+        let sees_through = options.room && room.is_none();
+        let blend = if sees_through && blends.contains(&EnvironmentBlendMode::ALPHA_BLEND) {
             EnvironmentBlendMode::ALPHA_BLEND
         } else {
             blends
@@ -116,11 +142,17 @@ impl Session {
         };
         let extent = headset.eye();
         let enabled = extensions.set();
-        let with_depth = enabled.khr_composition_layer_depth;
+        let depth = or_without("depth", DepthRange::new(&instance, NEAR, FAR));
+        let with_depth = depth.is_some();
+        or_without("sustained clocks", performance::sustain(&session));
         let images = EyeImages::new(&gpu, &session, extent, with_depth, options.read_back)?;
         Ok(Self {
             space: FloorSpace::new(&session, enabled.ext_local_floor)?,
             clock: XrClock::new(enabled.khr_convert_timespec_time),
+            input: Input::new(&session, headset.system)?,
+            refresh: or_without("a choice of rates", RefreshRate::new(&session, DEFAULT_HZ)),
+            depth,
+            room,
             images,
             panel: None,
             stream,
@@ -145,7 +177,22 @@ impl Session {
     /// Whether the viewer's own room is behind what is transparent.
     #[must_use]
     pub fn shows_room(&self) -> bool {
-        self.blend == EnvironmentBlendMode::ALPHA_BLEND
+        self.room.is_some() || self.blend == EnvironmentBlendMode::ALPHA_BLEND
+    }
+
+    /// The display's rate where the headset lets us choose it, Hz.
+    #[must_use]
+    pub fn refresh_hz(&self) -> Option<f32> {
+        self.refresh.as_ref().map(RefreshRate::now_hz)
+    }
+
+    /// Whether bare hands, and the gaze, are tracked.
+    #[must_use]
+    pub fn tracks(&self) -> Tracks {
+        Tracks {
+            hands: self.input.tracks_hands(),
+            gaze: self.input.tracks_gaze(),
+        }
     }
 
     /// How the floor is known.
@@ -176,6 +223,10 @@ impl Session {
                     Duty::None => {}
                     Duty::Begin => {
                         self.session.begin(VIEWS).during("xrBeginSession")?;
+                        or_without(
+                            "a thread of rank",
+                            threads::register(&self.session, Role::RendererMain),
+                        );
                         self.life.begun();
                     }
                     Duty::End => {
@@ -190,6 +241,16 @@ impl Session {
                     self.space.moved();
                     happened.recentred = true;
                 }
+                Event::DisplayRefreshRateChangedFB(change) => {
+                    if let Some(refresh) = &mut self.refresh {
+                        refresh.changed(change.to_display_refresh_rate());
+                    }
+                }
+                Event::PerfSettingsEXT(event) => match Thermal::of(&event) {
+                    Some(thermal) if thermal.worsens() => log::warn!("{thermal}"),
+                    Some(thermal) => log::info!("{thermal}"),
+                    None => {}
+                },
                 Event::EventsLost(lost) => {
                     log::warn!(
                         "the OpenXR runtime dropped {} events",
@@ -198,6 +259,9 @@ impl Session {
                 }
                 _ => {}
             }
+        }
+        if let Some(room) = &mut self.room {
+            room.show(matches!(self.life.now(), Life::Visible | Life::Focused));
         }
         Ok(happened)
     }
@@ -247,6 +311,25 @@ impl Session {
             self.eyes = seen.or(self.eyes);
         }
         Ok(self.eyes)
+    }
+
+    /// What hands and gaze do when the frame is seen; nothing while another program has them.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], or a call that fails.
+    pub fn controls(&mut self, frame: &Frame) -> Result<Controls, XrError> {
+        self.input.sync(frame.time, &self.space.floor)
+    }
+
+    /// Takes note of how a frame went: the display's rate follows.
+    pub fn went(&mut self, frame: &Frame, in_time: bool, busy: Duration) {
+        if let Some(refresh) = &mut self.refresh {
+            refresh.consider(&Held {
+                display_s: frame.time.as_nanos() as f64 * 1e-9,
+                in_time,
+                busy_ms: busy.as_secs_f32() * 1e3,
+            });
+        }
     }
 
     /// Shows the renderer's last picture, which was drawn from `eyes`, and ends the frame. Returns what the compositor got, where
@@ -322,7 +405,10 @@ impl Session {
         surround: Surround,
     ) -> Result<(), XrError> {
         let layers = Layers {
-            passthrough: None,
+            room: (self.room.as_ref())
+                .filter(|_| surround == Surround::Room)
+                .and_then(Passthrough::layer),
+            depth: self.depth,
             eyes: views.map(|views| (&self.images, views)),
             panel: (self.panel.as_ref())
                 .filter(|_| views.is_some())
@@ -331,12 +417,6 @@ impl Session {
             transparent: surround == Surround::Room,
         };
         self.gpu
-            .with_queue(|_| layers.end_frame(&self.instance, &self.session, frame.time, self.blend))
-    }
-
-    /// Whether frames are seen by anybody now.
-    #[must_use]
-    pub fn is_seen(&self) -> bool {
-        matches!(self.life.now(), Life::Visible | Life::Focused)
+            .with_queue(|_| layers.end_frame(&mut self.stream, frame.time, self.blend))
     }
 }

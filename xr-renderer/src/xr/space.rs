@@ -1,9 +1,9 @@
 //! Floor space, in which all that is seen stands: metres, y up, -z where the viewer looked first, the origin on the floor below.
 
-use glam::{Affine3A, Quat, Vec3};
-use openxr::{Posef, ReferenceSpaceType, Session, Space, SpaceLocationFlags, Time, Vulkan};
+use openxr::{Posef, ReferenceSpaceType, Session, Space, Time, Vulkan};
 
 use super::error::{XrContext, XrError};
+use super::pose::base_from_space;
 
 /// Eyes of a standing adult above the floor, metres: where no floor is known, this far below the head's first place.
 pub const EYE_HEIGHT: f32 = 1.65;
@@ -79,7 +79,9 @@ impl FloorSpace {
         };
         let local = make(ReferenceSpaceType::LOCAL, Posef::IDENTITY)?;
         let stage = make(ReferenceSpaceType::STAGE, Posef::IDENTITY)?;
-        let Some(local_from_stage) = located(&stage, &local, time)? else {
+        let Some(local_from_stage) =
+            base_from_space(&local, &stage, time).during("xrLocateSpace")?
+        else {
             return Ok(());
         };
         let height = -local_from_stage.translation.y;
@@ -109,50 +111,5 @@ fn lowered(metres: f32) -> Posef {
             z: 0.0,
         },
         ..Posef::IDENTITY
-    }
-}
-
-/// Where a space is in another; nothing while that is not known.
-pub(crate) fn located(
-    space: &Space,
-    base: &Space,
-    time: Time,
-) -> Result<Option<Affine3A>, XrError> {
-    let location = space.locate(base, time).during("xrLocateSpace")?;
-    let valid = SpaceLocationFlags::POSITION_VALID | SpaceLocationFlags::ORIENTATION_VALID;
-    let known = location.location_flags.contains(valid);
-    Ok(known.then(|| affine(location.pose)).flatten())
-}
-
-/// A pose as a transform; nothing where it is none.
-pub(crate) fn affine(pose: Posef) -> Option<Affine3A> {
-    let (position, orientation) = parts(pose)?;
-    Some(Affine3A::from_rotation_translation(orientation, position))
-}
-
-/// Position in metres and unit quaternion.
-pub(crate) fn parts(pose: Posef) -> Option<(Vec3, Quat)> {
-    let (p, o) = (pose.position, pose.orientation);
-    let position = Vec3::new(p.x, p.y, p.z);
-    let orientation = Quat::from_xyzw(o.x, o.y, o.z, o.w);
-    let sound = position.is_finite() && (0.5..2.0).contains(&orientation.length());
-    sound.then(|| (position, orientation.normalize()))
-}
-
-/// A transform as `OpenXR` takes it.
-pub(crate) fn pose(transform: Affine3A) -> Posef {
-    let (_, orientation, position) = transform.to_scale_rotation_translation();
-    Posef {
-        orientation: openxr::Quaternionf {
-            x: orientation.x,
-            y: orientation.y,
-            z: orientation.z,
-            w: orientation.w,
-        },
-        position: openxr::Vector3f {
-            x: position.x,
-            y: position.y,
-            z: position.z,
-        },
     }
 }
