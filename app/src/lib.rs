@@ -1,7 +1,8 @@
 //! The receiver: an avatar and motion parameters in, pictures and per-stage times out.
 //!
 //! A call's frames go through [`Lanes`], a thread for each unit; stills go the same way step by step through a [`Receiver`].
-//! Which unit does what is decided in `placement/`, what each step took is told to a [`Collector`].
+//! Which unit does what is decided in `placement/`, what each step took is told to a [`Collector`]. Where people stand in a
+//! viewer's room is [`presence`]'s.
 
 mod bridge;
 mod call;
@@ -13,6 +14,7 @@ mod kernels;
 mod lanes;
 mod placement;
 mod posing;
+pub mod presence;
 mod profile;
 mod receiver;
 mod stage;

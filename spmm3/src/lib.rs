@@ -22,7 +22,9 @@ mod skeleton;
 mod template;
 
 pub use binding::{BoundGaussians, PlanarVertices, triangle_frame};
-pub use clip::{LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Playback, at_ease};
+pub use clip::{
+    LEGS, LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Playback, at_ease, bend_leg,
+};
 pub use controllers::{Controllers, NEIGHBOURS};
 pub use error::PersonError;
 pub use expression::{ExpressionPreset, Expressions};

@@ -21,6 +21,7 @@ mod stance;
 
 pub use built_in::{LOOP_SECONDS, at_ease};
 pub use error::MotionError;
+pub use stance::{LEGS, bend_leg};
 
 use crate::{EXPRESSION, Expressions, Joint, MotionParams, Skeleton};
 use std::{io::Read, path::Path};

@@ -1,7 +1,13 @@
-//! Planted feet: the legs that carry a moved pelvis over soles that stay where they stand at rest.
+//! Legs that end where the feet are to be; planted ones carry a moved pelvis over soles that stay where they stand at rest.
 
 use crate::{Joint, MotionParams, Skeleton};
 use glam::{Mat3, Quat, Vec3};
+
+/// The joints of the left leg and of the right, from the hip down.
+pub const LEGS: [[Joint; 3]; 2] = [
+    [Joint::LeftHip, Joint::LeftKnee, Joint::LeftAnkle],
+    [Joint::RightHip, Joint::RightKnee, Joint::RightAnkle],
+];
 
 /// How much of a leg's length is always kept in hand, so that a planted leg never has to be straight.
 const SLACK: f32 = 0.006;
@@ -11,12 +17,8 @@ const SLACK: f32 = 0.006;
 pub(super) fn plant(motion: &mut MotionParams, skeleton: &Skeleton, shift: Vec3, turn: Quat) {
     let rest = skeleton.rest_positions();
     let pelvis = rest[Joint::Pelvis.index()];
-    let legs = [
-        [Joint::LeftHip, Joint::LeftKnee, Joint::LeftAnkle],
-        [Joint::RightHip, Joint::RightKnee, Joint::RightAnkle],
-    ];
     let mut shift = shift;
-    for [hip, knee, ankle] in legs {
+    for [hip, knee, ankle] in LEGS {
         let hip_at = pelvis + shift + turn * skeleton.rest_offset(hip);
         let reach = (skeleton.rest_offset(knee).length() + skeleton.rest_offset(ankle).length())
             * (1.0 - SLACK);
@@ -27,29 +29,52 @@ pub(super) fn plant(motion: &mut MotionParams, skeleton: &Skeleton, shift: Vec3,
     }
     motion.set_rotation(Joint::Pelvis, turn);
     motion.root_translation = shift;
-    for [hip, knee, ankle] in legs {
-        let hip_at = pelvis + shift + turn * skeleton.rest_offset(hip);
-        let (thigh, shank) = (skeleton.rest_offset(knee), skeleton.rest_offset(ankle));
-        let (l1, l2) = (thigh.length(), shank.length());
-        let to_foot = rest[ankle.index()] - hip_at;
-        let distance = to_foot
-            .length()
-            .clamp((l1 - l2).abs() + 1e-4, l1 + l2 - 1e-5);
-        let along = to_foot.normalize_or(Vec3::NEG_Y);
+    for leg in LEGS {
+        let ankle = rest[leg[2].index()];
         // The knee points between the pelvis and the foot.
-        let ahead = (Quat::IDENTITY.slerp(turn, 0.5) * Vec3::Z)
-            .reject_from_normalized(along)
-            .normalize_or(Vec3::Z);
-        let down = (distance * distance + l1 * l1 - l2 * l2) / (2.0 * distance);
-        let out = (l1 * l1 - down * down).max(0.0).sqrt();
-        let knee_at = along * down + ahead * out;
-        let hinge = along.cross(ahead).normalize_or(Vec3::NEG_X);
-        let world_hip = aligned(thigh, knee_at, hinge);
-        let world_knee = aligned(shank, along * distance - knee_at, hinge);
-        motion.set_rotation(hip, turn.conjugate() * world_hip);
-        motion.set_rotation(knee, world_hip.conjugate() * world_knee);
-        motion.set_rotation(ankle, world_knee.conjugate());
+        let knees = Quat::IDENTITY.slerp(turn, 0.5) * Vec3::Z;
+        bend_leg(
+            motion,
+            skeleton,
+            leg,
+            (pelvis + shift, turn),
+            (ankle, Quat::IDENTITY),
+            knees,
+        );
     }
+}
+
+/// Bends hip, knee and ankle of `leg`, one of [`LEGS`], so that it leads from a pelvis to an ankle, each given by position
+/// (metres) and rotation from rest, both in one space. The knee points as far towards `knee` as the way allows. An ankle
+/// out of reach is reached for.
+pub fn bend_leg(
+    motion: &mut MotionParams,
+    skeleton: &Skeleton,
+    [hip, knee, ankle]: [Joint; 3],
+    (pelvis_at, pelvis_turn): (Vec3, Quat),
+    (ankle_at, ankle_turn): (Vec3, Quat),
+    towards: Vec3,
+) {
+    let hip_at = pelvis_at + pelvis_turn * skeleton.rest_offset(hip);
+    let (thigh, shank) = (skeleton.rest_offset(knee), skeleton.rest_offset(ankle));
+    let (l1, l2) = (thigh.length(), shank.length());
+    let to_foot = ankle_at - hip_at;
+    // No reach at all where a leg has no length.
+    let nearest = (l1 - l2).abs() + 1e-4;
+    let distance = to_foot
+        .length()
+        .clamp(nearest, (l1 + l2 - 1e-5).max(nearest));
+    let along = to_foot.normalize_or(Vec3::NEG_Y);
+    let ahead = towards.reject_from_normalized(along).normalize_or(Vec3::Z);
+    let down = (distance * distance + l1 * l1 - l2 * l2) / (2.0 * distance);
+    let out = (l1 * l1 - down * down).max(0.0).sqrt();
+    let knee_at = along * down + ahead * out;
+    let hinge = along.cross(ahead).normalize_or(Vec3::NEG_X);
+    let world_hip = aligned(thigh, knee_at, hinge);
+    let world_knee = aligned(shank, along * distance - knee_at, hinge);
+    motion.set_rotation(hip, pelvis_turn.conjugate() * world_hip);
+    motion.set_rotation(knee, world_hip.conjugate() * world_knee);
+    motion.set_rotation(ankle, world_knee.conjugate() * ankle_turn);
 }
 
 /// Rotation that lays the rest direction `bone` along `line` and the knee's rest hinge, the person's right, along `hinge`.

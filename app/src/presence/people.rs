@@ -1,0 +1,169 @@
+//! Where each person stands in the viewer's room: before the viewer at first, then where they were put.
+
+use super::holding::Holding;
+use super::standing::Standing;
+use super::viewer::{View, Viewer};
+use glam::{Affine3A, Quat, Vec2, Vec3};
+use std::f32::consts::PI;
+use std::time::Duration;
+
+/// From the viewer to somebody they talk to, metres.
+const DISTANCE: f32 = 1.6;
+/// From one person to the next, metres.
+const APART: f32 = 0.9;
+/// Who joins later does not stand closer to anybody than this, metres.
+const CLEAR: f32 = 0.6;
+/// Places that are tried to either side for who joins later, half a step each: once around the viewer.
+const TRIES: u8 = 11;
+
+/// The remote people's places in the viewer's room.
+///
+/// A person gets a place when the viewer's head and their own pose are first known: on the floor 1.6 m before the viewer
+/// and facing them, several in an arc from left to right, 0.9 m apart. There they stay, or walk as they walk, while the
+/// viewer goes about, until a hand puts them elsewhere.
+///
+/// A hand that closes on a person, or points at them, holds that person: within 0.45 m of the line from pelvis to head.
+/// A person who is held goes as the hand goes and turns about y as it turns; 4 m and a full turn a second at most, and
+/// nobody is taken further than 8 m away. Held by a ray they go as the ray's point on the floor goes, in the measure of
+/// their distances, so that they stay where the ray is; from 6 m on, and above the horizon, the ray moves them sideways
+/// only, and the hand's way along the floor counts the more the further they are. A hand that is not tracked, or was found
+/// again elsewhere, moves nobody.
+#[derive(Debug, Clone, Default)]
+pub struct Presence {
+    places: Vec<Option<Place>>,
+    floor_from_person: Vec<Affine3A>,
+    holding: Holding,
+}
+
+/// A rigid floor_from_motion that keeps the floor: a turn about y (radians), then a shift along x and z (metres).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Place {
+    turn: f32,
+    shift: Vec2,
+}
+
+impl Place {
+    /// For who has none yet: before a viewer at the origin.
+    const UNKNOWN: Self = Self {
+        turn: 0.0,
+        shift: Vec2::new(0.0, -DISTANCE),
+    };
+
+    /// Where `standing` is on `spot` of the floor and faces along `ahead`.
+    fn on(spot: Vec2, ahead: Vec2, standing: &Standing) -> Self {
+        let turn = wrapped(ahead.x.atan2(ahead.y) - standing.heading);
+        Self {
+            turn,
+            shift: spot - turned(standing.spot(), turn),
+        }
+    }
+
+    /// The spot of the floor that `standing` is on, x and z.
+    pub(super) fn spot(&self, standing: &Standing) -> Vec2 {
+        turned(standing.spot(), self.turn) + self.shift
+    }
+
+    /// With `standing` shifted along the floor, metres, and turned on the spot, radians.
+    pub(super) fn moved(&self, standing: &Standing, by: Vec2, turn: f32) -> Self {
+        let spot = self.spot(standing) + by;
+        let turn = wrapped(self.turn + turn);
+        Self {
+            turn,
+            shift: spot - turned(standing.spot(), turn),
+        }
+    }
+
+    pub(super) fn floor_from_person(&self) -> Affine3A {
+        Affine3A::from_rotation_translation(
+            Quat::from_rotation_y(self.turn),
+            Vec3::new(self.shift.x, 0.0, self.shift.y),
+        )
+    }
+}
+
+impl Presence {
+    /// A room without anybody.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A frame's head, hands and people (by a number that each keeps; `None` while there is no pose of one), so long after
+    /// the frame before. Returns each person's rigid floor_from_person. Allocates only where there are other people than
+    /// before.
+    pub fn update(
+        &mut self,
+        viewer: &Viewer,
+        people: &[Option<Standing>],
+        elapsed: Duration,
+    ) -> &[Affine3A] {
+        self.places.resize(people.len(), None);
+        let view = viewer.view();
+        if let Some(view) = view {
+            self.receive(view, people);
+        }
+        self.holding.update(
+            view.map(|view| view.floor),
+            &viewer.hands,
+            &mut self.places,
+            people,
+            elapsed.as_secs_f32(),
+        );
+        self.floor_from_person.clear();
+        let places = self.places.iter();
+        self.floor_from_person
+            .extend(places.map(|place| (*place).unwrap_or(Place::UNKNOWN).floor_from_person()));
+        &self.floor_from_person
+    }
+
+    /// Puts everybody before the viewer again, at the next [`Self::update`], and out of their hands: for when the room's
+    /// origin moved.
+    pub fn recentre(&mut self) {
+        self.places.fill(None);
+        self.holding = Holding::default();
+    }
+
+    /// Gives places to those who have none.
+    fn receive(&mut self, view: View, people: &[Option<Standing>]) {
+        let step = 2.0 * (APART / (2.0 * DISTANCE)).asin();
+        let leftmost = people.len().saturating_sub(1) as f32 * step / 2.0;
+        for (k, standing) in people.iter().enumerate() {
+            let (Some(standing), Some(None)) = (standing, self.places.get(k)) else {
+                continue;
+            };
+            let to_seat = |angle: f32| turned(view.ahead, angle) * DISTANCE;
+            let own = leftmost - k as f32 * step;
+            let aside = (1..=TRIES).flat_map(|n| [-1.0, 1.0].map(|side| side * f32::from(n)));
+            let angle = std::iter::once(own)
+                .chain(aside.map(|halves| own + halves * step / 2.0))
+                .find(|angle| self.is_free(view.floor + to_seat(*angle), people))
+                .unwrap_or(own);
+            let place = Place::on(view.floor + to_seat(angle), -to_seat(angle), standing);
+            if let Some(free) = self.places.get_mut(k) {
+                *free = Some(place);
+            }
+        }
+    }
+
+    fn is_free(&self, spot: Vec2, people: &[Option<Standing>]) -> bool {
+        self.places
+            .iter()
+            .zip(people)
+            .filter_map(|(place, standing)| Some((*place)?.spot(standing.as_ref()?)))
+            .all(|other| other.distance(spot) >= CLEAR)
+    }
+}
+
+/// A horizontal vector (x, z) turned about y.
+fn turned(vector: Vec2, radians: f32) -> Vec2 {
+    let (sin, cos) = radians.sin_cos();
+    Vec2::new(
+        cos * vector.x + sin * vector.y,
+        cos * vector.y - sin * vector.x,
+    )
+}
+
+/// The same angle within half a turn to either side.
+pub(super) fn wrapped(radians: f32) -> f32 {
+    (radians + PI).rem_euclid(2.0 * PI) - PI
+}
