@@ -12,6 +12,7 @@ pub mod hold;
 mod interpolate;
 mod kernels;
 mod lanes;
+mod overlay;
 mod placement;
 mod posing;
 pub mod presence;
@@ -21,7 +22,7 @@ mod stage;
 mod state;
 
 pub use bridge::{Bridge, BridgeState};
-pub use call::{Call, CallEnd, CallFigures, Gap, LatencyFigures};
+pub use call::{Call, CallCounts, CallEnd, CallFigures, CallWatch, Gap, LatencyFigures};
 pub use deform::Deformer;
 pub use error::ReceiverError;
 pub use interpolate::{LatencyMode, Timeline};
@@ -29,6 +30,10 @@ pub use kernels::{Attributes, Blend, Detail, MOST_ALPHA, PoseInputs, Poser, Skin
 pub use lanes::{
     Bell, DisplayClock, Drawn, Giver, LaneOptions, Lanes, MotionSource, Pose, Skipped, Taker, Tick,
     hand_over,
+};
+pub use overlay::{
+    FrameTime, OVERLAY_WIDTH_METRES, Overlay, OverlayFigures, OverlayLatency, OverlayPainter,
+    OverlayWatch, Panel, UnitLoad,
 };
 pub use placement::{
     Alternative, Fault, Inference, Offer, Placed, PlacementReport, PlacementRequest, Plan,

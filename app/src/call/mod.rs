@@ -1,8 +1,10 @@
 //! The receiver's end of a call: what arrives goes through the jitter buffer and the bridge, and becomes the motion to show now.
 
 mod figures;
+mod watch;
 
 pub use figures::{CallFigures, Gap, LatencyFigures};
+pub use watch::{CallCounts, CallWatch};
 
 use crate::{Bridge, BridgeState, MotionSource, Pose};
 use figures::Log;
@@ -12,6 +14,9 @@ use link::{
 use spmm3::Skeleton;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
+
+/// Between two tellings of what was counted: it is looked at twice a second.
+const TELLING: Duration = Duration::from_millis(100);
 
 /// Why a call is over.
 #[derive(Debug)]
@@ -33,6 +38,9 @@ pub struct Call {
     buffer: JitterBuffer,
     bridge: Bridge,
     log: Log,
+    watch: CallWatch,
+    /// When it was last told what was counted.
+    told: Micros,
     end: Option<CallEnd>,
     /// When a pose is to be made up if no frame has come by then.
     made_up: Micros,
@@ -51,6 +59,8 @@ impl Call {
             buffer: JitterBuffer::new(),
             bridge: Bridge::new(skeleton),
             log: Log::new(clock.now()),
+            watch: CallWatch::default(),
+            told: Micros(0),
             end: None,
             made_up: Micros(u64::MAX),
             resting: true,
@@ -76,6 +86,15 @@ impl Call {
 
     /// Listens to the network until something comes, a frame is due, or it is `until`.
     fn listen(&mut self, now: Micros, until: Micros) {
+        if now.0.saturating_sub(self.told.0) >= micros(TELLING) {
+            self.told = now;
+            let received = self.viewer.statistics();
+            self.watch.tell(CallCounts {
+                payload_bytes: received.payload_bytes,
+                frames: received.frames,
+                lost: self.buffer.statistics().lost,
+            });
+        }
         let due = self.buffer.next().map_or(until, |(_, due)| due.min(until));
         let pause = Duration::from_micros(due.0.saturating_sub(now.0));
         match self.viewer.next(pause) {
@@ -113,6 +132,12 @@ impl Call {
             self.viewer.statistics(),
             self.buffer.statistics(),
         )
+    }
+
+    /// What the call counts, to be read by who shows it while a lane owns the call.
+    #[must_use]
+    pub fn watch(&self) -> CallWatch {
+        self.watch.clone()
     }
 
     /// Leaves the call.

@@ -1,7 +1,7 @@
 //! What the display showed: pictures in time and late, the same Gaussians again, blanks missed, and the quality held.
 
 use super::recorded::nanoseconds;
-use crate::Recording;
+use crate::{PictureTimes, Recording};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -52,8 +52,6 @@ impl PictureFigures {
             _ => 0.0,
         };
         let repeated = pictures.iter().filter(|one| one.repeated).count();
-        let is_late =
-            |meant, shown| nanoseconds(meant, shown) as f64 / 1e9 > 0.5 * period.as_secs_f64();
         let missed = pictures.windows(2).map(|two| match two {
             [one, next] => blanks_between((next.displayed - one.displayed).as_secs_f64(), period),
             _ => 0,
@@ -65,11 +63,16 @@ impl PictureFigures {
             repeated,
             late: pictures
                 .iter()
-                .filter(|one| is_late(one.predicted, one.displayed))
+                .filter(|one| Self::is_late(one, period))
                 .count(),
             missed_vblanks: missed.sum(),
             quality: quality(recording),
         }
+    }
+
+    /// Whether `one` was shown after the vertical blank it was meant for.
+    pub(crate) fn is_late(one: &PictureTimes, period: Duration) -> bool {
+        nanoseconds(one.predicted, one.displayed) as f64 / 1e9 > 0.5 * period.as_secs_f64()
     }
 }
 

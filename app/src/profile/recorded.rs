@@ -25,15 +25,46 @@ impl Recording {
             .known_since()
             .map_or(begin, |known| begin.max(known));
         let end = end.max(begin);
+        Self::of(collector.spans(), collector.pictures(), begin, end)
+    }
+
+    /// The same for the newest time alone: looks no further back than twice as far as from `end` to `begin`, and so costs the
+    /// same however much was recorded before. Lanes that fell silent for longer than that in between may be missed.
+    #[must_use]
+    pub fn newest(collector: &Collector, begin: Instant, end: Instant) -> Self {
+        let begin = collector
+            .known_since()
+            .map_or(begin, |known| begin.max(known));
+        let end = end.max(begin);
+        // Spans come lane by lane, not strictly by time.
+        let oldest = begin.checked_sub(end - begin).unwrap_or(begin);
+        Self::of(
+            collector
+                .spans()
+                .rev()
+                .take_while(|span| span.end >= oldest),
+            collector
+                .pictures()
+                .rev()
+                .take_while(|picture| picture.displayed >= oldest),
+            begin,
+            end,
+        )
+    }
+
+    fn of<'a>(
+        spans: impl Iterator<Item = &'a Span>,
+        pictures: impl Iterator<Item = &'a PictureTimes>,
+        begin: Instant,
+        end: Instant,
+    ) -> Self {
         let within = |at: Instant| (begin..=end).contains(&at);
-        let mut spans: Vec<Span> = collector
-            .spans()
+        let mut spans: Vec<Span> = spans
             .filter(|span| span.begin <= end && (span.end > begin || span.begin == begin))
             .copied()
             .collect();
         spans.sort_by_key(|span| (span.begin, span.lane));
-        let mut pictures: Vec<PictureTimes> = collector
-            .pictures()
+        let mut pictures: Vec<PictureTimes> = pictures
             .filter(|picture| within(picture.displayed))
             .copied()
             .collect();

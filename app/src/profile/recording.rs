@@ -224,13 +224,13 @@ impl Collector {
         self.lost.load(Relaxed)
     }
 
-    /// The newest spans of all lanes.
-    pub fn spans(&self) -> impl Iterator<Item = &Span> {
+    /// The newest spans of all lanes, by when they were collected.
+    pub fn spans(&self) -> impl DoubleEndedIterator<Item = &Span> {
         self.spans.iter()
     }
 
     /// The newest pictures, oldest first.
-    pub fn pictures(&self) -> impl Iterator<Item = &PictureTimes> {
+    pub fn pictures(&self) -> impl DoubleEndedIterator<Item = &PictureTimes> {
         self.pictures.iter()
     }
 }

@@ -1,0 +1,45 @@
+//! What a call counts, for who shows it meanwhile: the call itself belongs to a lane then.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// What came and what did not, since the call was begun.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct CallCounts {
+    /// Bytes of all messages, without any header.
+    pub payload_bytes: u64,
+    /// Frames that passed every check.
+    pub frames: u64,
+    /// Frames that never came, by gaps in the sequence. One that is on its way counts until it is here, so that it may fall.
+    pub lost: u64,
+}
+
+/// Reads a call's counts from any thread; they are a tenth of a second old at most while the call is followed.
+#[derive(Debug, Clone, Default)]
+pub struct CallWatch(Arc<Counts>);
+
+/// Each stands for itself: figures may be of two frames, and nobody sees that.
+#[derive(Debug, Default)]
+struct Counts {
+    payload_bytes: AtomicU64,
+    frames: AtomicU64,
+    lost: AtomicU64,
+}
+
+impl CallWatch {
+    /// The counts.
+    #[must_use]
+    pub fn counts(&self) -> CallCounts {
+        CallCounts {
+            payload_bytes: self.0.payload_bytes.load(Relaxed),
+            frames: self.0.frames.load(Relaxed),
+            lost: self.0.lost.load(Relaxed),
+        }
+    }
+
+    pub(crate) fn tell(&self, counts: CallCounts) {
+        self.0.payload_bytes.store(counts.payload_bytes, Relaxed);
+        self.0.frames.store(counts.frames, Relaxed);
+        self.0.lost.store(counts.lost, Relaxed);
+    }
+}
