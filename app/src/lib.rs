@@ -8,6 +8,7 @@ mod bridge;
 mod call;
 mod deform;
 mod error;
+pub mod headset;
 pub mod hold;
 mod interpolate;
 mod kernels;

@@ -16,7 +16,7 @@ pub use people::Presence;
 pub use seat::Seated;
 pub use shadow::{ContactShadow, SHADOW_GAUSSIANS, contact_shadow};
 pub use standing::{BODY_JOINTS, SOLE_POINTS, Standing};
-pub use viewer::{Hand, Viewer};
+pub use viewer::Viewer;
 
 #[cfg(test)]
 mod tests;

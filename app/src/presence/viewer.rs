@@ -1,23 +1,13 @@
 //! The viewer: head and hands as a tracker gives them, which may be missing or absurd.
 
 use glam::{Affine3A, Vec2, Vec3, Vec3Swizzles};
+use xr_renderer::xr::Hand;
 
 /// Trackers do not reach further, metres.
 const FURTHEST: f32 = 1_000.0;
 
 /// Below this sine a direction is too steep to say where it points horizontally.
 const STEEP: f32 = 0.1;
-
-/// One of the viewer's hands, or the controller in it, in one frame.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Hand {
-    /// Where it grips, if it is tracked. Rigid.
-    pub floor_from_grip: Option<Affine3A>,
-    /// Where it points, along -z, if it is tracked. Rigid.
-    pub floor_from_aim: Option<Affine3A>,
-    /// Whether it is closed: squeeze, select of a simple controller, or pinch.
-    pub holds: bool,
-}
 
 /// The viewer in one frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

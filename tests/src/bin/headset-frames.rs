@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use xr_renderer::xr::{
-    Eyes, Frame, Headset, Over, Runtime, Session, SessionOptions, Surround, XrError,
+    Eyes, Frame, Headset, HeadsetOptions, Over, Runtime, Session, SessionOptions, Surround, XrError,
 };
 use xr_renderer::{Camera, PackedGaussian, RendererOptions, SplatRenderer};
 
@@ -25,7 +25,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map(|frame| frame.parse())
         .collect::<Result<_, _>>()?;
     let runtime = Runtime::load()?;
-    let headset = Headset::open(&runtime, std::env::var_os("VK_LAYER_PATH").is_some())?;
+    let headset = Headset::open(
+        &runtime,
+        HeadsetOptions {
+            eye_size: Some([640, 480]),
+            validation: std::env::var_os("VK_LAYER_PATH").is_some(),
+        },
+    )?;
     let mut session = Session::new(
         &headset,
         SessionOptions {

@@ -39,7 +39,7 @@ pub struct HeadsetInfo {
     pub runtime: String,
     /// The headset's name, as the runtime gives it.
     pub name: String,
-    /// Width and height, in pixels, that the runtime recommends for an eye.
+    /// Width and height of an eye's picture, pixels.
     pub eye_size: [u32; 2],
 }
 
@@ -52,12 +52,21 @@ impl std::fmt::Debug for Headset {
     }
 }
 
+/// How a headset is opened.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct HeadsetOptions {
+    /// Width and height of an eye's picture, instead of what the runtime recommends; no larger than it takes.
+    pub eye_size: Option<[u32; 2]>,
+    /// Whether the validation layer's messages are logged and counted.
+    pub validation: bool,
+}
+
 impl Headset {
-    /// Finds the headset and opens Vulkan for it, with the validation layer's messages logged and counted if asked for.
+    /// Finds the headset and opens Vulkan for it.
     ///
     /// # Errors
     /// No runtime, no service behind it, no headset, no Vulkan device that can draw: each says what to do.
-    pub fn open(runtime: &Runtime, validation: bool) -> Result<Self, XrError> {
+    pub fn open(runtime: &Runtime, options: HeadsetOptions) -> Result<Self, XrError> {
         let entry = runtime.entry();
         let offered = entry.enumerate_extensions().map_err(no_runtime)?;
         let extensions = Extensions::of(&offered)?;
@@ -91,7 +100,7 @@ impl Headset {
             .system_properties(system)
             .during("xrGetSystemProperties")?
             .system_name;
-        let eye = eye_size(&instance, system, &runtime)?;
+        let eye = eye_size(&instance, system, &runtime, options.eye_size)?;
         let requirements = instance
             .graphics_requirements::<Vulkan>(system)
             .during("xrGetVulkanGraphicsRequirements2KHR")?;
@@ -101,7 +110,7 @@ impl Headset {
             system,
             newest: vk::make_api_version(0, newest.major().into(), newest.minor().into(), 0xFFF),
         };
-        let gpu = Gpu::open_by(&maker, &GpuChoice::default(), validation)?;
+        let gpu = Gpu::open_by(&maker, &GpuChoice::default(), options.validation)?;
         log::info!(
             "headset: {name} of {runtime}, {}x{} an eye",
             eye.width,
@@ -144,8 +153,13 @@ impl Headset {
     }
 }
 
-/// The size that the runtime recommends for an eye, even and within what can be drawn.
-fn eye_size(instance: &Instance, system: SystemId, runtime: &str) -> Result<vk::Extent2D, XrError> {
+/// The size of an eye's picture: the wanted one, else what the runtime recommends, even and within what can be drawn.
+fn eye_size(
+    instance: &Instance,
+    system: SystemId,
+    runtime: &str,
+    wanted: Option<[u32; 2]>,
+) -> Result<vk::Extent2D, XrError> {
     let views = instance
         .enumerate_view_configuration_views(system, VIEWS)
         .during("xrEnumerateViewConfigurationViews")?;
@@ -156,16 +170,19 @@ fn eye_size(instance: &Instance, system: SystemId, runtime: &str) -> Result<vk::
         });
     };
     // Both eyes' pictures lie in one array.
-    let side = |left: u32, right: u32| left.max(right).clamp(16, LONGEST) & !1;
+    let recommended = [
+        (left.recommended_image_rect_width).max(right.recommended_image_rect_width),
+        (left.recommended_image_rect_height).max(right.recommended_image_rect_height),
+    ];
+    let most = [
+        (left.max_image_rect_width).min(right.max_image_rect_width),
+        (left.max_image_rect_height).min(right.max_image_rect_height),
+    ];
+    let [width, height] = wanted.unwrap_or(recommended);
+    let side = |wanted: u32, most: u32| wanted.min(most).clamp(16, LONGEST) & !1;
     Ok(vk::Extent2D {
-        width: side(
-            left.recommended_image_rect_width,
-            right.recommended_image_rect_width,
-        ),
-        height: side(
-            left.recommended_image_rect_height,
-            right.recommended_image_rect_height,
-        ),
+        width: side(width, most[0]),
+        height: side(height, most[1]),
     })
 }
 

@@ -23,7 +23,7 @@ pub use error::XrError;
 pub use extensions::Extensions;
 pub use eyes::{EyePicture, Surround};
 pub use frame::{Eyes, Frame};
-pub use headset::{Headset, HeadsetInfo};
+pub use headset::{Headset, HeadsetInfo, HeadsetOptions};
 pub use input::{Controls, Hand, Input};
 pub use panel::PanelImage;
 pub use runtime::Runtime;

@@ -1,0 +1,96 @@
+//! A headset's pace: when the frame that is begun now will be seen, when the next one begins and is seen, and which came late.
+
+use crate::Tick;
+use std::time::{Duration, Instant};
+use xr_renderer::xr::Frame;
+
+/// Share of a new interval in the expectation of the next.
+const LEARNING: f64 = 0.2;
+
+/// What is remembered of the frames before.
+#[derive(Debug, Clone)]
+pub(super) struct Pace {
+    /// The display's own period, where it is known: what the runtime predicts grows while frames are late.
+    display: Option<Duration>,
+    /// Seconds from one frame's beginning to the next one's.
+    interval: Option<f64>,
+    begun: Option<Instant>,
+    seen: Option<Instant>,
+    late: u64,
+}
+
+impl Pace {
+    /// Of a display of so many Hz, if that is known.
+    pub(super) fn new(display_hz: Option<f32>) -> Self {
+        let known = display_hz.filter(|hz| (1.0..=1000.0).contains(hz));
+        Self {
+            display: known.map(|hz| Duration::from_secs_f32(1.0 / hz)),
+            interval: None,
+            begun: None,
+            seen: None,
+            late: 0,
+        }
+    }
+
+    /// Refreshes of the display that showed nothing new since the first frame.
+    pub(super) fn late(&self) -> u64 {
+        self.late
+    }
+
+    /// The time between two refreshes of the display.
+    pub(super) fn period(&self, frame: &Frame) -> Duration {
+        self.display.unwrap_or(frame.period)
+    }
+
+    /// A frame is begun at `begun`.
+    pub(super) fn tick(&mut self, frame: &Frame, begun: Instant) -> Tick {
+        let period = self.period(frame);
+        if let Some(last) = self.begun.replace(begun) {
+            // What came between sessions says nothing of frames.
+            let passed = begun.saturating_duration_since(last).as_secs_f64().min(1.0);
+            let known = self.interval.unwrap_or(passed);
+            self.interval = Some(known + (passed - known) * LEARNING);
+        }
+        let expected = self.interval.map_or(period, Duration::from_secs_f64);
+        let periods = in_periods(expected, period).max(1);
+        Tick {
+            predicted: frame.predicted,
+            next_begins: begun + expected,
+            next: frame.predicted + period * periods,
+            period,
+        }
+    }
+
+    /// The frame was handed over at `shown`: when it is seen, and whether that is when it was to be.
+    pub(super) fn shown(&mut self, frame: &Frame, shown: Instant) -> (Instant, bool) {
+        let period = self.period(frame);
+        let missed = match shown.checked_duration_since(frame.predicted) {
+            None => 0,
+            Some(behind) => in_periods(behind, period) + 1,
+        };
+        let seen = frame.predicted + period * missed;
+        let gap = self.seen.map_or(1, |last| {
+            in_periods(seen.saturating_duration_since(last), period)
+        });
+        self.late += u64::from(gap.saturating_sub(1));
+        self.seen = Some(seen);
+        (seen, missed == 0 && gap <= 1)
+    }
+
+    /// There are no frames for a while, which nobody misses.
+    pub(super) fn pause(&mut self) {
+        (self.begun, self.seen) = (None, None);
+    }
+}
+
+/// How many periods a time is, to the nearest.
+fn in_periods(time: Duration, period: Duration) -> u32 {
+    let ratio = time.as_secs_f64() / period.as_secs_f64().max(1e-6);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "positive, and held at the type's end"
+    )]
+    let whole = ratio.round() as u32;
+    whole.min(10_000)
+}
