@@ -2,12 +2,13 @@
 
 use super::glyphs::TextSize;
 use super::panel::Colour;
-use super::words::{count, cut, number};
+use super::words::{NONE, count, cut, number};
 use super::{OverlayFigures, UnitLoad};
+use crate::hold::LADDER;
 use crate::{Since, Unit};
 
 pub(super) const WIDTH: u32 = 640;
-pub(super) const HEIGHT: u32 = 592;
+pub(super) const HEIGHT: u32 = 536;
 
 /// Pixels, x to the right and y down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,6 +65,9 @@ impl Cell {
     }
 }
 
+/// The last step of quality: of so many, the panel tells how many are given up.
+const LAST: usize = LADDER.len() - 1;
+
 const MARGIN: u32 = 29;
 /// From one row to the next.
 const ROW: u32 = 38;
@@ -78,7 +82,7 @@ const BAR: u32 = 14;
 const BRIGHT: Colour = [240, 244, 248];
 const DIM: Colour = [158, 168, 182];
 const FAINT: Colour = [74, 82, 94];
-const IN_TIME: Colour = [112, 190, 226];
+const IN_TIME: Colour = [176, 192, 208];
 const LATE: Colour = [255, 122, 96];
 const OF_UNITS: [Colour; Unit::ALL.len()] = [[190, 150, 250], [124, 212, 150], [112, 190, 226]];
 
@@ -111,11 +115,7 @@ impl Page {
         let size = TextSize::Title;
         self.text(Cell::Label, size, BRIGHT, "Mon3tr", Side::Left);
         if let Some(placement) = &figures.placement {
-            // As high as the title's: both stand on one line.
-            let y = self.y;
-            self.y += (TextSize::Title.advance() - TextSize::Label.advance()) * 3 / 2;
             self.text(Cell::Wide, TextSize::Label, DIM, placement, Side::Right);
-            self.y = y;
         }
         self.y += 42;
         self.rule();
@@ -205,11 +205,11 @@ impl Page {
             (number(kept, 0), "% kept"),
         );
         let size = quality.map(|one| 100.0 * f64::from(one.resolution_scale));
-        let sort_every = quality.map(|one| f64::from(one.sort_every));
+        let step = quality.map(|one| format!("{}/{}", one.step.min(LAST), LAST));
         self.row(
             "Quality",
             (number(size, 0), "% size"),
-            (number(sort_every, 0), "per sort"),
+            (step.unwrap_or_else(|| NONE.to_owned()), "given up"),
         );
     }
 

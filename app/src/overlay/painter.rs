@@ -28,7 +28,8 @@ impl OverlayPainter {
     pub fn start() -> std::io::Result<Self> {
         let bell = Bell::default();
         let (figures, wanted) = hand_over(Default::default(), &bell);
-        let empty = || super::panel::card(super::layout::WIDTH, super::layout::HEIGHT);
+        let overlay = Overlay::default();
+        let empty = || overlay.card.clone();
         // Nobody sleeps until a panel is there.
         let (drawn, panels) = hand_over([empty(), empty(), empty()], &Bell::default());
         let stop = Arc::<AtomicBool>::default();
@@ -36,7 +37,7 @@ impl OverlayPainter {
             let (bell, stop) = (bell.clone(), Arc::clone(&stop));
             std::thread::Builder::new()
                 .name("overlay".to_owned())
-                .spawn(move || paint(wanted, drawn, &bell, &stop))?
+                .spawn(move || paint(overlay, wanted, drawn, &bell, &stop))?
         };
         Ok(Self {
             figures,
@@ -70,12 +71,12 @@ impl Drop for OverlayPainter {
 }
 
 fn paint(
+    mut overlay: Overlay,
     mut wanted: Taker<OverlayFigures>,
     mut drawn: Giver<Panel>,
     bell: &Bell,
     stop: &AtomicBool,
 ) {
-    let mut overlay = Overlay::default();
     while !stop.load(Relaxed) {
         if wanted.take()
             && let Some(panel) = overlay.update(wanted.taken())

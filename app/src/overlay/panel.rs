@@ -7,8 +7,8 @@ use super::layout::{Item, Rect, Shape, base_line};
 pub(super) type Colour = [u8; 3];
 
 const CARD: Colour = [17, 20, 26];
-/// How much of the card hides what is behind: enough to read before a bright wall.
-const CARD_OPACITY: f32 = 0.88;
+/// How much of the card hides what is behind. Light is blended, not displayed values, so that a bright wall shines through much.
+const CARD_OPACITY: f32 = 0.95;
 /// Radius of its corners, pixels.
 const CORNER: f32 = 28.0;
 
@@ -28,19 +28,22 @@ pub struct Panel {
 
 /// An empty card with round corners.
 pub(super) fn card(width: u32, height: u32) -> Panel {
-    let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);
+    let pixel = |alpha: f32| {
+        let [r, g, b] = CARD.map(|value| byte(encode(decode(value) * alpha)));
+        [r, g, b, byte(alpha)]
+    };
+    let inside = pixel(CARD_OPACITY);
+    let mut pixels = inside.repeat(width as usize * height as usize);
     let half = [width as f32 / 2.0, height as f32 / 2.0];
-    for y in 0..height {
-        for x in 0..width {
-            // Signed distance of the pixel's centre from the card's edge, which is smooth over one pixel.
-            let at = [x as f32 + 0.5, y as f32 + 0.5];
-            let beyond: [f32; 2] =
-                std::array::from_fn(|k| (at[k] - half[k]).abs() - (half[k] - CORNER));
-            let outside = beyond[0].max(0.0).hypot(beyond[1].max(0.0));
-            let distance = outside + beyond[0].max(beyond[1]).min(0.0) - CORNER;
-            let alpha = CARD_OPACITY * (0.5 - distance).clamp(0.0, 1.0);
-            pixels.extend(CARD.map(|value| byte(encode(decode(value) * alpha))));
-            pixels.push(byte(alpha));
+    for (k, place) in pixels.chunks_exact_mut(4).enumerate() {
+        let at = [k % width as usize, k / width as usize];
+        // Signed distance of the pixel's centre from the card's edge, which is smooth over one pixel.
+        let beyond: [f32; 2] =
+            std::array::from_fn(|k| (at[k] as f32 + 0.5 - half[k]).abs() - (half[k] - CORNER));
+        let outside = beyond[0].max(0.0).hypot(beyond[1].max(0.0));
+        let distance = outside + beyond[0].max(beyond[1]).min(0.0) - CORNER;
+        if distance > -0.5 {
+            place.copy_from_slice(&pixel(CARD_OPACITY * (0.5 - distance).max(0.0)));
         }
     }
     Panel {

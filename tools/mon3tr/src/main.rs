@@ -4,6 +4,7 @@ mod backdrop;
 mod children;
 mod commands;
 mod film;
+mod gaze;
 mod ground;
 mod lanes;
 mod live;

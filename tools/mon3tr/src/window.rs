@@ -132,6 +132,16 @@ impl ApplicationHandler for View<'_, '_> {
             WindowEvent::CursorMoved { position, .. } => {
                 self.cursor = position;
                 self.orbit();
+                // A drag turns the camera itself.
+                if let (Some(gaze), None) = (&mut self.screen.gaze, self.drag) {
+                    gaze.pointed([position.x, position.y], self.size);
+                }
+                Ok(())
+            }
+            WindowEvent::CursorLeft { .. } => {
+                if let Some(gaze) = &mut self.screen.gaze {
+                    gaze.left(Instant::now());
+                }
                 Ok(())
             }
             WindowEvent::MouseWheel { delta, .. } => {
@@ -207,6 +217,7 @@ impl View<'_, '_> {
             std::thread::sleep(WAITING);
             return Ok(());
         };
+        let viewpoint = self.screen.seen_from(self.viewpoint);
         let live = &mut self.screen.live;
         let (width, height) = self.size;
         let size = Size { width, height };
@@ -220,9 +231,7 @@ impl View<'_, '_> {
         } else {
             STUDIO
         };
-        let camera = self
-            .viewpoint
-            .camera(moment.floor, moment.heading, width, height);
+        let camera = viewpoint.camera(moment.floor, moment.heading, width, height);
         if let Drawn::Renewed(gpu) = live.draw(camera)? {
             return open.renew(&gpu);
         }

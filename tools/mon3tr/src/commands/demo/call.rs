@@ -35,6 +35,9 @@ pub(super) fn run(
     let figures = folder.path().join("call.json");
     let mut receive = vec![viewer_link.to_string().into()];
     receive.extend(arguments(["--camera", &options.camera.to_string()]));
+    if let Some(gaze) = &options.gaze {
+        receive.extend(["--gaze".into(), gaze.to_string().into()]);
+    }
     receive.extend(options.scenery.arguments());
     match seconds {
         Some(seconds) => {

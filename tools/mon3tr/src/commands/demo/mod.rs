@@ -5,6 +5,7 @@ mod call;
 
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::film::write_png;
+use crate::gaze::{GazeChoice, Sight};
 use crate::performance::{MOTION_RATE, MotionOptions, Performance};
 use crate::progress;
 use crate::report::{RunReport, StageTable, check_writable, write_json};
@@ -51,6 +52,9 @@ pub(crate) struct Options {
         allow_hyphen_values = true
     )]
     camera: Viewpoint,
+    /// Let the camera of the call follow a gaze: `mouse` with --window, or a file of an eye tracker's samples, as for `receive`
+    #[arg(long, value_name = "mouse|FILE")]
+    gaze: Option<GazeChoice>,
     /// Show the call live in a window instead (drag to orbit, scroll to come closer, Escape to leave)
     #[arg(long, conflicts_with_all = ["out", "json"])]
     window: bool,
@@ -73,6 +77,14 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     // What may be missing comes first: baking for minutes only to learn of it would be unkind.
     options.motion.check()?;
     options.scenery.check()?;
+    if let Some(gaze) = &options.gaze {
+        // The receiver opens it for itself.
+        drop(gaze.open(if options.window {
+            Sight::Window
+        } else {
+            Sight::Offscreen
+        })?);
+    }
     let gpu = surroundings.gpu()?;
     let runtime = surroundings.runtime()?;
     if options.window {

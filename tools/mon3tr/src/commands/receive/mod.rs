@@ -5,6 +5,7 @@ mod report;
 mod screen;
 mod undrawn;
 
+use crate::gaze::{GazeChoice, Sight};
 use crate::lanes::LaneChoices;
 use crate::live::Prepared;
 use crate::network::{self, Network};
@@ -66,6 +67,10 @@ pub(crate) struct Options {
         allow_hyphen_values = true
     )]
     camera: Viewpoint,
+    /// Let the camera follow a gaze, within 25 degrees around the person: `mouse` for the mouse in the window, or a file of an eye
+    /// tracker's samples, lines of `seconds,x,y` or {"seconds":S,"x":X,"y":Y}, seconds from the first picture, x (to the right) and y (down) from 0 to 1
+    #[arg(long, value_name = "mouse|FILE")]
+    gaze: Option<GazeChoice>,
     #[command(flatten)]
     lanes: LaneChoices,
     #[command(flatten)]
@@ -83,6 +88,17 @@ enum Display {
     Window,
     Offscreen,
     None,
+}
+
+impl Display {
+    /// What a gaze finds there.
+    fn sight(self) -> Sight {
+        match self {
+            Self::Window => Sight::Window,
+            Self::Offscreen => Sight::Offscreen,
+            Self::None => Sight::Nothing,
+        }
+    }
 }
 
 /// When to leave.
@@ -106,6 +122,9 @@ impl Until {
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
     options.scenery.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
+    let gaze = (options.gaze.as_ref())
+        .map(|gaze| gaze.open(options.display.sight()))
+        .transpose()?;
     // What may be missing on this machine comes before anybody is kept waiting.
     let screen = match options.display {
         Display::None => None,
@@ -156,7 +175,8 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
                     Some(_) => HoldMode::Adapt,
                     None => HoldMode::Fixed(0),
                 };
-                let mut screen = Screen::new(options, prepared.show(call, HERTZ, hold)?);
+                let mut screen =
+                    Screen::new(options, prepared.show(call, HERTZ, hold)?, gaze.clone());
                 match events {
                     Some(events) => window::show(events, &mut screen, options.camera, &until)?,
                     None => offscreen::run(&mut screen, &until)?,

@@ -28,7 +28,8 @@ pub(super) fn run(screen: &mut Screen<'_>, until: &Until) -> anyhow::Result<()> 
             std::thread::sleep(WAITING);
             continue;
         };
-        let Some(picture) = draw(&mut screen.live, &options.camera, &moment)? else {
+        let viewpoint = screen.seen_from(options.camera);
+        let Some(picture) = draw(&mut screen.live, &viewpoint, &moment)? else {
             continue;
         };
         moments.offer(&picture);

@@ -1,11 +1,13 @@
 //! A call on a screen, in a window or not: what stands around the person, and what the pictures came to.
 
 use super::Options;
+use crate::gaze::{Gaze, GazeFigures};
 use crate::live::{Live, Moment, Shown};
 use crate::measured::Measured;
 use crate::report::Splatting;
 use crate::scenery::Scenery;
 use crate::stage::Setting;
+use crate::viewpoint::Viewpoint;
 use app::{Call, Recording, Summary, Terms};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -17,6 +19,8 @@ use std::time::Instant;
 pub(crate) struct Screen<'a> {
     pub(super) options: &'a Options,
     pub(crate) live: Live,
+    /// Moves the camera, if somebody's gaze does.
+    pub(crate) gaze: Option<Gaze>,
     pub(super) pictures: Vec<PathBuf>,
     /// Whether the scene stands already; it is put around the place where the person first stands.
     settled: bool,
@@ -32,6 +36,8 @@ pub(super) struct Watched {
     width: u32,
     height: u32,
     splatting: Splatting,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gaze: Option<GazeFigures>,
     #[serde(flatten)]
     shown: Measured,
 }
@@ -57,10 +63,11 @@ impl Watched {
 }
 
 impl<'a> Screen<'a> {
-    pub(super) fn new(options: &'a Options, live: Live) -> Self {
+    pub(super) fn new(options: &'a Options, live: Live, gaze: Option<Gaze>) -> Self {
         Self {
             options,
             live,
+            gaze,
             pictures: Vec::new(),
             settled: options.scenery.background.is_none(),
             began: None,
@@ -84,6 +91,14 @@ impl<'a> Screen<'a> {
         }
         self.began.get_or_insert_with(Instant::now);
         Ok(Some(moment))
+    }
+
+    /// Where the picture that was begun now is seen from, if it were seen from `viewpoint` without a gaze.
+    pub(crate) fn seen_from(&mut self, viewpoint: Viewpoint) -> Viewpoint {
+        match &mut self.gaze {
+            Some(gaze) => gaze.follow(viewpoint, Instant::now()),
+            None => viewpoint,
+        }
     }
 
     /// Ends the lanes.
@@ -118,6 +133,7 @@ impl<'a> Screen<'a> {
             width: size.width,
             height: size.height,
             splatting,
+            gaze: self.gaze.map(Gaze::figures),
             shown: Measured {
                 placement,
                 skipped,
