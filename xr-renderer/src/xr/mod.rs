@@ -3,6 +3,8 @@
 mod error;
 pub mod ext;
 mod extensions;
+#[cfg(test)]
+pub(crate) mod fake;
 mod input;
 mod pose;
 
