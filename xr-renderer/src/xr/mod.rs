@@ -7,6 +7,8 @@ mod error;
 pub mod ext;
 mod extensions;
 mod eyes;
+#[cfg(test)]
+pub(crate) mod fake;
 mod frame;
 mod headset;
 mod input;
