@@ -28,6 +28,17 @@ pub enum ReceiverError {
     /// The renderer failed.
     #[error("cannot draw the avatar")]
     Render(#[from] RenderError),
+    /// More people than one picture has room for.
+    #[error("there is no room for another person: one picture shows {most} at most")]
+    TooManyPeople {
+        /// How many there can be.
+        most: usize,
+    },
+    /// Somebody who joined was to be posed on the device.
+    #[error(
+        "only the first person can be posed on the device: choose a plan with the CPU's or the NPU's work for those who join"
+    )]
+    PosedTwice,
     /// Nothing can run the deform graph.
     #[error("no provider is left to run the deform graph")]
     NoProvider,

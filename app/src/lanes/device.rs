@@ -59,13 +59,12 @@ impl DevicePosing {
         let [Some(from), Some(to)] = now.places.map(|place| self.heads.at(place)) else {
             return Ok(None);
         };
-        let [Some(first), Some(second)] = now
-            .places
-            .map(|place| self.ids.get(place).copied().flatten())
-        else {
-            return Ok(None);
+        let ids = (now.places).map(|place| self.ids.get(place).copied().flatten());
+        self.shown = match ids {
+            [Some(first), Some(second)] => Some(([first, second], now.alpha)),
+            // The device is lost; the pose goes on.
+            _ => None,
         };
-        self.shown = Some(([first, second], now.alpha));
         Ok(Some(View {
             number: request.number,
             states: [from.times, to.times],
@@ -77,17 +76,15 @@ impl DevicePosing {
         }))
     }
 
-    /// What the renderer is to draw.
-    pub(super) fn foreground(&self, level: usize) -> Foreground<'static> {
-        match self.shown {
-            Some(([from, to], share)) => Foreground::Posed {
-                from,
-                to,
-                share,
-                level,
-            },
-            None => Foreground::Set,
-        }
+    /// What the renderer is to draw; nothing where the device that had it was lost.
+    pub(super) fn foreground(&self, level: usize) -> Option<Foreground<'static>> {
+        let ([from, to], share) = self.shown?;
+        Some(Foreground::Posed {
+            from,
+            to,
+            share,
+            level,
+        })
     }
 
     /// The device was lost with its states; the newest inference is handed to the other one.
@@ -120,16 +117,16 @@ impl DevicePosing {
             root: posed.pose.motion.root_translation.to_array(),
         };
         let id = match renderer.push_state(&input) {
-            // What comes next finds out, and does something about it.
-            Err(RenderError::DeviceLost(_)) => return Ok(()),
-            pushed => pushed?,
+            // Drawing finds out, and does something about it.
+            Err(RenderError::DeviceLost(_)) => None,
+            pushed => Some(pushed?),
         };
         let place = self.heads.next_place();
         self.heads.make_room();
         let mut head = StateHead::new(posed.number, &posed.pose, inferred.inference);
         head.times.ready = Instant::now();
         if let Some(slot) = self.ids.get_mut(place) {
-            *slot = Some(id);
+            *slot = id;
         }
         self.heads.push(head, place, &mut self.timeline);
         Ok(())

@@ -1,41 +1,56 @@
 //! What is told of a picture once it is drawn: its way to the display, what the device did for it, and what it cost.
 
-use super::{Lanes, MotionSource, Supply};
-use crate::hold::PictureCost;
+use super::person::{Person, Supply};
+use super::{Lanes, MotionSource};
+use crate::hold::{PictureCost, Quality};
 use crate::{PictureTimes, Stage};
 use std::time::{Duration, Instant};
 
 impl<S: MotionSource> Lanes<S> {
-    /// Takes note of when the picture is displayed: the end of its way.
+    /// Takes note of when the picture is displayed: the end of its way, which is told of the first person while they are
+    /// there.
     pub fn displayed(&mut self, at: Instant) {
-        let (Some(view), Some(progress)) = (&self.view, self.drawing.take()) else {
+        let Some(progress) = self.drawing.take() else {
             return;
         };
-        let [from, to] = view.states;
-        self.recorder.picture(PictureTimes {
-            number: self.number,
-            from,
-            to,
-            alpha: view.alpha,
-            interpolated_for: view.number,
-            interpolation: view.interpolation,
-            begun: progress.begun,
-            sorted: progress.sorted,
-            drawn: progress.drawn,
-            displayed: at,
-            predicted: progress.tick.predicted,
-            repeated: self.repeated,
-            gaussians: match &mut self.supply {
-                Supply::Host { pictures, .. } => pictures.taken().slot.len(),
-                Supply::Device(_) => (self.renderer.options().mesh.as_ref())
-                    .map_or(0, |mesh| mesh.gaussians_at(self.quality.level)),
-            },
-            scale: self.quality.resolution_scale,
+        let Quality {
+            level,
+            resolution_scale,
+            ..
+        } = self.quality;
+        let scenery = self.scenery.len();
+        let people = self.people.iter_mut();
+        let gaussians = people.fold(scenery, |sum, person| {
+            sum.saturating_add(person.gaussians(&self.renderer, level))
         });
-        if view.level == self.quality.level {
+        let first = &self.people.first;
+        if let Some(view) = first.view() {
+            let [from, to] = view.states;
+            self.recorder.picture(PictureTimes {
+                number: self.number,
+                from,
+                to,
+                alpha: view.alpha,
+                interpolated_for: view.number,
+                interpolation: view.interpolation,
+                begun: progress.begun,
+                sorted: progress.sorted,
+                drawn: progress.drawn,
+                displayed: at,
+                predicted: progress.tick.predicted,
+                repeated: first.repeated,
+                gaussians,
+                scale: resolution_scale,
+            });
+        }
+        let views = || self.people.iter().filter_map(Person::view);
+        // Somebody with another level's Gaussians says nothing about this one.
+        if views().next().is_some() && views().all(|view| view.level == level) {
             self.judge(at, progress.tick.period);
         }
-        self.hurry(at);
+        for person in self.people.iter_mut() {
+            person.hurry(at);
+        }
     }
 
     /// Tells the controller of quality what the picture took.
@@ -75,7 +90,8 @@ impl<S: MotionSource> Lanes<S> {
             return;
         };
         progress.sorted = spans.sort[1];
-        if let (Supply::Device(_), Some(view)) = (&self.supply, &mut self.view) {
+        let first = &mut self.people.first;
+        if let (Supply::Device(_), Some(view)) = (&first.supply, &mut first.view) {
             view.interpolation = spans.interpolate;
             let state = view.states[1].number;
             for (stage, [begin, end]) in

@@ -4,13 +4,17 @@ use super::cpu::{CpuLane, Request};
 use super::device::DevicePosing;
 use super::hand_over::{Bell, hand_over};
 use super::npu::{Inferred, NpuLane};
+use super::people::People;
+use super::person::{Counts, Person, Supply, places};
+use super::scenery::Scenery;
 use super::states::{Heads, States};
 use super::threads::Threads;
-use super::{Counts, LaneOptions, Lanes, MotionSource, Supply, cpu, motion, places};
+use super::{LaneOptions, Lanes, MotionSource, cpu, motion};
 use crate::hold::{Hold, KEPT_SHARES, Quality};
 use crate::kernels::Detail;
 use crate::posing::Posing;
-use crate::{Collector, Inference, Lane, Plan, ReceiverError, Timeline};
+use crate::{Collector, Inference, Lane, LatencyMode, Plan, ReceiverError, Timeline};
+use glam::Affine3A;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
@@ -18,7 +22,7 @@ use std::time::Instant;
 use xr_renderer::{ForegroundPath, SplatRenderer};
 
 impl<S: MotionSource> Lanes<S> {
-    /// Starts the lanes of `avatar` on poses from `source`.
+    /// Starts the lanes of `avatar`, the first person, on poses from `source`.
     ///
     /// # Errors
     /// If threads, memory on the device or the avatar's networks are not to be had.
@@ -29,7 +33,40 @@ impl<S: MotionSource> Lanes<S> {
         source: S,
         options: &LaneOptions,
     ) -> Result<Self, ReceiverError> {
-        let mut collector = Collector::default();
+        let LaneOptions { plan, latency, .. } = *options;
+        let told = Collector::default();
+        let scenery = Scenery::new(&renderer)?;
+        let mut first = Person::start(avatar, inference, &renderer, source, plan, latency, told)?;
+        Ok(Self {
+            recorder: first.collector.recorder(Lane::Gpu),
+            people: People::new(first),
+            latency,
+            renderer,
+            is_lost: false,
+            scenery,
+            quality: Quality::of_step(0),
+            hold: Hold::new(options.display_period, options.hold),
+            displayed: None,
+            number: 0,
+            drawing: None,
+        })
+    }
+}
+
+impl<S: MotionSource> Person<S> {
+    /// Starts the lanes of one person, which tell `collector`.
+    ///
+    /// # Errors
+    /// As [`Lanes::start`].
+    pub(super) fn start(
+        avatar: &Arc<Avatar>,
+        inference: Inference,
+        renderer: &SplatRenderer,
+        source: S,
+        plan: Plan,
+        latency: LatencyMode,
+        mut collector: Collector,
+    ) -> Result<Self, ReceiverError> {
         let [npu_bell, cpu_bell] = [Bell::default(), Bell::default()];
         let none = motion::Posed::none;
         let (posed, posed_taker) = hand_over([none(), none(), none()], &npu_bell);
@@ -49,20 +86,21 @@ impl<S: MotionSource> Lanes<S> {
         let fault = inference.fault();
         let changes = inference.changes();
         let mut threads = Threads::new([npu_bell.clone(), cpu_bell.clone()]);
-        let supply = if options.plan == Plan::Pc {
-            Supply::Device(DevicePosing::new(inferred_taker, options.latency))
+        let supply = if plan == Plan::Pc {
+            Supply::Device(DevicePosing::new(inferred_taker, latency))
         } else {
             let (requests, requests_taker) = hand_over([Request::none(); 3], &cpu_bell);
-            let (pictures, pictures_taker) = hand_over(places(&renderer)?, &Bell::default());
+            let posing = Posing::new(avatar, plan)?;
+            let room = u32::try_from(posing.gaussians()).unwrap_or(u32::MAX);
+            let (pictures, pictures_taker) = hand_over(places(renderer, room)?, &Bell::default());
             let (renew, renewed) = channel();
             counts.requests = requests.overwritten();
             counts.interpolations = pictures.overwritten();
-            let posing = Posing::new(avatar, options.plan)?;
             let cpu = CpuLane {
                 states: States::new(posing.gaussians()),
                 posing,
                 heads: Heads::new(),
-                timeline: Timeline::new(options.latency),
+                timeline: Timeline::new(latency),
                 inferred: inferred_taker,
                 requests: requests_taker,
                 pictures,
@@ -82,6 +120,7 @@ impl<S: MotionSource> Lanes<S> {
                 pictures: pictures_taker,
                 renew,
                 bell: cpu_bell,
+                room,
             }
         };
         let npu = NpuLane {
@@ -92,7 +131,6 @@ impl<S: MotionSource> Lanes<S> {
             recorder: collector.recorder(Lane::Npu),
         };
         let motion_recorder = collector.recorder(Lane::Motion);
-        let recorder = collector.recorder(Lane::Gpu);
         let skeleton = avatar.skeleton.clone();
         threads.spawn_motion(move |stop, over| {
             motion::run(source, &skeleton, posed, motion_recorder, stop, over)
@@ -101,20 +139,15 @@ impl<S: MotionSource> Lanes<S> {
         Ok(Self {
             threads,
             collector,
-            recorder,
-            renderer,
             supply,
             fault,
             changes,
             counts,
-            quality: Quality::of_step(0),
-            hold: Hold::new(options.display_period, options.hold),
-            displayed: None,
-            number: 0,
             view: None,
             repeated: false,
             asked: None,
-            drawing: None,
+            world_from_person: Affine3A::IDENTITY,
+            is_gone: false,
         })
     }
 }
