@@ -38,6 +38,8 @@ pub struct Gpu {
     pub(crate) memory_taken: AtomicU64,
     /// Whether work is refused, as by a device that its driver gave up.
     declared_lost: AtomicBool,
+    /// Whether it is to be taken for a headset's.
+    declared_headsets: AtomicBool,
     /// Whether a headset's runtime made it, and must make it again.
     belongs_to_headset: bool,
     /// How it was opened, to open it again.
@@ -121,6 +123,7 @@ impl Gpu {
             shares_memory: chosen.info.is_cpu,
             memory_taken: AtomicU64::new(0),
             declared_lost: AtomicBool::new(false),
+            declared_headsets: AtomicBool::new(false),
             belongs_to_headset: false,
             choice: choice.clone(),
             queue: Mutex::new(queue),
@@ -141,7 +144,12 @@ impl Gpu {
     /// Whether a headset's runtime made this device: once it is lost, only that runtime can make another that shows pictures
     /// there, for [`crate::SplatRenderer::recover_on`].
     pub fn belongs_to_headset(&self) -> bool {
-        self.belongs_to_headset
+        self.belongs_to_headset || self.declared_headsets.load(Ordering::Relaxed)
+    }
+
+    /// Makes [`Self::belongs_to_headset`] true, whoever made the device: for tests of what follows from that.
+    pub fn declare_headsets(&self) {
+        self.declared_headsets.store(true, Ordering::Relaxed);
     }
 
     /// Makes all further work on this device fail with [`RenderError::DeviceLost`]: for tests of what must come after.
