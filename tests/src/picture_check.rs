@@ -171,6 +171,23 @@ pub fn assert_drawn_by<const N: usize>(
     drawn
 }
 
+/// Compares a picture of each camera, drawn somehow, with the reference over what the reference covers, and leaves the
+/// pictures on failure.
+pub fn assert_pictures_like_reference(
+    gpu: &Gpu,
+    name: &str,
+    world: &World<'_>,
+    cameras: &[Camera],
+    got: &[Image],
+    least: f64,
+) {
+    assert_eq!(got.len(), cameras.len(), "{name}: views");
+    for (view, (got, camera)) in got.iter().zip(cameras).enumerate() {
+        let expected = splat_reference::render_world(world, camera);
+        assert_like_reference(gpu, &format!("{name}-{view}"), got, &expected, least);
+    }
+}
+
 fn assert_like_reference(
     gpu: &Gpu,
     name: &str,

@@ -14,6 +14,7 @@ pub use harmonics::{ORDERS, real_harmonics};
 
 use std::cmp::Ordering;
 
+use glam::Affine3A;
 use rayon::prelude::*;
 use splat_scene::Scene;
 use xr_renderer::{Camera, Filter, Gaussian};
@@ -25,6 +26,8 @@ use project::{ALPHA_CUT, ALPHA_MOST, Ellipsoid, Projected};
 pub struct World<'a> {
     /// Gaussians that may change from picture to picture.
     pub foreground: &'a [Gaussian],
+    /// More of them, each row turned and shifted by its transform.
+    pub parts: &'a [(&'a [Gaussian], Affine3A)],
     /// Gaussians that do not.
     pub background: Option<&'a Scene>,
     /// Against aliasing.
@@ -76,6 +79,12 @@ pub fn render_world(world: &World<'_>, camera: &Camera) -> ReferencePicture {
         .map(Ellipsoid::from)
         .filter_map(|ellipsoid| project::project(&ellipsoid, camera, world.filter))
         .collect();
+    for (gaussians, world_from_part) in world.parts {
+        splats.par_extend(gaussians.par_iter().filter_map(|gaussian| {
+            let ellipsoid = Ellipsoid::from(gaussian).placed(world_from_part);
+            project::project(&ellipsoid, camera, world.filter)
+        }));
+    }
     if let Some(scene) = world.background {
         let indices = (0..scene.len()).into_par_iter();
         splats.par_extend(indices.filter_map(|index| {

@@ -1,6 +1,6 @@
 //! Writing foregrounds to a slot as the lanes do: with bounds of how far their Gaussians came since the last time.
 
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use xr_renderer::{
     Camera, Change, Drawing, Foreground, ForegroundPath, ForegroundSlot, Gaussian, PackedGaussian,
     Part, RenderError, SplatRenderer,
@@ -17,8 +17,13 @@ pub struct Walking {
 impl Walking {
     /// A person that has not come yet.
     pub fn new(renderer: &SplatRenderer) -> Self {
+        Self::in_slot(renderer.foreground_slot().expect("memory for a slot"))
+    }
+
+    /// The same in a slot of one's own.
+    pub fn in_slot(slot: ForegroundSlot) -> Self {
         Self {
-            slot: renderer.foreground_slot().expect("memory for a slot"),
+            slot,
             path: ForegroundPath::new(),
             last: Vec::new(),
         }
@@ -51,6 +56,14 @@ impl Walking {
     /// The slot, to be drawn.
     pub fn slot(&self) -> &ForegroundSlot {
         &self.slot
+    }
+
+    /// What was written last, placed somewhere.
+    pub fn at(&self, world_from_part: Affine3A) -> Part<'_> {
+        Part {
+            gaussians: Foreground::Slot(&self.slot),
+            world_from_part,
+        }
     }
 
     /// Draws what was written last.

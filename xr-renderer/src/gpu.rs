@@ -163,7 +163,12 @@ impl Gpu {
     /// Whether a headset's runtime made it: pictures for the headset are drawn on no other, and when it is lost the headset
     /// has to be opened again.
     pub fn belongs_to_headset(&self) -> bool {
-        self.belongs_to_headset
+        self.belongs_to_headset || self.declared_headsets.load(Ordering::Relaxed)
+    }
+
+    /// Makes [`Self::belongs_to_headset`] true, whoever made the device: for tests of what follows from that.
+    pub fn declare_headsets(&self) {
+        self.declared_headsets.store(true, Ordering::Relaxed);
     }
 
     /// Makes all further work on this device fail with [`RenderError::DeviceLost`]: for tests of what must come after.

@@ -23,6 +23,12 @@ use crate::slot::ForegroundSlot;
 const GROUP: u32 = 64;
 /// Where `shaders/project_foreground.comp` binds the Gaussians.
 const GAUSSIANS: u32 = 7;
+/// Bytes of [`PartParams`], of the 128 that every device takes.
+const PUSH_BYTES: u32 = 60;
+const _: () = assert!(PUSH_BYTES as usize == size_of::<PartParams>(), "whole");
+/// Sets of resources, one for each part.
+const SETS: u32 = 8;
+const _: () = assert!(SETS as usize == MOST_PARTS, "one for each");
 
 /// What is projected as the foreground. Whatever changes it wants an idle device.
 pub(crate) struct Parts {
@@ -68,8 +74,8 @@ impl Parts {
         let copy = Buffer::storage(gpu, "foreground Gaussians", bytes)?;
         let specialisation = Specialisation {
             constants: &[GROUP, filter.is_mip()],
-            push_bytes: size_of::<PartParams>() as u32,
-            more_sets: MOST_PARTS as u32 - 1,
+            push_bytes: PUSH_BYTES,
+            more_sets: SETS - 1,
             ..Default::default()
         };
         let project = ComputePipeline::new(

@@ -1,6 +1,8 @@
 //! The lanes at work on a puppet: what is shown, what fails on the way, what is allocated.
 
 mod faults;
+mod headset;
+mod people;
 mod pictures;
 mod slow;
 mod stage;

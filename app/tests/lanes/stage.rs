@@ -8,8 +8,8 @@ use app::{
 use glam::{Quat, Vec3};
 use mon3tr_tests::synthetic::Puppet;
 use mon3tr_tests::{onnx, vulkan};
-use npu_runtime::Provider;
-use spmm3::{Joint, MotionParams};
+use npu_runtime::{Provider, Runtime};
+use spmm3::{Avatar, Joint, MotionParams};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use xr_renderer::{BackEnd, Backdrop, Camera, Gpu, GpuChoice, RendererOptions, SplatRenderer};
@@ -44,6 +44,14 @@ impl Swing {
             speed,
             start: Instant::now(),
             sent: 0,
+        }
+    }
+
+    /// Someone who says nothing for a long time.
+    pub(crate) fn silent() -> Self {
+        Self {
+            start: Instant::now() + Duration::from_secs(3600),
+            ..Self::new(30.0, 1000, 0.5)
         }
     }
 
@@ -89,6 +97,8 @@ pub(crate) struct Stage {
     pub(crate) lanes: Lanes<Swing>,
     pub(crate) display: DisplayClock,
     pub(crate) camera: Camera,
+    avatar: Arc<Avatar>,
+    runtime: Runtime,
     /// One at a time: they would slow each other down.
     _alone: MutexGuard<'static, ()>,
 }
@@ -129,7 +139,8 @@ impl Stage {
         let options = RendererOptions {
             back_end: Some(BackEnd::Tiles),
             mesh: (plan == Plan::Pc).then(|| Arc::new(app::bound_mesh(&avatar).expect("a mesh"))),
-            ..RendererOptions::new(gaussians, SIDE, SIDE, 1)
+            // Room for two people and some scenery.
+            ..RendererOptions::new(2 * gaussians + 256, SIDE, SIDE, 1)
         };
         let renderer = SplatRenderer::new(Arc::clone(gpu), &options).expect("a renderer");
         let inference =
@@ -146,8 +157,32 @@ impl Stage {
             lanes,
             display: DisplayClock::new(hertz),
             camera: camera(),
+            avatar,
+            runtime,
             _alone: alone,
         })
+    }
+
+    /// Somebody joins, who looks the same; returns their number.
+    pub(crate) fn join(&mut self, plan: Plan, swing: Swing) -> usize {
+        let graph = plan.graph();
+        let inference = Inference::open(&self.runtime, &self.avatar, graph, &[CPU], None);
+        let inference = inference.expect("a session");
+        let joined = self.lanes.join(&self.avatar, inference, swing, plan);
+        joined.expect("somebody joins")
+    }
+
+    /// Draws pictures until so many people are to be seen.
+    pub(crate) fn draw_until_seen(&mut self, people: usize) {
+        let until = Instant::now() + Duration::from_secs(60);
+        loop {
+            self.picture();
+            let seen = self.lanes.poses().flatten().count();
+            if seen == people {
+                return;
+            }
+            assert!(Instant::now() < until, "{seen} of {people} people");
+        }
     }
 
     /// Draws the next picture; returns the pose shown, if there was one.
@@ -165,7 +200,7 @@ impl Stage {
                 let shown = self.display.drawn(begun, Instant::now());
                 self.lanes.displayed(shown);
             }
-            Drawn::Renewed(_) => return None,
+            Drawn::Renewed(_) | Drawn::Lost => return None,
         }
         Some(motion)
     }
@@ -191,9 +226,9 @@ impl Stage {
     }
 }
 
-pub(crate) fn avatar() -> spmm3::Avatar {
+pub(crate) fn avatar() -> Avatar {
     let bytes = Puppet::small().avatar().to_bytes().expect("a package");
-    spmm3::Avatar::read(std::io::Cursor::new(bytes)).expect("the package is sound")
+    Avatar::read(std::io::Cursor::new(bytes)).expect("the package is sound")
 }
 
 fn camera() -> Camera {

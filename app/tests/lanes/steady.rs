@@ -1,11 +1,13 @@
 //! What a call does once it runs.
 
+use crate::people::{places, plate};
 use crate::stage::{BLACK, CPU, SIDE, Stage, Swing};
-use app::Plan;
 use app::hold::HoldMode;
+use app::{Plan, Tick};
+use glam::{Affine3A, Vec3};
 use mon3tr_tests::allocations::allocations as counted;
 use mon3tr_tests::vulkan;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 #[test]
 fn no_lane_allocates_once_the_call_runs() {
@@ -19,6 +21,67 @@ fn no_lane_allocates_once_the_call_runs() {
         stage.draw(60);
         let allocations = counted() - before;
         assert_eq!(allocations, 0, "{plan}: allocations in 60 pictures");
+    }
+}
+
+#[test]
+fn two_people_who_walk_about_with_their_shadows_allocate_nothing_either() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    for plan in [Plan::CpuTail, Plan::Pc] {
+        let swing = || Swing::new(30.0, 100_000, 0.5);
+        let Some(mut stage) = Stage::new(&gpu, plan, &[CPU], swing()) else {
+            return;
+        };
+        stage.join(Plan::Card, swing());
+        let walk = |stage: &mut Stage| {
+            for step in 0..60u8 {
+                let x = f32::from(step) * 0.01;
+                for (person, place) in places().into_iter().enumerate() {
+                    let step = Affine3A::from_translation(Vec3::X * x);
+                    stage.lanes.place(person, step * place);
+                }
+                let shadows = [plate(x), plate(-x), plate(0.0)];
+                let some = &shadows[..usize::from(step) % 3 + 1];
+                stage.lanes.set_scenery(some).expect("room");
+                stage.draw(1);
+            }
+        };
+        stage.draw_until_seen(2);
+        walk(&mut stage);
+        let before = counted();
+        walk(&mut stage);
+        let allocations = counted() - before;
+        assert_eq!(allocations, 0, "{plan}: allocations in 60 pictures");
+        assert_eq!(stage.lanes.poses().flatten().count(), 2, "both are there");
+    }
+}
+
+#[test]
+fn a_picture_that_is_done_sooner_than_expected_has_the_next_ones_gaussians_made_sooner() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    let swing = Swing::new(30.0, 100_000, 0.5);
+    let Some(mut stage) = Stage::new(&gpu, Plan::CpuTail, &[CPU], swing) else {
+        return;
+    };
+    stage.draw_until_seen(1);
+    let until = Instant::now() + Duration::from_secs(60);
+    let mut new = 0;
+    while new < 5 {
+        // The next picture is not expected before the test is over.
+        let (now, far) = (Instant::now(), Duration::from_secs(3600));
+        let tick = Tick {
+            predicted: now,
+            next_begins: now + far,
+            next: now + far,
+            period: far,
+        };
+        let _ = stage.lanes.begin(tick).expect("lanes run");
+        stage.lanes.draw(&[stage.camera]).expect("a picture");
+        stage.lanes.displayed(Instant::now());
+        let last = *stage.lanes.collector().pictures().last().expect("one");
+        new += u32::from(!last.repeated);
+        assert!(Instant::now() < until, "{new} pictures with new Gaussians");
+        std::thread::sleep(Duration::from_millis(20));
     }
 }
 

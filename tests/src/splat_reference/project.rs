@@ -3,6 +3,7 @@
 
 use std::ops::RangeInclusive;
 
+use glam::Affine3A;
 use splat_scene::Scene;
 use xr_renderer::{Camera, Filter, Gaussian};
 
@@ -82,6 +83,23 @@ impl From<&Gaussian> for Ellipsoid {
 }
 
 impl Ellipsoid {
+    /// The same, turned and shifted.
+    pub(super) fn placed(self, to_from: &Affine3A) -> Self {
+        let columns = to_from.matrix3.to_cols_array_2d();
+        let turn = transposed(&columns.map(|column| column.map(f64::from)));
+        let shift = to_from.translation.to_array().map(f64::from);
+        let turned = |axis: usize| {
+            (0..3)
+                .map(|k| turn[axis][k] * self.position[k])
+                .sum::<f64>()
+        };
+        Self {
+            position: std::array::from_fn(|axis| turned(axis) + shift[axis]),
+            axes: product(&turn, &self.axes),
+            ..self
+        }
+    }
+
     /// One of a scene's Gaussians, with the colour it has from `eye`.
     pub(super) fn of_scene(scene: &Scene, index: usize, eye: Vec3) -> Self {
         let position = scene.positions()[index].map(f64::from);

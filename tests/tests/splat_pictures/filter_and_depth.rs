@@ -21,6 +21,7 @@ fn the_mip_filter_looks_as_the_reference_says() {
         foreground: &gaussians,
         background: Some(&scene),
         filter: Filter::Mip,
+        ..World::default()
     };
     assert_drawn_as_reference(&gpu, "mip", &world, &[front_camera(512, 512)], PACKED);
 }
@@ -43,6 +44,7 @@ fn the_mip_filter_keeps_a_person_far_away_as_the_reference_says() {
             foreground: &figure,
             background: Some(&scene),
             filter,
+            ..World::default()
         };
         assert_drawn_as_reference(&gpu, name, &world, &[camera], PACKED);
     }

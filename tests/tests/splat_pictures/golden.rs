@@ -98,6 +98,7 @@ fn check(name: &str, back_end: BackEnd, with_scene: bool, filter: Filter, camera
         foreground: &figure,
         background: with_scene.then_some(&scene),
         filter,
+        ..World::default()
     };
     for (view, image) in draw(&gpu, back_end, &world, cameras).iter().enumerate() {
         let eye = match (cameras.len(), view) {

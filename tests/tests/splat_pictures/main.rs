@@ -9,6 +9,7 @@ mod filter_and_depth;
 mod foreground;
 mod golden;
 mod order;
+mod parts;
 mod person_in_scene;
 mod sizes;
 mod slots;
