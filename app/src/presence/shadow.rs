@@ -8,7 +8,16 @@ use spmm3::Joint;
 use xr_renderer::PackedGaussian;
 
 /// The most Gaussians of one person's shadow.
-pub const SHADOW_GAUSSIANS: usize = BODY_JOINTS + 2 * SOLE_POINTS;
+pub const SHADOW_GAUSSIANS: usize = 2 * (BODY_JOINTS - FEET) + 2 * SOLE_POINTS;
+
+/// Joints whose shadow is that of the soles: ankles and balls.
+const FEET: usize = 4;
+/// Of a shadow's Gaussian in two, in its standard deviations: theirs, and how far each lies off the middle. Pairs that lie
+/// all ways have the same variance on average.
+const HALF_WIDTH: f32 = 0.7;
+const HALF_ASIDE: f32 = 1.0;
+/// From one pair's direction to the next, radians: the golden angle.
+const NEXT: f32 = 2.399_963;
 
 /// Above the floor, metres, so that the floor does not swallow it.
 const HEIGHT: f32 = 0.004;
@@ -26,7 +35,8 @@ struct Caster {
     opacity: f32,
 }
 
-/// As the studio's: a joint is the middle of a limb.
+/// As the studio's: a joint is the middle of a limb. Drawn in halves, since a floor of Gaussians hides what lies before the
+/// middle of each: many middles leave no edge.
 const JOINT: Caster = Caster {
     radius: 0.06,
     growth: 0.14,
@@ -34,7 +44,7 @@ const JOINT: Caster = Caster {
 };
 /// Small, since Gaussians are sorted by their middle: a wide one would be drawn over the shoe that stands behind it.
 const SOLE: Caster = Caster {
-    radius: 0.036,
+    radius: 0.034,
     growth: 0.3,
     opacity: 0.3,
 };
@@ -53,9 +63,7 @@ impl ContactShadow {
         self.gaussians.get(..self.count).unwrap_or_default()
     }
 
-    fn add(&mut self, at: Vec3, caster: &Caster) {
-        let radius = caster.radius + caster.growth * at.y.max(0.0);
-        let opacity = caster.opacity * (caster.radius / radius).powi(2);
+    fn add(&mut self, at: Vec3, radius: f32, opacity: f32) {
         if let Some(place) = self.gaussians.get_mut(self.count)
             && opacity >= LEAST
         {
@@ -71,6 +79,14 @@ impl ContactShadow {
     }
 }
 
+impl Caster {
+    /// Standard deviation (metres) and opacity of the shadow of a point so high (metres).
+    fn shadow(&self, height: f32) -> (f32, f32) {
+        let radius = self.radius + self.growth * height.max(0.0);
+        (radius, self.opacity * (self.radius / radius).powi(2))
+    }
+}
+
 /// The shadow of a person who stands so in motion space, for where [`super::Presence`] put them: black, dark and narrow
 /// below what touches the floor, faint and wide below what is high. Does not allocate.
 #[must_use]
@@ -79,17 +95,25 @@ pub fn contact_shadow(standing: &Standing, floor_from_person: &Affine3A) -> Cont
         gaussians: [PackedGaussian::zeroed(); SHADOW_GAUSSIANS],
         count: 0,
     };
-    for (joint, at) in Joint::ALL.iter().zip(&standing.body) {
+    for (k, (joint, at)) in Joint::ALL.iter().zip(&standing.body).enumerate() {
         let is_foot = matches!(
             joint,
             Joint::LeftAnkle | Joint::LeftFoot | Joint::RightAnkle | Joint::RightFoot
         );
         if !is_foot {
-            shadow.add(floor_from_person.transform_point3(*at), &JOINT);
+            let (radius, opacity) = JOINT.shadow(at.y);
+            let aside = Quat::from_rotation_y(NEXT * k as f32) * Vec3::X * radius * HALF_ASIDE;
+            // Half the shade each, on half the floor.
+            let opacity = opacity * 0.5 / (HALF_WIDTH * HALF_WIDTH);
+            for at in [*at + aside, *at - aside] {
+                let at = floor_from_person.transform_point3(at);
+                shadow.add(at, radius * HALF_WIDTH, opacity);
+            }
         }
     }
     for sole in standing.soles.as_flattened() {
-        shadow.add(floor_from_person.transform_point3(*sole), &SOLE);
+        let (radius, opacity) = SOLE.shadow(sole.y);
+        shadow.add(floor_from_person.transform_point3(*sole), radius, opacity);
     }
     shadow
 }

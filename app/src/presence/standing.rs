@@ -8,12 +8,16 @@ use std::array::from_fn;
 /// SMPL-X's joints before the jaw: the body without face and fingers.
 pub const BODY_JOINTS: usize = 22;
 
-/// Points along one sole, from heel to toe.
-pub const SOLE_POINTS: usize = 8;
+/// Points along one edge of a sole, from heel to toe.
+const EDGE_POINTS: usize = 7;
+/// Points along both edges of a sole.
+pub const SOLE_POINTS: usize = 2 * EDGE_POINTS;
 
-/// How far the heel lies behind the ankle and the toes before the ball, in lengths from ankle to ball.
-const HEEL: f32 = 0.34;
-const TOE: f32 = 0.55;
+/// How far the heel lies behind the ankle, the toes before the ball, and either edge of the sole beside them, in lengths
+/// from ankle to ball.
+const HEEL: f32 = 0.4;
+const TOE: f32 = 0.65;
+const EDGE: f32 = 0.26;
 
 /// Motion space is no larger, metres.
 const FURTHEST: f32 = 1_000.0;
@@ -27,7 +31,7 @@ const FEET: [[Joint; 2]; 2] = [
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Standing {
     pub(super) body: [Vec3; BODY_JOINTS],
-    /// Of the left foot and the right.
+    /// Along the edges of the left foot's sole and of the right's.
     pub(super) soles: [[Vec3; SOLE_POINTS]; 2],
     /// Turn about y from +z to where the person faces, radians.
     pub(super) heading: f32,
@@ -43,16 +47,17 @@ impl Standing {
         let soles = FEET.map(|[ankle, ball]| {
             let [ankle_at, ball_at] = [ankle, ball].map(|j| skeleton.rest_positions()[j.index()]);
             let length = (ball_at - ankle_at).xz();
-            let point = |share: f32| {
-                let rest = ankle_at.xz() + length * share;
+            let point = |share: f32, aside: f32| {
+                let rest = ankle_at.xz() + length * share + length.perp() * aside;
                 let joint = if share < 1.0 { ankle } else { ball };
                 let from_joint = skeleton.rest_positions()[joint.index()];
                 let rest = Vec3::new(rest.x, 0.0, rest.y) - from_joint;
                 joints.person_from_joint[joint.index()].transform_point3(rest) + root
             };
             from_fn(|k| {
-                let along = k as f32 / (SOLE_POINTS - 1) as f32;
-                point(-HEEL + along * (1.0 + HEEL + TOE))
+                let along = (k % EDGE_POINTS) as f32 / (EDGE_POINTS - 1) as f32;
+                let aside = if k < EDGE_POINTS { EDGE } else { -EDGE };
+                point(-HEEL + along * (1.0 + HEEL + TOE), aside)
             })
         });
         let pelvis = joints.person_from_joint[Joint::Pelvis.index()].matrix3;
