@@ -224,3 +224,98 @@ impl Place {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use shaders_spirv::Gaussian;
+
+    use super::*;
+    use crate::testing::open_gpu;
+    use crate::{
+        BackEnd, Camera, Drawing, Foreground, ForegroundPath, Part, RendererOptions, SplatRenderer,
+    };
+
+    fn write(slot: &mut ForegroundSlot, count: u8, y: f32) {
+        for (step, place) in (0..count).zip(slot.gaussians_mut()) {
+            *place = PackedGaussian::from(&Gaussian {
+                position: [f32::from(step) * 0.1 - 1.0, y, 0.0],
+                rotation: [0.0, 0.0, 0.0, 1.0],
+                scale: [0.05, 0.2, 0.1],
+                opacity: 0.8,
+                colour: [0.5 + y, 0.5, 0.5 - y],
+            });
+        }
+        slot.set(count.into(), ForegroundPath::new())
+            .expect("they fit");
+    }
+
+    #[test]
+    fn parts_that_move_within_the_copy_are_read_from_where_they_lie() {
+        let camera = [Camera::look_at(
+            Vec3::Z * 4.0,
+            Vec3::ZERO,
+            Vec3::Y,
+            0.7,
+            96,
+            64,
+        )];
+        let mut pictures = Vec::new();
+        for shares_memory in [true, false] {
+            let Some(mut gpu) = open_gpu() else { return };
+            // A GPU reads a copy both times.
+            Arc::get_mut(&mut gpu)
+                .expect("no one else has it yet")
+                .shares_memory &= shares_memory;
+            let options = RendererOptions {
+                back_end: Some(BackEnd::Tiles),
+                ..RendererOptions::new(40, 96, 64, 1)
+            };
+            let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
+            let mut slots = [(); 3].map(|()| renderer.foreground_slot_for(20).expect("memory"));
+            for (slot, (count, y)) in slots.iter_mut().zip([(20, 0.3), (7, -0.3), (12, 0.0)]) {
+                write(slot, count, y);
+            }
+            // The second lies at another place each time, and over it something else did in between.
+            for (grown, present) in [
+                (false, &[0, 1][..]),
+                (false, &[1]),
+                (false, &[0, 2]),
+                (false, &[0, 1]),
+                (false, &[2, 1]),
+                (false, &[0]),
+                (false, &[2, 1]),
+                (true, &[2, 1]),
+                (false, &[1, 2, 1]),
+            ] {
+                if grown {
+                    write(&mut slots[2], 18, 0.1);
+                }
+                let parts: Vec<_> = (0u8..)
+                    .zip(present)
+                    .map(|(place, slot)| Part {
+                        gaussians: Foreground::Slot(&slots[*slot]),
+                        world_from_part: Affine3A::from_translation(
+                            Vec3::Y * 0.2 * f32::from(place),
+                        ),
+                    })
+                    .collect();
+                for _ in 0..2 {
+                    renderer
+                        .draw_with(&Drawing::new(&camera, &parts))
+                        .expect("a picture");
+                    pictures.push(renderer.read_back(0).expect("one view"));
+                }
+            }
+            drop((slots, renderer));
+            assert_eq!(gpu.validation_messages(), 0, "validation messages");
+        }
+        let (shared, copied) = pictures.split_at(18);
+        for (index, (shared, copied)) in shared.iter().zip(copied).enumerate() {
+            assert!(shared == copied, "picture {index} differs");
+        }
+        assert!(shared[0] == shared[6], "the first two again");
+        assert!(shared[8] == shared[12], "and the last two");
+        assert!(shared[12] != shared[14], "written anew");
+    }
+}

@@ -4,7 +4,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use xr_renderer::{
     BackEnd, Camera, Change, Drawing, Foreground, ForegroundPath, Gaussian, Gpu, GpuChoice,
     PackedGaussian, Part, RendererOptions, SplatRenderer,
@@ -77,10 +77,14 @@ fn pictures_after_the_first_few_are_drawn_without_an_allocation() {
     for back_end in [BackEnd::Tiles, BackEnd::Quads] {
         let options = RendererOptions {
             back_end: Some(back_end),
-            ..RendererOptions::new(u32::from(COUNT), 128, 128, 2)
+            ..RendererOptions::new(2 * u32::from(COUNT), 128, 128, 2)
         };
         let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
-        let mut slots = [(); 3].map(|()| renderer.foreground_slot().expect("memory for a slot"));
+        let mut slots = [(); 3].map(|()| {
+            renderer
+                .foreground_slot_for(u32::from(COUNT))
+                .expect("memory for a slot")
+        });
         let mut path = ForegroundPath::new();
         let mut taken = 0;
         for picture in 0u16..40 {
@@ -95,11 +99,21 @@ fn pictures_after_the_first_few_are_drawn_without_an_allocation() {
                 ..Change::default()
             });
             slot.set(u32::from(COUNT), path).expect("they fit");
+            // One person alone, then a second one who walks, and goes again.
+            let place = Affine3A::from_translation(Vec3::X * 0.01 * f32::from(picture));
+            let walking = Part {
+                gaussians: Foreground::Slot(&slots[usize::from(picture + 1) % 3]),
+                world_from_part: place,
+            };
+            let person = Part::here(Foreground::Slot(&slots[usize::from(picture) % 3]));
+            let parts = [person, walking];
+            let present = if picture % 10 < 5 {
+                &parts[..1]
+            } else {
+                &parts
+            };
             renderer
-                .draw_with(&Drawing::new(
-                    &cameras,
-                    &[Part::here(Foreground::Slot(slot))],
-                ))
+                .draw_with(&Drawing::new(&cameras, present))
                 .expect("a picture");
             if picture >= 3 {
                 taken += TAKEN.load(Ordering::Relaxed) - before;

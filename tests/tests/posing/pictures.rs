@@ -1,15 +1,15 @@
 //! Pictures of Gaussians that never were on the host against pictures of those that the CPU posed.
 
 use crate::person::{PUPPET, Pose, mesh_of};
-use glam::Vec3;
+use glam::{Affine3A, Quat, Vec3};
 use mon3tr_tests::picture_check::{BACK_ENDS, compare, whole};
 use mon3tr_tests::synthetic::{Puppet, PuppetSize};
 use mon3tr_tests::vulkan::{assert_silent, gpu};
 use spmm3::{GaussianSet, PlanarVertices, SH_C0};
 use std::sync::Arc;
 use xr_renderer::{
-    BackEnd, Camera, DetailLevel, Drawing, Foreground, Gpu, Image, PackedGaussian, Part,
-    PosedInput, Poser, RenderError, RendererOptions, SplatRenderer, StateId,
+    BackEnd, Camera, DetailLevel, Drawing, Foreground, ForegroundPath, Gpu, Image, PackedGaussian,
+    Part, PosedInput, Poser, RenderError, RendererOptions, SplatRenderer, StateId,
 };
 
 /// Least likeness to the CPU's picture, dB, and the largest difference of a channel. What differs is a state's rounding
@@ -267,6 +267,84 @@ fn a_level_of_detail_is_drawn_as_its_gaussians_are_when_uploaded() {
             .expect("a picture");
         let got = renderer.read_back(0).expect("a view");
         assert_eq!(got, want, "level {level}");
+    }
+    assert_silent(&gpu);
+}
+
+#[test]
+fn a_posed_part_among_others_is_drawn_as_its_gaussians_are_when_uploaded() {
+    let Some(gpu) = gpu() else { return };
+    let puppet = &*PUPPET;
+    let camera = camera(192);
+    let poses = two_poses(puppet);
+    let mut poser = Poser::new(&gpu, &mesh_of(puppet)).expect("the puppet fits");
+    let brought = poses
+        .each_ref()
+        .map(|pose| poser.push_state(&pose.input()).expect("a pose"));
+    let turned = |angle: f32, x: f32, z: f32| {
+        Affine3A::from_rotation_translation(Quat::from_rotation_y(angle), Vec3::new(x, 0.0, z))
+    };
+    let (here, there) = (turned(0.8, -0.2, 0.0), turned(-0.5, 0.2, 0.15));
+    for back_end in BACK_ENDS {
+        let count = mesh_of(puppet).gaussians();
+        let options = RendererOptions {
+            back_end: Some(back_end),
+            mesh: Some(Arc::new(mesh_of(puppet))),
+            // Room for both when both are uploaded.
+            ..RendererOptions::new(2 * count, 192, 192, 1)
+        };
+        let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
+        let [from, to] = poses
+            .each_ref()
+            .map(|pose| renderer.push_state(&pose.input()).expect("a pose"));
+        let mut slots = [0.0, 0.6].map(|share| {
+            let set = poser.interpolate(brought[0], brought[1], share);
+            let mut slot = renderer.foreground_slot_for(count).expect("memory");
+            slot.gaussians_mut()
+                .copy_from_slice(&set.expect("two states"));
+            slot
+        });
+        for slot in &mut slots {
+            slot.set(count, ForegroundPath::new()).expect("they fit");
+        }
+        let [other, same] = slots.each_ref().map(Foreground::Slot);
+        let posed = Foreground::Posed {
+            from,
+            to,
+            share: 0.6,
+            level: 0,
+        };
+        let part = |gaussians, world_from_part| Part {
+            gaussians,
+            world_from_part,
+        };
+        let mut picture = |parts: &[Part<'_>]| {
+            let drawing = Drawing::new(std::slice::from_ref(&camera), parts);
+            renderer.draw_with(&drawing).map(|()| {
+                let view = renderer.read_back(0);
+                view.expect("a view")
+            })
+        };
+        let posed_last = picture(&[part(other, here), part(posed, there)]);
+        let want = picture(&[part(other, here), part(same, there)]);
+        assert_eq!(
+            posed_last.expect("a picture"),
+            want.expect("a picture"),
+            "{back_end}: behind a slot"
+        );
+        let posed_first = picture(&[part(posed, there), part(other, here)]);
+        let want = picture(&[part(same, there), part(other, here)]);
+        assert_eq!(
+            posed_first.expect("a picture"),
+            want.expect("a picture"),
+            "{back_end}: before a slot"
+        );
+        let twice = picture(&[part(posed, here), part(posed, there)]);
+        assert!(
+            matches!(twice, Err(RenderError::PosedTwice)),
+            "{back_end}: {:?}",
+            twice.err()
+        );
     }
     assert_silent(&gpu);
 }

@@ -40,12 +40,12 @@ fn drawn(renderer: &mut SplatRenderer, cameras: &[Camera], parts: &[Part<'_>]) -
     views_of(renderer)
 }
 
-/// Two people so close that the arms of one are before and behind the other's body, one of them leaning.
+/// Two people so close that the second one's arms are before and behind the first one's body, leaning forwards.
 fn embrace() -> [Affine3A; 2] {
     let leaning = Affine3A::from_rotation_x(0.15);
     [
-        placed(0.6, -0.1, 0.0, 0.05),
-        placed(-2.3, 0.12, 0.02, -0.06) * leaning,
+        placed(0.4, -0.1, 0.0, 0.0),
+        placed(-1.5, 0.14, 0.02, 0.0) * leaning,
     ]
 }
 
