@@ -39,6 +39,8 @@ pub struct Gpu {
     pub(crate) memory_taken: AtomicU64,
     /// Whether work is refused, as by a device that its driver gave up.
     declared_lost: AtomicBool,
+    /// Whether a test says that it is a headset's.
+    declared_headsets: AtomicBool,
     /// Whether a headset's runtime made it, with what the runtime itself needs.
     belongs_to_headset: bool,
     /// How it was opened, to open it again.
@@ -143,6 +145,7 @@ impl Gpu {
             shares_memory: chosen.info.is_cpu,
             memory_taken: AtomicU64::new(0),
             declared_lost: AtomicBool::new(false),
+            declared_headsets: AtomicBool::new(false),
             belongs_to_headset: wanted.is_some(),
             choice: choice.clone(),
             queue: Mutex::new(queue),

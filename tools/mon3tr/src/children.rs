@@ -32,7 +32,17 @@ impl Process {
         arguments: impl IntoIterator<Item = A>,
         output: Output,
     ) -> anyhow::Result<Self> {
-        Self::start_with(name, arguments, output, None)
+        Self::start_in(Vec::new(), name, arguments, output)
+    }
+
+    /// The same, with these variables in its environment.
+    pub(crate) fn start_in<A: AsRef<OsStr>>(
+        environment: Vec<(&'static str, OsString)>,
+        name: &'static str,
+        arguments: impl IntoIterator<Item = A>,
+        output: Output,
+    ) -> anyhow::Result<Self> {
+        Self::start_with(name, arguments, output, environment)
     }
 
     /// Starts `mon3tr send ARGUMENTS` for the owner of this token, which does not show in the list of processes.
@@ -40,14 +50,15 @@ impl Process {
         arguments: impl IntoIterator<Item = OsString>,
         owner_token: &str,
     ) -> anyhow::Result<Self> {
-        Self::start_with("send", arguments, Output::Dropped, Some(owner_token))
+        let environment = vec![("MON3TR_OWNER_TOKEN", owner_token.into())];
+        Self::start_with("send", arguments, Output::Dropped, environment)
     }
 
     fn start_with<A: AsRef<OsStr>>(
         name: &'static str,
         arguments: impl IntoIterator<Item = A>,
         output: Output,
-        owner_token: Option<&str>,
+        environment: Vec<(&'static str, OsString)>,
     ) -> anyhow::Result<Self> {
         let stdout = match output {
             Output::Shown => Stdio::inherit(),
@@ -56,7 +67,7 @@ impl Process {
         Ok(Self {
             name,
             child: command(name, arguments)?
-                .envs(owner_token.map(|token| ("MON3TR_OWNER_TOKEN", token)))
+                .envs(environment)
                 .stdout(stdout)
                 .spawn()
                 .with_context(|| format!("cannot start `mon3tr {name}`"))?,

@@ -7,8 +7,8 @@ use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::Context;
 use app::hold::{HoldFigures, HoldMode};
 use app::{
-    Call, Collector, DisplayClock, Drawn, LaneOptions, Lanes, Offer, Placed, PlacementReport, Plan,
-    Skipped, bound_mesh, place,
+    Call, Collector, DisplayClock, Drawn, LaneOptions, Lanes, Offer, Placed, PlacementReport,
+    PlacementRequest, Plan, Skipped, bound_mesh, place,
 };
 use glam::{Quat, Vec3};
 use npu_runtime::Runtime;
@@ -41,40 +41,16 @@ impl Prepared {
         viewpoint: &Viewpoint,
         choices: LaneChoices,
     ) -> anyhow::Result<Self> {
-        let mesh = matches!(choices.placement.plan, None | Some(Plan::Pc))
-            .then(|| bound_mesh(avatar))
-            .transpose()?
-            .map(Arc::new);
-        let options = RendererOptions {
-            mesh,
-            ..setting.renderer(avatar.gaussians.len())?
-        };
-        let mut renderer =
-            SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
-        let compiled = cache()?.join("compiled");
-        let offer = Offer {
-            runtime,
-            threads: Surroundings::threads(),
-            cache: Some(&compiled),
-        };
         let camera = viewpoint.camera(
             Vec3::ZERO,
             Quat::IDENTITY,
             setting.size.width,
             setting.size.height,
         );
+        let options = setting.renderer(avatar.gaussians.len())?;
         let cameras = eyes(camera, setting.views);
-        let placed = place(&offer, avatar, &mut renderer, &cameras, choices.placement)?;
-        if options.mesh.is_some() && placed.plan != Plan::Pc {
-            // 20 MB of the device's memory that nobody uses.
-            let options = RendererOptions {
-                mesh: None,
-                back_end: Some(renderer.back_end()),
-                ..options
-            };
-            renderer = SplatRenderer::new(Arc::clone(gpu), &options)
-                .context("cannot prepare the renderer")?;
-        }
+        let (placed, renderer) =
+            placed(gpu, runtime, avatar, options, &cameras, choices.placement)?;
         Ok(Self {
             avatar: Arc::clone(avatar),
             placed,
@@ -111,6 +87,53 @@ impl Prepared {
             followed: None,
         })
     }
+}
+
+/// Places the stages of `avatar`, and makes the renderer of its pictures.
+pub(crate) fn placed(
+    gpu: &Arc<Gpu>,
+    runtime: &Runtime,
+    avatar: &Arc<Avatar>,
+    options: RendererOptions,
+    cameras: &[Camera],
+    request: PlacementRequest,
+) -> anyhow::Result<(Placed, SplatRenderer)> {
+    let mesh = matches!(request.plan, None | Some(Plan::Pc))
+        .then(|| bound_mesh(avatar))
+        .transpose()?
+        .map(Arc::new);
+    let options = RendererOptions { mesh, ..options };
+    let mut renderer =
+        SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
+    let placed = place_on(runtime, avatar, &mut renderer, cameras, request)?;
+    if options.mesh.is_some() && placed.plan != Plan::Pc {
+        // 20 MB of the device's memory that nobody uses.
+        let options = RendererOptions {
+            mesh: None,
+            back_end: Some(renderer.back_end()),
+            ..options
+        };
+        renderer =
+            SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
+    }
+    Ok((placed, renderer))
+}
+
+/// Places the stages of `avatar` for pictures of a renderer that there is.
+pub(crate) fn place_on(
+    runtime: &Runtime,
+    avatar: &Arc<Avatar>,
+    renderer: &mut SplatRenderer,
+    cameras: &[Camera],
+    request: PlacementRequest,
+) -> anyhow::Result<Placed> {
+    let compiled = cache()?.join("compiled");
+    let offer = Offer {
+        runtime,
+        threads: Surroundings::threads(),
+        cache: Some(&compiled),
+    };
+    Ok(place(&offer, avatar, renderer, cameras, request)?)
 }
 
 /// A call, seen from where its person stands.

@@ -10,6 +10,7 @@ mod lanes;
 mod live;
 mod measured;
 mod moments;
+mod monado;
 mod network;
 mod performance;
 mod place;

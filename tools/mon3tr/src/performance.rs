@@ -25,8 +25,8 @@ pub(crate) struct MotionOptions {
     /// Metres per unit of the .bvh file [default: found out from the skeleton's size]
     #[arg(long, value_name = "METRES")]
     bvh_scale: Option<f32>,
-    /// Frames of the motion at 30 Hz to show, e.g. 0..90 or 30.. [default: all]
-    #[arg(long, value_name = "A..B", value_parser = parse_range)]
+    /// Frames of the motion at 30 Hz to show, e.g. 0..90, 90 or 30.. [default: all]
+    #[arg(long, value_name = "A..B|N", value_parser = parse_range)]
     frames: Option<(usize, Option<usize>)>,
 }
 
@@ -41,6 +41,12 @@ impl MotionOptions {
     /// Whether any of the options was given.
     pub(crate) fn is_given(&self) -> bool {
         self.motion != BUILT_IN || self.bvh_scale.is_some() || self.frames.is_some()
+    }
+
+    /// How many frames were asked for, if their number is known without the motion.
+    pub(crate) fn count(&self) -> Option<usize> {
+        let (first, end) = self.frames?;
+        Some(end? - first)
     }
 
     /// What it is called: a file or built-in.
@@ -182,7 +188,11 @@ impl Performance {
 }
 
 fn parse_range(text: &str) -> Result<(usize, Option<usize>), String> {
-    let (first, end) = text.split_once("..").ok_or("write A..B, e.g. 0..90")?;
+    // A number alone is how many, from the beginning.
+    let (first, end) = text.split_once("..").unwrap_or(("", text));
+    if first.is_empty() && end.is_empty() && text.is_empty() {
+        return Err("write A..B or a number of frames, e.g. 0..90 or 90".to_owned());
+    }
     let number = |text: &str| {
         text.parse::<usize>()
             .map_err(|_| format!("{text} is not a frame number"))
@@ -208,6 +218,8 @@ mod tests {
         assert_eq!(parse_range("3..9"), Ok((3, Some(9))));
         assert_eq!(parse_range("..9"), Ok((0, Some(9))));
         assert_eq!(parse_range("3.."), Ok((3, None)));
+        assert_eq!(parse_range("300"), Ok((0, Some(300))), "how many");
+        assert!(parse_range("").is_err(), "nothing");
         assert!(parse_range("9..3").is_err(), "an empty range");
         assert!(parse_range("three").is_err(), "no range at all");
     }

@@ -8,11 +8,11 @@ pub(crate) struct GazeFigures {
     /// The mouse, or the file.
     pub(super) source: String,
     /// Pictures whose camera it moved or held.
-    pictures: u64,
+    pub(super) pictures: u64,
     /// Furthest to the left (negative) and to the right, degrees.
-    yaw_degrees: [f32; 2],
+    pub(super) yaw_degrees: [f32; 2],
     /// Furthest down (negative) and up, degrees.
-    pitch_degrees: [f32; 2],
+    pub(super) pitch_degrees: [f32; 2],
 }
 
 impl GazeFigures {

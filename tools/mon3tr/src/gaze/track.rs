@@ -70,7 +70,7 @@ impl Track {
         let mut last = None;
         let mut is_first = true;
         for (number, line) in (1u64..).zip(text.split(|byte| *byte == b'\n')) {
-            let sample = (|| {
+            let sample = (|| -> anyhow::Result<Option<(f64, Option<Place>)>> {
                 let line = std::str::from_utf8(line).context("it is no text")?.trim();
                 if line.is_empty() || line.starts_with('#') {
                     return Ok(None);
@@ -82,7 +82,7 @@ impl Track {
                 let sample = sample(line)?;
                 Ok(Some((sample.seconds, place(&sample, last)?)))
             })();
-            let sample: Option<_> = sample.with_context(|| format!("line {number}"))?;
+            let sample = sample.with_context(|| format!("line {number}"))?;
             if let Some((seconds, place)) = sample {
                 last = Some(seconds);
                 samples.extend(place.map(|place| (seconds, place)));

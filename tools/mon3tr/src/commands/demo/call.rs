@@ -3,6 +3,7 @@
 use super::Options;
 use crate::children::{LocalServer, Output, Process};
 use crate::film::ANIMATION_PIXELS;
+use crate::monado::Monado;
 use crate::network::Network;
 use anyhow::Context;
 use link::Client;
@@ -14,13 +15,30 @@ use std::time::Duration;
 /// What the receiver needs beyond the motion: to fetch the avatar, to prepare, to write the pictures.
 const BESIDES: Duration = Duration::from_secs(300);
 
-/// Holds the call, of so many `seconds`, and returns the receiver's figures. Without a length it goes on in a window until that
-/// is closed, and there are none.
-pub(super) fn run(
-    options: &Options,
-    package: &Path,
-    seconds: Option<f64>,
-) -> anyhow::Result<Value> {
+/// Where and how long the call is shown.
+#[derive(Debug)]
+pub(super) enum Shown {
+    /// In a window, until that is closed.
+    Window,
+    /// As pictures on disk.
+    Offscreen { seconds: f64 },
+    /// In a headset: Monado's, if one was started for it.
+    Headset {
+        monado: Option<Monado>,
+        length: Length,
+    },
+}
+
+/// How long a headset shows it.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Length {
+    /// The headset's own frames.
+    Frames(usize),
+    Seconds(f64),
+}
+
+/// Holds the call and returns the receiver's figures; a window leaves none.
+pub(super) fn run(options: &Options, package: &Path, shown: &Shown) -> anyhow::Result<Value> {
     let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
     let server = LocalServer::start(folder.path())?;
     let network = Network::start()?;
@@ -39,40 +57,66 @@ pub(super) fn run(
         receive.extend(["--gaze".into(), gaze.to_string().into()]);
     }
     receive.extend(options.scenery.arguments());
-    match seconds {
-        Some(seconds) => {
-            send.extend(arguments(["--seconds", &seconds.to_string()]));
-            // As large as the animation shows it: a machine without a GPU draws more of them then.
-            let size = options.size.within(ANIMATION_PIXELS).to_string();
-            receive.extend(arguments([
-                "--size",
-                &size,
-                "--display",
-                "offscreen",
-                "--out",
-            ]));
-            receive.push(options.out.clone().into());
-            receive.push("--json".into());
-            receive.push(figures.clone().into());
+    // As large as the animation shows it: a machine without a GPU draws more of them then.
+    let small = options.size.within(ANIMATION_PIXELS).to_string();
+    let keep = |receive: &mut Vec<OsString>| {
+        receive.extend(["--out".into(), options.out.clone().into()]);
+        receive.extend(["--json".into(), figures.clone().into()]);
+    };
+    match shown {
+        Shown::Window => {
+            let size = options.size.to_string();
+            receive.extend(arguments(["--display", "window", "--size", &size]));
         }
-        None => receive.extend(arguments([
-            "--size",
-            &options.size.to_string(),
-            "--display",
-            "window",
-        ])),
+        Shown::Offscreen { seconds } => {
+            send.extend(arguments(["--seconds", &seconds.to_string()]));
+            receive.extend(arguments(["--display", "offscreen", "--size", &small]));
+            keep(&mut receive);
+        }
+        Shown::Headset { monado, length } => {
+            receive.extend(arguments(["--display", "xr"]));
+            match length {
+                Length::Frames(frames) => {
+                    receive.extend(arguments(["--frames", &frames.to_string()]));
+                }
+                Length::Seconds(seconds) => {
+                    receive.extend(arguments(["--seconds", &seconds.to_string()]));
+                }
+            }
+            if monado.is_some() {
+                receive.extend(arguments(["--size", &small]));
+            }
+            keep(&mut receive);
+        }
     }
     println!(
         "a call on this machine: a server, a sender and a receiver, each a process of its own"
     );
     let sender = Process::start_sender(send, &server.owner_token)?;
-    let receiver = Process::start("receive", receive, Output::Shown)?;
-    let longest = seconds.map(|seconds| BESIDES + Duration::from_secs_f64(seconds));
-    receiver.finish(longest)?;
-    if seconds.is_none() {
-        return Ok(Value::Null);
+    let environment = match shown {
+        Shown::Headset { monado, .. } => monado.as_ref().map_or_else(Vec::new, Monado::environment),
+        Shown::Window | Shown::Offscreen { .. } => Vec::new(),
+    };
+    let receiver = Process::start_in(environment, "receive", receive, Output::Shown)?;
+    match shown {
+        Shown::Window => {
+            receiver.finish(None)?;
+            return Ok(Value::Null);
+        }
+        Shown::Offscreen { seconds } => {
+            receiver.finish(Some(BESIDES + Duration::from_secs_f64(*seconds)))?;
+            sender.finish(Some(BESIDES))?;
+        }
+        Shown::Headset { length, .. } => {
+            // A frame a second at the slowest.
+            let most = match length {
+                Length::Frames(frames) => Duration::from_secs(*frames as u64),
+                Length::Seconds(seconds) => Duration::from_secs_f64(*seconds),
+            };
+            receiver.finish(Some(BESIDES + most))?;
+            sender.stop()?;
+        }
     }
-    sender.finish(Some(BESIDES))?;
     server.stop()?;
     let text = std::fs::read(&figures).context("cannot read the receiver's figures")?;
     serde_json::from_slice(&text).context("cannot read the receiver's figures")

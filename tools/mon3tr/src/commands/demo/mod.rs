@@ -6,6 +6,7 @@ mod call;
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::film::write_png;
 use crate::gaze::{GazeChoice, Sight};
+use crate::monado::{self, Monado};
 use crate::performance::{MOTION_RATE, MotionOptions, Performance};
 use crate::progress;
 use crate::report::{RunReport, StageTable, check_writable, write_json};
@@ -14,7 +15,9 @@ use crate::stage::{Setting, Size, Stage, Views, load_avatar};
 use crate::surroundings::{Surroundings, make_folder};
 use crate::viewpoint::{Viewpoint, eyes};
 use crate::window;
-use anyhow::Context;
+use anyhow::{Context, bail};
+use call::{Length, Shown};
+use clap::ValueEnum;
 use image::{RgbImage, imageops};
 use npu_runtime::Runtime;
 use spmm3::Avatar;
@@ -52,15 +55,24 @@ pub(crate) struct Options {
         allow_hyphen_values = true
     )]
     camera: Viewpoint,
-    /// Let the camera of the call follow a gaze: `mouse` with --window, or a file of an eye tracker's samples, as for `receive`
+    /// Let the camera of the call follow a gaze: `mouse` with --display window, or a file of an eye tracker's samples, as for `receive`
     #[arg(long, value_name = "mouse|FILE")]
     gaze: Option<GazeChoice>,
-    /// Show the call live in a window instead (drag to orbit, scroll to come closer, Escape to leave)
-    #[arg(long, conflicts_with_all = ["out", "json"])]
-    window: bool,
+    /// Where the call is shown: offscreen, as pictures on disk; live in a window (drag to orbit, scroll to come closer, Escape to
+    /// leave); or in a headset, xr: the active OpenXR runtime's, or a simulated one of a Monado that is started for it
+    #[arg(long, value_name = "WHERE", default_value = "offscreen")]
+    display: Display,
     /// Write every figure as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+}
+
+/// Where the demo's call is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Display {
+    Offscreen,
+    Window,
+    Xr,
 }
 
 /// What all pictures of one demo share.
@@ -79,30 +91,54 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     options.scenery.check()?;
     if let Some(gaze) = &options.gaze {
         // The receiver opens it for itself.
-        drop(gaze.open(if options.window {
-            Sight::Window
-        } else {
-            Sight::Offscreen
+        drop(gaze.open(match options.display {
+            Display::Window => Sight::Window,
+            Display::Offscreen => Sight::Offscreen,
+            Display::Xr => Sight::Nothing,
         })?);
     }
-    let gpu = surroundings.gpu()?;
     let runtime = surroundings.runtime()?;
-    if options.window {
+    // A headset's runtime says which device it is drawn on, and opens it for the receiver.
+    let gpu = match options.display {
+        Display::Xr => None,
+        Display::Offscreen | Display::Window => Some(surroundings.gpu()?),
+    };
+    if options.display == Display::Window {
         drop(window::events(
-            "leave out --window, and demo draws pictures instead",
+            "leave out --display window, and demo draws pictures instead",
         )?);
+        if options.json.is_some() {
+            bail!("--display window leaves no figures to write: leave out --json");
+        }
     } else {
         make_folder(&options.out)?;
         options.json.as_deref().map_or(Ok(()), check_writable)?;
     }
+    // Before the bake, and gone when this returns.
+    let monado = match options.display {
+        Display::Xr if !monado::is_another_active() => Some(Monado::start()?),
+        _ => None,
+    };
     let package = baked_demo_avatar(&options.bake, surroundings)?;
     let (avatar, figures) = load_avatar(&package)?;
     let performance = options.motion.load(&avatar)?;
-    if options.window {
-        return call::run(options, &package, None).map(drop);
-    }
     let seconds = performance.frames.len() as f64 / MOTION_RATE;
-    let call = call::run(options, &package, Some(seconds.min(LONGEST_CALL)))?;
+    let seconds = seconds.min(LONGEST_CALL);
+    let gpu = match gpu {
+        Some(_) if options.display == Display::Window => {
+            return call::run(options, &package, &Shown::Window).map(drop);
+        }
+        Some(gpu) => gpu,
+        None => {
+            let length = match options.motion.count() {
+                Some(frames) => Length::Frames(frames),
+                None => Length::Seconds(seconds),
+            };
+            let call = call::run(options, &package, &Shown::Headset { monado, length })?;
+            return write_json(options.json.as_deref(), &call);
+        }
+    };
+    let call = call::run(options, &package, &Shown::Offscreen { seconds })?;
 
     let scenery = options
         .scenery

@@ -1,5 +1,7 @@
 //! `mon3tr receive`: joins a room, fetches the avatar once, and shows who is there.
 
+mod album;
+mod headset;
 mod offscreen;
 mod report;
 mod screen;
@@ -20,6 +22,7 @@ use anyhow::{Context, bail};
 use app::hold::HoldMode;
 use app::{Call, CallEnd};
 use clap::ValueEnum;
+use headset::HeadsetFound;
 use link::{Announcement, Client, Clock, PackageCache, RoomLink, Viewer};
 use npu_runtime::Runtime;
 use report::Report;
@@ -40,21 +43,29 @@ const HERTZ: f64 = 60.0;
 /// Options of `receive`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
-    /// The viewers' link, as `send` prints it
-    #[arg(value_name = "LINK")]
-    room: RoomLink,
-    /// Where the person is shown: in a window, offscreen as pictures on disk, or not at all, to measure the network alone
+    /// The viewers' link, as `send` prints it; of several rooms with `--display xr`, whose people then stand in one
+    #[arg(value_name = "LINK", required = true)]
+    rooms: Vec<RoomLink>,
+    /// Where the person is shown: in a headset (xr), in a window, offscreen as pictures on disk, in the first of these that there
+    /// is (auto), or not at all (none), to measure the network alone
     #[arg(long, value_name = "WHERE", default_value = "window")]
     display: Display,
-    /// Folder for the pictures of `--display offscreen`; made if missing
-    #[arg(long, value_name = "FOLDER", default_value = "out/call")]
-    out: PathBuf,
+    /// Folder for the pictures of `--display offscreen`, made if missing; with `--display xr` pictures of both eyes are kept if
+    /// it is given [default: out/call]
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Leave after so many frames with `--display xr`
+    #[arg(long, value_name = "N")]
+    frames: Option<u64>,
+    /// Have people sit, on a chair of 0.45 m, with `--display xr`
+    #[arg(long)]
+    seat: bool,
     /// Leave so many seconds after joining [default: when the sender hangs up, or on Ctrl-C]
     #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
     seconds: Option<Duration>,
-    /// Size of one picture in pixels, or of the window at first
-    #[arg(long, value_name = "WxH", default_value_t = DEFAULT_SIZE)]
-    size: Size,
+    /// Size of one picture in pixels, or of the window at first [default: 1024x1024, or what the headset recommends]
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
     /// Both eyes' views
     #[arg(long)]
     stereo: bool,
@@ -85,6 +96,8 @@ pub(crate) struct Options {
 /// Where the person is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Display {
+    Auto,
+    Xr,
     Window,
     Offscreen,
     None,
@@ -96,7 +109,7 @@ impl Display {
         match self {
             Self::Window => Sight::Window,
             Self::Offscreen => Sight::Offscreen,
-            Self::None => Sight::Nothing,
+            Self::Auto | Self::Xr | Self::None => Sight::Nothing,
         }
     }
 }
@@ -122,43 +135,62 @@ impl Until {
 pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
     options.scenery.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
-    let gaze = (options.gaze.as_ref())
-        .map(|gaze| gaze.open(options.display.sight()))
-        .transpose()?;
-    // What may be missing on this machine comes before anybody is kept waiting.
-    let screen = match options.display {
-        Display::None => None,
-        Display::Offscreen | Display::Window => {
-            Some((surroundings.gpu()?, surroundings.runtime()?))
+    let shown = match options.display {
+        Display::Xr => {
+            return headset::run(options, surroundings, HeadsetFound::open(options)?);
         }
+        Display::Auto => match HeadsetFound::open(options) {
+            Ok(found) => return headset::run(options, surroundings, found),
+            Err(why) => {
+                log::warn!("no headset: {why:#}");
+                Display::Window
+            }
+        },
+        flat => flat,
     };
-    let mut events = match options.display {
+    options.check_flat()?;
+    // What may be missing on this machine comes before anybody is kept waiting.
+    let screen = match shown {
+        Display::None => None,
+        _ => Some((surroundings.gpu()?, surroundings.runtime()?)),
+    };
+    let window = match shown {
         Display::Window => Some(window::events(
             "give --display offscreen for pictures on disk",
-        )?),
-        Display::Offscreen => {
-            make_folder(&options.out)?;
-            None
-        }
-        Display::None => None,
+        )),
+        _ => None,
     };
+    let (shown, mut events) = match window {
+        Some(Ok(events)) => (Display::Window, Some(events)),
+        Some(Err(why)) if options.display == Display::Auto => {
+            log::warn!("no window: {why:#}");
+            (Display::Offscreen, None)
+        }
+        Some(Err(why)) => return Err(why),
+        None => (shown, None),
+    };
+    if shown == Display::Offscreen {
+        make_folder(&options.folder())?;
+    }
+    let gaze = (options.gaze.as_ref())
+        .map(|gaze| gaze.open(shown.sight()))
+        .transpose()?;
+    let room = options.rooms.first().context("there is no link")?;
     let network = Network::start()?;
     let client = options.trust.client()?;
     let clock = Clock::start();
     let stop = network.stop_on_signal();
-    let Some(mut announced) = network.block_on(wait_for_sender(&client, &options.room, &stop))?
-    else {
+    let Some(mut announced) = network.block_on(wait_for_sender(&client, room, &stop))? else {
         return Ok(());
     };
     loop {
-        let package = fetch(&network, &client, &options.room, &announced)?;
+        let package = fetch(&network, &client, room, &announced)?;
         let (avatar, figures) = load_avatar(&package.path)?;
         let prepared = match &screen {
             Some((gpu, runtime)) => Some(options.prepare(gpu, runtime, &avatar)?),
             None => None,
         };
-        let viewer =
-            network.block_on(async { Viewer::join(client.clone(), options.room.clone(), clock) });
+        let viewer = network.block_on(async { Viewer::join(client.clone(), room.clone(), clock) });
         let until = Until {
             stop: Arc::clone(&stop),
             deadline: options.seconds.map(|seconds| Instant::now() + seconds),
@@ -188,7 +220,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         let report = Report::new(figures, &package, call.figures(), watched);
         network.block_on(call.hang_up());
         match end {
-            Some(CallEnd::AnotherAvatar(another)) if options.display != Display::Window => {
+            Some(CallEnd::AnotherAvatar(another)) if shown != Display::Window => {
                 println!("the sender has come back as somebody else");
                 announced = another;
             }
@@ -205,6 +237,24 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
 }
 
 impl Options {
+    /// The folder for pictures.
+    fn folder(&self) -> PathBuf {
+        let asked = self.out.clone();
+        asked.unwrap_or_else(|| "out/call".into())
+    }
+
+    /// Refuses what only a headset shows.
+    fn check_flat(&self) -> anyhow::Result<()> {
+        let mut several = self.rooms.iter().skip(1);
+        let what = match (several.next(), self.frames, self.seat) {
+            (Some(_), ..) => "several people in one room",
+            (_, Some(_), _) => "--frames",
+            (.., true) => "--seat",
+            _ => return Ok(()),
+        };
+        bail!("{what} needs a headset: give --display xr");
+    }
+
     fn prepare(
         &self,
         gpu: &Arc<Gpu>,
@@ -212,7 +262,7 @@ impl Options {
         avatar: &Arc<Avatar>,
     ) -> anyhow::Result<Prepared> {
         let setting = Setting {
-            size: self.size,
+            size: self.size.unwrap_or(DEFAULT_SIZE),
             views: if self.stereo {
                 Views::Stereo
             } else {

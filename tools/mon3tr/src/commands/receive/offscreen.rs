@@ -17,7 +17,8 @@ const WAITING: Duration = Duration::from_millis(5);
 /// Draws the call until it is over.
 pub(super) fn run(screen: &mut Screen<'_>, until: &Until) -> anyhow::Result<()> {
     let options = screen.options;
-    let mut film = Film::start(options.out.join("animation.webp"));
+    let folder = options.folder();
+    let mut film = Film::start(folder.join("animation.webp"));
     let mut moments = Moments::default();
     let mut first = None;
     let mut last = None;
@@ -41,7 +42,7 @@ pub(super) fn run(screen: &mut Screen<'_>, until: &Until) -> anyhow::Result<()> 
     };
     screen.pictures.push(film.finish()?);
     for (name, picture) in [("moments.png", &moments.sheet()), ("last.png", &last)] {
-        let file = options.out.join(name);
+        let file = folder.join(name);
         write_png(&file, picture)?;
         screen.pictures.push(file);
     }

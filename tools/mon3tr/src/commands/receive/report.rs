@@ -3,6 +3,7 @@
 use super::Fetched;
 use super::screen::Watched;
 use crate::report::AvatarFigures;
+use app::headset::HeadsetFigures;
 use app::{CallFigures, Percentiles};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -15,7 +16,20 @@ pub(super) struct Report {
     call: CallFigures,
     #[serde(skip_serializing_if = "Option::is_none")]
     drawing: Option<Watched>,
+    /// The headset that showed it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) headset: Option<HeadsetFigures>,
+    /// Who else was there.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) others: Vec<Other>,
     pictures: Vec<PathBuf>,
+}
+
+/// Another person in the same room.
+#[derive(Debug, Serialize)]
+pub(super) struct Other {
+    pub(super) avatar: AvatarFigures,
+    pub(super) call: CallFigures,
 }
 
 /// How the avatar came here.
@@ -44,6 +58,8 @@ impl Report {
                 .as_ref()
                 .map_or_else(Vec::new, |shown| shown.pictures.clone()),
             drawing: shown,
+            headset: None,
+            others: Vec::new(),
         }
     }
 
@@ -118,6 +134,15 @@ impl Report {
                 gap.at_s
             );
         }
+        for Other { avatar, call } in &self.others {
+            println!(
+                "also     {}: {} Gaussians; {:.1} s, {} frames taken, {} lost",
+                avatar.name, avatar.gaussians, call.live_seconds, call.released, call.lost
+            );
+        }
+        if let Some(headset) = &self.headset {
+            print_headset(headset);
+        }
         if let Some(drawing) = &self.drawing {
             drawing.print();
         }
@@ -128,4 +153,49 @@ impl Report {
             }
         }
     }
+}
+
+fn print_headset(headset: &HeadsetFigures) {
+    let [width, height] = headset.eye_size;
+    let frames = &headset.frames;
+    println!(
+        "\nheadset    {} of {}, 2 x {width} x {height} pixels, drawn by {}",
+        headset.headset, headset.runtime, headset.device
+    );
+    println!(
+        "           floor: {}; behind: {}; depth: {}; hands: {}; gaze: {}",
+        headset.floor,
+        headset.surround,
+        yes(headset.depth),
+        yes(headset.hands),
+        yes(headset.gaze)
+    );
+    println!("states     {}", headset.states.join(" "));
+    println!("granted    {}", headset.granted.join(" "));
+    println!("missing    {}", headset.missing.join(" "));
+    if headset.opened > 1 {
+        println!(
+            "opened     {} times: its runtime went and came back",
+            headset.opened
+        );
+    }
+    println!(
+        "frames     {} shown ({} before anybody was there), {} paced but not to be seen, {} refreshes late",
+        frames.shown, frames.empty, frames.unseen, frames.late
+    );
+    for (what, times) in [
+        ("predicted display times apart, ms", frames.interval),
+        ("the display's period as predicted, ms", frames.period),
+    ] {
+        if let Some(times) = times {
+            println!(
+                "           {what:<38} p50 {:.1}, p95 {:.1}, max {:.1}",
+                times.p50_ms, times.p95_ms, times.max_ms
+            );
+        }
+    }
+}
+
+fn yes(is: bool) -> &'static str {
+    if is { "yes" } else { "no" }
 }

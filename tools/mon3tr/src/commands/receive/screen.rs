@@ -8,11 +8,12 @@ use crate::report::Splatting;
 use crate::scenery::Scenery;
 use crate::stage::Setting;
 use crate::viewpoint::Viewpoint;
-use app::{Call, Recording, Summary, Terms};
+use app::hold::HoldFigures;
+use app::{Call, Collector, PlacementReport, Recording, Skipped, Summary, Terms};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A call that is shown.
 #[derive(Debug)]
@@ -32,14 +33,14 @@ pub(crate) struct Screen<'a> {
 pub(super) struct Watched {
     #[serde(skip)]
     pub(super) pictures: Vec<PathBuf>,
-    views: u32,
-    width: u32,
-    height: u32,
-    splatting: Splatting,
+    pub(super) views: u32,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) splatting: Splatting,
     #[serde(skip_serializing_if = "Option::is_none")]
-    gaze: Option<GazeFigures>,
+    pub(super) gaze: Option<GazeFigures>,
     #[serde(flatten)]
-    shown: Measured,
+    pub(super) shown: Measured,
 }
 
 impl Watched {
@@ -117,16 +118,15 @@ impl<'a> Screen<'a> {
         let Some(began) = self.began else {
             return Ok((call, None));
         };
-        let figures = call.figures();
-        let units = placement.units();
-        let terms = Terms {
-            display_period: period,
-            motion_hz: figures.announced.rate_hz,
-            units,
-            encode: None,
-            lost_events: collector.lost(),
-        };
-        let recording = Recording::new(&collector, began, Instant::now());
+        let motion_hz = call.figures().announced.rate_hz;
+        let shown = measured(
+            &collector,
+            placement,
+            (skipped, hold),
+            began,
+            period,
+            motion_hz,
+        );
         let watched = Watched {
             pictures: self.pictures,
             views: views.count(),
@@ -134,13 +134,33 @@ impl<'a> Screen<'a> {
             height: size.height,
             splatting,
             gaze: self.gaze.map(Gaze::figures),
-            shown: Measured {
-                placement,
-                skipped,
-                hold,
-                measured: Summary::new(&recording, &terms),
-            },
+            shown,
         };
         Ok((call, Some(watched)))
+    }
+}
+
+/// What lanes told since `began`, of a display with that period.
+pub(super) fn measured(
+    collector: &Collector,
+    placement: PlacementReport,
+    (skipped, hold): (Skipped, HoldFigures),
+    began: Instant,
+    display_period: Duration,
+    motion_hz: f64,
+) -> Measured {
+    let terms = Terms {
+        display_period,
+        motion_hz,
+        units: placement.units(),
+        encode: None,
+        lost_events: collector.lost(),
+    };
+    let recording = Recording::new(collector, began, Instant::now());
+    Measured {
+        placement,
+        skipped,
+        hold,
+        measured: Summary::new(&recording, &terms),
     }
 }

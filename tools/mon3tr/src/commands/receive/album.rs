@@ -1,0 +1,102 @@
+//! Pictures of what both eyes got, kept while somebody wears the headset.
+
+use super::Until;
+use crate::film::write_png;
+use crate::moments::Moments;
+use app::headset::{Seen, Watcher};
+use image::{RgbImage, imageops};
+use std::path::{Path, PathBuf};
+use xr_renderer::xr::EyePicture;
+
+/// Frames from one that is looked at to the next.
+const APART: u64 = 20;
+
+/// What is behind the transparent parts of pictures that the viewer's own room shows through.
+const GREY: f32 = 0.45;
+
+/// Decides when to leave, and keeps some of the pictures.
+#[derive(Debug)]
+pub(super) struct Album<'a> {
+    pub(super) until: &'a Until,
+    /// Leave after so many.
+    pub(super) frames: Option<u64>,
+    /// Whether pictures are kept at all.
+    pub(super) keeps: bool,
+    moments: Moments,
+    last: Option<[RgbImage; 2]>,
+}
+
+impl<'a> Album<'a> {
+    pub(super) fn new(until: &'a Until, frames: Option<u64>, keeps: bool) -> Self {
+        Self {
+            until,
+            frames,
+            keeps,
+            moments: Moments::default(),
+            last: None,
+        }
+    }
+
+    /// Writes the last pair, by themselves and side by side, and moments of the left eye.
+    pub(super) fn write(self, folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+        let Some([left, right]) = self.last else {
+            return Ok(Vec::new());
+        };
+        let mut both = RgbImage::new(left.width() + right.width(), left.height());
+        imageops::replace(&mut both, &left, 0, 0);
+        imageops::replace(&mut both, &right, left.width().into(), 0);
+        let sheet = self.moments.sheet();
+        let mut written = Vec::new();
+        for (name, picture) in [
+            ("left.png", &left),
+            ("right.png", &right),
+            ("stereo.png", &both),
+            ("moments.png", &sheet),
+        ] {
+            let file = folder.join(name);
+            write_png(&file, picture)?;
+            written.push(file);
+        }
+        Ok(written)
+    }
+}
+
+impl Watcher for Album<'_> {
+    fn is_over(&self, shown: u64) -> bool {
+        self.until.is_over() || self.frames.is_some_and(|frames| shown >= frames)
+    }
+
+    fn wants(&mut self, shown: u64, somebody: bool) -> bool {
+        let is_last = self.frames == Some(shown + 1);
+        self.keeps && somebody && (is_last || self.last.is_none() || shown.is_multiple_of(APART))
+    }
+
+    fn seen(&mut self, seen: Seen<'_>) {
+        let [Some(left), Some(right)] = seen.pictures.map(opaque) else {
+            return;
+        };
+        self.moments.offer(&left);
+        self.last = Some([left, right]);
+    }
+}
+
+/// A picture as somebody sees it who stands before something grey.
+fn opaque(picture: EyePicture) -> Option<RgbImage> {
+    let behind = GREY * 255.0;
+    let rgb = (picture.rgba.as_chunks::<4>().0.iter())
+        .flat_map(|[red, green, blue, alpha]| {
+            let through = 1.0 - f32::from(*alpha) / 255.0;
+            [*red, *green, *blue].map(|colour| mixed(colour, behind * through))
+        })
+        .collect();
+    RgbImage::from_raw(picture.width, picture.height, rgb)
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "held within a byte before"
+)]
+fn mixed(colour: u8, added: f32) -> u8 {
+    (f32::from(colour) + added).clamp(0.0, 255.0) as u8
+}

@@ -1,0 +1,122 @@
+//! A Monado of this program's own, where no `OpenXR` runtime is active: a real runtime with a headset that nobody wears, so that
+//! `--display xr` can be seen to work on any machine.
+
+use anyhow::{Context, bail};
+use std::ffi::OsString;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// The folder of Monado's programs; `./run` fetches it.
+const FOLDER: &str = "MON3TR_MONADO";
+/// How long it may take to start.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// Between two looks whether it has.
+const LOOK: Duration = Duration::from_millis(50);
+/// Where it listens, below its runtime directory.
+const SOCKET: &str = "monado_comp_ipc";
+
+/// Where runtimes announce themselves as the active one, below a folder of configuration.
+const ACTIVE: &str = "openxr/1/active_runtime.json";
+
+/// A running service, with a runtime directory of its own; both go when this is dropped.
+#[derive(Debug)]
+pub(crate) struct Monado {
+    service: Child,
+    folder: TempDir,
+    manifest: PathBuf,
+}
+
+/// Whether a runtime is active on this machine: a headset's own software.
+pub(crate) fn is_another_active() -> bool {
+    let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+    if variable("XR_RUNTIME_JSON").is_some() {
+        return true;
+    }
+    let home = variable("XDG_CONFIG_HOME")
+        .map(PathBuf::from)
+        .or_else(|| variable("HOME").map(|home| Path::new(&home).join(".config")));
+    let everybody = ["/etc/xdg", "/etc", "/usr/local/etc", "/usr/share"].map(PathBuf::from);
+    (home.into_iter().chain(everybody)).any(|folder| folder.join(ACTIVE).exists())
+}
+
+impl Monado {
+    /// Starts the service with a simulated headset, and waits until it listens.
+    pub(crate) fn start() -> anyhow::Result<Self> {
+        let Some(programs) = std::env::var_os(FOLDER).filter(|folder| !folder.is_empty()) else {
+            bail!(
+                "no OpenXR runtime is active, and there is no Monado to start instead: start through ./run, which fetches it, \
+                 or make a headset's runtime the active one"
+            );
+        };
+        let programs = PathBuf::from(programs);
+        let folder = tempfile::Builder::new()
+            .prefix("mon3tr-xr-")
+            .tempdir()
+            .context("cannot make a runtime directory for Monado")?;
+        let log = folder.path().join("log");
+        let output = File::create(&log).context("cannot write Monado's log")?;
+        let errors = output.try_clone().context("cannot write Monado's log")?;
+        let program = programs.join("run");
+        let service = Command::new(&program)
+            .env("XDG_RUNTIME_DIR", folder.path())
+            .env("XDG_CONFIG_HOME", folder.path())
+            // Nobody sees what it composes.
+            .env("XRT_COMPOSITOR_NULL", "1")
+            .env("SIMULATED_ENABLE", "1")
+            .env("SIMULATED_LEFT", "simple")
+            .env("SIMULATED_RIGHT", "simple")
+            .env("XRT_NO_STDIN", "1")
+            // It ends with the one who used it, even if this process is killed.
+            .env("IPC_EXIT_ON_DISCONNECT", "1")
+            .stdin(Stdio::null())
+            .stdout(output)
+            .stderr(errors)
+            .spawn()
+            .with_context(|| format!("cannot start Monado ({})", program.display()))?;
+        let mut monado = Self {
+            service,
+            folder,
+            manifest: programs.join("openxr_monado.json"),
+        };
+        monado.wait(&log)?;
+        Ok(monado)
+    }
+
+    fn wait(&mut self, log: &Path) -> anyhow::Result<()> {
+        let deadline = Instant::now() + PATIENCE;
+        let socket = self.folder.path().join(SOCKET);
+        while !socket.exists() {
+            let ended = self.service.try_wait().context("cannot watch Monado")?;
+            if ended.is_some() || Instant::now() >= deadline {
+                let text = std::fs::read_to_string(log).unwrap_or_default();
+                let last: Vec<&str> = text.lines().rev().take(5).collect();
+                let last: Vec<&str> = last.into_iter().rev().collect();
+                bail!("Monado does not start; it said last:\n{}", last.join("\n"));
+            }
+            std::thread::sleep(LOOK);
+        }
+        Ok(())
+    }
+
+    /// What a program finds it by.
+    pub(crate) fn environment(&self) -> Vec<(&'static str, OsString)> {
+        vec![
+            ("XDG_RUNTIME_DIR", self.folder.path().into()),
+            ("XR_RUNTIME_JSON", self.manifest.clone().into()),
+            // The runtime's library tells much that is of use to its authors.
+            ("XRT_LOG", "warn".into()),
+            ("OXR_NO_PRINTING_STDERR", "1".into()),
+        ]
+    }
+}
+
+impl Drop for Monado {
+    fn drop(&mut self) {
+        // It may have ended with its last client.
+        let _ = self.service.kill();
+        let _ = self.service.wait();
+    }
+}
