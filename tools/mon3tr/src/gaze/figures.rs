@@ -6,16 +6,24 @@ use serde::Serialize;
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub(crate) struct GazeFigures {
     /// The mouse, or the file.
-    pub(super) source: String,
+    source: String,
     /// Pictures whose camera it moved or held.
-    pub(super) pictures: u64,
+    pictures: u64,
     /// Furthest to the left (negative) and to the right, degrees.
-    pub(super) yaw_degrees: [f32; 2],
+    yaw_degrees: [f32; 2],
     /// Furthest down (negative) and up, degrees.
-    pub(super) pitch_degrees: [f32; 2],
+    pitch_degrees: [f32; 2],
 }
 
 impl GazeFigures {
+    /// Of this source, before the first picture.
+    pub(super) fn of(source: String) -> Self {
+        Self {
+            source,
+            ..Self::default()
+        }
+    }
+
     /// One picture's camera was turned so far, radians.
     pub(super) fn note(&mut self, yaw: f32, pitch: f32) {
         self.pictures += 1;

@@ -83,10 +83,9 @@ impl GazeChoice {
             (Self::File(file), _) => Source::File(Arc::new(Track::read(file)?)),
         };
         Ok(Gaze {
-            name: self.to_string(),
             source,
             camera: GazeCamera::default(),
-            figures: GazeFigures::default(),
+            figures: GazeFigures::of(self.to_string()),
             began: None,
             last: None,
         })
@@ -96,7 +95,6 @@ impl GazeChoice {
 /// Somebody's gaze, and the camera that follows it.
 #[derive(Debug, Clone)]
 pub(crate) struct Gaze {
-    name: String,
     source: Source,
     camera: GazeCamera,
     figures: GazeFigures,
@@ -152,10 +150,7 @@ impl Gaze {
 
     /// What became of the camera.
     pub(crate) fn figures(self) -> GazeFigures {
-        GazeFigures {
-            source: self.name,
-            ..self.figures
-        }
+        self.figures
     }
 }
 
@@ -207,7 +202,7 @@ mod tests {
         let zero = Instant::now();
         let at = |seconds: f64| zero + Duration::from_secs_f64(seconds);
         gaze.pointed([640.0, 240.0], (640, 480));
-        let mut turned = |gaze: &mut Gaze, from: f64, to: f64| {
+        let turned = |gaze: &mut Gaze, from: f64, to: f64| {
             let mut angle = 0.0;
             for step in 0..=60 {
                 let time = from + (to - from) * f64::from(step) / 60.0;

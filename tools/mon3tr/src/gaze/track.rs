@@ -70,19 +70,8 @@ impl Track {
         let mut last = None;
         let mut is_first = true;
         for (number, line) in (1u64..).zip(text.split(|byte| *byte == b'\n')) {
-            let sample = (|| -> anyhow::Result<Option<(f64, Option<Place>)>> {
-                let line = std::str::from_utf8(line).context("it is no text")?.trim();
-                if line.is_empty() || line.starts_with('#') {
-                    return Ok(None);
-                }
-                let is_heading = std::mem::take(&mut is_first) && is_heading(line);
-                if is_heading {
-                    return Ok(None);
-                }
-                let sample = sample(line)?;
-                Ok(Some((sample.seconds, place(&sample, last)?)))
-            })();
-            let sample = sample.with_context(|| format!("line {number}"))?;
+            let sample =
+                read_line(line, &mut is_first, last).with_context(|| format!("line {number}"))?;
             if let Some((seconds, place)) = sample {
                 last = Some(seconds);
                 samples.extend(place.map(|place| (seconds, place)));
@@ -102,6 +91,24 @@ impl Track {
         let (seconds, place) = self.samples.get(later.checked_sub(1)?)?;
         (now - seconds <= BLINK.as_secs_f64()).then_some(*place)
     }
+}
+
+/// A line's time and gaze, which comes after that of the `last` one; nothing for a line that says nothing. Only the first that says
+/// something may be a heading.
+fn read_line(
+    line: &[u8],
+    is_first: &mut bool,
+    last: Option<f64>,
+) -> anyhow::Result<Option<(f64, Option<Place>)>> {
+    let line = std::str::from_utf8(line).context("it is no text")?.trim();
+    if line.is_empty() || line.starts_with('#') {
+        return Ok(None);
+    }
+    if std::mem::take(is_first) && is_heading(line) {
+        return Ok(None);
+    }
+    let sample = sample(line)?;
+    Ok(Some((sample.seconds, place(&sample, last)?)))
 }
 
 fn is_heading(line: &str) -> bool {
