@@ -33,6 +33,7 @@ mod actions;
 mod pointers;
 mod runtime;
 mod table;
+mod tests;
 mod vendor;
 mod world;
 
@@ -41,12 +42,14 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
+use glam::{Affine3A, Vec3};
 use openxr::sys::{self, Handle, Result as XrResult};
 use openxr::{
-    ApplicationInfo, Entry, FrameStream, FrameWaiter, Instance, Posef, Session, SessionState,
-    SystemId, Vulkan,
+    ApplicationInfo, Entry, FrameStream, FrameWaiter, HandJoint, HandJointLocation, Instance,
+    Posef, Session, SessionState, SpaceLocationFlags, SystemId, Vulkan,
 };
 
+pub(crate) use runtime::posef;
 pub(crate) use world::{EndedFrame, Source, World};
 
 /// What [`super::Extensions`] insists on.
@@ -309,4 +312,41 @@ fn call_here(
 /// A test that failed with the lock held does not fail those after it.
 fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A hand with its palm there, -z towards the finger tips, y out of its back, whose thumb's tip is so far from the tips of the
+/// index and the middle finger. Only joints that anyone asks for are where they would be.
+pub(crate) fn hand(
+    room_from_palm: Affine3A,
+    thumb_to_index_metres: f32,
+    thumb_to_middle_metres: f32,
+) -> [HandJointLocation; openxr::HAND_JOINT_COUNT] {
+    let at = |x, y, z| {
+        let place = Affine3A::from_translation(Vec3::new(x, y, z));
+        HandJointLocation {
+            location_flags: SpaceLocationFlags::ORIENTATION_VALID
+                | SpaceLocationFlags::POSITION_VALID,
+            pose: posef(room_from_palm * place),
+            radius: 0.01,
+        }
+    };
+    let mut joints = [at(0.0, 0.0, 0.0); openxr::HAND_JOINT_COUNT];
+    let thumb = Vec3::new(-0.04, -0.03, -0.06);
+    for (joint, place) in [
+        (HandJoint::WRIST, Vec3::new(0.0, 0.0, 0.08)),
+        (HandJoint::INDEX_PROXIMAL, Vec3::new(-0.02, 0.0, -0.03)),
+        (HandJoint::MIDDLE_PROXIMAL, Vec3::new(0.0, 0.0, -0.03)),
+        (HandJoint::THUMB_TIP, thumb),
+        (
+            HandJoint::INDEX_TIP,
+            thumb - thumb_to_index_metres * Vec3::Z,
+        ),
+        (
+            HandJoint::MIDDLE_TIP,
+            thumb + thumb_to_middle_metres * Vec3::X,
+        ),
+    ] {
+        joints[joint] = at(place.x, place.y, place.z);
+    }
+    joints
 }

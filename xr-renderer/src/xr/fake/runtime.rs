@@ -524,7 +524,7 @@ pub(super) unsafe extern "system" fn locate_views(
 }
 
 /// The pose of a rigid transform.
-pub(super) fn posef(transform: Affine3A) -> Posef {
+pub(crate) fn posef(transform: Affine3A) -> Posef {
     let (_, turn, place) = transform.to_scale_rotation_translation();
     Posef {
         orientation: Quaternionf {
