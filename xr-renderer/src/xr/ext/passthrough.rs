@@ -97,7 +97,7 @@ impl Passthrough {
     /// The layer to submit before all others (OpenXR composes in order). None while it is paused.
     #[must_use]
     pub fn layer(&self) -> Option<PassthroughLayer<'_>> {
-        self.runs.then(|| PassthroughLayer {
+        self.runs.then_some(PassthroughLayer {
             layer: sys::CompositionLayerPassthroughFB {
                 ty: sys::CompositionLayerPassthroughFB::TYPE,
                 next: std::ptr::null(),

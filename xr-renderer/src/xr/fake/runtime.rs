@@ -54,7 +54,7 @@ pub(super) unsafe extern "system" fn create_instance(
     let info = read(info);
     let names: Vec<String> = read_all(info.enabled_extension_names, info.enabled_extension_count)
         .into_iter()
-        .map(|name| text(name))
+        .map(text)
         .collect();
     call_here("xrCreateInstance", names.join(" "), |world| {
         let lacking = |name: &&String| !world.extensions.contains(&name.as_str());
