@@ -350,7 +350,7 @@ mod tests {
             let scene = Self::new();
             scene.fake.hold_controllers(Some(profile));
             for (side, x) in SIDES.iter().zip([-0.2, 0.2]) {
-                let pose = posef(at(x));
+                let pose = posef(&at(x));
                 scene.fake.put(&format!("{side}/input/grip/pose"), pose);
                 scene.fake.put(&format!("{side}/input/aim/pose"), pose);
             }
@@ -496,7 +496,7 @@ mod tests {
         let mut scene = Scene::new();
         assert_eq!(scene.sync().gaze, None, "eyes are shut");
         let source = "/user/eyes_ext/input/gaze_ext/pose";
-        scene.fake.put(source, posef(at(0.03)));
+        scene.fake.put(source, posef(&at(0.03)));
         let gaze = scene.sync().gaze.expect("eyes are open");
         assert!(gaze.abs_diff_eq(at(0.03), 1e-6), "{gaze}");
     }
@@ -536,7 +536,7 @@ mod tests {
             let side = SIDES[1];
             scene
                 .fake
-                .put(&format!("{side}/input/grip/pose"), posef(at(0.2)));
+                .put(&format!("{side}/input/grip/pose"), posef(&at(0.2)));
             scene.press(&format!("{side}/input/{button}"), 1.0);
             assert_eq!(scene.holds(), [false, true], "without {refused}");
         }

@@ -17,6 +17,7 @@
 //! fake.queue_state(SessionState::VISIBLE);                          // an event
 //! fake.press("/user/hand/left/input/select/click", 1.0);            // a button
 //! assert_eq!(fake.calls("xrPassthroughStartFB").len(), 1);
+//! let headset = Headset::open(&Runtime::of(FakeRuntime::with_everything().with_vulkan().entry()), ..); // with real images
 //! fake.lose_instance();                                             // everything says ERROR_INSTANCE_LOST until a new one
 //! ```
 
@@ -30,6 +31,7 @@
 )]
 
 mod actions;
+mod device;
 mod pointers;
 mod runtime;
 mod table;
@@ -49,7 +51,7 @@ use openxr::{
     Posef, Session, SessionState, SpaceLocationFlags, SystemId, Vulkan,
 };
 
-pub(crate) use runtime::posef;
+pub(crate) use super::pose::posef;
 pub(crate) use world::{EndedFrame, Source, World};
 
 /// What [`super::Extensions`] insists on.
@@ -98,6 +100,12 @@ impl FakeRuntime {
             world.system.foveation_around_gaze = true;
         });
         fake
+    }
+
+    /// The same with the machine's Vulkan: its instances, devices and swapchain images are real.
+    pub(crate) fn with_vulkan(self) -> Self {
+        self.set(|world| world.vulkan = true);
+        self
     }
 
     /// From now on the calling thread makes its instances with this one.
@@ -326,7 +334,7 @@ pub(crate) fn hand(
         HandJointLocation {
             location_flags: SpaceLocationFlags::ORIENTATION_VALID
                 | SpaceLocationFlags::POSITION_VALID,
-            pose: posef(room_from_palm * place),
+            pose: posef(&(room_from_palm * place)),
             radius: 0.01,
         }
     };

@@ -2,18 +2,17 @@
 
 use std::ffi::c_char;
 
-use glam::Affine3A;
 use openxr::sys::{self, Handle, Result as XrResult};
 use openxr::{
-    EnvironmentBlendMode, Path, Posef, Quaternionf, ReferenceSpaceType, SessionState,
-    SpaceLocationFlags, SystemId, Time, Version, ViewConfigurationType, ViewStateFlags,
+    EnvironmentBlendMode, Path, ReferenceSpaceType, SessionState, SpaceLocationFlags, SystemId,
+    Time, Version, ViewConfigurationType, ViewStateFlags,
 };
 
 use super::pointers::{chained, change, describe, give, layers, list, put_text, read, read_all};
 use super::pointers::{text, values};
 use super::world::{FakeSwapchain, Place};
-use super::{EndedFrame, SYSTEM, call, call_here};
-use crate::xr::pose::rigid;
+use super::{EndedFrame, SYSTEM, call, call_here, device};
+use crate::xr::pose::{posef, rigid};
 
 const OK: XrResult = XrResult::SUCCESS;
 
@@ -281,8 +280,12 @@ pub(super) unsafe extern "system" fn create_session(
     info: *const sys::SessionCreateInfo,
     session: *mut sys::Session,
 ) -> XrResult {
-    let chain = describe(read(info).next);
-    call(instance, "xrCreateSession", chain, |world| {
+    let next = read(info).next;
+    call(instance, "xrCreateSession", describe(next), |world| {
+        world.device = match (&world.loader, device::binding(next)) {
+            (Some(loader), Some(binding)) => Some(loader.device(&binding)),
+            _ => None,
+        };
         world.session_lost = false;
         world.session = world.make("session", session);
         (world.running, world.attached, world.begun, world.waited) = (false, false, false, 0);
@@ -489,7 +492,7 @@ pub(super) unsafe extern "system" fn locate_space(
                     | SpaceLocationFlags::POSITION_VALID
                     | SpaceLocationFlags::ORIENTATION_TRACKED
                     | SpaceLocationFlags::POSITION_TRACKED;
-                to.pose = posef(room_from_base.inverse() * room_from_space);
+                to.pose = posef(&(room_from_base.inverse() * room_from_space));
             }
         })
     })
@@ -516,29 +519,11 @@ pub(super) unsafe extern "system" fn locate_views(
         let base_from_room = base.unwrap_or_default().inverse();
         list(capacity, count, out, &world.eyes, |to, (pose, fov)| {
             change(to, |to| {
-                to.pose = posef(base_from_room * rigid(pose).unwrap_or_default());
+                to.pose = posef(&(base_from_room * rigid(pose).unwrap_or_default()));
                 to.fov = *fov;
             });
         })
     })
-}
-
-/// The pose of a rigid transform.
-pub(crate) fn posef(transform: Affine3A) -> Posef {
-    let (_, turn, place) = transform.to_scale_rotation_translation();
-    Posef {
-        orientation: Quaternionf {
-            x: turn.x,
-            y: turn.y,
-            z: turn.z,
-            w: turn.w,
-        },
-        position: openxr::Vector3f {
-            x: place.x,
-            y: place.y,
-            z: place.z,
-        },
-    }
 }
 
 // Swapchains.
@@ -569,6 +554,10 @@ pub(super) unsafe extern "system" fn create_swapchain(
         if !world.formats.contains(&info.format) {
             return XrResult::ERROR_SWAPCHAIN_FORMAT_UNSUPPORTED;
         }
+        let images = world
+            .device
+            .as_ref()
+            .map(|device| device.images(&info, IMAGES));
         let handle = world.make("swapchain", swapchain);
         world.swapchains.insert(
             handle,
@@ -577,6 +566,7 @@ pub(super) unsafe extern "system" fn create_swapchain(
                 height,
                 density_maps: chain.contains("FOVEATION"),
                 acquired: 0,
+                images,
             },
         );
         OK
@@ -584,7 +574,10 @@ pub(super) unsafe extern "system" fn create_swapchain(
 }
 
 pub(super) unsafe extern "system" fn destroy_swapchain(swapchain: sys::Swapchain) -> XrResult {
-    call(swapchain, "xrDestroySwapchain", "", |_| OK)
+    call(swapchain, "xrDestroySwapchain", "", |world| {
+        world.swapchains.remove(&swapchain.into_raw());
+        OK
+    })
 }
 
 pub(super) unsafe extern "system" fn enumerate_images(
@@ -601,13 +594,15 @@ pub(super) unsafe extern "system" fn enumerate_images(
     };
     call(swapchain, "xrEnumerateSwapchainImages", chain, |world| {
         let handle = swapchain.into_raw();
-        let Some(it) = world.swapchains.get(&handle).copied() else {
+        let Some(it) = world.swapchains.get(&handle) else {
             return XrResult::ERROR_HANDLE_INVALID;
         };
         let numbers: Vec<u32> = (1..=IMAGES).collect();
         list(capacity, count, out, &numbers, |to, number| {
             let image = handle << 8 | u64::from(*number);
-            change(to, |to| to.image = image);
+            let real = it.images.as_ref();
+            let real = real.map(|images| images.handle(*number as usize - 1));
+            change(to, |to| to.image = real.unwrap_or(image));
             for (ty, at) in chained(read(to).next) {
                 if ty == sys::SwapchainImageFoveationVulkanFB::TYPE && it.density_maps {
                     change(at.cast::<sys::SwapchainImageFoveationVulkanFB>(), |map| {
