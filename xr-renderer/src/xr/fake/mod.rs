@@ -34,6 +34,8 @@ mod actions;
 mod device;
 mod pointers;
 mod runtime;
+mod session;
+mod swapchain;
 mod table;
 mod tests;
 mod vendor;
