@@ -142,3 +142,79 @@ impl Extensions {
         self.granted.contains(&name)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xr::fake::{FakeRuntime, REQUIRED as VULKAN};
+
+    fn everything() -> ExtensionSet {
+        let mut set = ExtensionSet::default();
+        for wanted in OPTIONAL.iter().chain([&REQUIRED]) {
+            (wanted.put_in)(&mut set);
+        }
+        set
+    }
+
+    #[test]
+    fn of_a_runtime_that_has_everything_all_is_granted() {
+        let extensions = Extensions::of(&everything()).expect("the required one is there");
+        assert_eq!(extensions.granted().len(), OPTIONAL.len() + 1, "granted");
+        assert_eq!(extensions.missing(), ANDROID_ONLY, "missing");
+        assert_eq!(*extensions.set(), everything(), "to be enabled");
+    }
+
+    #[test]
+    fn names_are_the_crates_own() {
+        for wanted in OPTIONAL.iter().chain([&REQUIRED]) {
+            let mut set = ExtensionSet::default();
+            (wanted.put_in)(&mut set);
+            let names: Vec<String> = set
+                .names()
+                .iter()
+                .map(|name| String::from_utf8_lossy(name).replace('\0', ""))
+                .collect();
+            assert_eq!(names, [wanted.name], "the field's name");
+            assert!((wanted.is_in)(&set), "{} is read", wanted.name);
+        }
+    }
+
+    #[test]
+    fn without_vulkan_the_error_names_what_is_missing() {
+        let fake = FakeRuntime::new(&["XR_FB_passthrough"]);
+        let available = fake.entry().enumerate_extensions().expect("a list");
+        let error = Extensions::of(&available).expect_err("no Vulkan");
+        assert!(matches!(error, XrError::Unsupported { .. }), "{error:?}");
+        assert!(error.to_string().contains(VULKAN), "{error}");
+    }
+
+    #[test]
+    fn what_a_runtime_lists_and_nobody_wants_is_not_enabled() {
+        let mut available = everything();
+        available.fb_color_space = true;
+        available.other.push(b"XR_MON3TR_no_such_thing\0".to_vec());
+        let extensions = Extensions::of(&available).expect("the required one is there");
+        assert_eq!(*extensions.set(), everything(), "to be enabled");
+    }
+
+    #[test]
+    fn an_extension_goes_with_those_that_it_cannot_be_enabled_without() {
+        let mut available = everything();
+        available.fb_swapchain_update_state = false;
+        let extensions = Extensions::of(&available).expect("the required one is there");
+        let mut missing = extensions.missing().to_vec();
+        missing.retain(|name| !ANDROID_ONLY.contains(name));
+        assert_eq!(
+            missing,
+            [
+                "XR_FB_swapchain_update_state",
+                "XR_FB_foveation",
+                "XR_FB_foveation_configuration",
+                "XR_FB_foveation_vulkan",
+                "XR_META_foveation_eye_tracked"
+            ],
+            "all of foveation"
+        );
+        assert!(!extensions.set().fb_foveation, "nor is it enabled");
+    }
+}

@@ -174,17 +174,20 @@ impl Input {
             None => [None; 2],
         };
         let mut hands = [Hand::default(); 2];
-        for ((hand, side), tracked) in hands.iter_mut().zip(&mut self.sides).zip(&tracked) {
+        let mut calls_overlay = [false; 2];
+        for (place, side) in self.sides.iter_mut().enumerate() {
             let controller = side.read(&self.session, &self.actions, floor, time)?;
-            *hand = controller.or(tracked.map(Hand::from)).unwrap_or_default();
+            // Some runtimes track the hand that holds a controller too: its fingers mean nothing.
+            let bare = tracked[place].filter(|_| controller.is_none());
+            calls_overlay[place] = bare.is_some_and(|hand| hand.calls_overlay);
+            hands[place] = controller.or(bare.map(Hand::from)).unwrap_or_default();
         }
         let button = self
             .actions
             .overlay
             .state(&self.session, Path::NULL)
             .during("xrGetActionStateBoolean")?;
-        let pressed = (button.is_active && button.current_state)
-            || tracked[0].is_some_and(|left| left.calls_overlay);
+        let pressed = (button.is_active && button.current_state) || calls_overlay[0];
         let was_pressed = std::mem::replace(&mut self.overlay_was_pressed, pressed);
         let gaze = match &self.gaze {
             Some(gaze) => gaze.floor_from_gaze(floor, time).during("xrLocateSpace")?,
@@ -307,3 +310,6 @@ impl From<TrackedHand> for Hand {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

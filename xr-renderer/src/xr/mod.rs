@@ -20,6 +20,8 @@ mod session;
 mod space;
 mod state;
 mod swapchain;
+#[cfg(test)]
+mod tests;
 
 pub use error::XrError;
 pub use extensions::Extensions;

@@ -87,3 +87,78 @@ impl<'a> DepthImage<'a> {
         unsafe { CompositionLayerProjectionView::from_raw(raw) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xr::fake::FakeRuntime;
+    use openxr::{
+        CompositionLayerProjection, EnvironmentBlendMode, Posef, ReferenceSpaceType,
+        SwapchainCreateFlags, SwapchainCreateInfo, SwapchainUsageFlags, ViewConfigurationType,
+    };
+
+    #[test]
+    fn each_eyes_view_goes_to_the_compositor_with_its_own_depth() {
+        let fake = FakeRuntime::with_everything();
+        let instance = fake.instance();
+        let (session, mut waiter, mut stream) = fake.session(&instance);
+        let space = session
+            .create_reference_space(ReferenceSpaceType::LOCAL_FLOOR, Posef::IDENTITY)
+            .expect("a space");
+        let images = session
+            .create_swapchain(&SwapchainCreateInfo {
+                create_flags: SwapchainCreateFlags::EMPTY,
+                usage_flags: SwapchainUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+                format: 126,
+                sample_count: 1,
+                width: 64,
+                height: 64,
+                face_count: 1,
+                array_size: 2,
+                mip_count: 1,
+            })
+            .expect("images");
+        session
+            .begin(ViewConfigurationType::PRIMARY_STEREO)
+            .expect("begun");
+        let frame = waiter.wait().expect("waited");
+        stream.begin().expect("begun");
+        let range = DepthRange::new(&instance, 0.05, f32::INFINITY).expect("depth");
+        let part = |eye| {
+            SwapchainSubImage::new()
+                .swapchain(&images)
+                .image_array_index(eye)
+        };
+        let depths = [0, 1].map(|eye| range.image(part(eye)));
+        let views = [0, 1].map(|eye| {
+            let view = CompositionLayerProjectionView::new().sub_image(part(eye));
+            depths[eye as usize].of(view)
+        });
+        let layer = CompositionLayerProjection::new()
+            .space(&space)
+            .views(&views);
+        let time = frame.predicted_display_time;
+        stream
+            .end(time, EnvironmentBlendMode::OPAQUE, &[&layer])
+            .expect("ended");
+        let layers = fake.set(|world| world.frames[0].layers.clone());
+        for eye in [0, 1] {
+            let expected = format!(
+                "; layer {eye} + COMPOSITION_LAYER_DEPTH_INFO_KHR(layer {eye}, 0.05..inf m)"
+            );
+            assert!(layers[0].contains(&expected), "{layers:?}");
+        }
+    }
+
+    #[test]
+    fn a_runtime_that_takes_no_depth_gets_none() {
+        let fake = FakeRuntime::with_everything();
+        fake.set(|world| {
+            world
+                .extensions
+                .retain(|name| *name != "XR_KHR_composition_layer_depth");
+        });
+        let why = DepthRange::new(&fake.instance(), 0.05, 50.0).expect_err("no depth");
+        assert!(why.to_string().contains("composition_layer_depth"), "{why}");
+    }
+}

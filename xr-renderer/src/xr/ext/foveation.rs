@@ -287,3 +287,103 @@ fn tracks_gaze(session: &Session<Vulkan>, system: SystemId) -> bool {
     let asked = unsafe { ask_system(instance, system, &mut tracked) };
     asked.is_ok() && tracked.supports_foveation_eye_tracked.into()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xr::fake::FakeRuntime;
+    use openxr::sys::Result as XrResult;
+    use openxr::{SwapchainCreateFlags, SwapchainUsageFlags};
+
+    const SRGB: u32 = 43;
+
+    fn info() -> SwapchainCreateInfo<Vulkan> {
+        SwapchainCreateInfo {
+            create_flags: SwapchainCreateFlags::EMPTY,
+            usage_flags: SwapchainUsageFlags::COLOR_ATTACHMENT,
+            format: SRGB,
+            sample_count: 1,
+            width: 1680,
+            height: 1760,
+            face_count: 1,
+            array_size: 2,
+            mip_count: 1,
+        }
+    }
+
+    #[test]
+    fn a_foveated_swapchain_is_made_for_density_maps_and_gets_the_profile() {
+        let fake = FakeRuntime::with_everything();
+        let (session, _, _) = fake.session(&fake.instance());
+        let foveation = Foveation::new(&session, fake.system(), true).expect("foveation");
+        let profile = &fake.calls("xrCreateFoveationProfileFB")[0];
+        assert!(profile.contains("(MEDIUM, LEVEL_ENABLED)"), "{profile}");
+        let images = swapchain(&session, Some(&foveation), &info()).expect("images");
+        let made = &fake.calls("xrCreateSwapchain")[0];
+        let flags = sys::SwapchainCreateFoveationFlagsFB::FRAGMENT_DENSITY_MAP;
+        assert!(made.contains(&format!("({flags:?})")), "{made}");
+        assert!(made.starts_with("1680x1760x2 format 43 "), "{made}");
+        assert_eq!(fake.calls("xrUpdateSwapchainFB").len(), 1, "profile set");
+        let maps = foveation.density_maps(&images).expect("maps");
+        assert_eq!(maps.len(), 3, "one for each image");
+        assert_eq!((maps[0].width, maps[0].height), (53, 55), "texels");
+        assert_ne!(maps[0].image, maps[1].image, "each its own");
+    }
+
+    #[test]
+    fn it_is_around_the_gaze_where_that_is_tracked_and_in_the_middle_where_not() {
+        let fake = FakeRuntime::with_everything();
+        let (session, _, _) = fake.session(&fake.instance());
+        let foveation = Foveation::new(&session, fake.system(), true).expect("foveation");
+        assert!(foveation.follows_gaze(), "tracked");
+        let chain = &fake.calls("xrCreateFoveationProfileFB")[0];
+        assert!(chain.contains("EYE_TRACKED"), "{chain}");
+        assert_eq!(foveation.centres(), None, "eyes are shut");
+        fake.set(|world| world.gaze_centres = Some([[0.25, -0.5], [0.0, -0.5]]));
+        let centres = [Vec2::new(0.25, -0.5), Vec2::new(0.0, -0.5)];
+        assert_eq!(foveation.centres(), Some(centres), "eyes are open");
+
+        fake.set(|world| world.system.foveation_around_gaze = false);
+        let foveation = Foveation::new(&session, fake.system(), true).expect("foveation");
+        assert!(!foveation.follows_gaze(), "not tracked");
+        assert_eq!(foveation.centres(), None, "the middle");
+        let chain = &fake.calls("xrCreateFoveationProfileFB")[1];
+        assert!(!chain.contains("EYE_TRACKED"), "{chain}");
+    }
+
+    #[test]
+    fn without_density_maps_on_the_device_there_is_none() {
+        let fake = FakeRuntime::with_everything();
+        let (session, _, _) = fake.session(&fake.instance());
+        let why = Foveation::new(&session, fake.system(), false).expect_err("no maps");
+        assert!(matches!(why, Absent::NotByDevice(_)), "{why}");
+        swapchain(&session, None, &info()).expect("plain images");
+        let made = &fake.calls("xrCreateSwapchain")[0];
+        assert!(!made.contains("FOVEATION"), "{made}");
+    }
+
+    #[test]
+    fn a_runtime_that_refuses_a_foveated_swapchain_gets_a_plain_one() {
+        for refused in ["xrCreateSwapchain", "xrUpdateSwapchainFB"] {
+            let fake = FakeRuntime::with_everything();
+            let (session, _, _) = fake.session(&fake.instance());
+            let foveation = Foveation::new(&session, fake.system(), true).expect("foveation");
+            fake.fail_times(refused, XrResult::ERROR_FEATURE_UNSUPPORTED, 1);
+            let images = swapchain(&session, Some(&foveation), &info()).expect("plain images");
+            let made = fake.calls("xrCreateSwapchain");
+            assert!(!made[1].contains("FOVEATION"), "{made:?}");
+            assert_eq!(fake.alive("swapchain"), 1, "the first is gone");
+            foveation.density_maps(&images).expect_err("it has no maps");
+        }
+    }
+
+    #[test]
+    fn the_profile_goes_with_it() {
+        let fake = FakeRuntime::with_everything();
+        let (session, _, _) = fake.session(&fake.instance());
+        let foveation = Foveation::new(&session, fake.system(), true).expect("foveation");
+        assert_eq!(fake.alive("foveation profile"), 1, "made");
+        drop(foveation);
+        assert_eq!(fake.alive("foveation profile"), 0, "gone");
+    }
+}

@@ -135,3 +135,120 @@ fn place(joints: &HandJointLocations, which: HandJoint) -> Option<Vec3> {
     let place = point(&found.pose.position);
     (is_known(found.location_flags) && place.is_finite()).then_some(place)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xr::fake::{FakeRuntime, hand};
+    use glam::Quat;
+    use openxr::{Posef, ReferenceSpaceType, SpaceLocationFlags};
+
+    struct Scene {
+        tracking: HandTracking,
+        floor: Space,
+        fake: FakeRuntime,
+    }
+
+    impl Scene {
+        fn new() -> Self {
+            let fake = FakeRuntime::with_everything();
+            let (session, _, _) = fake.session(&fake.instance());
+            Self {
+                tracking: HandTracking::new(&session, fake.system()).expect("tracking"),
+                floor: session
+                    .create_reference_space(ReferenceSpaceType::LOCAL_FLOOR, Posef::IDENTITY)
+                    .expect("a space"),
+                fake,
+            }
+        }
+
+        fn locate(&mut self) -> [Option<TrackedHand>; 2] {
+            let time = Time::from_nanos(1);
+            self.tracking.locate(&self.floor, time).expect("located")
+        }
+    }
+
+    /// A right hand before the chest whose fingers point ahead and left, turned about y.
+    fn floor_from_palm() -> Affine3A {
+        Affine3A::from_rotation_translation(Quat::from_rotation_y(0.5), Vec3::new(0.2, 1.2, -0.4))
+    }
+
+    #[test]
+    fn the_palm_is_the_grip_and_the_aim_points_as_the_fingers_do() {
+        let mut scene = Scene::new();
+        scene
+            .fake
+            .set(|world| world.joints[1] = Some(hand(floor_from_palm(), 0.06, 0.08)));
+        let [left, right] = scene.locate();
+        assert!(left.is_none(), "nobody's");
+        let right = right.expect("seen");
+        assert!(
+            right.floor_from_grip.abs_diff_eq(floor_from_palm(), 1e-5),
+            "{right:?}"
+        );
+        let aim = right.floor_from_aim.expect("all joints are known");
+        let ahead = aim.transform_vector3(Vec3::NEG_Z);
+        let fingers = floor_from_palm().transform_vector3(Vec3::NEG_Z);
+        assert!(ahead.dot(fingers) > 0.99, "{ahead} and {fingers}");
+        let turn = glam::Mat3::from(aim.matrix3);
+        assert!((turn.determinant() - 1.0).abs() < 1e-4, "{turn}");
+        assert!(aim.transform_vector3(Vec3::Y).y > 0.9, "upright");
+    }
+
+    #[test]
+    fn fingers_that_meet_hold_and_the_middle_one_calls_the_overlay() {
+        let mut scene = Scene::new();
+        let mut with = |index, middle| {
+            scene
+                .fake
+                .set(|world| world.joints[0] = Some(hand(floor_from_palm(), index, middle)));
+            let [left, _] = scene.locate();
+            left.map(|left| (left.pinches, left.calls_overlay))
+        };
+        assert_eq!(with(0.06, 0.08), Some((false, false)), "open");
+        assert_eq!(with(0.01, 0.08), Some((true, false)), "pinched");
+        assert_eq!(with(0.02, 0.08), Some((true, false)), "trembling");
+        assert_eq!(with(0.06, 0.01), Some((false, true)), "middle finger");
+        assert_eq!(with(0.01, 0.01), Some((true, false)), "a fist");
+    }
+
+    #[test]
+    fn a_hand_that_is_not_seen_is_none_and_lets_go() {
+        let mut scene = Scene::new();
+        let pinched = hand(floor_from_palm(), 0.01, 0.08);
+        scene.fake.set(|world| world.joints[1] = Some(pinched));
+        assert!(
+            scene.locate()[1].is_some_and(|hand| hand.pinches),
+            "pinches"
+        );
+        scene.fake.set(|world| world.joints[1] = None);
+        assert_eq!(scene.locate(), [None, None], "gone");
+        let between = hand(floor_from_palm(), 0.02, 0.08);
+        scene.fake.set(|world| world.joints[1] = Some(between));
+        let back = scene.locate()[1].expect("back");
+        assert!(!back.pinches, "it has let go");
+    }
+
+    #[test]
+    fn joints_that_are_not_known_take_the_pinch_and_the_aim_and_a_palm_that_is_not_the_hand() {
+        let mut scene = Scene::new();
+        let mut joints = hand(floor_from_palm(), 0.01, 0.08);
+        joints[joint(HandJoint::INDEX_TIP)].location_flags = SpaceLocationFlags::EMPTY;
+        joints[joint(HandJoint::WRIST)].location_flags = SpaceLocationFlags::EMPTY;
+        scene.fake.set(|world| world.joints[0] = Some(joints));
+        let left = scene.locate()[0].expect("a palm");
+        assert!(!left.pinches && left.floor_from_aim.is_none(), "{left:?}");
+        joints[joint(HandJoint::PALM)].location_flags = SpaceLocationFlags::EMPTY;
+        scene.fake.set(|world| world.joints[0] = Some(joints));
+        assert_eq!(scene.locate()[0], None, "no palm, no hand");
+    }
+
+    #[test]
+    fn trackers_go_with_it() {
+        let scene = Scene::new();
+        let Scene { tracking, fake, .. } = scene;
+        assert_eq!(fake.alive("hand tracker"), 2, "both hands'");
+        drop(tracking);
+        assert_eq!(fake.alive("hand tracker"), 0, "gone");
+    }
+}

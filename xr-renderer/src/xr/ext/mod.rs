@@ -93,3 +93,157 @@ unsafe fn ask_system<T>(
     outcome(result).map_err(refused("xrGetSystemProperties"))?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::depth::DepthRange;
+    use super::foveation::Foveation;
+    use super::passthrough::Passthrough;
+    use super::refresh_rate::RefreshRate;
+    use super::*;
+    use crate::xr::Input;
+    use crate::xr::fake::{FakeRuntime, REQUIRED};
+
+    /// What is to be had of a runtime, by the names of its extensions.
+    fn had(fake: &FakeRuntime) -> Vec<&'static str> {
+        let instance = fake.instance();
+        let (session, _, _) = fake.session(&instance);
+        let system = fake.system();
+        let input = Input::new(&session, system).expect("input needs no extension");
+        let foveation = Foveation::new(&session, system, true).ok();
+        let around_gaze = foveation.as_ref().is_some_and(Foveation::follows_gaze);
+        let passthrough = Passthrough::new(&session, system);
+        let rate = RefreshRate::new(&session, 72.0);
+        let depth = DepthRange::new(&instance, 0.05, 50.0);
+        let levels = performance::sustain(&session);
+        let found = [
+            ("XR_KHR_composition_layer_depth", depth.is_ok()),
+            ("XR_EXT_hand_tracking", input.tracks_hands()),
+            ("XR_EXT_eye_gaze_interaction", input.tracks_gaze()),
+            ("XR_FB_passthrough", passthrough.is_ok()),
+            ("XR_FB_display_refresh_rate", rate.is_ok()),
+            ("XR_FB_foveation", foveation.is_some()),
+            ("XR_META_foveation_eye_tracked", around_gaze),
+            ("XR_EXT_performance_settings", levels.is_ok()),
+        ];
+        let there = found.iter().filter(|(_, there)| *there);
+        there.map(|(name, _)| *name).collect()
+    }
+
+    const ALL: [&str; 8] = [
+        "XR_KHR_composition_layer_depth",
+        "XR_EXT_hand_tracking",
+        "XR_EXT_eye_gaze_interaction",
+        "XR_FB_passthrough",
+        "XR_FB_display_refresh_rate",
+        "XR_FB_foveation",
+        "XR_META_foveation_eye_tracked",
+        "XR_EXT_performance_settings",
+    ];
+
+    /// Extensions, and what cannot be had without each.
+    const TAKES_AWAY: [(&str, &[&str]); 13] = [
+        ("XR_KHR_convert_timespec_time", &[]),
+        ("XR_EXT_local_floor", &[]),
+        ("XR_KHR_composition_layer_depth", &[ALL[0]]),
+        ("XR_EXT_hand_tracking", &[ALL[1]]),
+        ("XR_EXT_eye_gaze_interaction", &[ALL[2]]),
+        ("XR_FB_passthrough", &[ALL[3]]),
+        ("XR_FB_display_refresh_rate", &[ALL[4]]),
+        ("XR_FB_swapchain_update_state", &[ALL[5], ALL[6]]),
+        ("XR_FB_foveation", &[ALL[5], ALL[6]]),
+        ("XR_FB_foveation_configuration", &[ALL[5], ALL[6]]),
+        ("XR_FB_foveation_vulkan", &[ALL[5], ALL[6]]),
+        ("XR_META_foveation_eye_tracked", &[ALL[6]]),
+        ("XR_EXT_performance_settings", &[ALL[7]]),
+    ];
+
+    #[test]
+    fn with_everything_there_all_is_had() {
+        assert_eq!(had(&FakeRuntime::with_everything()), ALL, "had");
+    }
+
+    #[test]
+    fn each_extension_off_takes_away_what_rests_on_it_and_nothing_else() {
+        for (off, gone) in TAKES_AWAY {
+            let fake = FakeRuntime::with_everything();
+            fake.set(|world| world.extensions.retain(|name| *name != off));
+            let mut expected = ALL.to_vec();
+            expected.retain(|name| !gone.contains(name));
+            assert_eq!(had(&fake), expected, "without {off}");
+        }
+    }
+
+    #[test]
+    fn each_extension_on_its_own_gives_what_rests_on_it_alone() {
+        let foveation: &[&str] = &[
+            "XR_FB_swapchain_update_state",
+            "XR_FB_foveation",
+            "XR_FB_foveation_configuration",
+            "XR_FB_foveation_vulkan",
+        ];
+        for on in ALL {
+            let fake = FakeRuntime::with_everything();
+            let needed = if on.contains("foveation") {
+                foveation
+            } else {
+                &[]
+            };
+            let stays = |name: &str| name == REQUIRED || name == on || needed.contains(&name);
+            fake.set(|world| world.extensions.retain(|name| stays(name)));
+            let mut expected = vec![on];
+            if on == "XR_META_foveation_eye_tracked" {
+                expected.insert(0, "XR_FB_foveation");
+            }
+            assert_eq!(had(&fake), expected, "with {on} alone");
+        }
+    }
+
+    #[test]
+    fn a_bare_runtime_has_none_of_it_and_is_asked_for_none_of_it() {
+        let fake = FakeRuntime::new(&[REQUIRED]);
+        assert!(had(&fake).is_empty(), "nothing is had");
+        let names = fake.names();
+        let vendors =
+            |name: &&&str| name.ends_with("FB") || name.ends_with("EXT") || name.ends_with("META");
+        let asked: Vec<_> = names.iter().filter(vendors).collect();
+        assert!(asked.is_empty(), "{asked:?}");
+    }
+
+    #[test]
+    fn a_headset_without_the_parts_is_told_from_a_runtime_without_the_extension() {
+        let fake = FakeRuntime::with_everything();
+        fake.set(|world| {
+            world.system = Default::default();
+            world.rates_hz.clear();
+        });
+        let expected = [ALL[0], ALL[5], ALL[7]];
+        assert_eq!(had(&fake), expected, "what needs no parts");
+        let instance = fake.instance();
+        let (session, _, _) = fake.session(&instance);
+        let why = Passthrough::new(&session, fake.system()).expect_err("no cameras");
+        assert_eq!(why, Absent::NotBySystem("XR_FB_passthrough"), "the reason");
+        assert!(why.to_string().contains("headset"), "{why}");
+    }
+
+    #[test]
+    fn whatever_call_of_an_extension_fails_the_rest_is_had() {
+        let fails = [
+            ("xrCreateHandTrackerEXT", ALL[1]),
+            ("xrCreatePassthroughFB", ALL[3]),
+            ("xrCreatePassthroughLayerFB", ALL[3]),
+            ("xrEnumerateDisplayRefreshRatesFB", ALL[4]),
+            ("xrPerfSettingsSetPerformanceLevelEXT", ALL[7]),
+        ];
+        for (call, gone) in fails {
+            let fake = FakeRuntime::with_everything();
+            fake.fail(call, sys::Result::ERROR_RUNTIME_FAILURE);
+            let mut expected = ALL.to_vec();
+            expected.retain(|name| *name != gone);
+            assert_eq!(had(&fake), expected, "where {call} fails");
+            for kind in ["passthrough", "passthrough layer", "hand tracker"] {
+                assert_eq!(fake.alive(kind), 0, "{kind}s left where {call} fails");
+            }
+        }
+    }
+}

@@ -97,7 +97,7 @@ impl Passthrough {
     /// The layer to submit before all others (OpenXR composes in order). None while it is paused.
     #[must_use]
     pub fn layer(&self) -> Option<PassthroughLayer<'_>> {
-        self.runs.then(|| PassthroughLayer {
+        self.runs.then_some(PassthroughLayer {
             layer: sys::CompositionLayerPassthroughFB {
                 ty: sys::CompositionLayerPassthroughFB::TYPE,
                 next: std::ptr::null(),
@@ -192,4 +192,94 @@ fn capability(instance: &Instance, system: SystemId) -> Result<bool, Absent> {
     there
         .then(|| has(sys::PassthroughCapabilityFlagsFB::COLOR))
         .ok_or(Absent::NotBySystem(EXTENSION))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xr::fake::FakeRuntime;
+    use openxr::EnvironmentBlendMode;
+    use openxr::sys::Result as XrResult;
+
+    fn made(fake: &FakeRuntime) -> Passthrough {
+        let (session, _, _) = fake.session(&fake.instance());
+        Passthrough::new(&session, fake.system()).expect("passthrough")
+    }
+
+    #[test]
+    fn showing_the_room_starts_it_and_hiding_it_pauses_it() {
+        let fake = FakeRuntime::with_everything();
+        let mut room = made(&fake);
+        fake.forget_calls();
+        room.show(false);
+        assert!(fake.names().is_empty(), "it is made paused");
+        room.show(true);
+        room.show(true);
+        let started = ["xrPassthroughStartFB", "xrPassthroughLayerResumeFB"];
+        assert_eq!(fake.names(), started, "to start");
+        fake.forget_calls();
+        room.show(false);
+        let paused = ["xrPassthroughLayerPauseFB", "xrPassthroughPauseFB"];
+        assert_eq!(fake.names(), paused, "to pause");
+    }
+
+    #[test]
+    fn its_layer_is_there_while_it_runs_and_lies_in_the_frame() {
+        let fake = FakeRuntime::with_everything();
+        let instance = fake.instance();
+        let (session, mut waiter, mut stream) = fake.session(&instance);
+        let mut room = Passthrough::new(&session, fake.system()).expect("passthrough");
+        assert!(room.layer().is_none(), "paused");
+        room.show(true);
+        session
+            .begin(openxr::ViewConfigurationType::PRIMARY_STEREO)
+            .expect("begun");
+        let frame = waiter.wait().expect("waited");
+        stream.begin().expect("begun");
+        let layer = room.layer().expect("it runs");
+        let time = frame.predicted_display_time;
+        stream
+            .end(time, EnvironmentBlendMode::OPAQUE, &[&*layer])
+            .expect("ended");
+        let layers = fake.set(|world| world.frames[0].layers.clone());
+        assert_eq!(layers.len(), 1, "{layers:?}");
+        assert!(layers[0].contains("PASSTHROUGH"), "{layers:?}");
+    }
+
+    #[test]
+    fn a_runtime_that_refuses_to_start_leaves_it_paused_and_is_asked_again() {
+        let fake = FakeRuntime::with_everything();
+        let mut room = made(&fake);
+        fake.fail_times("xrPassthroughStartFB", XrResult::ERROR_RUNTIME_FAILURE, 1);
+        room.show(true);
+        assert!(!room.is_shown() && room.layer().is_none(), "refused");
+        room.show(true);
+        assert!(room.is_shown() && room.layer().is_some(), "granted");
+    }
+
+    #[test]
+    fn it_goes_with_its_layer_before_its_session() {
+        let fake = FakeRuntime::with_everything();
+        drop(made(&fake));
+        let names = fake.names();
+        let last = &names[names.len() - 4..];
+        let order = [
+            "xrDestroyPassthroughLayerFB",
+            "xrDestroyPassthroughFB",
+            "xrDestroySession",
+            "xrDestroyInstance",
+        ];
+        assert_eq!(last, order, "destroyed");
+    }
+
+    #[test]
+    fn a_runtime_of_the_extensions_first_versions_says_so_in_a_boolean() {
+        let fake = FakeRuntime::with_everything();
+        assert!(made(&fake).is_in_colour(), "the flags say colour");
+        fake.set(|world| {
+            world.system.passthrough = false;
+            world.system.passthrough_of_old = true;
+        });
+        assert!(!made(&fake).is_in_colour(), "the boolean does not");
+    }
 }

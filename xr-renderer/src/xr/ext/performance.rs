@@ -138,3 +138,60 @@ impl fmt::Display for Thermal {
         write!(f, "the headset's {unit} is {to} ({cause})")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xr::fake::FakeRuntime;
+    use openxr::sys::EventDataPerfSettingsEXT;
+    use openxr::{Event, EventDataBuffer};
+
+    fn heard(sub_domain: SubDomain, from: Notice, to: Notice) -> Option<Thermal> {
+        let fake = FakeRuntime::with_everything();
+        let instance = fake.instance();
+        fake.queue(EventDataPerfSettingsEXT {
+            ty: EventDataPerfSettingsEXT::TYPE,
+            next: std::ptr::null(),
+            domain: Domain::GPU,
+            sub_domain,
+            from_level: from,
+            to_level: to,
+        });
+        let mut buffer = EventDataBuffer::new();
+        match instance.poll_event(&mut buffer).expect("polled") {
+            Some(Event::PerfSettingsEXT(event)) => Thermal::of(&event),
+            _ => panic!("the event that was queued comes"),
+        }
+    }
+
+    #[test]
+    fn both_units_are_asked_to_hold_a_high_level() {
+        let fake = FakeRuntime::with_everything();
+        let (session, _, _) = fake.session(&fake.instance());
+        sustain(&session).expect("granted");
+        let asked = fake.calls("xrPerfSettingsSetPerformanceLevelEXT");
+        assert_eq!(asked, ["CPU SUSTAINED_HIGH", "GPU SUSTAINED_HIGH"], "asked");
+    }
+
+    #[test]
+    fn a_headset_that_gets_hot_says_what_where_and_how_badly() {
+        let thermal = heard(SubDomain::THERMAL, Notice::NORMAL, Notice::WARNING);
+        let thermal = thermal.expect("a known event");
+        assert!(thermal.worsens(), "{thermal:?}");
+        assert_eq!(
+            thermal.to_string(),
+            "the headset's GPU is near its limit (heat)",
+            "for the log"
+        );
+        let cooler = heard(SubDomain::THERMAL, Notice::IMPAIRED, Notice::NORMAL);
+        assert!(!cooler.expect("a known event").worsens(), "cooler");
+    }
+
+    #[test]
+    fn an_event_of_a_later_version_means_nothing() {
+        let unknown = heard(SubDomain::from_raw(9), Notice::NORMAL, Notice::WARNING);
+        assert_eq!(unknown, None, "a cause of the future");
+        let unknown = heard(SubDomain::THERMAL, Notice::NORMAL, Notice::from_raw(99));
+        assert_eq!(unknown, None, "a level of the future");
+    }
+}

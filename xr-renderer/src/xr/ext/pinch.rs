@@ -20,3 +20,31 @@ impl Pinch {
         self.holds
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pinch_begins_close_and_ends_far_and_holds_in_between() {
+        let mut pinch = Pinch::default();
+        let mut at = |millimetres: f32| pinch.update(Some(millimetres * 1e-3));
+        assert!(!at(20.0), "in between, from apart");
+        assert!(at(14.0), "close");
+        assert!(at(20.0), "in between, from close");
+        assert!(at(24.0), "still");
+        assert!(!at(26.0), "far");
+        assert!(!at(20.0), "in between, from far");
+    }
+
+    #[test]
+    fn a_hand_that_is_lost_lets_go() {
+        let mut pinch = Pinch::default();
+        pinch.update(Some(0.01));
+        assert!(!pinch.update(None), "lost");
+        assert!(
+            !pinch.update(Some(0.02)),
+            "and does not hold when found again"
+        );
+    }
+}

@@ -150,3 +150,163 @@ fn nearest(rates: &[f32], hz: f32) -> Option<usize> {
     let off = |place: &usize| (rates[*place] - hz).abs();
     (0..rates.len()).min_by(|a, b| off(a).total_cmp(&off(b)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NONE: [f32; 0] = [];
+
+    const RATES: [f32; 4] = [60.0, 72.0, 90.0, 120.0];
+
+    /// Frames at the rate there is, for so many seconds; the rates that were asked for.
+    fn frames(
+        choice: &mut RateChoice,
+        from_s: f64,
+        seconds: f64,
+        in_time: impl Fn(usize) -> bool,
+        busy_ms: f32,
+    ) -> Vec<f32> {
+        let mut asked = Vec::new();
+        let mut at = from_s;
+        let mut count = 0;
+        while at < from_s + seconds {
+            let frame = Held {
+                display_s: at,
+                in_time: in_time(count),
+                busy_ms,
+            };
+            asked.extend(choice.consider(&frame));
+            at += 1.0 / f64::from(choice.now_hz());
+            count += 1;
+        }
+        asked
+    }
+
+    #[test]
+    fn the_rate_nearest_to_the_wanted_is_started_with() {
+        let at = |wanted| RateChoice::new(&RATES, wanted).map(|choice| choice.now_hz());
+        assert_eq!(at(72.0), Some(72.0), "the wanted");
+        assert_eq!(at(80.0), Some(72.0), "below it");
+        assert_eq!(at(500.0), Some(120.0), "the highest");
+        let none = RateChoice::new(&[f32::NAN, 0.0], 72.0);
+        assert!(none.is_none(), "rates that are none");
+    }
+
+    #[test]
+    fn frames_with_room_bring_one_step_at_a_time_up_to_the_highest() {
+        let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
+        // 6 ms are less than 0.8 of 1/120 s.
+        assert_eq!(
+            frames(&mut choice, 0.0, 4.9, |_| true, 6.0),
+            NONE,
+            "not yet held"
+        );
+        assert_eq!(
+            frames(&mut choice, 5.0, 0.2, |_| true, 6.0),
+            [90.0],
+            "one step"
+        );
+        assert_eq!(
+            frames(&mut choice, 5.2, 60.0, |_| true, 6.0),
+            [120.0],
+            "and the last"
+        );
+    }
+
+    #[test]
+    fn without_room_for_the_next_rate_it_stays() {
+        let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
+        // 0.8 of 1/90 s is 8.9 ms.
+        assert_eq!(
+            frames(&mut choice, 0.0, 60.0, |_| true, 9.0),
+            NONE,
+            "too slow"
+        );
+        assert_eq!(
+            frames(&mut choice, 60.0, 60.0, |_| true, 8.8),
+            [90.0],
+            "for 90, not for 120"
+        );
+    }
+
+    #[test]
+    fn one_missed_frame_starts_the_wait_over_and_costs_no_step() {
+        let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
+        frames(&mut choice, 0.0, 4.0, |_| true, 6.0);
+        frames(&mut choice, 4.0, 0.01, |_| false, 6.0);
+        assert_eq!(
+            frames(&mut choice, 4.1, 4.9, |_| true, 6.0),
+            NONE,
+            "waits anew"
+        );
+        assert_eq!(choice.now_hz(), 72.0, "no step down");
+    }
+
+    #[test]
+    fn missed_frames_go_back_and_the_higher_rate_is_shunned_for_longer_each_time() {
+        let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
+        let mut at = 0.0;
+        let mut shunned = Vec::new();
+        for _ in 0..6 {
+            // Up to 90 ...
+            let start = at;
+            while choice.now_hz() < 90.0 {
+                frames(&mut choice, at, 0.1, |_| true, 8.0);
+                at += 0.1;
+            }
+            shunned.push(at - start);
+            // ... where every tenth frame is missed.
+            while choice.now_hz() > 72.0 {
+                frames(&mut choice, at, 0.1, |count| count % 10 != 0, 8.0);
+                at += 0.1;
+            }
+        }
+        for (times, pair) in shunned[1..].windows(2).enumerate() {
+            let longest = pair[1] > 319.0;
+            assert!(longest || pair[1] > 1.9 * pair[0], "{times}: {shunned:?}");
+        }
+        assert!(shunned.iter().all(|wait| *wait < 326.0), "{shunned:?}");
+    }
+
+    #[test]
+    fn it_never_goes_below_what_was_asked_for() {
+        let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
+        assert_eq!(
+            frames(&mut choice, 0.0, 30.0, |_| false, 30.0),
+            NONE,
+            "down"
+        );
+        assert_eq!(choice.now_hz(), 72.0, "where it was");
+    }
+
+    #[test]
+    fn a_rate_that_the_runtime_sets_by_itself_is_where_it_goes_on_from() {
+        let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
+        choice.is(60.0);
+        assert_eq!(choice.now_hz(), 60.0, "hot");
+        assert_eq!(
+            frames(&mut choice, 0.0, 6.0, |_| true, 6.0),
+            [72.0],
+            "back up"
+        );
+    }
+
+    #[test]
+    fn a_rate_that_is_refused_is_not_asked_for_again() {
+        let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
+        assert_eq!(
+            frames(&mut choice, 0.0, 5.1, |_| true, 6.0),
+            [90.0],
+            "asked"
+        );
+        choice.is(72.0);
+        choice.refuse(90.0);
+        assert_eq!(
+            frames(&mut choice, 6.0, 600.0, |_| true, 6.0),
+            NONE,
+            "again"
+        );
+        assert_eq!(choice.rates(), [60.0, 72.0], "what is left");
+    }
+}

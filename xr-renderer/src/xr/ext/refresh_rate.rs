@@ -97,3 +97,80 @@ impl RefreshRate {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xr::fake::FakeRuntime;
+    use openxr::sys::Result as XrResult;
+    use openxr::{Event, EventDataBuffer};
+
+    const REQUEST: &str = "xrRequestDisplayRefreshRateFB";
+
+    fn run(rate: &mut RefreshRate, from_s: u32, to_s: u32, in_time: bool) {
+        for tenth in from_s * 10..to_s * 10 {
+            rate.consider(&Held {
+                display_s: f64::from(tenth) * 0.1,
+                in_time,
+                busy_ms: 3.0,
+            });
+        }
+    }
+
+    #[test]
+    fn it_asks_for_the_default_and_for_more_when_that_is_held() {
+        let fake = FakeRuntime::with_everything();
+        fake.set(|world| world.rate_hz = 60.0);
+        let (session, _, _) = fake.session(&fake.instance());
+        let mut rate = RefreshRate::new(&session, DEFAULT_HZ).expect("rates");
+        run(&mut rate, 0, 20, true);
+        assert_eq!(fake.calls(REQUEST), ["72", "90", "120"], "asked for");
+        run(&mut rate, 20, 22, false);
+        assert_eq!(fake.calls(REQUEST)[3..], ["90", "72"], "and back");
+    }
+
+    #[test]
+    fn a_display_that_has_the_rate_already_is_not_asked() {
+        let fake = FakeRuntime::with_everything();
+        let (session, _, _) = fake.session(&fake.instance());
+        RefreshRate::new(&session, DEFAULT_HZ).expect("rates");
+        assert!(fake.calls(REQUEST).is_empty(), "nothing to ask");
+    }
+
+    #[test]
+    fn a_request_that_is_refused_leaves_the_rate_and_is_not_repeated() {
+        let fake = FakeRuntime::with_everything();
+        let (session, _, _) = fake.session(&fake.instance());
+        fake.fail(REQUEST, XrResult::ERROR_DISPLAY_REFRESH_RATE_UNSUPPORTED_FB);
+        let mut rate = RefreshRate::new(&session, DEFAULT_HZ).expect("rates");
+        run(&mut rate, 0, 60, true);
+        assert_eq!(fake.calls(REQUEST), ["90"], "asked once");
+        assert_eq!(rate.now_hz(), 72.0, "as before");
+    }
+
+    #[test]
+    fn a_display_that_stays_at_its_own_rate_is_known_by_that() {
+        let fake = FakeRuntime::with_everything();
+        fake.set(|world| world.rate_hz = 120.0);
+        fake.fail(REQUEST, XrResult::ERROR_FEATURE_UNSUPPORTED);
+        let (session, _, _) = fake.session(&fake.instance());
+        let rate = RefreshRate::new(&session, DEFAULT_HZ).expect("rates");
+        assert_eq!(rate.now_hz(), 120.0, "what it is");
+    }
+
+    #[test]
+    fn the_event_of_a_changed_rate_is_taken_over() {
+        let fake = FakeRuntime::with_everything();
+        let instance = fake.instance();
+        let (session, _, _) = fake.session(&instance);
+        let mut rate = RefreshRate::new(&session, DEFAULT_HZ).expect("rates");
+        fake.queue_rate(90.0);
+        let mut buffer = EventDataBuffer::new();
+        while let Some(event) = instance.poll_event(&mut buffer).expect("polled") {
+            if let Event::DisplayRefreshRateChangedFB(change) = event {
+                rate.changed(change.to_display_refresh_rate());
+            }
+        }
+        assert_eq!(rate.now_hz(), 90.0, "taken over");
+    }
+}

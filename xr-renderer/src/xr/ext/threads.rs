@@ -52,3 +52,19 @@ pub fn register(session: &Session<Vulkan>, role: Role) -> Result<(), Absent> {
 pub fn register(_session: &Session<Vulkan>, _role: Role) -> Result<(), Absent> {
     Err(Absent::NotGranted("XR_KHR_android_thread_settings"))
 }
+
+#[cfg(all(test, not(target_os = "android")))]
+mod tests {
+    use super::*;
+    use crate::xr::fake::FakeRuntime;
+
+    #[test]
+    fn away_from_android_a_thread_is_told_that_there_is_nothing_to_register_with() {
+        let fake = FakeRuntime::with_everything();
+        let (session, _, _) = fake.session(&fake.instance());
+        let before = fake.names();
+        let why = register(&session, Role::RendererMain).expect_err("nothing");
+        assert!(why.to_string().contains("android"), "{why}");
+        assert_eq!(fake.names(), before, "the runtime is not asked");
+    }
+}

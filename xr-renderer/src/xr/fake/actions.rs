@@ -283,7 +283,7 @@ pub(super) unsafe extern "system" fn locate_hand_joints(
             &hand,
             |to, joint| {
                 let pose = crate::xr::pose::rigid(&joint.pose).unwrap_or_default();
-                let pose = super::runtime::posef(base_from_room * pose);
+                let pose = crate::xr::pose::posef(&(base_from_room * pose));
                 give(to, sys::HandJointLocationEXT { pose, ..*joint });
             },
         );

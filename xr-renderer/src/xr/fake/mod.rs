@@ -17,6 +17,7 @@
 //! fake.queue_state(SessionState::VISIBLE);                          // an event
 //! fake.press("/user/hand/left/input/select/click", 1.0);            // a button
 //! assert_eq!(fake.calls("xrPassthroughStartFB").len(), 1);
+//! let headset = Headset::open(&Runtime::of(FakeRuntime::with_everything().with_vulkan().entry()), ..); // with real images
 //! fake.lose_instance();                                             // everything says ERROR_INSTANCE_LOST until a new one
 //! ```
 
@@ -30,9 +31,13 @@
 )]
 
 mod actions;
+mod device;
 mod pointers;
 mod runtime;
+mod session;
+mod swapchain;
 mod table;
+mod tests;
 mod vendor;
 mod world;
 
@@ -41,12 +46,14 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
+use glam::{Affine3A, Vec3};
 use openxr::sys::{self, Handle, Result as XrResult};
 use openxr::{
-    ApplicationInfo, Entry, FrameStream, FrameWaiter, Instance, Posef, Session, SessionState,
-    SystemId, Vulkan,
+    ApplicationInfo, Entry, FrameStream, FrameWaiter, HandJoint, HandJointLocation, Instance,
+    Posef, Session, SessionState, SpaceLocationFlags, SystemId, Vulkan,
 };
 
+pub(crate) use super::pose::posef;
 pub(crate) use world::{EndedFrame, Source, World};
 
 /// What [`super::Extensions`] insists on.
@@ -95,6 +102,12 @@ impl FakeRuntime {
             world.system.foveation_around_gaze = true;
         });
         fake
+    }
+
+    /// The same with the machine's Vulkan: its instances, devices and swapchain images are real.
+    pub(crate) fn with_vulkan(self) -> Self {
+        self.set(|world| world.vulkan = true);
+        self
     }
 
     /// From now on the calling thread makes its instances with this one.
@@ -309,4 +322,41 @@ fn call_here(
 /// A test that failed with the lock held does not fail those after it.
 fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A hand with its palm there, -z towards the finger tips, y out of its back, whose thumb's tip is so far from the tips of the
+/// index and the middle finger. Only joints that anyone asks for are where they would be.
+pub(crate) fn hand(
+    room_from_palm: Affine3A,
+    thumb_to_index_metres: f32,
+    thumb_to_middle_metres: f32,
+) -> [HandJointLocation; openxr::HAND_JOINT_COUNT] {
+    let at = |x, y, z| {
+        let place = Affine3A::from_translation(Vec3::new(x, y, z));
+        HandJointLocation {
+            location_flags: SpaceLocationFlags::ORIENTATION_VALID
+                | SpaceLocationFlags::POSITION_VALID,
+            pose: posef(&(room_from_palm * place)),
+            radius: 0.01,
+        }
+    };
+    let mut joints = [at(0.0, 0.0, 0.0); openxr::HAND_JOINT_COUNT];
+    let thumb = Vec3::new(-0.04, -0.03, -0.06);
+    for (joint, place) in [
+        (HandJoint::WRIST, Vec3::new(0.0, 0.0, 0.08)),
+        (HandJoint::INDEX_PROXIMAL, Vec3::new(-0.02, 0.0, -0.03)),
+        (HandJoint::MIDDLE_PROXIMAL, Vec3::new(0.0, 0.0, -0.03)),
+        (HandJoint::THUMB_TIP, thumb),
+        (
+            HandJoint::INDEX_TIP,
+            thumb - thumb_to_index_metres * Vec3::Z,
+        ),
+        (
+            HandJoint::MIDDLE_TIP,
+            thumb + thumb_to_middle_metres * Vec3::X,
+        ),
+    ] {
+        joints[joint] = at(place.x, place.y, place.z);
+    }
+    joints
 }

@@ -5,7 +5,7 @@ use std::ffi::c_char;
 use openxr::sys::{self, Handle, Result as XrResult, pfn};
 
 use super::pointers::{give, text};
-use super::{RUNTIMES, actions, locked, runtime, vendor};
+use super::{RUNTIMES, actions, locked, runtime, session, swapchain, vendor};
 
 /// Every extension that this runtime can do.
 pub(super) const EXTENSIONS: &[&str] = &[
@@ -51,6 +51,8 @@ pub(super) unsafe extern "system" fn get_instance_proc_addr(
 ) -> XrResult {
     let name = text(name);
     let found = core(&name)
+        .or_else(|| session(&name))
+        .or_else(|| images(&name))
         .or_else(|| input(&name))
         .or_else(|| optional(&name).and_then(|(of, it)| is_enabled(instance, of).then_some(it)?));
     give(out, found);
@@ -108,6 +110,13 @@ fn core(name: &str) -> Option<pfn::VoidFunction> {
         "xrEnumerateViewConfigurationViews" => {
             function!(pfn::EnumerateViewConfigurationViews, it::enumerate_views)
         }
+        _ => None,
+    }
+}
+
+fn session(name: &str) -> Option<pfn::VoidFunction> {
+    use session as it;
+    match name {
         "xrCreateSession" => function!(pfn::CreateSession, it::create_session),
         "xrDestroySession" => function!(pfn::DestroySession, it::destroy_session),
         "xrBeginSession" => function!(pfn::BeginSession, it::begin_session),
@@ -132,6 +141,13 @@ fn core(name: &str) -> Option<pfn::VoidFunction> {
         "xrDestroySpace" => function!(pfn::DestroySpace, it::destroy_space),
         "xrLocateSpace" => function!(pfn::LocateSpace, it::locate_space),
         "xrLocateViews" => function!(pfn::LocateViews, it::locate_views),
+        _ => None,
+    }
+}
+
+fn images(name: &str) -> Option<pfn::VoidFunction> {
+    use swapchain as it;
+    match name {
         "xrEnumerateSwapchainFormats" => {
             function!(pfn::EnumerateSwapchainFormats, it::enumerate_formats)
         }

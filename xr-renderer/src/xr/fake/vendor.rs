@@ -2,11 +2,13 @@
 
 use std::ffi::c_void;
 
+use ash::vk::{self, Handle as _};
 use openxr::sys::platform::{VkDevice, VkInstance, VkPhysicalDevice, VkResult};
 use openxr::sys::{self, Handle, Result as XrResult, StructureType};
 use openxr::{SystemId, Version};
 
 use super::call;
+use super::device::Loader;
 use super::pointers::{change, describe, give, read, values};
 use super::world::World;
 
@@ -55,39 +57,64 @@ pub(super) fn fill_system(world: &World, ty: StructureType, at: *mut c_void) {
     }
 }
 
-// XR_KHR_vulkan_enable2: handles that are none.
+// XR_KHR_vulkan_enable2: handles that are none, unless the machine's own Vulkan is asked for.
 
 pub(super) unsafe extern "system" fn create_vulkan_instance(
     instance: sys::Instance,
-    _info: *const sys::VulkanInstanceCreateInfoKHR,
+    info: *const sys::VulkanInstanceCreateInfoKHR,
     out: *mut VkInstance,
     result: *mut VkResult,
 ) -> XrResult {
-    call(instance, "xrCreateVulkanInstanceKHR", "", |_| {
-        give(result, 0);
-        give(out, std::ptr::without_provenance(0x10))
+    let info = read(info);
+    call(instance, "xrCreateVulkanInstanceKHR", "", |world| {
+        if !world.vulkan {
+            give(result, 0);
+            return give(out, std::ptr::without_provenance(0x10));
+        }
+        let loader = Loader::new(info.pfn_get_instance_proc_addr);
+        let (said, made) = loader.create_instance(info.vulkan_create_info.cast());
+        world.loader = Some(loader);
+        world.vulkan_instance = made;
+        give(result, said.as_raw());
+        give(out, made.as_raw() as VkInstance)
     })
 }
 
 pub(super) unsafe extern "system" fn create_vulkan_device(
     instance: sys::Instance,
-    _info: *const sys::VulkanDeviceCreateInfoKHR,
+    info: *const sys::VulkanDeviceCreateInfoKHR,
     out: *mut VkDevice,
     result: *mut VkResult,
 ) -> XrResult {
-    call(instance, "xrCreateVulkanDeviceKHR", "", |_| {
-        give(result, 0);
-        give(out, std::ptr::without_provenance(0x30))
+    let info = read(info);
+    call(instance, "xrCreateVulkanDeviceKHR", "", |world| {
+        let Some(loader) = &world.loader else {
+            give(result, 0);
+            return give(out, std::ptr::without_provenance(0x30));
+        };
+        let physical = vk::PhysicalDevice::from_raw(info.vulkan_physical_device as u64);
+        let (said, made) = loader.create_device(
+            world.vulkan_instance,
+            physical,
+            info.vulkan_create_info.cast(),
+        );
+        give(result, said.as_raw());
+        give(out, made.as_raw() as VkDevice)
     })
 }
 
 pub(super) unsafe extern "system" fn get_vulkan_device(
     instance: sys::Instance,
-    _info: *const sys::VulkanGraphicsDeviceGetInfoKHR,
+    info: *const sys::VulkanGraphicsDeviceGetInfoKHR,
     out: *mut VkPhysicalDevice,
 ) -> XrResult {
-    call(instance, "xrGetVulkanGraphicsDevice2KHR", "", |_| {
-        give(out, std::ptr::without_provenance(0x20))
+    let of = vk::Instance::from_raw(read(info).vulkan_instance as u64);
+    call(instance, "xrGetVulkanGraphicsDevice2KHR", "", |world| {
+        let device = match &world.loader {
+            Some(loader) => loader.physical_device(of).as_raw() as VkPhysicalDevice,
+            None => std::ptr::without_provenance(0x20),
+        };
+        give(out, device)
     })
 }
 

@@ -2,12 +2,14 @@
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
+use ash::vk;
 use glam::Affine3A;
 use openxr::sys::{self, Handle, Result as XrResult};
 use openxr::{
     EnvironmentBlendMode, Fovf, HandJointLocation, Posef, ReferenceSpaceType, SessionState,
 };
 
+use super::device::{Images, Loader, SessionDevice};
 use super::pointers;
 use crate::xr::pose::rigid;
 
@@ -47,12 +49,13 @@ pub(super) enum Place {
     Action { action: u64, subaction: u64 },
 }
 
-#[derive(Debug, Clone, Copy)]
 pub(super) struct FakeSwapchain {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) density_maps: bool,
     pub(super) acquired: u32,
+    /// Where Vulkan is real.
+    pub(super) images: Option<Images>,
 }
 
 /// Everything. What tests may want to change comes first.
@@ -63,6 +66,8 @@ pub(crate) struct World {
     /// Whether it leads a session through its states by itself: to READY when made, to FOCUSED when begun, to STOPPING when asked
     /// to exit, to EXITING when ended.
     pub(crate) obliging: bool,
+    /// Whether Vulkan is the machine's own, and not handles that are none.
+    pub(crate) vulkan: bool,
     pub(crate) reference_spaces: Vec<ReferenceSpaceType>,
     pub(crate) blend_modes: Vec<EnvironmentBlendMode>,
     /// Of Vulkan, the best first.
@@ -113,6 +118,10 @@ pub(crate) struct World {
     pub(super) spaces: HashMap<u64, (Place, Affine3A)>,
     pub(super) swapchains: HashMap<u64, FakeSwapchain>,
     pub(super) trackers: HashMap<u64, usize>,
+    pub(super) loader: Option<Loader>,
+    /// The Vulkan instance that was made last.
+    pub(super) vulkan_instance: vk::Instance,
+    pub(super) device: Option<SessionDevice>,
     id: u32,
     made: u32,
 }
@@ -135,6 +144,7 @@ impl World {
             extensions: extensions.to_vec(),
             system: System::default(),
             obliging: true,
+            vulkan: false,
             reference_spaces: vec![
                 ReferenceSpaceType::VIEW,
                 ReferenceSpaceType::LOCAL,
@@ -178,6 +188,9 @@ impl World {
             spaces: HashMap::new(),
             swapchains: HashMap::new(),
             trackers: HashMap::new(),
+            loader: None,
+            vulkan_instance: vk::Instance::null(),
+            device: None,
             id,
             made: 0,
         }
