@@ -15,9 +15,9 @@ pub const SOLE_POINTS: usize = 2 * EDGE_POINTS;
 
 /// How far the heel lies behind the ankle, the toes before the ball, and either edge of the sole beside them, in lengths
 /// from ankle to ball.
-const HEEL: f32 = 0.4;
-const TOE: f32 = 0.65;
-const EDGE: f32 = 0.26;
+const HEEL: f32 = 0.45;
+const TOE: f32 = 0.45;
+const EDGE: f32 = 0.28;
 
 /// Motion space is no larger, metres.
 const FURTHEST: f32 = 1_000.0;

@@ -146,6 +146,22 @@ fn who_sits_does_not_walk_but_turns_and_leans_a_little() {
 }
 
 #[test]
+fn a_turn_faster_than_hips_turn_is_followed_over_several_frames() {
+    let mut seat = Seat::new(skeleton());
+    let begun = Instant::now();
+    let mut faced = 0.0;
+    for k in 0..20u32 {
+        let mut sent = motion(if k == 0 { 0.0 } else { 2.0 }, Vec2::ZERO);
+        seat.take(&mut sent, begun + Duration::from_millis(33) * k);
+        let ahead = sent.rotation(Joint::Pelvis) * Vec3::Z;
+        let now = ahead.x.atan2(ahead.z);
+        assert!(now - faced < 8.0 * 0.034, "frame {k}: {faced} to {now}");
+        faced = now;
+    }
+    assert!((faced - 2.0).abs() < 1e-3, "in the end {faced}");
+}
+
+#[test]
 fn a_walk_becomes_sitting_without_a_jolt() {
     let expressions = Puppet::new(PuppetSize::SMALL).expressions;
     let clip = MotionClip::built_in(skeleton(), &expressions, 9.0, 60.0).expect("possible");
