@@ -106,12 +106,12 @@ impl<S: MotionSource> Lanes<S> {
         if number == MOST_PEOPLE {
             return Err(ReceiverError::TooManyPeople { most: MOST_PEOPLE });
         }
+        let count = u32::try_from(avatar.gaussians.len()).unwrap_or(u32::MAX);
+        check_room(&self.renderer, self.room_taken().saturating_add(count))?;
         // What they tell is not looked at: latencies are of the first person's states.
         let told = Collector::of_little();
         let (renderer, latency) = (&self.renderer, self.latency);
         let person = Person::start(avatar, inference, renderer, source, plan, latency, told)?;
-        let wanted = self.room_taken().saturating_add(person.room());
-        check_room(&self.renderer, wanted)?;
         self.people.others.push(person);
         Ok(number)
     }

@@ -43,13 +43,20 @@ impl<S: MotionSource> Lanes<S> {
         Ok(self.scenery.renew(&self.renderer)?)
     }
 
-    /// Goes on with another renderer on the same device, for pictures of another kind.
+    /// Goes on with another renderer, for pictures of another kind, on the same device or another.
     ///
     /// # Errors
     /// If it cannot take the Gaussians there are.
     pub fn replace_renderer(&mut self, renderer: SplatRenderer) -> Result<(), ReceiverError> {
         check_room(&renderer, self.room_taken())?;
+        let is_elsewhere = !Arc::ptr_eq(renderer.gpu(), self.renderer.gpu());
         self.renderer = renderer;
+        if is_elsewhere {
+            self.is_lost = true;
+            self.renew()?;
+            self.is_lost = false;
+            return Ok(());
+        }
         for person in self.people.iter_mut() {
             person.adopt(&mut self.renderer)?;
         }

@@ -4,7 +4,7 @@ use super::cpu::{CpuLane, Request};
 use super::device::DevicePosing;
 use super::hand_over::{Bell, hand_over};
 use super::npu::{Inferred, NpuLane};
-use super::people::People;
+use super::people::{People, check_room};
 use super::person::{Counts, Person, Supply, places};
 use super::scenery::Scenery;
 use super::states::{Heads, States};
@@ -25,7 +25,7 @@ impl<S: MotionSource> Lanes<S> {
     /// Starts the lanes of `avatar`, the first person, on poses from `source`.
     ///
     /// # Errors
-    /// If threads, memory on the device or the avatar's networks are not to be had.
+    /// If threads, memory on the device or the avatar's networks are not to be had, or the renderer was made for fewer Gaussians.
     pub fn start(
         avatar: &Arc<Avatar>,
         inference: Inference,
@@ -37,6 +37,7 @@ impl<S: MotionSource> Lanes<S> {
         let told = Collector::default();
         let scenery = Scenery::new(&renderer)?;
         let mut first = Person::start(avatar, inference, &renderer, source, plan, latency, told)?;
+        check_room(&renderer, first.room())?;
         Ok(Self {
             recorder: first.collector.recorder(Lane::Gpu),
             people: People::new(first),

@@ -2,12 +2,13 @@
 
 use crate::stage::{BLACK, CPU, SIDE, Stage, Swing, avatar};
 use app::hold::HoldMode;
-use app::{Deformer, Inference, Plan, Profile, ReceiverError};
+use app::{Deformer, Inference, MotionSource, Plan, Profile, ReceiverError};
 use glam::{Affine3A, Quat, Vec3};
 use mon3tr_tests::{onnx, vulkan};
 use shaders_spirv::{Gaussian, PackedGaussian};
 use spmm3::MotionParams;
 use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 use xr_renderer::{BackEnd, Camera, Gpu, RenderError, RendererOptions, SplatRenderer};
 
@@ -116,9 +117,9 @@ fn two_people_are_drawn_together_each_in_their_place() {
         }
         // Somewhere else from the next picture on.
         stage.lanes.place(1, first * second);
-        stage.lanes.set_scenery(&[]).expect("room");
+        stage.lanes.set_scenery(&[plate(-0.2)]).expect("room");
         stage.draw(1);
-        let elsewhere = expected(&gpu, stage.camera, &[first, first * second], &[]);
+        let elsewhere = expected(&gpu, stage.camera, &[first, first * second], &[plate(-0.2)]);
         let likeness = psnr(&shown(&mut stage), &elsewhere);
         assert!(
             likeness > 45.0,
@@ -147,24 +148,24 @@ fn who_is_not_there_yet_is_left_out_and_nobody_waits_for_them() {
 fn who_leaves_goes_out_of_the_picture_and_the_others_stay() {
     let Some(gpu) = vulkan::gpu() else { return };
     for leaves in [0, 1] {
-        let frames = |person| if person == leaves { 20 } else { 100_000 };
-        let first = Swing::new(30.0, frames(0), 0.5);
+        let swings = [(); 2].map(|()| Swing::new(30.0, 100_000, 0.5));
+        let hangs_up = Arc::clone(&swings[leaves].hangs_up);
+        let [first, second] = swings;
         let Some(mut stage) = Stage::new(&gpu, Plan::CpuTail, &[CPU], first) else {
             return;
         };
-        stage.join(Plan::CpuTail, Swing::new(30.0, frames(1), 0.5));
+        stage.join(Plan::CpuTail, second);
         stage.draw_until_seen(2);
+        hangs_up.store(true, Relaxed);
         stage.draw_until_seen(1);
         stage.draw(10);
         let seen: Vec<bool> = stage.lanes.poses().map(|pose| pose.is_some()).collect();
         assert_eq!(seen, [leaves != 0, leaves != 1], "who is there");
         assert!(!stage.lanes.is_over(), "one goes on");
         let (sources, _) = stage.lanes.finish_all();
-        let left = sources
-            .into_iter()
-            .map(|source| source.expect("a source").left);
-        let left: Vec<bool> = left.map(|left| left == 0).collect();
-        assert_eq!(left, [leaves == 0, leaves == 1], "both come back");
+        let over = (sources.iter()).map(|source| source.as_ref().expect("a source").is_over());
+        let over: Vec<bool> = over.collect();
+        assert_eq!(over, [leaves == 0, leaves == 1], "both come back");
     }
 }
 

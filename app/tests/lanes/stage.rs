@@ -10,6 +10,7 @@ use mon3tr_tests::synthetic::Puppet;
 use mon3tr_tests::{onnx, vulkan};
 use npu_runtime::{Provider, Runtime};
 use spmm3::{Avatar, Joint, MotionParams};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use xr_renderer::{BackEnd, Backdrop, Camera, Gpu, GpuChoice, RendererOptions, SplatRenderer};
@@ -32,6 +33,8 @@ pub(crate) struct Swing {
     pub(crate) left: u64,
     /// Radians a second.
     pub(crate) speed: f32,
+    /// Says that there are no more.
+    pub(crate) hangs_up: Arc<AtomicBool>,
     start: Instant,
     sent: u32,
 }
@@ -42,6 +45,7 @@ impl Swing {
             hertz,
             left,
             speed,
+            hangs_up: Arc::default(),
             start: Instant::now(),
             sent: 0,
         }
@@ -71,7 +75,7 @@ impl MotionSource for Swing {
         let due = self.start + Duration::from_secs_f64(f64::from(self.sent) / self.hertz);
         let wait = due.saturating_duration_since(Instant::now());
         std::thread::sleep(wait.min(longest));
-        if self.left == 0 || wait > longest {
+        if self.is_over() || wait > longest {
             return None;
         }
         self.left -= 1;
@@ -88,7 +92,7 @@ impl MotionSource for Swing {
     }
 
     fn is_over(&self) -> bool {
-        self.left == 0
+        self.left == 0 || self.hangs_up.load(Relaxed)
     }
 }
 
