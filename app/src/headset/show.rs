@@ -161,7 +161,7 @@ impl<S: MotionSource> Frames<'_, S> {
             match self.stay(&present) {
                 Ok(Over::Left) => return Ok(()),
                 Ok(Over::Lost) => {
-                    log::warn!("the headset is gone; the call goes on and waits for it")
+                    log::warn!("the headset is gone; the call goes on and waits for it");
                 }
                 Err(HeadsetError::Headset(error)) if error.is_loss() => {
                     log::warn!("{error}; the call goes on and waits for it");
@@ -203,6 +203,7 @@ impl<S: MotionSource> Frames<'_, S> {
         self.predicted = None;
         self.describe(headset, &session);
         let outcome = self.until_over(&mut session);
+        self.figures.floor = session.floor().to_string();
         let passed = session.life().passed();
         (self.figures.states).extend(passed.iter().map(ToString::to_string));
         self.figures.frames.late += self.pace.late();
