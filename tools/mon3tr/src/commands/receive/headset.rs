@@ -219,7 +219,7 @@ impl Options {
             let skeleton = &guest.avatar.skeleton;
             let viewer = (ways.network)
                 .block_on(async { Viewer::join(ways.client.clone(), room.clone(), ways.clock) });
-            let call = Call::new(viewer, guest.announced.clone(), skeleton, ways.clock);
+            let call = Call::new(viewer, guest.announced, skeleton, ways.clock);
             if self.seat {
                 Seated::new(call, skeleton)
             } else {
