@@ -93,10 +93,7 @@ impl XrClock {
 
     /// When a frame will be seen; without a common clock, one period from now.
     pub(crate) fn instant(&self, instance: &XrInstance, time: Time, period: Duration) -> Instant {
-        let now = Instant::now();
-        if self.converts
-            && let Ok(present) = instance.now()
-        {
+        if let Some((now, present)) = self.both_clocks(instance) {
             let ahead = time.as_nanos().saturating_sub(present.as_nanos());
             let by = Duration::from_nanos(ahead.unsigned_abs().min(10_000_000_000));
             return if ahead >= 0 {
@@ -105,6 +102,23 @@ impl XrClock {
                 now.checked_sub(by).unwrap_or(now)
             };
         }
-        now + period
+        Instant::now() + period
+    }
+
+    /// This machine's clock and the runtime's at one moment. They are read one after the other: where something came between,
+    /// which would move the frame in time by as much, they are read again.
+    fn both_clocks(&self, instance: &XrInstance) -> Option<(Instant, Time)> {
+        if !self.converts {
+            return None;
+        }
+        let mut read = None;
+        for _ in 0..4 {
+            let now = Instant::now();
+            read = Some((now, instance.now().ok()?));
+            if now.elapsed() < Duration::from_micros(100) {
+                break;
+            }
+        }
+        read
     }
 }
