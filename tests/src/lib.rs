@@ -2,6 +2,7 @@
 
 pub mod allocations;
 pub mod bound_person;
+pub mod monado;
 pub mod onnx;
 pub mod person_reference;
 pub mod picture_check;
