@@ -1,8 +1,10 @@
 //! Gaussians and cameras for the picture tests, made up.
 
+mod before_viewer;
 mod figure;
 mod place;
 
+pub use before_viewer::{figure_ahead, markers};
 pub use figure::standing_figure;
 pub use place::{
     BAR_COLOUR, between_bars, in_front_of_figure, on_a_bar, railing_and_wall, random_scene,

@@ -1,0 +1,125 @@
+//! What the program is told while it runs, and how it tells of cameras and hands.
+
+use std::collections::VecDeque;
+use std::io::stdin;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::thread;
+
+use glam::{Affine3A, Quat, Vec3};
+use serde_json::{Value, json};
+use xr_renderer::Camera;
+use xr_renderer::xr::{Controls, Hand};
+
+/// Something to do in the next frame that is shown.
+#[derive(Debug)]
+pub(crate) enum Command {
+    /// `tell NAME`: say where the head, the eyes and the hands are.
+    Tell(String),
+    /// `read NAME`: that, and write both eyes' pictures to `NAME-left.png` and `NAME-right.png`.
+    Read(String),
+}
+
+impl Command {
+    fn parse(line: &str) -> Option<Self> {
+        let (what, name) = line.split_once(' ')?;
+        match what {
+            "tell" => Some(Self::Tell(name.to_owned())),
+            "read" => Some(Self::Read(name.to_owned())),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        match self {
+            Self::Tell(name) | Self::Read(name) => name,
+        }
+    }
+}
+
+/// Commands, one for each frame; anything else, and the end of the input, ends the program.
+pub(crate) struct Steering {
+    commands: Receiver<Command>,
+    waiting: VecDeque<Command>,
+    over: bool,
+}
+
+impl Steering {
+    /// Listens on the standard input.
+    pub(crate) fn start() -> Self {
+        let (give, commands) = channel();
+        thread::spawn(move || {
+            for line in stdin().lines() {
+                let Some(command) = line.ok().as_deref().and_then(Command::parse) else {
+                    break;
+                };
+                if give.send(command).is_err() {
+                    break;
+                }
+            }
+        });
+        Self {
+            commands,
+            waiting: VecDeque::new(),
+            over: false,
+        }
+    }
+
+    /// Takes what has come.
+    pub(crate) fn listen(&mut self) {
+        loop {
+            match self.commands.try_recv() {
+                Ok(command) => self.waiting.push_back(command),
+                Err(TryRecvError::Empty) => return,
+                Err(TryRecvError::Disconnected) => {
+                    self.over = true;
+                    return;
+                }
+            }
+        }
+    }
+
+    /// The next command, if there is one by now.
+    pub(crate) fn next(&mut self) -> Option<Command> {
+        self.waiting.pop_front()
+    }
+
+    /// Whether nothing more will come.
+    pub(crate) fn is_over(&self) -> bool {
+        self.over && self.waiting.is_empty()
+    }
+}
+
+/// A camera as numbers: columns of its rotation, its translation (metres), focal lengths and centre (pixels).
+pub(crate) fn told_camera(camera: &Camera) -> Value {
+    let Affine3A {
+        matrix3,
+        translation,
+    } = camera.camera_from_world;
+    json!({
+        "rotation": matrix3.to_cols_array(),
+        "translation": Vec3::from(translation).to_array(),
+        "focal": [camera.fx, camera.fy],
+        "centre": [camera.cx, camera.cy],
+        "size": [camera.width, camera.height],
+    })
+}
+
+/// Both hands as numbers.
+pub(crate) fn told_controls(controls: &Controls) -> Value {
+    let pose = |pose: Option<Affine3A>| {
+        pose.map(|pose| {
+            json!({
+                "rotation": Quat::from_mat3a(&pose.matrix3).to_array(),
+                "position": Vec3::from(pose.translation).to_array(),
+            })
+        })
+    };
+    let hand = |hand: Hand| {
+        json!({
+            "grip": pose(hand.floor_from_grip),
+            "aim": pose(hand.floor_from_aim),
+            "holds": hand.holds,
+        })
+    };
+    json!(controls.hands.map(hand))
+}

@@ -1,0 +1,13 @@
+//! `xr-renderer::xr` on a real runtime: Monado over whatever Vulkan there is, started by each test for itself. The program under
+//! test is `headset-frames`, a process of its own, because a runtime is found by the environment.
+
+mod expected;
+mod hands;
+mod life;
+mod losses;
+mod missing;
+mod pace;
+mod pictures;
+mod program;
+mod stereo;
+mod studio;
