@@ -6,11 +6,11 @@ use std::sync::Arc;
 use ash::vk;
 use shaders_spirv::FrameParams;
 
-use crate::canvas::{Drawers, Images};
 use crate::commands::barrier;
 use crate::error::RenderError;
 use crate::front::Front;
 use crate::gpu::Gpu;
+use crate::images::{Drawers, Images};
 use crate::options::BackEnd;
 use crate::quads::Quads;
 use crate::target::Target;

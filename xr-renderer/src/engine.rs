@@ -9,13 +9,13 @@ use shaders_spirv::{FrameParams, PackedGaussian};
 
 use crate::back_ends::{Again, BackEnds};
 use crate::camera::{Camera, head_depth_plane, is_rigid};
-use crate::canvas::Images;
 use crate::clock::{HostClock, Placed};
 use crate::commands::{Commands, barrier};
 use crate::drawing::{Drawing, Foreground, MOST_PARTS, Part};
 use crate::error::RenderError;
 use crate::front::Front;
 use crate::gpu::Gpu;
+use crate::images::Images;
 use crate::options::RendererOptions;
 use crate::order::{KEPT_MOVE, KEPT_TURN, Order};
 use crate::path::{ForegroundPath, KEPT_FOREGROUND_MOVE};

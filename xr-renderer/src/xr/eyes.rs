@@ -6,20 +6,19 @@ use std::sync::Arc;
 
 use ash::vk;
 use openxr::{Session, SwapchainUsageFlags as Usage, View, Vulkan};
-use shaders_spirv::{EyeParams, EyeView};
+use shaders_spirv::EyeParams;
 
-use super::copies::{Copies, Layers};
-use super::direct::{Direct, Drawn};
+use super::canvas::Canvas;
+use super::copies::Copies;
+use super::direct::Direct;
 use super::error::{XrContext, XrError};
 use super::ext::foveation::Foveation;
 use super::frame::Eyes;
-use super::swapchain::{Acquired, Kind, Swapchain, first_common};
+use super::swapchain::{Kind, Swapchain, first_common};
 use crate::buffer::{Buffer, Place};
-use crate::camera::Camera;
-use crate::canvas::{Drawers, Images};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
-use crate::render_pass::Pass;
+use crate::images::Drawers;
 use crate::target::Target;
 
 /// Depth 0 and 1 of the compositor's depth images, metres from the eye along its axis.
@@ -48,7 +47,7 @@ pub enum Surround {
 
 impl Surround {
     /// As the shaders' constants.
-    fn number(self) -> u32 {
+    pub(super) fn number(self) -> u32 {
         match self {
             Self::Room => 0,
             Self::Studio => 1,
@@ -97,8 +96,8 @@ pub(crate) struct Written {
     pub(crate) surround: Surround,
     pub(crate) size: vk::Extent2D,
     pub(crate) has_depth: bool,
-    reads: bool,
-    way: Way,
+    pub(super) reads: bool,
+    pub(super) way: Way,
 }
 
 /// A picture that was given to the compositor.
@@ -111,19 +110,19 @@ pub(crate) struct Released {
 /// A headset's images, and the ways into them.
 pub(crate) struct EyeImages {
     // What refers to the images goes before them.
-    direct: Option<Direct>,
-    copies: Option<Copies>,
-    params: Buffer,
-    read_back: Option<Buffer>,
+    pub(super) direct: Option<Direct>,
+    pub(super) copies: Option<Copies>,
+    pub(super) params: Buffer,
+    pub(super) read_back: Option<Buffer>,
     pub(crate) colour: Swapchain,
     pub(crate) depth: Option<Swapchain>,
     foveation: Option<Foveation>,
     /// Whether the runtime's images, and the device's memory, are such that they can be drawn into.
     can_draw: bool,
     /// Since the images were acquired last.
-    written: Option<Written>,
+    pub(super) written: Option<Written>,
     way: Option<Way>,
-    gpu: Arc<Gpu>,
+    pub(super) gpu: Arc<Gpu>,
 }
 
 impl EyeImages {
@@ -216,17 +215,8 @@ impl EyeImages {
         if let Some(foveation) = &self.foveation {
             foveation.follow_gaze(&self.colour.handle);
         }
-        Ok(Canvas {
-            reads: reads && self.read_back.is_some(),
-            images: self,
-            eyes: *eyes,
-            surround,
-            colour,
-            depth,
-            size: vk::Extent2D::default(),
-            has_depth: false,
-            drawn: None,
-        })
+        let reads = reads && self.read_back.is_some();
+        Ok(Canvas::new(self, *eyes, surround, reads, colour, depth))
     }
 
     /// Gives the images that were taken to the compositor. Returns what was written to them, if anything was.
@@ -280,7 +270,11 @@ impl EyeImages {
     }
 
     /// Has what pictures of this target need for being drawn into the images and for being copied, and nothing more.
-    fn make_ready(&mut self, target: &Target, drawers: Drawers) -> Result<(), RenderError> {
+    pub(super) fn make_ready(
+        &mut self,
+        target: &Target,
+        drawers: Drawers,
+    ) -> Result<(), RenderError> {
         let has_depth = target.has_depth() && self.depth.is_some();
         let draws = self.can_draw && drawers.quads;
         if (self.direct.as_ref()).is_some_and(|it| !draws || it.has_depth() != has_depth) {
@@ -320,164 +314,9 @@ impl Drop for EyeImages {
     }
 }
 
-/// A headset's next images, for one picture: see [`crate::SplatRenderer::draw_onto`].
-pub struct Canvas<'a> {
-    images: &'a mut EyeImages,
-    eyes: Eyes,
-    surround: Surround,
-    reads: bool,
-    colour: Acquired,
-    depth: Option<Acquired>,
-    // Of the picture that is drawn.
-    size: vk::Extent2D,
-    has_depth: bool,
-    drawn: Option<Drawn>,
-}
-
-impl fmt::Debug for Canvas<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Canvas")
-            .field("eyes", &self.eyes)
-            .field("surround", &self.surround)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Images for Canvas<'_> {
-    fn prepare(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        target: &Target,
-        drawers: Drawers,
-    ) -> Result<(), RenderError> {
-        if !Arc::ptr_eq(gpu, &self.images.gpu) {
-            return Err(RenderError::DeviceLost("showing another device's picture"));
-        }
-        let most = self.images.colour.extent;
-        let fits = target.width <= most.width && target.height <= most.height;
-        if target.layers != 2 || !fits {
-            return Err(RenderError::Camera {
-                view: 0,
-                problem: format!(
-                    "it makes {} view(s) of {}x{} pixels, a headset takes 2 of at most {}x{}",
-                    target.layers, target.width, target.height, most.width, most.height
-                ),
-            });
-        }
-        self.size = vk::Extent2D {
-            width: target.width,
-            height: target.height,
-        };
-        self.has_depth = target.has_depth() && self.depth.is_some();
-        let params = self.params(target);
-        self.images.params.write(&[params]);
-        self.images.make_ready(target, drawers)?;
-        self.drawn = (self.images.direct.as_mut())
-            .map(|direct| direct.prepare(self.colour, self.depth, self.size))
-            .transpose()?;
-        Ok(())
-    }
-
-    fn pass(&self) -> Option<&Arc<Pass>> {
-        Some(self.images.direct.as_ref()?.pass(self.drawn.as_ref()?))
-    }
-
-    fn record_direct(&self, commands: vk::CommandBuffer, draw: &dyn Fn(vk::Rect2D)) {
-        if let (Some(direct), Some(drawn)) = (&self.images.direct, &self.drawn) {
-            direct.record(commands, drawn, draw);
-            self.record_read(commands);
-        }
-    }
-
-    fn record_copied(&self, commands: vk::CommandBuffer) {
-        if let Some(copies) = &self.images.copies {
-            let depth = self.depth.filter(|_| self.has_depth);
-            let depth = depth.map(|depth| depth.image);
-            copies.record(commands, self.size, self.colour.image, depth);
-            self.record_read(commands);
-        }
-    }
-
-    fn drawn(&mut self, directly: bool) {
-        let way = match self.drawn {
-            Some(Drawn { foveated, .. }) if directly => Way::Direct { foveated },
-            _ => Way::Copied,
-        };
-        self.images.written = Some(Written {
-            views: self.eyes.views,
-            surround: self.surround,
-            size: self.size,
-            has_depth: self.has_depth,
-            reads: self.reads,
-            way,
-        });
-    }
-}
-
-impl Canvas<'_> {
-    fn record_read(&self, commands: vk::CommandBuffer) {
-        if let Some(buffer) = self.images.read_back.as_ref().filter(|_| self.reads) {
-            let layers = Layers {
-                image: self.colour.image,
-                aspect: vk::ImageAspectFlags::COLOR,
-                rest: vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
-                size: self.size,
-            };
-            layers.record_read(&self.images.gpu, commands, buffer);
-        }
-    }
-
-    fn params(&self, target: &Target) -> EyeParams {
-        let format = self.images.colour.format;
-        let view = |camera: &Camera| eye_view(camera, target);
-        EyeParams {
-            views: self.eyes.cameras.each_ref().map(view),
-            width: target.width,
-            height: target.height,
-            depth_stride: if self.has_depth {
-                target.depth_stride()
-            } else {
-                0
-            },
-            surround: self.surround.number(),
-            swaps_red: u32::from(is_blue_first(format)),
-            linear: u32::from(is_linear(format)),
-            near: NEAR,
-            far: FAR,
-        }
-    }
-}
-
-fn eye_view(camera: &Camera, target: &Target) -> EyeView {
-    let world_from_eye = camera.camera_from_world.inverse();
-    let row = |row: usize| {
-        let [x, y, z] = world_from_eye.matrix3.row(row).to_array();
-        [x, y, z, world_from_eye.translation[row]]
-    };
-    // What the camera sees does not depend on how many pixels show it.
-    let wide = camera.width as f32 / camera.fx;
-    let high = camera.height as f32 / camera.fy;
-    EyeView {
-        world_from_eye: [row(0), row(1), row(2)],
-        slopes: [
-            -camera.cx / camera.fx,
-            camera.cy / camera.fy,
-            wide / target.width as f32,
-            -high / target.height as f32,
-        ],
-    }
-}
-
-fn is_blue_first(format: vk::Format) -> bool {
+pub(super) fn is_blue_first(format: vk::Format) -> bool {
     matches!(
         format,
         vk::Format::B8G8R8A8_SRGB | vk::Format::B8G8R8A8_UNORM
-    )
-}
-
-fn is_linear(format: vk::Format) -> bool {
-    matches!(
-        format,
-        vk::Format::R8G8B8A8_UNORM | vk::Format::B8G8R8A8_UNORM
     )
 }

@@ -3,6 +3,7 @@
 //! [`Runtime::load`] finds the loader, [`Headset::open`] the headset and the Vulkan device it wants, [`Session`] shows frames.
 //! What goes away with the runtime comes back by being opened again: see [`XrError::is_loss`].
 
+mod canvas;
 mod copies;
 mod direct;
 mod error;
@@ -26,9 +27,10 @@ mod swapchain;
 #[cfg(test)]
 mod tests;
 
+pub use canvas::Canvas;
 pub use error::XrError;
 pub use extensions::Extensions;
-pub use eyes::{Canvas, EyePicture, Surround, Way};
+pub use eyes::{EyePicture, Surround, Way};
 pub use frame::{Eyes, Frame};
 pub use headset::{Headset, HeadsetInfo, HeadsetOptions};
 pub use input::{Controls, Hand, Input};

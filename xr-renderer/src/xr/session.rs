@@ -12,6 +12,7 @@ use openxr::{
     EnvironmentBlendMode, Event, EventDataBuffer, FrameStream, FrameWaiter, Instance, Vulkan,
 };
 
+use super::canvas::Canvas;
 use super::error::{XrContext, XrError};
 use super::ext::Held;
 use super::ext::depth::DepthRange;
@@ -21,7 +22,7 @@ use super::ext::passthrough::Passthrough;
 use super::ext::performance::{self, Thermal};
 use super::ext::refresh_rate::{DEFAULT_HZ, RefreshRate};
 use super::ext::threads::{self, Role};
-use super::eyes::{Canvas, EyeImages, EyePicture, FAR, NEAR, Surround, Way, Written};
+use super::eyes::{EyeImages, EyePicture, FAR, NEAR, Surround, Way, Written};
 use super::frame::{Eyes, Frame, XrClock};
 use super::headset::{Headset, VIEWS};
 use super::input::{Controls, Input};
