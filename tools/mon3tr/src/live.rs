@@ -110,7 +110,12 @@ pub(crate) fn placed(
         // 20 MB of the device's memory that nobody uses.
         let options = RendererOptions {
             mesh: None,
-            back_end: Some(renderer.back_end()),
+            // The faster one has been found, but for a headset's images, into which each has a way of its own.
+            back_end: if gpu.belongs_to_headset() {
+                options.back_end
+            } else {
+                Some(renderer.back_end())
+            },
             ..options
         };
         renderer =
