@@ -321,6 +321,14 @@ impl Session {
         self.input.sync(frame.time, &self.space.floor)
     }
 
+    /// Waits until the device has nothing left to do for the session.
+    ///
+    /// # Errors
+    /// [`XrError::Render`] if the device is lost.
+    pub fn rest(&self) -> Result<(), XrError> {
+        Ok(self.gpu.rest()?)
+    }
+
     /// Takes note of how a frame went: the display's rate follows.
     pub fn went(&mut self, frame: &Frame, in_time: bool, busy: Duration) {
         if let Some(refresh) = &mut self.refresh {
@@ -355,7 +363,7 @@ impl Session {
                 return Err(error);
             }
         };
-        self.end(frame, Some(&eyes.views), surround)?;
+        self.end(frame, Some(&eyes.views), true, surround)?;
         Ok(pictures)
     }
 
@@ -364,7 +372,15 @@ impl Session {
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
     pub fn skip(&mut self, frame: Frame) -> Result<(), XrError> {
-        self.end(frame, None, Surround::Room)
+        self.end(frame, None, false, Surround::Room)
+    }
+
+    /// Ends the frame with nothing in it but the panel, before the viewer's room where that can be seen.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], or a call that fails.
+    pub fn show_panel(&mut self, frame: Frame) -> Result<(), XrError> {
+        self.end(frame, None, true, Surround::Room)
     }
 
     /// Hangs a panel in the room, `width` metres wide, or changes the one that hangs there.
@@ -402,6 +418,7 @@ impl Session {
         &mut self,
         frame: Frame,
         views: Option<&[View; 2]>,
+        with_panel: bool,
         surround: Surround,
     ) -> Result<(), XrError> {
         let layers = Layers {
@@ -411,7 +428,7 @@ impl Session {
             depth: self.depth,
             eyes: views.map(|views| (&self.images, views)),
             panel: (self.panel.as_ref())
-                .filter(|_| views.is_some())
+                .filter(|_| with_panel)
                 .map(|(panel, place)| (panel, *place)),
             floor: &self.space.floor,
             transparent: surround == Surround::Room,
