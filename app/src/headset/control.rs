@@ -68,6 +68,13 @@ impl Control {
         self.lock().leaves
     }
 
+    /// Does something on the GPU once no pause forbids it; nothing if it is time to leave before.
+    pub fn work<T>(&self, work: impl FnOnce() -> T) -> Option<T> {
+        let done = self.begin_work().then(work);
+        self.end_work();
+        done
+    }
+
     /// Begins work on the GPU, or goes on with it, unless a pause forbids it. Returns whether it may.
     pub(crate) fn may_work(&self) -> bool {
         let mut state = self.lock();

@@ -68,6 +68,7 @@ fn until_over(
     let options = SessionOptions {
         room: true,
         read_back: false,
+        display_hz: None,
     };
     let mut session = Session::new(found.headset(), options)?;
     let mut shown = Shown::default();

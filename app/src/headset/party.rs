@@ -72,6 +72,8 @@ pub struct Wishes {
     pub scene: Option<(Arc<Background>, Filter)>,
     /// Whether eyes' pictures will be read back.
     pub read_back: bool,
+    /// The display's rate that is asked for, and kept, Hz; without it 72, and more where frames keep up.
+    pub display_hz: Option<f32>,
 }
 
 /// Who is to be shown.
@@ -145,12 +147,9 @@ pub fn show_party<S: MotionSource>(
     control: &Control,
     watcher: &mut dyn Watcher,
 ) -> Result<Party<S>, HeadsetError> {
-    if !control.begin_work() {
-        return Err(HeadsetError::Left);
-    }
-    let outcome = prepare_and_show(found, offer, wishes, avatars, join, control, watcher);
-    control.end_work();
-    outcome
+    control
+        .work(|| prepare_and_show(found, offer, wishes, avatars, join, control, watcher))
+        .unwrap_or(Err(HeadsetError::Left))
 }
 
 /// [`show_party`] while it may use the GPU.
@@ -214,6 +213,7 @@ fn prepare_and_show<S: MotionSource>(
             // Who gives a scene wants to see it.
             room: wishes.scene.is_none(),
             read_back: wishes.read_back,
+            display_hz: wishes.display_hz,
         },
         skeletons: (avatars.iter())
             .map(|avatar| avatar.skeleton.clone())

@@ -122,7 +122,7 @@ pub fn show<S: MotionSource>(
         intervals: Vec::new(),
         periods: Vec::new(),
         predicted: None,
-        control: control.clone(),
+        control,
     };
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new()
@@ -132,10 +132,7 @@ pub fn show<S: MotionSource>(
                 Ok(frames.into_figures())
             })
             .map_err(HeadsetError::Thread)?;
-        let outcome = thread.join().map_err(|_| HeadsetError::Panicked);
-        // Also after a panic: who asks for a pause is not to wait for nobody.
-        control.end_work();
-        outcome?
+        thread.join().map_err(|_| HeadsetError::Panicked)?
     })
 }
 

@@ -7,7 +7,7 @@ use super::panel::{Panel, card};
 /// Letters of the longest line; the rest of a longer one is cut off.
 pub const NOTICE_LETTERS: u32 = 60;
 /// Lines below the title; more are left out.
-pub const NOTICE_LINES: usize = 14;
+pub const NOTICE_LINES: usize = 24;
 /// Width of a notice in the room, metres: letters as large as those of the panel of figures.
 pub const NOTICE_WIDTH_METRES: f32 = 0.66;
 
@@ -102,7 +102,7 @@ mod tests {
         );
         assert!(
             low > panel.height - 2 * MARGIN - LINE && low < panel.height - MARGIN / 2,
-            "14 lines fill the card, to {low} of {}",
+            "all lines fill the card, to {low} of {}",
             panel.height
         );
     }

@@ -5,6 +5,8 @@
 
 mod arrive;
 mod calls;
+mod rehearsal;
 
 pub use arrive::{Waiting, wait_for_sender};
 pub use calls::{Ended, Guest, Visited, Ways, visit};
+pub use rehearsal::Rehearsal;

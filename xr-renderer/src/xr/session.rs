@@ -37,6 +37,8 @@ pub struct SessionOptions {
     pub room: bool,
     /// Whether eyes' pictures will be read back.
     pub read_back: bool,
+    /// The display's rate that is asked for, and kept, Hz; without it 72, and more where frames keep up.
+    pub display_hz: Option<f32>,
 }
 
 /// What the runtime told since it was asked last.
@@ -150,7 +152,13 @@ impl Session {
             space: FloorSpace::new(&session, enabled.ext_local_floor)?,
             clock: XrClock::new(enabled.khr_convert_timespec_time),
             input: Input::new(&session, headset.system)?,
-            refresh: or_without("a choice of rates", RefreshRate::new(&session, DEFAULT_HZ)),
+            refresh: or_without(
+                "a choice of rates",
+                match options.display_hz {
+                    Some(hz) => RefreshRate::fixed(&session, hz),
+                    None => RefreshRate::new(&session, DEFAULT_HZ),
+                },
+            ),
             depth,
             room,
             images,

@@ -93,6 +93,7 @@ pub(super) fn run(
         scene: (scenery.as_ref())
             .map(|scenery| (Arc::clone(&scenery.background), Scenery::filter(scenery))),
         read_back: options.out.is_some(),
+        display_hz: None,
     };
     let compiled = compiled()?;
     let visited = visit(
