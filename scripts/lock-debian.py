@@ -5,7 +5,7 @@ For maintainers, when a prefix is to be renewed; `./run` only reads the lock fil
 It follows Depends/Pre-Depends of a prefix's roots in the suites' indices, taking the first alternative that exists. It does
 not check an index's signature: review the diff.
 
-    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [monado] [adreno]    (all without a name; from https://deb.debian.org/debian)
+    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [monado] [clang] [adreno]    (all without a name; from https://deb.debian.org/debian)
 
 Where only a few files of the roots are wanted, a prefix names them (`linked`), and of the packages it keeps those with a
 library that these files link, directly or through others; this fetches all of them, and needs dpkg-deb and readelf.
@@ -76,6 +76,16 @@ PREFIXES = {
         "stand_ins": ["libopencv_imgcodecs.so.410"],
         # The keyboard's description, which no library links.
         "kept": ["xkb-data"],
+    },
+    "clang": {
+        "what": "clang, which compiles C for Android where there is no NDK, and what it needs",
+        "lock": "scripts/clang-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        "roots": ["clang-19"],
+        # The compiler alone: neither a linker nor headers or start files of this machine's own C library.
+        "linked": ["clang"],
+        # Its own headers, which no library links.
+        "kept": ["libclang-common-19-dev"],
     },
     "adreno": {
         "what": "Mesa's turnip, the shim that pretends to be an Adreno, and what they need",
@@ -152,7 +162,7 @@ def linked(chosen, prefix):
                 for name in names:
                     if ".so" in name or name in prefix["linked"]:
                         files.setdefault(name, (one["Package"], os.path.join(below, name)))
-        done, todo, packages = set(prefix["stand_ins"]), list(prefix["linked"]), set(prefix["kept"])
+        done, todo, packages = set(prefix.get("stand_ins", [])), list(prefix["linked"]), set(prefix.get("kept", []))
         while todo:
             name = todo.pop()
             if name in done:
