@@ -29,6 +29,8 @@ pub enum Fault {
     TextRelocations,
     /// The platform, or the glue between it and the application, calls this.
     NoExport(String),
+    /// It names a library that it might open, which is neither in the package nor the platform's.
+    Opens(String),
 }
 
 impl fmt::Display for Fault {
@@ -63,25 +65,74 @@ impl fmt::Display for Fault {
             ),
             Self::TextRelocations => write!(f, "has relocations in its code"),
             Self::NoExport(name) => write!(f, "does not export {name}"),
+            Self::Opens(library) => write!(
+                f,
+                "names {library}, which is neither in the package nor part of Android API 29"
+            ),
         }
     }
 }
 
-/// Everything wrong with `library` in a package that also has the libraries `beside` it; `exports` is what others call in it.
+/// Everything wrong with `library` in a package that has the libraries `beside` it (itself may be one). Of the application's own,
+/// `own` lists what is called in it from outside, and all libraries that it names have to be there; those of others name many that
+/// they can do without.
 #[must_use]
 pub fn check_library(
     library: &Library,
     beside: &[Library],
     platform: &Platform,
-    exports: &[&str],
+    own: Option<&[&str]>,
 ) -> Vec<Fault> {
     let mut faults = Vec::new();
+    check_file(library, &mut faults);
+    check_links(library, beside, platform, &mut faults);
+    let Some(exports) = own else {
+        return faults;
+    };
+    for export in exports {
+        if !library.exports.contains(*export) {
+            faults.push(Fault::NoExport((*export).to_owned()));
+        }
+    }
+    for named in &library.named {
+        let there = beside.iter().any(|other| other.name == *named);
+        if !there && !platform.has_library(named) && !library.needed.contains(named) {
+            faults.push(Fault::Opens(named.clone()));
+        }
+    }
+    faults
+}
+
+/// What the file alone says.
+fn check_file(library: &Library, faults: &mut Vec<Fault>) {
     if !library.is_aarch64() {
         faults.push(Fault::Machine(library.machine));
     }
     if !library.shared {
         faults.push(Fault::NotShared);
     }
+    if let Some(&alignment) = library
+        .alignments
+        .iter()
+        .find(|alignment| !alignment.is_multiple_of(PAGE) || **alignment == 0)
+    {
+        faults.push(Fault::Alignment(alignment));
+    }
+    if !library.congruent {
+        faults.push(Fault::Incongruent);
+    }
+    if library.text_relocations {
+        faults.push(Fault::TextRelocations);
+    }
+}
+
+/// What it wants of others.
+fn check_links(
+    library: &Library,
+    beside: &[Library],
+    platform: &Platform,
+    faults: &mut Vec<Fault>,
+) {
     let in_package = |needed: &str| beside.iter().find(|other| other.name == needed);
     for needed in &library.needed {
         if in_package(needed).is_some() || platform.exports_of(needed).is_some() {
@@ -113,23 +164,4 @@ pub fn check_library(
     if !unresolved.is_empty() {
         faults.push(Fault::Unresolved(unresolved));
     }
-    if let Some(&alignment) = library
-        .alignments
-        .iter()
-        .find(|alignment| !alignment.is_multiple_of(PAGE) || **alignment == 0)
-    {
-        faults.push(Fault::Alignment(alignment));
-    }
-    if !library.congruent {
-        faults.push(Fault::Incongruent);
-    }
-    if library.text_relocations {
-        faults.push(Fault::TextRelocations);
-    }
-    for export in exports {
-        if !library.exports.contains(*export) {
-            faults.push(Fault::NoExport((*export).to_owned()));
-        }
-    }
-    faults
 }
