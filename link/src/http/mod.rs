@@ -16,7 +16,7 @@ mod sse;
 mod upload;
 
 pub use announcement::{Announcement, AvatarRef, ChannelMode, MAX_PACKAGE_BYTES};
-pub use cache::PackageCache;
+pub use cache::{PackageCache, PackageInUse};
 pub use client::{Client, Patience};
 pub use error::HttpError;
 pub use fetch::Progress;
