@@ -12,6 +12,7 @@ mod part;
 mod presence;
 mod room_link;
 mod rooms;
+mod roots;
 mod sse;
 mod upload;
 
