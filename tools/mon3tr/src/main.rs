@@ -23,7 +23,7 @@ mod viewpoint;
 mod window;
 
 use clap::{Parser, Subcommand};
-use commands::{bake, bench, demo, inspect, netlab, profile, receive, render, send, serve};
+use commands::{apk, bake, bench, demo, inspect, netlab, profile, receive, render, send, serve};
 use std::process::ExitCode;
 use surroundings::Surroundings;
 
@@ -46,6 +46,8 @@ enum Command {
     Demo(demo::Options),
     /// Build the demo avatar's package from MakeHuman's data
     Bake(bake::Options),
+    /// Build the receiver as a package for Meta Quest 3
+    Apk(apk::Options),
     /// Time drawing and sorting on this machine
     Bench(bench::Options),
     /// Show what is in an avatar package or a Gaussian scene
@@ -87,6 +89,7 @@ fn main() -> ExitCode {
     let surroundings = &arguments.surroundings;
     let outcome = match &arguments.command {
         Command::Demo(options) => demo::run(options, surroundings),
+        Command::Apk(options) => apk::run(options),
         Command::Bake(options) => bake::run(options, surroundings),
         Command::Bench(options) => bench::run(options, surroundings),
         Command::Inspect(options) => inspect::run(options),
