@@ -3,10 +3,12 @@
 //! The GLSL lies in `shaders/`; `build.rs` compiles it with glslang. This crate starts no device and
 //! knows no Vulkan handle: `xr-renderer` makes pipelines of what is here.
 
+mod eye;
 mod frame;
 mod gaussian;
 mod gaussian_lanes;
 
+pub use eye::{EyeParams, EyeView};
 pub use frame::{FrameParams, PartParams, SortState, Splat, ViewParams};
 pub use gaussian::{Gaussian, PackedGaussian, quantised, smallest_three};
 pub use gaussian_lanes::GaussianLanes;

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::mem::{offset_of, size_of};
 
 use shaders_spirv::{
-    FrameParams, PackedGaussian, PartParams, Shader, SortState, Splat, ViewParams,
+    EyeParams, EyeView, FrameParams, PackedGaussian, PartParams, Shader, SortState, Splat,
+    ViewParams,
 };
 
 const OP_NAME: u32 = 5;
@@ -140,6 +141,42 @@ fn a_parts_push_constants_lie_as_the_shader_reads_them() {
         }
     );
     assert_eq!(size_of::<PartParams>(), 60, "bytes pushed");
+}
+
+#[test]
+fn what_is_told_of_a_headsets_eyes_lies_as_the_shaders_read_it() {
+    for shader in [
+        shaders_spirv::COMPOSE_EYE,
+        shaders_spirv::SHOW_EYE_FRAG,
+        shaders_spirv::SHOW_EYE_DEPTH_FRAG,
+    ] {
+        assert_layout!(
+            shader,
+            EyeParams {
+                views: views,
+                width: width,
+                height: height,
+                depth_stride: depth_stride,
+                surround: surround,
+                swaps_red: swaps_red,
+                linear: linear,
+                near: near,
+                far: far,
+            }
+        );
+        assert_layout!(
+            shader,
+            EyeView {
+                world_from_eye: world_from_eye,
+                slopes: slopes,
+            }
+        );
+    }
+    assert_eq!(
+        size_of::<EyeView>(),
+        64,
+        "two of them stand in an array of stride 64"
+    );
 }
 
 #[test]

@@ -1,10 +1,12 @@
-//! Which back end draws: the one that was asked for, or the faster of the two, found out on the first picture.
+//! Which back end draws: the one that was asked for, or the faster of the two, found out on the first picture, and once more on
+//! the first that goes somewhere else than to the renderer's target: what is compared is what will be shown.
 
 use std::sync::Arc;
 
 use ash::vk;
 use shaders_spirv::FrameParams;
 
+use crate::canvas::{Drawers, Images};
 use crate::commands::barrier;
 use crate::error::RenderError;
 use crate::front::Front;
@@ -56,6 +58,8 @@ pub(crate) struct BackEnds {
     quads: Option<Quads>,
     times: [Vec<f64>; 2],
     trial: Option<BackEndTrial>,
+    /// Whether pictures go on into somebody else's images.
+    for_canvas: bool,
 }
 
 impl BackEnds {
@@ -77,13 +81,7 @@ impl BackEnds {
         let quads = match asked {
             Some(BackEnd::Tiles) => None,
             Some(BackEnd::Quads) => Some(Quads::new(gpu, front, target)?),
-            None => match Quads::new(gpu, front, target) {
-                Err(why @ RenderError::OutOfMemory { .. }) => {
-                    log::info!("tiles draw without comparison: {why}");
-                    None
-                }
-                quads => Some(quads?),
-            },
+            None => if_there_is_room(BackEnd::Tiles, Quads::new(gpu, front, target))?,
         };
         Ok(Self {
             gpu: Arc::clone(gpu),
@@ -91,7 +89,44 @@ impl BackEnds {
             quads,
             times: Default::default(),
             trial: None,
+            for_canvas: false,
         })
+    }
+
+    /// The picture that follows goes into these images: makes both ready for one another, and has the back ends compared anew
+    /// where that was done for the renderer's target. The device is idle.
+    pub(crate) fn prepare(
+        &mut self,
+        front: &Front,
+        target: &Target,
+        images: &mut dyn Images,
+    ) -> Result<(), RenderError> {
+        if !std::mem::replace(&mut self.for_canvas, true) && self.trial.is_some() {
+            self.times = Default::default();
+            if self.tiles.is_none() {
+                self.tiles =
+                    if_there_is_room(BackEnd::Quads, Tiles::new(&self.gpu, front, target))?;
+            }
+            if self.quads.is_none() {
+                self.quads =
+                    if_there_is_room(BackEnd::Tiles, Quads::new(&self.gpu, front, target))?;
+            }
+        }
+        let drawers = Drawers {
+            tiles: self.tiles.is_some(),
+            quads: self.quads.is_some(),
+        };
+        images.prepare(&self.gpu, target, drawers)?;
+        if let (Some(quads), Some(pass)) = (&mut self.quads, images.pass()) {
+            quads.prepare(pass)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the next picture is drawn straight into these images.
+    pub(crate) fn draws_into(&self, images: Option<&dyn Images>) -> bool {
+        let drawn_into = images.is_some_and(|images| images.pass().is_some());
+        drawn_into && self.present() == BackEnd::Quads
     }
 
     /// The one that draws the next picture.
@@ -123,14 +158,30 @@ impl BackEnds {
         }
     }
 
-    /// Records the drawing into the target.
-    pub(crate) fn record_draw(&self, commands: vk::CommandBuffer, target: &Target) {
+    /// Records the drawing into the target, and from there into the images, if any; or into those at once.
+    pub(crate) fn record_draw(
+        &self,
+        commands: vk::CommandBuffer,
+        target: &Target,
+        images: Option<&dyn Images>,
+    ) {
         match (self.present(), &self.tiles, &self.quads) {
             (BackEnd::Tiles, Some(tiles), _) => tiles.record_raster(commands, target),
-            (_, _, Some(quads)) => quads.record(commands, target),
+            (_, _, Some(quads)) => {
+                if let Some((images, pass)) = images.and_then(|it| Some((it, it.pass()?))) {
+                    images.record_direct(commands, &|area| {
+                        quads.record_within(commands, pass, area);
+                    });
+                    return;
+                }
+                quads.record(commands, target);
+            }
             _ => {}
         }
         barrier(&self.gpu, commands);
+        if let Some(images) = images {
+            images.record_copied(commands);
+        }
     }
 
     /// Whether the picture was not drawn for want of room, which there is now. The device is idle.
@@ -196,6 +247,20 @@ impl BackEnds {
             (BackEnd::Tiles, Some(tiles)) => tiles.pairs_wanted(),
             _ => 0,
         }
+    }
+}
+
+/// A back end to be compared with the other; nothing where the device has no room for it beside that one.
+fn if_there_is_room<T>(
+    other: BackEnd,
+    made: Result<T, RenderError>,
+) -> Result<Option<T>, RenderError> {
+    match made {
+        Err(why @ RenderError::OutOfMemory { .. }) => {
+            log::info!("{other} draw without comparison: {why}");
+            Ok(None)
+        }
+        made => made.map(Some),
     }
 }
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use ash::vk;
 
+use crate::attachment::Attachment;
 use crate::buffer::Buffer;
 use crate::error::{RenderError, VkContext};
 use crate::gpu::Gpu;
@@ -13,19 +14,16 @@ use crate::gpu::Gpu;
 pub(crate) enum Resource<'a> {
     Storage(&'a Buffer),
     Uniform(&'a Buffer),
+    /// What an earlier part of the same pass drew, at the same pixel.
+    Input(&'a Attachment),
 }
 
-impl<'a> Resource<'a> {
+impl Resource<'_> {
     fn kind(&self) -> vk::DescriptorType {
         match self {
             Self::Storage(_) => vk::DescriptorType::STORAGE_BUFFER,
             Self::Uniform(_) => vk::DescriptorType::UNIFORM_BUFFER,
-        }
-    }
-
-    fn buffer(&self) -> &'a Buffer {
-        match self {
-            Self::Storage(buffer) | Self::Uniform(buffer) => buffer,
+            Self::Input(_) => vk::DescriptorType::INPUT_ATTACHMENT,
         }
     }
 }
@@ -136,17 +134,29 @@ impl Bindings {
 
     /// Binds another resource of the same kind in one place of one set, under the same conditions.
     pub(crate) fn rebind(&mut self, set: usize, binding: u32, resource: Resource<'_>) {
-        let buffer = resource.buffer();
-        let buffers = [vk::DescriptorBufferInfo {
-            buffer: buffer.handle(),
-            offset: 0,
-            range: buffer.size(),
-        }];
+        let (buffers, images);
         let write = vk::WriteDescriptorSet::default()
             .dst_set(self.set(set))
             .dst_binding(binding)
-            .descriptor_type(resource.kind())
-            .buffer_info(&buffers);
+            .descriptor_type(resource.kind());
+        let write = match resource {
+            Resource::Storage(buffer) | Resource::Uniform(buffer) => {
+                buffers = [vk::DescriptorBufferInfo {
+                    buffer: buffer.handle(),
+                    offset: 0,
+                    range: buffer.size(),
+                }];
+                write.buffer_info(&buffers)
+            }
+            Resource::Input(attachment) => {
+                images = [vk::DescriptorImageInfo {
+                    sampler: vk::Sampler::null(),
+                    image_view: attachment.view.handle(),
+                    image_layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+                }];
+                write.image_info(&images)
+            }
+        };
         // SAFETY: the set is not in use (the caller's promise), the resource is alive.
         unsafe { self.gpu.device().update_descriptor_sets(&[write], &[]) };
     }

@@ -174,14 +174,9 @@ impl Commands {
 
 impl Drop for Commands {
     fn drop(&mut self) {
-        // SAFETY: after an error work may still be under way: wait for it. A lost device returns at once.
+        self.gpu.wait_idle();
+        // SAFETY: after an error work may still have been under way: it was waited for.
         unsafe {
-            if let Err(result) = self
-                .gpu
-                .with_queue(|queue| self.gpu.device().queue_wait_idle(queue))
-            {
-                log::warn!("waiting for the Vulkan queue failed: {result}");
-            }
             self.gpu.device().destroy_fence(self.fence, None);
             self.gpu.device().destroy_command_pool(self.pool, None);
         }

@@ -9,6 +9,7 @@ use shaders_spirv::{FrameParams, PackedGaussian};
 
 use crate::back_ends::{Again, BackEnds};
 use crate::camera::{Camera, head_depth_plane, is_rigid};
+use crate::canvas::Images;
 use crate::clock::{HostClock, Placed};
 use crate::commands::{Commands, barrier};
 use crate::drawing::{Drawing, Foreground, MOST_PARTS, Part};
@@ -33,6 +34,8 @@ pub(crate) struct Engine {
     pub(crate) back_ends: BackEnds,
     front: Front,
     pub(crate) target: Target,
+    /// Whether the last picture is in the target.
+    is_kept: bool,
     read_back: ReadBack,
     timestamps: Option<Timestamps<9>>,
     clock: HostClock,
@@ -73,6 +76,7 @@ impl Engine {
             read_back: ReadBack::new(gpu, &target)?,
             timestamps: Timestamps::new(gpu)?,
             target,
+            is_kept: true,
             clock: HostClock::new(gpu),
             times: StageTimes::default(),
             picture_time: None,
@@ -121,8 +125,12 @@ impl Engine {
         Ok(id)
     }
 
-    /// See [`crate::SplatRenderer::draw_with`].
-    pub(crate) fn draw(&mut self, drawing: &Drawing<'_>) -> Result<(), RenderError> {
+    /// See [`crate::SplatRenderer::draw_with`] and [`crate::SplatRenderer::draw_onto`].
+    pub(crate) fn draw(
+        &mut self,
+        drawing: &Drawing<'_>,
+        mut images: Option<&mut dyn Images>,
+    ) -> Result<(), RenderError> {
         let cameras = drawing.cameras;
         self.check(cameras)?;
         self.check_parts(drawing.foreground)?;
@@ -131,6 +139,9 @@ impl Engine {
         self.front.show(drawing.foreground, self.own.as_ref())?;
         if let [camera, ..] = cameras {
             self.target.resize(camera.width, camera.height);
+        }
+        if let Some(images) = images.as_deref_mut() {
+            self.back_ends.prepare(&self.front, &self.target, images)?;
         }
         let foreground = *self.front.sorted();
         let keeps = drawing.keep_order && self.order.is_of(&foreground);
@@ -144,7 +155,8 @@ impl Engine {
             let mut frame = self.frame_params(cameras, sorts);
             self.back_ends.describe(&mut frame, &self.target);
             self.front.write_frame(&frame);
-            self.record_and_run(sorts)?;
+            self.record_and_run(sorts, images.as_deref())?;
+            self.is_kept = !self.back_ends.draws_into(images.as_deref());
             if self.back_ends.has_grown(&self.front, &self.target)? {
                 continue;
             }
@@ -159,6 +171,9 @@ impl Engine {
         if needs_order {
             self.order.made(cameras, foreground);
         }
+        if let Some(images) = images {
+            images.drawn(!self.is_kept);
+        }
         self.front.foreground_is_there();
         self.host_upload = 0.0;
         Ok(())
@@ -166,14 +181,24 @@ impl Engine {
 
     /// The last picture of a view, which exists.
     pub(crate) fn read_back(&mut self, view: u32) -> Result<Image, RenderError> {
+        self.check_kept()?;
         self.read_back
             .read(&self.gpu, &mut self.commands, &self.target, view)
     }
 
     /// The last depths of a view, which exists.
     pub(crate) fn read_back_depth(&mut self, view: u32) -> Result<Vec<f32>, RenderError> {
+        self.check_kept()?;
         self.read_back
             .read_depth(&self.gpu, &mut self.commands, &self.target, view)
+    }
+
+    fn check_kept(&self) -> Result<(), RenderError> {
+        if self.is_kept {
+            Ok(())
+        } else {
+            Err(RenderError::NotKept)
+        }
     }
 
     fn check(&self, cameras: &[Camera]) -> Result<(), RenderError> {
@@ -250,7 +275,11 @@ impl Engine {
         frame
     }
 
-    fn record_and_run(&mut self, sorts: bool) -> Result<(), RenderError> {
+    fn record_and_run(
+        &mut self,
+        sorts: bool,
+        images: Option<&dyn Images>,
+    ) -> Result<(), RenderError> {
         let (front, back_ends, target) = (&self.front, &self.back_ends, &self.target);
         let timestamps = self.timestamps.as_ref();
         let point = |commands: vk::CommandBuffer, index: usize| {
@@ -279,7 +308,7 @@ impl Engine {
             point(commands, 6);
             back_ends.record_bin(commands, target);
             point(commands, 7);
-            back_ends.record_draw(commands, target);
+            back_ends.record_draw(commands, target, images);
             point(commands, 8);
         })
     }

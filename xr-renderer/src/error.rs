@@ -129,6 +129,11 @@ pub enum RenderError {
         "two parts of the foreground are posed on the device, which holds one mesh: write all people but one to slots"
     )]
     PosedTwice,
+    /// The picture went into a headset's images and nowhere else.
+    #[error(
+        "the picture was drawn straight into the headset's images, not the renderer's own: read it back from the session"
+    )]
+    NotKept,
     /// The Gaussians cover too many tiles together.
     #[error(
         "the Gaussians cover {pairs} screen tiles together, more than the {limit} that fit: use fewer or smaller Gaussians, or a smaller picture"

@@ -33,6 +33,8 @@ pub struct Gpu {
     pub(crate) has_swapchain: bool,
     /// Whether a subgroup's lanes hand values round by broadcasts rather than through shared memory.
     pub(crate) broadcasts: bool,
+    /// Whether pictures can be drawn coarser where a map says so: asked of a headset's device alone.
+    pub(crate) density_maps: bool,
     /// Whether shaders read what the host writes where it wrote it, as a software driver's do, rather than a copy.
     pub(crate) shares_memory: bool,
     /// Bytes of device memory taken by what was made with this device.
@@ -99,6 +101,7 @@ impl Gpu {
         };
         let ability = Ability {
             broadcasts: ability.broadcasts && !maker.adds_features(),
+            density_maps: ability.density_maps && wanted.is_some(),
             ..ability
         };
         let Ability {
@@ -106,13 +109,18 @@ impl Gpu {
             queue_family,
             timestamp_bits,
             broadcasts,
+            density_maps,
         } = ability;
         let has_swapchain = instance.surface_extensions.contains(&khr::surface::NAME)
             && contains(&chosen.extensions, khr::swapchain::NAME);
         let clock = (timestamp_bits > 0)
             .then(|| Calibration::extension(&instance, chosen.handle, &chosen.extensions))
             .flatten();
-        let optional = [has_swapchain.then_some(khr::swapchain::NAME), clock];
+        let optional = [
+            has_swapchain.then_some(khr::swapchain::NAME),
+            clock,
+            density_maps.then_some(ext::fragment_density_map::NAME),
+        ];
         let device = open_device(maker, &instance, &chosen, &ability, optional)?;
         let calibration = clock.map(|name| Calibration::new(&instance, &device.0, name));
         // SAFETY: the family and its first queue were asked for when the device was made.
@@ -142,6 +150,7 @@ impl Gpu {
             calibration,
             has_swapchain,
             broadcasts,
+            density_maps,
             shares_memory: chosen.info.is_cpu,
             memory_taken: AtomicU64::new(0),
             declared_lost: AtomicBool::new(false),
@@ -242,6 +251,16 @@ impl Gpu {
     pub(crate) fn with_queue<T>(&self, use_queue: impl FnOnce(vk::Queue) -> T) -> T {
         use_queue(*self.queue.lock().unwrap_or_else(PoisonError::into_inner))
     }
+
+    /// Waits until the queue has done all that it was given, as must come before what it uses is destroyed after an error.
+    /// A lost device returns at once.
+    pub(crate) fn wait_idle(&self) {
+        // SAFETY: no one else uses the queue meanwhile.
+        let waited = unsafe { self.with_queue(|queue| self.device().queue_wait_idle(queue)) };
+        if let Err(result) = waited {
+            log::warn!("waiting for the Vulkan queue failed: {result}");
+        }
+    }
 }
 
 /// The best of the devices that the choice allows and that can draw.
@@ -281,12 +300,13 @@ fn open_device(
     instance: &Instance,
     chosen: &Candidate,
     ability: &Ability,
-    optional: [Option<&'static CStr>; 2],
+    optional: [Option<&'static CStr>; 3],
 ) -> Result<Device, RenderError> {
     let &Ability {
         subgroup,
         queue_family,
         broadcasts,
+        density_maps,
         ..
     } = ability;
     let priorities = [1.0];
@@ -314,6 +334,12 @@ fn open_device(
         vk::PhysicalDeviceVulkan12Features::default().subgroup_broadcast_dynamic_id(true);
     if broadcasts {
         info = info.push_next(&mut broadcast);
+    }
+    let mut maps = vk::PhysicalDeviceFragmentDensityMapFeaturesEXT::default()
+        .fragment_density_map(true)
+        .fragment_density_map_non_subsampled_images(true);
+    if density_maps {
+        info = info.push_next(&mut maps);
     }
     // Its features were checked to be there.
     maker.device(instance, chosen.handle, &info).map(Device)

@@ -50,6 +50,8 @@ pub(crate) struct Ability {
     pub(crate) timestamp_bits: u32,
     /// Lanes hand values round by broadcasts from any lane, and well.
     pub(crate) broadcasts: bool,
+    /// Pictures can be drawn coarser where a map says so (`VK_EXT_fragment_density_map`), into images of any kind.
+    pub(crate) density_maps: bool,
 }
 
 fn text(bytes: Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>) -> String {
@@ -125,6 +127,7 @@ impl Candidate {
             queue_family,
             timestamp_bits: family.timestamp_valid_bits,
             broadcasts: self.broadcasts(instance),
+            density_maps: self.density_maps(instance),
         })
     }
 
@@ -142,6 +145,20 @@ impl Candidate {
         // SAFETY: the device knows the chained structure, which came with its version.
         unsafe { instance.get_physical_device_features2(self.handle, &mut features) };
         newer.subgroup_broadcast_dynamic_id == vk::TRUE
+    }
+
+    /// Whether density maps are there, also for images that were not made for them: a headset's are the runtime's, and not
+    /// subsampled.
+    fn density_maps(&self, instance: &ash::Instance) -> bool {
+        if !contains(&self.extensions, ext::fragment_density_map::NAME) {
+            return false;
+        }
+        let mut maps = vk::PhysicalDeviceFragmentDensityMapFeaturesEXT::default();
+        let mut features = Features2::default().push_next(&mut maps);
+        // SAFETY: the device knows the chained structure (extension checked).
+        unsafe { instance.get_physical_device_features2(self.handle, &mut features) };
+        maps.fragment_density_map == vk::TRUE
+            && maps.fragment_density_map_non_subsampled_images == vk::TRUE
     }
 
     /// The first family that both draws and computes.

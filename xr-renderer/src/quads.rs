@@ -11,26 +11,28 @@ use shaders_spirv::{QUADS_PER_INSTANCE, SortState};
 
 use crate::bindings::{Bindings, Resource};
 use crate::buffer::{Buffer, Place};
-use crate::error::{RenderError, VkContext};
+use crate::error::RenderError;
 use crate::front::Front;
 use crate::gpu::Gpu;
+use crate::graphics::{GraphicsPipeline, Triangles};
 use crate::pipeline::{Constants, Module};
-use crate::render_pass::RenderPass;
+use crate::render_pass::{Pass, RenderPass};
 use crate::target::Target;
 
-/// Pipeline, pass and what they read.
+/// Pipelines and what they read, and the pass of the renderer's own target.
 pub(crate) struct Quads {
     gpu: Arc<Gpu>,
+    /// One for each pass that is drawn in, the own one first.
+    pipelines: Vec<(Arc<Pass>, GraphicsPipeline)>,
     bindings: Bindings,
-    pipeline: vk::Pipeline,
     indices: Buffer,
     state: vk::Buffer,
-    pass: RenderPass,
+    own: RenderPass,
 }
 
 impl Quads {
     pub(crate) fn new(gpu: &Arc<Gpu>, front: &Front, target: &Target) -> Result<Self, RenderError> {
-        let pass = RenderPass::new(gpu, target)?;
+        let own = RenderPass::new(gpu, target)?;
         let passed = front.passed();
         let [left, right] = &passed.splats;
         let storage = [left, right, &passed.rects, front.order(), &passed.state];
@@ -38,50 +40,67 @@ impl Quads {
             .chain(storage.map(Resource::Storage))
             .collect();
         let bindings = Bindings::new(gpu, vk::ShaderStageFlags::VERTEX, 0, 1, &resources)?;
-        let indices = index_buffer(gpu)?;
-        let attachments = if target.has_depth() { 2 } else { 1 };
-        let pipeline = make_pipeline(gpu, bindings.layout(), pass.handle, attachments)?;
-        Ok(Self {
+        let mut made = Self {
             gpu: Arc::clone(gpu),
+            pipelines: Vec::new(),
             bindings,
-            pipeline,
-            indices,
+            indices: index_buffer(gpu)?,
             state: passed.state.handle(),
-            pass,
-        })
+            own,
+        };
+        let pass = Arc::clone(&made.own.pass);
+        made.prepare(&pass)?;
+        Ok(made)
     }
 
-    /// Records the drawing of all views.
+    /// Makes sure that [`Self::record_within`] can draw in this pass. The device is idle.
+    pub(crate) fn prepare(&mut self, pass: &Arc<Pass>) -> Result<(), RenderError> {
+        if self.pipeline(pass).is_some() {
+            return Ok(());
+        }
+        // Passes that nobody else has are over.
+        self.pipelines
+            .retain(|(pass, _)| Arc::strong_count(pass) > 1);
+        let made = make_pipeline(&self.gpu, self.bindings.layout(), pass)?;
+        self.pipelines.push((Arc::clone(pass), made));
+        Ok(())
+    }
+
+    fn pipeline(&self, pass: &Arc<Pass>) -> Option<&GraphicsPipeline> {
+        let mut made = self.pipelines.iter();
+        made.find(|(other, _)| Arc::ptr_eq(other, pass))
+            .map(|(_, pipeline)| pipeline)
+    }
+
+    /// Records the drawing of all views into the target.
     pub(crate) fn record(&self, commands: vk::CommandBuffer, target: &Target) {
-        let device = self.gpu.device();
-        let point = vk::PipelineBindPoint::GRAPHICS;
-        self.pass.record(commands, target, |area| {
-            let viewport = vk::Viewport {
-                width: pixels(area.extent.width),
-                height: pixels(area.extent.height),
-                max_depth: 1.0,
-                ..Default::default()
-            };
-            self.bindings.record(commands, point, 0, &[]);
-            // SAFETY: the command buffer is being recorded, within the pass that the pipeline was made for; the state
-            // holds the draw's arguments.
-            unsafe {
-                device.cmd_bind_pipeline(commands, point, self.pipeline);
-                device.cmd_set_viewport(commands, 0, &[viewport]);
-                device.cmd_set_scissor(commands, 0, &[area]);
-                let indices = self.indices.handle();
-                device.cmd_bind_index_buffer(commands, indices, 0, vk::IndexType::UINT16);
-                let arguments = offset_of!(SortState, draw) as u64;
-                device.cmd_draw_indexed_indirect(commands, self.state, arguments, 1, 0);
-            }
+        self.own.record(commands, target, |area| {
+            self.record_within(commands, &self.own.pass, area);
         });
     }
-}
 
-impl Drop for Quads {
-    fn drop(&mut self) {
-        // SAFETY: owners wait for the device before they drop.
-        unsafe { self.gpu.device().destroy_pipeline(self.pipeline, None) };
+    /// Records the drawing of all views, over an area, within a pass that was prepared and is being recorded.
+    pub(crate) fn record_within(
+        &self,
+        commands: vk::CommandBuffer,
+        pass: &Arc<Pass>,
+        area: vk::Rect2D,
+    ) {
+        debug_assert!(self.pipeline(pass).is_some(), "a pass that was prepared");
+        let Some(pipeline) = self.pipeline(pass) else {
+            return;
+        };
+        let device = self.gpu.device();
+        let point = vk::PipelineBindPoint::GRAPHICS;
+        pipeline.record(commands, area);
+        self.bindings.record(commands, point, 0, &[]);
+        // SAFETY: the command buffer is being recorded; the state holds the draw's arguments.
+        unsafe {
+            let indices = self.indices.handle();
+            device.cmd_bind_index_buffer(commands, indices, 0, vk::IndexType::UINT16);
+            let arguments = offset_of!(SortState, draw) as u64;
+            device.cmd_draw_indexed_indirect(commands, self.state, arguments, 1, 0);
+        }
     }
 }
 
@@ -99,16 +118,16 @@ fn index_buffer(gpu: &Arc<Gpu>) -> Result<Buffer, RenderError> {
 }
 
 fn make_pipeline(
-    gpu: &Gpu,
+    gpu: &Arc<Gpu>,
     layout: vk::PipelineLayout,
-    pass: vk::RenderPass,
-    attachments: usize,
-) -> Result<vk::Pipeline, RenderError> {
+    pass: &Pass,
+) -> Result<GraphicsPipeline, RenderError> {
     let vertex = Module::new(gpu, shaders_spirv::QUAD_VERT)?;
     // Writing to an attachment that is not there is nothing a pipeline should do.
-    let fragment = match attachments {
-        1 => shaders_spirv::QUAD_FRAG,
-        _ => shaders_spirv::QUAD_DEPTH_FRAG,
+    let (fragment, attachments) = if pass.with_depth {
+        (shaders_spirv::QUAD_DEPTH_FRAG, 2)
+    } else {
+        (shaders_spirv::QUAD_FRAG, 1)
     };
     let fragment = Module::new(gpu, fragment)?;
     let constants = Constants::new(&[QUADS_PER_INSTANCE]);
@@ -119,18 +138,6 @@ fn make_pipeline(
             .specialization_info(&constants),
         fragment.stage(vk::ShaderStageFlags::FRAGMENT),
     ];
-    let input = vk::PipelineVertexInputStateCreateInfo::default();
-    let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
-        .topology(vk::PrimitiveTopology::TRIANGLE_LIST);
-    let viewport = vk::PipelineViewportStateCreateInfo::default()
-        .viewport_count(1)
-        .scissor_count(1);
-    let raster = vk::PipelineRasterizationStateCreateInfo::default()
-        .polygon_mode(vk::PolygonMode::FILL)
-        .cull_mode(vk::CullModeFlags::NONE)
-        .line_width(1.0);
-    let samples = vk::PipelineMultisampleStateCreateInfo::default()
-        .rasterization_samples(vk::SampleCountFlags::TYPE_1);
     // Premultiplied "over"; the depth attachment has no alpha of its own and is blended by the one written to it.
     let over = vk::PipelineColorBlendAttachmentState::default()
         .blend_enable(true)
@@ -142,32 +149,15 @@ fn make_pipeline(
         .alpha_blend_op(vk::BlendOp::ADD)
         .color_write_mask(vk::ColorComponentFlags::RGBA);
     let blends = [over, over];
-    let blend =
-        vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends[..attachments]);
-    let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
-    let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
-    let info = [vk::GraphicsPipelineCreateInfo::default()
-        .stages(&stages)
-        .vertex_input_state(&input)
-        .input_assembly_state(&assembly)
-        .viewport_state(&viewport)
-        .rasterization_state(&raster)
-        .multisample_state(&samples)
-        .color_blend_state(&blend)
-        .dynamic_state(&dynamic)
-        .layout(layout)
-        .render_pass(pass)];
-    let device = gpu.device();
-    // SAFETY: modules, layout, pass and all structures live until the call returns.
-    let made = unsafe { device.create_graphics_pipelines(vk::PipelineCache::null(), &info, None) };
-    let pipelines = made
-        .map_err(|(_, result)| result)
-        .during("vkCreateGraphicsPipelines")?;
-    Ok(pipelines.first().copied().unwrap_or_default())
-}
-
-/// Pixel counts are at most 4096: exact in f32.
-#[expect(clippy::cast_precision_loss, reason = "pixel counts are small")]
-fn pixels(count: u32) -> f32 {
-    count as f32
+    GraphicsPipeline::new(
+        gpu,
+        &Triangles {
+            stages: &stages,
+            blends: &blends[..attachments],
+            writes_depth: false,
+            layout,
+            pass: pass.handle,
+            subpass: 0,
+        },
+    )
 }

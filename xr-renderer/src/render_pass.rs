@@ -4,18 +4,51 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::attachment::Attachment;
+use crate::attachment::{Attachment, Fate};
 use crate::error::{RenderError, VkContext};
 use crate::gpu::Gpu;
 use crate::target::Target;
 
-const PICTURE: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
-const DEPTH: vk::Format = vk::Format::R16_SFLOAT;
+/// What quads are blended in: 8 bits would not do.
+pub(crate) const PICTURE: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
+/// As depth is, if it is drawn.
+pub(crate) const DEPTH: vk::Format = vk::Format::R16_SFLOAT;
 
-/// A multiview render pass, its attachments and their framebuffer.
-pub(crate) struct RenderPass {
+/// A multiview render pass whose first part quads can be drawn in: they write [`PICTURE`], and [`DEPTH`] if wanted.
+pub(crate) struct Pass {
     gpu: Arc<Gpu>,
     pub(crate) handle: vk::RenderPass,
+    pub(crate) with_depth: bool,
+}
+
+impl Pass {
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        info: &vk::RenderPassCreateInfo<'_>,
+        with_depth: bool,
+    ) -> Result<Self, RenderError> {
+        // SAFETY: the structures live until the call returns; multiview was enabled with the device.
+        let handle =
+            unsafe { gpu.device().create_render_pass(info, None) }.during("vkCreateRenderPass")?;
+        Ok(Self {
+            gpu: Arc::clone(gpu),
+            handle,
+            with_depth,
+        })
+    }
+}
+
+impl Drop for Pass {
+    fn drop(&mut self) {
+        // SAFETY: owners wait for the device before they drop.
+        unsafe { self.gpu.device().destroy_render_pass(self.handle, None) };
+    }
+}
+
+/// The pass of the renderer's own target, its attachments and their framebuffer.
+pub(crate) struct RenderPass {
+    gpu: Arc<Gpu>,
+    pub(crate) pass: Arc<Pass>,
     framebuffer: vk::Framebuffer,
     picture: Attachment,
     depth: Option<Attachment>,
@@ -23,23 +56,28 @@ pub(crate) struct RenderPass {
 
 impl RenderPass {
     pub(crate) fn new(gpu: &Arc<Gpu>, target: &Target) -> Result<Self, RenderError> {
-        let picture = Attachment::new(gpu, "the quads' picture", PICTURE, target)?;
+        let attachment = |what: &'static str, format| {
+            Attachment::new(gpu, what, format, target.most, target.layers, Fate::Copied)
+        };
+        let picture = attachment("the quads' picture", PICTURE)?;
         let depth = target
             .has_depth()
-            .then(|| Attachment::new(gpu, "the quads' depth", DEPTH, target))
+            .then(|| attachment("the quads' depth", DEPTH))
             .transpose()?;
         let mut made = Self {
             gpu: Arc::clone(gpu),
-            handle: make_pass(gpu, target)?,
+            pass: Arc::new(make_pass(gpu, target)?),
             framebuffer: vk::Framebuffer::null(),
             picture,
             depth,
         };
         let attachments = std::iter::once(&made.picture).chain(&made.depth);
-        let views: Vec<_> = attachments.map(|attachment| attachment.view).collect();
+        let views: Vec<_> = attachments
+            .map(|attachment| attachment.view.handle())
+            .collect();
         // With multiview the view mask chooses the layers, and the framebuffer counts as one.
         let info = vk::FramebufferCreateInfo::default()
-            .render_pass(made.handle)
+            .render_pass(made.pass.handle)
             .attachments(&views)
             .width(target.most.width)
             .height(target.most.height)
@@ -67,7 +105,7 @@ impl RenderPass {
             },
         };
         let begin = vk::RenderPassBeginInfo::default()
-            .render_pass(self.handle)
+            .render_pass(self.pass.handle)
             .framebuffer(self.framebuffer)
             .render_area(area)
             .clear_values(&clear);
@@ -88,7 +126,7 @@ impl RenderPass {
     }
 }
 
-fn make_pass(gpu: &Gpu, target: &Target) -> Result<vk::RenderPass, RenderError> {
+fn make_pass(gpu: &Arc<Gpu>, target: &Target) -> Result<Pass, RenderError> {
     let formats = [PICTURE, DEPTH];
     let count = if target.has_depth() { 2 } else { 1 };
     let attachments = formats.map(|format| {
@@ -143,17 +181,13 @@ fn make_pass(gpu: &Gpu, target: &Target) -> Result<vk::RenderPass, RenderError> 
         .subpasses(&subpasses)
         .dependencies(&dependencies)
         .push_next(&mut multiview);
-    // SAFETY: the structures live until the call returns; multiview was enabled with the device.
-    unsafe { gpu.device().create_render_pass(&info, None) }.during("vkCreateRenderPass")
+    Pass::new(gpu, &info, target.has_depth())
 }
 
 impl Drop for RenderPass {
     fn drop(&mut self) {
         let device = self.gpu.device();
         // SAFETY: owners wait for the device before they drop; destroying a null handle does nothing.
-        unsafe {
-            device.destroy_framebuffer(self.framebuffer, None);
-            device.destroy_render_pass(self.handle, None);
-        }
+        unsafe { device.destroy_framebuffer(self.framebuffer, None) };
     }
 }

@@ -20,6 +20,7 @@ use crate::posing::{PosedInput, StateId};
 use crate::slot::ForegroundSlot;
 use crate::target::Target;
 use crate::timestamps::{PictureTime, StageTimes};
+use crate::xr::Canvas;
 
 /// Widest and highest picture: a tile's column and row are 8 bits each.
 const MOST_PIXELS: u32 = 4096;
@@ -128,7 +129,20 @@ impl SplatRenderer {
     /// # Errors
     /// Cameras, parts, a slot or states that do not fit the renderer, more splats than the tiles' lists can hold, or a device that fails.
     pub fn draw_with(&mut self, drawing: &Drawing<'_>) -> Result<(), RenderError> {
-        self.engine_mut()?.draw(drawing)
+        self.engine_mut()?.draw(drawing, None)
+    }
+
+    /// As [`Self::draw_with`], for a headset: the picture goes into its images, quads without coming by the renderer's own
+    /// target, from which it then cannot be read back. Back ends are compared by the time that this takes.
+    ///
+    /// # Errors
+    /// As there, or a canvas of another device, another number of views or less room.
+    pub fn draw_onto(
+        &mut self,
+        drawing: &Drawing<'_>,
+        canvas: &mut Canvas<'_>,
+    ) -> Result<(), RenderError> {
+        self.engine_mut()?.draw(drawing, Some(canvas))
     }
 
     /// Opens the device again after it was lost and makes the renderer as it was, background and mesh from the host's copies.
@@ -207,7 +221,7 @@ impl SplatRenderer {
     /// The last picture of a view, as large as its camera said; all transparent before the first.
     ///
     /// # Errors
-    /// No such view, or a device that fails.
+    /// No such view, a picture that was drawn into a headset's images alone, or a device that fails.
     pub fn read_back(&mut self, view: u32) -> Result<Image, RenderError> {
         self.check_view(view)?;
         self.engine_mut()?.read_back(view)
@@ -217,7 +231,7 @@ impl SplatRenderer {
     /// not 0, it is the mean depth along the view's axis of what the pixel shows.
     ///
     /// # Errors
-    /// A renderer that was not made to draw depth, no such view, or a device that fails.
+    /// A renderer that was not made to draw depth, no such view, a picture that was drawn into a headset's images alone, or a device that fails.
     pub fn read_back_depth(&mut self, view: u32) -> Result<Vec<f32>, RenderError> {
         self.check_view(view)?;
         if !self.options.depth {

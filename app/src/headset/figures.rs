@@ -22,6 +22,8 @@ pub struct HeadsetFigures {
     pub hands: bool,
     /// Whether the gaze is tracked.
     pub gaze: bool,
+    /// How pictures come into the headset's images, and whether they are foveated; nothing before the first.
+    pub way: Option<String>,
     /// Whether the compositor gets depth.
     pub depth: bool,
     /// The display's rate where it can be chosen, Hz.

@@ -227,6 +227,9 @@ impl<S: MotionSource> Frames<'_, S> {
         self.describe(headset, &session);
         let outcome = self.until_over(&mut session);
         self.figures.floor = session.floor().to_string();
+        if let Some(way) = session.way() {
+            self.figures.way = Some(way.to_string());
+        }
         let passed = session.life().passed();
         (self.figures.states).extend(passed.iter().map(ToString::to_string));
         self.figures.frames.late += self.pace.late();
@@ -349,7 +352,9 @@ impl<S: MotionSource> Frames<'_, S> {
                 return Err(error.into());
             }
         };
-        match self.draw(session, &eyes, &controls) {
+        let shown = self.figures.frames.shown;
+        let reads = self.watcher.wants(shown, somebody);
+        match self.draw(session, &eyes, &controls, reads) {
             Ok(Drawn::Picture) => {}
             Ok(Drawn::Renewed(_) | Drawn::Lost) => {
                 session.skip(frame)?;
@@ -360,11 +365,7 @@ impl<S: MotionSource> Frames<'_, S> {
                 return Err(error);
             }
         }
-        let shown = self.figures.frames.shown;
-        let reads = self.watcher.wants(shown, somebody);
-        let renderer = self.lanes.renderer();
-        let behind = surround(session, renderer.options());
-        let pictures = session.show(frame, &eyes, renderer, behind, reads)?;
+        let pictures = session.show(frame)?;
         let done = Instant::now();
         let (seen, in_time) = self.pace.shown(&frame, done);
         self.lanes.displayed(seen);
@@ -381,12 +382,13 @@ impl<S: MotionSource> Frames<'_, S> {
         Ok(None)
     }
 
-    /// Puts everybody in their places and draws them.
+    /// Puts everybody in their places and draws them into the headset's next images, which may be read back.
     fn draw(
         &mut self,
         session: &mut Session,
         eyes: &Eyes,
         controls: &Controls,
+        reads: bool,
     ) -> Result<Drawn, HeadsetError> {
         let viewer = Viewer {
             floor_from_head: Some(eyes.floor_from_head),
@@ -398,7 +400,9 @@ impl<S: MotionSource> Frames<'_, S> {
         }
         let period = Duration::from_secs_f32(1.0 / session.refresh_hz().unwrap_or(60.0).max(1.0));
         self.panel.update(session, self.lanes, period)?;
-        Ok(self.lanes.draw(&eyes.cameras)?)
+        let behind = surround(session, self.lanes.renderer().options());
+        let mut canvas = session.canvas(eyes, behind, reads)?;
+        Ok(self.lanes.draw_onto(&eyes.cameras, &mut canvas)?)
     }
 
     fn note(&mut self, frame: &Frame) {

@@ -67,7 +67,7 @@ pub struct Skipped {
 /// What was drawn.
 #[derive(Debug)]
 pub enum Drawn {
-    /// The picture; it is in the renderer.
+    /// The picture; it is in the renderer, or in the headset's images that it was drawn onto.
     Picture,
     /// None: the device was lost, and another has been opened. Show the next picture on that one.
     Renewed(Arc<Gpu>),

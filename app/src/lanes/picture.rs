@@ -5,6 +5,7 @@ use super::{Drawn, Lanes, MotionSource, Progress, Tick};
 use crate::ReceiverError;
 use spmm3::MotionParams;
 use std::time::Instant;
+use xr_renderer::xr::Canvas;
 use xr_renderer::{Camera, Drawing, Foreground, MOST_PARTS, Part, RenderError};
 
 impl<S: MotionSource> Lanes<S> {
@@ -53,6 +54,26 @@ impl<S: MotionSource> Lanes<S> {
     /// # Errors
     /// If the renderer fails other than by losing its device, or there is no other device.
     pub fn draw(&mut self, cameras: &[Camera]) -> Result<Drawn, ReceiverError> {
+        self.draw_to(cameras, None)
+    }
+
+    /// The same into a headset's images, as its two eyes see it.
+    ///
+    /// # Errors
+    /// As [`Self::draw`].
+    pub fn draw_onto(
+        &mut self,
+        cameras: &[Camera; 2],
+        canvas: &mut Canvas<'_>,
+    ) -> Result<Drawn, ReceiverError> {
+        self.draw_to(cameras, Some(canvas))
+    }
+
+    fn draw_to(
+        &mut self,
+        cameras: &[Camera],
+        canvas: Option<&mut Canvas<'_>>,
+    ) -> Result<Drawn, ReceiverError> {
         if self.is_lost {
             self.drawing = None;
             return Ok(Drawn::Lost);
@@ -82,7 +103,11 @@ impl<S: MotionSource> Lanes<S> {
                 .number
                 .is_multiple_of(u64::from(self.quality.sort_every.max(1))),
         };
-        match self.renderer.draw_with(&drawing) {
+        let drawn = match canvas {
+            Some(canvas) => self.renderer.draw_onto(&drawing, canvas),
+            None => self.renderer.draw_with(&drawing),
+        };
+        match drawn {
             Ok(()) => {}
             Err(error @ RenderError::DeviceLost(_)) => return self.lose(&error),
             Err(error) => return Err(error.into()),

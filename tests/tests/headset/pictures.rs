@@ -60,7 +60,8 @@ fn scenes() -> [Scene; 3] {
     ]
 }
 
-fn eyes_show_the_reference(back_end: &str) {
+/// `way` is how the pictures come into the headset's images.
+fn eyes_show_the_reference(back_end: &str, way: &str) {
     let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
         return;
     };
@@ -83,6 +84,7 @@ fn eyes_show_the_reference(back_end: &str) {
         let views = View::of(&scripted, SIZE);
         for (eye, (view, picture)) in views.iter().zip(&pictures).enumerate() {
             let name = format!("{name}-{}-{}", ["left", "right"][eye], &back_end[11..]);
+            assert_eq!(told["way"], way, "{name}: the way into the images");
             view.assert_is(&told["eyes"][eye], &name);
             let expected = render(&figure, &view.camera());
             let shown_cut = assert_shows(picture, &expected, &name);
@@ -187,11 +189,12 @@ fn keep(picture: &RgbaImage, expected: &ReferencePicture, name: &str) -> String 
 }
 
 #[test]
-fn at_three_poses_of_the_head_both_eyes_show_the_reference_by_tiles() {
-    eyes_show_the_reference("tiles");
+fn at_three_poses_of_the_head_both_eyes_show_the_reference_by_tiles_that_are_copied() {
+    eyes_show_the_reference("tiles", "composed and copied");
 }
 
 #[test]
-fn at_three_poses_of_the_head_both_eyes_show_the_reference_by_quads() {
-    eyes_show_the_reference("quads");
+fn at_three_poses_of_the_head_both_eyes_show_the_reference_by_quads_drawn_straight_into_the_images()
+{
+    eyes_show_the_reference("quads", "drawn straight into the headset's images");
 }

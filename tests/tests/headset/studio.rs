@@ -50,14 +50,20 @@ fn up_of(picture: &RgbaImage, view: &View) -> DVec3 {
     -(squares.inverse() * products).normalize()
 }
 
-#[test]
-fn floor_and_wall_have_their_colours_and_the_horizon_is_level_however_the_head_is_held() {
+fn floor_and_wall_are_right(back_end: &str) {
     let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
         return;
     };
     let mut head = monado.head();
     let eye = format!("--eye={}x{}", SIZE[0], SIZE[1]);
-    let arguments = ["--steered", "--figure=none", "--surround=studio", &eye];
+    let back_end = format!("--back-end={back_end}");
+    let arguments = [
+        "--steered",
+        "--figure=none",
+        "--surround=studio",
+        &back_end,
+        &eye,
+    ];
     let mut program = Program::start(&monado, u64::MAX, &arguments);
     program.wait_for_frames(5);
     let rolled =
@@ -98,4 +104,14 @@ fn floor_and_wall_have_their_colours_and_the_horizon_is_level_however_the_head_i
     }
     program.end();
     program.ended_well();
+}
+
+#[test]
+fn floor_and_wall_have_their_colours_and_the_horizon_is_level_however_the_head_is_held() {
+    floor_and_wall_are_right("tiles");
+}
+
+#[test]
+fn they_are_the_same_behind_quads_drawn_straight_into_the_images() {
+    floor_and_wall_are_right("quads");
 }

@@ -1,6 +1,7 @@
 //! What a pipeline has to be told of a compiled shader: its stage, bindings, outputs, specialisation constants.
 //!
-//! Reads just the SPIR-V that glslang writes for this project's shaders: buffers only, no images, no vertex attributes.
+//! Reads just the SPIR-V that glslang writes for this project's shaders: buffers and what an earlier part of the pass drew, no other
+//! images, no vertex attributes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,12 +11,18 @@ use shaders_spirv::Shader;
 
 const OP_NAME: u16 = 5;
 const OP_ENTRY_POINT: u16 = 15;
+const OP_EXECUTION_MODE: u16 = 16;
 const OP_CAPABILITY: u16 = 17;
+const OP_TYPE_IMAGE: u16 = 25;
 const OP_TYPE_POINTER: u16 = 32;
 const OP_VARIABLE: u16 = 59;
 const OP_DECORATE: u16 = 71;
 
 const CAPABILITY_MULTI_VIEW: u32 = 4439;
+
+const MODE_DEPTH_REPLACING: u32 = 12;
+
+const DIMENSION_SUBPASS_DATA: u32 = 6;
 
 const DECORATION_SPEC_ID: u32 = 1;
 const DECORATION_BUFFER_BLOCK: u32 = 3;
@@ -23,6 +30,7 @@ const DECORATION_LOCATION: u32 = 30;
 const DECORATION_BINDING: u32 = 33;
 const DECORATION_DESCRIPTOR_SET: u32 = 34;
 
+const CLASS_UNIFORM_CONSTANT: u32 = 0;
 const CLASS_INPUT: u32 = 1;
 const CLASS_UNIFORM: u32 = 2;
 const CLASS_OUTPUT: u32 = 3;
@@ -52,12 +60,14 @@ pub(crate) struct Module {
     pub(crate) stage: Stage,
     /// Drawn for both eyes at once.
     pub(crate) multiview: bool,
-    /// Kinds of buffer by binding number in set 0.
+    /// Kinds of buffer, or input attachments, by binding number in set 0.
     pub(crate) bindings: BTreeMap<u32, vk::DescriptorType>,
     /// Numbers and names of the specialisation constants.
     pub(crate) constants: BTreeMap<u32, String>,
     /// Colour attachments a fragment shader writes.
     pub(crate) outputs: BTreeSet<u32>,
+    /// Whether it says how deep its fragments are.
+    pub(crate) replaces_depth: bool,
 }
 
 impl Module {
@@ -68,7 +78,8 @@ impl Module {
 
     fn parse(shader: Shader, words: &[u32]) -> anyhow::Result<Self> {
         let mut stage = None;
-        let mut multiview = false;
+        let (mut multiview, mut replaces_depth) = (false, false);
+        let mut images = BTreeMap::new();
         let mut names = BTreeMap::new();
         let mut decorations = BTreeMap::new();
         let mut pointees = BTreeMap::new();
@@ -77,7 +88,9 @@ impl Module {
             match instruction {
                 (OP_NAME, [id, name @ ..]) => _ = names.insert(*id, text(name)),
                 (OP_ENTRY_POINT, [model, ..]) => stage = Some(*model),
+                (OP_EXECUTION_MODE, [_, MODE_DEPTH_REPLACING]) => replaces_depth = true,
                 (OP_CAPABILITY, [CAPABILITY_MULTI_VIEW]) => multiview = true,
+                (OP_TYPE_IMAGE, [id, _, dimension, ..]) => _ = images.insert(*id, *dimension),
                 (OP_DECORATE, [id, decoration, value @ ..]) => {
                     let value = value.first().copied().unwrap_or_default();
                     decorations.insert((*id, *decoration), value);
@@ -117,7 +130,15 @@ impl Module {
                         CLASS_STORAGE_BUFFER => vk::DescriptorType::STORAGE_BUFFER,
                         CLASS_UNIFORM if old_storage => vk::DescriptorType::STORAGE_BUFFER,
                         CLASS_UNIFORM => vk::DescriptorType::UNIFORM_BUFFER,
-                        _ => bail!("only buffers are handled, not {}", name()),
+                        CLASS_UNIFORM_CONSTANT
+                            if images.get(&pointee) == Some(&DIMENSION_SUBPASS_DATA) =>
+                        {
+                            vk::DescriptorType::INPUT_ATTACHMENT
+                        }
+                        _ => bail!(
+                            "only buffers and input attachments are handled, not {}",
+                            name()
+                        ),
                     };
                     bindings.insert(binding, descriptor);
                 }
@@ -144,6 +165,7 @@ impl Module {
             bindings,
             constants,
             outputs,
+            replaces_depth,
         })
     }
 }
@@ -200,6 +222,18 @@ mod tests {
         let count = Module::read(shaders_spirv::SORT_COUNT).expect("a shader of ours");
         let constants: Vec<_> = count.constants.into_iter().collect();
         assert_eq!(constants, [(0, "GROUP".to_owned())], "sort_count.comp");
+    }
+
+    #[test]
+    fn what_an_earlier_part_of_the_pass_drew_is_told_from_buffers() {
+        let show = Module::read(shaders_spirv::SHOW_EYE_DEPTH_FRAG).expect("a shader of ours");
+        let kinds: Vec<_> = show.bindings.into_values().collect();
+        let input = vk::DescriptorType::INPUT_ATTACHMENT;
+        let expected = [vk::DescriptorType::UNIFORM_BUFFER, input, input];
+        assert_eq!(kinds, expected, "eyes, picture, depth");
+        assert!(show.replaces_depth, "it writes depth");
+        let show = Module::read(shaders_spirv::SHOW_EYE_FRAG).expect("a shader of ours");
+        assert!(!show.replaces_depth, "it does not");
     }
 
     #[test]

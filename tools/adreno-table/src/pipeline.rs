@@ -15,6 +15,9 @@ const PUSH_BYTES: u32 = 128;
 /// Where the splats are drawn: colour, and depth.
 const ATTACHMENTS: [vk::Format; 2] = [vk::Format::R16G16B16A16_SFLOAT, vk::Format::R16_SFLOAT];
 
+/// A headset's images: colour, and depth.
+const SHOWN: [vk::Format; 2] = [vk::Format::R8G8B8A8_SRGB, vk::Format::D32_SFLOAT];
+
 /// One stage of a compiled pipeline.
 pub(crate) struct Compiled {
     /// The driver's name for it: `vs`, `fs`, `cs` or the like.
@@ -128,7 +131,11 @@ fn layout(device: &Device, modules: &[&Module]) -> anyhow::Result<vk::PipelineLa
                 .binding(*binding)
                 .descriptor_type(*kind)
                 .descriptor_count(1)
-                .stage_flags(stages)
+                // Nobody else can read an input attachment.
+                .stage_flags(match *kind {
+                    vk::DescriptorType::INPUT_ATTACHMENT => vk::ShaderStageFlags::FRAGMENT,
+                    _ => stages,
+                })
         })
         .collect();
     let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
@@ -174,7 +181,8 @@ fn compute(
     pipelines.first().copied().context("no pipeline")
 }
 
-/// Triangles from storage buffers alone, blended over one another, to both eyes if the shaders are for both.
+/// Triangles from storage buffers alone, blended over one another, or one over all of the picture, made of what an earlier part
+/// of the pass drew; to both eyes if the shaders are for both.
 fn graphics(
     device: &Device,
     modules: &[&Module],
@@ -200,7 +208,11 @@ fn graphics(
         .src_alpha_blend_factor(vk::BlendFactor::ONE)
         .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
         .color_write_mask(vk::ColorComponentFlags::RGBA);
-    let blends = vec![over; outputs];
+    let inputs = (modules.iter().flat_map(|module| module.bindings.values()))
+        .filter(|kind| **kind == vk::DescriptorType::INPUT_ATTACHMENT)
+        .count();
+    let replaces_depth = modules.iter().any(|module| module.replaces_depth);
+    let blends = vec![over.blend_enable(inputs == 0); outputs];
     let blending = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
     let vertices = vk::PipelineVertexInputStateCreateInfo::default();
     let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
@@ -211,14 +223,21 @@ fn graphics(
     let rasterisation = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0);
     let samples = vk::PipelineMultisampleStateCreateInfo::default()
         .rasterization_samples(vk::SampleCountFlags::TYPE_1);
-    let depth = vk::PipelineDepthStencilStateCreateInfo::default();
+    let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+        .depth_test_enable(replaces_depth)
+        .depth_write_enable(replaces_depth)
+        .depth_compare_op(vk::CompareOp::ALWAYS);
     let states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
     let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&states);
     let both_eyes = modules.iter().any(|module| module.multiview);
+    let view_mask = if both_eyes { 0b11 } else { 0 };
     let mut rendering = vk::PipelineRenderingCreateInfo::default()
-        .view_mask(if both_eyes { 0b11 } else { 0 })
+        .view_mask(view_mask)
         .color_attachment_formats(formats);
-    let info = [vk::GraphicsPipelineCreateInfo::default()
+    let pass = (inputs > 0)
+        .then(|| pass(device, inputs, replaces_depth, view_mask))
+        .transpose()?;
+    let info = vk::GraphicsPipelineCreateInfo::default()
         .flags(flags)
         .stages(stages)
         .vertex_input_state(&vertices)
@@ -229,18 +248,83 @@ fn graphics(
         .depth_stencil_state(&depth)
         .color_blend_state(&blending)
         .dynamic_state(&dynamic)
-        .layout(layout)
-        .push_next(&mut rendering)];
+        .layout(layout);
+    let info = [match pass {
+        Some(pass) => info.render_pass(pass).subpass(1),
+        None => info.push_next(&mut rendering),
+    }];
     // SAFETY: modules, layout, specialisations and states live until the call returns.
     let made = unsafe {
         device
             .handle
             .create_graphics_pipelines(vk::PipelineCache::null(), &info, None)
     };
+    if let Some(pass) = pass {
+        // SAFETY: pipelines do not need their pass once made.
+        unsafe { device.handle.destroy_render_pass(pass, None) };
+    }
     let pipelines = made
         .map_err(|(_, why)| why)
         .context("vkCreateGraphicsPipelines")?;
     pipelines.first().copied().context("no pipeline")
+}
+
+/// A pass whose second part reads what the first draws, and writes a headset's images.
+fn pass(
+    device: &Device,
+    pictures: usize,
+    with_depth: bool,
+    view_mask: u32,
+) -> anyhow::Result<vk::RenderPass> {
+    use vk::ImageLayout as Layout;
+    let drawn = ATTACHMENTS.get(..pictures).with_context(|| {
+        format!(
+            "the table knows {} pictures to be read, not {pictures}",
+            ATTACHMENTS.len()
+        )
+    })?;
+    let shown = &SHOWN[..1 + usize::from(with_depth)];
+    let attachments: Vec<_> = (drawn.iter().chain(shown))
+        .map(|format| {
+            vk::AttachmentDescription::default()
+                .format(*format)
+                .samples(vk::SampleCountFlags::TYPE_1)
+                .final_layout(Layout::GENERAL)
+        })
+        .collect();
+    let at = |place, layout| {
+        vk::AttachmentReference::default()
+            .attachment(place)
+            .layout(layout)
+    };
+    let all = |layout| (0u32..).zip(drawn).map(move |(place, _)| at(place, layout));
+    let blended: Vec<_> = all(Layout::COLOR_ATTACHMENT_OPTIMAL).collect();
+    let read: Vec<_> = all(Layout::SHADER_READ_ONLY_OPTIMAL).collect();
+    let next = u32::try_from(pictures)?;
+    let colours = [at(next, Layout::COLOR_ATTACHMENT_OPTIMAL)];
+    let depth = at(next + 1, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
+    let part = vk::SubpassDescription::default();
+    let mut last = part.input_attachments(&read).color_attachments(&colours);
+    if with_depth {
+        last = last.depth_stencil_attachment(&depth);
+    }
+    let parts = [part.color_attachments(&blended), last];
+    let local = [vk::SubpassDependency::default()
+        .dst_subpass(1)
+        .src_stage_mask(vk::PipelineStageFlags::COLOR_ATTACHMENT_OUTPUT)
+        .src_access_mask(vk::AccessFlags::COLOR_ATTACHMENT_WRITE)
+        .dst_stage_mask(vk::PipelineStageFlags::FRAGMENT_SHADER)
+        .dst_access_mask(vk::AccessFlags::INPUT_ATTACHMENT_READ)
+        .dependency_flags(vk::DependencyFlags::BY_REGION | vk::DependencyFlags::VIEW_LOCAL)];
+    let masks = [view_mask; 2];
+    let mut multiview = vk::RenderPassMultiviewCreateInfo::default().view_masks(&masks);
+    let info = vk::RenderPassCreateInfo::default()
+        .attachments(&attachments)
+        .subpasses(&parts)
+        .dependencies(&local)
+        .push_next(&mut multiview);
+    // SAFETY: the structures live until the call returns.
+    unsafe { device.handle.create_render_pass(&info, None) }.context("vkCreateRenderPass")
 }
 
 fn report(

@@ -1,27 +1,26 @@
-//! From the splatted picture to a headset's images: what surrounds the person, the compositor's colours and depths, the copies.
+//! A headset's images, one layer for each eye, and the renderer's way into them: quads are drawn straight into them, what compute
+//! drew is composed and copied.
 
+use std::fmt;
 use std::sync::Arc;
 
 use ash::vk;
-use openxr::{Session, SwapchainUsageFlags, Vulkan};
+use openxr::{Session, SwapchainUsageFlags as Usage, View, Vulkan};
+use shaders_spirv::{EyeParams, EyeView};
 
+use super::copies::{Copies, Layers};
+use super::direct::{Direct, Drawn};
 use super::error::{XrContext, XrError};
+use super::ext::foveation::Foveation;
 use super::frame::Eyes;
-use super::swapchain::{Kind, Swapchain, first_common};
-use crate::bindings::Resource;
+use super::swapchain::{Acquired, Kind, Swapchain, first_common};
 use crate::buffer::{Buffer, Place};
 use crate::camera::Camera;
-use crate::commands::{Commands, barrier};
+use crate::canvas::{Drawers, Images};
 use crate::error::RenderError;
 use crate::gpu::Gpu;
-use crate::pipeline::{ComputePipeline, Specialisation};
-use crate::splat::SplatRenderer;
+use crate::render_pass::Pass;
 use crate::target::Target;
-
-const GROUP: u32 = 64;
-/// Of `EyeParams` in the shader.
-const PUSH_WORDS: usize = 26;
-const PUSH_BYTES: u32 = 104;
 
 /// Depth 0 and 1 of the compositor's depth images, metres from the eye along its axis.
 pub(crate) const NEAR: f32 = 0.05;
@@ -48,7 +47,7 @@ pub enum Surround {
 }
 
 impl Surround {
-    /// As the shader's constants.
+    /// As the shaders' constants.
     fn number(self) -> u32 {
         match self {
             Self::Room => 0,
@@ -69,21 +68,61 @@ pub struct EyePicture {
     pub rgba: Vec<u8>,
 }
 
-/// A headset's images, and the way into them.
+/// How a picture came into a headset's images.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// Composed from what the renderer drew elsewhere, and copied.
+    Copied,
+    /// Drawn straight into them.
+    Direct {
+        /// Whether it was drawn coarser where the eye sees little.
+        foveated: bool,
+    },
+}
+
+impl fmt::Display for Way {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Copied => "composed and copied",
+            Self::Direct { foveated: false } => "drawn straight into the headset's images",
+            Self::Direct { foveated: true } => "drawn straight into the headset's images, foveated",
+        })
+    }
+}
+
+/// A picture in the images, as the compositor is told of it.
+#[derive(Clone, Copy)]
+pub(crate) struct Written {
+    pub(crate) views: [View; 2],
+    pub(crate) surround: Surround,
+    pub(crate) size: vk::Extent2D,
+    pub(crate) has_depth: bool,
+    reads: bool,
+    way: Way,
+}
+
+/// A picture that was given to the compositor.
+pub(crate) struct Released {
+    pub(crate) written: Written,
+    /// Both eyes', where they were to be read.
+    pub(crate) pictures: Option<[EyePicture; 2]>,
+}
+
+/// A headset's images, and the ways into them.
 pub(crate) struct EyeImages {
-    // Dropped first: waits for the device.
-    commands: Commands,
+    // What refers to the images goes before them.
+    direct: Option<Direct>,
+    copies: Option<Copies>,
+    params: Buffer,
+    read_back: Option<Buffer>,
     pub(crate) colour: Swapchain,
     pub(crate) depth: Option<Swapchain>,
-    format: vk::Format,
-    pipeline: Option<ComputePipeline>,
-    /// The renderer's buffers that the pipeline reads.
-    bound: [vk::Buffer; 2],
-    pixels: Buffer,
-    depths: Buffer,
-    read_back: Option<Buffer>,
-    /// The size of what was written last, and whether its depth was.
-    written: (vk::Extent2D, bool),
+    foveation: Option<Foveation>,
+    /// Whether the runtime's images, and the device's memory, are such that they can be drawn into.
+    can_draw: bool,
+    /// Since the images were acquired last.
+    written: Option<Written>,
+    way: Option<Way>,
     gpu: Arc<Gpu>,
 }
 
@@ -92,6 +131,7 @@ impl EyeImages {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         session: &Session<Vulkan>,
+        foveation: Option<Foveation>,
         extent: vk::Extent2D,
         with_depth: bool,
         with_read_back: bool,
@@ -103,139 +143,127 @@ impl EyeImages {
             runtime: "the OpenXR runtime".to_owned(),
             lacks: "images of 8-bit colours".to_owned(),
         })?;
-        let mut usage = SwapchainUsageFlags::COLOR_ATTACHMENT
-            | SwapchainUsageFlags::SAMPLED
-            | SwapchainUsageFlags::TRANSFER_DST;
+        let mut copied = Usage::SAMPLED | Usage::TRANSFER_DST;
         if with_read_back {
-            usage |= SwapchainUsageFlags::TRANSFER_SRC;
+            copied |= Usage::TRANSFER_SRC;
         }
-        let kind = Kind {
-            format,
-            extent,
-            layers: 2,
-            usage,
+        let made = |format, attachment, copied, foveation| {
+            let kind = |usage| Kind {
+                format,
+                extent,
+                layers: 2,
+                usage,
+            };
+            match Swapchain::foveated(gpu, session, kind(copied | attachment), foveation) {
+                Err(XrError::Call { call, result }) => {
+                    log::info!("pictures are copied to the headset's images: {call}: {result}");
+                    let copied = Swapchain::new(gpu, session, kind(copied))?;
+                    Ok((copied, false))
+                }
+                drawn => drawn.map(|drawn| (drawn, true)),
+            }
         };
-        let colour = Swapchain::new(gpu, session, kind)?;
+        let attachment = Usage::COLOR_ATTACHMENT;
+        let (colour, mut can_draw) = made(format, attachment, copied, foveation.as_ref())?;
         let depth = match first_common(&DEPTHS, &offered).filter(|_| with_depth) {
             Some(format) => {
-                let usage = SwapchainUsageFlags::DEPTH_STENCIL_ATTACHMENT
-                    | SwapchainUsageFlags::SAMPLED
-                    | SwapchainUsageFlags::TRANSFER_DST;
-                Some(Swapchain::new(
-                    gpu,
-                    session,
-                    Kind {
-                        format,
-                        usage,
-                        ..kind
-                    },
-                )?)
+                let copied = Usage::SAMPLED | Usage::TRANSFER_DST;
+                let (depth, drawn) = made(format, Usage::DEPTH_STENCIL_ATTACHMENT, copied, None)?;
+                can_draw &= drawn;
+                Some(depth)
             }
             None => None,
         };
         let bytes = u64::from(extent.width) * u64::from(extent.height) * 4 * 2;
-        let depth_bytes = if depth.is_some() { bytes } else { 0 };
         let read_back = with_read_back
             .then(|| {
                 let usage = vk::BufferUsageFlags::empty();
                 Buffer::new(gpu, "the eyes' read-back", bytes, usage, Place::ReadBack)
             })
             .transpose()?;
+        let params = size_of::<EyeParams>() as u64;
+        let uniform = vk::BufferUsageFlags::UNIFORM_BUFFER;
         Ok(Self {
-            pixels: Buffer::storage(gpu, "the eyes' pixels", bytes)?,
-            depths: Buffer::storage(gpu, "the eyes' depths", depth_bytes)?,
+            direct: None,
+            copies: None,
+            params: Buffer::new(gpu, "the eyes' parameters", params, uniform, Place::Upload)?,
             read_back,
-            commands: Commands::new(gpu)?,
+            foveation: foveation.filter(|_| !colour.maps.is_empty()),
             colour,
             depth,
-            format,
-            pipeline: None,
-            bound: [vk::Buffer::null(); 2],
-            written: (vk::Extent2D::default(), false),
+            can_draw,
+            written: None,
+            way: None,
             gpu: Arc::clone(gpu),
         })
     }
 
-    /// What is to be shown of the images: the size of the last picture, and whether it has depth.
-    pub(crate) fn written(&self) -> (vk::Extent2D, bool) {
-        self.written
+    /// How the last picture came into the images; nothing before the first.
+    pub(crate) fn way(&self) -> Option<Way> {
+        self.way
     }
 
-    /// Writes the renderer's last picture, seen by `eyes`, to the next images and gives them to the compositor. Returns both
-    /// eyes' pictures where they are to be read.
-    pub(crate) fn write(
+    /// Takes the next images, for one picture of what these eyes see.
+    pub(crate) fn canvas(
         &mut self,
-        renderer: &SplatRenderer,
         eyes: &Eyes,
         surround: Surround,
         reads: bool,
-    ) -> Result<Option<[EyePicture; 2]>, XrError> {
-        let target = renderer.target()?;
-        if !Arc::ptr_eq(renderer.gpu(), &self.gpu) {
-            return Err(RenderError::DeviceLost("showing another device's picture").into());
+    ) -> Result<Canvas<'_>, XrError> {
+        self.written = None;
+        let colour = self.colour.acquire()?;
+        let depth = self.depth.as_mut().map(Swapchain::acquire).transpose()?;
+        if let Some(foveation) = &self.foveation {
+            foveation.follow_gaze(&self.colour.handle);
         }
-        // The last picture's copies may still read what is written and bound anew here.
-        self.commands.settle()?;
-        self.bind(target)?;
-        let size = vk::Extent2D {
-            width: target.width.min(self.colour.extent.width),
-            height: target.height.min(self.colour.extent.height),
-        };
-        let has_depth = target.has_depth() && self.depth.is_some();
-        let image = self.colour.acquire()?;
-        let depth_image = match &mut self.depth {
-            Some(depth) if has_depth => Some(depth.acquire()?),
-            _ => None,
-        };
-        let read_back = self.read_back.as_ref().filter(|_| reads);
-        let Some(pipeline) = &self.pipeline else {
-            return Err(RenderError::DeviceLost("making a pipeline").into());
-        };
-        let gpu = &self.gpu;
-        let submitted = self.commands.submit("showing to the eyes", |commands| {
-            for (view, camera) in (0..).zip(&eyes.cameras) {
-                let push = push_words(target, size, camera, view, surround, self.format, has_depth);
-                let groups = [size.width.div_ceil(GROUP), size.height, 1];
-                pipeline.dispatch(commands, &push, groups);
-            }
-            barrier(gpu, commands);
-            let colour = Copied {
-                image,
-                aspect: vk::ImageAspectFlags::COLOR,
-                left_in: vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
-                size,
-            };
-            colour.record(gpu, commands, &self.pixels, read_back);
-            if let Some(image) = depth_image {
-                let depth = Copied {
-                    image,
-                    aspect: vk::ImageAspectFlags::DEPTH,
-                    left_in: vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL,
-                    size,
-                };
-                depth.record(gpu, commands, &self.depths, None);
-            }
-        });
-        self.colour.release()?;
-        if let (Some(_), Some(depth)) = (depth_image, &mut self.depth) {
-            depth.release()?;
-        }
-        submitted?;
-        self.written = (size, has_depth);
-        let Some(buffer) = &self.read_back else {
-            return Ok(None);
-        };
-        if !reads {
-            return Ok(None);
-        }
-        self.commands.settle()?;
-        let bytes: Vec<u8> = buffer.read(size.width as usize * size.height as usize * 8);
-        Ok(Some(self.pictures(size, &bytes)))
+        Ok(Canvas {
+            reads: reads && self.read_back.is_some(),
+            images: self,
+            eyes: *eyes,
+            surround,
+            colour,
+            depth,
+            size: vk::Extent2D::default(),
+            has_depth: false,
+            drawn: None,
+        })
     }
 
-    fn pictures(&self, size: vk::Extent2D, bytes: &[u8]) -> [EyePicture; 2] {
+    /// Gives the images that were taken to the compositor. Returns what was written to them, if anything was.
+    pub(crate) fn release(&mut self) -> Result<Option<Released>, XrError> {
+        let released = self.colour.release_if_held();
+        if let Some(depth) = &mut self.depth {
+            depth.release_if_held()?;
+        }
+        released?;
+        let Some(written) = self.written.take() else {
+            return Ok(None);
+        };
+        if self.way.replace(written.way) != Some(written.way) {
+            self.tell(written.way);
+        }
+        let pictures = (self.read_back.as_ref())
+            .filter(|_| written.reads)
+            .map(|buffer| self.pictures(buffer, written.size));
+        Ok(Some(Released { written, pictures }))
+    }
+
+    fn tell(&self, way: Way) {
+        let unused = match way {
+            _ if self.foveation.is_none() => "",
+            Way::Copied => "; foveation is granted, but is for what is drawn into the images",
+            Way::Direct { foveated: false } => {
+                "; foveation is granted, but is for pictures of full size"
+            }
+            Way::Direct { foveated: true } => "",
+        };
+        log::info!("the eyes' pictures are {way}{unused}");
+    }
+
+    fn pictures(&self, buffer: &Buffer, size: vk::Extent2D) -> [EyePicture; 2] {
+        let bytes: Vec<u8> = buffer.read(size.width as usize * size.height as usize * 8);
         let (left, right) = bytes.split_at(bytes.len() / 2);
-        let blue_first = is_blue_first(self.format);
+        let blue_first = is_blue_first(self.colour.format);
         [left, right].map(|bytes| {
             let mut rgba = bytes.to_vec();
             if blue_first {
@@ -251,150 +279,192 @@ impl EyeImages {
         })
     }
 
-    /// Makes the pipeline read this target. The device is idle.
-    fn bind(&mut self, target: &Target) -> Result<(), XrError> {
-        let buffers = [target.buffer.handle(), target.depth.handle()];
-        let resources =
-            [&target.buffer, &target.depth, &self.pixels, &self.depths].map(Resource::Storage);
-        match &mut self.pipeline {
-            Some(_) if self.bound == buffers => {}
-            Some(pipeline) => pipeline.bind(&resources),
-            None => {
-                let specialisation = Specialisation {
-                    constants: &[GROUP],
-                    push_bytes: PUSH_BYTES,
-                    ..Default::default()
-                };
-                self.pipeline = Some(ComputePipeline::new(
-                    &self.gpu,
-                    shaders_spirv::COMPOSE_EYE,
-                    specialisation,
-                    &resources,
-                )?);
+    /// Has what pictures of this target need for being drawn into the images and for being copied, and nothing more.
+    fn make_ready(&mut self, target: &Target, drawers: Drawers) -> Result<(), RenderError> {
+        let has_depth = target.has_depth() && self.depth.is_some();
+        let draws = self.can_draw && drawers.quads;
+        if (self.direct.as_ref()).is_some_and(|it| !draws || it.has_depth() != has_depth) {
+            self.direct = None;
+        }
+        if draws && self.direct.is_none() {
+            let depth = self.depth.as_ref().filter(|_| has_depth);
+            match Direct::new(&self.gpu, &self.colour, depth, &self.params) {
+                Ok(direct) => self.direct = Some(direct),
+                Err(why @ RenderError::OutOfMemory { .. }) => {
+                    log::warn!("pictures are copied to the headset's images: {why}");
+                    self.can_draw = false;
+                }
+                Err(error) => return Err(error),
             }
         }
-        self.bound = buffers;
+        if !drawers.tiles && self.direct.is_some() {
+            self.copies = None;
+            return Ok(());
+        }
+        match &mut self.copies {
+            Some(copies) => copies.bind(&self.params, target),
+            none => {
+                let (extent, with_depth) = (self.colour.extent, self.depth.is_some());
+                let made = Copies::new(&self.gpu, extent, with_depth, &self.params, target)?;
+                *none = Some(made);
+            }
+        }
         Ok(())
     }
 }
 
-/// An image that both eyes' layers are copied to.
-struct Copied {
-    image: vk::Image,
-    aspect: vk::ImageAspectFlags,
-    /// What the compositor expects it to be left in.
-    left_in: vk::ImageLayout,
-    size: vk::Extent2D,
+impl Drop for EyeImages {
+    fn drop(&mut self) {
+        // Nothing of them is in use, unless work failed on the way.
+        self.gpu.wait_idle();
+    }
 }
 
-impl Copied {
-    fn record(
-        &self,
-        gpu: &Gpu,
-        commands: vk::CommandBuffer,
-        from: &Buffer,
-        read_back: Option<&Buffer>,
-    ) {
-        use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
-        let range = vk::ImageSubresourceRange {
-            aspect_mask: self.aspect,
-            level_count: 1,
-            layer_count: 2,
-            ..Default::default()
-        };
-        let change = |from: Layout, to: Layout, written: Access, used: Access| {
-            [vk::ImageMemoryBarrier::default()
-                .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                .image(self.image)
-                .subresource_range(range)
-                .old_layout(from)
-                .new_layout(to)
-                .src_access_mask(written)
-                .dst_access_mask(used)]
-        };
-        let vk::Extent2D { width, height } = self.size;
-        let layer_bytes = u64::from(width) * u64::from(height) * 4;
-        let regions = [0, 1].map(|layer| {
-            vk::BufferImageCopy::default()
-                .buffer_offset(layer_bytes * u64::from(layer))
-                .image_subresource(vk::ImageSubresourceLayers {
-                    aspect_mask: self.aspect,
-                    mip_level: 0,
-                    base_array_layer: layer,
-                    layer_count: 1,
-                })
-                .image_extent(vk::Extent3D {
-                    width,
-                    height,
-                    depth: 1,
-                })
-        });
-        let writable = change(
-            Layout::UNDEFINED,
-            Layout::TRANSFER_DST_OPTIMAL,
-            Access::empty(),
-            Access::TRANSFER_WRITE,
-        );
-        let mut last = (Layout::TRANSFER_DST_OPTIMAL, Access::TRANSFER_WRITE);
-        let device = gpu.device();
-        let none = vk::DependencyFlags::empty();
-        // SAFETY: the command buffer is being recorded; the image was acquired and its compositor waited for; the buffers hold
-        // as many bytes as the regions, which lie within the image.
-        unsafe {
-            device.cmd_pipeline_barrier(
-                commands,
-                Stage::ALL_COMMANDS,
-                Stage::TRANSFER,
-                none,
-                &[],
-                &[],
-                &writable,
-            );
-            device.cmd_copy_buffer_to_image(
-                commands,
-                from.handle(),
-                self.image,
-                Layout::TRANSFER_DST_OPTIMAL,
-                &regions,
-            );
-            if let Some(to) = read_back {
-                let readable = change(
-                    Layout::TRANSFER_DST_OPTIMAL,
-                    Layout::TRANSFER_SRC_OPTIMAL,
-                    Access::TRANSFER_WRITE,
-                    Access::TRANSFER_READ,
-                );
-                device.cmd_pipeline_barrier(
-                    commands,
-                    Stage::TRANSFER,
-                    Stage::TRANSFER,
-                    none,
-                    &[],
-                    &[],
-                    &readable,
-                );
-                device.cmd_copy_image_to_buffer(
-                    commands,
-                    self.image,
-                    Layout::TRANSFER_SRC_OPTIMAL,
-                    to.handle(),
-                    &regions,
-                );
-                barrier(gpu, commands);
-                last = (Layout::TRANSFER_SRC_OPTIMAL, Access::TRANSFER_READ);
-            }
-            let showable = change(last.0, self.left_in, last.1, Access::MEMORY_READ);
-            device.cmd_pipeline_barrier(
-                commands,
-                Stage::TRANSFER,
-                Stage::ALL_COMMANDS,
-                none,
-                &[],
-                &[],
-                &showable,
-            );
+/// A headset's next images, for one picture: see [`crate::SplatRenderer::draw_onto`].
+pub struct Canvas<'a> {
+    images: &'a mut EyeImages,
+    eyes: Eyes,
+    surround: Surround,
+    reads: bool,
+    colour: Acquired,
+    depth: Option<Acquired>,
+    // Of the picture that is drawn.
+    size: vk::Extent2D,
+    has_depth: bool,
+    drawn: Option<Drawn>,
+}
+
+impl fmt::Debug for Canvas<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Canvas")
+            .field("eyes", &self.eyes)
+            .field("surround", &self.surround)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Images for Canvas<'_> {
+    fn prepare(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        target: &Target,
+        drawers: Drawers,
+    ) -> Result<(), RenderError> {
+        if !Arc::ptr_eq(gpu, &self.images.gpu) {
+            return Err(RenderError::DeviceLost("showing another device's picture"));
         }
+        let most = self.images.colour.extent;
+        let fits = target.width <= most.width && target.height <= most.height;
+        if target.layers != 2 || !fits {
+            return Err(RenderError::Camera {
+                view: 0,
+                problem: format!(
+                    "it makes {} view(s) of {}x{} pixels, a headset takes 2 of at most {}x{}",
+                    target.layers, target.width, target.height, most.width, most.height
+                ),
+            });
+        }
+        self.size = vk::Extent2D {
+            width: target.width,
+            height: target.height,
+        };
+        self.has_depth = target.has_depth() && self.depth.is_some();
+        let params = self.params(target);
+        self.images.params.write(&[params]);
+        self.images.make_ready(target, drawers)?;
+        self.drawn = (self.images.direct.as_mut())
+            .map(|direct| direct.prepare(self.colour, self.depth, self.size))
+            .transpose()?;
+        Ok(())
+    }
+
+    fn pass(&self) -> Option<&Arc<Pass>> {
+        Some(self.images.direct.as_ref()?.pass(self.drawn.as_ref()?))
+    }
+
+    fn record_direct(&self, commands: vk::CommandBuffer, draw: &dyn Fn(vk::Rect2D)) {
+        if let (Some(direct), Some(drawn)) = (&self.images.direct, &self.drawn) {
+            direct.record(commands, drawn, draw);
+            self.record_read(commands);
+        }
+    }
+
+    fn record_copied(&self, commands: vk::CommandBuffer) {
+        if let Some(copies) = &self.images.copies {
+            let depth = self.depth.filter(|_| self.has_depth);
+            let depth = depth.map(|depth| depth.image);
+            copies.record(commands, self.size, self.colour.image, depth);
+            self.record_read(commands);
+        }
+    }
+
+    fn drawn(&mut self, directly: bool) {
+        let way = match self.drawn {
+            Some(Drawn { foveated, .. }) if directly => Way::Direct { foveated },
+            _ => Way::Copied,
+        };
+        self.images.written = Some(Written {
+            views: self.eyes.views,
+            surround: self.surround,
+            size: self.size,
+            has_depth: self.has_depth,
+            reads: self.reads,
+            way,
+        });
+    }
+}
+
+impl Canvas<'_> {
+    fn record_read(&self, commands: vk::CommandBuffer) {
+        if let Some(buffer) = self.images.read_back.as_ref().filter(|_| self.reads) {
+            let layers = Layers {
+                image: self.colour.image,
+                aspect: vk::ImageAspectFlags::COLOR,
+                rest: vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+                size: self.size,
+            };
+            layers.record_read(&self.images.gpu, commands, buffer);
+        }
+    }
+
+    fn params(&self, target: &Target) -> EyeParams {
+        let format = self.images.colour.format;
+        let view = |camera: &Camera| eye_view(camera, target);
+        EyeParams {
+            views: self.eyes.cameras.each_ref().map(view),
+            width: target.width,
+            height: target.height,
+            depth_stride: if self.has_depth {
+                target.depth_stride()
+            } else {
+                0
+            },
+            surround: self.surround.number(),
+            swaps_red: u32::from(is_blue_first(format)),
+            linear: u32::from(is_linear(format)),
+            near: NEAR,
+            far: FAR,
+        }
+    }
+}
+
+fn eye_view(camera: &Camera, target: &Target) -> EyeView {
+    let world_from_eye = camera.camera_from_world.inverse();
+    let row = |row: usize| {
+        let [x, y, z] = world_from_eye.matrix3.row(row).to_array();
+        [x, y, z, world_from_eye.translation[row]]
+    };
+    // What the camera sees does not depend on how many pixels show it.
+    let wide = camera.width as f32 / camera.fx;
+    let high = camera.height as f32 / camera.fy;
+    EyeView {
+        world_from_eye: [row(0), row(1), row(2)],
+        slopes: [
+            -camera.cx / camera.fx,
+            camera.cy / camera.fy,
+            wide / target.width as f32,
+            -high / target.height as f32,
+        ],
     }
 }
 
@@ -410,57 +480,4 @@ fn is_linear(format: vk::Format) -> bool {
         format,
         vk::Format::R8G8B8A8_UNORM | vk::Format::B8G8R8A8_UNORM
     )
-}
-
-/// `EyeParams` in `shaders/compose_eye.comp`, as words.
-fn push_words(
-    target: &Target,
-    size: vk::Extent2D,
-    camera: &Camera,
-    view: u32,
-    surround: Surround,
-    format: vk::Format,
-    has_depth: bool,
-) -> [u32; PUSH_WORDS] {
-    let world_from_eye = camera.camera_from_world.inverse();
-    let mut words = [0; PUSH_WORDS];
-    let mut at = 0;
-    let mut put = |values: &[u32]| {
-        for value in values {
-            if let Some(word) = words.get_mut(at) {
-                *word = *value;
-            }
-            at += 1;
-        }
-    };
-    for row in 0..3 {
-        let axis = world_from_eye.matrix3.row(row);
-        put(&axis.to_array().map(f32::to_bits));
-        put(&[world_from_eye.translation[row].to_bits()]);
-    }
-    // What the camera sees does not depend on how many pixels show it.
-    let wide = camera.width as f32 / camera.fx;
-    let high = camera.height as f32 / camera.fy;
-    put(&[
-        -camera.cx / camera.fx,
-        camera.cy / camera.fy,
-        wide / target.width as f32,
-        -high / target.height as f32,
-    ]
-    .map(f32::to_bits));
-    let pixels = target.width * target.height;
-    let depths = target.depth_stride() * target.height;
-    put(&[
-        size.width,
-        size.height,
-        view * pixels,
-        view * depths,
-        if has_depth { target.depth_stride() } else { 0 },
-        surround.number(),
-        u32::from(is_blue_first(format)),
-        u32::from(is_linear(format)),
-        NEAR.to_bits(),
-        FAR.to_bits(),
-    ]);
-    words
 }

@@ -10,7 +10,7 @@ use openxr::{
 use super::error::{XrContext, XrError};
 use super::ext::depth::DepthRange;
 use super::ext::passthrough::PassthroughLayer;
-use super::eyes::EyeImages;
+use super::eyes::{EyeImages, Written};
 use super::panel::Panel;
 use super::pose::posef;
 use super::swapchain::Swapchain;
@@ -18,7 +18,7 @@ use super::swapchain::Swapchain;
 /// The layers of one frame.
 pub(crate) struct Layers<'a> {
     pub(crate) room: Option<PassthroughLayer<'a>>,
-    pub(crate) eyes: Option<(&'a EyeImages, &'a [View; 2])>,
+    pub(crate) eyes: Option<(&'a EyeImages, &'a Written)>,
     /// What depths mean, where the compositor takes them.
     pub(crate) depth: Option<DepthRange>,
     pub(crate) panel: Option<(&'a Panel, PlacedPanel)>,
@@ -45,14 +45,13 @@ impl Layers<'_> {
         blend: EnvironmentBlendMode,
     ) -> Result<(), XrError> {
         let depths = self.depths();
-        let views = self.eyes.map(|(images, views)| {
-            let [left, right] = views;
+        let views = self.eyes.map(|(images, written)| {
+            let [left, right] = &written.views;
             let view = |eye: u32, view: &View| {
-                let (size, _) = images.written();
                 let picture = CompositionLayerProjectionView::new()
                     .pose(view.pose)
                     .fov(view.fov)
-                    .sub_image(part(&images.colour, size, eye));
+                    .sub_image(part(&images.colour, written.size, eye));
                 match depths
                     .as_ref()
                     .map(|[left, right]| if eye == 0 { left } else { right })
@@ -96,12 +95,9 @@ impl Layers<'_> {
 
     /// Both eyes' depth, where the last picture has it.
     fn depths(&self) -> Option<[super::ext::depth::DepthImage<'_>; 2]> {
-        let (images, _) = self.eyes?;
-        let (size, true) = images.written() else {
-            return None;
-        };
+        let (images, written) = self.eyes.filter(|(_, written)| written.has_depth)?;
         let (range, depth) = (self.depth?, images.depth.as_ref()?);
-        Some([0, 1].map(|eye| range.image(part(depth, size, eye))))
+        Some([0, 1].map(|eye| range.image(part(depth, written.size, eye))))
     }
 }
 

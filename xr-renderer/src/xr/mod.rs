@@ -3,6 +3,8 @@
 //! [`Runtime::load`] finds the loader, [`Headset::open`] the headset and the Vulkan device it wants, [`Session`] shows frames.
 //! What goes away with the runtime comes back by being opened again: see [`XrError::is_loss`].
 
+mod copies;
+mod direct;
 mod error;
 pub mod ext;
 mod extensions;
@@ -14,6 +16,7 @@ mod headset;
 mod input;
 mod layers;
 mod panel;
+mod pass;
 mod pose;
 mod runtime;
 mod session;
@@ -25,7 +28,7 @@ mod tests;
 
 pub use error::XrError;
 pub use extensions::Extensions;
-pub use eyes::{EyePicture, Surround};
+pub use eyes::{Canvas, EyePicture, Surround, Way};
 pub use frame::{Eyes, Frame};
 pub use headset::{Headset, HeadsetInfo, HeadsetOptions};
 pub use input::{Controls, Hand, Input};

@@ -88,7 +88,7 @@ impl Panel {
         };
         self.commands.settle()?;
         self.upload.write(rgba);
-        let image = self.images.acquire()?;
+        let image = self.images.acquire()?.image;
         let range = vk::ImageSubresourceRange {
             aspect_mask: vk::ImageAspectFlags::COLOR,
             level_count: 1,

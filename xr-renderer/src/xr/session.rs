@@ -1,6 +1,7 @@
 //! A headset's session: its events, its frames, and what is shown in them.
 //!
-//! A frame goes `poll`, `wait`, `look`, then `show` or `skip`. All of it on one thread, which waits for the headset in `wait`.
+//! A frame goes `poll`, `wait`, `look`, `canvas`, which is drawn onto, then `show`; or `skip`. All of it on one thread, which waits
+//! for the headset in `wait`.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,18 +9,19 @@ use std::time::Duration;
 use ash::vk::{self, Handle};
 use glam::Affine3A;
 use openxr::{
-    EnvironmentBlendMode, Event, EventDataBuffer, FrameStream, FrameWaiter, Instance, View, Vulkan,
+    EnvironmentBlendMode, Event, EventDataBuffer, FrameStream, FrameWaiter, Instance, Vulkan,
 };
 
 use super::error::{XrContext, XrError};
 use super::ext::Held;
 use super::ext::depth::DepthRange;
+use super::ext::foveation::Foveation;
 use super::ext::or_without;
 use super::ext::passthrough::Passthrough;
 use super::ext::performance::{self, Thermal};
 use super::ext::refresh_rate::{DEFAULT_HZ, RefreshRate};
 use super::ext::threads::{self, Role};
-use super::eyes::{EyeImages, EyePicture, FAR, NEAR, Surround};
+use super::eyes::{Canvas, EyeImages, EyePicture, FAR, NEAR, Surround, Way, Written};
 use super::frame::{Eyes, Frame, XrClock};
 use super::headset::{Headset, VIEWS};
 use super::input::{Controls, Input};
@@ -28,7 +30,6 @@ use super::panel::{Panel, PanelImage};
 use super::space::{Floor, FloorSpace};
 use super::state::{Duty, Life, Lifecycle};
 use crate::gpu::Gpu;
-use crate::splat::SplatRenderer;
 
 /// What a session is made for.
 #[derive(Debug, Clone, Copy)]
@@ -147,7 +148,12 @@ impl Session {
         let depth = or_without("depth", DepthRange::new(&instance, NEAR, FAR));
         let with_depth = depth.is_some();
         or_without("sustained clocks", performance::sustain(&session));
-        let images = EyeImages::new(&gpu, &session, extent, with_depth, options.read_back)?;
+        let foveation = or_without(
+            "foveation",
+            Foveation::new(&session, headset.system, gpu.density_maps),
+        );
+        let read_back = options.read_back;
+        let images = EyeImages::new(&gpu, &session, foveation, extent, with_depth, read_back)?;
         Ok(Self {
             space: FloorSpace::new(&session, enabled.ext_local_floor)?,
             clock: XrClock::new(enabled.khr_convert_timespec_time),
@@ -180,6 +186,18 @@ impl Session {
     #[must_use]
     pub fn takes_depth(&self) -> bool {
         self.images.depth.is_some()
+    }
+
+    /// What is shown, for tests to look at.
+    #[cfg(test)]
+    pub(crate) fn images(&self) -> &EyeImages {
+        &self.images
+    }
+
+    /// How the last picture came into the headset's images; nothing before the first.
+    #[must_use]
+    pub fn way(&self) -> Option<Way> {
+        self.images.way()
     }
 
     /// Whether the viewer's own room is behind what is transparent.
@@ -348,31 +366,39 @@ impl Session {
         }
     }
 
-    /// Shows the renderer's last picture, which was drawn from `eyes`, and ends the frame. Returns what the compositor got, where
-    /// that is to be read back.
+    /// The images that a frame shows, for a renderer to draw what these eyes see: pictures of the headset's size, or smaller. They
+    /// are to be read back by [`Self::show`] if `reads`.
     ///
     /// # Errors
-    /// [`XrError::Lost`], a renderer on another device, or a call that fails. The frame is then ended without a picture, if that
-    /// is still possible.
-    pub fn show(
+    /// [`XrError::Lost`], or a call that fails.
+    pub fn canvas(
         &mut self,
-        frame: Frame,
         eyes: &Eyes,
-        renderer: &SplatRenderer,
         surround: Surround,
         reads: bool,
-    ) -> Result<Option<[EyePicture; 2]>, XrError> {
-        let written = self.images.write(renderer, eyes, surround, reads);
-        let pictures = match written {
-            Ok(pictures) => pictures,
+    ) -> Result<Canvas<'_>, XrError> {
+        self.images.canvas(eyes, surround, reads)
+    }
+
+    /// Shows what was drawn onto the last canvas, and ends the frame. Returns what the compositor got, where that is to be read
+    /// back.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], or a call that fails. The frame is then ended without a picture, if that is still possible, as it is
+    /// where nothing was drawn.
+    pub fn show(&mut self, frame: Frame) -> Result<Option<[EyePicture; 2]>, XrError> {
+        match self.images.release() {
+            Ok(Some(released)) => {
+                self.end(frame, Some(&released.written), true)?;
+                Ok(released.pictures)
+            }
+            Ok(None) => self.skip(frame).map(|()| None),
             Err(error) => {
                 // What went wrong first is told.
                 let _ = self.skip(frame);
-                return Err(error);
+                Err(error)
             }
-        };
-        self.end(frame, Some(&eyes.views), true, surround)?;
-        Ok(pictures)
+        }
     }
 
     /// Ends the frame with nothing new of ours in it.
@@ -380,7 +406,7 @@ impl Session {
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
     pub fn skip(&mut self, frame: Frame) -> Result<(), XrError> {
-        self.end(frame, None, false, Surround::Room)
+        self.end(frame, None, false)
     }
 
     /// Ends the frame with nothing in it but the panel, before the viewer's room where that can be seen.
@@ -388,7 +414,7 @@ impl Session {
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
     pub fn show_panel(&mut self, frame: Frame) -> Result<(), XrError> {
-        self.end(frame, None, true, Surround::Room)
+        self.end(frame, None, true)
     }
 
     /// Hangs a panel in the room, `width` metres wide, or changes the one that hangs there.
@@ -425,16 +451,16 @@ impl Session {
     fn end(
         &mut self,
         frame: Frame,
-        views: Option<&[View; 2]>,
+        written: Option<&Written>,
         with_panel: bool,
-        surround: Surround,
     ) -> Result<(), XrError> {
+        let surround = written.map_or(Surround::Room, |written| written.surround);
         let layers = Layers {
             room: (self.room.as_ref())
                 .filter(|_| surround == Surround::Room)
                 .and_then(Passthrough::layer),
             depth: self.depth,
-            eyes: views.map(|views| (&self.images, views)),
+            eyes: written.map(|written| (&self.images, written)),
             panel: (self.panel.as_ref())
                 .filter(|_| with_panel)
                 .map(|(panel, place)| (panel, *place)),

@@ -18,7 +18,9 @@ use serde_json::{Value, json};
 use xr_renderer::xr::{
     Eyes, Frame, Headset, HeadsetOptions, Over, Runtime, Session, SessionOptions, XrError,
 };
-use xr_renderer::{PackedGaussian, RenderError, RendererOptions, SplatRenderer};
+use xr_renderer::{
+    Drawing, Foreground, PackedGaussian, Part, RenderError, RendererOptions, SplatRenderer,
+};
 
 use failure::Failure;
 use options::Options;
@@ -190,9 +192,10 @@ impl Program {
         };
         let command = self.steering.as_mut().and_then(Steering::next);
         let reads = matches!(command, Some(Command::Read(_)));
-        renderer.draw(&eyes.cameras)?;
-        let surround = self.options.surround;
-        let pictures = session.show(frame, &eyes, renderer, surround, reads)?;
+        let mut canvas = session.canvas(&eyes, self.options.surround, reads)?;
+        let parts = [Part::here(Foreground::Set)];
+        renderer.draw_onto(&Drawing::new(&eyes.cameras, &parts), &mut canvas)?;
+        let pictures = session.show(frame)?;
         if let Some(command) = command {
             let name = command.name();
             let (turn, place) = head(&eyes);
@@ -215,6 +218,7 @@ impl Program {
                 "controls": told_controls(&controls),
                 "overlay_toggles": self.overlay_toggles,
                 "back_end": renderer.back_end().to_string(),
+                "way": session.way().map(|way| way.to_string()),
             }));
         }
         self.note(frame, session);

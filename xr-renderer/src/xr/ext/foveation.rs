@@ -109,13 +109,15 @@ impl Foveation {
         self.follows_gaze
     }
 
-    /// Where the finest is in each eye's picture, -1 to 1 from left to right and from bottom to top; to be asked once per
-    /// frame. None where it is the middle, or the runtime does not know.
-    #[must_use]
-    pub fn centres(&self) -> Option<[Vec2; 2]> {
+    /// Has the runtime put the finest part of a swapchain's next image where the wearer looks, and tells where that is in each
+    /// eye's picture, -1 to 1 from left to right and from bottom to top; to be called once per frame. None where it is the
+    /// middle, or the runtime does not know.
+    pub fn follow_gaze(&self, swapchain: &Swapchain<Vulkan>) -> Option<[Vec2; 2]> {
         if !self.follows_gaze {
             return None;
         }
+        // The map is made anew for that.
+        self.apply(swapchain).ok()?;
         let exts = self.session.instance().exts();
         let fp = exts.meta_foveation_eye_tracked.as_ref()?;
         let mut state = sys::FoveationEyeTrackedStateMETA {
@@ -136,8 +138,11 @@ impl Foveation {
         })
     }
 
-    /// Images that can be foveated, with the profile set.
-    fn swapchain(&self, info: &SwapchainCreateInfo<Vulkan>) -> Result<Swapchain<Vulkan>, Absent> {
+    /// Images that can be foveated, with the profile set, and their density maps.
+    fn swapchain(
+        &self,
+        info: &SwapchainCreateInfo<Vulkan>,
+    ) -> Result<(Swapchain<Vulkan>, Vec<DensityMap>), Absent> {
         let instance = self.session.instance();
         let mut foveated = sys::SwapchainCreateInfoFoveationFB {
             ty: sys::SwapchainCreateInfoFoveationFB::TYPE,
@@ -165,7 +170,8 @@ impl Foveation {
         // SAFETY: it was just made for this session, and nothing else destroys it.
         let swapchain = unsafe { Swapchain::from_raw(self.session.clone(), handle) };
         self.apply(&swapchain)?;
-        Ok(swapchain)
+        let maps = self.density_maps(&swapchain)?;
+        Ok((swapchain, maps))
     }
 
     /// Sets the profile on a swapchain.
@@ -188,11 +194,9 @@ impl Foveation {
         Ok(())
     }
 
-    /// The density maps of a swapchain's images, in the images' order.
-    ///
-    /// # Errors
-    /// [`Absent`] where the runtime refuses to tell, or a map is none.
-    pub fn density_maps(&self, swapchain: &Swapchain<Vulkan>) -> Result<Vec<DensityMap>, Absent> {
+    /// The density maps of a swapchain's images, in the images' order; [`Absent`] where the runtime refuses to tell, or a map is
+    /// none.
+    fn density_maps(&self, swapchain: &Swapchain<Vulkan>) -> Result<Vec<DensityMap>, Absent> {
         let call = "xrEnumerateSwapchainImages";
         let fp = self.session.instance().fp();
         let mut count = 0;
@@ -255,7 +259,8 @@ impl Drop for Foveation {
     }
 }
 
-/// A swapchain with foveation where there is any, plain where not or where the runtime refuses it (which is logged).
+/// A swapchain with its images' density maps where there is foveation; plain, without maps, where there is none or where the
+/// runtime refuses it (which is logged).
 ///
 /// # Errors
 /// What the runtime says to a plain one.
@@ -263,13 +268,14 @@ pub fn swapchain(
     session: &Session<Vulkan>,
     foveation: Option<&Foveation>,
     info: &SwapchainCreateInfo<Vulkan>,
-) -> Result<Swapchain<Vulkan>, XrError> {
+) -> Result<(Swapchain<Vulkan>, Vec<DensityMap>), XrError> {
     match foveation.map(|foveation| foveation.swapchain(info)) {
-        Some(Ok(swapchain)) => return Ok(swapchain),
+        Some(Ok(foveated)) => return Ok(foveated),
         Some(Err(why)) => log::warn!("drawing without foveation: {why}"),
         None => {}
     }
-    session.create_swapchain(info).during("xrCreateSwapchain")
+    let plain = session.create_swapchain(info).during("xrCreateSwapchain")?;
+    Ok((plain, Vec::new()))
 }
 
 /// Whether foveation can follow the gaze.
@@ -318,13 +324,12 @@ mod tests {
         let foveation = Foveation::new(&session, fake.system(), true).expect("foveation");
         let profile = &fake.calls("xrCreateFoveationProfileFB")[0];
         assert!(profile.contains("(MEDIUM, LEVEL_ENABLED)"), "{profile}");
-        let images = swapchain(&session, Some(&foveation), &info()).expect("images");
+        let (_images, maps) = swapchain(&session, Some(&foveation), &info()).expect("images");
         let made = &fake.calls("xrCreateSwapchain")[0];
         let flags = sys::SwapchainCreateFoveationFlagsFB::FRAGMENT_DENSITY_MAP;
         assert!(made.contains(&format!("({flags:?})")), "{made}");
         assert!(made.starts_with("1680x1760x2 format 43 "), "{made}");
         assert_eq!(fake.calls("xrUpdateSwapchainFB").len(), 1, "profile set");
-        let maps = foveation.density_maps(&images).expect("maps");
         assert_eq!(maps.len(), 3, "one for each image");
         assert_eq!((maps[0].width, maps[0].height), (53, 55), "texels");
         assert_ne!(maps[0].image, maps[1].image, "each its own");
@@ -338,16 +343,24 @@ mod tests {
         assert!(foveation.follows_gaze(), "tracked");
         let chain = &fake.calls("xrCreateFoveationProfileFB")[0];
         assert!(chain.contains("EYE_TRACKED"), "{chain}");
-        assert_eq!(foveation.centres(), None, "eyes are shut");
+        let (images, _) = swapchain(&session, Some(&foveation), &info()).expect("images");
+        assert_eq!(foveation.follow_gaze(&images), None, "eyes are shut");
         fake.set(|world| world.gaze_centres = Some([[0.25, -0.5], [0.0, -0.5]]));
+        fake.forget_calls();
         let centres = [Vec2::new(0.25, -0.5), Vec2::new(0.0, -0.5)];
-        assert_eq!(foveation.centres(), Some(centres), "eyes are open");
+        assert_eq!(
+            foveation.follow_gaze(&images),
+            Some(centres),
+            "eyes are open"
+        );
+        let expected = ["xrUpdateSwapchainFB", "xrGetFoveationEyeTrackedStateMETA"];
+        assert_eq!(fake.names(), expected, "the map is made anew first");
 
         fake.set(|world| world.system.foveation_around_gaze = false);
         let foveation = Foveation::new(&session, fake.system(), true).expect("foveation");
         assert!(!foveation.follows_gaze(), "not tracked");
-        assert_eq!(foveation.centres(), None, "the middle");
-        let chain = &fake.calls("xrCreateFoveationProfileFB")[1];
+        assert_eq!(foveation.follow_gaze(&images), None, "the middle");
+        let chain = &fake.calls("xrCreateFoveationProfileFB")[0];
         assert!(!chain.contains("EYE_TRACKED"), "{chain}");
     }
 
@@ -364,16 +377,21 @@ mod tests {
 
     #[test]
     fn a_runtime_that_refuses_a_foveated_swapchain_gets_a_plain_one() {
-        for refused in ["xrCreateSwapchain", "xrUpdateSwapchainFB"] {
+        for refused in [
+            "xrCreateSwapchain",
+            "xrUpdateSwapchainFB",
+            "xrEnumerateSwapchainImages",
+        ] {
             let fake = FakeRuntime::with_everything();
             let (session, _, _) = fake.session(&fake.instance());
             let foveation = Foveation::new(&session, fake.system(), true).expect("foveation");
             fake.fail_times(refused, XrResult::ERROR_FEATURE_UNSUPPORTED, 1);
-            let images = swapchain(&session, Some(&foveation), &info()).expect("plain images");
+            let (_images, maps) =
+                swapchain(&session, Some(&foveation), &info()).expect("plain images");
             let made = fake.calls("xrCreateSwapchain");
             assert!(!made[1].contains("FOVEATION"), "{made:?}");
             assert_eq!(fake.alive("swapchain"), 1, "the first is gone");
-            foveation.density_maps(&images).expect_err("it has no maps");
+            assert_eq!(maps, [], "it has no maps");
         }
     }
 

@@ -88,7 +88,12 @@ pub(super) struct Images {
 
 impl SessionDevice {
     pub(super) fn images(&self, info: &sys::SwapchainCreateInfo, count: u32) -> Images {
-        let mut usage = vk::ImageUsageFlags::empty();
+        // Tests look at them, and they are given back in an attachment's layout whatever they are used for.
+        let mut usage = vk::ImageUsageFlags::TRANSFER_SRC
+            | match vk::Format::from_raw(info.format as i32) {
+                vk::Format::D32_SFLOAT => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+                _ => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+            };
         for (wanted, means) in [
             (
                 Usage::COLOR_ATTACHMENT,

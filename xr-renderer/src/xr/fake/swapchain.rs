@@ -37,6 +37,9 @@ pub(super) unsafe extern "system" fn create_swapchain(
         if !world.formats.contains(&info.format) {
             return XrResult::ERROR_SWAPCHAIN_FORMAT_UNSUPPORTED;
         }
+        if info.usage_flags.intersects(world.refused_usage) {
+            return XrResult::ERROR_FEATURE_UNSUPPORTED;
+        }
         let images = world
             .device
             .as_ref()

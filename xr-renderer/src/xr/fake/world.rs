@@ -7,6 +7,7 @@ use glam::Affine3A;
 use openxr::sys::{self, Handle, Result as XrResult};
 use openxr::{
     EnvironmentBlendMode, Fovf, HandJointLocation, Posef, ReferenceSpaceType, SessionState,
+    SwapchainUsageFlags,
 };
 
 use super::device::{Images, Loader, SessionDevice};
@@ -72,6 +73,8 @@ pub(crate) struct World {
     pub(crate) blend_modes: Vec<EnvironmentBlendMode>,
     /// Of Vulkan, the best first.
     pub(crate) formats: Vec<i64>,
+    /// What images cannot be used for.
+    pub(crate) refused_usage: SwapchainUsageFlags,
     /// One eye's, pixels.
     pub(crate) eye_size: [u32; 2],
     /// Left, right: pose in the room, field of view.
@@ -154,6 +157,7 @@ impl World {
             blend_modes: vec![EnvironmentBlendMode::OPAQUE],
             // R8G8B8A8_SRGB, R8G8B8A8_UNORM, D32_SFLOAT.
             formats: vec![43, 37, 126],
+            refused_usage: SwapchainUsageFlags::EMPTY,
             eye_size: [1680, 1760],
             eyes: [(eye(-0.032), fov(-0.9, 0.7)), (eye(0.032), fov(-0.7, 0.9))],
             head: eye(0.0),

@@ -170,6 +170,9 @@ fn print_headset(headset: &HeadsetFigures) {
         yes(headset.hands),
         yes(headset.gaze)
     );
+    if let Some(way) = &headset.way {
+        println!("           pictures are {way}");
+    }
     println!("states     {}", headset.states.join(" "));
     println!("granted    {}", headset.granted.join(" "));
     println!("missing    {}", headset.missing.join(" "));

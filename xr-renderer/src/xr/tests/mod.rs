@@ -2,14 +2,21 @@
 
 use openxr::{ReferenceSpaceType, SessionState, Time, sys};
 
+mod pictures;
+
 use super::fake::{FakeRuntime, REQUIRED};
 use super::*;
 use crate::RenderError;
 
 /// The headset of a stand-in; nothing where there is no Vulkan and CI does not demand one.
 fn open(fake: &FakeRuntime) -> Option<Headset> {
+    open_sized(fake, [64, 64])
+}
+
+/// The same, with pictures of a size.
+fn open_sized(fake: &FakeRuntime, eye_size: [u32; 2]) -> Option<Headset> {
     let options = HeadsetOptions {
-        eye_size: Some([64, 64]),
+        eye_size: Some(eye_size),
         validation: true,
     };
     match Headset::open(&Runtime::of(fake.entry()), options) {
