@@ -267,10 +267,10 @@ impl Party {
         network: &Network,
     ) -> anyhow::Result<()> {
         let mut told = Vec::new();
-        let mut failed = None;
-        for mut call in self.calls {
+        let mut failed = Vec::new();
+        for (person, mut call) in self.calls.into_iter().enumerate() {
             match call.end() {
-                Some(CallEnd::Failed(error)) => failed = Some(error),
+                Some(CallEnd::Failed(error)) => failed.push((person, error)),
                 Some(CallEnd::AnotherAvatar(_)) => {
                     log::warn!("a sender has come back as somebody else: join again to see them");
                 }
@@ -312,7 +312,13 @@ impl Party {
             .collect();
         report.print();
         write_json(options.json.as_deref(), &report)?;
-        failed.map_or(Ok(()), |error| Err(error).context("the call ended"))
+        let nobody_stayed = failed.len() == 1 + report.others.len();
+        let last = failed.pop_if(|_| nobody_stayed);
+        for (person, error) in failed {
+            let error = anyhow::Error::from(error);
+            log::warn!("person {person}'s call ended: {error:#}");
+        }
+        last.map_or(Ok(()), |(_, error)| Err(error).context("the call ended"))
     }
 }
 
