@@ -66,10 +66,22 @@ enum Command {
     Profile(profile::Options),
 }
 
+/// `OpenXR`'s loader says what it lacks on standard error, in several lines for each thing; whoever wants a headset is told in one.
+fn quieten_openxrs_loader() {
+    const LEVEL: &str = "XR_LOADER_DEBUG";
+    if std::env::var_os(LEVEL).is_none() {
+        // SAFETY: nobody else reads or writes the environment: there is no other thread yet.
+        unsafe { std::env::set_var(LEVEL, "none") };
+    }
+}
+
 fn main() -> ExitCode {
     // `mon3tr inspect PACKAGE | head` must end quietly, as other commands do, instead of panicking at the closed pipe.
     sigpipe::reset();
     let arguments = Arguments::parse();
+    if arguments.verbose == 0 {
+        quieten_openxrs_loader();
+    }
     let level = match arguments.verbose {
         0 => log::LevelFilter::Warn,
         1 => log::LevelFilter::Info,

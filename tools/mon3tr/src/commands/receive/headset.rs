@@ -9,7 +9,7 @@ use crate::report::{AvatarFigures, Splatting, write_json};
 use crate::scenery::Scenery;
 use crate::stage::load_avatar;
 use crate::surroundings::{Surroundings, compiled, make_folder, offer};
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use app::headset::{Control, Found, Wishes};
 use app::hold::HoldMode;
 use app::visit::{Ended, Guest, Visited, Ways, visit};
@@ -120,37 +120,33 @@ fn report(
     pictures: Vec<PathBuf>,
 ) -> anyhow::Result<()> {
     let Visited { calls, party } = visited;
-    let (mut told, mut trouble) = (Vec::new(), Vec::new());
-    for (known, call) in known.into_iter().zip(calls) {
-        let (figures, end) = match call {
-            Ok(Ended { figures, end }) => (Some(figures), end),
+    let (mut told, mut failed) = (Vec::new(), Vec::new());
+    for (person, (known, call)) in known.into_iter().zip(calls).enumerate() {
+        let Ended { figures, end } = match call {
+            Ok(ended) => ended,
             Err(error) => {
-                trouble.push(anyhow::Error::from(error).context("somebody could not be shown"));
-                (None, None)
+                failed.push((person, anyhow::Error::from(error)));
+                continue;
             }
         };
         match end {
-            Some(CallEnd::Failed(error)) => {
-                trouble.push(anyhow::Error::from(error).context("the call ended"));
-            }
+            Some(CallEnd::Failed(error)) => failed.push((person, error.into())),
             Some(CallEnd::AnotherAvatar(_)) => {
                 log::warn!("a sender has come back as somebody else: join again to see them");
             }
             Some(CallEnd::HungUp) | None => {}
         }
-        told.extend(figures.map(|figures| (known, figures)));
+        told.push((known, figures));
     }
-    let failed = if trouble.len() >= options.rooms.len() {
-        trouble.pop()
-    } else {
-        None
-    };
-    for error in trouble {
-        log::warn!("{error:#}; the others stayed");
+    let nobody_stayed = failed.len() == options.rooms.len();
+    let last = failed.pop_if(|_| nobody_stayed);
+    let last = last.map(|(_, error)| error.context("the call ended"));
+    for (person, error) in failed {
+        log::warn!("person {person}'s call ended: {error:#}");
     }
     let mut told = told.into_iter();
     let Some((first, call)) = told.next() else {
-        return Err(failed.unwrap_or_else(|| anyhow::anyhow!("there was nobody to show")));
+        return Err(last.unwrap_or_else(|| anyhow!("there was nobody to show")));
     };
     let [width, height] = party.headset.eye_size;
     let period = party.display_period();
@@ -180,5 +176,5 @@ fn report(
         .collect();
     report.print();
     write_json(options.json.as_deref(), &report)?;
-    failed.map_or(Ok(()), Err)
+    last.map_or(Ok(()), Err)
 }

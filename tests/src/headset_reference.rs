@@ -1,27 +1,27 @@
-//! What pictures have to be, in f64 and written apart from renderer and shaders: poses as the runtime gives them become views, views
+//! What pictures in a headset have to be, in f64 and written apart from renderer and shaders: poses as the runtime gives them become views, views
 //! become pixels, a splatted colour becomes what a compositor takes.
 
 use glam::{Affine3A, DMat3, DQuat, DVec3, Mat3A};
 use image::RgbaImage;
-use mon3tr_tests::monado::{Pose, Scripted};
-use mon3tr_tests::splat_reference::ReferencePicture;
 use serde_json::Value;
 use xr_renderer::Camera;
 
-use crate::program::numbers;
+use crate::monado::{Pose, Scripted};
+use crate::splat_reference::ReferencePicture;
 
 /// An eye's view: where it is, how it is turned, and the picture it sees.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct View {
+pub struct View {
     /// Columns: the eye's right, up and back, in floor space.
-    pub(crate) floor_from_eye: DMat3,
+    pub floor_from_eye: DMat3,
     /// Metres, floor space.
-    pub(crate) place: DVec3,
+    pub place: DVec3,
     /// Pixels to the right and downwards for a slope of 1.
-    pub(crate) focal: [f64; 2],
+    pub focal: [f64; 2],
     /// Where the eye's axis meets the picture, pixels from its upper left corner.
-    pub(crate) centre: [f64; 2],
-    pub(crate) size: [u32; 2],
+    pub centre: [f64; 2],
+    /// Width and height, pixels.
+    pub size: [u32; 2],
 }
 
 fn exact(pose: &Pose) -> (DQuat, DVec3) {
@@ -33,8 +33,9 @@ fn exact(pose: &Pose) -> (DQuat, DVec3) {
 }
 
 impl View {
-    /// Both eyes of a scripted head. The stage's origin is the floor's.
-    pub(crate) fn of(scripted: &Scripted, size: [u32; 2]) -> [Self; 2] {
+    /// Both eyes of a scripted head, left and right. The stage's origin is the floor's.
+    #[must_use]
+    pub fn of(scripted: &Scripted, size: [u32; 2]) -> [Self; 2] {
         let (head_turn, head_place) = exact(&scripted.stage_from_head);
         scripted.eyes.map(|eye| {
             let (eye_turn, eye_place) = exact(&eye.head_from_eye);
@@ -55,12 +56,14 @@ impl View {
     }
 
     /// A point as the eye sees it: right, up, back; metres.
-    pub(crate) fn seen(&self, point: DVec3) -> DVec3 {
+    #[must_use]
+    pub fn seen(&self, point: DVec3) -> DVec3 {
         self.floor_from_eye.transpose() * (point - self.place)
     }
 
     /// Where a point in front of the eye lies in the picture, pixels from the upper left corner.
-    pub(crate) fn pixel(&self, point: DVec3) -> [f64; 2] {
+    #[must_use]
+    pub fn pixel(&self, point: DVec3) -> [f64; 2] {
         let seen = self.seen(point);
         [
             self.centre[0] + self.focal[0] * seen.x / -seen.z,
@@ -69,7 +72,8 @@ impl View {
     }
 
     /// The way that the eye looks through a pixel's centre, by its own axes; not of length 1.
-    pub(crate) fn toward(&self, x: u32, y: u32) -> DVec3 {
+    #[must_use]
+    pub fn toward(&self, x: u32, y: u32) -> DVec3 {
         DVec3::new(
             (f64::from(x) + 0.5 - self.centre[0]) / self.focal[0],
             (self.centre[1] - f64::from(y) - 0.5) / self.focal[1],
@@ -78,8 +82,9 @@ impl View {
     }
 
     /// As the splatting reference takes it.
+    #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "cameras are in f32")]
-    pub(crate) fn camera(&self) -> Camera {
+    pub fn camera(&self) -> Camera {
         let turn = self.floor_from_eye.transpose();
         Camera {
             camera_from_world: Affine3A {
@@ -97,7 +102,10 @@ impl View {
     }
 
     /// Demands that the camera a program drew with is this view: angles, directions and metres to 1e-4.
-    pub(crate) fn assert_is(&self, told: &Value, what: &str) {
+    ///
+    /// # Panics
+    /// If it is another.
+    pub fn assert_is(&self, told: &Value, what: &str) {
         let near = |got: f64, wanted: f64| (got - wanted).abs() < 1e-4;
         let turn = self.floor_from_eye.transpose();
         let rotation = numbers(&told["rotation"]);
@@ -130,7 +138,8 @@ impl View {
 }
 
 /// Light of an sRGB value (IEC 61966-2-1).
-pub(crate) fn light(value: f64) -> f64 {
+#[must_use]
+pub fn light(value: f64) -> f64 {
     if value <= 0.04045 {
         value / 12.92
     } else {
@@ -139,7 +148,8 @@ pub(crate) fn light(value: f64) -> f64 {
 }
 
 /// The sRGB value of light.
-pub(crate) fn display(light: f64) -> f64 {
+#[must_use]
+pub fn display(light: f64) -> f64 {
     if light <= 0.003_130_8 {
         12.92 * light
     } else {
@@ -148,7 +158,8 @@ pub(crate) fn display(light: f64) -> f64 {
 }
 
 /// What a compositor that blends light takes for a premultiplied display colour: once decoded it is light times alpha.
-pub(crate) fn composed(pixel: [f64; 4]) -> [f64; 4] {
+#[must_use]
+pub fn composed(pixel: [f64; 4]) -> [f64; 4] {
     let [red, green, blue, alpha] = pixel.map(|value| value.clamp(0.0, 1.0));
     if alpha == 0.0 {
         return [0.0; 4];
@@ -158,7 +169,7 @@ pub(crate) fn composed(pixel: [f64; 4]) -> [f64; 4] {
 }
 
 /// Mean squared differences of colours and alpha (0 to 1) over some pixels, as PSNR in dB. Nothing where there are no pixels.
-pub(crate) fn psnr(
+pub fn psnr(
     got: &RgbaImage,
     expected: &ReferencePicture,
     within: impl Fn(u32, u32) -> bool,
@@ -175,4 +186,34 @@ pub(crate) fn psnr(
         count += 4;
     }
     (count > 0).then(|| -10.0 * (squares / f64::from(count)).log10())
+}
+
+const SKY: [f64; 3] = [0.80, 0.83, 0.87];
+const HORIZON: [f64; 3] = [0.90, 0.91, 0.92];
+const FLOOR: [f64; 3] = [0.70, 0.71, 0.73];
+
+/// The display colour that an eye sees along a way in the studio that surrounds a person where there is no room to be seen: a floor
+/// at y = 0 that melts into the horizon's colour 14 m away by the root of the distance, a wall that reaches the sky's where the way
+/// rises 0.625 of its length.
+#[must_use]
+pub fn studio(eye: DVec3, way: DVec3) -> [f64; 3] {
+    let rise = way.y / way.length();
+    let (from, to, share) = if rise < 0.0 {
+        (FLOOR, HORIZON, (eye.y / -rise / 14.0).min(1.0).sqrt())
+    } else {
+        (HORIZON, SKY, (rise / 0.625).min(1.0))
+    };
+    std::array::from_fn(|channel| from[channel] + share * (to[channel] - from[channel]))
+}
+
+/// A list of numbers.
+///
+/// # Panics
+/// If it is no list.
+#[must_use]
+pub fn numbers(list: &Value) -> Vec<f64> {
+    let list = list
+        .as_array()
+        .unwrap_or_else(|| panic!("{list} is no list"));
+    list.iter().filter_map(Value::as_f64).collect()
 }
