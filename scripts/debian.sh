@@ -12,7 +12,7 @@ debian_snapshot=https://snapshot.debian.org/archive/debian
 lock_megabytes() { awk '!/^#/ && NF == 5 { sum += $4 } END { printf "%d", sum / 1e6 }' "$@"; }
 
 # locked_version LOCK PACKAGE
-locked_version() { sed -n "s/^$2 \([0-9.]*\).*/\1/p" "$1"; }
+locked_version() { sed -n "s/^$2 \([0-9]*:\)\{0,1\}\([0-9.]*\).*/\2/p" "$1"; }
 
 # debs_are_ready FOLDER PINS: FOLDER holds the locked packages, or the ones that had to be taken instead of some of them, which
 # its stamp then names; what was taken on trust is used only as long as that is allowed.
@@ -125,7 +125,7 @@ unpack_lock() {
 trim_documentation() {
 	local share=$1/root/usr/share
 	rm -rf "$share/bug" "$share/lintian" "$share/man" "$share/locale" "$1/libc/usr/lib/$deb_triplet/gconv" "$1/libc/usr/share/locale"
-	find "$share/doc" "$1/libc/usr/share/doc" -name '*changelog*' -delete
+	find "$1" -path '*/usr/share/doc/*' -name '*changelog*' -delete
 }
 
 # wrapper_tail LOCK: the end of a wrapper script that runs "$@" on the prefix in $here: on the machine's libc if that is as new as
