@@ -126,7 +126,12 @@ fn main() -> anyhow::Result<()> {
 
 /// The compiler's name, the table, and what was left open.
 fn text(device: &Device, rows: &[Row], modules: &[Module], settings: &[Setting]) -> String {
-    let mut text = format!("{}, {}\n\n{}", device.name, device.driver, table::markdown(rows));
+    let mut text = format!(
+        "{}, {}\n\n{}",
+        device.name,
+        device.driver,
+        table::markdown(rows)
+    );
     let mut is_first = true;
     for module in modules {
         for constant in constants::open(module, settings) {

@@ -1,6 +1,7 @@
 //! What a pipeline has to be told of a compiled shader: its stage, bindings, outputs, specialisation constants.
 //!
-//! Reads just the SPIR-V that glslang writes for this project's shaders: buffers only, no images, no vertex attributes.
+//! Reads just the SPIR-V that glslang writes for this project's shaders: buffers and input attachments, no other images, no vertex
+//! attributes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,19 +11,26 @@ use shaders_spirv::Shader;
 
 const OP_NAME: u16 = 5;
 const OP_ENTRY_POINT: u16 = 15;
+const OP_EXECUTION_MODE: u16 = 16;
 const OP_CAPABILITY: u16 = 17;
+const OP_TYPE_IMAGE: u16 = 25;
 const OP_TYPE_POINTER: u16 = 32;
 const OP_VARIABLE: u16 = 59;
 const OP_DECORATE: u16 = 71;
 
 const CAPABILITY_MULTI_VIEW: u32 = 4439;
 
+const MODE_DEPTH_REPLACING: u32 = 12;
+const DIM_SUBPASS_DATA: u32 = 6;
+
 const DECORATION_SPEC_ID: u32 = 1;
 const DECORATION_BUFFER_BLOCK: u32 = 3;
 const DECORATION_LOCATION: u32 = 30;
 const DECORATION_BINDING: u32 = 33;
 const DECORATION_DESCRIPTOR_SET: u32 = 34;
+const DECORATION_INPUT_ATTACHMENT_INDEX: u32 = 43;
 
+const CLASS_UNIFORM_CONSTANT: u32 = 0;
 const CLASS_INPUT: u32 = 1;
 const CLASS_UNIFORM: u32 = 2;
 const CLASS_OUTPUT: u32 = 3;
@@ -52,12 +60,16 @@ pub(crate) struct Module {
     pub(crate) stage: Stage,
     /// Drawn for both eyes at once.
     pub(crate) multiview: bool,
-    /// Kinds of buffer by binding number in set 0.
+    /// Kinds of buffer, or of attachment, by binding number in set 0.
     pub(crate) bindings: BTreeMap<u32, vk::DescriptorType>,
     /// Numbers and names of the specialisation constants.
     pub(crate) constants: BTreeMap<u32, String>,
     /// Colour attachments a fragment shader writes.
     pub(crate) outputs: BTreeSet<u32>,
+    /// Attachments of an earlier subpass that a fragment shader reads.
+    pub(crate) inputs: BTreeSet<u32>,
+    /// Whether a fragment shader says its depth.
+    pub(crate) writes_depth: bool,
 }
 
 impl Module {
@@ -71,6 +83,8 @@ impl Module {
         let mut multiview = false;
         let mut names = BTreeMap::new();
         let mut decorations = BTreeMap::new();
+        let mut writes_depth = false;
+        let mut subpass_images = BTreeSet::new();
         let mut pointees = BTreeMap::new();
         let mut variables = Vec::new();
         for instruction in instructions(words)? {
@@ -78,6 +92,10 @@ impl Module {
                 (OP_NAME, [id, name @ ..]) => _ = names.insert(*id, text(name)),
                 (OP_ENTRY_POINT, [model, ..]) => stage = Some(*model),
                 (OP_CAPABILITY, [CAPABILITY_MULTI_VIEW]) => multiview = true,
+                (OP_EXECUTION_MODE, [_, MODE_DEPTH_REPLACING, ..]) => writes_depth = true,
+                (OP_TYPE_IMAGE, [id, _, DIM_SUBPASS_DATA, ..]) => {
+                    subpass_images.insert(*id);
+                }
                 (OP_DECORATE, [id, decoration, value @ ..]) => {
                     let value = value.first().copied().unwrap_or_default();
                     decorations.insert((*id, *decoration), value);
@@ -95,6 +113,7 @@ impl Module {
         };
         let mut bindings = BTreeMap::new();
         let mut outputs = BTreeSet::new();
+        let mut inputs = BTreeSet::new();
         for (id, kind, class) in variables {
             let of = |decoration| decorations.get(&(id, decoration)).copied();
             let name = || names.get(&id).cloned().unwrap_or_default();
@@ -117,7 +136,16 @@ impl Module {
                         CLASS_STORAGE_BUFFER => vk::DescriptorType::STORAGE_BUFFER,
                         CLASS_UNIFORM if old_storage => vk::DescriptorType::STORAGE_BUFFER,
                         CLASS_UNIFORM => vk::DescriptorType::UNIFORM_BUFFER,
-                        _ => bail!("only buffers are handled, not {}", name()),
+                        CLASS_UNIFORM_CONSTANT if subpass_images.contains(&pointee) => {
+                            inputs.insert(of(DECORATION_INPUT_ATTACHMENT_INDEX).with_context(
+                                || format!("{} says no input_attachment_index", name()),
+                            )?);
+                            vk::DescriptorType::INPUT_ATTACHMENT
+                        }
+                        _ => bail!(
+                            "only buffers and input attachments are handled, not {}",
+                            name()
+                        ),
                     };
                     bindings.insert(binding, descriptor);
                 }
@@ -144,6 +172,8 @@ impl Module {
             bindings,
             constants,
             outputs,
+            inputs,
+            writes_depth,
         })
     }
 }
@@ -209,6 +239,50 @@ mod tests {
                 panic!("{why:#}");
             }
         }
+    }
+
+    /// A fragment shader with one image of a dimension, as glslang writes it but for the names: no body, which nobody reads here.
+    fn with_an_image(dimension: u32) -> Shader {
+        let op = |code: u16, operands: &[u32]| {
+            let mut words = vec![(operands.len() as u32 + 1) << 16 | u32::from(code)];
+            words.extend(operands);
+            words
+        };
+        let words = [
+            vec![0x0723_0203, 0x0001_0300, 0, 20, 0],
+            op(OP_ENTRY_POINT, &[4, 1, 0]),
+            op(OP_EXECUTION_MODE, &[1, 7]),
+            op(OP_EXECUTION_MODE, &[1, MODE_DEPTH_REPLACING]),
+            op(OP_NAME, &[9, u32::from_le_bytes(*b"eye\0")]),
+            op(OP_DECORATE, &[9, DECORATION_INPUT_ATTACHMENT_INDEX, 3]),
+            op(OP_DECORATE, &[9, DECORATION_BINDING, 5]),
+            op(OP_DECORATE, &[9, DECORATION_DESCRIPTOR_SET, 0]),
+            op(OP_TYPE_IMAGE, &[6, 2, dimension, 0, 0, 0, 2, 0]),
+            op(OP_TYPE_POINTER, &[7, CLASS_UNIFORM_CONSTANT, 6]),
+            op(OP_VARIABLE, &[7, 9, CLASS_UNIFORM_CONSTANT]),
+        ];
+        Shader {
+            name: "made_up",
+            words: words.concat().leak(),
+        }
+    }
+
+    #[test]
+    fn an_input_attachment_is_bound_as_one_and_found_by_its_index() {
+        let module = Module::read(with_an_image(DIM_SUBPASS_DATA)).expect("a shader");
+        let bound = vk::DescriptorType::INPUT_ATTACHMENT;
+        assert_eq!(module.bindings.get(&5), Some(&bound), "binding 5");
+        assert_eq!(module.inputs, BTreeSet::from([3]), "attachment 3");
+        assert!(module.writes_depth, "it replaces depth");
+    }
+
+    #[test]
+    fn an_image_that_is_no_input_attachment_is_refused_by_its_name() {
+        let why = Module::read(with_an_image(1))
+            .err()
+            .map(|why| format!("{why:#}"));
+        let why = why.expect("a plain image");
+        assert!(why.contains("not eye") && why.contains("made_up"), "{why}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use ash::vk;
 
 use crate::constants::{self, Setting};
@@ -14,6 +14,10 @@ const PUSH_BYTES: u32 = 128;
 
 /// Where the splats are drawn: colour, and depth.
 const ATTACHMENTS: [vk::Format; 2] = [vk::Format::R16G16B16A16_SFLOAT, vk::Format::R16_SFLOAT];
+
+/// What a subpass that reads them draws into: a compositor's colour and depth.
+const SHOWN: vk::Format = vk::Format::R8G8B8A8_SRGB;
+const SHOWN_DEPTH: vk::Format = vk::Format::D32_SFLOAT;
 
 /// One stage of a compiled pipeline.
 pub(crate) struct Compiled {
@@ -187,14 +191,25 @@ fn graphics(
         .flat_map(|module| module.outputs.last())
         .max()
         .map_or(0, |last| *last as usize + 1);
-    let formats = ATTACHMENTS.get(..outputs).with_context(|| {
-        format!(
-            "the table knows {} attachments, not {outputs}",
-            ATTACHMENTS.len()
-        )
-    })?;
+    let inputs = modules
+        .iter()
+        .flat_map(|module| module.inputs.last())
+        .max()
+        .map_or(0, |last| *last as usize + 1);
+    let written = ATTACHMENTS
+        .get(..if inputs == 0 { outputs } else { inputs })
+        .with_context(|| {
+            format!(
+                "the table knows {} attachments, not {outputs} to write or {inputs} to read",
+                ATTACHMENTS.len()
+            )
+        })?;
+    ensure!(
+        inputs == 0 || outputs == 1,
+        "of shaders that read attachments only those are handled that write one, not {outputs}"
+    );
     let over = vk::PipelineColorBlendAttachmentState::default()
-        .blend_enable(true)
+        .blend_enable(inputs == 0)
         .src_color_blend_factor(vk::BlendFactor::ONE)
         .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
         .src_alpha_blend_factor(vk::BlendFactor::ONE)
@@ -211,14 +226,19 @@ fn graphics(
     let rasterisation = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0);
     let samples = vk::PipelineMultisampleStateCreateInfo::default()
         .rasterization_samples(vk::SampleCountFlags::TYPE_1);
-    let depth = vk::PipelineDepthStencilStateCreateInfo::default();
+    let writes_depth = modules.iter().any(|module| module.writes_depth);
+    let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+        .depth_test_enable(writes_depth)
+        .depth_write_enable(writes_depth)
+        .depth_compare_op(vk::CompareOp::ALWAYS);
     let states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
     let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&states);
     let both_eyes = modules.iter().any(|module| module.multiview);
+    let view_mask = if both_eyes { 0b11 } else { 0 };
     let mut rendering = vk::PipelineRenderingCreateInfo::default()
-        .view_mask(if both_eyes { 0b11 } else { 0 })
-        .color_attachment_formats(formats);
-    let info = [vk::GraphicsPipelineCreateInfo::default()
+        .view_mask(view_mask)
+        .color_attachment_formats(written);
+    let mut info = vk::GraphicsPipelineCreateInfo::default()
         .flags(flags)
         .stages(stages)
         .vertex_input_state(&vertices)
@@ -229,18 +249,89 @@ fn graphics(
         .depth_stencil_state(&depth)
         .color_blend_state(&blending)
         .dynamic_state(&dynamic)
-        .layout(layout)
-        .push_next(&mut rendering)];
+        .layout(layout);
+    // Only a render pass has subpasses.
+    let pass = match inputs {
+        0 => None,
+        _ => Some(two_subpasses(device, written, writes_depth, view_mask)?),
+    };
+    info = match pass {
+        None => info.push_next(&mut rendering),
+        Some(pass) => info.render_pass(pass).subpass(1),
+    };
     // SAFETY: modules, layout, specialisations and states live until the call returns.
     let made = unsafe {
         device
             .handle
-            .create_graphics_pipelines(vk::PipelineCache::null(), &info, None)
+            .create_graphics_pipelines(vk::PipelineCache::null(), &[info], None)
     };
+    if let Some(pass) = pass {
+        // SAFETY: pipelines do not need the pass that they were made for.
+        unsafe { device.handle.destroy_render_pass(pass, None) };
+    }
     let pipelines = made
         .map_err(|(_, why)| why)
         .context("vkCreateGraphicsPipelines")?;
     pipelines.first().copied().context("no pipeline")
+}
+
+/// A pass whose first subpass writes `pictures` and whose second reads them and writes what is shown, with its depth or without.
+fn two_subpasses(
+    device: &Device,
+    pictures: &[vk::Format],
+    depth: bool,
+    view_mask: u32,
+) -> anyhow::Result<vk::RenderPass> {
+    let formats = pictures
+        .iter()
+        .copied()
+        .chain([SHOWN])
+        .chain(depth.then_some(SHOWN_DEPTH));
+    let attachments: Vec<_> = formats
+        .map(|format| {
+            vk::AttachmentDescription::default()
+                .format(format)
+                .samples(vk::SampleCountFlags::TYPE_1)
+                .final_layout(vk::ImageLayout::GENERAL)
+        })
+        .collect();
+    let general = |attachment| vk::AttachmentReference {
+        attachment,
+        layout: vk::ImageLayout::GENERAL,
+    };
+    let pictures: Vec<_> = (0u32..).zip(pictures).map(|(at, _)| general(at)).collect();
+    let at = pictures.last().map_or(0, |last| last.attachment + 1);
+    let (shown, shown_depth) = ([general(at)], general(at + 1));
+    let bind_point = vk::PipelineBindPoint::GRAPHICS;
+    let draws = vk::SubpassDescription::default()
+        .pipeline_bind_point(bind_point)
+        .color_attachments(&pictures);
+    let mut shows = vk::SubpassDescription::default()
+        .pipeline_bind_point(bind_point)
+        .input_attachments(&pictures)
+        .color_attachments(&shown);
+    if depth {
+        shows = shows.depth_stencil_attachment(&shown_depth);
+    }
+    let subpasses = [draws, shows];
+    let dependencies = [vk::SubpassDependency::default()
+        .dst_subpass(1)
+        .src_stage_mask(vk::PipelineStageFlags::COLOR_ATTACHMENT_OUTPUT)
+        .dst_stage_mask(vk::PipelineStageFlags::FRAGMENT_SHADER)
+        .src_access_mask(vk::AccessFlags::COLOR_ATTACHMENT_WRITE)
+        .dst_access_mask(vk::AccessFlags::INPUT_ATTACHMENT_READ)
+        .dependency_flags(vk::DependencyFlags::BY_REGION)];
+    let masks = [view_mask; 2];
+    let mut multiview = vk::RenderPassMultiviewCreateInfo::default().view_masks(&masks);
+    let mut info = vk::RenderPassCreateInfo::default()
+        .attachments(&attachments)
+        .subpasses(&subpasses)
+        .dependencies(&dependencies);
+    if view_mask != 0 {
+        info = info.push_next(&mut multiview);
+    }
+    // SAFETY: the structures are complete, and live until the call returns.
+    unsafe { device.handle.create_render_pass(&info, None) }.context("vkCreateRenderPass")
 }
 
 fn report(

@@ -49,7 +49,9 @@ pub(crate) fn check(rows: &[Row], reasons: &[Reason]) -> anyhow::Result<()> {
             wrong.push(format!("{key} spills registers to memory"));
         }
         match (row.waves(), reason) {
-            (None, _) => wrong.push(format!("the driver does not tell how many waves {key} runs in")),
+            (None, _) => wrong.push(format!(
+                "the driver does not tell how many waves {key} runs in"
+            )),
             (Some(waves), None) if waves < ALL_WAVES => wrong.push(format!(
                 "{key} runs in {waves} waves, not {ALL_WAVES}, and no reason is given"
             )),
@@ -104,7 +106,11 @@ mod tests {
 
     #[test]
     fn a_shader_with_all_waves_and_no_spills_passes() {
-        assert_eq!(said(&[row("sort_count", 16, 0)], "# none"), "", "it is fine");
+        assert_eq!(
+            said(&[row("sort_count", 16, 0)], "# none"),
+            "",
+            "it is fine"
+        );
     }
 
     #[test]
@@ -113,14 +119,21 @@ mod tests {
             &[row("raster", 12, 3)],
             "raster compute 64: it has much to remember",
         );
-        assert_eq!(said, "raster compute 64 spills registers to memory", "no reason excuses it");
+        assert_eq!(
+            said, "raster compute 64 spills registers to memory",
+            "no reason excuses it"
+        );
     }
 
     #[test]
     fn too_few_waves_need_a_reason_and_all_waves_must_not_have_one() {
         let narrow = [row("raster", 12, 0)];
         assert!(said(&narrow, "").contains("no reason is given"), "12 waves");
-        assert_eq!(said(&narrow, "raster compute 64: sums"), "", "12 waves with a reason");
+        assert_eq!(
+            said(&narrow, "raster compute 64: sums"),
+            "",
+            "12 waves with a reason"
+        );
         let said = said(&[row("raster", 16, 0)], "raster compute 64: sums");
         assert!(said.contains("out of date"), "{said}");
     }
@@ -133,15 +146,24 @@ mod tests {
 
     #[test]
     fn a_line_that_is_no_reason_is_refused_by_its_number() {
-        for (text, line) in [("\nraster compute 64", 2), ("raster: why", 1), ("a b 1: c\na b 1: d", 2)] {
-            let why = reasons(text).err().map(|why| why.to_string()).unwrap_or_default();
+        for (text, line) in [
+            ("\nraster compute 64", 2),
+            ("raster: why", 1),
+            ("a b 1: c\na b 1: d", 2),
+        ] {
+            let why = reasons(text)
+                .err()
+                .map(|why| why.to_string())
+                .unwrap_or_default();
             assert!(why.starts_with(&format!("line {line}")), "{text:?}: {why}");
         }
     }
 
     #[test]
     fn lines_that_differ_from_the_committed_table_are_told_from_both_sides() {
-        let why = check_table("same\nold\n", "same\nnew\n").expect_err("they differ").to_string();
+        let why = check_table("same\nold\n", "same\nnew\n")
+            .expect_err("they differ")
+            .to_string();
         assert!(why.ends_with("\n- old\n+ new"), "{why}");
     }
 }
