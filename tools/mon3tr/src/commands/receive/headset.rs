@@ -6,7 +6,7 @@ use super::screen::{Watched, measured};
 use super::{Fetched, Options, Until, fetch, wait_for_sender};
 use crate::live::{place_on, placed};
 use crate::network::Network;
-use crate::report::{AvatarFigures, Splatting, write_json};
+use crate::report::{Splatting, write_json};
 use crate::scenery::Scenery;
 use crate::stage::load_avatar;
 use crate::surroundings::{Surroundings, make_folder};
@@ -21,6 +21,7 @@ use app::{
 use glam::{Quat, Vec3};
 use link::{Announcement, Client, Clock, Viewer};
 use npu_runtime::Runtime;
+use profile_report::AvatarFigures;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
