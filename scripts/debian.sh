@@ -125,7 +125,7 @@ unpack_lock() {
 trim_documentation() {
 	local share=$1/root/usr/share
 	rm -rf "$share/bug" "$share/lintian" "$share/man" "$share/locale" "$1/libc/usr/lib/$deb_triplet/gconv" "$1/libc/usr/share/locale"
-	find "$share/doc" "$1/libc/usr/share/doc" -name '*changelog*' -delete
+	find "$1" -path '*/usr/share/doc/*' -name '*changelog*' -delete
 }
 
 # wrapper_tail LOCK [NAME]: the end of a wrapper script that runs "$@" on the prefix in $here: on the machine's libc if that is as

@@ -5,7 +5,7 @@ For maintainers, when a prefix is to be renewed; `./run` only reads the lock fil
 It follows Depends/Pre-Depends of a prefix's roots in the suites' indices, taking the first alternative that exists. It does
 not check an index's signature: review the diff.
 
-    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [monado] [android-tools] [java] [clang] [adreno]    (all without a name; from https://deb.debian.org/debian)
+    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [monado] [android-tools] [java] [clang] [arm64] [adreno]    (all without a name; from https://deb.debian.org/debian)
 
 Where only a few files of the roots are wanted, a prefix names them (`linked`), and of the packages it keeps those with a
 library that these files link, directly or through others; this fetches all of them, and needs dpkg-deb and readelf.
@@ -105,9 +105,18 @@ PREFIXES = {
         # Its own headers, which no library links.
         "kept": ["libclang-common-19-dev"],
     },
+    "arm64": {
+        "what": "What links a program for arm64 and runs it here",
+        "lock": "scripts/arm64-{arch}.lock",
+        # An arm64 machine needs none of it.
+        "arches": ["amd64"],
+        "roots": ["qemu-user", "libc6-dev-arm64-cross", "libgcc-s1-arm64-cross"],
+        # Headers: no C is compiled.
+        "left_out": ["linux-libc-dev-arm64-cross", "gcc-14-cross-base"],
+    },
     "adreno": {
         "what": "Mesa's turnip, the shim that pretends to be an Adreno, and what they need",
-        "lock": "tools/adreno-table/{suite}-{arch}.lock",
+        "lock": "scripts/adreno-{suite}-{arch}.lock",
         "arches": ["amd64"],
         "roots": ["mesa-vulkan-drivers", "mesa-drm-shim", "libvulkan1"],
         "backports": ["mesa-vulkan-drivers", "mesa-drm-shim"],

@@ -8,7 +8,6 @@ mod gaze;
 mod ground;
 mod lanes;
 mod live;
-mod measured;
 mod moments;
 mod monado;
 mod network;

@@ -1,7 +1,6 @@
 //! One HTML file that shows a recording: timeline, latency, distributions, figures. Asks nobody for anything.
 
-use super::report::Report;
-use anyhow::Context;
+use crate::Report;
 use app::{Lane, Part, PictureLatency, Recording, Stage, StateTimes, Terms, nanoseconds};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -17,13 +16,13 @@ const MOST_SPANS: usize = 28_000;
 const MOST_PICTURES: usize = 4_000;
 
 /// The page.
-pub(super) fn page(
+pub(crate) fn page(
     report: &Report,
     recording: &Recording,
     terms: &Terms,
-) -> anyhow::Result<String> {
+) -> serde_json::Result<String> {
     let data = json!({ "report": report, "recorded": recorded(recording, terms) });
-    let data = serde_json::to_string(&data).context("cannot write the figures as JSON")?;
+    let data = serde_json::to_string(&data)?;
     // What is in it (an avatar's name, say) must not end the script.
     let data = data.replace('<', "\\u003c");
     Ok(HTML

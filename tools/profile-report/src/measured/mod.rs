@@ -1,8 +1,10 @@
 //! What the lanes of a call measured, and where its stages ran: as tables for people and as JSON for programs, of whichever
-//! command showed the call. Pages and traces are `profile`'s alone.
+//! command showed the call. Pages and traces are a profile's alone.
 
 mod latency;
 mod placement;
+
+pub(crate) use placement::headed;
 
 use app::hold::HoldFigures;
 use app::{Occupancy, PictureFigures, PlacementReport, Skipped, StageSummary, Summary};
@@ -15,20 +17,21 @@ const HEADING: usize = 11;
 
 /// Everything that lanes tell of a call.
 #[derive(Debug, Serialize)]
-pub(crate) struct Measured {
+pub struct Measured {
     /// What runs where, what else could have, and why not.
-    pub(crate) placement: PlacementReport,
+    pub placement: PlacementReport,
     /// What lanes left out because something newer had come, since the call began.
-    pub(crate) skipped: Skipped,
+    pub skipped: Skipped,
     /// What was done to hold the display's rate.
-    pub(crate) hold: HoldFigures,
+    pub hold: HoldFigures,
     /// Of the measured time, or of its last half minute.
-    pub(crate) measured: Summary,
+    pub measured: Summary,
 }
 
 impl Measured {
     /// Where stages run and what else was tried, what each takes, how lanes overlap, and latency in parts.
-    pub(crate) fn tables(&self) -> Vec<String> {
+    #[must_use]
+    pub fn tables(&self) -> Vec<String> {
         let of = &self.measured;
         let mut lines = placement::chosen(&self.placement);
         for table in [
@@ -46,7 +49,8 @@ impl Measured {
     }
 
     /// What became of pictures, and what is not in the figures.
-    pub(crate) fn totals(&self) -> Vec<String> {
+    #[must_use]
+    pub fn totals(&self) -> Vec<String> {
         let of = &self.measured;
         let mut lines = vec![pictures(&of.pictures, of.display_hz)];
         lines.extend(quality(&self.hold));

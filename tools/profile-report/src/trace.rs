@@ -3,6 +3,7 @@
 //! One track for each lane, and one for the display. Arrows lead from a motion frame's first stage to its state of
 //! Gaussians, and from there to each picture that was made from it. Written event by event.
 
+use crate::machine::MachineFigures;
 use app::{Lane, PictureLatency, PictureTimes, Recording, Span, Stage, Terms, nanoseconds};
 use serde::Serialize;
 use std::collections::HashMap;
@@ -64,10 +65,11 @@ enum Arguments {
 }
 
 /// Writes `recording`; `about` tells whoever opens it what was measured.
-pub(super) fn write(
+pub(crate) fn write(
     out: impl Write,
     recording: &Recording,
     terms: &Terms,
+    machine: &MachineFigures,
     about: &serde_json::Value,
 ) -> io::Result<()> {
     let mut trace = Trace {
@@ -91,6 +93,7 @@ pub(super) fn write(
         trace.picture(picture, terms)?;
     }
     trace.rate(recording)?;
+    trace.machine(recording, machine)?;
     writeln!(trace.out, "\n]}}")
 }
 
@@ -270,6 +273,24 @@ impl<W: Write> Trace<W> {
             }
             let rate = serde_json::json!({ "pictures": k + 1 - oldest });
             self.counter("pictures a second", Some(self.us(*at)), rate)?;
+        }
+        Ok(())
+    }
+
+    /// Heat and clocks, as counters.
+    fn machine(&mut self, recording: &Recording, machine: &MachineFigures) -> io::Result<()> {
+        let begun = self.us(recording.begin);
+        for series in &machine.series {
+            let unit = if series.unit.is_empty() {
+                "level"
+            } else {
+                series.unit
+            };
+            for (at_s, value) in machine.at_s.iter().zip(&series.values) {
+                let Some(value) = value else { continue };
+                let args = serde_json::json!({ unit: value });
+                self.counter(&series.channel.name, Some(begun + at_s * 1e6), args)?;
+            }
         }
         Ok(())
     }

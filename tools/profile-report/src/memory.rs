@@ -4,20 +4,21 @@ use serde::Serialize;
 
 /// Bytes; what a machine does not tell is missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub(super) struct Memory {
+pub struct Memory {
     /// Resident set of this process when measuring ended.
-    pub(super) host_bytes: Option<u64>,
+    pub host_bytes: Option<u64>,
     /// The most it ever was.
-    pub(super) host_peak_bytes: Option<u64>,
+    pub host_peak_bytes: Option<u64>,
     /// Device memory that the renderer has taken.
-    pub(super) device_bytes: u64,
+    pub device_bytes: u64,
     /// What the resident set grew by when placements were tried and one was kept: ONNX Runtime, sessions, the renderer.
-    pub(super) onnx_runtime_bytes: Option<u64>,
+    pub onnx_runtime_bytes: Option<u64>,
 }
 
 impl Memory {
     /// As it is now.
-    pub(super) fn now(device_bytes: u64, onnx_runtime_bytes: Option<u64>) -> Self {
+    #[must_use]
+    pub fn now(device_bytes: u64, onnx_runtime_bytes: Option<u64>) -> Self {
         Self {
             host_bytes: resident_bytes(),
             host_peak_bytes: of_status("VmHWM:"),
@@ -27,7 +28,7 @@ impl Memory {
     }
 
     /// In a line for people.
-    pub(super) fn line(&self) -> String {
+    pub(crate) fn line(&self) -> String {
         let mb = |bytes: Option<u64>| {
             bytes.map_or_else(|| "?".into(), |b| format!("{:.0} MB", b as f64 / 1e6))
         };
@@ -42,7 +43,8 @@ impl Memory {
 }
 
 /// This process' resident set now, bytes.
-pub(super) fn resident_bytes() -> Option<u64> {
+#[must_use]
+pub fn resident_bytes() -> Option<u64> {
     of_status("VmRSS:")
 }
 

@@ -546,6 +546,51 @@ function overTime() {
     `${one.at_seconds.toFixed(1)} s`, element("td", { class: "left" }, one.reason.why === "overload" ? "pictures took too long" : "there was time to spare"), String(one.from_step), String(one.to_step), percent(one.reason.load), percent(one.reason.predicted_load)])));
 }
 
+// ---- heat and clocks ----
+
+const QUANTITIES = [["temperature", "temperatures"], ["cpu_clock", "CPU clocks"], ["gpu_clock", "GPU clock"], ["gpu_busy", "GPU busy"], ["level", "levels"]];
+const MOST_LINES = 8;
+
+function machine() {
+  const of = report.machine, at = $("machine");
+  for (const [quantity, title] of QUANTITIES) {
+    const all = of.series.filter((one) => one.quantity === quantity).sort((a, b) => b.most - a.most);
+    if (all.length && of.at_s.length > 1) at.append(...curves(title, of.at_s, all.slice(0, MOST_LINES), all.length));
+  }
+  if (of.series.length) at.append(table(["", "least", "mean", "most"], of.series.map((one) => [one.name, ...[one.least, one.mean, one.most].map((value) => `${+value.toFixed(1)} ${one.unit}`)])));
+  else at.append(none("This machine tells neither temperatures nor clocks."));
+  if (of.absent.length) at.append(element("h3", {}, "Not told"), element("dl", { class: "two" }, ...of.absent.flatMap((one) => [element("dt", {}, one.what), element("dd", {}, one.why)])));
+}
+
+/** A chart of some series over time, with gaps where they have none. */
+function curves(title, times, shown, count) {
+  const WIDTH = 1160, LEFT = 64, HEIGHT = 150, TOP = 22, BOTTOM = 32, end = times[times.length - 1];
+  const least = Math.min(...shown.map((one) => one.least)), most = Math.max(...shown.map((one) => one.most)), room = Math.max((most - least) * 0.1, most * 0.02, 0.5);
+  const low = Math.max(0, least - room), high = most + room;
+  const x = (time) => LEFT + ((time - times[0]) / Math.max(end - times[0], 1e-3)) * (WIDTH - LEFT - 12), y = (value) => HEIGHT - BOTTOM - ((value - low) / (high - low)) * (HEIGHT - TOP - BOTTOM);
+  const svg = drawing(WIDTH, HEIGHT, title);
+  svg.put("text", { x: LEFT, y: 12, class: "soft" }, [title, shown[0].unit].filter((text) => text).join(", "));
+  const every = step(high - low, 3), each = step(Math.max(end - times[0], 1e-3), 10);
+  for (let tick = Math.ceil(low / every) * every; tick <= high; tick += every) {
+    svg.put("line", { x1: LEFT, x2: WIDTH - 12, y1: y(tick), y2: y(tick), class: "grid" });
+    svg.put("text", { x: LEFT - 8, y: y(tick) + 4, "text-anchor": "end", class: "soft" }, whole(+tick.toFixed(3)));
+  }
+  for (let tick = Math.ceil(times[0] / each) * each; tick <= end; tick += each) svg.put("text", { x: x(tick), y: HEIGHT - 15, "text-anchor": "middle", class: "soft" }, `${+tick.toFixed(2)} s`);
+  shown.forEach((one, k) => {
+    let pen = "M";
+    const path = one.values.map((value, at) => {
+      if (value === null) { pen = "M"; return ""; }
+      const to = `${pen}${x(times[at]).toFixed(1)} ${y(value).toFixed(1)}`;
+      pen = "L";
+      return to;
+    }).join("");
+    hint(svg.put("path", { d: path, fill: "none", stroke: STAGE_COLOURS[(k + 1) % STAGE_COLOURS.length], "stroke-width": 1.6 }), `${one.name}\n${+one.least.toFixed(1)} to ${+one.most.toFixed(1)} ${one.unit}`);
+  });
+  const legend = element("p", { class: "legend" }, ...shown.map((one, k) => element("span", {}, swatch(STAGE_COLOURS[(k + 1) % STAGE_COLOURS.length]), one.name)));
+  if (count > shown.length) legend.append(element("span", {}, `and ${count - shown.length} more in the table`));
+  return [svg, legend];
+}
+
 // ---- placement ----
 
 function placement() {
@@ -593,7 +638,7 @@ function rest() {
 
 // A part that cannot be drawn must not hide the others.
 const failed = [];
-for (const part of [head, tiles, latency, timeline, lanes, stages, overTime, placement, rest]) {
+for (const part of [head, tiles, latency, timeline, lanes, stages, overTime, machine, placement, rest]) {
   try { part(); } catch (error) { failed.push(`${part.name}: ${error.message}`); }
 }
 if (failed.length) document.querySelector("main").prepend(element("p", { class: "none" }, `Some parts cannot be drawn: ${failed.join("; ")}`));

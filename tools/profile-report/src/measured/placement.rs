@@ -99,7 +99,8 @@ fn short(stage: Stage) -> &'static str {
     name.split_once(" (").map_or(name, |(short, _)| short)
 }
 
-fn headed(heading: &str, text: &str) -> Vec<String> {
+/// Lines of `text`, indented but for `heading` before the first.
+pub(crate) fn headed(heading: &str, text: &str) -> Vec<String> {
     wrapped(heading, HEADING, text)
 }
 

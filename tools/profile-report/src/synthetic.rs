@@ -1,10 +1,8 @@
 //! A made-up recording for tests: four lanes as they might work on a headset at 72 Hz, with pictures late, repeated and missed,
 //! and a quality that changes.
 
-use super::memory::Memory;
-use super::report::{Conditions, Report};
-use crate::measured::Measured;
-use crate::report::AvatarFigures;
+use crate::machine::{Absent, Channel, MachineFigures, Quantity, Series};
+use crate::{AvatarFigures, Conditions, Measured, Memory, Report};
 use app::hold::{Hold, HoldMode};
 use app::{
     Alternative, BridgeState, Collector, Lane, PictureTimes, PlacementReport, Plan, Recorder,
@@ -17,10 +15,10 @@ use std::time::{Duration, Instant};
 const MOTION_MS: f64 = 1000.0 / 30.0;
 const DISPLAY_MS: f64 = 1000.0 / 72.0;
 
-pub(super) struct Synthetic {
-    pub(super) recording: Recording,
-    pub(super) terms: Terms,
-    pub(super) report: Report,
+pub(crate) struct Synthetic {
+    pub(crate) recording: Recording,
+    pub(crate) terms: Terms,
+    pub(crate) report: Report,
 }
 
 struct Lanes {
@@ -78,7 +76,7 @@ impl Lanes {
 }
 
 /// `seconds` of it.
-pub(super) fn synthetic(seconds: f64) -> Synthetic {
+pub(crate) fn synthetic(seconds: f64) -> Synthetic {
     let mut collector = Collector::default();
     let [mut motion, mut npu, mut cpu, mut gpu] = Lane::ALL.map(|lane| collector.recorder(lane));
     let mut lanes = Lanes {
@@ -238,8 +236,47 @@ fn report(recording: &Recording, terms: &Terms) -> Report {
             device_bytes: 148_000_000,
             onnx_runtime_bytes: Some(233_000_000),
         },
+        machine: machine(),
         call: None,
         sent: json!({ "encoded": 300, "encode_ns": 54_000_000 }),
+    }
+}
+
+/// A headset that warms up, with a sensor that fails now and then and a GPU whose load is not told.
+fn machine() -> MachineFigures {
+    let at_s: Vec<f64> = (0..20).map(|k| f64::from(k) * 0.5).collect();
+    let series = |name: &str, quantity: Quantity, of: &dyn Fn(f64) -> Option<f64>| {
+        let values: Vec<Option<f64>> = at_s.iter().map(|at| of(*at)).collect();
+        let read: Vec<f64> = values.iter().flatten().copied().collect();
+        Series {
+            channel: Channel {
+                name: name.to_owned(),
+                quantity,
+            },
+            unit: quantity.unit(),
+            least: read.iter().copied().fold(f64::INFINITY, f64::min),
+            mean: read.iter().sum::<f64>() / read.len() as f64,
+            most: read.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            values,
+        }
+    };
+    let fails = |at: f64| (at != 3.0).then_some(36.0 + at * 0.2);
+    MachineFigures {
+        series: vec![
+            series("cpu-0-0 (0)", Quantity::Temperature, &|at| Some(48.0 + at)),
+            series("<skin> (10)", Quantity::Temperature, &fails),
+            series("CPU 0-2", Quantity::CpuClock, &|_| Some(2016.0)),
+            series("CPU 5", Quantity::CpuClock, &|at| Some(3187.2 - at * 40.0)),
+            series("GPU clock", Quantity::GpuClock, &|_| Some(492.0)),
+            series("GPU throttling level", Quantity::Level, &|at| {
+                Some((at / 4.0).floor())
+            }),
+        ],
+        at_s,
+        absent: vec![Absent {
+            what: "GPU busy".into(),
+            why: "cannot read gpu_busy_percentage: Permission denied".into(),
+        }],
     }
 }
 

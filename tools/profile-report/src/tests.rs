@@ -1,7 +1,8 @@
 //! Table, trace and page of a made-up recording, each against something that is not ours or was written apart.
 
-use super::synthetic::{Synthetic, synthetic};
-use super::{page, trace};
+use crate::machine::MachineFigures;
+use crate::synthetic::{Synthetic, synthetic};
+use crate::{FINISHED, Folder, page, trace};
 use app::{Lane, Summary};
 use serde_json::Value;
 use std::collections::HashMap;
@@ -10,7 +11,14 @@ use std::process::Command;
 fn traced(of: &Synthetic) -> Value {
     let mut text = Vec::new();
     let about = serde_json::json!({ "avatar": of.report.avatar.name });
-    trace::write(&mut text, &of.recording, &of.terms, &about).expect("memory takes it");
+    trace::write(
+        &mut text,
+        &of.recording,
+        &of.terms,
+        &of.report.machine,
+        &about,
+    )
+    .expect("memory takes it");
     let text = String::from_utf8(text).expect("it is text");
     kept("trace.json", &text);
     serde_json::from_str(&text).expect("it is JSON")
@@ -282,6 +290,10 @@ fn a_browser_draws_every_part_of_the_page() {
         drawn.contains("A made-up person &lt;/script&gt;"),
         "the avatar's name is text"
     );
+    assert!(
+        drawn.contains("&lt;skin&gt; (10)") && drawn.contains("Permission denied"),
+        "what the machine told, and did not"
+    );
 }
 
 #[test]
@@ -293,6 +305,7 @@ fn a_browser_draws_a_page_of_nothing() {
     of.report.shown.placement.alternatives.clear();
     of.report.shown.placement.landing.nodes.clear();
     of.report.sent = Value::Null;
+    of.report.machine = MachineFigures::default();
     let table = of.report.table();
     assert!(!table.contains("NaN"), "{table}");
     let page = page::page(&of.report, &of.recording, &of.terms).expect("a page");
@@ -304,4 +317,102 @@ fn a_browser_draws_a_page_of_nothing() {
         "{}",
         drawn.get(..600).unwrap_or(&drawn)
     );
+}
+
+#[test]
+fn every_reading_of_the_machine_is_in_the_trace_at_its_time_and_a_gap_is_none() {
+    let of = synthetic(10.0);
+    let events = check_format(&traced(&of));
+    let machine = &of.report.machine;
+    // The first thing that happened is where the trace begins.
+    let begin = of
+        .recording
+        .spans
+        .first()
+        .map_or(of.recording.begin, |span| {
+            span.begin.min(of.recording.begin)
+        });
+    let offset = (of.recording.begin - begin).as_secs_f64();
+    for series in &machine.series {
+        let counted: Vec<(f64, f64)> = of_phase(&events, "C")
+            .filter(|event| event["name"] == series.channel.name.as_str())
+            .map(|event| {
+                let values = event["args"].as_object().expect("values");
+                let value = values.values().next().and_then(Value::as_f64);
+                (number(event, "ts") / 1e6 - offset, value.expect("a number"))
+            })
+            .collect();
+        let pairs = machine.at_s.iter().zip(&series.values);
+        let read: Vec<(f64, f64)> = pairs.filter_map(|(at, v)| Some((*at, (*v)?))).collect();
+        assert_eq!(counted.len(), read.len(), "{}", series.channel.name);
+        for (got, wanted) in counted.iter().zip(read) {
+            assert!(
+                (got.0 - wanted.0).abs() < 1e-5 && got.1 == wanted.1,
+                "{}: {got:?} is not {wanted:?}",
+                series.channel.name
+            );
+        }
+    }
+    assert!(
+        machine.series.iter().any(|one| one.values.contains(&None)),
+        "a gap was tried"
+    );
+}
+
+#[test]
+fn the_table_says_how_hot_it_got_and_what_is_not_told() {
+    let table = synthetic(1.0).report.table();
+    let words: Vec<&str> = table.split_whitespace().collect();
+    let table = words.join(" ");
+    for said in [
+        "hottest cpu-0-0 (0), 48 to 58 °C",
+        "CPU clocks 2016 to 3187 MHz",
+        "GPU clock 492 to 492 MHz",
+        "GPU throttling level 0 to 2",
+        "not told: GPU busy",
+    ] {
+        assert!(table.contains(said), "{said} is missing: {table}");
+    }
+}
+
+#[test]
+fn a_folder_is_finished_last_and_forgets_what_an_earlier_profile_left() {
+    let of = synthetic(1.0);
+    let root = tempfile::tempdir().expect("a temporary folder");
+    let path = root.path().join("files/profile");
+    let read = |name: &str| std::fs::read_to_string(path.join(name));
+    let folder = Folder::begin(&path).expect("a folder");
+    folder.failed("no OpenXR runtime").expect("it can be told");
+    assert_eq!(
+        read(FINISHED).expect("it is told"),
+        "failed: no OpenXR runtime\n",
+        "why there is none"
+    );
+    let folder = Folder::begin(&path).expect("the same folder");
+    assert!(read(FINISHED).is_err(), "an old end is no end");
+    folder
+        .write(&of.report, &of.recording, &of.terms)
+        .expect("files");
+    assert_eq!(read(FINISHED).expect("it is told"), "ok\n", "it went well");
+    let figures: Value =
+        serde_json::from_str(&read("profile.json").expect("figures")).expect("JSON");
+    assert_eq!(figures["avatar"]["gaussians"], 60_035, "the avatar's");
+    assert_eq!(
+        figures["machine"]["series"][0]["values"][1], 48.5,
+        "the machine's"
+    );
+    assert_eq!(
+        read("profile.txt").expect("a table"),
+        of.report.table(),
+        "as printed"
+    );
+    check_format(&serde_json::from_str(&read("trace.json").expect("a trace")).expect("JSON"));
+    assert!(
+        read("profile.html")
+            .expect("a page")
+            .contains("cpu-0-0 (0)"),
+        "the page"
+    );
+    let names = std::fs::read_dir(&path).expect("a folder").count();
+    assert_eq!(names, 5, "and nothing else");
 }
