@@ -1,10 +1,10 @@
 # shellcheck shell=bash disable=SC2154 # run and prepare.sh set what is not assigned here
-# Android's own programs for packages, which tests check ours with: aapt, zipalign and apksigner, unpacked from the Debian packages
-# that android-tools-ARCH.lock pins, and Java for the last: the machine's own if it is new enough, else from java-ARCH.lock. Sourced
-# by ./run.
+# Android's own programs for packages, which tests check ours with: aapt, aapt2, zipalign and apksigner, unpacked from the Debian
+# packages that android-tools-ARCH.lock pins, and Java for the last: the machine's own if it is new enough, else from
+# java-ARCH.lock. Sourced by ./run.
 #
-#   $MON3TR_CACHE/android-tools/aapt, zipalign, apksigner   each the program of that name; apksigner through $MON3TR_JAVA
-#   $MON3TR_CACHE/java/run                                  `run ARGS...` is java with ARGS, under the same process id
+#   $MON3TR_CACHE/android-tools/aapt, aapt2, zipalign, apksigner   each the program of that name; the last through $MON3TR_JAVA
+#   $MON3TR_CACHE/java/run                                         `run ARGS...` is java with ARGS, under the same process id
 
 android_tools_lock=$repo/scripts/android-tools-$debian_arch.lock
 java_lock=$repo/scripts/java-$debian_arch.lock
@@ -28,11 +28,11 @@ machine_has_java() {
 
 install_android_tools() {
 	local prefix=$MON3TR_CACHE/android-tools new=$MON3TR_CACHE/android-tools.new instead="" trust=signed one
-	say "Fetching apksigner $(locked_version "$android_tools_lock" apksigner), aapt and zipalign from $debian_mirror"
+	say "Fetching apksigner $(locked_version "$android_tools_lock" apksigner), aapt, aapt2 and zipalign from $debian_mirror"
 	rm -rf "$new"
 	unpack_lock "$android_tools_lock" "$new"
 	trim_documentation "$new"
-	for one in aapt zipalign; do
+	for one in aapt aapt2 zipalign; do
 		{
 			cat <<-WRAPPER
 				#!/bin/sh

@@ -78,12 +78,12 @@ PREFIXES = {
         "kept": ["xkb-data"],
     },
     "android-tools": {
-        "what": "Android's own programs for packages (aapt, zipalign, apksigner) and what they need but for Java",
+        "what": "Android's own programs for packages (aapt, aapt2, zipalign, apksigner) and what they need but for Java",
         "lock": "scripts/android-tools-{arch}.lock",
         "arches": ["amd64", "arm64"],
         "roots": ["aapt", "zipalign", "apksigner"],
         "left_out": ["default-jre"],
-        "linked": ["aapt", "zipalign"],
+        "linked": ["aapt", "aapt2", "zipalign"],
         # Java's own, which no library links.
         "kept": ["apksigner", "libapksig-java"],
     },

@@ -8,7 +8,7 @@
 #   MON3TR_SPIRV_VAL                          the SPIR-V validator, only where it was asked for
 #   MON3TR_QNN                                the folder of ONNX Runtime's QNN plugin, only where it was asked for
 #   MON3TR_MONADO                             the folder of an OpenXR runtime and its loader, only where it was asked for
-#   MON3TR_ANDROID_TOOLS MON3TR_JAVA          the folder of aapt, zipalign and apksigner, and java, only where they were asked for
+#   MON3TR_ANDROID_TOOLS MON3TR_JAVA          the folder of aapt, aapt2, zipalign and apksigner, and java, only where they were asked for
 #   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
 #   MON3TR_ANDROID_PARTS MON3TR_CLANG         others' libraries in the headset's package and, without an NDK, a clang, only where
 #   MON3TR_ANDROID_PARTS_QNN                  they were asked for
@@ -232,7 +232,7 @@ find_todo() {
 	# Where packages cannot be unpacked, the tests that want them say so.
 	if [ "$with_android_tools" = 1 ] && command -v dpkg-deb >/dev/null; then
 		if ! android_tools_are_there; then
-			todo+=("install_android_tools|Android's aapt, zipalign and apksigner with their libraries, from Debian ($(lock_megabytes "$android_tools_lock") MB): tests check the packages for headsets with them")
+			todo+=("install_android_tools|Android's aapt, aapt2, zipalign and apksigner with their libraries, from Debian ($(lock_megabytes "$android_tools_lock") MB): tests check the packages for headsets with them")
 		fi
 		if ! java_is_there; then
 			todo+=("install_java|Java $(locked_version "$java_lock" openjdk-21-jre-headless), from Debian ($(lock_megabytes "$java_lock") MB), because this machine has none of version $java_oldest or newer: apksigner runs on it")

@@ -37,7 +37,7 @@ pub(crate) fn words(words: impl IntoIterator<Item = u32>) -> Vec<u8> {
 /// A count, offset or size as the format stores it.
 pub(crate) fn size(value: usize) -> u32 {
     u32::try_from(value)
-        .expect("texts are bounded (`text::MAX_BYTES`), far below what 32 bits count")
+        .expect("texts are bounded (`small::MAX_BYTES`), far below what 32 bits count")
 }
 
 /// A header's size, or a count that was checked before.

@@ -12,6 +12,7 @@ mod manifest;
 mod package;
 mod resources;
 mod signing;
+mod small;
 mod string_pool;
 mod text;
 

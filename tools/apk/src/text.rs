@@ -3,9 +3,8 @@
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::ApkError;
+use crate::small::MAX_BYTES;
 
-/// A file of XML is no larger: manifests are some kilobytes.
-pub(crate) const MAX_BYTES: usize = 1 << 20;
 /// Elements lie no deeper in one another, because they are walked by recursion.
 const MAX_DEPTH: usize = 64;
 

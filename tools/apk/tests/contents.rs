@@ -61,6 +61,48 @@ fn aapt_reads_from_the_table_what_androids_packager_makes_of_the_same_folder() {
 }
 
 #[test]
+fn aapt2_reads_the_same_from_our_package_as_from_its_own() {
+    let Some(tools) = tools() else { return };
+    let (_folder, path, _) = packaged(&contents());
+    let resources = tools.dump2(&["resources"], &path);
+    assert_eq!(resources, include_str!("expected/resources-aapt2.txt"));
+    let badging = tools.dump2(&["badging"], &path);
+    for line in [
+        "uses-native-library-not-required:'libcdsprpc.so'",
+        "application-label-de:'Beispiel für Brillen'",
+        "native-code: 'arm64-v8a'",
+    ] {
+        assert!(
+            badging.lines().any(|one| one == line),
+            "{line} is missing in\n{badging}"
+        );
+    }
+}
+
+#[test]
+fn an_empty_resource_folder_gives_an_empty_table() {
+    let Some(tools) = tools() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let manifest = "<manifest xmlns:android='http://schemas.android.com/apk/res/android' package='a.b'>
+        <uses-sdk android:minSdkVersion='29' android:targetSdkVersion='32'/><application android:label='x'/></manifest>";
+    let resources = Some(folder.path().to_owned());
+    let empty = Contents {
+        manifest: manifest.into(),
+        resources,
+        ..Contents::default()
+    };
+    let (_folder, path, _) = packaged(&empty);
+    let badging = tools.dump(&["badging"], &path, None);
+    assert!(badging.contains("package: name='a.b'"), "{badging}");
+    let table = tools.dump2(&["resources"], &path);
+    assert_eq!(
+        table,
+        "Binary APK
+"
+    );
+}
+
+#[test]
 fn aapt_tells_users_what_the_package_is() {
     let Some(tools) = tools() else { return };
     let (_folder, path, report) = packaged(&contents());

@@ -12,6 +12,13 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
+/// An RSA key in a store of OpenSSL's, which was made for these tests by `openssl req -x509 -newkey rsa:2048` and
+/// `openssl pkcs12 -export -name openssl -passout "pass:correct horse"`: as OpenSSL 3 does it, and as it did before (`-legacy`).
+fn openssl(name: &str) -> Signer {
+    let path = common::fixture().with_file_name("keys").join(name);
+    Signer::from_pkcs12(&path, PASSWORD, Some("openssl")).unwrap_or_else(|error| panic!("{error}"))
+}
+
 /// An RSA key as keytool makes it.
 fn rsa(tools: &Tools, folder: &Path) -> Signer {
     let store = folder.join("rsa.p12");
@@ -73,8 +80,7 @@ fn two_builds_are_the_same_but_for_what_is_random_in_a_signature() {
         "ECDSA signatures hold something random"
     );
 
-    let Some(tools) = tools() else { return };
-    let rsa = rsa(&tools, folder.path());
+    let rsa = openssl("openssl.p12");
     assert!(
         build(&rsa, "a.apk") == build(&rsa, "b.apk"),
         "RSA signatures are the same for the same contents"
@@ -266,6 +272,8 @@ fn key_stores_are_read_and_what_is_wrong_with_them_is_said() {
         &["EC", "-groupname", "secp521r1"],
     );
     fs::write(path("text.p12"), "not a key store").expect("a file");
+    let whole = fs::read(path("one.p12")).expect("a key store");
+    fs::write(path("cut.p12"), &whole[..whole.len() / 2]).expect("a file");
     let read =
         |name: &str, password: &str, alias| Signer::from_pkcs12(&path(name), password, alias);
     let first = read("two.p12", PASSWORD, Some("first")).unwrap_or_else(|error| panic!("{error}"));
@@ -299,4 +307,15 @@ fn key_stores_are_read_and_what_is_wrong_with_them_is_said() {
         let error = read(name, password, alias).expect_err(why).to_string();
         assert!(error.contains(why), "{error} should speak of {why}");
     }
+}
+
+#[test]
+fn key_stores_of_openssl_are_read_new_and_old() {
+    let (new, old) = (openssl("openssl.p12"), openssl("openssl-legacy.p12"));
+    assert_eq!(format!("{new:?}"), format!("{old:?}"), "the same key");
+    let Some(tools) = tools() else { return };
+    let folder = folder();
+    let path = folder.path().join("test.apk");
+    write(&contents(), &old, &path);
+    tools.assert_signed(&path);
 }

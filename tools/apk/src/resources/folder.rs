@@ -8,8 +8,9 @@ use super::config::Config;
 use super::values::{self, Said};
 use crate::ApkError;
 use crate::binary_xml::compile;
+use crate::small;
 use crate::string_pool::Encoding;
-use crate::text::{MAX_BYTES, Xml};
+use crate::text::Xml;
 
 /// Resources of one package have this in their highest byte.
 const PACKAGE: u32 = 0x7f00_0000;
@@ -35,6 +36,8 @@ pub(crate) struct Resources {
     pub(crate) types: BTreeMap<String, Entries>,
     /// Name in the package and path.
     files: Vec<(String, PathBuf)>,
+    /// How many files were read.
+    read: usize,
 }
 
 impl Resources {
@@ -64,8 +67,20 @@ impl Resources {
         Ok(resources)
     }
 
+    fn count(&mut self, path: &Path) -> Result<(), ApkError> {
+        self.read += 1;
+        if self.read > MAX_FILES {
+            return Err(ApkError::resource(
+                path,
+                format!("there are more than {MAX_FILES} files"),
+            ));
+        }
+        Ok(())
+    }
+
     fn read_values(&mut self, folder: &Path, config: Config) -> Result<(), ApkError> {
         for (name, path) in sorted(folder)? {
+            self.count(&path)?;
             if !name.ends_with(".xml") {
                 return Err(ApkError::resource(
                     &path,
@@ -88,6 +103,7 @@ impl Resources {
         config: Config,
     ) -> Result<(), ApkError> {
         for (name, path) in sorted(folder)? {
+            self.count(&path)?;
             let Some((stem, "png" | "xml")) = name.split_once('.') else {
                 return Err(ApkError::resource(
                     &path,
@@ -104,12 +120,6 @@ impl Resources {
                 Resource::File(member.clone()),
             )?;
             self.files.push((member, path));
-            if self.files.len() > MAX_FILES {
-                return Err(ApkError::resource(
-                    folder,
-                    format!("there are more than {MAX_FILES} files"),
-                ));
-            }
         }
         Ok(())
     }
@@ -228,16 +238,7 @@ fn sorted(folder: &Path) -> Result<Vec<(String, PathBuf)>, ApkError> {
 }
 
 fn read_text(path: &Path) -> Result<String, ApkError> {
-    let length = fs::metadata(path)
-        .map_err(ApkError::io("could not read", path))?
-        .len();
-    if length > MAX_BYTES as u64 {
-        return Err(ApkError::resource(
-            path,
-            format!("is {length} bytes long, and no more than {MAX_BYTES} are read of XML"),
-        ));
-    }
-    fs::read_to_string(path).map_err(ApkError::io("could not read", path))
+    small::read_text(path).map_err(ApkError::io("could not read", path))
 }
 
 #[cfg(test)]

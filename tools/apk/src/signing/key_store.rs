@@ -1,11 +1,11 @@
 //! Keys in key stores.
 
-use std::fs;
 use std::path::Path;
 
 use p12_keystore::{KeyStore, KeyStoreEntry, Pkcs12ImportPolicy, PrivateKeyChain};
 
 use crate::ApkError;
+use crate::small;
 
 /// A key in PKCS #8 and its certificates, all in DER.
 type KeyAndCertificates = (Vec<u8>, Vec<Vec<u8>>);
@@ -20,7 +20,7 @@ pub(super) fn read(
     password: &str,
     alias: Option<&str>,
 ) -> Result<KeyAndCertificates, ApkError> {
-    let bytes = fs::read(path).map_err(ApkError::io("could not read the key store", path))?;
+    let bytes = small::read(path).map_err(ApkError::io("could not read the key store", path))?;
     if bytes.starts_with(&JKS) || bytes.starts_with(&JCEKS) {
         let why = format!(
             "is a key store in Java's old format; convert it: keytool -importkeystore -srckeystore {} -destkeystore new.p12 -deststoretype pkcs12",

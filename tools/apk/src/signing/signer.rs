@@ -16,6 +16,7 @@ use x509_parser::pem::Pem;
 
 use super::key_store;
 use crate::ApkError;
+use crate::small;
 
 /// The algorithms' numbers in the schemes: RSA is with the padding of PKCS #1 v1.5.
 const RSA_SHA256: u32 = 0x0103;
@@ -48,7 +49,7 @@ impl Signer {
     /// # Errors
     /// [`ApkError`] if the file cannot be read or made, or holds something else.
     pub fn debug(path: &Path) -> Result<Self, ApkError> {
-        match fs::read_to_string(path) {
+        match small::read_text(path) {
             Ok(text) => Self::from_blocks(path, &text, path, &text),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 make_debug_key(path)?;
@@ -68,8 +69,8 @@ impl Signer {
     /// [`ApkError`] if a file cannot be read, does not hold that, or the certificate is another key's.
     pub fn from_pem(key: &Path, certificate: &Path) -> Result<Self, ApkError> {
         let key_text =
-            fs::read_to_string(key).map_err(ApkError::io("could not read the key", key))?;
-        let certificate_text = fs::read_to_string(certificate)
+            small::read_text(key).map_err(ApkError::io("could not read the key", key))?;
+        let certificate_text = small::read_text(certificate)
             .map_err(ApkError::io("could not read the certificate", certificate))?;
         Self::from_blocks(key, &key_text, certificate, &certificate_text)
     }

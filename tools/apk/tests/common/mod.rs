@@ -36,14 +36,23 @@ pub(crate) fn tools() -> Option<Tools> {
 impl Tools {
     /// What `aapt dump WHAT FILE [MEMBER]` prints.
     pub(crate) fn dump(&self, what: &[&str], file: &Path, member: Option<&str>) -> String {
-        let mut command = Command::new(self.folder.join("aapt"));
+        self.dump_by("aapt", what, file, member)
+    }
+
+    /// The same by `aapt2`, whose readers are others, and stricter.
+    pub(crate) fn dump2(&self, what: &[&str], file: &Path) -> String {
+        self.dump_by("aapt2", what, file, None)
+    }
+
+    fn dump_by(&self, program: &str, what: &[&str], file: &Path, member: Option<&str>) -> String {
+        let mut command = Command::new(self.folder.join(program));
         command.arg("dump").args(what).arg(file).args(member);
-        let output = command.output().expect("aapt runs");
+        let output = command.output().expect("the program runs");
         let text = String::from_utf8(output.stdout).expect("aapt prints UTF-8");
         let errors = String::from_utf8_lossy(&output.stderr);
         assert!(
-            output.status.success() && !errors.contains("ERROR"),
-            "aapt dump {what:?}: {text}{errors}"
+            output.status.success() && !errors.to_lowercase().contains("error"),
+            "{program} dump {what:?}: {text}{errors}"
         );
         text
     }
