@@ -19,7 +19,9 @@ struct Device {
 /// Installs `file` over what is there, and starts the application `package`.
 pub(super) fn install(file: &Path, package: &str) -> anyhow::Result<()> {
     let adb = adb();
-    let wanted = std::env::var(SERIAL).ok().filter(|serial| !serial.is_empty());
+    let wanted = std::env::var(SERIAL)
+        .ok()
+        .filter(|serial| !serial.is_empty());
     let devices = parse_devices(&run(&adb, &["devices"])?);
     let serial = choose(&devices, wanted.as_deref())?;
     eprintln!("installing on {serial}");
@@ -34,7 +36,10 @@ pub(super) fn install(file: &Path, package: &str) -> anyhow::Result<()> {
         );
     }
     let activity = format!("{package}/{ACTIVITY}");
-    let said = run(&adb, &["-s", serial, "shell", "am", "start", "-n", &activity])?;
+    let said = run(
+        &adb,
+        &["-s", serial, "shell", "am", "start", "-n", &activity],
+    )?;
     if let Some(why) = said.lines().find(|line| line.starts_with("Error")) {
         bail!("{package} is installed, but did not start: {}", why.trim());
     }
@@ -186,7 +191,9 @@ mod tests {
             (&[device("A", "unauthorized")], None, "allow USB debugging"),
             (&[device("A", "offline")], None, "offline"),
         ] {
-            let error = choose(devices, wanted).expect_err("nothing to take").to_string();
+            let error = choose(devices, wanted)
+                .expect_err("nothing to take")
+                .to_string();
             assert!(error.contains(word), "{error}");
         }
     }

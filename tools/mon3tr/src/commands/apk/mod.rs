@@ -63,7 +63,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let signer = signer(options)?;
     let route = Route::find(Some(&repo.join(".cache/clang/run")))?;
     let parts = gather::parts(&repo, options.with_qnn)?;
-    eprintln!("building the receiver for the headset, {}", route.describe());
+    eprintln!(
+        "building the receiver for the headset, {}",
+        route.describe()
+    );
     let target = repo.join("target/android");
     let built = build(
         &Order {
