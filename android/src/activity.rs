@@ -4,13 +4,17 @@ use crate::java;
 use crate::launch::Launch;
 use crate::lifecycle::{Driver, Event};
 use crate::logcat;
-use crate::receiver::HeadsetReceiver;
+use crate::receiver::{Device, HeadsetReceiver};
 use crate::storage::Folders;
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
 use std::time::Duration;
+use xr_renderer::xr::Runtime;
 
 /// Between two looks whether the call has ended by itself.
 const LOOK: Duration = Duration::from_millis(250);
+
+/// Where the Hexagon's loader looks for its libraries.
+const HEXAGON_FOLDER: &str = "ADSP_LIBRARY_PATH";
 
 /// Called by android-activity on a thread of its own for every activity that is made. An activity that is destroyed and made again
 /// may find the same process, and with it everything static.
@@ -65,7 +69,24 @@ fn driver(app: &AndroidApp) -> Option<Driver<HeadsetReceiver>> {
         Folders::new(own, shared),
     );
     log::set_max_level(launch.log_level);
-    Some(Driver::new(HeadsetReceiver::new(), launch))
+    Some(Driver::new(HeadsetReceiver::new(device(app)), launch))
+}
+
+/// What the package brings along, and the activity that OpenXR's loader wants.
+fn device(app: &AndroidApp) -> Device {
+    let libraries = java::library_folder(app);
+    if let Some(folder) = &libraries {
+        // SAFETY: the receiver's threads are not there yet, and the activity's own Java threads read no such variable.
+        unsafe { std::env::set_var(HEXAGON_FOLDER, folder) };
+    }
+    let app = app.clone();
+    Device {
+        // SAFETY: the pointers are good as long as the activity, which the receiver is left before.
+        open_xr: Box::new(move || unsafe {
+            Runtime::load_android(app.vm_as_ptr().cast(), app.activity_as_ptr().cast())
+        }),
+        onnx_runtime: libraries.map(|folder| folder.join("libonnxruntime.so")),
+    }
 }
 
 /// Hands and controllers come through OpenXR; keys and touches of Android's are the system's.

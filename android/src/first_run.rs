@@ -4,7 +4,7 @@ use crate::package::{COMPONENT, FILES_FOLDER, SETTINGS_FILE};
 use crate::settings::{DEEP_LINK, Key, Problem};
 
 /// Characters of a line that the panel has room for.
-pub const WIDTH: usize = 60;
+pub const WIDTH: usize = app::NOTICE_LETTERS as usize;
 
 /// What to show when the app was launched without all that it needs, or with something that it refuses.
 #[must_use]
@@ -55,6 +55,14 @@ fn start_command(room: &str) -> [String; 3] {
         format!("    -n {COMPONENT} \\"),
         format!("    -e room '{room}'"),
     ]
+}
+
+/// A text in lines that the panel has room for.
+#[must_use]
+pub fn wrapped(text: &str) -> Vec<String> {
+    let mut lines = Vec::new();
+    wrap(text, &mut lines);
+    lines
 }
 
 /// Breaks a text at blanks, and where there is none within a line.

@@ -7,6 +7,7 @@ use android_activity::AndroidApp;
 use jni::errors::{Error, Result};
 use jni::objects::{JObject, JObjectArray, JString, JValue};
 use jni::{JNIEnv, JavaVM};
+use std::path::PathBuf;
 
 /// Names of extras that are looked at to tell the log of those that are no settings.
 const MOST_NAMES: usize = 64;
@@ -28,6 +29,30 @@ pub(crate) fn intent(app: &AndroidApp) -> Intent {
     let read = with(app, |env, activity| read_from(env, activity, &mut intent));
     intent.trouble = read.err().map(|error| error.to_string());
     intent
+}
+
+/// Where Android unpacked the package's own libraries.
+pub(crate) fn library_folder(app: &AndroidApp) -> Option<PathBuf> {
+    let mut folder = None;
+    let read = with(app, |env, activity| {
+        let info = env
+            .call_method(
+                activity,
+                "getApplicationInfo",
+                "()Landroid/content/pm/ApplicationInfo;",
+                &[],
+            )?
+            .l()?;
+        let path = env
+            .get_field(&info, "nativeLibraryDir", "Ljava/lang/String;")?
+            .l()?;
+        folder = text(env, path)?.map(PathBuf::from);
+        Ok(())
+    });
+    if let Err(error) = read {
+        log::warn!("Android does not say where the app's libraries are: {error}");
+    }
+    folder
 }
 
 /// Closes the activity. Android pauses, stops and destroys it as always.

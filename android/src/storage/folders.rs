@@ -33,6 +33,12 @@ impl Folders {
         self.shared.join("profile")
     }
 
+    /// The avatar that a profile shows, where adb can push it.
+    #[must_use]
+    pub fn demo_avatar(&self) -> PathBuf {
+        self.shared.join("avatar.m3a")
+    }
+
     /// What an NPU's compiler made of networks.
     #[must_use]
     pub fn compiled(&self) -> PathBuf {

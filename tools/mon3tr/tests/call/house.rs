@@ -9,7 +9,7 @@ use std::cell::Cell;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -51,10 +51,25 @@ impl Program {
 
     /// The same of a command with its arguments, and what it is to log.
     pub(crate) fn start_as(house: &House, cache: &Path, command: &mut Command) -> Self {
+        Self::spawn(house, cache, command, Stdio::null())
+    }
+
+    /// The same of one that listens to its standard input.
+    pub(crate) fn start_steered(
+        house: &House,
+        cache: &Path,
+        command: &mut Command,
+    ) -> (Self, ChildStdin) {
+        let mut program = Self::spawn(house, cache, command, Stdio::piped());
+        let stdin = program.child.stdin.take().expect("piped");
+        (program, stdin)
+    }
+
+    fn spawn(house: &House, cache: &Path, command: &mut Command, stdin: Stdio) -> Self {
         let mut child = command
             .env("MON3TR_CACHE", cache)
             .env_remove("MON3TR_OWNER_TOKEN")
-            .stdin(Stdio::null())
+            .stdin(stdin)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()

@@ -1,5 +1,6 @@
 //! Calls in a headset: Monado's, a real runtime, in a runtime directory of each test's own, with a head that the test moves.
 
+mod activity;
 mod auto;
 mod demo;
 mod life;
