@@ -70,6 +70,7 @@ impl Loader {
         let device = vk::Device::from_raw(binding.device as u64);
         SessionDevice {
             device: unsafe { ash::Device::load(instance.fp_v1_0(), device) },
+            queue_family: binding.queue_family_index,
         }
     }
 }
@@ -78,6 +79,7 @@ impl Loader {
 #[derive(Clone)]
 pub(super) struct SessionDevice {
     device: ash::Device,
+    queue_family: u32,
 }
 
 /// A swapchain's images with their memory.
@@ -130,14 +132,97 @@ impl SessionDevice {
             .array_layers(info.array_size)
             .samples(vk::SampleCountFlags::TYPE_1)
             .usage(usage);
-        let mut made = Images {
+        self.several(&info, count)
+    }
+
+    fn several(&self, info: &vk::ImageCreateInfo<'_>, count: u32) -> Images {
+        Images {
             device: self.device.clone(),
-            images: Vec::new(),
-        };
-        for _ in 0..count {
-            made.images.push(self.image(&info));
+            images: (0..count).map(|_| self.image(info)).collect(),
         }
-        made
+    }
+
+    /// Density maps that have all of a swapchain's images drawn finely, on a device that knows such maps.
+    pub(super) fn maps(&self, [width, height]: [u32; 2], layers: u32, count: u32) -> Images {
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(vk::Format::R8G8_UNORM)
+            .extent(vk::Extent3D {
+                width,
+                height,
+                depth: 1,
+            })
+            .mip_levels(1)
+            .array_layers(layers)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .usage(
+                vk::ImageUsageFlags::FRAGMENT_DENSITY_MAP_EXT | vk::ImageUsageFlags::TRANSFER_DST,
+            );
+        let maps = self.several(&info, count);
+        self.run(|commands| {
+            for (map, _) in &maps.images {
+                self.record_fine(commands, *map, layers);
+            }
+        });
+        maps
+    }
+
+    fn record_fine(&self, commands: vk::CommandBuffer, map: vk::Image, layers: u32) {
+        let range = vk::ImageSubresourceRange {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            level_count: 1,
+            layer_count: layers,
+            ..Default::default()
+        };
+        let change = |from, to| {
+            [vk::ImageMemoryBarrier::default()
+                .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+                .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+                .image(map)
+                .subresource_range(range)
+                .old_layout(from)
+                .new_layout(to)
+                .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
+                .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)]
+        };
+        let writable = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+        let fine = vk::ClearColorValue { float32: [1.0; 4] };
+        let last = vk::ImageLayout::FRAGMENT_DENSITY_MAP_OPTIMAL_EXT;
+        let all = vk::PipelineStageFlags::ALL_COMMANDS;
+        let none = vk::DependencyFlags::empty();
+        unsafe {
+            let before = change(vk::ImageLayout::UNDEFINED, writable);
+            (self.device).cmd_pipeline_barrier(commands, all, all, none, &[], &[], &before);
+            (self.device).cmd_clear_color_image(commands, map, writable, &fine, &[range]);
+            let after = change(writable, last);
+            (self.device).cmd_pipeline_barrier(commands, all, all, none, &[], &[], &after);
+        }
+    }
+
+    fn run(&self, record: impl FnOnce(vk::CommandBuffer)) {
+        let device = &self.device;
+        let pool = vk::CommandPoolCreateInfo::default().queue_family_index(self.queue_family);
+        unsafe {
+            let pool = device.create_command_pool(&pool, None).expect("a pool");
+            let info = vk::CommandBufferAllocateInfo::default()
+                .command_pool(pool)
+                .command_buffer_count(1);
+            let commands = device.allocate_command_buffers(&info).expect("commands");
+            let begin = vk::CommandBufferBeginInfo::default();
+            device
+                .begin_command_buffer(commands[0], &begin)
+                .expect("begun");
+            record(commands[0]);
+            device.end_command_buffer(commands[0]).expect("recorded");
+            let queue = device.get_device_queue(self.queue_family, 0);
+            let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
+            let fence = vk::Fence::null();
+            device
+                .queue_submit(queue, &submit, fence)
+                .expect("submitted");
+            device.queue_wait_idle(queue).expect("done");
+            device.destroy_command_pool(pool, None);
+        }
     }
 
     fn image(&self, info: &vk::ImageCreateInfo<'_>) -> (vk::Image, vk::DeviceMemory) {

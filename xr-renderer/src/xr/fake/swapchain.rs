@@ -44,19 +44,29 @@ pub(super) unsafe extern "system" fn create_swapchain(
             .device
             .as_ref()
             .map(|device| device.images(&info, IMAGES));
+        let foveated = chain.contains("FOVEATION");
+        let maps = (world.device.as_ref())
+            .filter(|_| foveated)
+            .map(|device| device.maps(map_size(width, height), info.array_size, IMAGES));
         let handle = world.make("swapchain", swapchain);
         world.swapchains.insert(
             handle,
             FakeSwapchain {
                 width,
                 height,
-                density_maps: chain.contains("FOVEATION"),
+                density_maps: foveated,
                 acquired: 0,
                 images,
+                maps,
             },
         );
         OK
     })
+}
+
+/// Of a density map.
+fn map_size(width: u32, height: u32) -> [u32; 2] {
+    [width.div_ceil(32), height.div_ceil(32)]
 }
 
 pub(super) unsafe extern "system" fn destroy_swapchain(swapchain: sys::Swapchain) -> XrResult {
@@ -92,8 +102,10 @@ pub(super) unsafe extern "system" fn enumerate_images(
             for (ty, at) in chained(read(to).next) {
                 if ty == sys::SwapchainImageFoveationVulkanFB::TYPE && it.density_maps {
                     change(at.cast::<sys::SwapchainImageFoveationVulkanFB>(), |map| {
-                        map.image = image | 0x80;
-                        (map.width, map.height) = (it.width.div_ceil(32), it.height.div_ceil(32));
+                        let real = it.maps.as_ref();
+                        let real = real.map(|maps| maps.handle(*number as usize - 1));
+                        map.image = real.unwrap_or(image | 0x80);
+                        [map.width, map.height] = map_size(it.width, it.height);
                     });
                 }
             }

@@ -57,6 +57,8 @@ pub(super) struct FakeSwapchain {
     pub(super) acquired: u32,
     /// Where Vulkan is real.
     pub(super) images: Option<Images>,
+    /// The same, if there are any.
+    pub(super) maps: Option<Images>,
 }
 
 /// Everything. What tests may want to change comes first.

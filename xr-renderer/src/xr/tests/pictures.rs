@@ -382,3 +382,24 @@ fn back_ends_that_were_compared_for_other_pictures_are_compared_anew_for_a_heads
     drop((renderer, session));
     assert_eq!(headset.gpu().validation_messages(), 0, "validation");
 }
+
+#[test]
+fn where_the_device_has_density_maps_pictures_of_full_size_are_drawn_by_them() {
+    let Some(headset) = open(&everything()) else {
+        return;
+    };
+    if !headset.gpu().density_maps {
+        println!("skipped: no VK_EXT_fragment_density_map on this device");
+        return;
+    }
+    drop(headset);
+    for (share, foveated) in [(1.0, true), (0.5, false)] {
+        let made = Made { share, ..QUADS };
+        let seen = show(|_| {}, made, &cloud()).expect("Vulkan is there");
+        assert_eq!(
+            seen.way,
+            Way::Direct { foveated },
+            "at {share} of full size"
+        );
+    }
+}
