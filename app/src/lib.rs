@@ -30,8 +30,8 @@ pub use error::ReceiverError;
 pub use interpolate::{LatencyMode, Timeline};
 pub use kernels::{Attributes, Blend, Detail, MOST_ALPHA, PoseInputs, Poser, Skinner};
 pub use lanes::{
-    Bell, DisplayClock, Drawn, Giver, LaneOptions, Lanes, MotionSource, Pose, Skipped, Taker, Tick,
-    hand_over,
+    Bell, DisplayClock, Drawn, Giver, LaneOptions, Lanes, MotionSource, Next, Pose, Skipped, Taker,
+    Tick, hand_over,
 };
 pub use overlay::{
     FrameTime, NOTICE_LETTERS, NOTICE_LINES, NOTICE_WIDTH_METRES, Notice, OVERLAY_WIDTH_METRES,

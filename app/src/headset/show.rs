@@ -368,7 +368,8 @@ impl<S: MotionSource> Frames<'_, S> {
         let pictures = session.show(frame)?;
         let done = Instant::now();
         let (seen, in_time) = self.pace.shown(&frame, done);
-        self.lanes.displayed(seen);
+        let next = self.pace.next(&frame, begun, done);
+        self.lanes.displayed_before(seen, next);
         session.went(&frame, in_time, done.saturating_duration_since(begun));
         if let Some(pictures) = pictures {
             self.watcher.seen(Seen {

@@ -5,7 +5,10 @@ use crate::command::{Outcome, command, json, text};
 use crate::house::{count, wait_for};
 use mon3tr_tests::synthetic::Puppet;
 use reconstruct::bake::BAKE_VERSION;
+use rustix::process::{Pid, Signal, kill_process};
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
 
 /// Whether Monado's programs are there, and no other runtime is; on CI both must be so.
 fn monado_alone() -> bool {
@@ -47,32 +50,110 @@ fn processes_with(mark: &str) -> Vec<String> {
     ours.map(command).filter(|line| !line.is_empty()).collect()
 }
 
+/// A folder as a demo's cache, with a puppet where the demo person would lie, for the bake has a test of its own; and a place in it
+/// for all that is temporary, by which the demo's processes are known.
+struct Place {
+    folder: TempDir,
+    temporary: PathBuf,
+}
+
+impl Place {
+    fn make() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = |name: &str| folder.path().join(name);
+        for made in ["avatars", "tmp", "config"] {
+            std::fs::create_dir(file(made)).expect("a folder");
+        }
+        let avatar = file(&format!("avatars/demo-20000-v{BAKE_VERSION}.m3a"));
+        Puppet::small().avatar().save(&avatar).expect("a puppet");
+        let temporary = file("tmp");
+        Self { folder, temporary }
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// `demo --display xr` for so many frames.
+    fn demo(&self, frames: u32) -> Command {
+        let (out, figures) = (self.file("pictures"), self.file("figures.json"));
+        let mut demo = command(&["demo", "--display", "xr", "--gaussians", "20k"]);
+        demo.args(["--frames", &frames.to_string(), "--size", "480x360"])
+            .args(["--out", text(&out), "--json", text(&figures)])
+            .env("MON3TR_CACHE", self.folder.path())
+            .env("TMPDIR", &self.temporary)
+            .env("XDG_CONFIG_HOME", self.file("config"))
+            .env_remove("XR_RUNTIME_JSON")
+            .env_remove("XDG_RUNTIME_DIR");
+        demo
+    }
+
+    /// Waits until there is no process of the demo's, and demands that nothing temporary of it is left.
+    fn assert_left_clean(&self) {
+        let mark = format!("TMPDIR={}", text(&self.temporary));
+        wait_for("the end of all processes", || {
+            let left = processes_with(&mark);
+            left.is_empty().then_some(())
+        });
+        let left = std::fs::read_dir(&self.temporary).expect("the folder");
+        let left: Vec<_> = left.flatten().map(|entry| entry.file_name()).collect();
+        // ONNX Runtime leaves a file of its own for its next session.
+        let left: Vec<_> = left.iter().filter(|name| *name != ".ses").collect();
+        assert!(left.is_empty(), "left behind: {left:?}");
+    }
+}
+
+#[test]
+fn a_demo_that_is_asked_to_end_takes_its_processes_and_folders_along() {
+    if can_draw().is_none() || !monado_alone() {
+        return;
+    }
+    let place = Place::make();
+    let mut demo = place.demo(100_000);
+    demo.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut demo = demo.spawn().expect("it can be started");
+    let mark = format!("TMPDIR={}", text(&place.temporary));
+    // Itself, Monado, a server, a sender and a receiver.
+    wait_for("five processes", || {
+        let ended = demo.try_wait().expect("a child can be asked");
+        assert!(ended.is_none(), "it ended: {ended:?}");
+        (processes_with(&mark).len() >= 5).then_some(())
+    });
+    kill_process(Pid::from_child(&demo), Signal::TERM).expect("it is there");
+    let status = demo.wait().expect("a child can be waited for");
+    assert!(!status.success(), "it was not shown to the end: {status}");
+    place.assert_left_clean();
+}
+
+#[test]
+fn a_demo_that_is_killed_takes_its_processes_along() {
+    if can_draw().is_none() || !monado_alone() {
+        return;
+    }
+    let place = Place::make();
+    let mut demo = place.demo(100_000);
+    demo.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut demo = demo.spawn().expect("it can be started");
+    let mark = format!("TMPDIR={}", text(&place.temporary));
+    wait_for("five processes", || {
+        (processes_with(&mark).len() >= 5).then_some(())
+    });
+    demo.kill().expect("it is there");
+    demo.wait().expect("a child can be waited for");
+    wait_for("the end of all processes", || {
+        processes_with(&mark).is_empty().then_some(())
+    });
+}
+
 #[test]
 fn the_demo_in_a_headset_leaves_both_eyes_pictures_and_the_sessions_figures_and_no_process() {
     if can_draw().is_none() || !monado_alone() {
         return;
     }
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let file = |name: &str| folder.path().join(name);
-    // The bake has a test of its own: where the demo person would lie in the cache lies a puppet.
-    let avatar = file(&format!("avatars/demo-20000-v{BAKE_VERSION}.m3a"));
-    for made in ["avatars", "tmp", "config"] {
-        std::fs::create_dir(file(made)).expect("a folder");
-    }
-    Puppet::small().avatar().save(&avatar).expect("a puppet");
-    let (out, figures, places) = (file("pictures"), file("figures.json"), file("tmp"));
-    let mut demo = command(&["demo", "--display", "xr", "--frames", "60"]);
-    demo.args(["--gaussians", "20k", "--size", "480x360"])
-        .args(["--out", text(&out), "--json", text(&figures)])
-        .env("MON3TR_CACHE", folder.path())
-        // All that is temporary, and whose processes these are.
-        .env("TMPDIR", &places)
-        .env("XDG_CONFIG_HOME", file("config"))
-        .env_remove("XR_RUNTIME_JSON")
-        .env_remove("XDG_RUNTIME_DIR");
-    let shown = Outcome::of(&mut demo).succeeds();
+    let place = Place::make();
+    let shown = Outcome::of(&mut place.demo(60)).succeeds();
 
-    let figures = json(&figures);
+    let figures = json(&place.file("figures.json"));
     let headset = &figures["headset"];
     assert_eq!(count(&headset["frames"], "shown"), 60, "{headset:#}");
     assert_eq!(count(headset, "opened"), 1, "{headset:#}");
@@ -86,20 +167,11 @@ fn the_demo_in_a_headset_leaves_both_eyes_pictures_and_the_sessions_figures_and_
         assert!(shown.contains(word), "`{word}` is missing in:\n{shown}");
     }
     for name in ["left.png", "right.png", "stereo.png", "moments.png"] {
-        let picture = image::open(out.join(name));
+        let picture = image::open(place.file("pictures").join(name));
         let picture = picture.unwrap_or_else(|why| panic!("{name}: {why}"));
         let colours = picture.into_rgb8();
         let dark = colours.pixels().filter(|pixel| pixel.0[0] < 120).count();
         assert!(dark > 500, "{name} shows nobody: {dark} dark pixels");
     }
-    let mark = format!("TMPDIR={}", text(&places));
-    wait_for("the end of all processes", || {
-        let left = processes_with(&mark);
-        left.is_empty().then_some(())
-    });
-    let left = std::fs::read_dir(&places).expect("the folder").flatten();
-    // ONNX Runtime leaves a file of its own for its next session.
-    let left: Vec<_> = left.map(|entry| entry.file_name()).collect();
-    let left: Vec<_> = left.iter().filter(|name| *name != ".ses").collect();
-    assert!(left.is_empty(), "left behind: {left:?}");
+    place.assert_left_clean();
 }

@@ -13,15 +13,18 @@ const OTHER: f64 = 40.0;
 /// Metres from the viewer to whoever they talk to.
 pub(super) const DISTANCE: f64 = 1.6;
 
-/// A standing person's chest, and how far from its axis there is nothing of them: arms that are held out, metres.
+/// Height of a standing person's chest, and how far from its axis there is nothing of them: arms that are held out, metres.
 const CHEST: f64 = 1.25;
 const REACH: f64 = 1.1;
+
+/// Half the side of the square around a chest that is looked at, pixels: as many on each side, wherever its middle lies.
+const HALF: f64 = 4.0;
 
 /// What is somebody's in both eyes' pictures.
 pub(super) struct Sight {
     views: [View; 2],
-    /// Pixels that are not the studio's, row by row.
-    theirs: [Vec<bool>; 2],
+    /// The middles of pixels that are not the studio's, from the upper left corner.
+    theirs: [Vec<[f64; 2]>; 2],
 }
 
 impl Sight {
@@ -41,25 +44,17 @@ impl Sight {
 
     /// How many pixels show somebody, in each eye.
     pub(super) fn pixels(&self) -> [usize; 2] {
-        [0, 1].map(|eye| self.theirs[eye].iter().filter(|one| **one).count())
+        [0, 1].map(|eye| self.theirs[eye].len())
     }
 
     /// What share of the pixels around the chest of somebody who stands there (x, z; metres) is theirs, in the eye that shows less.
     pub(super) fn at(&self, spot: [f64; 2]) -> f64 {
+        let chest = DVec3::new(spot[0], CHEST, spot[1]);
         let shares = [0, 1].map(|eye| {
-            let [x, y] = self.views[eye].pixel(DVec3::new(spot[0], CHEST, spot[1]));
-            let around = |at: f64, side: u32| {
-                let from = (at - 4.0).clamp(0.0, f64::from(side)) as u32;
-                from..(from + 8).min(side)
-            };
-            let (mut all, mut theirs) = (0, 0);
-            for row in around(y, EYE[1]) {
-                for column in around(x, EYE[0]) {
-                    all += 1;
-                    theirs += usize::from(self.theirs[eye][(row * EYE[0] + column) as usize]);
-                }
-            }
-            theirs as f64 / f64::from(all.max(1))
+            let middle = self.views[eye].pixel(chest).map(f64::round);
+            let near = |one: &&[f64; 2]| (0..2).all(|axis| (one[axis] - middle[axis]).abs() < HALF);
+            let near = self.theirs[eye].iter().filter(near).count();
+            near as f64 / (4.0 * HALF * HALF)
         });
         shares[0].min(shares[1])
     }
@@ -71,8 +66,7 @@ impl Sight {
         for (eye, view) in self.views.iter().enumerate() {
             let top = view.pixel(DVec3::new(spot[0] - REACH, 2.2, spot[1]));
             let below = view.pixel(DVec3::new(spot[0] + REACH, -0.2, spot[1]));
-            for (at, _) in self.theirs[eye].iter().enumerate().filter(|one| *one.1) {
-                let at = [at as u32 % EYE[0], at as u32 / EYE[0]].map(f64::from);
+            for at in &self.theirs[eye] {
                 let inside = [0, 1].map(|axis| (top[axis]..below[axis]).contains(&at[axis]));
                 assert_eq!(inside, [true; 2], "eye {eye}: somebody at {at:?}");
             }
@@ -82,11 +76,8 @@ impl Sight {
     /// The middle of what is somebody's, pixels from the left edge of each eye's picture.
     pub(super) fn middles(&self) -> [f64; 2] {
         [0, 1].map(|eye| {
-            let theirs = self.theirs[eye].iter().enumerate().filter(|one| *one.1);
-            let columns: Vec<f64> = theirs
-                .map(|(at, _)| f64::from(at as u32 % EYE[0]) + 0.5)
-                .collect();
-            columns.iter().sum::<f64>() / columns.len() as f64
+            let columns = self.theirs[eye].iter().map(|one| one[0]);
+            columns.sum::<f64>() / self.theirs[eye].len() as f64
         })
     }
 
@@ -98,17 +89,17 @@ impl Sight {
     }
 }
 
-/// Which pixels have another colour than the studio has there.
-fn others_than_studio(picture: &RgbImage, view: &View) -> Vec<bool> {
+/// The middles of pixels that have another colour than the studio has there.
+fn others_than_studio(picture: &RgbImage, view: &View) -> Vec<[f64; 2]> {
     assert_eq!([picture.width(), picture.height()], EYE, "an eye's picture");
-    let pixels = picture.enumerate_pixels();
-    pixels
-        .map(|(x, y, pixel)| {
-            let way = view.floor_from_eye * view.toward(x, y);
-            let wanted = studio(view.place, way);
-            let off = pixel.0.iter().zip(wanted);
-            let off = off.map(|(got, wanted)| (f64::from(*got) - 255.0 * wanted).abs());
-            off.fold(0.0, f64::max) > OTHER
-        })
+    let others = picture.enumerate_pixels().filter(|(x, y, pixel)| {
+        let way = view.floor_from_eye * view.toward(*x, *y);
+        let wanted = studio(view.place, way);
+        let off = pixel.0.iter().zip(wanted);
+        let off = off.map(|(got, wanted)| (f64::from(*got) - 255.0 * wanted).abs());
+        off.fold(0.0, f64::max) > OTHER
+    });
+    others
+        .map(|(x, y, _)| [x, y].map(|at| f64::from(at) + 0.5))
         .collect()
 }
