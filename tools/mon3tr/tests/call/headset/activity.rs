@@ -12,7 +12,7 @@ use android_app::storage::Folders;
 use mon3tr_tests::monado::Monado;
 use std::io::{BufRead, Write};
 use std::path::Path;
-use std::process::{ChildStdin, Stdio};
+use std::process::ChildStdin;
 use std::sync::atomic::Ordering::Relaxed;
 use std::thread::sleep;
 use std::time::Duration;
