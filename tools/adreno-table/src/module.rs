@@ -244,7 +244,8 @@ mod tests {
     /// A fragment shader with one image of a dimension, as glslang writes it but for the names: no body, which nobody reads here.
     fn with_an_image(dimension: u32) -> Shader {
         let op = |code: u16, operands: &[u32]| {
-            let mut words = vec![(operands.len() as u32 + 1) << 16 | u32::from(code)];
+            let length = u32::try_from(operands.len()).expect("a short one") + 1;
+            let mut words = vec![length << 16 | u32::from(code)];
             words.extend(operands);
             words
         };

@@ -87,7 +87,7 @@ function head() {
   const on = report.conditions, avatar = report.avatar;
   const name = avatar.name;
   document.title = `${name}: mon3tr profile`;
-  $("subtitle").textContent = `${name}, ${measured.seconds.toFixed(1)} s of a call on this machine: ${on.motion} at ${measured.motion_hz.toFixed(0)} Hz, shown at ${measured.display_hz.toFixed(0)} Hz`;
+  $("subtitle").textContent = `${name}, ${measured.seconds.toFixed(1)} s ${report.sent ? "of a call " : ""}on this machine: ${on.motion} at ${measured.motion_hz.toFixed(0)} Hz, shown at ${measured.display_hz.toFixed(0)} Hz`;
   const size = `${on.width} × ${on.height} pixels`;
   const facts = [
     ["Avatar", `${whole(avatar.gaussians)} Gaussians, ${whole(avatar.vertices)} vertices, ${whole(avatar.controllers)} controllers`],
