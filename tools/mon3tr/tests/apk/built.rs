@@ -86,12 +86,9 @@ impl Built {
         let mut found = Vec::new();
         for index in 0..zip.len() {
             let mut member = zip.by_index(index).expect("a member");
-            let Some(name) = member
-                .name()
-                .strip_prefix("lib/arm64-v8a/")
-                .map(str::to_owned)
-            else {
-                assert!(!member.name().starts_with("lib/"), "{}", member.name());
+            let name = member.name().expect("a name").into_owned();
+            let Some(name) = name.strip_prefix("lib/arm64-v8a/").map(str::to_owned) else {
+                assert!(!name.starts_with("lib/"), "{name}");
                 continue;
             };
             let mut data = Vec::new();
