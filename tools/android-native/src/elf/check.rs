@@ -95,7 +95,7 @@ pub fn check_library(
         }
     }
     for named in &library.named {
-        let there = beside.iter().any(|other| other.name == *named);
+        let there = *named == library.name || beside.iter().any(|other| other.name == *named);
         if !there && !platform.has_library(named) && !library.needed.contains(named) {
             faults.push(Fault::Opens(named.clone()));
         }
