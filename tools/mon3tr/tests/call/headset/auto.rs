@@ -1,6 +1,6 @@
 //! `--display auto` and `--display xr` where there is no headset: one line that says why, and the next best place, or none.
 
-use super::can_draw;
+use super::viewer::can_draw;
 use crate::house::{House, Program, count};
 use mon3tr_tests::monado::{Compositor, Driver, Monado};
 use serde_json::Value;

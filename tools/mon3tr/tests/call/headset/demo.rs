@@ -1,6 +1,6 @@
 //! `mon3tr demo --display xr` where no runtime is active: it brings a Monado of its own, and leaves nothing of it.
 
-use super::can_draw;
+use super::viewer::can_draw;
 use crate::command::{Outcome, command, json, text};
 use crate::house::{count, wait_for};
 use mon3tr_tests::synthetic::Puppet;

@@ -1,7 +1,7 @@
 //! A call from the headset's opening to the viewer's leaving.
 
 use super::sight::{DISTANCE, Sight};
-use super::{EYE, monado, viewer, words};
+use super::viewer::{EYE, monado, viewer, words};
 use crate::house::{House, assert_nothing_refused, assert_only_skipped, count, number};
 use mon3tr_tests::monado::Scripted;
 

@@ -1,7 +1,7 @@
 //! The runtime goes away in mid-call: the call does not.
 
 use super::sight::{DISTANCE, Sight};
-use super::{is_focused, monado, turned, viewer, words};
+use super::viewer::{is_focused, monado, turned, viewer, words};
 use crate::house::{
     House, assert_nothing_refused, assert_only_skipped, count, frames_come, longest_gap, number,
     through,

@@ -1,7 +1,7 @@
 //! Several people in one room.
 
 use super::sight::Sight;
-use super::{is_focused, monado, viewer};
+use super::viewer::{is_focused, monado, viewer};
 use crate::house::{House, Sender, count, number};
 use mon3tr_tests::monado::Scripted;
 use mon3tr_tests::synthetic::{Puppet, PuppetSize};

@@ -1,6 +1,6 @@
 //! Whom a headset's pictures show, and where: found without the renderer, by what the studio behind them would look like.
 
-use super::EYE;
+use super::viewer::EYE;
 use glam::DVec3;
 use image::RgbImage;
 use mon3tr_tests::headset_reference::{View, studio};
