@@ -43,6 +43,12 @@ pub(super) fn run(options: &Options, package: &Path, shown: &Shown) -> anyhow::R
     let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
     let server = LocalServer::start(folder.path())?;
     let network = Network::start()?;
+    let stop = match shown {
+        // From here on Ctrl-C leaves no folder behind either.
+        Shown::Window | Shown::Headset { .. } => network.stop_on_signal(),
+        // What is drawn after the call would not look whether it is to stop.
+        Shown::Offscreen { .. } => Arc::default(),
+    };
     let client = Client::new(None)?;
     let (sender_link, viewer_link) = network.block_on(server.open_room(&client))?;
 
@@ -90,12 +96,6 @@ pub(super) fn run(options: &Options, package: &Path, shown: &Shown) -> anyhow::R
             keep(&mut receive);
         }
     }
-    let stop = match shown {
-        // From here on Ctrl-C leaves no folder behind either.
-        Shown::Window | Shown::Headset { .. } => network.stop_on_signal(),
-        // What is drawn after the call would not look whether it is to stop.
-        Shown::Offscreen { .. } => Arc::default(),
-    };
     println!(
         "a call on this machine: a server, a sender and a receiver, each a process of its own"
     );

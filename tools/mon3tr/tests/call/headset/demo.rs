@@ -6,6 +6,7 @@ use crate::house::{count, wait_for};
 use mon3tr_tests::synthetic::Puppet;
 use reconstruct::bake::BAKE_VERSION;
 use rustix::process::{Pid, Signal, kill_process};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tempfile::TempDir;
@@ -110,15 +111,15 @@ fn a_demo_that_is_asked_to_end_takes_its_processes_and_folders_along() {
     }
     let place = Place::make();
     let mut demo = place.demo(100_000);
-    demo.stdout(Stdio::null()).stderr(Stdio::null());
+    demo.stdout(Stdio::null()).stderr(Stdio::piped());
     let mut demo = demo.spawn().expect("it can be started");
+    let said = BufReader::new(demo.stderr.take().expect("piped"));
+    // The receiver says so once everybody is there: Monado, the server and the sender.
+    let mut lines = said.lines().map_while(Result::ok);
+    let fetches = lines.any(|line| line.contains("fetching the avatar"));
+    assert!(fetches, "it ended before: {:?}", demo.try_wait());
     let mark = format!("TMPDIR={}", text(&place.temporary));
-    // Itself, Monado, a server, a sender and a receiver.
-    wait_for("five processes", || {
-        let ended = demo.try_wait().expect("a child can be asked");
-        assert!(ended.is_none(), "it ended: {ended:?}");
-        (processes_with(&mark).len() >= 5).then_some(())
-    });
+    assert!(processes_with(&mark).len() >= 5, "and itself");
     kill_process(Pid::from_child(&demo), Signal::TERM).expect("it is there");
     let status = demo.wait().expect("a child can be waited for");
     assert!(!status.success(), "it was not shown to the end: {status}");
