@@ -3,7 +3,7 @@
 //! OpenXR's loader finds its runtime by the environment, so the activity has a process of its own: this program again, with the test
 //! below that is ignored otherwise, which takes Android's events from its standard input.
 
-use super::monado;
+use super::viewer::monado;
 use crate::house::{House, Program, count, wait_for};
 use android_app::launch::Launch;
 use android_app::lifecycle::{Driver, Event};
@@ -34,7 +34,8 @@ struct Activity {
 
 impl Activity {
     fn make(house: &House, monado: &Monado, folder: &Path, task: Option<(&str, &str)>) -> Self {
-        let own = std::env::current_exe().expect("this program");
+        // As it was started: what runs may be a dynamic linker.
+        let own = std::env::args_os().next().expect("this program");
         let mut command = monado.client(own);
         command
             .args(["--exact", "headset::activity::an_activity", "--ignored"])
