@@ -11,8 +11,8 @@ debian_snapshot=https://snapshot.debian.org/archive/debian
 # lock_megabytes LOCK...: megabytes to fetch
 lock_megabytes() { awk '!/^#/ && NF == 5 { sum += $4 } END { printf "%d", sum / 1e6 }' "$@"; }
 
-# locked_version LOCK PACKAGE
-locked_version() { sed -n "s/^$2 \([0-9.]*\).*/\1/p" "$1"; }
+# locked_version LOCK PACKAGE: without an epoch, which says nothing
+locked_version() { sed -n "s/^$2 \([0-9]*:\)\{0,1\}\([0-9.]*\).*/\2/p" "$1"; }
 
 # debs_are_ready FOLDER PINS: FOLDER holds the locked packages, or the ones that had to be taken instead of some of them, which
 # its stamp then names; what was taken on trust is used only as long as that is allowed.
@@ -125,11 +125,12 @@ unpack_lock() {
 trim_documentation() {
 	local share=$1/root/usr/share
 	rm -rf "$share/bug" "$share/lintian" "$share/man" "$share/locale" "$1/libc/usr/lib/$deb_triplet/gconv" "$1/libc/usr/share/locale"
-	find "$share/doc" "$1/libc/usr/share/doc" -name '*changelog*' -delete
+	find "$1" -path '*/usr/share/doc/*' -name '*changelog*' -delete
 }
 
-# wrapper_tail LOCK: the end of a wrapper script that runs "$@" on the prefix in $here: on the machine's libc if that is as new as
-# the locked one, else through the locked dynamic linker.
+# wrapper_tail LOCK [NAME]: the end of a wrapper script that runs "$@" on the prefix in $here: on the machine's libc if that is as
+# new as the locked one, else through the locked dynamic linker. NAME, words of a shell, is what the program then takes for its own
+# path, where it starts itself again.
 wrapper_tail() {
 	local libc_version
 	libc_version=$(locked_version "$1" libc6)
@@ -141,7 +142,7 @@ if [ "\${own#glibc }" = "\$newest" ]; then
 	exec "\$@"
 fi
 libc=\$here/libc/usr/lib/$deb_triplet
-exec "\$libc/$dynamic_linker" --library-path "\$libc:\$lib\${LD_LIBRARY_PATH:+:\$LD_LIBRARY_PATH}" "\$@"
+exec "\$libc/$dynamic_linker" ${2:+--argv0 $2 }--library-path "\$libc:\$lib\${LD_LIBRARY_PATH:+:\$LD_LIBRARY_PATH}" "\$@"
 WRAPPER
 }
 

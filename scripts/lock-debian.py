@@ -5,7 +5,7 @@ For maintainers, when a prefix is to be renewed; `./run` only reads the lock fil
 It follows Depends/Pre-Depends of a prefix's roots in the suites' indices, taking the first alternative that exists. It does
 not check an index's signature: review the diff.
 
-    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [monado] [adreno]    (all without a name; from https://deb.debian.org/debian)
+    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [monado] [android-tools] [java] [clang] [arm64] [adreno]    (all without a name; from https://deb.debian.org/debian)
 
 Where only a few files of the roots are wanted, a prefix names them (`linked`), and of the packages it keeps those with a
 library that these files link, directly or through others; this fetches all of them, and needs dpkg-deb and readelf.
@@ -77,9 +77,46 @@ PREFIXES = {
         # The keyboard's description, which no library links.
         "kept": ["xkb-data"],
     },
+    "android-tools": {
+        "what": "Android's own programs for packages (aapt, aapt2, zipalign, apksigner) and what they need but for Java",
+        "lock": "scripts/android-tools-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        "roots": ["aapt", "zipalign", "apksigner"],
+        "left_out": ["default-jre"],
+        "linked": ["aapt", "aapt2", "zipalign"],
+        # Java's own, which no library links.
+        "kept": ["apksigner", "libapksig-java"],
+    },
+    "java": {
+        "what": "Java without a screen, for apksigner, and what it needs for that",
+        "lock": "scripts/java-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        "roots": ["openjdk-21-jre-headless"],
+        # What reading a signed package opens; pictures, printers and smart cards stay away.
+        "linked": ["java", "libjvm.so", "libjava.so", "libnio.so", "libnet.so", "libzip.so", "libjimage.so", "libextnet.so"],
+    },
+    "clang": {
+        "what": "clang, which compiles C for Android where there is no NDK, and what it needs",
+        "lock": "scripts/clang-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        "roots": ["clang-19"],
+        # The compiler alone: neither a linker nor headers or start files of this machine's own C library.
+        "linked": ["clang"],
+        # Its own headers, which no library links.
+        "kept": ["libclang-common-19-dev"],
+    },
+    "arm64": {
+        "what": "What links a program for arm64 and runs it here",
+        "lock": "scripts/arm64-{arch}.lock",
+        # An arm64 machine needs none of it.
+        "arches": ["amd64"],
+        "roots": ["qemu-user", "libc6-dev-arm64-cross", "libgcc-s1-arm64-cross"],
+        # Headers: no C is compiled.
+        "left_out": ["linux-libc-dev-arm64-cross", "gcc-14-cross-base"],
+    },
     "adreno": {
         "what": "Mesa's turnip, the shim that pretends to be an Adreno, and what they need",
-        "lock": "tools/adreno-table/{suite}-{arch}.lock",
+        "lock": "scripts/adreno-{suite}-{arch}.lock",
         "arches": ["amd64"],
         "roots": ["mesa-vulkan-drivers", "mesa-drm-shim", "libvulkan1"],
         "backports": ["mesa-vulkan-drivers", "mesa-drm-shim"],
@@ -139,6 +176,14 @@ def closure(roots, packages, providers, left_out):
     return [packages[name] for name in sorted(chosen)]
 
 
+def is_elf(path):
+    """Packages name other files after their programs too."""
+    if not os.path.isfile(path):
+        return False
+    with open(path, "rb") as file:
+        return file.read(4) == b"\x7fELF"
+
+
 def linked(chosen, prefix):
     """Of the packages chosen those that hold prefix["linked"], or a library that these link, and prefix["kept"]."""
     with tempfile.TemporaryDirectory() as folder:
@@ -150,9 +195,10 @@ def linked(chosen, prefix):
             subprocess.run(["dpkg-deb", "--extract", deb, root], check=True)
             for below, _, names in os.walk(root):
                 for name in names:
-                    if ".so" in name or name in prefix["linked"]:
-                        files.setdefault(name, (one["Package"], os.path.join(below, name)))
-        done, todo, packages = set(prefix["stand_ins"]), list(prefix["linked"]), set(prefix["kept"])
+                    path = os.path.join(below, name)
+                    if (".so" in name or name in prefix["linked"]) and is_elf(path):
+                        files.setdefault(name, (one["Package"], path))
+        done, todo, packages = set(prefix.get("stand_ins", [])), list(prefix["linked"]), set(prefix.get("kept", []))
         while todo:
             name = todo.pop()
             if name in done:

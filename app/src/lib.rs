@@ -21,6 +21,7 @@ mod profile;
 mod receiver;
 mod stage;
 mod state;
+pub mod visit;
 
 pub use bridge::{Bridge, BridgeState};
 pub use call::{Call, CallCounts, CallEnd, CallFigures, CallWatch, Gap, LatencyFigures};
@@ -29,16 +30,17 @@ pub use error::ReceiverError;
 pub use interpolate::{LatencyMode, Timeline};
 pub use kernels::{Attributes, Blend, Detail, MOST_ALPHA, PoseInputs, Poser, Skinner};
 pub use lanes::{
-    Bell, DisplayClock, Drawn, Giver, LaneOptions, Lanes, MotionSource, Pose, Skipped, Taker, Tick,
-    hand_over,
+    Bell, DisplayClock, Drawn, Giver, LaneOptions, Lanes, MotionSource, Next, Pose, Skipped, Taker,
+    Tick, hand_over,
 };
 pub use overlay::{
-    FrameTime, OVERLAY_WIDTH_METRES, Overlay, OverlayFigures, OverlayLatency, OverlayPainter,
-    OverlayWatch, Panel, UnitLoad,
+    FrameTime, NOTICE_LETTERS, NOTICE_LINES, NOTICE_WIDTH_METRES, Notice, OVERLAY_WIDTH_METRES,
+    Overlay, OverlayFigures, OverlayLatency, OverlayPainter, OverlayWatch, Panel, UnitLoad,
 };
 pub use placement::{
     Alternative, Fault, Inference, Offer, Placed, PlacementReport, PlacementRequest, Plan,
-    ProviderChange, ProviderChanges, StageCosts, choose, place, predicted_picture_ms, unit_of,
+    ProviderChange, ProviderChanges, StageCosts, choose, place, place_first, predicted_picture_ms,
+    unit_of,
 };
 pub use posing::bound_mesh;
 pub use profile::{

@@ -16,7 +16,7 @@ pub use error::LinkError;
 pub use frame::{Micros, MotionFrame};
 pub use http::{
     Announcement, Answer, AvatarRef, ChannelMode, Client, HttpError, MAX_PACKAGE_BYTES,
-    PackageCache, PackageId, Patience, Presence, PresenceEvent, Progress, Room, RoomLink,
-    ServerUrl,
+    PackageCache, PackageId, PackageInUse, Patience, Presence, PresenceEvent, Progress, Room,
+    RoomLink, ServerUrl,
 };
 pub use playout::{Arrival, JitterBuffer, Played, PlayoutStatistics, Timing};

@@ -275,12 +275,16 @@ mod tests {
     /// What this processor can do, from the least on.
     fn levels() -> Vec<Level> {
         let new = Level::new();
-        let mut levels = vec![Level::baseline(), new];
         #[cfg(target_arch = "x86_64")]
-        {
-            levels.extend(new.as_sse4_2().map(Level::Sse4_2));
-            levels.extend(new.as_avx2().map(Level::Avx2));
-        }
-        levels
+        let more = [
+            new.as_sse4_2().map(Level::Sse4_2),
+            new.as_avx2().map(Level::Avx2),
+        ];
+        #[cfg(not(target_arch = "x86_64"))]
+        let more: [Option<Level>; 0] = [];
+        [Level::baseline(), new]
+            .into_iter()
+            .chain(more.into_iter().flatten())
+            .collect()
     }
 }

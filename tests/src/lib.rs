@@ -2,6 +2,7 @@
 
 pub mod allocations;
 pub mod bound_person;
+pub mod headset_reference;
 pub mod monado;
 pub mod onnx;
 pub mod person_reference;

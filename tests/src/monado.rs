@@ -192,6 +192,12 @@ impl Monado {
         command
     }
 
+    /// What `DISPLAY` is to be for a window of a client's own; of [`Compositor::Window`].
+    #[must_use]
+    pub fn display(&self) -> Option<String> {
+        self.display.as_ref().map(Display::name)
+    }
+
     /// Where the service's socket is.
     #[must_use]
     pub fn runtime_directory(&self) -> PathBuf {

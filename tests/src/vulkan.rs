@@ -27,13 +27,18 @@ impl log::Log for CountingLogger {
     fn flush(&self) {}
 }
 
-/// Opens the device that `MON3TR_GPU` names (`auto` without it); the reason where Vulkan is missing.
-pub fn open_gpu() -> Result<Arc<Gpu>, String> {
+/// Prints warnings and errors, and counts them.
+pub fn log_warnings() {
     static LOGGER: OnceLock<()> = OnceLock::new();
     LOGGER.get_or_init(|| {
         log::set_logger(&CountingLogger).expect("the only logger");
         log::set_max_level(log::LevelFilter::Warn);
     });
+}
+
+/// Opens the device that `MON3TR_GPU` names (`auto` without it); the reason where Vulkan is missing.
+pub fn open_gpu() -> Result<Arc<Gpu>, String> {
+    log_warnings();
     let choice = std::env::var("MON3TR_GPU").unwrap_or_default();
     match Gpu::open(&choice.parse().expect("any text is a choice"), true) {
         Ok(gpu) => Ok(gpu),

@@ -224,6 +224,16 @@ impl Gpu {
         self.messenger.as_ref().map_or(0, Messenger::count)
     }
 
+    /// Waits until all that was submitted is done.
+    ///
+    /// # Errors
+    /// If the device is lost.
+    pub(crate) fn rest(&self) -> Result<(), RenderError> {
+        // SAFETY: the queue is the device's, and nobody else uses it meanwhile.
+        self.with_queue(|queue| unsafe { self.device().queue_wait_idle(queue) })
+            .during("vkQueueWaitIdle")
+    }
+
     /// Nanoseconds from one of the device's stamps to a later one.
     pub(crate) fn nanoseconds(&self, from: u64, to: u64) -> f64 {
         let mask = u64::MAX >> (64 - self.timestamp_bits.clamp(1, 64));

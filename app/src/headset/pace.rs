@@ -1,11 +1,14 @@
 //! A headset's pace: when the frame that is begun now will be seen, when the next one begins and is seen, and which came late.
 
-use crate::Tick;
+use crate::{Next, Tick};
 use std::time::{Duration, Instant};
 use xr_renderer::xr::Frame;
 
 /// Share of a new interval in the expectation of the next.
 const LEARNING: f64 = 0.2;
+
+/// Share of what a frame was begun later than others that is taken for a new habit.
+const FORGETTING: f64 = 0.05;
 
 /// What is remembered of the frames before.
 #[derive(Debug, Clone)]
@@ -14,6 +17,8 @@ pub(super) struct Pace {
     display: Option<Duration>,
     /// Seconds from one frame's beginning to the next one's.
     interval: Option<f64>,
+    /// How long before it is seen a frame is begun, at most: one that is begun late says nothing about the next.
+    ahead: Duration,
     begun: Option<Instant>,
     seen: Option<Instant>,
     late: u64,
@@ -26,6 +31,7 @@ impl Pace {
         Self {
             display: known.map(|hz| Duration::from_secs_f32(1.0 / hz)),
             interval: None,
+            ahead: Duration::ZERO,
             begun: None,
             seen: None,
             late: 0,
@@ -51,13 +57,33 @@ impl Pace {
             let known = self.interval.unwrap_or(passed);
             self.interval = Some(known + (passed - known) * LEARNING);
         }
+        let ahead = frame.predicted.saturating_duration_since(begun);
+        self.ahead = ahead.max(self.ahead.mul_f64(1.0 - FORGETTING) + ahead.mul_f64(FORGETTING));
         let expected = self.interval.map_or(period, Duration::from_secs_f64);
-        let periods = in_periods(expected, period).max(1);
+        let next = self.after(frame, period * in_periods(expected, period).max(1));
         Tick {
             predicted: frame.predicted,
-            next_begins: begun + expected,
-            next: frame.predicted + period * periods,
+            next_begins: next.begins,
+            next: next.displayed,
             period,
+        }
+    }
+
+    /// The frame that follows one which was begun at `begun` and handed over at `shown`: the runtime begins the next one as soon as
+    /// it can, a whole number of the display's periods later, but no sooner than it says.
+    pub(super) fn next(&self, frame: &Frame, begun: Instant, shown: Instant) -> Next {
+        let period = self.period(frame);
+        let took = shown.saturating_duration_since(begun).as_nanos();
+        let periods = took.div_ceil(period.as_nanos().max(1)).clamp(1, 10_000);
+        let periods = u32::try_from(periods).unwrap_or(1);
+        self.after(frame, (period * periods).max(frame.period))
+    }
+
+    fn after(&self, frame: &Frame, interval: Duration) -> Next {
+        let displayed = frame.predicted + interval;
+        Next {
+            begins: displayed.checked_sub(self.ahead).unwrap_or(displayed),
+            displayed,
         }
     }
 
@@ -80,6 +106,7 @@ impl Pace {
     /// There are no frames for a while, which nobody misses.
     pub(super) fn pause(&mut self) {
         (self.begun, self.seen) = (None, None);
+        self.ahead = Duration::ZERO;
     }
 }
 

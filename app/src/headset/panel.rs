@@ -1,18 +1,15 @@
 //! The panel of figures in the room: hung before the viewer when they call for it, and taken away when they do so again.
 
+use super::hanging::{Spot, image};
 use crate::{
-    Lanes, MotionSource, OVERLAY_WIDTH_METRES, OverlayPainter, OverlayWatch, Panel, ReceiverError,
+    Lanes, MotionSource, OVERLAY_WIDTH_METRES, OverlayPainter, OverlayWatch, ReceiverError,
 };
-use glam::{Affine3A, Mat3A, Vec3};
+use glam::Affine3A;
 use std::time::{Duration, Instant};
-use xr_renderer::xr::{PanelImage, Session, XrError};
+use xr_renderer::xr::{Session, XrError};
 
 /// Between two updates.
 const PAUSE: Duration = Duration::from_millis(500);
-/// Before the viewer, metres, below their eyes, and to their right, clear of whoever they look at.
-const AWAY: f32 = 0.8;
-const BELOW: f32 = 0.12;
-const BESIDE: f32 = 0.32;
 
 /// The panel, and what is on it.
 #[derive(Debug)]
@@ -47,7 +44,7 @@ impl FiguresPanel {
         }
         self.shown = Some(Shown {
             painter: OverlayPainter::start().map_err(ReceiverError::Thread)?,
-            floor_from_panel: before(floor_from_head),
+            floor_from_panel: Spot::BESIDE.before(floor_from_head),
             looked: None,
             hangs: false,
         });
@@ -85,28 +82,5 @@ impl FiguresPanel {
             shown.hangs = true;
         }
         Ok(())
-    }
-}
-
-fn image(panel: &Panel) -> PanelImage<'_> {
-    PanelImage {
-        width: panel.width,
-        height: panel.height,
-        rgba: &panel.pixels,
-    }
-}
-
-/// Upright before the viewer, turned to them.
-fn before(floor_from_head: Affine3A) -> Affine3A {
-    let head = Vec3::from(floor_from_head.translation);
-    let ahead = floor_from_head.transform_vector3(Vec3::NEG_Z);
-    let ahead = Vec3::new(ahead.x, 0.0, ahead.z).normalize_or(Vec3::NEG_Z);
-    let right = ahead.cross(Vec3::Y);
-    let at = head + ahead * AWAY + right * BESIDE - Vec3::Y * BELOW;
-    let back = (head - at).normalize_or(-ahead);
-    let side = Vec3::Y.cross(back).normalize_or(right);
-    Affine3A {
-        matrix3: Mat3A::from_cols(side.into(), back.cross(side).into(), back.into()),
-        translation: at.into(),
     }
 }

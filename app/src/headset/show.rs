@@ -3,6 +3,7 @@
 //! When the runtime goes away (its service is restarted, the headset unplugged) the people stay: the headset is opened again, as
 //! often as it takes, and the call goes on meanwhile.
 
+use super::control::Control;
 use super::figures::HeadsetFigures;
 use super::pace::Pace;
 use super::panel::FiguresPanel;
@@ -19,7 +20,7 @@ use xr_renderer::xr::{
 use xr_renderer::{RendererOptions, SplatRenderer};
 
 /// Between two looks for the runtime's events while the session does not run.
-const IDLE: Duration = Duration::from_millis(10);
+pub(super) const IDLE: Duration = Duration::from_millis(10);
 /// Between two attempts to open the headset again.
 const AGAIN: Duration = Duration::from_millis(500);
 /// How long a runtime may take to end the session when it is asked to.
@@ -37,6 +38,12 @@ pub enum HeadsetError {
     /// Nothing can be drawn any longer.
     #[error(transparent)]
     Receiver(#[from] ReceiverError),
+    /// No avatars were given.
+    #[error("there is nobody to show")]
+    Nobody,
+    /// It was over before it began.
+    #[error("left before anything was shown")]
+    Left,
     /// There is no thread for the frames.
     #[error("cannot start the thread of the headset's frames")]
     Thread(#[source] std::io::Error),
@@ -58,6 +65,8 @@ pub struct Showing {
     pub skeletons: Vec<Skeleton>,
     /// What the panel of figures tells.
     pub overlay: OverlayWatch,
+    /// Pauses it, and ends it.
+    pub control: Control,
 }
 
 /// Who looks on, beside the one who wears the headset.
@@ -99,6 +108,7 @@ pub fn show<S: MotionSource>(
         session,
         skeletons,
         overlay,
+        control,
     } = showing;
     let mut frames = Frames {
         lanes,
@@ -112,6 +122,7 @@ pub fn show<S: MotionSource>(
         intervals: Vec::new(),
         periods: Vec::new(),
         predicted: None,
+        control,
     };
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new()
@@ -123,6 +134,31 @@ pub fn show<S: MotionSource>(
             .map_err(HeadsetError::Thread)?;
         thread.join().map_err(|_| HeadsetError::Panicked)?
     })
+}
+
+/// Opens the headset again, as often as it takes; nothing if it is time to leave before.
+pub(super) fn open_again(
+    runtime: &Runtime,
+    options: HeadsetOptions,
+    control: &Control,
+    is_over: &dyn Fn() -> bool,
+) -> Option<Headset> {
+    let mut told = None;
+    while !is_over() && control.begin_work() {
+        match Headset::open(runtime, options) {
+            Ok(headset) => return Some(headset),
+            Err(error) => {
+                let text = error.to_string();
+                if told.as_ref() != Some(&text) {
+                    log::info!("not yet: {text}");
+                    told = Some(text);
+                }
+            }
+        }
+        control.end_work();
+        std::thread::sleep(AGAIN);
+    }
+    None
 }
 
 /// The loop's state, which outlives sessions.
@@ -139,6 +175,7 @@ struct Frames<'a, S: MotionSource> {
     intervals: Vec<f64>,
     periods: Vec<f64>,
     predicted: Option<Instant>,
+    control: Control,
 }
 
 impl<S: MotionSource> Frames<'_, S> {
@@ -150,9 +187,12 @@ impl<S: MotionSource> Frames<'_, S> {
     ) -> Result<(), HeadsetError> {
         let mut headset = Some(headset);
         loop {
+            if !self.control.begin_work() {
+                return Ok(());
+            }
             let present = match headset.take() {
                 Some(headset) => headset,
-                None => match self.reopen(runtime, options) {
+                None => match open_again(runtime, options, &self.control, &|| self.is_over()) {
                     Some(headset) => headset,
                     None => return Ok(()),
                 },
@@ -171,27 +211,10 @@ impl<S: MotionSource> Frames<'_, S> {
         }
     }
 
-    /// Opens the headset again, as often as it takes; nothing if it is time to leave before.
-    fn reopen(&mut self, runtime: &Runtime, options: HeadsetOptions) -> Option<Headset> {
-        let mut told = None;
-        while !self.is_over() {
-            match Headset::open(runtime, options) {
-                Ok(headset) => return Some(headset),
-                Err(error) => {
-                    let text = error.to_string();
-                    if told.as_ref() != Some(&text) {
-                        log::info!("not yet: {text}");
-                        told = Some(text);
-                    }
-                }
-            }
-            std::thread::sleep(AGAIN);
-        }
-        None
-    }
-
     fn is_over(&self) -> bool {
-        self.lanes.is_over() || self.watcher.is_over(self.figures.frames.shown)
+        self.control.is_leaving()
+            || self.lanes.is_over()
+            || self.watcher.is_over(self.figures.frames.shown)
     }
 
     /// One session, from its making to its end.
@@ -276,7 +299,8 @@ impl<S: MotionSource> Frames<'_, S> {
                 }
                 _ => {}
             }
-            if !session.life().is_running() {
+            // The runtime's events go on in a pause: it ends the session, and begins it again.
+            if self.rests(session)? || !session.life().is_running() {
                 self.pace.pause();
                 self.predicted = None;
                 std::thread::sleep(IDLE);
@@ -286,6 +310,16 @@ impl<S: MotionSource> Frames<'_, S> {
                 return Ok(lost);
             }
         }
+    }
+
+    /// Whether a pause was asked for; the GPU is at rest then.
+    fn rests(&self, session: &Session) -> Result<bool, HeadsetError> {
+        if self.control.may_work() {
+            return Ok(false);
+        }
+        session.rest()?;
+        self.control.end_work();
+        Ok(true)
     }
 
     /// One frame. Says so if the device was lost in it.
@@ -334,7 +368,8 @@ impl<S: MotionSource> Frames<'_, S> {
         let pictures = session.show(frame)?;
         let done = Instant::now();
         let (seen, in_time) = self.pace.shown(&frame, done);
-        self.lanes.displayed(seen);
+        let next = self.pace.next(&frame, begun, done);
+        self.lanes.displayed_before(seen, next);
         session.went(&frame, in_time, done.saturating_duration_since(begun));
         if let Some(pictures) = pictures {
             self.watcher.seen(Seen {

@@ -14,13 +14,31 @@ use spmm3::{ATTRIBUTES, GaussianSet, MotionParams, PlanarVertices, SH_C0, Skinni
 /// What this processor can do, from the least on.
 pub(super) fn levels() -> Vec<Level> {
     let new = Level::new();
-    let mut levels = vec![Level::baseline(), new];
     #[cfg(target_arch = "x86_64")]
-    {
-        levels.extend(new.as_sse4_2().map(Level::Sse4_2));
-        levels.extend(new.as_avx2().map(Level::Avx2));
+    let more = [
+        new.as_sse4_2().map(Level::Sse4_2),
+        new.as_avx2().map(Level::Avx2),
+    ];
+    #[cfg(not(target_arch = "x86_64"))]
+    let more: [Option<Level>; 0] = [];
+    [Level::baseline(), new]
+        .into_iter()
+        .chain(more.into_iter().flatten())
+        .collect()
+}
+
+#[cfg(target_arch = "aarch64")]
+#[test]
+fn on_arm64_the_kernels_run_on_neon() {
+    use fearless_simd::{Neon, dispatch, prelude::*};
+    fn token<S: Simd>(_: S) -> &'static str {
+        std::any::type_name::<S>()
     }
-    levels
+    for level in levels() {
+        assert!(level.as_neon().is_some(), "{level:?} is not NEON");
+        let token = dispatch!(level, simd => token(simd));
+        assert_eq!(token, std::any::type_name::<Neon>(), "{level:?}");
+    }
 }
 
 const ROOT: Vec3 = Vec3::new(0.4, -0.2, 1.3);

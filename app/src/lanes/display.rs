@@ -18,6 +18,15 @@ pub struct Tick {
     pub period: Duration,
 }
 
+/// What is known of the picture after one that was just drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Next {
+    /// When it is begun ...
+    pub begins: Instant,
+    /// ... and the vertical blank at which it is expected to be shown.
+    pub displayed: Instant,
+}
+
 /// A display that nobody sees: vertical blanks at an even rate, for drawing offscreen and for windows, whose system does not say
 /// when it shows a picture. OpenXR has its own.
 #[derive(Debug, Clone)]

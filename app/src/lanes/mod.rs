@@ -26,7 +26,7 @@ mod start;
 mod states;
 mod threads;
 
-pub use display::{DisplayClock, Tick};
+pub use display::{DisplayClock, Next, Tick};
 pub use hand_over::{Bell, Giver, Taker, hand_over};
 pub use motion::{MotionSource, Pose};
 

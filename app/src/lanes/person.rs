@@ -104,9 +104,10 @@ impl<S: MotionSource> Person<S> {
         }
     }
 
-    /// The picture took less time than expected, so the next one begins sooner too, at `begins`: without its Gaussians those of
-    /// this one would be drawn once more, and would be a whole picture older.
-    pub(super) fn hurry(&mut self, begins: Instant) {
+    /// The picture took less time than expected, so the next one begins sooner too, at `begins`, and is displayed as much sooner
+    /// where it is not known when: without its Gaussians those of this one would be drawn once more, and would be a whole picture
+    /// older.
+    pub(super) fn hurry(&mut self, begins: Instant, displayed: Option<Instant>) {
         let (Supply::Host { requests, .. }, Some(asked)) = (&mut self.supply, self.asked) else {
             return;
         };
@@ -114,7 +115,9 @@ impl<S: MotionSource> Person<S> {
         if !sooner.is_zero() && !self.is_gone {
             *requests.place() = Request {
                 wanted: begins,
-                displayed: asked.displayed.checked_sub(sooner).unwrap_or(begins),
+                displayed: displayed
+                    .or_else(|| asked.displayed.checked_sub(sooner))
+                    .unwrap_or(begins),
                 ..asked
             };
             requests.give();

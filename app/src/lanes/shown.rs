@@ -1,17 +1,35 @@
 //! What is told of a picture once it is drawn: its way to the display, what the device did for it, and what it cost.
 
 use super::person::{Person, Supply};
-use super::{Lanes, MotionSource};
+use super::{Lanes, MotionSource, Next};
 use crate::hold::{PictureCost, Quality};
 use crate::{PictureTimes, Stage};
 use std::time::{Duration, Instant};
 
 impl<S: MotionSource> Lanes<S> {
     /// Takes note of when the picture is displayed: the end of its way, which is told of the first person while they are
-    /// there.
+    /// there. The next one is begun then.
     pub fn displayed(&mut self, at: Instant) {
+        if self.tell_displayed(at) {
+            for person in self.people.iter_mut() {
+                person.hurry(at, None);
+            }
+        }
+    }
+
+    /// The same, of a display whose pictures are begun at times of its own.
+    pub fn displayed_before(&mut self, at: Instant, next: Next) {
+        if self.tell_displayed(at) {
+            for person in self.people.iter_mut() {
+                person.hurry(next.begins, Some(next.displayed));
+            }
+        }
+    }
+
+    /// Whether there was a picture on its way.
+    fn tell_displayed(&mut self, at: Instant) -> bool {
         let Some(progress) = self.drawing.take() else {
-            return;
+            return false;
         };
         let Quality {
             level,
@@ -48,9 +66,7 @@ impl<S: MotionSource> Lanes<S> {
         if views().next().is_some() && views().all(|view| view.level == level) {
             self.judge(at, progress.tick.period);
         }
-        for person in self.people.iter_mut() {
-            person.hurry(at);
-        }
+        true
     }
 
     /// Tells the controller of quality what the picture took.

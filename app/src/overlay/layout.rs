@@ -79,8 +79,8 @@ const GAP: u32 = 1;
 /// Height of a unit's bar.
 const BAR: u32 = 14;
 
-const BRIGHT: Colour = [240, 244, 248];
-const DIM: Colour = [158, 168, 182];
+pub(super) const BRIGHT: Colour = [240, 244, 248];
+pub(super) const DIM: Colour = [158, 168, 182];
 const FAINT: Colour = [74, 82, 94];
 const IN_TIME: Colour = [176, 192, 208];
 const LATE: Colour = [255, 122, 96];

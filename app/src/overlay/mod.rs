@@ -6,6 +6,7 @@
 mod figures;
 mod glyphs;
 mod layout;
+mod notice;
 mod painter;
 mod panel;
 #[cfg(test)]
@@ -14,6 +15,7 @@ mod watch;
 mod words;
 
 pub use figures::{FrameTime, OverlayFigures, OverlayLatency, UnitLoad};
+pub use notice::{NOTICE_LETTERS, NOTICE_LINES, NOTICE_WIDTH_METRES, Notice};
 pub use painter::OverlayPainter;
 pub use panel::Panel;
 pub use watch::OverlayWatch;

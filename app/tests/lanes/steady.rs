@@ -3,7 +3,7 @@
 use crate::people::{places, plate};
 use crate::stage::{BLACK, CPU, SIDE, Stage, Swing};
 use app::hold::HoldMode;
-use app::{Plan, Tick};
+use app::{Next, Plan, Tick};
 use glam::{Affine3A, Vec3};
 use mon3tr_tests::allocations::allocations as counted;
 use mon3tr_tests::vulkan;
@@ -64,24 +64,33 @@ fn a_picture_that_is_done_sooner_than_expected_has_the_next_ones_gaussians_made_
         return;
     };
     stage.draw_until_seen(1);
-    let until = Instant::now() + Duration::from_secs(60);
-    let mut new = 0;
-    while new < 5 {
-        // The next picture is not expected before the test is over.
-        let (now, far) = (Instant::now(), Duration::from_secs(3600));
-        let tick = Tick {
-            predicted: now,
-            next_begins: now + far,
-            next: now + far,
-            period: far,
-        };
-        let _ = stage.lanes.begin(tick).expect("lanes run");
-        stage.lanes.draw(&[stage.camera]).expect("a picture");
-        stage.lanes.displayed(Instant::now());
-        let last = *stage.lanes.collector().pictures().last().expect("one");
-        new += u32::from(!last.repeated);
-        assert!(Instant::now() < until, "{new} pictures with new Gaussians");
-        std::thread::sleep(Duration::from_millis(20));
+    // A display that says when the next picture is shown, and one that does not.
+    for says in [false, true] {
+        let until = Instant::now() + Duration::from_secs(60);
+        let mut new = 0;
+        while new < 5 {
+            // The next picture is not expected before the test is over.
+            let (now, far) = (Instant::now(), Duration::from_secs(3600));
+            let tick = Tick {
+                predicted: now,
+                next_begins: now + far,
+                next: now + far,
+                period: far,
+            };
+            let _ = stage.lanes.begin(tick).expect("lanes run");
+            stage.lanes.draw(&[stage.camera]).expect("a picture");
+            let (begins, displayed) = (Instant::now(), Instant::now());
+            if says {
+                let next = Next { begins, displayed };
+                stage.lanes.displayed_before(displayed, next);
+            } else {
+                stage.lanes.displayed(displayed);
+            }
+            let last = *stage.lanes.collector().pictures().last().expect("one");
+            new += u32::from(!last.repeated);
+            assert!(Instant::now() < until, "{new} pictures with new Gaussians");
+            std::thread::sleep(Duration::from_millis(20));
+        }
     }
 }
 

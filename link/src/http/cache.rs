@@ -1,6 +1,6 @@
 //! The folder that keeps packages between calls: `SHA256.m3a` is whole, `SHA256.part` is on its way, `SHA256.lock` is held by whoever
 //! fetches it. Any number of processes may share a folder. A whole file's name is a promise that is checked before each use, so
-//! nothing needs to be flushed to the disk before its rename.
+//! nothing needs to be flushed to the disk before its rename. A lock that somebody shares keeps a whole package from being removed.
 
 use std::{
     fs::{self, File, TryLockError},
@@ -15,6 +15,9 @@ use super::{AvatarRef, HttpError, PackageId};
 /// Bytes that a cache keeps unless told otherwise.
 const KEPT: u64 = 4_000_000_000;
 
+/// A part that nobody went on with for so long is not worth its place.
+const ABANDONED: Duration = Duration::from_secs(7 * 24 * 3600);
+
 /// How often a lock that another process holds is tried.
 const LOCK_EVERY: Duration = Duration::from_millis(100);
 
@@ -28,6 +31,10 @@ pub struct PackageCache {
 /// The right to write one package's files. The file's lock goes with the last copy, at the latest with the process.
 #[derive(Debug, Clone)]
 pub(super) struct Lock(#[expect(dead_code, reason = "held, never read")] Arc<File>);
+
+/// Keeps a package from being removed, by this and by other processes, until it is dropped.
+#[derive(Debug)]
+pub struct PackageInUse(#[expect(dead_code, reason = "held, never read")] File);
 
 impl PackageCache {
     /// The cache in this folder, which is made, for this user's eyes only, if it is not there.
@@ -64,6 +71,33 @@ impl PackageCache {
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    /// Says that a package is in use: it stays, however long ago it was fetched, until what this gives is dropped. Nothing if
+    /// somebody is about to write the package at this moment.
+    ///
+    /// # Errors
+    /// [`HttpError::Cache`] if its lock cannot be had.
+    pub fn in_use(&self, package: &PackageId) -> Result<Option<PackageInUse>, HttpError> {
+        let (path, file) = self.lock_file(package)?;
+        match file.try_lock_shared() {
+            Ok(()) => Ok(Some(PackageInUse(file))),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(source)) => Err(self.wrong("lock", &path, 0, source)),
+        }
+    }
+
+    /// Brings the folder within its bound now (which may have been larger before), and removes what interrupted downloads left a
+    /// week ago. What is in use or being fetched stays.
+    pub fn tidy(&self) {
+        let now = SystemTime::now();
+        for kept in self.kept() {
+            let age = now.duration_since(kept.used).unwrap_or_default();
+            if kept.is_part && age > ABANDONED {
+                self.remove(&kept, "nobody went on fetching it");
+            }
+        }
+        self.shrink(None);
     }
 
     pub(super) fn whole(&self, package: &PackageId) -> PathBuf {
@@ -104,21 +138,25 @@ impl PackageCache {
         }
     }
 
-    /// Lock files are never removed: somebody may be about to lock the one that is gone while the next one locks a new one.
     fn try_lock(&self, package: &PackageId) -> Result<Option<Lock>, HttpError> {
+        let (path, file) = self.lock_file(package)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Some(Lock(Arc::new(file)))),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(source)) => Err(self.wrong("lock", &path, 0, source)),
+        }
+    }
+
+    /// Lock files are never removed: somebody may be about to lock the one that is gone while the next one locks a new one.
+    fn lock_file(&self, package: &PackageId) -> Result<(PathBuf, File), HttpError> {
         let path = self.folder.join(format!("{package}.lock"));
-        let wrong = |source| self.wrong("lock", &path, 0, source);
         let file = File::options()
             .create(true)
             .truncate(false)
             .write(true)
             .open(&path)
-            .map_err(wrong)?;
-        match file.try_lock() {
-            Ok(()) => Ok(Some(Lock(Arc::new(file)))),
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(source)) => Err(wrong(source)),
-        }
+            .map_err(|source| self.wrong("lock", &path, 0, source))?;
+        Ok((path, file))
     }
 
     /// What the system says of a file here. `needed`: bytes still to be written.
@@ -142,47 +180,83 @@ impl PackageCache {
         }
     }
 
-    /// Removes what was not used for longest until the rest is within the bound. Spares `newest`, and parts that are being fetched.
+    /// Removes what was not used for longest until the rest is within the bound. Spares `newest`, what is in use, and parts that
+    /// are being fetched.
     pub(super) fn evict(&self, newest: &PackageId) {
-        let Ok(folder) = fs::read_dir(&self.folder) else {
-            return;
-        };
-        let mut files: Vec<(SystemTime, u64, PathBuf, PackageId)> = folder
-            .filter_map(|entry| {
-                let path = entry.ok()?.path();
-                let ours = path
-                    .extension()
-                    .is_some_and(|extension| extension == "m3a" || extension == "part");
-                let package = path.file_stem()?.to_str()?.parse().ok()?;
-                let metadata = path.metadata().ok()?;
-                ours.then_some((metadata.modified().ok()?, metadata.len(), path, package))
-            })
-            .collect();
-        files.sort();
-        let mut total: u64 = files.iter().map(|(_, bytes, ..)| bytes).sum();
-        for (_, bytes, path, package) in files {
+        self.shrink(Some(newest));
+    }
+
+    fn shrink(&self, newest: Option<&PackageId>) {
+        let kept = self.kept();
+        let mut total: u64 = kept.iter().map(|one| one.bytes).sum();
+        for one in kept {
             if total <= self.limit {
                 return;
             }
-            if package == *newest {
-                continue;
-            }
-            let Ok(Some(_lock)) = self.try_lock(&package) else {
-                continue;
-            };
-            match fs::remove_file(&path) {
-                Ok(()) => {
-                    total -= bytes;
-                    log::info!(
-                        "removed {} from the package cache to keep it within its bound",
-                        path.display()
-                    );
-                }
-                Err(error) => log::warn!(
-                    "cannot remove {} from the package cache: {error}",
-                    path.display()
-                ),
+            if newest != Some(&one.package) && self.remove(&one, "to keep within its bound") {
+                total -= one.bytes;
             }
         }
+    }
+
+    /// The files that are the cache's, those first that were not used for longest.
+    fn kept(&self) -> Vec<Kept> {
+        let Ok(folder) = fs::read_dir(&self.folder) else {
+            return Vec::new();
+        };
+        let mut kept: Vec<Kept> = folder
+            .filter_map(|entry| Kept::of(entry.ok()?.path()))
+            .collect();
+        kept.sort();
+        kept
+    }
+
+    /// Removes a file unless somebody uses or fetches its package; says whether it is gone.
+    fn remove(&self, kept: &Kept, why: &str) -> bool {
+        let Ok(Some(_lock)) = self.try_lock(&kept.package) else {
+            return false;
+        };
+        let path = kept.path.display();
+        match fs::remove_file(&kept.path) {
+            Ok(()) => {
+                log::info!("removed {path} from the package cache: {why}");
+                true
+            }
+            Err(error) => {
+                log::warn!("cannot remove {path} from the package cache: {error}");
+                false
+            }
+        }
+    }
+}
+
+/// A file of the cache. Ordered by when it was used.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Kept {
+    used: SystemTime,
+    bytes: u64,
+    path: PathBuf,
+    package: PackageId,
+    is_part: bool,
+}
+
+impl Kept {
+    /// Nothing for a file that is not the cache's.
+    fn of(path: PathBuf) -> Option<Self> {
+        let extension = path.extension()?;
+        let is_part = extension == "part";
+        if !is_part && extension != "m3a" {
+            return None;
+        }
+        let package = path.file_stem()?.to_str()?.parse().ok()?;
+        // Not through links: what they lead to is not in the folder.
+        let metadata = path.symlink_metadata().ok()?;
+        Some(Self {
+            used: metadata.modified().ok()?,
+            bytes: metadata.len(),
+            path,
+            package,
+            is_part,
+        })
     }
 }

@@ -16,7 +16,7 @@ use reqwest::{
 use serde::de::DeserializeOwned;
 use url::Url;
 
-use super::{HttpError, ServerUrl, error::of_request, room_link::Token};
+use super::{HttpError, ServerUrl, error::of_request, room_link::Token, roots};
 
 /// No JSON or SDP of the protocol is larger, in bytes.
 const MAX_ANSWER: usize = 256 << 10;
@@ -101,17 +101,18 @@ impl Client {
                 .http1_only()
                 .user_agent(concat!("mon3tr/", env!("CARGO_PKG_VERSION")))
         };
-        let http = builder()
-            .tls_certs_merge(extra.clone())
-            .build()
-            .or_else(|error| {
-                // A machine without any certificate authority (a bare container) can still call by http.
-                log::warn!(
-                    "only http and servers with a given root certificate can be reached: {}",
-                    error_text(&error)
-                );
-                builder().tls_certs_only(extra).build()
-            });
+        let usual = match roots::of_android() {
+            Some(system) => builder().tls_certs_only(system.into_iter().chain(extra.clone())),
+            None => builder().tls_certs_merge(extra.clone()),
+        };
+        let http = usual.build().or_else(|error| {
+            // A machine without any certificate authority (a bare container) can still call by http.
+            log::warn!(
+                "only http and servers with a given root certificate can be reached: {}",
+                error_text(&error)
+            );
+            builder().tls_certs_only(extra).build()
+        });
         Ok(Self {
             http: http.map_err(HttpError::Setup)?,
             patience,

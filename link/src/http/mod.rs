@@ -12,11 +12,12 @@ mod part;
 mod presence;
 mod room_link;
 mod rooms;
+mod roots;
 mod sse;
 mod upload;
 
 pub use announcement::{Announcement, AvatarRef, ChannelMode, MAX_PACKAGE_BYTES};
-pub use cache::PackageCache;
+pub use cache::{PackageCache, PackageInUse};
 pub use client::{Client, Patience};
 pub use error::HttpError;
 pub use fetch::Progress;

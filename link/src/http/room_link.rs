@@ -127,6 +127,19 @@ impl RoomLink {
         }
     }
 
+    /// The room of this name on a server, with a token for it.
+    ///
+    /// # Errors
+    /// [`HttpError::Link`] for a name that no room has, [`HttpError::Token`] for what is no token.
+    pub fn of(server: ServerUrl, room: &str, token: &str) -> Result<Self, HttpError> {
+        if !is_name(room) {
+            return Err(HttpError::Link(
+                "the room's name is missing or has a character that none has".to_owned(),
+            ));
+        }
+        Ok(Self::new(server, room.to_owned(), Token::new(token)?))
+    }
+
     /// The server that has the room.
     #[must_use]
     pub fn server(&self) -> &ServerUrl {
@@ -165,22 +178,16 @@ impl FromStr for RoomLink {
         let (address, token) = text
             .split_once('#')
             .ok_or_else(|| wrong("the `#TOKEN` at its end is missing (an unquoted # begins a comment in some shells)"))?;
-        let token = Token::new(token).map_err(|error| match error {
-            HttpError::Token(why) => {
-                HttpError::Link(format!("what follows the `#` is no token: {why}"))
-            }
-            other => other,
-        })?;
         let (server, room) = address
             .rsplit_once("/rooms/")
             .ok_or_else(|| wrong("it has no `/rooms/ROOM`"))?;
         let server = check_address(server).map_err(HttpError::Link)?;
-        if !is_name(room) {
-            return Err(wrong(
-                "the room's name is missing or has a character that none has",
-            ));
-        }
-        Ok(Self::new(server, room.to_owned(), token))
+        Self::of(server, room, token).map_err(|error| match error {
+            HttpError::Token(why) => {
+                HttpError::Link(format!("what follows the `#` is no token: {why}"))
+            }
+            other => other,
+        })
     }
 }
 

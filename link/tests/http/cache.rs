@@ -148,6 +148,36 @@ async fn what_was_not_used_for_longest_makes_room() {
 }
 
 #[tokio::test]
+async fn a_package_in_use_stays_until_it_is_no_longer() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let open = || PackageCache::new(folder.path()).expect("a cache");
+    let cache = open().with_limit(150_000);
+    let fetch = async |seed| {
+        let server = Server::start(random_bytes(seed, 100_000), []).await;
+        let path = client()
+            .fetch_package(&server.link(), &server.avatar(), &cache, |_| ())
+            .await
+            .expect("fetched");
+        (server.avatar().sha256, path)
+    };
+    let (package, used) = fetch(20).await;
+    // Said by another holder of the same folder, as another process would be.
+    let in_use = open().in_use(&package).expect("a lock");
+    assert!(in_use.is_some(), "nobody writes it");
+    let (_, newer) = fetch(21).await;
+    assert!(used.exists() && newer.exists(), "both, over the bound");
+    cache.tidy();
+    assert_eq!(
+        (used.exists(), newer.exists()),
+        (true, false),
+        "the one that nobody uses had to go"
+    );
+    drop(in_use);
+    cache.clone().with_limit(0).tidy();
+    assert!(!used.exists(), "now it may go as well");
+}
+
+#[tokio::test]
 async fn a_folder_that_cannot_be_one_is_named() {
     let file = tempfile::NamedTempFile::new().expect("a file");
     let error = PackageCache::new(file.path()).expect_err("a file is no folder");

@@ -1,10 +1,11 @@
 //! Controllers and bare hands, as they were sent.
 
 use glam::{DVec3, Quat};
+use mon3tr_tests::headset_reference::numbers;
 use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
 use serde_json::Value;
 
-use crate::program::{Program, numbers};
+use crate::program::Program;
 
 /// Frames that something may take from the service's thread to the program: they are counted, for how long one takes is nobody's
 /// business.

@@ -1,7 +1,6 @@
 //! `xr-renderer::xr` on a real runtime: Monado over whatever Vulkan there is, started by each test for itself. The program under
 //! test is `headset-frames`, a process of its own, because a runtime is found by the environment.
 
-mod expected;
 mod hands;
 mod life;
 mod losses;

@@ -1,8 +1,9 @@
 //! The path that a real headset's compositor takes: 72 frames a second into a window.
 
+use mon3tr_tests::headset_reference::numbers;
 use mon3tr_tests::monado::{Compositor, Driver, Monado};
 
-use crate::program::{Program, numbers};
+use crate::program::Program;
 
 /// Milliseconds from one refresh of the display to the next.
 const REFRESH_MS: f64 = 1e3 / 72.0;

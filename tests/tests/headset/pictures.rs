@@ -4,11 +4,11 @@ use std::path::Path;
 
 use glam::{Quat, Vec3};
 use image::{Rgba, RgbaImage};
+use mon3tr_tests::headset_reference::{View, composed, psnr};
 use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
 use mon3tr_tests::splat_reference::{PixelBox, ReferencePicture, covered_box, render};
 use mon3tr_tests::splat_scenes::figure_ahead;
 
-use crate::expected::{View, composed, psnr};
 use crate::program::Program;
 
 const SIZE: [u32; 2] = [640, 480];

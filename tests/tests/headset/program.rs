@@ -9,6 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use image::RgbaImage;
+use mon3tr_tests::headset_reference::numbers;
 use mon3tr_tests::monado::{Head, Monado, Scripted};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -237,12 +238,4 @@ impl Ended {
     pub(crate) fn last(&self) -> &Value {
         self.lines.last().unwrap_or(&Value::Null)
     }
-}
-
-/// A list of numbers.
-pub(crate) fn numbers(list: &Value) -> Vec<f64> {
-    let list = list
-        .as_array()
-        .unwrap_or_else(|| panic!("{list} is no list"));
-    list.iter().filter_map(Value::as_f64).collect()
 }

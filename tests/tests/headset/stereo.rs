@@ -2,10 +2,10 @@
 
 use glam::{DVec3, Quat};
 use image::RgbaImage;
+use mon3tr_tests::headset_reference::{View, light};
 use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
 use mon3tr_tests::splat_scenes::markers;
 
-use crate::expected::{View, light};
 use crate::program::Program;
 
 const SIZE: [u32; 2] = [640, 480];

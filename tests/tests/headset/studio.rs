@@ -2,28 +2,12 @@
 
 use glam::{DMat3, DVec3, Quat};
 use image::RgbaImage;
+use mon3tr_tests::headset_reference::{View, studio};
 use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
 
-use crate::expected::View;
 use crate::program::Program;
 
 const SIZE: [u32; 2] = [480, 360];
-
-const SKY: [f64; 3] = [0.80, 0.83, 0.87];
-const HORIZON: [f64; 3] = [0.90, 0.91, 0.92];
-const FLOOR: [f64; 3] = [0.70, 0.71, 0.73];
-
-/// The display colour that an eye sees along a way: a floor at y = 0 that melts into the horizon's colour 14 m away by the root of
-/// the distance, a wall that reaches the sky's where the way rises 0.625 of its length.
-fn studio(eye: DVec3, way: DVec3) -> [f64; 3] {
-    let rise = way.y / way.length();
-    let (from, to, share) = if rise < 0.0 {
-        (FLOOR, HORIZON, (eye.y / -rise / 14.0).min(1.0).sqrt())
-    } else {
-        (HORIZON, SKY, (rise / 0.625).min(1.0))
-    };
-    std::array::from_fn(|channel| from[channel] + share * (to[channel] - from[channel]))
-}
 
 /// The world's up by the eye's axes, as the picture alone tells it: the wall's red falls in proportion to how far a way of length 1
 /// rises, so it falls fastest upwards. Least squares over the wall's pixels, away from the colours it shares with floor and sky.

@@ -19,7 +19,7 @@ impl Device {
     pub(crate) fn open() -> anyhow::Result<Self> {
         // SAFETY: the loader and the one driver that the caller's environment names are Debian's, and are never unloaded.
         let entry = unsafe { ash::Entry::load() }
-            .context("no Vulkan loader: start this with tools/adreno-table/run")?;
+            .context("no Vulkan loader: start this with android/adreno.sh")?;
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_3);
         let info = vk::InstanceCreateInfo::default().application_info(&application);
         // SAFETY: the structure is complete.
@@ -29,7 +29,7 @@ impl Device {
             .context("vkEnumeratePhysicalDevices")?;
         let physical = *devices
             .first()
-            .context("no Vulkan device: start this with tools/adreno-table/run")?;
+            .context("no Vulkan device: start this with android/adreno.sh")?;
 
         let mut about = vk::PhysicalDeviceDriverProperties::default();
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut about);
@@ -38,7 +38,7 @@ impl Device {
         let properties = properties.properties;
         ensure!(
             about.driver_id == vk::DriverId::MESA_TURNIP,
-            "the Vulkan device is not turnip's: start this with tools/adreno-table/run"
+            "the Vulkan device is not turnip's: start this with android/adreno.sh"
         );
         let text = |bytes: Result<&std::ffi::CStr, _>| {
             bytes

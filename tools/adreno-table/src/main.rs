@@ -7,6 +7,7 @@ mod constants;
 mod device;
 mod module;
 mod pipeline;
+mod rules;
 mod table;
 
 use std::path::{Path, PathBuf};
@@ -19,7 +20,7 @@ use device::Device;
 use module::{Module, Stage};
 use table::Row;
 
-/// Prints a Markdown table of what every shader costs on an Adreno 740 (start it with tools/adreno-table/run).
+/// Prints a Markdown table of what every shader costs on an Adreno 740 (start it with android/adreno.sh).
 #[derive(Debug, Parser)]
 struct Arguments {
     /// Only shaders whose name begins so.
@@ -31,10 +32,17 @@ struct Arguments {
     /// Write the compiler's stages and the machine code of every shader into this folder.
     #[arg(long, value_name = "FOLDER")]
     code: Option<PathBuf>,
-    /// Fail if a shader spills registers.
-    #[arg(long)]
+    /// Instead of printing it, fail where a shader breaks a rule (see reasons.txt) or the committed table is out of date.
+    #[arg(long, conflicts_with_all = ["name", "set", "renew"])]
     check: bool,
+    /// Instead of printing it, write the committed table anew.
+    #[arg(long, conflicts_with_all = ["name", "set"])]
+    renew: bool,
 }
+
+/// What is committed of the table, and why some shaders have fewer waves than there could be.
+const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/table.md");
+const REASONS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/reasons.txt");
 
 /// What the chip can run a shader at; which one a headset's driver takes is up to it.
 const SUBGROUPS: [u32; 2] = [64, 128];
@@ -76,7 +84,7 @@ fn main() -> anyhow::Result<()> {
                 }
                 let row = Row::new(name, &one);
                 // Workgroups that fill no wider subgroup are compiled for the narrower one again.
-                if rows.iter().all(|other: &Row| other.name() != row.name()) {
+                if rows.iter().all(|other: &Row| other.key() != row.key()) {
                     rows.push(row);
                 }
             }
@@ -103,29 +111,44 @@ fn main() -> anyhow::Result<()> {
             }
         }
     }
-    println!("{}, {}", device.name, device.driver);
-    println!();
-    print!("{}", table::markdown(&rows));
-    println!();
-    for module in &modules {
-        for constant in constants::open(module, &arguments.set) {
-            let name = module.shader.name;
-            println!("- {name} has {constant} as the shader says; another: --set {constant}=VALUE");
-        }
+    let text = text(&device, &rows, &modules, &arguments.set);
+    if arguments.renew {
+        return std::fs::write(TABLE, text).with_context(|| format!("cannot write {TABLE}"));
     }
     if arguments.check {
-        let spilling: Vec<_> = rows
-            .iter()
-            .filter(|row| row.spills())
-            .map(Row::name)
-            .collect();
-        ensure!(
-            spilling.is_empty(),
-            "registers are spilled to memory in {}",
-            spilling.join(", ")
-        );
+        let reasons = rules::reasons(&read(REASONS)?).context(REASONS)?;
+        rules::check(&rows, &reasons).context("on the Quest 3's GPU, by Mesa's compiler")?;
+        return rules::check_table(&read(TABLE)?, &text);
     }
+    print!("{text}");
     Ok(())
+}
+
+/// The compiler's name, the table, and what was left open.
+fn text(device: &Device, rows: &[Row], modules: &[Module], settings: &[Setting]) -> String {
+    let mut text = format!(
+        "{}, {}\n\n{}",
+        device.name,
+        device.driver,
+        table::markdown(rows)
+    );
+    let mut is_first = true;
+    for module in modules {
+        for constant in constants::open(module, settings) {
+            if std::mem::take(&mut is_first) {
+                text.push('\n');
+            }
+            let name = module.shader.name;
+            text += &format!(
+                "- {name} has {constant} as the shader says; another: --set {constant}=VALUE\n"
+            );
+        }
+    }
+    text
+}
+
+fn read(path: &str) -> anyhow::Result<String> {
+    std::fs::read_to_string(path).with_context(|| format!("cannot read {path}"))
 }
 
 fn write_code(folder: &Path, name: &str, compiled: &pipeline::Compiled) -> anyhow::Result<()> {

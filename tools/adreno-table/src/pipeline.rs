@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use ash::vk;
 
 use crate::constants::{self, Setting};
@@ -15,8 +15,9 @@ const PUSH_BYTES: u32 = 128;
 /// Where the splats are drawn: colour, and depth.
 const ATTACHMENTS: [vk::Format; 2] = [vk::Format::R16G16B16A16_SFLOAT, vk::Format::R16_SFLOAT];
 
-/// A headset's images: colour, and depth.
-const SHOWN: [vk::Format; 2] = [vk::Format::R8G8B8A8_SRGB, vk::Format::D32_SFLOAT];
+/// What a subpass that reads them draws into: a compositor's colour and depth.
+const SHOWN: vk::Format = vk::Format::R8G8B8A8_SRGB;
+const SHOWN_DEPTH: vk::Format = vk::Format::D32_SFLOAT;
 
 /// One stage of a compiled pipeline.
 pub(crate) struct Compiled {
@@ -131,11 +132,7 @@ fn layout(device: &Device, modules: &[&Module]) -> anyhow::Result<vk::PipelineLa
                 .binding(*binding)
                 .descriptor_type(*kind)
                 .descriptor_count(1)
-                // Nobody else can read an input attachment.
-                .stage_flags(match *kind {
-                    vk::DescriptorType::INPUT_ATTACHMENT => vk::ShaderStageFlags::FRAGMENT,
-                    _ => stages,
-                })
+                .stage_flags(stages)
         })
         .collect();
     let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
@@ -181,8 +178,7 @@ fn compute(
     pipelines.first().copied().context("no pipeline")
 }
 
-/// Triangles from storage buffers alone, blended over one another, or one over all of the picture, made of what an earlier part
-/// of the pass drew; to both eyes if the shaders are for both.
+/// Triangles from storage buffers alone, blended over one another, to both eyes if the shaders are for both.
 fn graphics(
     device: &Device,
     modules: &[&Module],
@@ -195,24 +191,31 @@ fn graphics(
         .flat_map(|module| module.outputs.last())
         .max()
         .map_or(0, |last| *last as usize + 1);
-    let formats = ATTACHMENTS.get(..outputs).with_context(|| {
-        format!(
-            "the table knows {} attachments, not {outputs}",
-            ATTACHMENTS.len()
-        )
-    })?;
+    let inputs = modules
+        .iter()
+        .flat_map(|module| module.inputs.last())
+        .max()
+        .map_or(0, |last| *last as usize + 1);
+    let written = ATTACHMENTS
+        .get(..if inputs == 0 { outputs } else { inputs })
+        .with_context(|| {
+            format!(
+                "the table knows {} attachments, not {outputs} to write or {inputs} to read",
+                ATTACHMENTS.len()
+            )
+        })?;
+    ensure!(
+        inputs == 0 || outputs == 1,
+        "of shaders that read attachments only those are handled that write one, not {outputs}"
+    );
     let over = vk::PipelineColorBlendAttachmentState::default()
-        .blend_enable(true)
+        .blend_enable(inputs == 0)
         .src_color_blend_factor(vk::BlendFactor::ONE)
         .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
         .src_alpha_blend_factor(vk::BlendFactor::ONE)
         .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
         .color_write_mask(vk::ColorComponentFlags::RGBA);
-    let inputs = (modules.iter().flat_map(|module| module.bindings.values()))
-        .filter(|kind| **kind == vk::DescriptorType::INPUT_ATTACHMENT)
-        .count();
-    let replaces_depth = modules.iter().any(|module| module.replaces_depth);
-    let blends = vec![over.blend_enable(inputs == 0); outputs];
+    let blends = vec![over; outputs];
     let blending = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
     let vertices = vk::PipelineVertexInputStateCreateInfo::default();
     let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
@@ -223,9 +226,10 @@ fn graphics(
     let rasterisation = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0);
     let samples = vk::PipelineMultisampleStateCreateInfo::default()
         .rasterization_samples(vk::SampleCountFlags::TYPE_1);
+    let writes_depth = modules.iter().any(|module| module.writes_depth);
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
-        .depth_test_enable(replaces_depth)
-        .depth_write_enable(replaces_depth)
+        .depth_test_enable(writes_depth)
+        .depth_write_enable(writes_depth)
         .depth_compare_op(vk::CompareOp::ALWAYS);
     let states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
     let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&states);
@@ -233,11 +237,8 @@ fn graphics(
     let view_mask = if both_eyes { 0b11 } else { 0 };
     let mut rendering = vk::PipelineRenderingCreateInfo::default()
         .view_mask(view_mask)
-        .color_attachment_formats(formats);
-    let pass = (inputs > 0)
-        .then(|| pass(device, inputs, replaces_depth, view_mask))
-        .transpose()?;
-    let info = vk::GraphicsPipelineCreateInfo::default()
+        .color_attachment_formats(written);
+    let mut info = vk::GraphicsPipelineCreateInfo::default()
         .flags(flags)
         .stages(stages)
         .vertex_input_state(&vertices)
@@ -249,18 +250,23 @@ fn graphics(
         .color_blend_state(&blending)
         .dynamic_state(&dynamic)
         .layout(layout);
-    let info = [match pass {
-        Some(pass) => info.render_pass(pass).subpass(1),
+    // Only a render pass has subpasses.
+    let pass = match inputs {
+        0 => None,
+        _ => Some(two_subpasses(device, written, writes_depth, view_mask)?),
+    };
+    info = match pass {
         None => info.push_next(&mut rendering),
-    }];
+        Some(pass) => info.render_pass(pass).subpass(1),
+    };
     // SAFETY: modules, layout, specialisations and states live until the call returns.
     let made = unsafe {
         device
             .handle
-            .create_graphics_pipelines(vk::PipelineCache::null(), &info, None)
+            .create_graphics_pipelines(vk::PipelineCache::null(), &[info], None)
     };
     if let Some(pass) = pass {
-        // SAFETY: pipelines do not need their pass once made.
+        // SAFETY: pipelines do not need the pass that they were made for.
         unsafe { device.handle.destroy_render_pass(pass, None) };
     }
     let pipelines = made
@@ -269,61 +275,62 @@ fn graphics(
     pipelines.first().copied().context("no pipeline")
 }
 
-/// A pass whose second part reads what the first draws, and writes a headset's images.
-fn pass(
+/// A pass whose first subpass writes `pictures` and whose second reads them and writes what is shown, with its depth or without.
+fn two_subpasses(
     device: &Device,
-    pictures: usize,
-    with_depth: bool,
+    pictures: &[vk::Format],
+    depth: bool,
     view_mask: u32,
 ) -> anyhow::Result<vk::RenderPass> {
-    use vk::ImageLayout as Layout;
-    let drawn = ATTACHMENTS.get(..pictures).with_context(|| {
-        format!(
-            "the table knows {} pictures to be read, not {pictures}",
-            ATTACHMENTS.len()
-        )
-    })?;
-    let shown = &SHOWN[..1 + usize::from(with_depth)];
-    let attachments: Vec<_> = (drawn.iter().chain(shown))
+    let formats = pictures
+        .iter()
+        .copied()
+        .chain([SHOWN])
+        .chain(depth.then_some(SHOWN_DEPTH));
+    let attachments: Vec<_> = formats
         .map(|format| {
             vk::AttachmentDescription::default()
-                .format(*format)
+                .format(format)
                 .samples(vk::SampleCountFlags::TYPE_1)
-                .final_layout(Layout::GENERAL)
+                .final_layout(vk::ImageLayout::GENERAL)
         })
         .collect();
-    let at = |place, layout| {
-        vk::AttachmentReference::default()
-            .attachment(place)
-            .layout(layout)
+    let general = |attachment| vk::AttachmentReference {
+        attachment,
+        layout: vk::ImageLayout::GENERAL,
     };
-    let all = |layout| (0u32..).zip(drawn).map(move |(place, _)| at(place, layout));
-    let blended: Vec<_> = all(Layout::COLOR_ATTACHMENT_OPTIMAL).collect();
-    let read: Vec<_> = all(Layout::SHADER_READ_ONLY_OPTIMAL).collect();
-    let next = u32::try_from(pictures)?;
-    let colours = [at(next, Layout::COLOR_ATTACHMENT_OPTIMAL)];
-    let depth = at(next + 1, Layout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL);
-    let part = vk::SubpassDescription::default();
-    let mut last = part.input_attachments(&read).color_attachments(&colours);
-    if with_depth {
-        last = last.depth_stencil_attachment(&depth);
+    let pictures: Vec<_> = (0u32..).zip(pictures).map(|(at, _)| general(at)).collect();
+    let at = pictures.last().map_or(0, |last| last.attachment + 1);
+    let (shown, shown_depth) = ([general(at)], general(at + 1));
+    let bind_point = vk::PipelineBindPoint::GRAPHICS;
+    let draws = vk::SubpassDescription::default()
+        .pipeline_bind_point(bind_point)
+        .color_attachments(&pictures);
+    let mut shows = vk::SubpassDescription::default()
+        .pipeline_bind_point(bind_point)
+        .input_attachments(&pictures)
+        .color_attachments(&shown);
+    if depth {
+        shows = shows.depth_stencil_attachment(&shown_depth);
     }
-    let parts = [part.color_attachments(&blended), last];
-    let local = [vk::SubpassDependency::default()
+    let subpasses = [draws, shows];
+    let dependencies = [vk::SubpassDependency::default()
         .dst_subpass(1)
         .src_stage_mask(vk::PipelineStageFlags::COLOR_ATTACHMENT_OUTPUT)
-        .src_access_mask(vk::AccessFlags::COLOR_ATTACHMENT_WRITE)
         .dst_stage_mask(vk::PipelineStageFlags::FRAGMENT_SHADER)
+        .src_access_mask(vk::AccessFlags::COLOR_ATTACHMENT_WRITE)
         .dst_access_mask(vk::AccessFlags::INPUT_ATTACHMENT_READ)
-        .dependency_flags(vk::DependencyFlags::BY_REGION | vk::DependencyFlags::VIEW_LOCAL)];
+        .dependency_flags(vk::DependencyFlags::BY_REGION)];
     let masks = [view_mask; 2];
     let mut multiview = vk::RenderPassMultiviewCreateInfo::default().view_masks(&masks);
-    let info = vk::RenderPassCreateInfo::default()
+    let mut info = vk::RenderPassCreateInfo::default()
         .attachments(&attachments)
-        .subpasses(&parts)
-        .dependencies(&local)
-        .push_next(&mut multiview);
-    // SAFETY: the structures live until the call returns.
+        .subpasses(&subpasses)
+        .dependencies(&dependencies);
+    if view_mask != 0 {
+        info = info.push_next(&mut multiview);
+    }
+    // SAFETY: the structures are complete, and live until the call returns.
     unsafe { device.handle.create_render_pass(&info, None) }.context("vkCreateRenderPass")
 }
 

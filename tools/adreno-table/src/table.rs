@@ -11,8 +11,8 @@ const COLUMNS: [(&str, &str); 11] = [
     ("registers", "Registers used"),
     ("half registers", "Half-registers used"),
     ("waves", WAVES),
-    ("spills", "STP Count"),
-    ("reloads", "LDP Count"),
+    ("spills", SPILLS),
+    ("reloads", RELOADS),
     ("(ss) stall", "Estimated cycles stalled on SS"),
     ("(sy) stall", "Estimated cycles stalled on SY"),
     ("memory", "cat6 instructions"),
@@ -20,6 +20,8 @@ const COLUMNS: [(&str, &str); 11] = [
 ];
 
 const INSTRUCTIONS: &str = "Instruction Count";
+const SPILLS: &str = "STP Count";
+const RELOADS: &str = "LDP Count";
 const WAVES: &str = "Max Waves Per Core";
 
 /// One line: a stage of a shader at one subgroup size.
@@ -40,19 +42,42 @@ impl Row {
         }
     }
 
-    /// Shader, stage and subgroup size.
-    pub(crate) fn name(&self) -> String {
-        format!("{} ({}, {})", self.name, self.stage, self.subgroup)
+    /// Shader, stage and subgroup size, which no two rows share.
+    pub(crate) fn key(&self) -> String {
+        format!("{} {} {}", self.name, self.stage, self.subgroup)
+    }
+
+    /// Subgroups that a core of the chip runs at once.
+    pub(crate) fn waves(&self) -> Option<u64> {
+        self.figure(WAVES)
+    }
+
+    fn figure(&self, statistic: &str) -> Option<u64> {
+        let mut columns = COLUMNS.iter().zip(self.figures);
+        columns.find_map(|((_, its), figure)| figure.filter(|_| *its == statistic))
     }
 
     /// Whether registers are moved to memory.
     pub(crate) fn spills(&self) -> bool {
-        COLUMNS
+        [SPILLS, RELOADS]
             .iter()
-            .zip(self.figures)
-            .any(|((heading, _), figure)| {
-                matches!(*heading, "spills" | "reloads") && figure.is_some_and(|count| count > 0)
-            })
+            .any(|statistic| self.figure(statistic) != Some(0))
+    }
+
+    /// A row that no compiler said.
+    #[cfg(test)]
+    pub(crate) fn made_up(shader: &str, subgroup: u32, waves: u64, spills: u64) -> Self {
+        let said = [(WAVES, waves), (SPILLS, spills), (RELOADS, spills)];
+        let statistics = said.map(|(name, figure)| (name.to_owned(), figure)).into();
+        Self::new(
+            shader,
+            &Compiled {
+                stage: "compute".into(),
+                subgroup,
+                statistics,
+                code: String::new(),
+            },
+        )
     }
 }
 

@@ -7,6 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 /// A process that is ended when this is dropped.
@@ -75,8 +76,18 @@ impl Process {
     }
 
     /// Waits for its end; an error if it failed or takes longer than `longest`.
-    pub(crate) fn finish(mut self, longest: Option<Duration>) -> anyhow::Result<()> {
-        match self.wait(longest)? {
+    pub(crate) fn finish(self, longest: Option<Duration>) -> anyhow::Result<()> {
+        self.finish_unless(longest, &AtomicBool::new(false))
+    }
+
+    /// The same; an error too if `stop` becomes true meanwhile.
+    pub(crate) fn finish_unless(
+        mut self,
+        longest: Option<Duration>,
+        stop: &AtomicBool,
+    ) -> anyhow::Result<()> {
+        match self.wait_unless(longest, stop)? {
+            None if stop.load(Relaxed) => bail!("stopped before the end"),
             Some(status) if status.success() => Ok(()),
             Some(status) => bail!("`mon3tr {}` failed ({status})", self.name),
             None => bail!("`mon3tr {}` takes too long", self.name),
@@ -97,6 +108,14 @@ impl Process {
     }
 
     fn wait(&mut self, longest: Option<Duration>) -> anyhow::Result<Option<ExitStatus>> {
+        self.wait_unless(longest, &AtomicBool::new(false))
+    }
+
+    fn wait_unless(
+        &mut self,
+        longest: Option<Duration>,
+        stop: &AtomicBool,
+    ) -> anyhow::Result<Option<ExitStatus>> {
         let deadline = longest.map(|longest| Instant::now() + longest);
         loop {
             let status = self.child.try_wait();
@@ -105,7 +124,8 @@ impl Process {
             {
                 return Ok(Some(status));
             }
-            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            let late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            if late || stop.load(Relaxed) {
                 return Ok(None);
             }
             std::thread::sleep(Duration::from_millis(10));
@@ -138,7 +158,24 @@ fn command<A: AsRef<OsStr>>(
         }
     };
     command.arg(name).args(arguments).stdin(Stdio::null());
+    end_with_this(&mut command);
     Ok(command)
+}
+
+/// Has a process asked to end when the thread that starts it ends, also where this process is killed and can do nothing about it any
+/// more. Linux alone can do that.
+pub(crate) fn end_with_this(command: &mut Command) {
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::process::{Signal, set_parent_process_death_signal};
+        use std::os::unix::process::CommandExt;
+        // SAFETY: between fork and exec only one system call is made, and nothing is allocated.
+        unsafe {
+            command.pre_exec(|| Ok(set_parent_process_death_signal(Some(Signal::TERM))?));
+        }
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = command;
 }
 
 /// A server on a free port of this machine alone.

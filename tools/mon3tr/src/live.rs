@@ -2,13 +2,13 @@
 
 use crate::lanes::LaneChoices;
 use crate::stage::Setting;
-use crate::surroundings::{Surroundings, cache};
+use crate::surroundings::{compiled, offer};
 use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::Context;
 use app::hold::{HoldFigures, HoldMode};
 use app::{
-    Call, Collector, DisplayClock, Drawn, LaneOptions, Lanes, Offer, Placed, PlacementReport,
-    PlacementRequest, Plan, Skipped, bound_mesh, place,
+    Call, Collector, DisplayClock, Drawn, LaneOptions, Lanes, Placed, PlacementReport, Skipped,
+    place_first,
 };
 use glam::{Quat, Vec3};
 use npu_runtime::Runtime;
@@ -49,8 +49,10 @@ impl Prepared {
         );
         let options = setting.renderer(avatar.gaussians.len())?;
         let cameras = eyes(camera, setting.views);
+        let compiled = compiled()?;
+        let offer = offer(runtime, &compiled);
         let (placed, renderer) =
-            placed(gpu, runtime, avatar, options, &cameras, choices.placement)?;
+            place_first(&offer, avatar, gpu, options, &cameras, choices.placement)?;
         Ok(Self {
             avatar: Arc::clone(avatar),
             placed,
@@ -87,58 +89,6 @@ impl Prepared {
             followed: None,
         })
     }
-}
-
-/// Places the stages of `avatar`, and makes the renderer of its pictures.
-pub(crate) fn placed(
-    gpu: &Arc<Gpu>,
-    runtime: &Runtime,
-    avatar: &Arc<Avatar>,
-    options: RendererOptions,
-    cameras: &[Camera],
-    request: PlacementRequest,
-) -> anyhow::Result<(Placed, SplatRenderer)> {
-    let mesh = matches!(request.plan, None | Some(Plan::Pc))
-        .then(|| bound_mesh(avatar))
-        .transpose()?
-        .map(Arc::new);
-    let options = RendererOptions { mesh, ..options };
-    let mut renderer =
-        SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
-    let placed = place_on(runtime, avatar, &mut renderer, cameras, request)?;
-    if options.mesh.is_some() && placed.plan != Plan::Pc {
-        // 20 MB of the device's memory that nobody uses.
-        let options = RendererOptions {
-            mesh: None,
-            // The faster one has been found, but for a headset's images, into which each has a way of its own.
-            back_end: if gpu.belongs_to_headset() {
-                options.back_end
-            } else {
-                Some(renderer.back_end())
-            },
-            ..options
-        };
-        renderer =
-            SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
-    }
-    Ok((placed, renderer))
-}
-
-/// Places the stages of `avatar` for pictures of a renderer that there is.
-pub(crate) fn place_on(
-    runtime: &Runtime,
-    avatar: &Arc<Avatar>,
-    renderer: &mut SplatRenderer,
-    cameras: &[Camera],
-    request: PlacementRequest,
-) -> anyhow::Result<Placed> {
-    let compiled = cache()?.join("compiled");
-    let offer = Offer {
-        runtime,
-        threads: Surroundings::threads(),
-        cache: Some(&compiled),
-    };
-    Ok(place(&offer, avatar, renderer, cameras, request)?)
 }
 
 /// A call, seen from where its person stands.

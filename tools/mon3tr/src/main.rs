@@ -8,7 +8,6 @@ mod gaze;
 mod ground;
 mod lanes;
 mod live;
-mod measured;
 mod moments;
 mod monado;
 mod network;
@@ -23,7 +22,7 @@ mod viewpoint;
 mod window;
 
 use clap::{Parser, Subcommand};
-use commands::{bake, bench, demo, inspect, netlab, profile, receive, render, send, serve};
+use commands::{apk, bake, bench, demo, inspect, netlab, profile, receive, render, send, serve};
 use std::process::ExitCode;
 use surroundings::Surroundings;
 
@@ -46,6 +45,8 @@ enum Command {
     Demo(demo::Options),
     /// Build the demo avatar's package from MakeHuman's data
     Bake(bake::Options),
+    /// Build the receiver as a package for Meta Quest 3
+    Apk(apk::Options),
     /// Time drawing and sorting on this machine
     Bench(bench::Options),
     /// Show what is in an avatar package or a Gaussian scene
@@ -64,10 +65,22 @@ enum Command {
     Profile(profile::Options),
 }
 
+/// `OpenXR`'s loader says what it lacks on standard error, in several lines for each thing; whoever wants a headset is told in one.
+fn quieten_openxrs_loader() {
+    const LEVEL: &str = "XR_LOADER_DEBUG";
+    if std::env::var_os(LEVEL).is_none() {
+        // SAFETY: nobody else reads or writes the environment: there is no other thread yet.
+        unsafe { std::env::set_var(LEVEL, "none") };
+    }
+}
+
 fn main() -> ExitCode {
     // `mon3tr inspect PACKAGE | head` must end quietly, as other commands do, instead of panicking at the closed pipe.
     sigpipe::reset();
     let arguments = Arguments::parse();
+    if arguments.verbose == 0 {
+        quieten_openxrs_loader();
+    }
     let level = match arguments.verbose {
         0 => log::LevelFilter::Warn,
         1 => log::LevelFilter::Info,
@@ -87,6 +100,7 @@ fn main() -> ExitCode {
     let surroundings = &arguments.surroundings;
     let outcome = match &arguments.command {
         Command::Demo(options) => demo::run(options, surroundings),
+        Command::Apk(options) => apk::run(options),
         Command::Bake(options) => bake::run(options, surroundings),
         Command::Bench(options) => bench::run(options, surroundings),
         Command::Inspect(options) => inspect::run(options),

@@ -1,6 +1,7 @@
 //! A Monado of this program's own, where no `OpenXR` runtime is active: a real runtime with a headset that nobody wears, so that
 //! `--display xr` can be seen to work on any machine.
 
+use crate::children::end_with_this;
 use anyhow::{Context, bail};
 use std::ffi::OsString;
 use std::fs::File;
@@ -60,7 +61,9 @@ impl Monado {
         let output = File::create(&log).context("cannot write Monado's log")?;
         let errors = output.try_clone().context("cannot write Monado's log")?;
         let program = programs.join("run");
-        let service = Command::new(&program)
+        let mut command = Command::new(&program);
+        end_with_this(&mut command);
+        let service = command
             .env("XDG_RUNTIME_DIR", folder.path())
             .env("XDG_CONFIG_HOME", folder.path())
             // Nobody sees what it composes.

@@ -24,6 +24,11 @@ impl Network {
             .context("cannot start the network's threads")
     }
 
+    /// A way to them.
+    pub(crate) fn handle(&self) -> tokio::runtime::Handle {
+        self.0.handle().clone()
+    }
+
     /// Runs `task` to its end.
     pub(crate) fn block_on<T>(&self, task: impl Future<Output = T>) -> T {
         self.0.block_on(task)

@@ -6,6 +6,7 @@ use crate::stage::{Size, Views};
 use anyhow::{Context, bail};
 use app::StageSummary;
 use npu_runtime::Runtime;
+use profile_report::AvatarFigures;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use xr_renderer::{BackEnd, BackEndTrial, Gpu};
@@ -31,18 +32,6 @@ pub(crate) struct RunReport {
     pub(crate) pictures: Vec<PathBuf>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) bake: Option<serde_json::Value>,
-}
-
-/// Sizes of the avatar that was shown.
-#[derive(Debug, Serialize)]
-pub(crate) struct AvatarFigures {
-    pub(crate) name: String,
-    pub(crate) package: PathBuf,
-    pub(crate) package_bytes: u64,
-    pub(crate) vertices: usize,
-    pub(crate) triangles: usize,
-    pub(crate) gaussians: usize,
-    pub(crate) controllers: usize,
 }
 
 /// Stage times of one kind of picture.

@@ -1,7 +1,7 @@
 //! An avatar on stage: the receiver, its cameras and the studio around it.
 
 use crate::backdrop::{DUSK, Shadow, compose};
-use crate::report::{AvatarFigures, Splatting, StageTable};
+use crate::report::{Splatting, StageTable};
 use crate::scenery::is_scene;
 use crate::surroundings::Surroundings;
 use anyhow::{Context, anyhow, ensure};
@@ -10,6 +10,7 @@ use clap::ValueEnum;
 use glam::Vec3;
 use image::RgbImage;
 use npu_runtime::{Provider, Runtime};
+use profile_report::AvatarFigures;
 use spmm3::{Avatar, MotionParams, Skeleton};
 use std::path::Path;
 use std::sync::Arc;

@@ -1,6 +1,7 @@
 //! What the command finds around it: cache folder, MakeHuman's data, ONNX Runtime, the Vulkan device.
 
 use anyhow::{Context, bail};
+use app::Offer;
 use npu_runtime::Runtime;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -39,6 +40,20 @@ impl Surroundings {
     /// Threads for providers that compute on the CPU: one for each core.
     pub(crate) fn threads() -> usize {
         std::thread::available_parallelism().map_or(1, usize::from)
+    }
+}
+
+/// The folder for what providers compile.
+pub(crate) fn compiled() -> anyhow::Result<PathBuf> {
+    Ok(cache()?.join("compiled"))
+}
+
+/// What this machine runs graphs with, what is compiled kept in the folder `compiled`.
+pub(crate) fn offer<'a>(runtime: &'a Runtime, compiled: &'a Path) -> Offer<'a> {
+    Offer {
+        runtime,
+        threads: Surroundings::threads(),
+        cache: Some(compiled),
     }
 }
 

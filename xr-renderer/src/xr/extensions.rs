@@ -1,6 +1,6 @@
 //! Which of `OpenXR`'s extensions are wanted, and which of them a runtime has.
 //!
-//! One is required; every other has a file in [`ext`](super::ext) that does without where it is missing.
+//! One is required, on a headset's own Android another; every other has a file in [`ext`](super::ext) that does without where it is missing.
 
 use openxr::ExtensionSet;
 
@@ -26,7 +26,15 @@ macro_rules! wanted {
 }
 
 /// What no picture can be shown without.
-const REQUIRED: Wanted = wanted!("XR_KHR_vulkan_enable2", khr_vulkan_enable2);
+const REQUIRED: &[Wanted] = &[
+    wanted!("XR_KHR_vulkan_enable2", khr_vulkan_enable2),
+    // The runtime is told which activity it shows.
+    #[cfg(target_os = "android")]
+    wanted!(
+        "XR_KHR_android_create_instance",
+        khr_android_create_instance
+    ),
+];
 
 /// What is used where it is there, those that others need first.
 const OPTIONAL: &[Wanted] = &[
@@ -89,17 +97,20 @@ impl Extensions {
     /// Those wanted of those available.
     ///
     /// # Errors
-    /// [`XrError::Unsupported`] without `XR_KHR_vulkan_enable2`.
+    /// [`XrError::Unsupported`] without `XR_KHR_vulkan_enable2`, on Android also without `XR_KHR_android_create_instance`.
     pub fn of(available: &ExtensionSet) -> Result<Self, XrError> {
-        if !(REQUIRED.is_in)(available) {
-            return Err(XrError::Unsupported {
-                runtime: "the OpenXR runtime".to_owned(),
-                lacks: REQUIRED.name.to_owned(),
-            });
-        }
         let mut set = ExtensionSet::default();
-        (REQUIRED.put_in)(&mut set);
-        let mut granted = vec![REQUIRED.name];
+        let mut granted = Vec::new();
+        for required in REQUIRED {
+            if !(required.is_in)(available) {
+                return Err(XrError::Unsupported {
+                    runtime: "the OpenXR runtime".to_owned(),
+                    lacks: required.name.to_owned(),
+                });
+            }
+            (required.put_in)(&mut set);
+            granted.push(required.name);
+        }
         let mut missing = Vec::new();
         for wanted in OPTIONAL {
             let usable = wanted.needs.iter().all(|needed| granted.contains(needed));

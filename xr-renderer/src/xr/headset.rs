@@ -76,8 +76,8 @@ impl Headset {
             api_version: openxr::Version::new(1, 0, 0),
             ..ApplicationInfo::default()
         };
-        let instance = entry
-            .create_instance(&application, extensions.set(), &[], &())
+        let instance = runtime
+            .instance(&application, extensions.set())
             .map_err(no_runtime)?;
         let properties = instance.properties().during("xrGetInstanceProperties")?;
         let version = properties.runtime_version;

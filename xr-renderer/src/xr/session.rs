@@ -39,6 +39,8 @@ pub struct SessionOptions {
     pub room: bool,
     /// Whether eyes' pictures will be read back.
     pub read_back: bool,
+    /// The display's rate that is asked for, and kept, Hz; without it 72, and more where frames keep up.
+    pub display_hz: Option<f32>,
 }
 
 /// What the runtime told since it was asked last.
@@ -157,7 +159,13 @@ impl Session {
             space: FloorSpace::new(&session, enabled.ext_local_floor)?,
             clock: XrClock::new(enabled.khr_convert_timespec_time),
             input: Input::new(&session, headset.system)?,
-            refresh: or_without("a choice of rates", RefreshRate::new(&session, DEFAULT_HZ)),
+            refresh: or_without(
+                "a choice of rates",
+                match options.display_hz {
+                    Some(hz) => RefreshRate::fixed(&session, hz),
+                    None => RefreshRate::new(&session, DEFAULT_HZ),
+                },
+            ),
             depth,
             room,
             images,
@@ -340,6 +348,14 @@ impl Session {
         self.input.sync(frame.time, &self.space.floor)
     }
 
+    /// Waits until the device has nothing left to do for the session.
+    ///
+    /// # Errors
+    /// [`XrError::Render`] if the device is lost.
+    pub fn rest(&self) -> Result<(), XrError> {
+        Ok(self.gpu.rest()?)
+    }
+
     /// Takes note of how a frame went: the display's rate follows.
     pub fn went(&mut self, frame: &Frame, in_time: bool, busy: Duration) {
         if let Some(refresh) = &mut self.refresh {
@@ -374,7 +390,7 @@ impl Session {
     pub fn show(&mut self, frame: Frame) -> Result<Option<[EyePicture; 2]>, XrError> {
         match self.images.release() {
             Ok(Some(released)) => {
-                self.end(frame, Some(&released.written))?;
+                self.end(frame, Some(&released.written), true)?;
                 Ok(released.pictures)
             }
             Ok(None) => self.skip(frame).map(|()| None),
@@ -391,7 +407,15 @@ impl Session {
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
     pub fn skip(&mut self, frame: Frame) -> Result<(), XrError> {
-        self.end(frame, None)
+        self.end(frame, None, false)
+    }
+
+    /// Ends the frame with nothing in it but the panel, before the viewer's room where that can be seen.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], or a call that fails.
+    pub fn show_panel(&mut self, frame: Frame) -> Result<(), XrError> {
+        self.end(frame, None, true)
     }
 
     /// Hangs a panel in the room, `width` metres wide, or changes the one that hangs there.
@@ -425,7 +449,12 @@ impl Session {
         self.panel = None;
     }
 
-    fn end(&mut self, frame: Frame, written: Option<&Written>) -> Result<(), XrError> {
+    fn end(
+        &mut self,
+        frame: Frame,
+        written: Option<&Written>,
+        with_panel: bool,
+    ) -> Result<(), XrError> {
         let surround = written.map_or(Surround::Room, |written| written.surround);
         let layers = Layers {
             room: (self.room.as_ref())
@@ -434,7 +463,7 @@ impl Session {
             depth: self.depth,
             eyes: written.map(|written| (&self.images, written)),
             panel: (self.panel.as_ref())
-                .filter(|_| written.is_some())
+                .filter(|_| with_panel)
                 .map(|(panel, place)| (panel, *place)),
             floor: &self.space.floor,
             transparent: surround == Surround::Room,

@@ -115,6 +115,7 @@ impl Program {
             SessionOptions {
                 room: false,
                 read_back: self.options.folder.is_some(),
+                display_hz: None,
             },
         )?;
         let mut renderer = self.renderer(&headset, &session)?;

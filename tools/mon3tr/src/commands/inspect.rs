@@ -1,10 +1,11 @@
 //! `mon3tr inspect`: what is in an avatar package or a Gaussian scene, after every check that drawing it would make.
 
-use crate::report::{AvatarFigures, write_json};
+use crate::report::write_json;
 use crate::scenery::{Scenery, check_file, is_scene};
 use crate::stage::load_avatar;
 use anyhow::Context;
 use glam::Vec3;
+use profile_report::AvatarFigures;
 use serde::Serialize;
 use spmm3::package::Manifest;
 use std::path::PathBuf;

@@ -1,5 +1,6 @@
 //! One file per sub-command.
 
+pub(crate) mod apk;
 pub(crate) mod bake;
 pub(crate) mod bench;
 pub(crate) mod demo;

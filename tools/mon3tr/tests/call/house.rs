@@ -9,14 +9,15 @@ use std::cell::Cell;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Stdio};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
 
 /// Far longer than anything waited for takes on a slow machine.
-const PATIENCE: Duration = Duration::from_secs(100);
+const PATIENCE: Duration = Duration::from_secs(240);
 
 /// Waits until `answer` is there.
 pub(crate) fn wait_for<T>(what: &str, mut answer: impl FnMut() -> Option<T>) -> T {
@@ -34,27 +35,54 @@ pub(crate) fn wait_for<T>(what: &str, mut answer: impl FnMut() -> Option<T>) -> 
 pub(crate) struct Program {
     child: Child,
     said: Arc<Mutex<String>>,
+    listeners: Vec<JoinHandle<()>>,
     report: PathBuf,
 }
 
 impl Program {
     fn start(house: &House, cache: &Path, arguments: &[&str]) -> Self {
-        let mut child = command(arguments)
+        // What tells of the call's events, and nothing else.
+        Self::start_as(
+            house,
+            cache,
+            command(arguments).env("RUST_LOG", "link=info"),
+        )
+    }
+
+    /// The same of a command with its arguments, and what it is to log.
+    pub(crate) fn start_as(house: &House, cache: &Path, command: &mut Command) -> Self {
+        Self::spawn(house, cache, command, Stdio::null())
+    }
+
+    /// The same of one that listens to its standard input.
+    pub(crate) fn start_steered(
+        house: &House,
+        cache: &Path,
+        command: &mut Command,
+    ) -> (Self, ChildStdin) {
+        let mut program = Self::spawn(house, cache, command, Stdio::piped());
+        let stdin = program.child.stdin.take().expect("piped");
+        (program, stdin)
+    }
+
+    fn spawn(house: &House, cache: &Path, command: &mut Command, stdin: Stdio) -> Self {
+        let mut child = command
             .env("MON3TR_CACHE", cache)
-            // What tells of the call's events, and nothing else.
-            .env("RUST_LOG", "link=info")
             .env_remove("MON3TR_OWNER_TOKEN")
-            .stdin(Stdio::null())
+            .stdin(stdin)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .expect("the command can be started");
         let said = Arc::<Mutex<String>>::default();
-        listen(child.stdout.take().expect("piped"), &said);
-        listen(child.stderr.take().expect("piped"), &said);
+        let listeners = vec![
+            listen(child.stdout.take().expect("piped"), &said),
+            listen(child.stderr.take().expect("piped"), &said),
+        ];
         Self {
             child,
             said,
+            listeners,
             report: house.latest_report(),
         }
     }
@@ -110,20 +138,42 @@ impl Program {
     }
 
     /// Waits for its good end and returns the JSON it wrote.
-    pub(crate) fn report(mut self) -> Value {
+    pub(crate) fn report(self) -> Value {
+        self.report_and_said().0
+    }
+
+    /// The same, and all that it said.
+    pub(crate) fn report_and_said(self) -> (Value, String) {
+        let report = self.report.clone();
+        let (status, said) = self.ended();
+        assert!(status.success(), "it failed ({status}):\n{said}");
+        (json(&report), said)
+    }
+
+    /// Waits for its end; returns how that was, and all that it said.
+    fn ended(mut self) -> (ExitStatus, String) {
         let status = wait_for("the end of a program", || {
             self.child.try_wait().expect("a child can be asked")
         });
+        for listener in self.listeners.drain(..) {
+            listener.join().expect("it only listens");
+        }
         let said = self.said();
-        assert!(status.success(), "it failed ({status}):\n{said}");
         assert!(!said.contains("panicked"), "it panicked:\n{said}");
-        json(&self.report)
+        (status, said)
     }
 
     /// Asks it to end and returns the JSON it wrote.
     pub(crate) fn ends(self) -> Value {
         self.ask_to_end();
         self.report()
+    }
+
+    /// Waits for its end, which is to be a failure; returns all that it said.
+    pub(crate) fn fails(self) -> String {
+        let (status, said) = self.ended();
+        assert!(!status.success(), "it did not fail:\n{said}");
+        said
     }
 }
 
@@ -135,7 +185,7 @@ impl Drop for Program {
 }
 
 /// Keeps what a process says, line by line, so that it never waits for a reader.
-fn listen(stream: impl Read + Send + 'static, said: &Arc<Mutex<String>>) {
+fn listen(stream: impl Read + Send + 'static, said: &Arc<Mutex<String>>) -> JoinHandle<()> {
     let said = Arc::clone(said);
     std::thread::spawn(move || {
         for line in BufReader::new(stream).lines().map_while(Result::ok) {
@@ -143,7 +193,7 @@ fn listen(stream: impl Read + Send + 'static, said: &Arc<Mutex<String>>) {
             said.push_str(&line);
             said.push('\n');
         }
-    });
+    })
 }
 
 /// A sender in a room that it opened.
@@ -276,7 +326,8 @@ impl House {
         value.trim().parse().expect("a counter is a number")
     }
 
-    fn new_report(&self) -> String {
+    /// A file for the next program's report.
+    pub(crate) fn new_report(&self) -> String {
         self.reports.set(self.reports.get() + 1);
         let report = self.latest_report();
         report.to_str().expect("UTF-8").to_owned()

@@ -5,6 +5,7 @@
 #[path = "../command/support.rs"]
 #[allow(dead_code, reason = "shared with the tests of the other sub-commands")]
 mod command;
+mod headset;
 mod house;
 mod interop;
 mod network;

@@ -51,6 +51,17 @@ fn profile_holds_a_call_and_writes_figures_a_trace_and_a_page_that_agree() {
         figures["sent"]["encode_ns"].as_u64() > Some(0),
         "the sender has told what encoding takes"
     );
+    let machine = &figures["machine"];
+    let times = machine["at_s"].as_array().expect("times");
+    let [series, absent] = ["series", "absent"].map(|of| machine[of].as_array().expect("a list"));
+    assert!(
+        !times.is_empty() && series.len() + absent.len() > 0,
+        "the machine was asked, and told something or did not: {machine}"
+    );
+    for one in series {
+        let values = one["values"].as_array().expect("values");
+        assert_eq!(values.len(), times.len(), "one for each time: {one}");
+    }
     let trace = json(&trace);
     let events = trace["traceEvents"].as_array().expect("events");
     let blanks = events.iter().filter(|event| event["ph"] == "i").count();

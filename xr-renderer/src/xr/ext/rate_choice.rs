@@ -89,6 +89,14 @@ impl RateChoice {
         }
     }
 
+    /// No other rate than the one there is now.
+    pub(super) fn stay(&mut self) {
+        let now = self.now_hz();
+        self.rates = vec![now];
+        (self.lowest, self.now) = (0, 0);
+        self.start_over();
+    }
+
     /// Takes a frame, and tells the rate to ask for, if another.
     pub(super) fn consider(&mut self, frame: &Held) -> Option<f32> {
         let at = frame.display_s;

@@ -54,6 +54,16 @@ impl RefreshRate {
         Ok(this)
     }
 
+    /// As [`Self::new`], but the rate stays the nearest to the wanted, however frames do.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn fixed(session: &Session<Vulkan>, wanted_hz: f32) -> Result<Self, Absent> {
+        let mut this = Self::new(session, wanted_hz)?;
+        this.choice.stay();
+        Ok(this)
+    }
+
     /// The rates there are, rising, Hz.
     #[must_use]
     pub fn rates(&self) -> &[f32] {
@@ -127,6 +137,17 @@ mod tests {
         assert_eq!(fake.calls(REQUEST), ["72", "90", "120"], "asked for");
         run(&mut rate, 20, 22, false);
         assert_eq!(fake.calls(REQUEST)[3..], ["90", "72"], "and back");
+    }
+
+    #[test]
+    fn a_fixed_rate_is_asked_for_once_and_kept_however_frames_do() {
+        let fake = FakeRuntime::with_everything();
+        let (session, _, _) = fake.session(&fake.instance());
+        let mut rate = RefreshRate::fixed(&session, 90.0).expect("rates");
+        run(&mut rate, 0, 20, true);
+        run(&mut rate, 20, 30, false);
+        assert_eq!(fake.calls(REQUEST), ["90"], "asked once");
+        assert_eq!(rate.now_hz(), 90.0, "kept");
     }
 
     #[test]

@@ -37,6 +37,7 @@ fn begun(headset: &Headset) -> Session {
     let options = SessionOptions {
         room: true,
         read_back: false,
+        display_hz: None,
     };
     let mut session = Session::new(headset, options).expect("a session");
     session.poll().expect("polled");

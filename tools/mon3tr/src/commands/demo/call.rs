@@ -10,6 +10,7 @@ use link::Client;
 use serde_json::Value;
 use std::ffi::OsString;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// What the receiver needs beyond the motion: to fetch the avatar, to prepare, to write the pictures.
@@ -42,6 +43,12 @@ pub(super) fn run(options: &Options, package: &Path, shown: &Shown) -> anyhow::R
     let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
     let server = LocalServer::start(folder.path())?;
     let network = Network::start()?;
+    let stop = match shown {
+        // From here on Ctrl-C leaves no folder behind either.
+        Shown::Window | Shown::Headset { .. } => network.stop_on_signal(),
+        // What is drawn after the call would not look whether it is to stop.
+        Shown::Offscreen { .. } => Arc::default(),
+    };
     let client = Client::new(None)?;
     let (sender_link, viewer_link) = network.block_on(server.open_room(&client))?;
 
@@ -100,12 +107,13 @@ pub(super) fn run(options: &Options, package: &Path, shown: &Shown) -> anyhow::R
     let receiver = Process::start_in(environment, "receive", receive, Output::Shown)?;
     match shown {
         Shown::Window => {
-            receiver.finish(None)?;
+            receiver.finish_unless(None, &stop)?;
             return Ok(Value::Null);
         }
         Shown::Offscreen { seconds } => {
-            receiver.finish(Some(BESIDES + Duration::from_secs_f64(*seconds)))?;
-            sender.finish(Some(BESIDES))?;
+            let longest = BESIDES + Duration::from_secs_f64(*seconds);
+            receiver.finish_unless(Some(longest), &stop)?;
+            sender.finish_unless(Some(BESIDES), &stop)?;
         }
         Shown::Headset { length, .. } => {
             // A frame a second at the slowest.
@@ -113,7 +121,7 @@ pub(super) fn run(options: &Options, package: &Path, shown: &Shown) -> anyhow::R
                 Length::Frames(frames) => Duration::from_secs(*frames as u64),
                 Length::Seconds(seconds) => Duration::from_secs_f64(*seconds),
             };
-            receiver.finish(Some(BESIDES + most))?;
+            receiver.finish_unless(Some(BESIDES + most), &stop)?;
             sender.stop()?;
         }
     }

@@ -2,7 +2,6 @@
 
 use super::Options;
 use super::call::Room;
-use super::memory::resident_bytes;
 use crate::live::{Live, Prepared, Shown};
 use crate::stage::Setting;
 use crate::viewpoint::Viewpoint;
@@ -10,6 +9,7 @@ use anyhow::{Context, bail};
 use app::Drawn;
 use app::hold::HoldMode;
 use npu_runtime::Runtime;
+use profile_report::resident_bytes;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;

@@ -2,34 +2,23 @@
 
 mod call;
 mod drive;
-mod memory;
-mod page;
-mod report;
-#[cfg(test)]
-mod synthetic;
-#[cfg(test)]
-mod tests;
-mod trace;
 
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::commands::send;
 use crate::lanes::LaneChoices;
 use crate::live::Shown;
-use crate::measured::Measured;
 use crate::network;
 use crate::performance::MotionOptions;
-use crate::report::{check_writable, write_json};
+use crate::report::check_writable;
 use crate::stage::{DEFAULT_SIZE, Size, Views, load_avatar};
 use crate::surroundings::{Surroundings, make_folder};
 use anyhow::{Context, ensure};
 use app::{Recording, Summary, Terms};
 use call::Room;
 use drive::{Driven, Wanted, drive};
-use memory::Memory;
-use report::{Conditions, Report};
+use profile_report::machine::{EVERY, Sysfs, Watch};
+use profile_report::{Conditions, Files, Measured, Memory, Report};
 use serde_json::Value;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -119,6 +108,8 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let Some(room) = Room::open(options, &package)? else {
         return Ok(());
     };
+    let watch = Watch::start(vec![Box::new(Sysfs::new(Path::new("/sys")))], EVERY)
+        .context("cannot watch the machine's heat and clocks")?;
     let Driven {
         shown:
             Shown {
@@ -141,6 +132,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     })?;
     // Before anything is made of it: that takes memory too.
     let memory = Memory::now(device_bytes, onnx_runtime_bytes);
+    let machine = watch.finish(begin, end);
     let call_figures = call.figures();
     let sent = room.close(call)?;
     let recording = Recording::new(&collector, begin, end);
@@ -173,41 +165,29 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
             measured: Summary::new(&recording, &terms),
         },
         memory,
+        machine,
         call: Some(call_figures),
         sent,
     };
-    report.print();
-    write_json(Some(&options.json), &report)?;
-    let page = page::page(&report, &recording, &terms)?;
-    std::fs::write(&options.page, page)
-        .with_context(|| format!("cannot write {}", options.page.display()))?;
-    write_trace(&options.trace, &recording, &terms, &report)?;
+    print!("{}", report.table());
+    let files = Files {
+        json: options.json.clone(),
+        trace: options.trace.clone(),
+        page: options.page.clone(),
+    };
+    files.write(&report, &recording, &terms)?;
     println!("\nwritten");
     for (file, what) in [
         (
-            &options.page,
+            &files.page,
             "the timeline and distributions, for any browser",
         ),
-        (&options.trace, "the trace, for ui.perfetto.dev"),
-        (&options.json, "every figure"),
+        (&files.trace, "the trace, for ui.perfetto.dev"),
+        (&files.json, "every figure"),
     ] {
         println!("  {:<32} {what}", file.display());
     }
     Ok(())
-}
-
-fn write_trace(
-    path: &Path,
-    recording: &Recording,
-    terms: &Terms,
-    report: &Report,
-) -> anyhow::Result<()> {
-    let cannot = || format!("cannot write {}", path.display());
-    let about =
-        serde_json::json!({ "avatar": report.avatar.name, "conditions": report.conditions });
-    let mut out = BufWriter::new(File::create(path).with_context(cannot)?);
-    trace::write(&mut out, recording, terms, &about).with_context(cannot)?;
-    out.flush().with_context(cannot)
 }
 
 /// What the sender needed to encode a frame.

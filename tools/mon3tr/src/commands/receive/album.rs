@@ -8,8 +8,11 @@ use image::{RgbImage, imageops};
 use std::path::{Path, PathBuf};
 use xr_renderer::xr::EyePicture;
 
-/// Frames from one that is looked at to the next.
+/// Frames from one that is looked at to the next, at most.
 const APART: u64 = 20;
+
+/// Frames that are looked at where so few are shown that this needs them closer together: as many as the sheet of moments has room for.
+const LOOKED_AT: u64 = 8;
 
 /// What is behind the transparent parts of pictures that the viewer's own room shows through.
 const GREY: f32 = 0.45;
@@ -22,6 +25,8 @@ pub(super) struct Album<'a> {
     pub(super) frames: Option<u64>,
     /// Whether pictures are kept at all.
     pub(super) keeps: bool,
+    /// Frames from one that is looked at to the next.
+    apart: u64,
     moments: Moments,
     last: Option<[RgbImage; 2]>,
 }
@@ -32,6 +37,7 @@ impl<'a> Album<'a> {
             until,
             frames,
             keeps,
+            apart: frames.map_or(APART, |all| (all / LOOKED_AT).clamp(1, APART)),
             moments: Moments::default(),
             last: None,
         }
@@ -68,7 +74,9 @@ impl Watcher for Album<'_> {
 
     fn wants(&mut self, shown: u64, somebody: bool) -> bool {
         let is_last = self.frames == Some(shown + 1);
-        self.keeps && somebody && (is_last || self.last.is_none() || shown.is_multiple_of(APART))
+        self.keeps
+            && somebody
+            && (is_last || self.last.is_none() || shown.is_multiple_of(self.apart))
     }
 
     fn seen(&mut self, seen: Seen<'_>) {

@@ -20,9 +20,9 @@ use crate::viewpoint::Viewpoint;
 use crate::window;
 use anyhow::{Context, bail};
 use app::hold::HoldMode;
+use app::visit::Waiting;
 use app::{Call, CallEnd};
 use clap::ValueEnum;
-use headset::HeadsetFound;
 use link::{Announcement, Client, Clock, PackageCache, RoomLink, Viewer};
 use npu_runtime::Runtime;
 use report::Report;
@@ -33,9 +33,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use xr_renderer::{Filter, Gpu};
-
-/// Between two questions whether the sender has come.
-const WAITING: Duration = Duration::from_millis(500);
 
 /// Pictures a second of a display, as most are.
 const HERTZ: f64 = 60.0;
@@ -137,9 +134,9 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     let shown = match options.display {
         Display::Xr => {
-            return headset::run(options, surroundings, HeadsetFound::open(options)?);
+            return headset::run(options, surroundings, headset::find(options)?);
         }
-        Display::Auto => match HeadsetFound::open(options) {
+        Display::Auto => match headset::find(options) {
             Ok(found) => return headset::run(options, surroundings, found),
             Err(why) => {
                 log::warn!("no headset: {why:#}");
@@ -275,31 +272,19 @@ impl Options {
     }
 }
 
-/// Asks until the sender is in the room; nothing if it is time to leave before.
+/// Asks until the sender is in the room, and says what it waits for; nothing if it is time to leave before.
 pub(crate) async fn wait_for_sender(
     client: &Client,
     room: &RoomLink,
     stop: &AtomicBool,
 ) -> anyhow::Result<Option<Announcement>> {
-    // What was told last: once, not twice a second.
-    let mut told = None;
-    while !stop.load(Relaxed) {
-        let trouble = match client.ask(room).await {
-            Ok(Some(announced)) => return Ok(Some(announced)),
-            Ok(None) => None,
-            Err(error) if error.is_final() => return Err(error).context("cannot join the room"),
-            Err(error) => Some(format!("{:#}", anyhow::Error::from(error))),
-        };
-        if told.as_ref() != Some(&trouble) {
-            match &trouble {
-                None => println!("waiting for the sender"),
-                Some(trouble) => log::warn!("{trouble}; trying again until Ctrl-C"),
-            }
-            told = Some(trouble);
-        }
-        tokio::time::sleep(WAITING).await;
-    }
-    Ok(None)
+    let told = |waiting: &Waiting| match waiting {
+        Waiting::ForSender => println!("waiting for the sender"),
+        Waiting::Trouble(why) => log::warn!("{why}; trying again until Ctrl-C"),
+    };
+    app::visit::wait_for_sender(client, room, || stop.load(Relaxed), told)
+        .await
+        .context("cannot join the room")
 }
 
 /// The avatar's package on this machine.

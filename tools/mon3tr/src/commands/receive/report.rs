@@ -2,9 +2,9 @@
 
 use super::Fetched;
 use super::screen::Watched;
-use crate::report::AvatarFigures;
 use app::headset::HeadsetFigures;
 use app::{CallFigures, Percentiles};
+use profile_report::AvatarFigures;
 use serde::Serialize;
 use std::path::PathBuf;
 

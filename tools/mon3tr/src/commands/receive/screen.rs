@@ -3,13 +3,13 @@
 use super::Options;
 use crate::gaze::{Gaze, GazeFigures};
 use crate::live::{Live, Moment, Shown};
-use crate::measured::Measured;
 use crate::report::Splatting;
 use crate::scenery::Scenery;
 use crate::stage::Setting;
 use crate::viewpoint::Viewpoint;
 use app::hold::HoldFigures;
 use app::{Call, Collector, PlacementReport, Recording, Skipped, Summary, Terms};
+use profile_report::Measured;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;

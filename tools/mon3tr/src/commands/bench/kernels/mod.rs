@@ -11,9 +11,10 @@ mod turns;
 
 use super::measure::print_table;
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
-use crate::report::{AvatarFigures, check_writable, write_json};
+use crate::report::{check_writable, write_json};
 use crate::stage::load_avatar;
 use crate::surroundings::Surroundings;
+use profile_report::AvatarFigures;
 use serde::Serialize;
 use sessions::Sessions;
 use std::path::PathBuf;

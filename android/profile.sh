@@ -1,0 +1,151 @@
+#!/usr/bin/env bash
+# Where a headset's milliseconds go: installs the app there, lets it measure the demo avatar, and brings what it wrote here.
+# docs/profile.md says what the files mean. Needs adb and a headset in developer mode; nothing else of this repository.
+set -euo pipefail
+
+repo=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/.." && pwd)
+apk=$repo/out/mon3tr-quest3.apk
+seconds=60
+out=$repo/out/profile-quest
+serial=
+install=1
+
+usage() {
+	cat <<'HELP'
+Usage: android/profile.sh [OPTIONS] [APK]
+
+Installs APK [default: out/mon3tr-quest3.apk] on the headset that adb sees, starts it to measure the demo avatar, waits, and fetches
+profile.html, trace.json (for ui.perfetto.dev), profile.json and profile.txt, the table, which it prints. Wear the headset, or cover
+the sensor between its lenses: it draws nothing while it is not worn.
+
+  --seconds N        how long to measure, 1 to 3600 [default: 60]
+  --out FOLDER       where the files go [default: out/profile-quest]
+  --device SERIAL    which headset, where there are several (adb devices lists them)
+  --no-install       measure with the app that is installed
+  -h, --help         this text
+HELP
+}
+
+die() {
+	printf '\nandroid/profile.sh: %s\n' "$*" >&2
+	exit 1
+}
+
+# wanted OPTION VALUE...: that there is a value.
+wanted() { [ $# -ge 2 ] || die "$1 needs a value: see --help"; }
+
+apk_is_given=0
+while [ $# != 0 ]; do
+	case $1 in
+	-h | --help) usage && exit ;;
+	--seconds) wanted "$@" && seconds=$2 && shift ;;
+	--out) wanted "$@" && out=$2 && shift ;;
+	--device) wanted "$@" && serial=$2 && shift ;;
+	--no-install) install=0 ;;
+	-*) die "there is no option $1: see --help" ;;
+	*)
+		[ "$apk_is_given" = 0 ] || die "one APK is enough: see --help"
+		apk=$1 apk_is_given=1
+		;;
+	esac
+	shift
+done
+# At most a million: the shell's arithmetic has an end, and a number that begins with 0 would be read as octal.
+if [[ ! $seconds =~ ^[1-9][0-9]{0,3}$ ]] || [ "$seconds" -gt 3600 ]; then
+	die "--seconds $seconds is not a whole number of 1 to 3600"
+fi
+if [ "$install" = 1 ] && [ ! -f "$apk" ]; then
+	die "there is no $apk: build it, name another APK, or measure with the installed one (--no-install)"
+fi
+
+manifest=$repo/android/AndroidManifest.xml
+package=$(sed -n 's/^[[:space:]]*\(<manifest .*\)\{0,1\}package="\([A-Za-z0-9_.]*\)".*/\2/p' "$manifest" | head -n 1)
+[ -n "$package" ] || die "$manifest names no package"
+# The app's own folder on what Android calls external storage, which adb may read.
+folder=/sdcard/Android/data/$package/files/profile
+
+command -v adb >/dev/null || die "adb is missing: install Android's platform tools (Debian: apt-get install adb)"
+
+# The one device, or the one that was asked for.
+choose_device() {
+	local line state=() others=() one
+	adb start-server >/dev/null 2>&1 || die "adb does not start: $(adb start-server 2>&1 | tail -n 1)"
+	while read -r line; do
+		one=${line%%[[:space:]]*}
+		[ -n "$one" ] || continue
+		line=${line#"$one"}
+		line=${line#"${line%%[![:space:]]*}"}
+		others+=("$one")
+		state+=("${line%%[[:space:]]*}")
+	done < <(adb devices | tr -d '\r' | sed 1d)
+	if [ ${#others[@]} = 0 ]; then
+		die "adb sees no headset: connect it, turn on developer mode, and allow debugging in the headset"
+	fi
+	if [ -z "$serial" ]; then
+		[ ${#others[@]} = 1 ] || die "adb sees several devices (${others[*]}): choose one with --device SERIAL"
+		serial=${others[0]}
+	fi
+	for one in "${!others[@]}"; do
+		if [ "${others[$one]}" != "$serial" ]; then continue; fi
+		case ${state[$one]} in
+		device) return ;;
+		unauthorized) die "$serial does not trust this computer: put the headset on and allow debugging" ;;
+		*) die "$serial is ${state[$one]}: connect it again, or restart it" ;;
+		esac
+	done
+	die "adb sees no device $serial, but ${others[*]}"
+}
+
+device() { adb -s "$serial" "$@"; }
+
+# ask COMMAND: what the headset's shell answers, without the carriage returns of old ones.
+ask() { device shell "$1" </dev/null 2>/dev/null | tr -d '\r'; }
+
+# What the app said last, then the end.
+die_with_log() {
+	printf '\nThe last lines of its log:\n' >&2
+	device logcat -d -t 2000 2>/dev/null | grep -E "mon3tr|$package|AndroidRuntime|DEBUG|libc " | tail -n 40 >&2 || true
+	die "$1"
+}
+
+choose_device
+if [ "$install" = 1 ]; then
+	printf 'Installing %s on %s\n' "${apk##*/}" "$serial"
+	if ! said=$(device install -r "$apk" 2>&1) || [[ $said == *Failure* ]]; then
+		case $said in
+		*UPDATE_INCOMPATIBLE*) die "the $package that is installed was signed with another key: adb -s $serial uninstall $package, then run this again" ;;
+		*) die "adb could not install $apk: ${said##*$'\n'}" ;;
+		esac
+	fi
+elif [[ $(ask "pm path $package") != package:* ]]; then
+	die "$package is not installed on $serial: leave --no-install out"
+fi
+
+# An earlier profile's end must not be taken for this one's.
+device shell "am force-stop $package; rm -f $folder/finished" </dev/null >/dev/null || die "$serial does not answer"
+device logcat -c 2>/dev/null || true
+printf 'Measuring for %s s; keep the headset on\n' "$seconds"
+said=$(device shell "am start -n $package/android.app.NativeActivity --es profile $seconds" </dev/null 2>&1) || said="Error: $said"
+[[ $said != *Error* ]] || die "the app does not start: $(printf '%s' "$said" | grep -m 1 Error)"
+
+# Besides measuring: loading, choosing where stages run, warming up, writing.
+deadline=$((SECONDS + seconds + ${MON3TR_PROFILE_PATIENCE:-180}))
+gone=0
+until finished=$(ask "cat $folder/finished") && [ -n "$finished" ]; do
+	# Several times in a row: right after `am start` there is no process yet.
+	if [ -n "$(ask "pidof $package")" ]; then gone=0; else gone=$((gone + 1)); fi
+	[ "$gone" -lt 5 ] || die_with_log "$package ended before it had measured: it crashed, or was closed"
+	[ "$SECONDS" -lt "$deadline" ] || die_with_log "nothing was measured in $((seconds + ${MON3TR_PROFILE_PATIENCE:-180})) s: was the headset worn?"
+	[ -n "$(adb devices | grep -F "$serial")" ] || die "$serial is gone: is the cable loose?"
+	sleep "${MON3TR_PROFILE_POLL:-2}"
+done
+device shell "am force-stop $package" </dev/null >/dev/null || true
+[ "$finished" = ok ] || die_with_log "the app could not measure: ${finished#failed: }"
+
+mkdir -p "$out"
+for file in profile.txt profile.html trace.json profile.json; do
+	said=$(device pull "$folder/$file" "$out/$file" 2>&1) || die "cannot fetch $folder/$file: ${said##*$'\n'}"
+done
+cat "$out/profile.txt"
+printf '\nwritten\n'
+printf '  %s\n' "$out/profile.html" "$out/trace.json" "$out/profile.json"

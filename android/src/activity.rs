@@ -1,0 +1,117 @@
+//! The activity's own thread: from Android's events to the driver.
+
+use crate::java;
+use crate::launch::Launch;
+use crate::lifecycle::{Driver, Event};
+use crate::logcat;
+use crate::receiver::{Device, HeadsetReceiver};
+use crate::storage::Folders;
+use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
+use std::time::Duration;
+use xr_renderer::xr::Runtime;
+
+/// Between two looks whether the call has ended by itself.
+const LOOK: Duration = Duration::from_millis(250);
+
+/// Where the Hexagon's loader looks for its libraries.
+const HEXAGON_FOLDER: &str = "ADSP_LIBRARY_PATH";
+
+/// Called by android-activity on a thread of its own for every activity that is made. An activity that is destroyed and made again
+/// may find the same process, and with it everything static.
+///
+/// It must not return before the activity is destroyed: Android's own thread waits for each of the later events to be taken.
+#[unsafe(no_mangle)]
+fn android_main(app: AndroidApp) {
+    logcat::start();
+    log::info!("Mon3tr {}", env!("CARGO_PKG_VERSION"));
+    let mut driver = driver(&app);
+    if driver.is_none() {
+        java::finish(&app);
+    }
+    let (mut destroyed, mut closing) = (false, driver.is_none());
+    while !destroyed {
+        app.poll_events(Some(LOOK), |event| match event {
+            // Unread input counts as an app that hangs.
+            PollEvent::Main(MainEvent::InputAvailable) => discard_input(&app),
+            PollEvent::Main(event) => {
+                destroyed |= matches!(event, MainEvent::Destroy);
+                if let (Some(driver), Some(event)) = (&mut driver, event_of(&event)) {
+                    driver.on(event);
+                }
+            }
+            _ => {}
+        });
+        if !closing && driver.as_ref().is_some_and(Driver::has_ended) {
+            log::info!("the call is over: closing the app");
+            java::finish(&app);
+            closing = true;
+        }
+    }
+}
+
+/// What drives the call; nothing on a device that has no place for files.
+fn driver(app: &AndroidApp) -> Option<Driver<HeadsetReceiver>> {
+    let Some(own) = app.internal_data_path() else {
+        log::error!("Android names no folder for the app's files: nothing can be done");
+        return None;
+    };
+    let shared = app.external_data_path().unwrap_or_else(|| {
+        log::warn!(
+            "Android names no folder that adb can reach: mon3tr.toml is looked for in the app's own"
+        );
+        own.clone()
+    });
+    let intent = java::intent(app);
+    let launch = Launch::new(
+        (intent.extras.iter()).map(|(name, text)| (name.as_str(), text.as_str())),
+        intent.link.as_deref(),
+        intent.trouble,
+        Folders::new(own, shared),
+    );
+    log::set_max_level(launch.log_level);
+    Some(Driver::new(HeadsetReceiver::new(device(app)), launch))
+}
+
+/// What the package brings along, and the activity that OpenXR's loader wants.
+fn device(app: &AndroidApp) -> Device {
+    let libraries = java::library_folder(app);
+    if let Some(folder) = &libraries {
+        // SAFETY: the receiver's threads are not there yet, and the activity's own Java threads read no such variable.
+        unsafe { std::env::set_var(HEXAGON_FOLDER, folder) };
+    }
+    let app = app.clone();
+    Device {
+        // SAFETY: the pointers are good as long as the activity, which the receiver is left before.
+        open_xr: Box::new(move || unsafe {
+            Runtime::load_android(app.vm_as_ptr().cast(), app.activity_as_ptr().cast())
+        }),
+        onnx_runtime: libraries.map(|folder| folder.join("libonnxruntime.so")),
+    }
+}
+
+/// Hands and controllers come through OpenXR; keys and touches of Android's are the system's.
+fn discard_input(app: &AndroidApp) {
+    match app.input_events_iter() {
+        Ok(mut events) => while events.next(|_| InputStatus::Unhandled) {},
+        Err(error) => log::warn!("Android's input cannot be read: {error}"),
+    }
+}
+
+/// Nothing for events of windows' contents, of which there are none.
+fn event_of(event: &MainEvent<'_>) -> Option<Event> {
+    match event {
+        MainEvent::Start => Some(Event::Start),
+        MainEvent::Resume { .. } => Some(Event::Resume),
+        MainEvent::Pause => Some(Event::Pause),
+        MainEvent::Stop => Some(Event::Stop),
+        MainEvent::GainedFocus => Some(Event::FocusGained),
+        MainEvent::LostFocus => Some(Event::FocusLost),
+        MainEvent::InitWindow { .. } => Some(Event::WindowMade),
+        MainEvent::TerminateWindow { .. } => Some(Event::WindowDestroyed),
+        MainEvent::LowMemory => Some(Event::LowMemory),
+        MainEvent::ConfigChanged { .. } => Some(Event::ConfigChanged),
+        MainEvent::SaveState { .. } => Some(Event::SaveState),
+        MainEvent::Destroy => Some(Event::Destroy),
+        _ => None,
+    }
+}

@@ -1,0 +1,163 @@
+//! What is asked of the activity's Java side: the intent that started it, with its extras and its data, and to close.
+//!
+//! A `NativeActivity` is not told of later intents: one that comes while it lives brings it to the front, and is lost.
+
+use crate::settings::Key;
+use android_activity::AndroidApp;
+use jni::errors::{Error, Result};
+use jni::objects::{JObject, JObjectArray, JString, JValue};
+use jni::{JNIEnv, JavaVM};
+use std::path::PathBuf;
+
+/// Names of extras that are looked at to tell the log of those that are no settings.
+const MOST_NAMES: usize = 64;
+
+/// What an intent says.
+#[derive(Debug, Default)]
+pub(crate) struct Intent {
+    /// Names and values, as texts.
+    pub(crate) extras: Vec<(String, String)>,
+    /// The link that was opened.
+    pub(crate) link: Option<String>,
+    /// Why there may have been more.
+    pub(crate) trouble: Option<String>,
+}
+
+/// Reads the intent that started the activity.
+pub(crate) fn intent(app: &AndroidApp) -> Intent {
+    let mut intent = Intent::default();
+    let read = with(app, |env, activity| read_from(env, activity, &mut intent));
+    intent.trouble = read.err().map(|error| error.to_string());
+    intent
+}
+
+/// Where Android unpacked the package's own libraries.
+pub(crate) fn library_folder(app: &AndroidApp) -> Option<PathBuf> {
+    let mut folder = None;
+    let read = with(app, |env, activity| {
+        let info = env
+            .call_method(
+                activity,
+                "getApplicationInfo",
+                "()Landroid/content/pm/ApplicationInfo;",
+                &[],
+            )?
+            .l()?;
+        let path = env
+            .get_field(&info, "nativeLibraryDir", "Ljava/lang/String;")?
+            .l()?;
+        folder = text(env, path)?.map(PathBuf::from);
+        Ok(())
+    });
+    if let Err(error) = read {
+        log::warn!("Android does not say where the app's libraries are: {error}");
+    }
+    folder
+}
+
+/// Closes the activity. Android pauses, stops and destroys it as always.
+pub(crate) fn finish(app: &AndroidApp) {
+    let asked = with(app, |env, activity| {
+        env.call_method(activity, "finish", "()V", &[])?.v()
+    });
+    if let Err(error) = asked {
+        log::error!("the app cannot be closed from within: {error}");
+    }
+}
+
+/// Calls the activity.
+fn with(
+    app: &AndroidApp,
+    call: impl FnOnce(&mut JNIEnv<'_>, &JObject<'_>) -> Result<()>,
+) -> Result<()> {
+    // SAFETY: android-activity gives the process's own Java VM, which outlives this call.
+    let vm = unsafe { JavaVM::from_raw(app.vm_as_ptr().cast()) }?;
+    let mut env = vm.attach_current_thread()?;
+    // SAFETY: a global reference to the activity, which android-activity keeps as long as `app`. A JObject does not free it.
+    let activity = unsafe { JObject::from_raw(app.activity_as_ptr().cast()) };
+    let outcome = call(&mut env, &activity);
+    if matches!(outcome, Err(Error::JavaException)) {
+        // Extras of a class that this process lacks cannot be unpacked, say. With the exception pending no other call may be made.
+        env.exception_describe()?;
+        env.exception_clear()?;
+    }
+    outcome
+}
+
+fn read_from(env: &mut JNIEnv<'_>, activity: &JObject<'_>, intent: &mut Intent) -> Result<()> {
+    let given = env
+        .call_method(activity, "getIntent", "()Landroid/content/Intent;", &[])?
+        .l()?;
+    if given.is_null() {
+        return Ok(());
+    }
+    let link = env
+        .call_method(&given, "getDataString", "()Ljava/lang/String;", &[])?
+        .l()?;
+    intent.link = text(env, link)?;
+    let extras = env
+        .call_method(&given, "getExtras", "()Landroid/os/Bundle;", &[])?
+        .l()?;
+    if extras.is_null() {
+        return Ok(());
+    }
+    for key in Key::ALL {
+        if let Some(value) = extra(env, &extras, key.name())? {
+            intent.extras.push((key.name().to_owned(), value));
+        }
+    }
+    for name in names(env, &extras)? {
+        if Key::named(&name).is_none() {
+            intent.extras.push((name, String::new()));
+        }
+    }
+    Ok(())
+}
+
+/// An extra as a text, whatever it was: `--es`, `--ez` and `--ei` are all understood.
+fn extra(env: &mut JNIEnv<'_>, extras: &JObject<'_>, name: &str) -> Result<Option<String>> {
+    let name = env.new_string(name)?;
+    let value = env
+        .call_method(
+            extras,
+            "get",
+            "(Ljava/lang/String;)Ljava/lang/Object;",
+            &[JValue::Object(&name)],
+        )?
+        .l()?;
+    if value.is_null() {
+        return Ok(None);
+    }
+    let value = env
+        .call_method(&value, "toString", "()Ljava/lang/String;", &[])?
+        .l()?;
+    text(env, value)
+}
+
+fn names(env: &mut JNIEnv<'_>, extras: &JObject<'_>) -> Result<Vec<String>> {
+    let set = env
+        .call_method(extras, "keySet", "()Ljava/util/Set;", &[])?
+        .l()?;
+    let array: JObjectArray<'_> = env
+        .call_method(&set, "toArray", "()[Ljava/lang/Object;", &[])?
+        .l()?
+        .into();
+    let count = env.get_array_length(&array)?;
+    let mut names = Vec::new();
+    for index in (0..count).take(MOST_NAMES) {
+        let name = env.get_object_array_element(&array, index)?;
+        names.extend(text(env, name)?);
+    }
+    Ok(names)
+}
+
+/// A Java string; nothing for null.
+fn text(env: &mut JNIEnv<'_>, string: JObject<'_>) -> Result<Option<String>> {
+    if string.is_null() {
+        return Ok(None);
+    }
+    let string = JString::from(string);
+    let text = env.get_string(&string)?.into();
+    env.delete_local_ref(string)?;
+    Ok(Some(text))
+}

@@ -1,0 +1,101 @@
+//! What the app knows when it is launched.
+
+use crate::settings::{Origin, Problem, Settings, Sources};
+use crate::storage::Folders;
+use log::LevelFilter;
+use std::path::Path;
+
+/// One launch of the app.
+#[derive(Debug, Clone)]
+pub struct Launch {
+    /// What is to be done, or all that keeps it from being done.
+    pub settings: Result<Settings, Vec<Problem>>,
+    /// Where files are.
+    pub folders: Folders,
+    /// How much to log.
+    pub log_level: LevelFilter,
+}
+
+impl Launch {
+    /// Reads the settings from the intent's extras, the link that it may have as its data, and the file in the app's folder.
+    /// `unreadable` is why the intent could not be read to its end, if it could not.
+    #[must_use]
+    pub fn new<'a>(
+        extras: impl IntoIterator<Item = (&'a str, &'a str)>,
+        link: Option<&str>,
+        unreadable: Option<String>,
+        folders: Folders,
+    ) -> Self {
+        let (file, trouble) = match read_file(&folders.settings_file()) {
+            Ok(file) => (file, None),
+            Err(why) => (None, Some((Origin::File, why))),
+        };
+        let mut sources = Sources::read(extras, link, file.as_deref());
+        let troubles = unreadable.map(|why| (Origin::Intent, why));
+        for (origin, why) in troubles.into_iter().chain(trouble) {
+            sources = sources.with_problem(Problem::Unreadable { origin, why });
+        }
+        Self {
+            settings: sources.settings(),
+            log_level: sources.log_level(),
+            folders,
+        }
+    }
+}
+
+/// The file's text; nothing if there is no file.
+fn read_file(path: &Path) -> Result<Option<String>, String> {
+    use std::io::{ErrorKind, Read};
+    let limit = crate::settings::LONGEST_FILE as u64 + 1;
+    let file = match std::fs::File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error.to_string()),
+    };
+    let mut text = String::new();
+    file.take(limit)
+        .read_to_string(&mut text)
+        .map_err(|error| error.to_string())?;
+    Ok(Some(text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn launch(folder: &Path) -> Launch {
+        let extras = [("log", "debug")];
+        Launch::new(extras, None, None, Folders::new(folder, folder))
+    }
+
+    #[test]
+    fn the_file_in_the_apps_folder_is_read_and_its_absence_is_no_fault() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let without = launch(folder.path());
+        assert_eq!(
+            without.settings.expect_err("no room"),
+            [Problem::Missing(crate::settings::Key::Room)],
+            "only the room is missing"
+        );
+        assert_eq!(without.log_level, LevelFilter::Debug, "the extra counts");
+        let path = folder.path().join("mon3tr.toml");
+        fs::write(&path, "room = \"https://h/rooms/R#secret\"\n").expect("written");
+        assert!(launch(folder.path()).settings.is_ok(), "the file's room");
+        fs::write(&path, [0xff, 0xfe]).expect("written");
+        let problems = launch(folder.path()).settings.expect_err("no text");
+        assert!(
+            matches!(
+                problems.as_slice(),
+                [
+                    Problem::Unreadable {
+                        origin: Origin::File,
+                        ..
+                    },
+                    ..
+                ]
+            ),
+            "{problems:?}"
+        );
+    }
+}

@@ -1,0 +1,24 @@
+//! The receiver as an app for Meta Quest: what Android tells it (an intent, a life-cycle, folders, a log), turned into what the
+//! receiver understands. All but the few files that speak to Android itself builds and is tested on any machine.
+//!
+//! | what | where |
+//! |---|---|
+//! | server, room and choices, from the intent, a link or `mon3tr.toml` | [`settings`] |
+//! | Android's life-cycle, as commands for the call | [`lifecycle`] |
+//! | folders, and packages kept in them | [`storage`] |
+//! | logcat, and panics in it | [`logcat`] |
+//! | what a panel says while something is missing | [`first_run`] |
+//! | the call itself, behind [`lifecycle::Receiver`] | [`receiver`] |
+
+#[cfg(target_os = "android")]
+mod activity;
+pub mod first_run;
+#[cfg(target_os = "android")]
+mod java;
+pub mod launch;
+pub mod lifecycle;
+pub mod logcat;
+pub mod package;
+pub mod receiver;
+pub mod settings;
+pub mod storage;

@@ -1,0 +1,86 @@
+//! Has done what the machine decides.
+
+use super::{Command, Event, Machine, Trim};
+use crate::launch::Launch;
+
+/// The call, as the activity's life sees it. Each function is called from the activity's own thread, in the orders that
+/// [`Machine`] knows: `start` once and first, then `pause` and `resume` in turns, `leave` once and last.
+pub trait Receiver {
+    /// Begins what the app was launched for, or says in the headset why it cannot. Threads of its own do the work.
+    fn start(&mut self, launch: Launch);
+
+    /// Stops the GPU's work at once. When this returns the GPU is not touched until [`Receiver::resume`]; no other event is taken
+    /// before. The call itself, on the network, goes on.
+    fn pause(&mut self);
+
+    /// Draws again.
+    fn resume(&mut self);
+
+    /// Frees what can be had again: caches, spare buffers.
+    fn trim_memory(&mut self, what: Trim);
+
+    /// Hangs up and waits until every thread has ended. The call is always paused before, so the GPU is idle; what was made on it
+    /// is freed here.
+    fn leave(&mut self);
+
+    /// Whether the call is over by itself, so that the app may close.
+    fn is_over(&self) -> bool;
+}
+
+/// One activity's life.
+#[derive(Debug)]
+pub struct Driver<R> {
+    pub(super) machine: Machine,
+    pub(super) receiver: R,
+    // Until the call begins.
+    launch: Option<Launch>,
+}
+
+impl<R: Receiver> Driver<R> {
+    /// Of an activity that was just made, for this launch.
+    pub fn new(receiver: R, launch: Launch) -> Self {
+        Self {
+            machine: Machine::new(),
+            receiver,
+            launch: Some(launch),
+        }
+    }
+
+    /// Takes an event; what follows from it is done when this returns.
+    pub fn on(&mut self, event: Event) {
+        let step = self.machine.on(event);
+        log::debug!("{event}: {:?}", step.commands);
+        if let Some(oddity) = step.oddity {
+            log::warn!("{oddity}");
+        }
+        for command in step.commands {
+            self.obey(*command);
+        }
+    }
+
+    /// Whether the activity is destroyed.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.machine.is_over()
+    }
+
+    /// Whether the call has ended by itself and the activity may be closed.
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
+        self.receiver.is_over()
+    }
+
+    fn obey(&mut self, command: Command) {
+        match command {
+            Command::Start => {
+                if let Some(launch) = self.launch.take() {
+                    self.receiver.start(launch);
+                }
+            }
+            Command::Pause => self.receiver.pause(),
+            Command::Resume => self.receiver.resume(),
+            Command::Trim(what) => self.receiver.trim_memory(what),
+            Command::Leave => self.receiver.leave(),
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! A call, over and over: waiting for everybody with a notice of what is waited for, seeing them, and waiting again when they have
+//! hung up, until the viewer leaves.
+
+use super::Stage;
+use crate::first_run;
+use crate::settings::Settings;
+use anyhow::Context;
+use app::headset::{NoticeBoard, Seen, Watcher, Wishes, show_notice};
+use app::hold::HoldMode;
+use app::visit::{Ended, Guest, Visited, Waiting, Ways, visit, wait_for_sender};
+use app::{CallEnd, Notice, Offer};
+use link::{Client, Clock, PackageCache, PackageInUse, RoomLink};
+use spmm3::Avatar;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::thread::available_parallelism;
+use std::time::Duration;
+use tokio::runtime::{Builder, Handle};
+
+/// Between two looks whether the viewer has left.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// Shows who is in `rooms`.
+pub(super) fn run(
+    stage: &Stage<'_>,
+    settings: &Settings,
+    rooms: &[RoomLink],
+) -> anyhow::Result<()> {
+    let runtime = stage.onnx_runtime()?;
+    let network = Builder::new_multi_thread()
+        .worker_threads(2)
+        .thread_name("network")
+        .enable_all()
+        .build()
+        .context("cannot start the network's threads")?;
+    let ways = Ways {
+        network: network.handle().clone(),
+        client: Client::new(None)?,
+        clock: Clock::start(),
+    };
+    let folders = &stage.launch.folders;
+    let compiled = folders.compiled();
+    let offer = Offer {
+        runtime: &runtime,
+        threads: available_parallelism().map_or(1, usize::from),
+        cache: Some(&compiled),
+    };
+    let wishes = wishes(settings);
+    let packages = folders.packages(settings.cache_bytes.value)?;
+    let board = NoticeBoard::default();
+    loop {
+        let Some(gathered) = gather(stage, settings, rooms, &ways, &packages, &board)? else {
+            return Ok(());
+        };
+        let Some(found) = stage.find()? else {
+            return Ok(());
+        };
+        let guests: Vec<_> = (gathered.iter())
+            .map(|gathered| gathered.guest.clone())
+            .collect();
+        let visited = visit(
+            found,
+            &offer,
+            &wishes,
+            &guests,
+            &ways,
+            stage.control,
+            &mut Counter(stage.frames),
+        )?;
+        if !told(visited)? {
+            return Ok(());
+        }
+    }
+}
+
+/// As the settings want people shown.
+pub(super) fn wishes(settings: &Settings) -> Wishes {
+    Wishes {
+        placement: settings.placement.value,
+        latency: settings.latency.value,
+        hold: HoldMode::Adapt,
+        scene: None,
+        read_back: false,
+        display_hz: settings.rate.value.map(|rate| f32::from(rate.hz())),
+    }
+}
+
+/// Counts frames for whoever reads along.
+struct Counter<'a>(&'a AtomicU64);
+
+impl Watcher for Counter<'_> {
+    fn is_over(&self, _shown: u64) -> bool {
+        false
+    }
+
+    fn wants(&mut self, _shown: u64, somebody: bool) -> bool {
+        self.0.fetch_add(u64::from(somebody), Relaxed);
+        false
+    }
+
+    fn seen(&mut self, _seen: Seen<'_>) {}
+}
+
+/// Somebody who is there, and the hold on their package in the cache.
+struct Gathered {
+    guest: Guest,
+    _package: Option<PackageInUse>,
+}
+
+/// Waits in the headset until everybody is there and their packages are here; nothing if the viewer leaves before.
+fn gather(
+    stage: &Stage<'_>,
+    settings: &Settings,
+    rooms: &[RoomLink],
+    ways: &Ways,
+    packages: &PackageCache,
+    board: &NoticeBoard,
+) -> anyhow::Result<Option<Vec<Gathered>>> {
+    let Some(mut found) = stage.find()? else {
+        return Ok(None);
+    };
+    let (done, closed) = (AtomicBool::new(false), AtomicBool::new(false));
+    let is_over = || closed.load(Relaxed) || stage.control.is_leaving();
+    std::thread::scope(|scope| {
+        let waiting = scope.spawn(|| {
+            let arriving = (rooms.iter())
+                .map(|room| arrive(room, settings.seat.value, ways, packages, board, &is_over));
+            let outcome: anyhow::Result<Option<Vec<_>>> = arriving.collect();
+            done.store(true, Relaxed);
+            outcome
+        });
+        let shown = show_notice(&mut found, board, stage.control, || done.load(Relaxed));
+        // Also where it failed: nobody is to wait on.
+        closed.store(!done.load(Relaxed), Relaxed);
+        let outcome = waiting
+            .join()
+            .map_err(|_| anyhow::anyhow!("the thread that waits for the call failed"))?;
+        shown?;
+        outcome
+    })
+}
+
+/// Waits for one sender, and fetches their package.
+fn arrive(
+    room: &RoomLink,
+    sits: bool,
+    ways: &Ways,
+    packages: &PackageCache,
+    board: &NoticeBoard,
+    is_over: &dyn Fn() -> bool,
+) -> anyhow::Result<Option<Gathered>> {
+    let network: &Handle = &ways.network;
+    let server = room.server();
+    let asking = [format!("Asking {server} ...")];
+    notice(board, "One moment", asking);
+    let told = |waiting: &Waiting| match waiting {
+        Waiting::ForSender => {
+            log::info!("waiting for the sender");
+            let text = "They are not in the room yet. You will see them as soon as they are.";
+            notice(
+                board,
+                "Waiting for the other person",
+                first_run::wrapped(text),
+            );
+        }
+        Waiting::Trouble(why) => {
+            log::warn!("{why}; trying again");
+            let mut lines = first_run::wrapped(why);
+            lines.push("Trying again.".to_owned());
+            notice(board, "Waiting for the server", lines);
+        }
+    };
+    let waited = wait_for_sender(&ways.client, room, is_over, told);
+    let Some(announced) = network.block_on(waited).context("cannot join the room")? else {
+        return Ok(None);
+    };
+    let fetching = (ways.client).fetch_package(room, &announced.avatar, packages, |step| {
+        let share = step.done as f64 * 100.0 / step.total.max(1) as f64;
+        let megabytes = step.total as f64 / 1e6;
+        let line = format!("{share:.0} % of {megabytes:.0} MB. It is kept for the next call.");
+        notice(board, "Fetching the other person's double", [line]);
+    });
+    let cancelled = async {
+        while !is_over() {
+            tokio::time::sleep(LOOK).await;
+        }
+    };
+    let path = network.block_on(async {
+        tokio::select! {
+            path = fetching => Some(path),
+            () = cancelled => None,
+        }
+    });
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    let path = path.context("cannot fetch the avatar")?;
+    let package = packages.in_use(&announced.avatar.sha256)?;
+    notice(board, "One moment", ["Getting ready ...".to_owned()]);
+    let avatar = Avatar::load(&path)
+        .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
+    Ok(Some(Gathered {
+        guest: Guest {
+            room: room.clone(),
+            announced,
+            avatar: Arc::new(avatar),
+            sits,
+        },
+        _package: package,
+    }))
+}
+
+fn notice(board: &NoticeBoard, title: &str, lines: impl Into<Vec<String>>) {
+    board.write(Notice {
+        title: title.to_owned(),
+        lines: lines.into(),
+    });
+}
+
+/// Tells the log how the calls went. Returns whether to wait for the next ones: the others ended these.
+fn told(visited: Visited) -> anyhow::Result<bool> {
+    let frames = &visited.party.headset.frames;
+    log::info!(
+        "{} frames shown, {} refreshes late",
+        frames.shown,
+        frames.late
+    );
+    let (mut ended, mut failed) = (false, Vec::new());
+    for call in visited.calls {
+        let Ended { figures, end } = match call {
+            Ok(call) => call,
+            Err(error) => {
+                failed.push(anyhow::Error::from(error));
+                continue;
+            }
+        };
+        log::info!(
+            "a call of {:.0} s: {} frames taken, {} lost, {:.1} kbit/s of payload",
+            figures.live_seconds,
+            figures.released,
+            figures.lost,
+            figures.payload_kbit_s
+        );
+        match end {
+            Some(CallEnd::Failed(error)) => {
+                failed.push(anyhow::Error::from(error).context("the call ended"));
+            }
+            Some(CallEnd::HungUp | CallEnd::AnotherAvatar(_)) => ended = true,
+            None => {}
+        }
+    }
+    if !ended && let Some(error) = failed.pop() {
+        return Err(error);
+    }
+    for error in failed {
+        log::warn!("{error:#}");
+    }
+    Ok(ended)
+}

@@ -1,0 +1,22 @@
+//! What is missing, told in the headset.
+
+use super::Stage;
+use app::Notice;
+use app::headset::{NoticeBoard, show_notice};
+
+/// Shows this until the app is closed.
+pub(super) fn show_until_closed(
+    stage: &Stage<'_>,
+    title: &str,
+    lines: Vec<String>,
+) -> anyhow::Result<()> {
+    let board = NoticeBoard::default();
+    board.write(Notice {
+        title: title.to_owned(),
+        lines,
+    });
+    if let Some(mut found) = stage.find()? {
+        show_notice(&mut found, &board, stage.control, || false)?;
+    }
+    Ok(())
+}

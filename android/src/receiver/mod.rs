@@ -1,0 +1,195 @@
+//! The call in a headset, as the activity's life drives it. This is the one place where the app meets the receiver.
+//!
+//! A thread of its own finds the headset and shows in it what the app was started for: a call ([`call`]), a measurement
+//! ([`profile`]), or what is missing. The activity's thread pauses, resumes and ends it through a [`Control`].
+
+mod call;
+mod missing;
+mod profile;
+
+use crate::first_run;
+use crate::launch::Launch;
+use crate::lifecycle::{Receiver, Trim};
+use crate::settings::{Settings, Task};
+use app::headset::{Control, Found, HeadsetError};
+use missing::show_until_closed;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::thread::JoinHandle;
+use xr_renderer::xr::{HeadsetOptions, Runtime, XrError};
+
+/// What the device gives.
+pub struct Device {
+    /// Loads OpenXR's loader. Called once, from the receiver's own thread.
+    pub open_xr: Box<dyn FnOnce() -> Result<Runtime, XrError> + Send>,
+    /// ONNX Runtime's library; nothing for where it is looked for by itself.
+    pub onnx_runtime: Option<PathBuf>,
+}
+
+impl std::fmt::Debug for Device {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Device")
+            .field("onnx_runtime", &self.onnx_runtime)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Shows the call in the headset.
+#[derive(Debug)]
+pub struct HeadsetReceiver {
+    device: Option<Device>,
+    control: Control,
+    thread: Option<JoinHandle<()>>,
+    over: Arc<AtomicBool>,
+    frames: Arc<AtomicU64>,
+}
+
+impl HeadsetReceiver {
+    /// One that was not asked for anything yet.
+    #[must_use]
+    pub fn new(device: Device) -> Self {
+        Self {
+            device: Some(device),
+            control: Control::default(),
+            thread: None,
+            over: Arc::default(),
+            frames: Arc::default(),
+        }
+    }
+
+    /// Frames of people that were shown so far, which others may read along.
+    #[must_use]
+    pub fn frames(&self) -> Arc<AtomicU64> {
+        Arc::clone(&self.frames)
+    }
+}
+
+impl Receiver for HeadsetReceiver {
+    fn start(&mut self, launch: Launch) {
+        let Some(device) = self.device.take() else {
+            return;
+        };
+        let (control, over) = (self.control.clone(), Arc::clone(&self.over));
+        let frames = self.frames();
+        let work = move || {
+            if let Err(error) = run(device, &launch, &control, &frames) {
+                log::error!("{error:#}");
+            }
+            over.store(true, Relaxed);
+        };
+        match std::thread::Builder::new()
+            .name("receiver".to_owned())
+            .spawn(work)
+        {
+            Ok(thread) => self.thread = Some(thread),
+            Err(error) => {
+                log::error!("cannot start the receiver's thread: {error}");
+                self.over.store(true, Relaxed);
+            }
+        }
+    }
+
+    fn pause(&mut self) {
+        if !self.control.pause() {
+            log::error!("the GPU's work did not end in time for the pause");
+        }
+    }
+
+    fn resume(&mut self) {
+        self.control.resume();
+    }
+
+    fn trim_memory(&mut self, _what: Trim) {
+        // All memory was made ready before the first frame, and all of it is in use: there are no caches to give back.
+        log::warn!("the system is short of memory");
+    }
+
+    fn leave(&mut self) {
+        self.control.leave();
+        if self
+            .thread
+            .take()
+            .is_some_and(|thread| thread.join().is_err())
+        {
+            log::error!("the receiver's thread failed");
+        }
+        self.over.store(true, Relaxed);
+    }
+
+    fn is_over(&self) -> bool {
+        self.over.load(Relaxed)
+    }
+}
+
+/// What a task needs: the headset's runtime, the device's libraries, and who says when it ends.
+struct Stage<'a> {
+    open_xr: Runtime,
+    onnx_runtime: Option<PathBuf>,
+    launch: &'a Launch,
+    control: &'a Control,
+    frames: &'a AtomicU64,
+}
+
+/// Does what the app was launched for. Trouble is shown in the headset, as long as there is one.
+fn run(
+    device: Device,
+    launch: &Launch,
+    control: &Control,
+    frames: &AtomicU64,
+) -> anyhow::Result<()> {
+    let stage = Stage {
+        open_xr: (device.open_xr)()?,
+        onnx_runtime: device.onnx_runtime,
+        launch,
+        control,
+        frames,
+    };
+    let settings = match &launch.settings {
+        Ok(settings) => settings,
+        Err(problems) => {
+            for problem in problems {
+                log::warn!("{problem}");
+            }
+            return show_until_closed(&stage, "Welcome to Mon3tr", first_run::lines(problems));
+        }
+    };
+    match stage.perform(settings) {
+        Ok(()) => Ok(()),
+        // Nothing can be shown there.
+        Err(error) if error.is::<XrError>() || error.is::<HeadsetError>() => Err(error),
+        Err(error) => {
+            log::error!("{error:#}");
+            show_until_closed(
+                &stage,
+                "This does not work",
+                first_run::wrapped(&format!("{error:#}")),
+            )
+        }
+    }
+}
+
+impl Stage<'_> {
+    fn perform(&self, settings: &Settings) -> anyhow::Result<()> {
+        match &settings.task {
+            Task::Call(rooms) => call::run(self, settings, &rooms.value),
+            Task::Profile(time) => profile::run(self, settings, time.value),
+        }
+    }
+
+    /// The headset; nothing if it is time to leave before it may be opened.
+    fn find(&self) -> Result<Option<Found>, XrError> {
+        let options = HeadsetOptions {
+            eye_size: None,
+            validation: false,
+        };
+        self.control
+            .work(|| Found::open(self.open_xr.clone(), options))
+            .transpose()
+    }
+
+    /// ONNX Runtime.
+    fn onnx_runtime(&self) -> anyhow::Result<npu_runtime::Runtime> {
+        Ok(npu_runtime::Runtime::open(self.onnx_runtime.as_deref())?)
+    }
+}

@@ -1,0 +1,185 @@
+//! A measurement without a call: the demo person performs, this device shows them, and writes where its milliseconds went, as
+//! `mon3tr profile` does on a desktop. `android/profile.sh` puts the avatar there, waits for the end and fetches the files.
+
+use super::Stage;
+use super::call::wishes;
+use crate::settings::Settings;
+use anyhow::{Context, ensure};
+use app::headset::{Gathered, Party, Seen, Watcher, show_party};
+use app::visit::Rehearsal;
+use app::{LatencyMode, Offer, Recording, Summary, Terms};
+use npu_runtime::Runtime;
+use profile_report::machine::{EVERY, Sysfs, Watch};
+use profile_report::{AvatarFigures, Conditions, Folder, Measured, Memory, Report};
+use serde_json::Value;
+use spmm3::{Avatar, LOOP_SECONDS, MotionClip};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use xr_renderer::Gpu;
+
+/// Motions a second, the paper's.
+const MOTION_HZ: f64 = 30.0;
+/// From the first picture until measuring begins: buffers find their size, clocks settle.
+const WARM_UP: Duration = Duration::from_secs(2);
+
+/// Measures for `seconds`, and says in the folder how it went.
+pub(super) fn run(stage: &Stage<'_>, settings: &Settings, seconds: Duration) -> anyhow::Result<()> {
+    let folder = Folder::begin(&stage.launch.folders.profile())?;
+    let outcome = measure(stage, settings, seconds, &folder);
+    if let Err(error) = &outcome {
+        // Whoever waits for it is not to wait in vain.
+        folder.failed(&format!("{error:#}"))?;
+    }
+    outcome
+}
+
+fn measure(
+    stage: &Stage<'_>,
+    settings: &Settings,
+    seconds: Duration,
+    folder: &Folder,
+) -> anyhow::Result<()> {
+    let path = stage.launch.folders.demo_avatar();
+    ensure!(
+        path.is_file(),
+        "there is no avatar {}: android/profile.sh puts one there",
+        path.display()
+    );
+    let avatar = Avatar::load(&path)
+        .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
+    let avatar = Arc::new(avatar);
+    let performance = MotionClip::built_in(
+        &avatar.skeleton,
+        &avatar.expressions,
+        LOOP_SECONDS,
+        MOTION_HZ,
+    )?;
+    let runtime = stage.onnx_runtime()?;
+    let compiled = stage.launch.folders.compiled();
+    let offer = Offer {
+        runtime: &runtime,
+        threads: cores(),
+        cache: Some(&compiled),
+    };
+    let found = stage.find()?.context("the app was closed")?;
+    let gpu = Arc::clone(found.headset().gpu());
+    let machine = Watch::start(vec![Box::new(Sysfs::new(Path::new("/sys")))], EVERY)
+        .context("cannot watch the device's heat and clocks")?;
+    let join = || Gathered {
+        sources: vec![Rehearsal::new(performance.frames, MOTION_HZ)],
+        watch: None,
+    };
+    let mut clock = Clock {
+        seconds,
+        begin: None,
+        device_bytes: 0,
+        gpu: Arc::clone(&gpu),
+    };
+    let wishes = wishes(settings);
+    let avatars = [Arc::clone(&avatar)];
+    let party = show_party(
+        found,
+        &offer,
+        &wishes,
+        &avatars,
+        join,
+        stage.control,
+        &mut clock,
+    )?;
+    let begin = clock.begin.context("the headset showed no picture")?;
+    let end = (begin + seconds).min(Instant::now());
+    let memory = Memory::now(clock.device_bytes, None);
+    let recording = Recording::new(&party.collector, begin, end);
+    let terms = Terms {
+        display_period: party.display_period(),
+        motion_hz: MOTION_HZ,
+        units: party.placement.units(),
+        encode: None,
+        lost_events: party.collector.lost(),
+    };
+    let latency = settings.latency.value;
+    let report = Report {
+        avatar: figures(&avatar, path)?,
+        conditions: conditions(&party, &gpu, &runtime, latency),
+        memory,
+        machine: machine.finish(begin, end),
+        call: None,
+        sent: Value::Null,
+        shown: Measured {
+            measured: Summary::new(&recording, &terms),
+            placement: party.placement,
+            skipped: party.skipped,
+            hold: party.hold,
+        },
+    };
+    folder.write(&report, &recording, &terms)?;
+    log::info!("the profile is written");
+    Ok(())
+}
+
+/// Says when it is over, and looks at the memory before.
+struct Clock {
+    seconds: Duration,
+    begin: Option<Instant>,
+    device_bytes: u64,
+    gpu: Arc<Gpu>,
+}
+
+impl Watcher for Clock {
+    fn is_over(&self, _shown: u64) -> bool {
+        self.begin
+            .is_some_and(|begin| Instant::now() >= begin + self.seconds)
+    }
+
+    fn wants(&mut self, _shown: u64, somebody: bool) -> bool {
+        if somebody && self.begin.is_none() {
+            self.begin = Some(Instant::now() + WARM_UP);
+            self.device_bytes = self.gpu.memory_taken();
+        }
+        false
+    }
+
+    fn seen(&mut self, _seen: Seen<'_>) {}
+}
+
+fn figures(avatar: &Avatar, package: PathBuf) -> anyhow::Result<AvatarFigures> {
+    let package_bytes = std::fs::metadata(&package)
+        .with_context(|| format!("cannot read {}", package.display()))?
+        .len();
+    Ok(AvatarFigures {
+        name: avatar.name.clone(),
+        package,
+        package_bytes,
+        vertices: avatar.template.vertices().len(),
+        triangles: avatar.template.faces().len(),
+        gaussians: avatar.gaussians.len(),
+        controllers: avatar.controllers.vertices().len(),
+    })
+}
+
+fn conditions<S>(
+    party: &Party<S>,
+    gpu: &Gpu,
+    runtime: &Runtime,
+    latency: LatencyMode,
+) -> Conditions {
+    let [width, height] = party.headset.eye_size;
+    Conditions {
+        motion: "built-in".to_owned(),
+        vulkan_device: gpu.info().name.clone(),
+        vulkan_driver: gpu.info().driver.clone(),
+        onnx_runtime: runtime.version().to_owned(),
+        provider: party.placement.provider.to_string(),
+        width,
+        height,
+        views: 2,
+        latency: format!("{latency:?}").to_lowercase(),
+        cores: cores(),
+    }
+}
+
+/// Threads this device runs at once.
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}

@@ -1,0 +1,22 @@
+//! Settings: which room to join and how, read from the launch intent's extras, from a `mon3tr://room/...` link and from
+//! `mon3tr.toml`. The first of these that gives a value wins, value by value; but a token is only sent to a server that its own
+//! source, or a weaker one, named. Whatever comes in is somebody else's text: it is checked here, once, and what comes out is right.
+
+mod deep_link;
+mod given;
+mod key;
+mod plain;
+mod problem;
+mod resolve;
+mod room;
+#[cfg(test)]
+mod tests;
+mod values;
+
+pub use deep_link::{DEEP_LINK, deep_link, read_deep_link};
+pub use given::Given;
+pub(crate) use given::LONGEST_FILE;
+pub use key::{Key, Origin};
+pub use problem::Problem;
+pub use resolve::{Settings, Sources, Task};
+pub use values::{DisplayRate, Sourced};

@@ -1,0 +1,228 @@
+//! From what all sources give to settings that can be used.
+
+use super::room::{line, read_room_link, read_server};
+use super::values::{self, read};
+use super::{DisplayRate, Given, Key, Origin, Problem, Sourced, plain};
+use app::{LatencyMode, PlacementRequest};
+use link::{HttpError, RoomLink};
+use log::LevelFilter;
+use std::time::Duration;
+
+/// People that one room of the viewer's is shared with; the renderer has eight places.
+const MOST_ROOMS: usize = 8;
+
+/// Bytes of packages that are kept.
+const CACHE: u64 = 512_000_000;
+
+/// Whatever there is to read settings from.
+#[derive(Debug, Clone, Default)]
+pub struct Sources {
+    // The strongest first.
+    given: Vec<Given>,
+    problems: Vec<Problem>,
+}
+
+/// What the app is to do, and how. All of it is checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// What for it was started.
+    pub task: Task,
+    /// Whether people sit.
+    pub seat: Sourced<bool>,
+    /// The display's rate; nothing for the one that frames keep up with.
+    pub rate: Sourced<Option<DisplayRate>>,
+    /// What runs where.
+    pub placement: Sourced<PlacementRequest>,
+    /// Pictures between two motion frames.
+    pub latency: Sourced<LatencyMode>,
+    /// How much is logged.
+    pub log: Sourced<LevelFilter>,
+    /// Bytes of packages that are kept.
+    pub cache_bytes: Sourced<u64>,
+}
+
+/// What the app was started for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Task {
+    /// To show who is in these rooms, at least one: each a server, a room there, and the right to look. A link can say no more than that.
+    Call(Sourced<Vec<RoomLink>>),
+    /// To measure the demo person for so long, and write what came of it.
+    Profile(Sourced<Duration>),
+}
+
+impl Sources {
+    /// Takes what the intent's extras, its link and the text of `mon3tr.toml` give.
+    #[must_use]
+    pub fn read<'a>(
+        extras: impl IntoIterator<Item = (&'a str, &'a str)>,
+        link: Option<&str>,
+        file: Option<&str>,
+    ) -> Self {
+        let mut sources = Self::default();
+        sources.given.push(Given::by_intent(extras));
+        match link.map(Given::by_link) {
+            Some(Ok(given)) => sources.given.push(given),
+            Some(Err(problem)) => sources.problems.push(problem),
+            None => {}
+        }
+        match file.map(Given::by_file) {
+            Some(Ok(given)) => sources.given.push(given),
+            Some(Err(problems)) => sources.problems.extend(problems),
+            None => {}
+        }
+        sources
+    }
+
+    /// The same with one more thing that is wrong: with a file that cannot be opened, say.
+    #[must_use]
+    pub fn with_problem(mut self, problem: Problem) -> Self {
+        self.problems.push(problem);
+        self
+    }
+
+    /// How much to log, also where other settings are wrong.
+    #[must_use]
+    pub fn log_level(&self) -> LevelFilter {
+        self.log().map_or(LevelFilter::Info, |level| level.value)
+    }
+
+    /// What is to be done.
+    ///
+    /// # Errors
+    /// All that is wrong or missing. Nothing is done on the strength of a part: a source that cannot be read may have been meant to
+    /// say otherwise.
+    pub fn settings(&self) -> Result<Settings, Vec<Problem>> {
+        let mut problems = self.problems.clone();
+        let task = keep(self.task(), &mut problems);
+        let seat = keep(self.value(Key::Seat, false, values::seat), &mut problems);
+        let rate = keep(self.value(Key::Rate, None, values::rate), &mut problems);
+        let placement = PlacementRequest::default();
+        let placement = self.value(Key::Placement, placement, values::placement);
+        let placement = keep(placement, &mut problems);
+        let latency = self.value(Key::Latency, LatencyMode::default(), values::latency);
+        let latency = keep(latency, &mut problems);
+        let log = keep(self.log(), &mut problems);
+        let cache = self.value(Key::CacheMb, CACHE, values::cache);
+        let cache = keep(cache, &mut problems);
+        match (task, seat, rate, placement, latency, log, cache) {
+            (
+                Some(task),
+                Some(seat),
+                Some(rate),
+                Some(placement),
+                Some(latency),
+                Some(log),
+                Some(cache_bytes),
+            ) if problems.is_empty() => Ok(Settings {
+                task,
+                seat,
+                rate,
+                placement,
+                latency,
+                log,
+                cache_bytes,
+            }),
+            _ => Err(problems),
+        }
+    }
+
+    fn log(&self) -> Result<Sourced<LevelFilter>, Problem> {
+        self.value(Key::Log, LevelFilter::Info, values::log_level)
+    }
+
+    /// What the strongest source says about a setting.
+    fn strongest(&self, key: Key) -> Option<(Origin, &str)> {
+        self.given
+            .iter()
+            .find_map(|given| Some((given.origin(), given.text(key)?)))
+    }
+
+    fn value<T>(
+        &self,
+        key: Key,
+        default: T,
+        reader: impl FnOnce(&str) -> Result<T, String>,
+    ) -> Result<Sourced<T>, Problem> {
+        read(key, self.strongest(key), default, reader)
+    }
+
+    fn task(&self) -> Result<Task, Problem> {
+        let room = self.strongest(Key::Room);
+        let profile = self.strongest(Key::Profile);
+        match (profile, room) {
+            // A room that somebody stronger names is what is meant now.
+            (Some((origin, text)), room) if room.is_none_or(|(of_room, _)| of_room <= origin) => {
+                let given = Some((origin, text));
+                read(Key::Profile, given, Duration::ZERO, values::profile).map(Task::Profile)
+            }
+            (_, Some((origin, text))) => self.rooms(origin, text).map(Task::Call),
+            (_, None) => Err(Problem::Missing(Key::Room)),
+        }
+    }
+
+    fn rooms(&self, origin: Origin, text: &str) -> Result<Sourced<Vec<RoomLink>>, Problem> {
+        let wrong = |why| Problem::Value {
+            key: Key::Room,
+            origin,
+            why,
+        };
+        plain::check(text, Key::Room.longest()).map_err(wrong)?;
+        let words: Vec<&str> = text
+            .split([' ', ','])
+            .filter(|word| !word.is_empty())
+            .collect();
+        let rooms = match words.as_slice() {
+            [] => return Err(Problem::Missing(Key::Room)),
+            [name] if !name.contains([':', '/', '#']) => vec![self.named_room(origin, name)?],
+            links => {
+                if links.len() > MOST_ROOMS {
+                    return Err(wrong(format!("there are more than {MOST_ROOMS} rooms")));
+                }
+                self.check_said_once(origin)?;
+                let rooms = links.iter().map(|link| read_room_link(link));
+                rooms.collect::<Result<_, _>>().map_err(wrong)?
+            }
+        };
+        Ok(Sourced {
+            value: rooms,
+            origin,
+        })
+    }
+
+    /// A whole link from `origin` stands alone; what weaker sources say of server and token is overruled with their rooms.
+    fn check_said_once(&self, origin: Origin) -> Result<(), Problem> {
+        for key in [Key::Server, Key::Token] {
+            if let Some((other, _)) = self.strongest(key)
+                && other >= origin
+            {
+                return Err(Problem::SaidTwice { key, origin: other });
+            }
+        }
+        Ok(())
+    }
+
+    /// A room by its name: server and token stand beside it, or with weaker sources.
+    fn named_room(&self, origin: Origin, name: &str) -> Result<RoomLink, Problem> {
+        let wrong = |key, origin| move |why| Problem::Value { key, origin, why };
+        let missing = |key| self.strongest(key).ok_or(Problem::Missing(key));
+        let (of_server, server) = missing(Key::Server)?;
+        let server = read_server(server).map_err(wrong(Key::Server, of_server))?;
+        let (of_token, token) = missing(Key::Token)?;
+        // Whoever can start the app could otherwise have a token sent to a server of theirs.
+        if of_token < of_server {
+            return Err(Problem::Crossed {
+                token: of_token,
+                server: of_server,
+            });
+        }
+        plain::check(token, Key::Token.longest()).map_err(wrong(Key::Token, of_token))?;
+        RoomLink::of(server, name, token).map_err(|error| match error {
+            HttpError::Token(_) => wrong(Key::Token, of_token)(line(&error)),
+            _ => wrong(Key::Room, origin)(line(&error)),
+        })
+    }
+}
+
+fn keep<T>(read: Result<T, Problem>, problems: &mut Vec<Problem>) -> Option<T> {
+    read.map_err(|problem| problems.push(problem)).ok()
+}

@@ -1,0 +1,157 @@
+//! Good links, good links spoiled, and any text at all.
+
+use super::{read, rooms};
+use crate::settings::{Key, deep_link, read_deep_link};
+use proptest::prelude::*;
+use url::Url;
+
+/// Room links as servers print them.
+fn good_links() -> impl Strategy<Value = String> {
+    let host = prop_oneof![
+        "[a-z][a-z0-9]{0,6}(-[a-z0-9]{1,4})?(\\.[a-z][a-z0-9]{0,6}){0,2}",
+        "(10|192)\\.(0|168)\\.[1-9][0-9]?\\.[1-9][0-9]?",
+        Just("[::1]".to_owned()),
+    ];
+    let port = prop_oneof![
+        Just(String::new()),
+        (1024..65_535_u16).prop_map(|port| format!(":{port}"))
+    ];
+    let prefix = "(/[a-z0-9_-]{1,8}){0,2}";
+    let room = "[A-Za-z0-9_~-]{1,20}";
+    let token = "[A-Za-z0-9._~+/=-]{1,60}";
+    (any::<bool>(), host, port, prefix, room, token).prop_map(
+        |(secure, host, port, prefix, room, token)| {
+            let scheme = if secure { "https" } else { "http" };
+            format!("{scheme}://{host}{port}{prefix}/rooms/{room}#{token}")
+        },
+    )
+}
+
+/// Scheme, host and port of an address, by the WHATWG's parser alone.
+fn origin(address: &str) -> Option<url::Origin> {
+    Url::parse(address).ok().map(|url| url.origin())
+}
+
+/// What a reader of the deep link would say it names: by plain cutting, with no parser.
+fn named_by_eye(deep: &str) -> Option<String> {
+    let rest = deep.strip_prefix("mon3tr://room/")?;
+    let (scheme, rest) = rest.split_once('/')?;
+    let (host, _) = rest.split_once('/')?;
+    Some(format!("{scheme}://{host}"))
+}
+
+/// Whether what came out of some text is right: it says again what it was read from, and goes to the server that stands there.
+fn check_out(text: &str, room: &link::RoomLink) -> Result<(), TestCaseError> {
+    let again = deep_link(room);
+    let read_again = read_deep_link(&again);
+    prop_assert_eq!(read_again.as_ref(), Ok(room), "round trip of {}", text);
+    let eye = named_by_eye(text);
+    prop_assert!(eye.is_some(), "{} names a server", text);
+    prop_assert_eq!(
+        origin(&room.server().to_string()),
+        origin(&eye.unwrap_or_default()),
+        "of {}",
+        text
+    );
+    let host = room.server().to_string().to_lowercase();
+    let bare = host
+        .split("://")
+        .nth(1)
+        .and_then(|rest| rest.split('/').next())
+        .unwrap_or_default();
+    prop_assert!(
+        text.to_lowercase().contains(bare),
+        "{} stands in {}",
+        bare,
+        text
+    );
+    let token = room.to_string();
+    let token = token
+        .split_once('#')
+        .map(|(_, token)| token)
+        .unwrap_or_default();
+    // Short ones are found in any text.
+    prop_assert!(
+        token.len() < 8 || !format!("{room:?}").contains(token),
+        "not shown"
+    );
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_room_link_has_a_deep_link_that_reads_back(text in good_links()) {
+        let room: link::RoomLink = text.parse().expect("a good link");
+        let deep = deep_link(&room);
+        let read_back = read_deep_link(&deep);
+        prop_assert_eq!(read_back.as_ref(), Ok(&room), "{}", deep);
+        check_out(&deep, &room)?;
+        let settings = read(&[], Some(&deep), None).expect("a room");
+        prop_assert_eq!(rooms(&settings), [text], "nothing else comes of it");
+    }
+
+    #[test]
+    fn a_link_that_was_tampered_with_is_refused_or_means_what_it_says(
+        text in good_links(),
+        cuts in prop::collection::vec((any::<prop::sample::Index>(), 0..4_u8, "[ -~]{0,3}|[\\x00-\\x1f]|\\PC|(%[0-9a-fA-F]{2})|\\.\\./|//|@evil\\.example"), 1..4),
+    ) {
+        let room: link::RoomLink = text.parse().expect("a good link");
+        let mut deep: Vec<char> = deep_link(&room).chars().collect();
+        for (at, how, piece) in cuts {
+            let at = at.index(deep.len() + 1).min(deep.len());
+            let end = (at + usize::from(how)).min(deep.len());
+            deep.splice(at..end, piece.chars());
+        }
+        let text: String = deep.into_iter().collect();
+        match read_deep_link(&text) {
+            Ok(room) => check_out(&text, &room)?,
+            Err(problem) => {
+                let told = problem.to_string();
+                prop_assert!(!told.chars().any(char::is_control), "one line: {:?}", told);
+                prop_assert!(told.len() < 400, "short: {}", told);
+            }
+        }
+    }
+
+    #[test]
+    fn no_text_at_all_makes_the_settings_panic(
+        names in prop::collection::vec(prop_oneof![
+            prop::sample::select(Key::ALL.map(Key::name).to_vec()).prop_map(str::to_owned),
+            "\\PC{0,12}",
+        ], 0..6),
+        texts in prop::collection::vec("(?s).{0,40}|https?://[ -~]{0,20}", 6),
+        link in prop::option::of("(?s).{0,60}|mon3tr://room/[ -~]{0,40}"),
+        file in prop::option::of("(?s).{0,60}|((room|server|token|rate|seat) = \"?[ -~]{0,20}\"?\n){0,4}"),
+    ) {
+        let extras: Vec<(&str, &str)> = names.iter().map(String::as_str).zip(texts.iter().map(String::as_str)).collect();
+        if let Err(problems) = read(&extras, link.as_deref(), file.as_deref()) {
+            prop_assert!(!problems.is_empty(), "a refusal says why");
+            for told in problems.iter().map(ToString::to_string) {
+                prop_assert!(!told.chars().any(char::is_control) && told.len() < 400, "one short line: {:?}", told);
+            }
+        }
+    }
+
+    #[test]
+    fn no_refusal_repeats_a_token(token in "[A-Za-z0-9]{24}", spoiled in "[ \"<>%\\\\\u{7}#]{1,2}", at in 0..24_usize) {
+        let mut text = token.clone();
+        text.insert_str(at, &spoiled);
+        let link = format!("https://h/rooms/R#{text}");
+        let deep = format!("mon3tr://room/https/h/rooms/R#{text}");
+        let file = format!("server = \"https://h\"\nroom = \"R\"\ntoken = \"{text}\"\n");
+        let (before, after) = token.split_at(at);
+        for outcome in [
+            read(&[("room", &link)], None, None),
+            read(&[("server", "https://h"), ("room", "R"), ("token", &text)], None, None),
+            read(&[], Some(&deep), None),
+            read(&[], None, Some(&file)),
+        ] {
+            let told = format!("{outcome:?}");
+            for piece in [before, after] {
+                prop_assert!(piece.len() < 8 || !told.contains(piece), "{}", told);
+            }
+        }
+    }
+}

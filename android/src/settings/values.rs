@@ -1,0 +1,132 @@
+//! Values of one word, read.
+
+use super::{Key, Origin, Problem, plain};
+use app::{LatencyMode, PlacementRequest};
+use log::LevelFilter;
+use std::fmt;
+use std::time::Duration;
+
+/// A value, and who gave it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sourced<T> {
+    /// The value.
+    pub value: T,
+    /// Who gave it.
+    pub origin: Origin,
+}
+
+/// A rate that Quest displays have and interactive apps may run at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum DisplayRate {
+    /// 72 Hz.
+    Hz72,
+    /// 80 Hz.
+    Hz80,
+    /// 90 Hz.
+    Hz90,
+    /// 120 Hz.
+    Hz120,
+}
+
+impl DisplayRate {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Hz72, Self::Hz80, Self::Hz90, Self::Hz120];
+
+    /// In hertz.
+    #[must_use]
+    pub fn hz(self) -> u16 {
+        match self {
+            Self::Hz72 => 72,
+            Self::Hz80 => 80,
+            Self::Hz90 => 90,
+            Self::Hz120 => 120,
+        }
+    }
+}
+
+impl fmt::Display for DisplayRate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} Hz", self.hz())
+    }
+}
+
+/// The value of one setting, or the given default where nobody gave one.
+pub(super) fn read<T>(
+    key: Key,
+    given: Option<(Origin, &str)>,
+    default: T,
+    reader: impl FnOnce(&str) -> Result<T, String>,
+) -> Result<Sourced<T>, Problem> {
+    let Some((origin, text)) = given else {
+        return Ok(Sourced {
+            value: default,
+            origin: Origin::Default,
+        });
+    };
+    plain::check(text, key.longest())
+        .and_then(|()| reader(text))
+        .map(|value| Sourced { value, origin })
+        .map_err(|why| Problem::Value { key, origin, why })
+}
+
+fn no(text: &str, what: &str, choices: &str) -> String {
+    format!("{} is no {what}: give {choices}", plain::repeated(text))
+}
+
+pub(super) fn seat(text: &str) -> Result<bool, String> {
+    text.parse()
+        .map_err(|_| no(text, "answer", "true (people sit) or false"))
+}
+
+/// Nothing is the rate that frames keep up with.
+pub(super) fn rate(text: &str) -> Result<Option<DisplayRate>, String> {
+    if text == "auto" {
+        return Ok(None);
+    }
+    let named = DisplayRate::ALL
+        .into_iter()
+        .find(|rate| rate.hz().to_string() == text);
+    named
+        .map(Some)
+        .ok_or_else(|| no(text, "display rate", "auto, 72, 80, 90 or 120"))
+}
+
+pub(super) fn placement(text: &str) -> Result<PlacementRequest, String> {
+    text.parse()
+        .map_err(|error: String| plain::one_line(&error))
+}
+
+pub(super) fn latency(text: &str) -> Result<LatencyMode, String> {
+    match text {
+        "interpolate" => Ok(LatencyMode::Interpolate),
+        "extrapolate" => Ok(LatencyMode::Extrapolate),
+        _ => Err(no(text, "latency mode", "interpolate or extrapolate")),
+    }
+}
+
+pub(super) fn log_level(text: &str) -> Result<LevelFilter, String> {
+    text.parse()
+        .map_err(|_| no(text, "log level", "off, error, warn, info, debug or trace"))
+}
+
+pub(super) fn profile(text: &str) -> Result<Duration, String> {
+    whole(text, 5..=3_600)
+        .map(Duration::from_secs)
+        .ok_or_else(|| no(text, "duration", "whole seconds from 5 to 3600"))
+}
+
+/// Bytes.
+pub(super) fn cache(text: &str) -> Result<u64, String> {
+    whole(text, 64..=16_384)
+        .map(|mb| mb * 1_000_000)
+        .ok_or_else(|| no(text, "size", "whole megabytes from 64 to 16384"))
+}
+
+fn whole(text: &str, within: std::ops::RangeInclusive<u64>) -> Option<u64> {
+    // `parse` alone takes a plus sign.
+    let number = text
+        .bytes()
+        .all(|byte| byte.is_ascii_digit())
+        .then_some(text)?;
+    number.parse().ok().filter(|number| within.contains(number))
+}

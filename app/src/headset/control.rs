@@ -1,0 +1,281 @@
+//! Who holds this has the frames of a headset pause, go on, or end: from another thread, at any moment.
+//!
+//! A system that puts a program into the background takes its GPU away at once: [`Control::pause`] returns when the loop no longer
+//! touches it. The call behind the pictures goes on meanwhile.
+
+use crate::{MotionSource, Pose};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// How long a frame may take that has been begun when a pause is asked for.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Pauses, resumes and ends the showing of a headset's frames. Copies control the same one.
+#[derive(Debug, Clone, Default)]
+pub struct Control(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct State {
+    pauses: bool,
+    leaves: bool,
+    /// Somebody may touch the GPU now.
+    works: bool,
+}
+
+impl Control {
+    /// Has frames end, and waits until nothing of them touches the GPU any more. Returns whether that is so: false if a frame did
+    /// not come to its end within two seconds. Pausing again changes nothing.
+    #[must_use]
+    pub fn pause(&self) -> bool {
+        let mut state = self.lock();
+        state.pauses = true;
+        self.0.changed.notify_all();
+        let waited = self
+            .0
+            .changed
+            .wait_timeout_while(state, PATIENCE, |state| state.works && state.pauses);
+        let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        !state.works
+    }
+
+    /// Has frames go on after a pause.
+    pub fn resume(&self) {
+        self.lock().pauses = false;
+        self.0.changed.notify_all();
+    }
+
+    /// Has the showing end, also while it pauses. There is no way back.
+    pub fn leave(&self) {
+        self.lock().leaves = true;
+        self.0.changed.notify_all();
+    }
+
+    /// Whether frames are to pause.
+    #[must_use]
+    pub fn is_paused(&self) -> bool {
+        self.lock().pauses
+    }
+
+    /// Whether the showing is to end.
+    #[must_use]
+    pub fn is_leaving(&self) -> bool {
+        self.lock().leaves
+    }
+
+    /// Does something on the GPU once no pause forbids it; nothing if it is time to leave before.
+    pub fn work<T>(&self, work: impl FnOnce() -> T) -> Option<T> {
+        let done = self.begin_work().then(work);
+        self.end_work();
+        done
+    }
+
+    /// Begins work on the GPU, or goes on with it, unless a pause forbids it. Returns whether it may.
+    pub(crate) fn may_work(&self) -> bool {
+        let mut state = self.lock();
+        state.works |= !state.pauses;
+        !state.pauses
+    }
+
+    /// Begins work on the GPU once no pause forbids it. Returns false, without beginning, if it is time to leave before.
+    pub(crate) fn begin_work(&self) -> bool {
+        let state = self.lock();
+        let resumed = (self.0.changed).wait_while(state, |state| state.pauses && !state.leaves);
+        let mut state = resumed.unwrap_or_else(PoisonError::into_inner);
+        state.works |= !state.leaves;
+        !state.leaves
+    }
+
+    /// Tells that the GPU is at rest: whoever asked for a pause may go on.
+    pub(crate) fn end_work(&self) {
+        self.lock().works = false;
+        self.0.changed.notify_all();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // What is kept is whole at every moment.
+        (self.0.state.lock()).unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A source whose poses are for nobody while the showing pauses: they are taken, for the call's sake, and dropped, so that
+/// neither NPU nor CPU works in the background.
+#[derive(Debug)]
+pub struct Attended<S> {
+    source: S,
+    control: Control,
+}
+
+impl<S> Attended<S> {
+    /// `source`, for as long as `control` does not pause.
+    pub fn new(source: S, control: Control) -> Self {
+        Self { source, control }
+    }
+
+    /// The source.
+    pub fn source(&self) -> &S {
+        &self.source
+    }
+
+    /// The source, back.
+    pub fn into_source(self) -> S {
+        self.source
+    }
+}
+
+impl<S: MotionSource> MotionSource for Attended<S> {
+    fn next(&mut self, longest: Duration) -> Option<Pose> {
+        self.source
+            .next(longest)
+            .filter(|_| !self.control.is_paused())
+    }
+
+    fn is_over(&self) -> bool {
+        self.source.is_over()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::BridgeState;
+    use spmm3::MotionParams;
+    use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::SeqCst};
+    use std::time::Instant;
+
+    /// A loop as the headset's, which counts its frames.
+    struct Worker {
+        control: Control,
+        frames: Arc<AtomicU32>,
+        working: Arc<AtomicBool>,
+        thread: Option<std::thread::JoinHandle<()>>,
+    }
+
+    impl Worker {
+        fn start() -> Self {
+            let (control, frames, working) = (
+                Control::default(),
+                Arc::new(AtomicU32::new(0)),
+                Arc::new(AtomicBool::new(false)),
+            );
+            let thread = {
+                let (control, frames, working) =
+                    (control.clone(), Arc::clone(&frames), Arc::clone(&working));
+                std::thread::spawn(move || {
+                    while !control.is_leaving() {
+                        if !control.begin_work() {
+                            return;
+                        }
+                        working.store(true, SeqCst);
+                        std::thread::sleep(Duration::from_millis(3));
+                        frames.fetch_add(1, SeqCst);
+                        working.store(false, SeqCst);
+                        control.end_work();
+                    }
+                })
+            };
+            Self {
+                control,
+                frames,
+                working,
+                thread: Some(thread),
+            }
+        }
+
+        fn wait_for_more(&self) {
+            let before = self.frames.load(SeqCst);
+            while self.frames.load(SeqCst) < before + 3 {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        }
+
+        fn end(&mut self) {
+            self.control.leave();
+            let thread = self.thread.take().expect("still there");
+            thread.join().expect("no panic");
+        }
+    }
+
+    #[test]
+    fn nothing_is_at_work_from_a_pause_to_its_end() {
+        let mut worker = Worker::start();
+        for _ in 0..20 {
+            worker.wait_for_more();
+            assert!(worker.control.pause(), "comes to rest");
+            assert!(!worker.working.load(SeqCst), "at rest");
+            let frames = worker.frames.load(SeqCst);
+            std::thread::sleep(Duration::from_millis(10));
+            assert_eq!(worker.frames.load(SeqCst), frames, "no frame in the pause");
+            assert!(worker.control.pause(), "pausing again changes nothing");
+            worker.control.resume();
+        }
+        worker.wait_for_more();
+        worker.end();
+    }
+
+    #[test]
+    fn who_leaves_in_a_pause_is_not_kept_waiting() {
+        let mut worker = Worker::start();
+        worker.wait_for_more();
+        assert!(worker.control.pause(), "comes to rest");
+        worker.end();
+        assert!(worker.control.is_leaving(), "for good");
+    }
+
+    #[test]
+    fn a_pause_before_the_first_frame_holds_it_back() {
+        let control = Control::default();
+        assert!(control.pause(), "nobody is at work");
+        let begun = Arc::new(AtomicBool::new(false));
+        let thread = {
+            let (control, begun) = (control.clone(), Arc::clone(&begun));
+            std::thread::spawn(move || {
+                let works = control.begin_work();
+                begun.store(true, SeqCst);
+                works
+            })
+        };
+        std::thread::sleep(Duration::from_millis(20));
+        assert!(!begun.load(SeqCst), "held back");
+        control.resume();
+        assert!(thread.join().expect("no panic"), "begun after the pause");
+    }
+
+    #[test]
+    fn poses_of_a_pause_are_taken_and_dropped() {
+        struct Steady(u32);
+        impl MotionSource for Steady {
+            fn next(&mut self, _: Duration) -> Option<Pose> {
+                self.0 += 1;
+                let now = Instant::now();
+                Some(Pose {
+                    motion: MotionParams::default(),
+                    source: BridgeState::Live,
+                    captured: None,
+                    arrived: now,
+                    due: now,
+                    released: now,
+                })
+            }
+
+            fn is_over(&self) -> bool {
+                self.0 >= 4
+            }
+        }
+        let control = Control::default();
+        let mut source = Attended::new(Steady(0), control.clone());
+        assert!(source.next(Duration::ZERO).is_some(), "shown");
+        assert!(control.pause(), "nobody is at work");
+        assert!(source.next(Duration::ZERO).is_none(), "dropped");
+        assert!(source.next(Duration::ZERO).is_none(), "dropped, too");
+        control.resume();
+        assert!(source.next(Duration::ZERO).is_some(), "shown again");
+        assert!(source.is_over(), "all four were taken from the source");
+        assert_eq!(source.into_source().0, 4, "each once");
+    }
+}

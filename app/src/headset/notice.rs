@@ -1,0 +1,133 @@
+//! A notice in the headset while there is nobody to see yet: who is waited for, what is being fetched, what is missing.
+
+use super::control::Control;
+use super::hanging::{Spot, image};
+use super::party::Found;
+use super::show::{HeadsetError, IDLE};
+use crate::{NOTICE_WIDTH_METRES, Notice, Panel};
+use glam::Affine3A;
+use std::sync::{Arc, Mutex, PoisonError};
+use xr_renderer::xr::{Over, Session, SessionOptions, XrError};
+
+/// Where a notice is written by one thread, and read by the headset's. Copies are the same one.
+#[derive(Debug, Clone, Default)]
+pub struct NoticeBoard(Arc<Mutex<Notice>>);
+
+impl NoticeBoard {
+    /// Shows this from now on.
+    pub fn write(&self, notice: Notice) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = notice;
+    }
+
+    /// What is to be shown now.
+    #[must_use]
+    pub fn read(&self) -> Notice {
+        (self.0.lock().unwrap_or_else(PoisonError::into_inner)).clone()
+    }
+}
+
+/// Shows what is on the board until `is_over`. When the headset goes away it is waited for.
+///
+/// Returns whether `is_over` ended it: else the viewer has closed the program, from the headset's own menu.
+///
+/// # Errors
+/// If the headset cannot be shown anything.
+pub fn show_notice(
+    found: &mut Found,
+    board: &NoticeBoard,
+    control: &Control,
+    is_over: impl Fn() -> bool,
+) -> Result<bool, HeadsetError> {
+    let is_over = || is_over() || control.is_leaving();
+    while control.begin_work() {
+        let outcome = until_over(found, board, control, &is_over);
+        control.end_work();
+        match outcome {
+            Ok(None) => return Ok(true),
+            Ok(Some(Over::Left)) => return Ok(false),
+            Ok(Some(Over::Lost)) => log::warn!("the headset is gone; waiting for it"),
+            Err(HeadsetError::Headset(error)) if error.is_loss() => {
+                log::warn!("{error}; waiting for it");
+            }
+            Err(error) => return Err(error),
+        }
+        if !found.open_again(control, &is_over) {
+            break;
+        }
+    }
+    Ok(true)
+}
+
+/// One session; nothing if `is_over` ended it.
+fn until_over(
+    found: &Found,
+    board: &NoticeBoard,
+    control: &Control,
+    is_over: &dyn Fn() -> bool,
+) -> Result<Option<Over>, HeadsetError> {
+    let options = SessionOptions {
+        room: true,
+        read_back: false,
+        display_hz: None,
+    };
+    let mut session = Session::new(found.headset(), options)?;
+    let mut shown = Shown::default();
+    while !is_over() {
+        let happened = session.poll()?;
+        if happened.recentred {
+            shown.floor_from_panel = None;
+        }
+        if happened.over.is_some() {
+            return Ok(happened.over);
+        }
+        let pauses = !control.may_work();
+        if pauses {
+            session.rest()?;
+            control.end_work();
+        }
+        if pauses || !session.life().is_running() {
+            std::thread::sleep(IDLE);
+            continue;
+        }
+        shown.frame(&mut session, board)?;
+    }
+    Ok(None)
+}
+
+/// What hangs there.
+#[derive(Debug, Default)]
+struct Shown {
+    notice: Option<Notice>,
+    panel: Option<Panel>,
+    floor_from_panel: Option<Affine3A>,
+}
+
+impl Shown {
+    fn frame(&mut self, session: &mut Session, board: &NoticeBoard) -> Result<(), XrError> {
+        let frame = session.wait()?;
+        let eyes = if frame.should_render {
+            session.look(&frame)?
+        } else {
+            None
+        };
+        let Some(eyes) = eyes else {
+            return session.skip(frame);
+        };
+        let hung = self.floor_from_panel.is_some();
+        let place = *self
+            .floor_from_panel
+            .get_or_insert_with(|| Spot::AHEAD.before(eyes.floor_from_head));
+        let notice = board.read();
+        if !hung || self.notice.as_ref() != Some(&notice) {
+            let panel = self.panel.insert(notice.panel());
+            self.notice = Some(notice);
+            let hung = session.hang_panel(image(panel), place, NOTICE_WIDTH_METRES);
+            if let Err(error) = hung {
+                // What went wrong first is told.
+                let _ = session.skip(frame);
+                return Err(error);
+            }
+        }
+        session.show_panel(frame)
+    }
+}

@@ -1,0 +1,133 @@
+//! Building the receiver for the headset: one call of cargo.
+
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use super::NativeError;
+use super::route::Route;
+use super::toolchain::{TARGET, Toolchain, output_of, run};
+use super::without_ndk::{self, cargo};
+
+/// What to build.
+#[derive(Debug, Clone)]
+pub struct Order<'a> {
+    /// The repository.
+    pub repo: &'a Path,
+    /// The package of it that has the library.
+    pub package: &'a str,
+    /// The library's name for Rust: `main` becomes `libmain.so`.
+    pub library: &'a str,
+    /// For others, not for debugging.
+    pub release: bool,
+    /// Where cargo keeps what it builds, apart from this machine's own.
+    pub target: &'a Path,
+}
+
+/// What was built.
+#[derive(Debug, Clone)]
+pub struct Built {
+    /// The library as the headset gets it.
+    pub library: PathBuf,
+    /// The same with names and lines of the source, for backtraces.
+    pub symbols: PathBuf,
+}
+
+/// Builds the library. What cargo has to say goes to the standard error stream.
+///
+/// # Errors
+/// [`NativeError`].
+pub fn build(order: &Order<'_>, route: &Route) -> Result<Built, NativeError> {
+    let toolchain = Toolchain::find(order.repo)?;
+    let mut cargo = cargo(order.repo);
+    let profile = if order.release {
+        "android-release"
+    } else {
+        "android"
+    };
+    cargo
+        .args(["build", "--locked", "--lib", "--target", TARGET])
+        .args(["--profile", profile, "--package", order.package])
+        .arg("--target-dir")
+        .arg(order.target);
+    let mut flags = remapped(order, &toolchain);
+    let mut c_flags = vec![format!(
+        "-ffile-prefix-map={}=crates",
+        cargo_home().display()
+    )];
+    let linker = match route {
+        Route::Ndk { .. } => {
+            for option in ["-zmax-page-size=16384", "--no-undefined", "--build-id=sha1"] {
+                flags.push(format!("-Clink-arg=-Wl,{option}").into());
+            }
+            route.compiler()
+        }
+        Route::WithoutNdk { .. } => {
+            // The compiler's own headers alone: there are none of a C library, and ring can do without.
+            c_flags.extend(["-nostdlibinc".into(), "-DRING_CORE_NOSTDLIBINC=1".into()]);
+            let folder = order.target.join("without-ndk");
+            let folder =
+                std::path::absolute(&folder).map_err(NativeError::io("could not find", &folder))?;
+            without_ndk::prepare(order.repo, &toolchain, &folder)?
+        }
+    };
+    cargo
+        .env("CARGO_ENCODED_RUSTFLAGS", joined(&flags))
+        .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER", linker)
+        .env("CC_aarch64_linux_android", route.compiler())
+        .env("AR_aarch64_linux_android", route.archiver())
+        .env("CFLAGS_aarch64_linux_android", c_flags.join(" "));
+    run(&mut cargo, "to build the receiver for the headset")?;
+    let folder = order.target.join(TARGET).join(profile);
+    let symbols = folder.join(format!("lib{}.so", order.library));
+    let library = folder
+        .join("stripped")
+        .join(format!("lib{}.so", order.library));
+    strip(&toolchain, &symbols, &library)?;
+    Ok(Built { library, symbols })
+}
+
+/// Takes out what only debuggers read. What the library exports stays.
+fn strip(toolchain: &Toolchain, from: &Path, to: &Path) -> Result<(), NativeError> {
+    if let Some(folder) = to.parent() {
+        fs::create_dir_all(folder).map_err(NativeError::io("could not create", folder))?;
+    }
+    output_of(
+        Command::new(toolchain.objcopy()?)
+            .arg("--strip-all")
+            .arg(from)
+            .arg(to),
+    )
+    .map(|_| ())
+}
+
+/// Rust's options by which no path of this machine gets into the library: two builds of one commit are the same, wherever they are.
+/// Of several that fit a path, the last counts.
+fn remapped(order: &Order<'_>, toolchain: &Toolchain) -> Vec<OsString> {
+    let option = |from: &Path, to: &str| {
+        let mut option = OsString::from("--remap-path-prefix=");
+        option.push(from);
+        option.push(format!("={to}"));
+        option
+    };
+    let target = std::path::absolute(order.target).unwrap_or(order.target.to_owned());
+    vec![
+        option(&toolchain.sysroot, "rust"),
+        option(&cargo_home(), "crates"),
+        option(order.repo, "mon3tr"),
+        option(&target, "target"),
+    ]
+}
+
+fn cargo_home() -> PathBuf {
+    std::env::var_os("CARGO_HOME").map_or_else(
+        || std::env::home_dir().unwrap_or_default().join(".cargo"),
+        PathBuf::from,
+    )
+}
+
+/// Cargo's own separator, so that paths may have blanks.
+fn joined(flags: &[OsString]) -> OsString {
+    flags.join("\u{1f}".as_ref())
+}

@@ -1,0 +1,122 @@
+//! `mon3tr apk`: the receiver as a package that a Quest installs. Builds its library, takes others' that `./run` has fetched, checks
+//! all of them, and packages and signs the lot.
+
+mod gather;
+mod install;
+mod report;
+
+use crate::report::check_writable;
+use crate::surroundings::cache;
+use android_native::native::{Order, Route, build};
+use anyhow::{Context, ensure};
+use apk::Signer;
+use gather::Gathered;
+use std::path::{Path, PathBuf};
+
+/// The package of this repository that is the app, and its library.
+const PACKAGE: &str = "mon3tr-android";
+const LIBRARY: &str = "main";
+/// The key that signs where none is given, in the cache: whoever deletes it has to uninstall the app before the next one.
+const DEBUG_KEY: &str = "android-debug-key.pem";
+
+/// Options of `apk`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Build it for use, not for debugging
+    #[arg(long)]
+    release: bool,
+    /// Add ONNX Runtime's QNN plugin and Qualcomm's libraries, for the NPU (Qualcomm's own licence)
+    #[arg(long)]
+    with_qnn: bool,
+    /// Install it on the headset that adb sees, and start it
+    #[arg(long)]
+    install: bool,
+    /// The package
+    #[arg(long, value_name = "FILE", default_value = "mon3tr-quest3.apk")]
+    out: PathBuf,
+    /// Sign with the key in this PKCS #12 key store [default: a debug key, made once and kept]
+    #[arg(long, value_name = "FILE", requires = "key_pass")]
+    keystore: Option<PathBuf>,
+    /// The key store's password
+    #[arg(
+        long,
+        value_name = "PASSWORD",
+        env = "MON3TR_KEY_PASS",
+        hide_env_values = true
+    )]
+    key_pass: Option<String>,
+    /// Which key of the key store, where it has several
+    #[arg(long, value_name = "ALIAS", requires = "keystore")]
+    key_alias: Option<String>,
+    /// Write what is in the package, and what was checked, as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Runs `apk`.
+pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    let repo = repository()?;
+    check_writable(&options.out)?;
+    if let Some(json) = &options.json {
+        check_writable(json)?;
+    }
+    let signer = signer(options)?;
+    let route = Route::find(Some(&repo.join(".cache/clang/run")))?;
+    let parts = gather::parts(&repo, options.with_qnn)?;
+    eprintln!(
+        "building the receiver for the headset, {}",
+        route.describe()
+    );
+    let target = repo.join("target/android");
+    let built = build(
+        &Order {
+            repo: &repo,
+            package: PACKAGE,
+            library: LIBRARY,
+            release: options.release,
+            target: &target,
+        },
+        &route,
+    )?;
+    let gathered = Gathered::new(&built, parts)?;
+    let contents = gathered.contents(&repo, &route, options.release)?;
+    let written = apk::write(&contents, &signer, &options.out)?;
+    // Beside the package: what turns the addresses of a backtrace into lines.
+    let symbols = options.out.with_extension("symbols.so");
+    std::fs::copy(&built.symbols, &symbols)
+        .with_context(|| format!("could not write {}", symbols.display()))?;
+    let report = report::Report::new(options, &route, &gathered, &written, &symbols);
+    print!("{report}");
+    report.write_json(options.json.as_deref())?;
+    if options.install {
+        install::install(&options.out, &written.package)?;
+    }
+    Ok(())
+}
+
+/// The repository this program was built from: the app is built from it too.
+fn repository() -> anyhow::Result<PathBuf> {
+    let repo = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let manifest = repo.join("android/AndroidManifest.xml");
+    ensure!(
+        manifest.is_file(),
+        "the app is built from its sources, and {} is not there: run this in a clone of the repository",
+        manifest.display()
+    );
+    repo.canonicalize()
+        .with_context(|| format!("could not find {}", repo.display()))
+}
+
+fn signer(options: &Options) -> anyhow::Result<Signer> {
+    let Some(store) = &options.keystore else {
+        let folder = cache()?;
+        crate::surroundings::make_folder(&folder)?;
+        return Ok(Signer::debug(&folder.join(DEBUG_KEY))?);
+    };
+    let password = options.key_pass.as_deref().unwrap_or_default();
+    Ok(Signer::from_pkcs12(
+        store,
+        password,
+        options.key_alias.as_deref(),
+    )?)
+}

@@ -1,0 +1,178 @@
+//! `mon3tr demo --display xr` where no runtime is active: it brings a Monado of its own, and leaves nothing of it.
+
+use super::viewer::can_draw;
+use crate::command::{Outcome, command, json, text};
+use crate::house::{count, wait_for};
+use mon3tr_tests::synthetic::Puppet;
+use reconstruct::bake::BAKE_VERSION;
+use rustix::process::{Pid, Signal, kill_process};
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+
+/// Whether Monado's programs are there, and no other runtime is; on CI both must be so.
+fn monado_alone() -> bool {
+    let there = std::env::var_os("MON3TR_MONADO").is_some_and(|one| PathBuf::from(one).is_dir());
+    let active = ["/etc/xdg", "/etc", "/usr/local/etc", "/usr/share"]
+        .iter()
+        .any(|folder| {
+            Path::new(folder)
+                .join("openxr/1/active_runtime.json")
+                .exists()
+        });
+    let why = match (there, active) {
+        (true, false) => return true,
+        (false, _) => "MON3TR_MONADO does not name a Monado's folder",
+        (true, true) => "another OpenXR runtime is active on this machine",
+    };
+    assert!(
+        std::env::var("CI").as_deref() != Ok("true"),
+        "no Monado: {why}"
+    );
+    println!("skipped: no Monado: {why}");
+    false
+}
+
+/// Processes that have `mark` in their environment.
+fn processes_with(mark: &str) -> Vec<String> {
+    let all = std::fs::read_dir("/proc").expect("Linux");
+    let all = all.filter_map(|entry| Some(entry.ok()?.path()));
+    let ours = all.filter(|process| {
+        // Others' cannot be read, and some end meanwhile.
+        let environment = std::fs::read(process.join("environ")).unwrap_or_default();
+        String::from_utf8_lossy(&environment).contains(mark)
+    });
+    let command = |process: PathBuf| {
+        let line = std::fs::read(process.join("cmdline")).unwrap_or_default();
+        String::from_utf8_lossy(&line).replace('\0', " ")
+    };
+    // One that has ended and is not waited for yet has neither.
+    ours.map(command).filter(|line| !line.is_empty()).collect()
+}
+
+/// A folder as a demo's cache, with a puppet where the demo person would lie, for the bake has a test of its own; and a place in it
+/// for all that is temporary, by which the demo's processes are known.
+struct Place {
+    folder: TempDir,
+    temporary: PathBuf,
+}
+
+impl Place {
+    fn make() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = |name: &str| folder.path().join(name);
+        for made in ["avatars", "tmp", "config"] {
+            std::fs::create_dir(file(made)).expect("a folder");
+        }
+        let avatar = file(&format!("avatars/demo-20000-v{BAKE_VERSION}.m3a"));
+        Puppet::small().avatar().save(&avatar).expect("a puppet");
+        let temporary = file("tmp");
+        Self { folder, temporary }
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// `demo --display xr` for so many frames.
+    fn demo(&self, frames: u32) -> Command {
+        let (out, figures) = (self.file("pictures"), self.file("figures.json"));
+        let mut demo = command(&["demo", "--display", "xr", "--gaussians", "20k"]);
+        demo.args(["--frames", &frames.to_string(), "--size", "480x360"])
+            .args(["--out", text(&out), "--json", text(&figures)])
+            .env("MON3TR_CACHE", self.folder.path())
+            .env("TMPDIR", &self.temporary)
+            .env("XDG_CONFIG_HOME", self.file("config"))
+            .env_remove("XR_RUNTIME_JSON")
+            .env_remove("XDG_RUNTIME_DIR");
+        demo
+    }
+
+    /// Waits until there is no process of the demo's, and demands that nothing temporary of it is left.
+    fn assert_left_clean(&self) {
+        let mark = format!("TMPDIR={}", text(&self.temporary));
+        wait_for("the end of all processes", || {
+            let left = processes_with(&mark);
+            left.is_empty().then_some(())
+        });
+        let left = std::fs::read_dir(&self.temporary).expect("the folder");
+        let left: Vec<_> = left.flatten().map(|entry| entry.file_name()).collect();
+        // ONNX Runtime leaves a file of its own for its next session.
+        let left: Vec<_> = left.iter().filter(|name| *name != ".ses").collect();
+        assert!(left.is_empty(), "left behind: {left:?}");
+    }
+}
+
+#[test]
+fn a_demo_that_is_asked_to_end_takes_its_processes_and_folders_along() {
+    if can_draw().is_none() || !monado_alone() {
+        return;
+    }
+    let place = Place::make();
+    let mut demo = place.demo(100_000);
+    demo.stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut demo = demo.spawn().expect("it can be started");
+    let said = BufReader::new(demo.stderr.take().expect("piped"));
+    // The receiver says so once everybody is there: Monado, the server and the sender.
+    let mut lines = said.lines().map_while(Result::ok);
+    let fetches = lines.any(|line| line.contains("fetching the avatar"));
+    assert!(fetches, "it ended before: {:?}", demo.try_wait());
+    let mark = format!("TMPDIR={}", text(&place.temporary));
+    assert!(processes_with(&mark).len() >= 5, "and itself");
+    kill_process(Pid::from_child(&demo), Signal::TERM).expect("it is there");
+    let status = demo.wait().expect("a child can be waited for");
+    assert!(!status.success(), "it was not shown to the end: {status}");
+    place.assert_left_clean();
+}
+
+#[test]
+fn a_demo_that_is_killed_takes_its_processes_along() {
+    if can_draw().is_none() || !monado_alone() {
+        return;
+    }
+    let place = Place::make();
+    let mut demo = place.demo(100_000);
+    demo.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut demo = demo.spawn().expect("it can be started");
+    let mark = format!("TMPDIR={}", text(&place.temporary));
+    wait_for("five processes", || {
+        (processes_with(&mark).len() >= 5).then_some(())
+    });
+    demo.kill().expect("it is there");
+    demo.wait().expect("a child can be waited for");
+    wait_for("the end of all processes", || {
+        processes_with(&mark).is_empty().then_some(())
+    });
+}
+
+#[test]
+fn the_demo_in_a_headset_leaves_both_eyes_pictures_and_the_sessions_figures_and_no_process() {
+    if can_draw().is_none() || !monado_alone() {
+        return;
+    }
+    let place = Place::make();
+    let shown = Outcome::of(&mut place.demo(60)).succeeds();
+
+    let figures = json(&place.file("figures.json"));
+    let headset = &figures["headset"];
+    assert_eq!(count(&headset["frames"], "shown"), 60, "{headset:#}");
+    assert_eq!(count(headset, "opened"), 1, "{headset:#}");
+    let runtime = headset["runtime"].as_str().unwrap_or_default();
+    assert!(runtime.contains("Monado"), "{runtime}");
+    for (list, least) in [("states", 10), ("granted", 3), ("missing", 3)] {
+        let long = headset[list].as_array().map(Vec::len);
+        assert!(long >= Some(least), "{list}: {headset:#}");
+    }
+    for word in ["states     idle ready", "granted    XR_", "missing    XR_"] {
+        assert!(shown.contains(word), "`{word}` is missing in:\n{shown}");
+    }
+    for name in ["left.png", "right.png", "stereo.png", "moments.png"] {
+        let picture = image::open(place.file("pictures").join(name));
+        let picture = picture.unwrap_or_else(|why| panic!("{name}: {why}"));
+        let colours = picture.into_rgb8();
+        let dark = colours.pixels().filter(|pixel| pixel.0[0] < 120).count();
+        assert!(dark > 500, "{name} shows nobody: {dark} dark pixels");
+    }
+    place.assert_left_clean();
+}

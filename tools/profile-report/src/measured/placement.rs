@@ -1,0 +1,126 @@
+//! Where stages run: what was chosen and why, what else was tried, and what could not be had.
+
+use super::{COLUMNS, HEADING};
+use app::{Alternative, PlacementReport, Stage, Unit};
+
+/// What runs where, and why.
+pub(super) fn chosen(placement: &PlacementReport) -> Vec<String> {
+    let mut lines = headed(
+        "placement",
+        &format!(
+            "{} on {} (asked for: {}): {}",
+            placement.plan, placement.provider, placement.requested, placement.reason
+        ),
+    );
+    for unit in Unit::ALL {
+        let its = placement.units.iter().filter(|(_, on)| *on == unit);
+        let names: Vec<&str> = its.map(|(stage, _)| short(*stage)).collect();
+        if !names.is_empty() {
+            lines.extend(headed(
+                "",
+                &format!("{}: {}", unit.name(), names.join(", ")),
+            ));
+        }
+    }
+    let form = format!("{:?}", placement.graph).to_lowercase();
+    let nodes = format!("graph: {form}, nodes on {}", placement.landing);
+    lines.extend(headed("", &nodes));
+    lines
+}
+
+/// What was to choose from: times of what was tried, reasons for what was not.
+pub(super) fn tried(placement: &PlacementReport) -> Vec<String> {
+    let mut lines = Vec::new();
+    let times = placement.alternatives.iter().filter_map(|one| {
+        let costs = one.costs.as_ref()?;
+        Some((one, costs, one.predicted_ms?))
+    });
+    for (one, costs, predicted) in times {
+        if lines.is_empty() {
+            lines.push(format!(
+                "{:<29} {:>9} {:>9} {:>12} {:>9} {:>13}",
+                "placement, ms", "inference", "bind", "interpolate", "draw", "picture after"
+            ));
+        }
+        let is_chosen = placement.is_chosen(one);
+        lines.push(format!(
+            "{:<29} {:>9.2} {:>9.2} {:>12.2} {:>9.2} {predicted:>13.2}{}",
+            format!("{} on {}", one.plan, one.provider),
+            costs.inference,
+            costs.bind,
+            costs.interpolate,
+            costs.draw,
+            if is_chosen { "   <- chosen" } else { "" }
+        ));
+    }
+    let mut reasons: Vec<&str> = Vec::new();
+    for reason in placement.alternatives.iter().filter_map(refusal) {
+        if !reasons.contains(&reason) {
+            reasons.push(reason);
+        }
+    }
+    for reason in reasons {
+        let who = refused_for(&placement.alternatives, reason).join(", ");
+        let reason: Vec<&str> = reason.split_whitespace().collect();
+        lines.extend(wrapped("", 4, &format!("not {who}: {}", reason.join(" "))));
+    }
+    lines
+}
+
+fn refusal(one: &Alternative) -> Option<&str> {
+    one.refused.as_deref()
+}
+
+/// Whose refusal that is: a provider, if it is that of all of its plans.
+fn refused_for(alternatives: &[Alternative], reason: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    for of_provider in alternatives.chunk_by(|one, next| one.provider == next.provider) {
+        let mut refused = of_provider
+            .iter()
+            .filter(|one| refusal(one) == Some(reason))
+            .peekable();
+        let Some(first) = refused.peek() else {
+            continue;
+        };
+        let provider = first.provider;
+        if of_provider.iter().all(|one| refusal(one) == Some(reason)) {
+            names.push(provider.to_string());
+        } else {
+            let plans: Vec<&str> = refused.map(|one| one.plan.name()).collect();
+            names.push(format!("{} on {provider}", plans.join(", ")));
+        }
+    }
+    names
+}
+
+/// A stage's name without what it stands for.
+fn short(stage: Stage) -> &'static str {
+    let name = stage.name();
+    name.split_once(" (").map_or(name, |(short, _)| short)
+}
+
+/// Lines of `text`, indented but for `heading` before the first.
+pub(crate) fn headed(heading: &str, text: &str) -> Vec<String> {
+    wrapped(heading, HEADING, text)
+}
+
+/// Lines of `text`, each `indented`, with `heading` before the first.
+fn wrapped(heading: &str, indented: usize, text: &str) -> Vec<String> {
+    let mut lines = vec![format!("{heading:<indented$}")];
+    let mut is_empty = true;
+    for word in text.split_whitespace() {
+        let line = lines.last().map_or(0, |line| line.chars().count());
+        if !is_empty && line + 1 + word.chars().count() > COLUMNS {
+            lines.push(" ".repeat(indented));
+            is_empty = true;
+        }
+        if let Some(line) = lines.last_mut() {
+            if !is_empty {
+                line.push(' ');
+            }
+            line.push_str(word);
+            is_empty = false;
+        }
+    }
+    lines
+}
