@@ -161,7 +161,7 @@ mod tests {
 
     fn everything() -> ExtensionSet {
         let mut set = ExtensionSet::default();
-        for wanted in OPTIONAL.iter().chain([&REQUIRED]) {
+        for wanted in OPTIONAL.iter().chain(REQUIRED) {
             (wanted.put_in)(&mut set);
         }
         set
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn names_are_the_crates_own() {
-        for wanted in OPTIONAL.iter().chain([&REQUIRED]) {
+        for wanted in OPTIONAL.iter().chain(REQUIRED) {
             let mut set = ExtensionSet::default();
             (wanted.put_in)(&mut set);
             let names: Vec<String> = set

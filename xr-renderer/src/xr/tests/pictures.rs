@@ -52,6 +52,7 @@ fn show(change: impl FnOnce(&mut World), made: Made, gaussians: &[PackedGaussian
     let options = SessionOptions {
         room: true,
         read_back: true,
+        display_hz: None,
     };
     let mut session = Session::new(&headset, options).expect("a session");
     session.poll().expect("polled");
