@@ -69,7 +69,7 @@ pub fn build(order: &Order<'_>, route: &Route) -> Result<Built, NativeError> {
             let folder = order.target.join("without-ndk");
             let folder =
                 std::path::absolute(&folder).map_err(NativeError::io("could not find", &folder))?;
-            without_ndk::prepare(order.repo, &toolchain, &folder)?
+            without_ndk::prepare(order.repo, &toolchain, &folder, &joined(&flags))?
         }
     };
     cargo
@@ -93,8 +93,15 @@ fn strip(toolchain: &Toolchain, from: &Path, to: &Path) -> Result<(), NativeErro
     if let Some(folder) = to.parent() {
         fs::create_dir_all(folder).map_err(NativeError::io("could not create", folder))?;
     }
+    let libraries = if cfg!(target_os = "macos") {
+        "DYLD_LIBRARY_PATH"
+    } else {
+        "LD_LIBRARY_PATH"
+    };
     output_of(
         Command::new(toolchain.objcopy()?)
+            // Rust's LLVM, which it finds only where cargo or rustc starts it.
+            .env(libraries, toolchain.sysroot.join("lib"))
             .arg("--strip-all")
             .arg(from)
             .arg(to),

@@ -3,6 +3,7 @@
 //! A library to link against needs no code: the linker asks it for names alone, and the headset has the real one. So each is made
 //! from the list of what the platform publishes, and a name that Android does not have is an error of the linker.
 
+use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,11 +16,13 @@ use crate::elf::Platform;
 /// An archive of nothing: the linker wants some input.
 const EMPTY_ARCHIVE: &[u8] = b"!<arch>\n";
 
-/// Makes what is missing below `folder`, and returns the linker for cargo: a script whose name tells Rust what kind it is.
+/// Makes what is missing below `folder`, and returns the linker for cargo: a script whose name tells Rust what kind it is. `flags` are
+/// rustc's, as cargo takes them encoded.
 pub(super) fn prepare(
     repo: &Path,
     toolchain: &Toolchain,
     folder: &Path,
+    flags: &OsStr,
 ) -> Result<PathBuf, NativeError> {
     let lld = toolchain.linker()?;
     fs::create_dir_all(folder).map_err(NativeError::io("could not create", folder))?;
@@ -27,7 +30,7 @@ pub(super) fn prepare(
     for (library, names) in Platform::api_29().listed() {
         stand_in(&lld, folder, library, names.iter().copied())?;
     }
-    unwinder(repo, folder)?;
+    unwinder(repo, folder, flags)?;
     let script = folder.join("ld.lld");
     write(&script, linker_script(&lld, folder).as_bytes())?;
     make_executable(&script)?;
@@ -58,7 +61,7 @@ fn stand_in<'a>(
 }
 
 /// `libunwind.a`, built from a crate.
-fn unwinder(repo: &Path, folder: &Path) -> Result<(), NativeError> {
+fn unwinder(repo: &Path, folder: &Path, flags: &OsStr) -> Result<(), NativeError> {
     let target = folder.join("unwind");
     let mut cargo = cargo(repo);
     cargo
@@ -74,6 +77,7 @@ fn unwinder(repo: &Path, folder: &Path) -> Result<(), NativeError> {
         .arg(repo.join("tools/android-native/unwind/Cargo.toml"))
         .arg("--target-dir")
         .arg(&target)
+        .env("CARGO_ENCODED_RUSTFLAGS", flags)
         // The crate uses features of the compiler that are not stable; nothing else is built so.
         .env("RUSTC_BOOTSTRAP", "1");
     run(&mut cargo, "to build the stack unwinder")?;
@@ -83,15 +87,28 @@ fn unwinder(repo: &Path, folder: &Path) -> Result<(), NativeError> {
         .map_err(NativeError::io("could not copy", &built))
 }
 
-/// Cargo, without what an outer cargo or the user's shell would have it do to the build.
+/// Cargo, without what the user's shell would have it do to the build, and without what an outer cargo says of its own package:
+/// build scripts look at that, and would run again whenever another package's program asks.
 pub(super) fn cargo(repo: &Path) -> Command {
+    const FROM_OUTSIDE: [&str; 9] = [
+        "CARGO_ENCODED_RUSTFLAGS",
+        "RUSTFLAGS",
+        "CARGO_TARGET_DIR",
+        "CARGO_BUILD_TARGET",
+        "CARGO_MANIFEST_DIR",
+        "CARGO_MANIFEST_PATH",
+        "CARGO_CRATE_NAME",
+        "CARGO_BIN_NAME",
+        "CARGO_PRIMARY_PACKAGE",
+    ];
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
-    cargo
-        .current_dir(repo)
-        .env_remove("CARGO_ENCODED_RUSTFLAGS")
-        .env_remove("RUSTFLAGS")
-        .env_remove("CARGO_TARGET_DIR")
-        .env_remove("CARGO_BUILD_TARGET");
+    cargo.current_dir(repo);
+    for (name, _) in std::env::vars_os() {
+        let text = name.to_string_lossy();
+        if FROM_OUTSIDE.contains(&&*text) || text.starts_with("CARGO_PKG_") {
+            cargo.env_remove(&name);
+        }
+    }
     cargo
 }
 
