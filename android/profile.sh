@@ -4,7 +4,8 @@
 set -euo pipefail
 
 repo=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")/.." && pwd)
-apk=$repo/out/mon3tr-quest3.apk
+apk=$repo/mon3tr-quest3.apk
+avatar=${MON3TR_CACHE:-$repo/.cache}/avatars/demo-60000-v3.m3a
 seconds=60
 out=$repo/out/profile-quest
 serial=
@@ -14,11 +15,12 @@ usage() {
 	cat <<'HELP'
 Usage: android/profile.sh [OPTIONS] [APK]
 
-Installs APK [default: out/mon3tr-quest3.apk] on the headset that adb sees, starts it to measure the demo avatar, waits, and fetches
+Installs APK [default: mon3tr-quest3.apk, where ./run apk leaves it] on the headset that adb sees, starts it to measure the demo avatar, waits, and fetches
 profile.html, trace.json (for ui.perfetto.dev), profile.json and profile.txt, the table, which it prints. Wear the headset, or cover
 the sensor between its lenses: it draws nothing while it is not worn.
 
-  --seconds N        how long to measure, 1 to 3600 [default: 60]
+  --seconds N        how long to measure, 5 to 3600 [default: 60]
+  --avatar FILE      whom to show [default: the demo avatar, which ./run demo or ./run bake leaves in .cache]
   --out FOLDER       where the files go [default: out/profile-quest]
   --device SERIAL    which headset, where there are several (adb devices lists them)
   --no-install       measure with the app that is installed
@@ -39,6 +41,7 @@ while [ $# != 0 ]; do
 	case $1 in
 	-h | --help) usage && exit ;;
 	--seconds) wanted "$@" && seconds=$2 && shift ;;
+	--avatar) wanted "$@" && avatar=$2 && shift ;;
 	--out) wanted "$@" && out=$2 && shift ;;
 	--device) wanted "$@" && serial=$2 && shift ;;
 	--no-install) install=0 ;;
@@ -51,12 +54,14 @@ while [ $# != 0 ]; do
 	shift
 done
 # At most a million: the shell's arithmetic has an end, and a number that begins with 0 would be read as octal.
-if [[ ! $seconds =~ ^[1-9][0-9]{0,3}$ ]] || [ "$seconds" -gt 3600 ]; then
-	die "--seconds $seconds is not a whole number of 1 to 3600"
+if [[ ! $seconds =~ ^[1-9][0-9]{0,3}$ ]] || [ "$seconds" -lt 5 ] || [ "$seconds" -gt 3600 ]; then
+	die "--seconds $seconds is not a whole number of 5 to 3600"
 fi
 if [ "$install" = 1 ] && [ ! -f "$apk" ]; then
 	die "there is no $apk: build it, name another APK, or measure with the installed one (--no-install)"
 fi
+
+[ -f "$avatar" ] || die "there is no avatar $avatar: run ./run demo once, or name another package with --avatar"
 
 manifest=$repo/android/AndroidManifest.xml
 package=$(sed -n 's/^[[:space:]]*\(<manifest .*\)\{0,1\}package="\([A-Za-z0-9_.]*\)".*/\2/p' "$manifest" | head -n 1)
@@ -123,6 +128,8 @@ fi
 
 # An earlier profile's end must not be taken for this one's.
 device shell "am force-stop $package; rm -f $folder/finished" </dev/null >/dev/null || die "$serial does not answer"
+device shell "mkdir -p ${folder%/*}" </dev/null >/dev/null || die "$serial lets nobody write to ${folder%/*}"
+said=$(device push "$avatar" "${folder%/*}/avatar.m3a" 2>&1) || die "adb could not copy $avatar: ${said##*$'\n'}"
 device logcat -c 2>/dev/null || true
 printf 'Measuring for %s s; keep the headset on\n' "$seconds"
 said=$(device shell "am start -n $package/android.app.NativeActivity --es profile $seconds" </dev/null 2>&1) || said="Error: $said"

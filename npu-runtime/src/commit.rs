@@ -29,6 +29,24 @@ pub(crate) fn commit(
     graph: &Graph<'_>,
     provider: Provider,
 ) -> Result<Committed, RuntimeError> {
+    apart(|| commit_here(runtime, graph, provider))
+}
+
+/// Does `work` on a thread of its own: a session leaves the thread that makes it without denormal numbers (`with_flush_to_zero`),
+/// and whoever asks for one may go on to check a package's numbers bit by bit.
+fn apart<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    std::thread::scope(|scope| {
+        let work = scope.spawn(work);
+        work.join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
+}
+
+fn commit_here(
+    runtime: &Runtime,
+    graph: &Graph<'_>,
+    provider: Provider,
+) -> Result<Committed, RuntimeError> {
     match provider {
         Provider::Qnn { target } => qnn(runtime, graph, target),
         Provider::Nnapi | Provider::Xnnpack { .. } | Provider::Cpu { .. } => {
@@ -49,14 +67,7 @@ pub(crate) fn commit(
 pub fn compile(runtime: &Runtime, onnx: &[u8], target: QnnTarget) -> Result<Vec<u8>, RuntimeError> {
     let plugin = plugin(runtime)?;
     let folder = std::env::temp_dir();
-    // On a thread of its own: a session leaves the thread that makes it without denormal numbers (`with_flush_to_zero`), and
-    // whoever compiles goes on to check a package's numbers bit by bit.
-    std::thread::scope(|scope| {
-        scope
-            .spawn(|| Ok(compile_into(&folder, runtime, plugin, onnx, target)?.0))
-            .join()
-            .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })
+    apart(|| Ok(compile_into(&folder, runtime, plugin, onnx, target)?.0))
 }
 
 fn qnn(runtime: &Runtime, graph: &Graph<'_>, target: QnnTarget) -> Result<Committed, RuntimeError> {

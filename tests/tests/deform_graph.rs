@@ -10,6 +10,15 @@ use spmm3::{ATTRIBUTES, Avatar, SkinningTransforms};
 use std::io::Cursor;
 
 #[test]
+fn a_session_leaves_its_makers_arithmetic_as_it_was() {
+    let Some(runtime) = runtime() else { return };
+    let half = || std::hint::black_box(f32::MIN_POSITIVE) * std::hint::black_box(0.5);
+    assert!(half() > 0.0, "subnormal numbers are numbers");
+    let _session = session(&runtime, &Puppet::small().avatar(), GraphParts::Whole);
+    assert!(half() > 0.0, "and still are");
+}
+
+#[test]
 fn the_graph_poses_mesh_and_attributes_as_in_f64() {
     let Some(runtime) = runtime() else { return };
     let puppet = Puppet::small();

@@ -57,6 +57,7 @@ impl Headset {
         );
         new.write("repo/android/AndroidManifest.xml", &manifest);
         new.write("some.apk", "an APK");
+        new.write("repo/.cache/avatars/demo-60000-v3.m3a", "an avatar");
         new.write("bin/adb", ADB);
         fs::set_permissions(new.path("bin/adb"), fs::Permissions::from_mode(0o755))
             .expect("it can be made a program");
@@ -102,6 +103,7 @@ impl Headset {
             .args(arguments)
             .env("PATH", format!("{}:{path}", self.path("bin").display()))
             .env("HEADSET", self.path("headset"))
+            .env_remove("MON3TR_CACHE")
             .env("MON3TR_PROFILE_POLL", "0.01")
             .env("MON3TR_PROFILE_PATIENCE", "0")
             .output()
@@ -137,12 +139,28 @@ fn a_profile_is_installed_run_awaited_fetched_and_printed() {
         at.unwrap_or_else(|| panic!("{what} is not in\n{}", run.calls))
     };
     let old = format!("rm -f /sdcard/Android/data/{PACKAGE}/files/profile/finished");
+    let avatar = headset.path("repo/.cache/avatars/demo-60000-v3.m3a");
+    let pushed = format!(
+        "push {} /sdcard/Android/data/{PACKAGE}/files/avatar.m3a",
+        avatar.display()
+    );
     let pulled = format!("pull /sdcard/Android/data/{PACKAGE}/files/profile/profile.json");
     assert!(
-        at("install -r") < at(&old) && at(&old) < at(&wanted) && at(&wanted) < at(&pulled),
+        at("install -r") < at(&old)
+            && at(&old) < at(&pushed)
+            && at(&pushed) < at(&wanted)
+            && at(&wanted) < at(&pulled),
         "in this order:\n{}",
         run.calls
     );
+}
+
+#[test]
+fn a_missing_avatar_is_told_before_anything_is_installed() {
+    let headset = Headset::new();
+    let run = headset.run(&["--avatar", "none.m3a", "--out", "OUT", "APK"]);
+    assert_fails(&run, "there is no avatar none.m3a");
+    assert!(!run.calls.contains("install"), "{}", run.calls);
 }
 
 #[test]
@@ -173,7 +191,7 @@ fn an_app_that_says_why_it_could_not_measure_is_believed() {
 fn an_app_that_never_ends_is_not_awaited_for_ever() {
     let headset = Headset::new();
     headset.write("headset/finished", "");
-    let run = headset.run(&["--seconds", "1", "--out", "OUT", "APK"]);
+    let run = headset.run(&["--seconds", "5", "--out", "OUT", "APK"]);
     assert_fails(&run, "was the headset worn?");
 }
 
@@ -268,12 +286,12 @@ fn an_activity_that_does_not_exist_is_told() {
 fn wrong_arguments_are_refused_before_anything_is_asked_of_a_headset() {
     let headset = Headset::new();
     for (arguments, said) in [
-        (&["--seconds", "0", "APK"][..], "whole number of 1 to 3600"),
+        (&["--seconds", "0", "APK"][..], "whole number of 5 to 3600"),
         (
             &["--seconds", "5; reboot", "APK"],
-            "whole number of 1 to 3600",
+            "whole number of 5 to 3600",
         ),
-        (&["--seconds", "08", "APK"], "whole number of 1 to 3600"),
+        (&["--seconds", "08", "APK"], "whole number of 5 to 3600"),
         (&["--seconds"], "--seconds needs a value"),
         (&["--fast", "APK"], "no option --fast"),
         (&["APK", "APK"], "one APK is enough"),

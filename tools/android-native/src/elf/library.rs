@@ -173,7 +173,8 @@ fn text(bytes: &[u8]) -> String {
 }
 
 /// Every `lib....so` in the data. Texts of a Rust program follow one another without a mark between them, so a name ends at its
-/// first `.so`.
+/// first `.so`. Words of four letters that a compiler keeps as numbers follow one another just so: what has capitals is taken for
+/// those, but for Qualcomm's names.
 fn named_libraries(data: &[u8]) -> BTreeSet<String> {
     const LONGEST: RangeInclusive<usize> = 7..=64;
     let mut found = BTreeSet::new();
@@ -186,12 +187,17 @@ fn named_libraries(data: &[u8]) -> BTreeSet<String> {
         let run = &data[begin..end];
         if let Some(lib) = run.windows(3).rposition(|three| three == b"lib") {
             let name = &data[begin + lib..end + 3];
-            if LONGEST.contains(&name.len()) {
+            if LONGEST.contains(&name.len()) && is_likely(&name[3..]) {
                 found.insert(text(name));
             }
         }
     }
     found
+}
+
+/// Whether libraries are called so, after their `lib`.
+fn is_likely(name: &[u8]) -> bool {
+    name.starts_with(b"Qnn") || !name.iter().any(u8::is_ascii_uppercase)
 }
 
 /// Where `needle` stands in `data`.

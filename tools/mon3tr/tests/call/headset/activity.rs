@@ -69,8 +69,18 @@ impl Activity {
     fn shows_more(&mut self) {
         let before = self.frames();
         wait_for("frames of people", || {
+            let said = self.program.said();
+            assert!(!said.contains("ERROR"), "trouble instead of people");
             (self.frames() >= before + 5).then_some(())
         });
+    }
+}
+
+impl Drop for Activity {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            println!("the activity said:\n{}", self.program.said());
+        }
     }
 }
 
@@ -168,7 +178,7 @@ fn an_activity_measures_the_avatar_in_its_folder_and_writes_the_profile() {
     let house = House::open();
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::copy(&house.avatar, folder.path().join("avatar.m3a")).expect("an avatar");
-    let task = Some((PROFILE, "3"));
+    let task = Some((PROFILE, "5"));
     let mut activity = Activity::make(&house, &monado, folder.path(), task);
     activity.says("start");
     activity.says("resume");
