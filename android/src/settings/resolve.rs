@@ -8,8 +8,8 @@ use link::{HttpError, RoomLink};
 use log::LevelFilter;
 use std::time::Duration;
 
-/// People that one room of the viewer's is shared with; the renderer has eight places.
-const MOST_ROOMS: usize = 8;
+/// People that one room of the viewer's is shared with: of the renderer's eight places one is the scenery's.
+const MOST_ROOMS: usize = 7;
 
 /// Bytes of packages that are kept.
 const CACHE: u64 = 512_000_000;
