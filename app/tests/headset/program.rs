@@ -1,6 +1,6 @@
 //! The program under test: a puppet that dances, shown in the headset that the environment names, and what that came to.
 
-use app::headset::{Seen, Showing, Watcher, show};
+use app::headset::{Control, Seen, Showing, Watcher, show};
 use app::hold::HoldMode;
 use app::{
     BridgeState, LaneOptions, Lanes, LatencyMode, MotionSource, Offer, OverlayWatch, PictureTimes,
@@ -104,9 +104,11 @@ fn obey(orders: &Orders) -> serde_json::Value {
         session: SessionOptions {
             room: false,
             read_back: true,
+            display_hz: None,
         },
         skeletons: vec![avatar.skeleton.clone()],
         overlay,
+        control: Control::default(),
     };
     let figures = show(&mut lanes, headset, showing, &mut witness).expect("it is shown");
     let pictures = lanes.collector().pictures().copied().collect();
