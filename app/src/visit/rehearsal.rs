@@ -66,9 +66,10 @@ mod tests {
 
     #[test]
     fn motions_come_in_order_at_their_rate_and_begin_again() {
-        let at = |x| MotionParams {
-            root_translation: Vec3::X * x,
-            ..MotionParams::default()
+        let at = |x| {
+            let mut motion = MotionParams::default();
+            motion.root_translation = Vec3::X * x;
+            motion
         };
         let mut rehearsal = Rehearsal::new(vec![at(1.0), at(2.0), at(3.0)], 200.0);
         let poses: Vec<_> = (0..7)
