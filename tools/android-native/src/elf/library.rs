@@ -173,8 +173,8 @@ fn text(bytes: &[u8]) -> String {
 }
 
 /// Every `lib....so` in the data. Texts of a Rust program follow one another without a mark between them, so a name ends at its
-/// first `.so`. Words of four letters that a compiler keeps as numbers follow one another just so: what has capitals is taken for
-/// those, but for Qualcomm's names.
+/// first `.so`. Words of four letters that a compiler keeps as numbers follow one another just so: what has capitals, in the middle
+/// of a text, is taken for those, but for Qualcomm's names.
 fn named_libraries(data: &[u8]) -> BTreeSet<String> {
     const LONGEST: RangeInclusive<usize> = 7..=64;
     let mut found = BTreeSet::new();
@@ -187,7 +187,8 @@ fn named_libraries(data: &[u8]) -> BTreeSet<String> {
         let run = &data[begin..end];
         if let Some(lib) = run.windows(3).rposition(|three| three == b"lib") {
             let name = &data[begin + lib..end + 3];
-            if LONGEST.contains(&name.len()) && is_likely(&name[3..]) {
+            let stands_alone = lib == 0;
+            if LONGEST.contains(&name.len()) && (stands_alone || is_likely(&name[3..])) {
                 found.insert(text(name));
             }
         }
@@ -195,7 +196,7 @@ fn named_libraries(data: &[u8]) -> BTreeSet<String> {
     found
 }
 
-/// Whether libraries are called so, after their `lib`.
+/// Whether libraries are called so, after their `lib`, rather than words that follow one another.
 fn is_likely(name: &[u8]) -> bool {
     name.starts_with(b"Qnn") || !name.iter().any(u8::is_ascii_uppercase)
 }

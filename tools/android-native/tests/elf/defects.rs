@@ -173,6 +173,9 @@ fn a_library_that_is_only_opened_by_name_is_looked_for_too() {
     // Texts of a Rust program follow one another without a mark.
     data.extend(b"could not open libX11.solibvulkan.so or libmain.so");
     assert_eq!(faults(&data), [Fault::Opens("libX11.so".to_owned())]);
+    // As a compiler keeps words of four letters.
+    data.extend(b"dh_gZlibNodesaidnoneat_s.so.");
+    assert_eq!(faults(&data), [Fault::Opens("libX11.so".to_owned())]);
     // Of others' libraries that is no fault: they name what they can do without.
     let library = read("libmain.so", &data);
     assert_eq!(check_library(&library, &[], &Platform::api_29(), None), []);
