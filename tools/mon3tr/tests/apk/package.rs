@@ -196,8 +196,11 @@ fn no_path_of_this_machine_is_in_its_library_and_names_for_backtraces_lie_beside
     let symbols = std::fs::read(built.file.with_extension("symbols.so")).expect("beside it");
     assert!(!contains(own, shown(&repo).as_bytes()), "{repo:?}");
     assert!(!contains(own, b"/.cargo/registry"), "crates' sources");
-    assert!(!contains(own, b".debug_line"), "it is stripped");
-    assert!(contains(&symbols, b".debug_line"), "these are not");
+    // Most of an unstripped library is for debuggers.
+    assert!(
+        own.len() * 2 < symbols.len(),
+        "it is stripped, these are not"
+    );
 }
 
 fn contains(data: &[u8], wanted: &[u8]) -> bool {
