@@ -1,7 +1,7 @@
 //! The call in a headset, as the activity's life drives it. This is the one place where the app meets the receiver.
 //!
-//! A thread of its own finds the headset and shows in it what the app was started for: a call ([`call`]), a measurement
-//! ([`profile`]), or what is missing. The activity's thread pauses, resumes and ends it through a [`Control`].
+//! A thread of its own finds the headset and shows in it what the app was started for: a call (`call.rs`), a measurement
+//! (`profile.rs`), or what is missing. The activity's thread pauses, resumes and ends it through a [`Control`].
 
 mod call;
 mod missing;
