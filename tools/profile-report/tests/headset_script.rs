@@ -327,6 +327,7 @@ fn a_computer_without_adb_is_told_where_to_get_it() {
         .arg(headset.path("repo/android/profile.sh"))
         .arg(headset.path("some.apk"))
         .env("PATH", &tools)
+        .env_remove("MON3TR_CACHE")
         .output()
         .expect("bash runs");
     let said = String::from_utf8_lossy(&output.stderr);
