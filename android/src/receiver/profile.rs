@@ -13,7 +13,7 @@ use profile_report::machine::{EVERY, Sysfs, Watch};
 use profile_report::{AvatarFigures, Conditions, Folder, Measured, Memory, Report};
 use serde_json::Value;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use xr_renderer::Gpu;
@@ -100,7 +100,8 @@ fn measure(
     };
     let latency = settings.latency.value;
     let report = Report {
-        avatar: figures(&avatar, path)?,
+        avatar: AvatarFigures::of(&avatar, &path)
+            .with_context(|| format!("cannot read {}", path.display()))?,
         conditions: conditions(&party, &gpu, &runtime, latency),
         memory,
         machine: machine.finish(begin, end),
@@ -141,21 +142,6 @@ impl Watcher for Clock {
     }
 
     fn seen(&mut self, _seen: Seen<'_>) {}
-}
-
-fn figures(avatar: &Avatar, package: PathBuf) -> anyhow::Result<AvatarFigures> {
-    let package_bytes = std::fs::metadata(&package)
-        .with_context(|| format!("cannot read {}", package.display()))?
-        .len();
-    Ok(AvatarFigures {
-        name: avatar.name.clone(),
-        package,
-        package_bytes,
-        vertices: avatar.template.vertices().len(),
-        triangles: avatar.template.faces().len(),
-        gaussians: avatar.gaussians.len(),
-        controllers: avatar.controllers.vertices().len(),
-    })
 }
 
 fn conditions<S>(

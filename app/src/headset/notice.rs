@@ -26,9 +26,8 @@ impl NoticeBoard {
     }
 }
 
-/// Shows what is on the board until `is_over`. When the headset goes away it is waited for.
-///
-/// Returns whether `is_over` ended it: else the viewer has closed the program, from the headset's own menu.
+/// Shows what is on the board until `is_over`, or the viewer closes the program from the headset's own menu. When the headset goes
+/// away it is waited for.
 ///
 /// # Errors
 /// If the headset cannot be shown anything.
@@ -37,14 +36,13 @@ pub fn show_notice(
     board: &NoticeBoard,
     control: &Control,
     is_over: impl Fn() -> bool,
-) -> Result<bool, HeadsetError> {
+) -> Result<(), HeadsetError> {
     let is_over = || is_over() || control.is_leaving();
     while control.begin_work() {
         let outcome = until_over(found, board, control, &is_over);
         control.end_work();
         match outcome {
-            Ok(None) => return Ok(true),
-            Ok(Some(Over::Left)) => return Ok(false),
+            Ok(None | Some(Over::Left)) => return Ok(()),
             Ok(Some(Over::Lost)) => log::warn!("the headset is gone; waiting for it"),
             Err(HeadsetError::Headset(error)) if error.is_loss() => {
                 log::warn!("{error}; waiting for it");
@@ -55,7 +53,7 @@ pub fn show_notice(
             break;
         }
     }
-    Ok(true)
+    Ok(())
 }
 
 /// One session; nothing if `is_over` ended it.

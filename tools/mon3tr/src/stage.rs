@@ -130,18 +130,8 @@ pub(crate) fn load_avatar(path: &Path) -> anyhow::Result<(Arc<Avatar>, AvatarFig
     );
     let avatar = Avatar::load(path)
         .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
-    let package_bytes = std::fs::metadata(path)
-        .with_context(|| format!("cannot read {}", path.display()))?
-        .len();
-    let figures = AvatarFigures {
-        name: avatar.name.clone(),
-        package: path.to_path_buf(),
-        package_bytes,
-        vertices: avatar.template.vertices().len(),
-        triangles: avatar.template.faces().len(),
-        gaussians: avatar.gaussians.len(),
-        controllers: avatar.controllers.vertices().len(),
-    };
+    let figures = AvatarFigures::of(&avatar, path)
+        .with_context(|| format!("cannot read {}", path.display()))?;
     Ok((Arc::new(avatar), figures))
 }
 

@@ -5,7 +5,9 @@ use crate::{Measured, Memory};
 use app::CallFigures;
 use serde::Serialize;
 use serde_json::Value;
-use std::path::PathBuf;
+use spmm3::Avatar;
+use std::io;
+use std::path::{Path, PathBuf};
 
 /// Everything a profile prints and writes.
 #[derive(Debug, Serialize)]
@@ -45,6 +47,24 @@ pub struct AvatarFigures {
     pub gaussians: usize,
     /// Controllers N_c.
     pub controllers: usize,
+}
+
+impl AvatarFigures {
+    /// Of an avatar that was read from the file `package`.
+    ///
+    /// # Errors
+    /// If the file is gone.
+    pub fn of(avatar: &Avatar, package: &Path) -> io::Result<Self> {
+        Ok(Self {
+            name: avatar.name.clone(),
+            package: package.to_path_buf(),
+            package_bytes: std::fs::metadata(package)?.len(),
+            vertices: avatar.template.vertices().len(),
+            triangles: avatar.template.faces().len(),
+            gaussians: avatar.gaussians.len(),
+            controllers: avatar.controllers.vertices().len(),
+        })
+    }
 }
 
 /// What was measured on.
