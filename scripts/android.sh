@@ -5,8 +5,10 @@
 #   $MON3TR_CACHE/clang/run                    `run ARGS...` is clang with ARGS, under the same process id
 #   $MON3TR_CACHE/android-parts/FILE           the libraries; parts.json beside them says what they are and where they are from
 #   $MON3TR_CACHE/android-parts-qnn/FILE       those for the NPU, which only --with-qnn asks for
+#   $MON3TR_CACHE/android-parts-rehearsal/FILE those that the rehearsal executes on this machine's processor
 
 android_target=aarch64-linux-android
+rehearsal_target=x86_64-linux-android
 clang_lock=$repo/scripts/clang-$debian_arch.lock
 android_parts_lock=$repo/scripts/android-parts.lock
 maven=${MON3TR_MAVEN_MIRROR:-https://repo1.maven.org/maven2}
@@ -17,17 +19,23 @@ has_ndk() {
 	[ -n "${ANDROID_NDK_HOME:-}${ANDROID_NDK_ROOT:-}" ] || [ -n "$(ls -d "${ANDROID_HOME:-/nonexistent}"/ndk/*/ 2>/dev/null)" ]
 }
 
-android_target_is_there() {
-	[ -d "$(cd "$repo" && rustc --print target-libdir --target "$android_target" 2>/dev/null)" ]
+# rust_target_is_there TARGET
+rust_target_is_there() {
+	[ -d "$(cd "$repo" && rustc --print target-libdir --target "$1" 2>/dev/null)" ]
 }
 
-install_android_target() {
+# install_rust_target TARGET
+install_rust_target() {
 	command -v rustup >/dev/null ||
-		die "this Rust has no standard library for $android_target, and there is no rustup to get it with: install Rust by https://rustup.rs, or your distribution's package of that library"
-	say "Fetching Rust's standard library for $android_target"
-	(cd "$repo" && rustup target add "$android_target") >/dev/null 2>&1 ||
-		die "rustup could not get $android_target: run 'rustup target add $android_target' to see why"
+		die "this Rust has no standard library for $1, and there is no rustup to get it with: install Rust by https://rustup.rs, or your distribution's package of that library"
+	say "Fetching Rust's standard library for $1"
+	(cd "$repo" && rustup target add "$1") >/dev/null 2>&1 ||
+		die "rustup could not get $1: run 'rustup target add $1' to see why"
 }
+
+install_android_target() { install_rust_target "$android_target"; }
+
+install_rehearsal_target() { install_rust_target "$rehearsal_target"; }
 
 # Raise this when what is unpacked, trimmed or written into the wrapper changes.
 clang_pins() { lock_pins "$clang_lock" 1; }
@@ -76,6 +84,7 @@ android_parts_are_there() {
 	case $1 in
 	base) [ -n "${MON3TR_ANDROID_PARTS:-}" ] && return ;;
 	qnn) [ -n "${MON3TR_ANDROID_PARTS_QNN:-}" ] && return ;;
+	rehearsal) [ -n "${MON3TR_ANDROID_PARTS_REHEARSAL:-}" ] && return ;;
 	esac
 	is_stamped "$(android_parts_folder "$1")" "$(android_parts_pins "$1")"
 }
@@ -83,6 +92,8 @@ android_parts_are_there() {
 install_android_parts() { install_android_set base; }
 
 install_android_parts_qnn() { install_android_set qnn; }
+
+install_android_parts_rehearsal() { install_android_set rehearsal; }
 
 # install_android_set SET: its libraries, each from the first source that has it.
 install_android_set() {
@@ -162,4 +173,15 @@ export_android() {
 	export MON3TR_ANDROID_PARTS=${MON3TR_ANDROID_PARTS:-$(android_parts_folder base)}
 	if android_parts_are_there qnn; then export MON3TR_ANDROID_PARTS_QNN=${MON3TR_ANDROID_PARTS_QNN:-$(android_parts_folder qnn)}; fi
 	if ! has_ndk; then export_clang; fi
+}
+
+# rehearsal_lacks: why the app for Android cannot be executed on this machine; fails where it can.
+rehearsal_lacks() {
+	[ "$debian_arch" = amd64 ] && return 1
+	echo "the app's build for x86_64 is executed, and this machine is $(uname -m)"
+}
+
+export_rehearsal() {
+	if ! has_ndk; then export_clang; fi
+	export MON3TR_ANDROID_PARTS_REHEARSAL=${MON3TR_ANDROID_PARTS_REHEARSAL:-$(android_parts_folder rehearsal)}
 }

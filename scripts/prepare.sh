@@ -13,6 +13,7 @@
 #   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
 #   MON3TR_ANDROID_PARTS MON3TR_CLANG         others' libraries in the headset's package and, without an NDK, a clang, only where
 #   MON3TR_ANDROID_PARTS_QNN                  they were asked for
+#   MON3TR_ANDROID_PARTS_REHEARSAL            what of that is for this machine's processor, only where it was asked for
 # and where lavapipe from the cache is used instead of the machine's own Vulkan:
 #   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH XKB_CONFIG_ROOT
 # and where programs for arm64 were asked for:
@@ -145,10 +146,10 @@ choose_vulkan() {
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
-# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--adreno] [--arm64] [--android] [--android-qnn] [--android-tools]
+# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--adreno] [--arm64] [--android] [--android-qnn] [--android-tools] [--rehearsal]
 # GPU is `none` where nothing is drawn or inferred: then neither Vulkan nor ONNX Runtime is looked for.
 prepare() {
-	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_adreno=0 with_arm64=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
+	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_adreno=0 with_arm64=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_rehearsal=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
 	shift
 	for one in "$@"; do
 		case $one in
@@ -161,6 +162,7 @@ prepare() {
 		--android) with_android=1 ;;
 		--android-qnn) with_android_qnn=1 ;;
 		--android-tools) with_android_tools=1 ;;
+		--rehearsal) with_rehearsal=1 ;;
 		--adreno) with_adreno=1 ;;
 		--arm64) with_arm64=1 ;;
 		esac
@@ -223,13 +225,21 @@ find_todo() {
 	if [ "$with_xr" = 1 ] && ! monado_is_there && command -v dpkg-deb >/dev/null; then
 		todo+=("install_monado|Monado $(monado_version), OpenXR's loader and Xvfb with their libraries, from Debian ($(lock_megabytes "$monado_lock") MB): a headset's runtime, simulated where there is none")
 	fi
-	if [ "$with_android" = 1 ]; then
-		if ! android_target_is_there; then
-			todo+=("install_android_target|Rust's standard library for $android_target (44 MB), by rustup: the headset's library is built with it")
+	# Where packages cannot be unpacked, the build says what it lacks.
+	if [ "$with_android$with_rehearsal" != 00 ] && ! has_ndk && ! clang_is_there && command -v dpkg-deb >/dev/null; then
+		todo+=("install_clang|clang $(locked_version "$clang_lock" clang-19) with its libraries, from Debian ($(lock_megabytes "$clang_lock") MB), because there is no Android NDK (ANDROID_NDK_HOME): it compiles the C in dependencies for the headset")
+	fi
+	if [ "$with_rehearsal" = 1 ]; then
+		if ! rust_target_is_there "$rehearsal_target"; then
+			todo+=("install_rehearsal_target|Rust's standard library for $rehearsal_target (45 MB), by rustup: the app that is executed here is built with it")
 		fi
-		# Where packages cannot be unpacked, the build says what it lacks.
-		if ! has_ndk && ! clang_is_there && command -v dpkg-deb >/dev/null; then
-			todo+=("install_clang|clang $(locked_version "$clang_lock" clang-19) with its libraries, from Debian ($(lock_megabytes "$clang_lock") MB), because there is no Android NDK (ANDROID_NDK_HOME): it compiles the C in dependencies for the headset")
+		if ! android_parts_are_there rehearsal; then
+			todo+=("install_android_parts_rehearsal|ONNX Runtime for Android on this machine's processor, from Maven Central (66 MB; 150 MB from npm where that lacks it)")
+		fi
+	fi
+	if [ "$with_android" = 1 ]; then
+		if ! rust_target_is_there "$android_target"; then
+			todo+=("install_android_target|Rust's standard library for $android_target (44 MB), by rustup: the headset's library is built with it")
 		fi
 		if ! android_parts_are_there base; then
 			todo+=("install_android_parts|ONNX Runtime and OpenXR's loader for Android, from Maven Central (55 MB; 211 MB from npm where that lacks them): they go into the headset's package")
@@ -293,6 +303,7 @@ path_for_lists() {
 export_environment() {
 	local lists root why one runner=CARGO_TARGET_${cargo_target}_RUNNER
 	if [ "$with_android" = 1 ]; then export_android; fi
+	if [ "$with_rehearsal" = 1 ]; then export_rehearsal; fi
 	if [ "$vulkan_from" = none ]; then return; fi
 	lists=$(path_for_lists) || lists=
 	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}

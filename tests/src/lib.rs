@@ -7,6 +7,7 @@ pub mod monado;
 pub mod onnx;
 pub mod person_reference;
 pub mod picture_check;
+pub mod program;
 pub mod real_files;
 pub mod splat_reference;
 pub mod splat_scenes;

@@ -74,7 +74,8 @@ impl Monado {
         let config = place.path().join("config/monado");
         make_private(&runtime);
         std::fs::create_dir_all(&config).expect("a folder for the configuration");
-        let display = (compositor == Compositor::Window).then(|| Display::start(&prefix));
+        let display =
+            (compositor == Compositor::Window).then(|| Display::start(&prefix, place.path()));
         Some(Self {
             prefix,
             driver,
@@ -196,6 +197,12 @@ impl Monado {
     #[must_use]
     pub fn display(&self) -> Option<String> {
         self.display.as_ref().map(Display::name)
+    }
+
+    /// The file that is the screen, in the format of X's window dumps; of [`Compositor::Window`].
+    #[must_use]
+    pub fn screen(&self) -> Option<PathBuf> {
+        self.display.as_ref().map(Display::screen)
     }
 
     /// Where the service's socket is.

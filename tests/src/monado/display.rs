@@ -1,7 +1,7 @@
 //! An X server without a screen.
 
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -11,11 +11,13 @@ use rustix::process::{Pid, Signal, kill_process};
 pub(super) struct Display {
     server: Child,
     number: u32,
+    /// Where it keeps what it shows.
+    folder: PathBuf,
 }
 
 impl Display {
-    /// Starts one and waits until it is there.
-    pub(super) fn start(prefix: &Path) -> Self {
+    /// Starts one and waits until it is there. It keeps its screen in `folder`.
+    pub(super) fn start(prefix: &Path, folder: &Path) -> Self {
         let mut server = Command::new(prefix.join("xvfb"))
             .args([
                 "-displayfd",
@@ -24,7 +26,9 @@ impl Display {
                 "0",
                 "1280x720x24",
                 "-terminate",
+                "-fbdir",
             ])
+            .arg(folder)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -38,7 +42,13 @@ impl Display {
         Self {
             number: number.unwrap_or_else(|| panic!("Xvfb says {line:?}")),
             server,
+            folder: folder.to_owned(),
         }
+    }
+
+    /// The file that is the screen, which the server writes as it draws.
+    pub(super) fn screen(&self) -> PathBuf {
+        self.folder.join("Xvfb_screen0")
     }
 
     /// For `DISPLAY`.

@@ -6,9 +6,32 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::NativeError;
+use super::processor::Processor;
 use super::route::Route;
-use super::toolchain::{TARGET, Toolchain, output_of, run};
+use super::toolchain::{Toolchain, output_of, run};
 use super::without_ndk::{self, cargo};
+
+/// What a build is for, and with that how it is optimised.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// Use.
+    Release,
+    /// Debugging: arithmetic and debug assertions are checked.
+    Debug,
+    /// The rehearsal on this machine's processor: as for debugging, and built in half the time.
+    Rehearsal,
+}
+
+impl Purpose {
+    /// The profile of the workspace's manifest.
+    fn profile(self) -> &'static str {
+        match self {
+            Self::Release => "android-release",
+            Self::Debug => "android",
+            Self::Rehearsal => "android-rehearsal",
+        }
+    }
+}
 
 /// What to build.
 #[derive(Debug, Clone)]
@@ -19,8 +42,10 @@ pub struct Order<'a> {
     pub package: &'a str,
     /// The library's name for Rust: `main` becomes `libmain.so`.
     pub library: &'a str,
-    /// For others, not for debugging.
-    pub release: bool,
+    /// What for.
+    pub purpose: Purpose,
+    /// For which processor.
+    pub processor: Processor,
     /// Where cargo keeps what it builds, apart from this machine's own.
     pub target: &'a Path,
 }
@@ -39,15 +64,11 @@ pub struct Built {
 /// # Errors
 /// [`NativeError`].
 pub fn build(order: &Order<'_>, route: &Route) -> Result<Built, NativeError> {
-    let toolchain = Toolchain::find(order.repo)?;
+    let toolchain = Toolchain::find(order.repo, order.processor)?;
     let mut cargo = cargo(order.repo);
-    let profile = if order.release {
-        "android-release"
-    } else {
-        "android"
-    };
+    let (profile, target) = (order.purpose.profile(), order.processor.target());
     cargo
-        .args(["build", "--locked", "--lib", "--target", TARGET])
+        .args(["build", "--locked", "--lib", "--target", target])
         .args(["--profile", profile, "--package", order.package])
         .arg("--target-dir")
         .arg(order.target);
@@ -61,25 +82,36 @@ pub fn build(order: &Order<'_>, route: &Route) -> Result<Built, NativeError> {
             for option in ["-zmax-page-size=16384", "--no-undefined", "--build-id=sha1"] {
                 flags.push(format!("-Clink-arg=-Wl,{option}").into());
             }
-            route.compiler()
+            route.compiler(order.processor)
         }
         Route::WithoutNdk { .. } => {
             // The compiler's own headers alone: there are none of a C library, and ring can do without.
             c_flags.extend(["-nostdlibinc".into(), "-DRING_CORE_NOSTDLIBINC=1".into()]);
-            let folder = order.target.join("without-ndk");
+            c_flags.extend(order.processor.c_flags().map(str::to_owned));
+            let folder = order
+                .target
+                .join(format!("without-ndk-{}", order.processor));
             let folder =
                 std::path::absolute(&folder).map_err(NativeError::io("could not find", &folder))?;
-            without_ndk::prepare(order.repo, &toolchain, &folder, &joined(&flags))?
+            without_ndk::prepare(
+                order.repo,
+                &toolchain,
+                &folder,
+                &joined(&flags),
+                order.processor,
+            )?
         }
     };
+    let in_names = target.replace('-', "_");
+    let linker_of = format!("CARGO_TARGET_{}_LINKER", in_names.to_uppercase());
     cargo
         .env("CARGO_ENCODED_RUSTFLAGS", joined(&flags))
-        .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER", linker)
-        .env("CC_aarch64_linux_android", route.compiler())
-        .env("AR_aarch64_linux_android", route.archiver())
-        .env("CFLAGS_aarch64_linux_android", c_flags.join(" "));
+        .env(linker_of, linker)
+        .env(format!("CC_{in_names}"), route.compiler(order.processor))
+        .env(format!("AR_{in_names}"), route.archiver())
+        .env(format!("CFLAGS_{in_names}"), c_flags.join(" "));
     run(&mut cargo, "to build the receiver for the headset")?;
-    let folder = order.target.join(TARGET).join(profile);
+    let folder = order.target.join(target).join(profile);
     let symbols = folder.join(format!("lib{}.so", order.library));
     let library = folder
         .join("stripped")

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::NativeError;
+use super::processor::Processor;
 
 /// Android's level that is linked for: the manifest's `minSdkVersion`.
 pub const API_LEVEL: u32 = 29;
@@ -101,7 +102,7 @@ impl Route {
             version,
             bin,
         };
-        for needed in [route.compiler(), route.archiver()] {
+        for needed in [route.compiler(Processor::Arm64), route.archiver()] {
             if !needed.is_file() {
                 return Err(no_ndk(format!("it has no {}", needed.display())));
             }
@@ -111,9 +112,9 @@ impl Route {
 
     /// What compiles C, and with an NDK links too.
     #[must_use]
-    pub fn compiler(&self) -> PathBuf {
+    pub fn compiler(&self, processor: Processor) -> PathBuf {
         match self {
-            Self::Ndk { bin, .. } => bin.join(format!("aarch64-linux-android{API_LEVEL}-clang")),
+            Self::Ndk { bin, .. } => bin.join(format!("{}{API_LEVEL}-clang", processor.target())),
             Self::WithoutNdk { clang } => clang.clone(),
         }
     }
@@ -205,7 +206,10 @@ mod tests {
         fs::write(&clang, "").expect("a file");
         let found = route(&[("ANDROID_NDK_HOME", &ndk)], Some(&clang)).expect("a route");
         assert_eq!(found.describe(), "Android NDK 27.2.12479018");
-        assert!(found.compiler().starts_with(&ndk), "{found:?}");
+        assert!(
+            found.compiler(Processor::Arm64).starts_with(&ndk),
+            "{found:?}"
+        );
         let found = route(&[], Some(&clang)).expect("a route");
         assert_eq!(found, Route::WithoutNdk { clang });
     }

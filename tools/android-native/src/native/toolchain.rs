@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use super::NativeError;
-
-/// Rust's name for the headset.
-pub(super) const TARGET: &str = "aarch64-linux-android";
+use super::processor::Processor;
 
 /// The compiler that a repository is built with, and programs of its own.
 #[derive(Debug)]
@@ -20,16 +18,16 @@ pub(super) struct Toolchain {
 
 impl Toolchain {
     /// The one that rustup chooses in `repo`.
-    pub(super) fn find(repo: &Path) -> Result<Self, NativeError> {
+    pub(super) fn find(repo: &Path, processor: Processor) -> Result<Self, NativeError> {
         let print = |what: &[&str]| {
             let mut rustc = Command::new(std::env::var_os("RUSTC").unwrap_or("rustc".into()));
             rustc.current_dir(repo).args(what);
             output_of(&mut rustc).map(|text| PathBuf::from(text.trim()))
         };
-        let target = print(&["--print", "target-libdir", "--target", TARGET])?;
+        let target = print(&["--print", "target-libdir", "--target", processor.target()])?;
         if !target.is_dir() {
             return Err(NativeError::NoTarget {
-                target: TARGET.to_owned(),
+                target: processor.target().to_owned(),
             });
         }
         let host = print(&["--print", "target-libdir"])?;

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::NativeError;
-use super::toolchain::{TARGET, Toolchain, output_of, run};
+use super::processor::Processor;
+use super::toolchain::{Toolchain, output_of, run};
 use crate::elf::Platform;
 
 /// An archive of nothing: the linker wants some input.
@@ -23,14 +24,15 @@ pub(super) fn prepare(
     toolchain: &Toolchain,
     folder: &Path,
     flags: &OsStr,
+    processor: Processor,
 ) -> Result<PathBuf, NativeError> {
     let lld = toolchain.linker()?;
     fs::create_dir_all(folder).map_err(NativeError::io("could not create", folder))?;
     write(&folder.join("empty.a"), EMPTY_ARCHIVE)?;
     for (library, names) in Platform::api_29().listed() {
-        stand_in(&lld, folder, library, names.iter().copied())?;
+        stand_in(&lld, folder, library, names.iter().copied(), processor)?;
     }
-    unwinder(repo, folder, flags)?;
+    unwinder(repo, folder, flags, processor)?;
     let script = folder.join("ld.lld");
     write(&script, linker_script(&lld, folder).as_bytes())?;
     make_executable(&script)?;
@@ -43,8 +45,10 @@ fn stand_in<'a>(
     folder: &Path,
     library: &str,
     names: impl Iterator<Item = &'a str>,
+    processor: Processor,
 ) -> Result<(), NativeError> {
-    let mut options = format!("-m aarch64linux -shared -soname {library} -o {library} empty.a\n");
+    let emulation = processor.linker_emulation();
+    let mut options = format!("-m {emulation} -shared -soname {library} -o {library} empty.a\n");
     for name in names {
         // Any address that is not 0, which would be that of a weak symbol.
         let _ = writeln!(options, "--defsym={name}=0x1000");
@@ -61,7 +65,12 @@ fn stand_in<'a>(
 }
 
 /// `libunwind.a`, built from a crate.
-fn unwinder(repo: &Path, folder: &Path, flags: &OsStr) -> Result<(), NativeError> {
+fn unwinder(
+    repo: &Path,
+    folder: &Path,
+    flags: &OsStr,
+    processor: Processor,
+) -> Result<(), NativeError> {
     let target = folder.join("unwind");
     let mut cargo = cargo(repo);
     cargo
@@ -71,7 +80,7 @@ fn unwinder(repo: &Path, folder: &Path, flags: &OsStr) -> Result<(), NativeError
             "--locked",
             "--quiet",
             "--target",
-            TARGET,
+            processor.target(),
         ])
         .arg("--manifest-path")
         .arg(repo.join("tools/android-native/unwind/Cargo.toml"))
@@ -81,7 +90,7 @@ fn unwinder(repo: &Path, folder: &Path, flags: &OsStr) -> Result<(), NativeError
         // The crate uses features of the compiler that are not stable; nothing else is built so.
         .env("RUSTC_BOOTSTRAP", "1");
     run(&mut cargo, "to build the stack unwinder")?;
-    let built = target.join(TARGET).join("release/libunwind.a");
+    let built = target.join(processor.target()).join("release/libunwind.a");
     fs::copy(&built, folder.join("libunwind.a"))
         .map(|_| ())
         .map_err(NativeError::io("could not copy", &built))

@@ -7,7 +7,7 @@ mod report;
 
 use crate::report::check_writable;
 use crate::surroundings::cache;
-use android_native::native::{Order, Route, build};
+use android_native::native::{Order, Processor, Purpose, Route, build};
 use anyhow::{Context, ensure};
 use apk::Signer;
 use gather::Gathered;
@@ -73,7 +73,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
             repo: &repo,
             package: PACKAGE,
             library: LIBRARY,
-            release: options.release,
+            purpose: if options.release {
+                Purpose::Release
+            } else {
+                Purpose::Debug
+            },
+            processor: Processor::Arm64,
             target: &target,
         },
         &route,

@@ -1,0 +1,61 @@
+//! What needs no conversion: functions that bionic and glibc have alike are exported by Android's version and jump to glibc's.
+
+use anyhow::Context;
+use object::{Object, ObjectSymbol, SymbolKind};
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::Command;
+
+/// Functions that this machine's C library and its library of mathematics export. The library that a rehearsal runs on is this one or a
+/// newer one, which has them all.
+pub(crate) fn of_glibc() -> anyhow::Result<BTreeSet<String>> {
+    let mut functions = BTreeSet::new();
+    for library in ["libc.so.6", "libm.so.6"] {
+        let output = Command::new("cc")
+            .arg(format!("-print-file-name={library}"))
+            .output()
+            .context("cc could not be started")?;
+        let path = String::from_utf8(output.stdout).context("cc names no path")?;
+        let path = Path::new(path.trim());
+        let data =
+            std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let library = object::File::parse(&*data)
+            .with_context(|| format!("{} is no library", path.display()))?;
+        for symbol in library.dynamic_symbols() {
+            // Those that are chosen at run time, memcpy among them, are of no kind that ELF knows.
+            let code = matches!(symbol.kind(), SymbolKind::Text | SymbolKind::Unknown);
+            if code && symbol.is_definition() {
+                functions.extend(symbol.name().map(str::to_owned));
+            }
+        }
+    }
+    Ok(functions)
+}
+
+/// Assembler that exports each of `names` by the version LIBC, as a jump to the function of that name.
+pub(crate) fn assembler<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let mut text = String::from("// Written by the rehearsal's driver (src/build/forward.rs).\n");
+    for name in names {
+        let _ = writeln!(
+            text,
+            ".globl to_{name}\n.type to_{name},@function\n.symver to_{name},{name}@LIBC\nto_{name}: jmp *{name}@GOTPCREL(%rip)"
+        );
+    }
+    text.push_str(".section .note.GNU-stack,\"\",@progbits\n");
+    text
+}
+
+/// The functions that the files of `folder` write anew: those in `ANDROID(...)`.
+pub(crate) fn written_anew(folder: &Path) -> anyhow::Result<BTreeSet<String>> {
+    let mut names = BTreeSet::new();
+    for file in std::fs::read_dir(folder)? {
+        let path = file?.path();
+        if path.extension().is_some_and(|extension| extension == "c") {
+            let text = std::fs::read_to_string(&path)?;
+            let marked = text.split("\nANDROID(").skip(1);
+            names.extend(marked.filter_map(|rest| Some(rest.split_once(')')?.0.to_owned())));
+        }
+    }
+    Ok(names)
+}

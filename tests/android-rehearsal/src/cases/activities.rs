@@ -1,0 +1,90 @@
+//! Activities that share a process: Android keeps it between them.
+
+use super::{Figures, assert_well, figure};
+use crate::process::{LAUNCH, Process};
+use crate::stage::Stage;
+use android_rehearsal::protocol::{Callback, Intent};
+use anyhow::ensure;
+use mon3tr_tests::monado::Compositor;
+use std::time::Duration;
+
+/// Until the notice is shown.
+pub(super) fn shows_a_notice(process: &mut Process) -> anyhow::Result<()> {
+    let before = process.census()?.frames.others;
+    process.wait_until("frames with a notice", |process| {
+        Ok(process.census()?.frames.others >= before + 3)
+    })
+}
+
+pub(super) fn five_one_after_another(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
+    let scene = stage.scene(name, Compositor::Null)?;
+    let mut process = scene.process()?;
+    for _ in 0..5 {
+        let activity = process.launch(Intent::default())?;
+        shows_a_notice(&mut process)?;
+        process.leave(activity)?;
+    }
+    assert_well(&mut process)?;
+    let census = process.census()?;
+    for (activity, [java, _]) in census.java.finishes.iter().enumerate() {
+        ensure!(
+            *java == 0,
+            "activity {activity} was asked to finish {java} times by the app, although it was being destroyed"
+        );
+    }
+    ensure!(
+        process.logged("the call is over") == 0,
+        "the log says that a call is over where there was none"
+    );
+    ensure!(
+        census.window_references == 0,
+        "{} references to windows are held by activities that are gone",
+        census.window_references
+    );
+    process.quit()?;
+    Ok(Figures::new())
+}
+
+/// As when the app is launched again while its activity, which has asked to be finished, is still being taken down. Android ends nothing
+/// for that; a process that cannot serve both has to say so and end itself in good order, and is then started anew for the second.
+pub(super) fn two_at_once(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
+    let scene = stage.scene(name, Compositor::Null)?;
+    let mut process = scene.process()?;
+    let first = process.launch(Intent::default())?;
+    shows_a_notice(&mut process)?;
+    process.calls(first, &[Callback::Pause, Callback::FocusLost])?;
+    let mut figures = Figures::new();
+    let second = process.create(Intent::default()).and_then(|second| {
+        process.calls(second, &LAUNCH)?;
+        Ok(second)
+    });
+    let logcat = process.logcat();
+    ensure!(
+        !logcat.contains("panic at") && !logcat.contains("abort message"),
+        "the process was aborted:\n{logcat}"
+    );
+    match second {
+        Ok(second) => {
+            shows_a_notice(&mut process)?;
+            process.calls(first, &[Callback::NativeWindowDestroyed, Callback::Stop])?;
+            process.calls(first, &[Callback::InputQueueDestroyed, Callback::Destroy])?;
+            process.leave(second)?;
+            assert_well(&mut process)?;
+            process.quit()?;
+            figure(&mut figures, "outcome", "both in one process");
+        }
+        Err(error) => {
+            let status = process.ends_itself(Duration::from_secs(1))?;
+            ensure!(
+                status.is_some_and(|status| status.success()),
+                "{error:#}, which is no end in good order"
+            );
+            figure(
+                &mut figures,
+                "outcome",
+                "the process ended in good order, for a new one",
+            );
+        }
+    }
+    Ok(figures)
+}

@@ -1,0 +1,140 @@
+//! What any app on the headset, any page and any message can send: intents and links that mean harm or nothing.
+
+use super::activities::shows_a_notice;
+use super::{Figures, assert_well, figure};
+use crate::stage::Stage;
+use android_rehearsal::protocol::{Extra, Intent};
+use anyhow::{Context, ensure};
+use mon3tr_tests::monado::Compositor;
+use std::net::TcpListener;
+
+/// Events that are put into the input queue.
+const EVENTS: u32 = 5;
+
+pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
+    let scene = stage.scene(name, Compositor::Null)?;
+    let mut process = scene.process()?;
+    // Who connects here was sent by a link that should have been refused.
+    let trap = TcpListener::bind(("127.0.0.1", 0)).context("no port")?;
+    trap.set_nonblocking(true)?;
+    let address = trap.local_addr()?.to_string();
+    let intents = intents(&address);
+    let count = intents.len();
+    for (what, intent) in intents {
+        let activity = process
+            .launch(intent)
+            .and_then(|activity| {
+                shows_a_notice(&mut process)?;
+                Ok(activity)
+            })
+            .with_context(|| format!("an intent with {what}"))?;
+        if what == "no room" {
+            let input = process.input(activity, EVENTS)?;
+            let events = EVENTS.cast_signed();
+            ensure!(
+                input.taken == events && input.finished == events && input.handled == 0,
+                "input that is not read counts as an app that hangs: {input:?}"
+            );
+        }
+        process
+            .leave(activity)
+            .with_context(|| format!("after an intent with {what}"))?;
+        ensure!(
+            trap.accept().is_err(),
+            "an intent with {what} made the app connect"
+        );
+    }
+    assert_well(&mut process)?;
+    let logcat = process.logcat();
+    ensure!(!logcat.contains("s3cret"), "a token is in the log");
+    process.quit()?;
+    let mut figures = Figures::new();
+    figure(&mut figures, "intents", count);
+    Ok(figures)
+}
+
+/// Intents, and what is wrong with each. `address` is where none of them may lead.
+fn intents(address: &str) -> Vec<(&'static str, Intent)> {
+    let link = |link: String| Intent {
+        data: Some(link),
+        ..Intent::default()
+    };
+    let extra = |name: &str, value: Extra| Intent {
+        extras: vec![(name.to_owned(), value)],
+        ..Intent::default()
+    };
+    vec![
+        ("no room", Intent::default()),
+        (
+            "a name and password before the server",
+            link(format!(
+                "mon3tr://room/http/call.example@{address}/rooms/R#s3cret"
+            )),
+        ),
+        (
+            "an address that a parser understands as another",
+            link(format!(
+                "mon3tr://room/http/0x7f.1:{}/rooms/R#s3cret",
+                port(address)
+            )),
+        ),
+        (
+            "a path that leads out of itself",
+            link(format!("mon3tr://room/http/{address}/../rooms/R#s3cret")),
+        ),
+        (
+            "another scheme",
+            link(format!("mon3tr://room/file/{address}/rooms/R#s3cret")),
+        ),
+        ("no room in the link", link("mon3tr://room/".to_owned())),
+        (
+            "a link of a megabyte",
+            link(format!("mon3tr://room/http/{}", "a".repeat(1 << 20))),
+        ),
+        (
+            "a link with NUL, surrogates and right-to-left marks",
+            link("mon3tr://room/http/\u{0}\u{1f600}\u{202e}/rooms/R#s3cret".to_owned()),
+        ),
+        (
+            "extras that cannot be unpacked",
+            Intent {
+                unparcelable: true,
+                ..Intent::default()
+            },
+        ),
+        ("a room that is a number", extra("room", Extra::Integer(-1))),
+        (
+            "a room that is a truth",
+            extra("room", Extra::Boolean(true)),
+        ),
+        (
+            "a room of a megabyte",
+            extra("room", Extra::Text("R".repeat(1 << 20))),
+        ),
+        (
+            "a rate that no display has",
+            extra("rate", Extra::Integer(i32::MAX)),
+        ),
+        (
+            "a measurement of no length",
+            extra("profile", Extra::Text("-5".to_owned())),
+        ),
+        (
+            "a thousand extras",
+            Intent {
+                extras: (0..1000)
+                    .map(|at| (format!("launcher.{at}"), Extra::Text("x".to_owned())))
+                    .collect(),
+                ..Intent::default()
+            },
+        ),
+        (
+            "a token for a server that the file did not name",
+            extra("server", Extra::Text(format!("http://{address}"))).with("token", "s3cret\n"),
+        ),
+    ]
+}
+
+fn port(address: &str) -> &str {
+    address.rsplit(':').next().unwrap_or_default()
+}

@@ -1,0 +1,76 @@
+//! Activities remade in one process, as Android does with an app that is left and opened again all day.
+
+use super::activities::shows_a_notice;
+use super::{Figures, assert_well, figure};
+use crate::stage::Stage;
+use android_rehearsal::protocol::{Census, Intent};
+use anyhow::ensure;
+use mon3tr_tests::monado::Compositor;
+use std::collections::BTreeMap;
+
+const REMAKES: usize = 20;
+/// Of which the first find caches empty.
+const WARM_UP: usize = 5;
+/// What the rest may add to the memory that is resident: the allocator's and the driver's own wavering, not a renderer's 30 MB.
+const MOST_GROWTH: u64 = 12_000_000;
+
+pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
+    let scene = stage.scene(name, Compositor::Null)?;
+    let mut process = scene.process()?;
+    let mut warm = Census::default();
+    for remake in 1..=REMAKES {
+        let activity = process.launch(Intent::default())?;
+        shows_a_notice(&mut process)?;
+        process.leave(activity)?;
+        if remake == WARM_UP {
+            warm = process.census()?;
+        }
+    }
+    assert_well(&mut process)?;
+    let last = process.census()?;
+    let grown = |what: &str, before: &[String], after: &[String]| {
+        let new = more(before, after);
+        ensure!(new.is_empty(), "{what} are left: {new:?}");
+        Ok(())
+    };
+    grown("threads", &warm.threads, &last.threads)?;
+    grown("descriptors", &warm.descriptors, &last.descriptors)?;
+    ensure!(
+        last.java.global_references <= warm.java.global_references,
+        "global references: {} after {WARM_UP}, {} after {REMAKES}",
+        warm.java.global_references,
+        last.java.global_references
+    );
+    ensure!(
+        last.java.attached_threads == warm.java.attached_threads,
+        "attached threads: {} after {WARM_UP}, {} after {REMAKES}",
+        warm.java.attached_threads,
+        last.java.attached_threads
+    );
+    let growth = last.resident.saturating_sub(warm.resident);
+    ensure!(
+        growth < MOST_GROWTH,
+        "{growth} bytes more are resident after {REMAKES} activities than after {WARM_UP}"
+    );
+    process.quit()?;
+    let mut figures = Figures::new();
+    figure(&mut figures, "activities", REMAKES);
+    figure(&mut figures, "growth_bytes", growth);
+    figure(&mut figures, "resident_bytes", last.resident);
+    figure(&mut figures, "threads", last.threads);
+    Ok(figures)
+}
+
+/// What there is more of.
+fn more(before: &[String], after: &[String]) -> Vec<String> {
+    let mut counts = BTreeMap::new();
+    for name in after {
+        *counts.entry(name).or_insert(0_i32) += 1;
+    }
+    for name in before {
+        *counts.entry(name).or_insert(0) -= 1;
+    }
+    let more = counts.into_iter().filter(|(_, count)| *count > 0);
+    more.map(|(name, count)| format!("{count} x {name}"))
+        .collect()
+}

@@ -1,0 +1,121 @@
+//! The cases: what a headset would do to the app, one process each. A case fails by an error, and tells figures of what it saw.
+
+mod activities;
+mod call;
+mod first_run;
+mod hostile;
+mod leaks;
+mod panics;
+mod placement;
+mod profile;
+
+use crate::process::Process;
+use crate::stage::Stage;
+use anyhow::ensure;
+use serde_json::{Map, Value};
+
+/// What a case tells.
+pub(crate) type Figures = Map<String, Value>;
+
+/// A case.
+pub(crate) struct Case {
+    /// Its name, and that of the folder it leaves.
+    pub(crate) name: &'static str,
+    /// What it shows.
+    pub(crate) shows: &'static str,
+    pub(crate) perform: fn(&Stage, &str) -> anyhow::Result<Figures>,
+}
+
+/// All of them, the quickest first.
+pub(crate) const CASES: [Case; 11] = [
+    Case {
+        name: "first-run",
+        shows: "an app that knows no room says in the headset what to type",
+        perform: first_run::perform,
+    },
+    Case {
+        name: "five-activities",
+        shows: "an activity may be made again in the same process, and nobody is asked to finish one that is being destroyed",
+        perform: activities::five_one_after_another,
+    },
+    Case {
+        name: "two-activities",
+        shows: "a second activity beside the first does not abort the process",
+        perform: activities::two_at_once,
+    },
+    Case {
+        name: "hostile",
+        shows: "intents and links from strangers are refused in words, and input is left to the system",
+        perform: hostile::perform,
+    },
+    Case {
+        name: "panic",
+        shows: "addresses that a panic of the packaged library logs become lines of the source",
+        perform: panics::perform,
+    },
+    Case {
+        name: "whole-call",
+        shows: "a call from a link: download, motion, pauses, low memory, the sender's restart, the sender's end",
+        perform: call::perform,
+    },
+    Case {
+        name: "validation",
+        shows: "a call makes the validation layer say nothing",
+        perform: call::perform_validated,
+    },
+    Case {
+        name: "placement-paused",
+        shows: "pauses while placements are tried do not hold the main thread up",
+        perform: placement::paused,
+    },
+    Case {
+        name: "placement-destroyed",
+        shows: "an activity is destroyed within a second while placements are tried",
+        perform: placement::destroyed,
+    },
+    Case {
+        name: "profile",
+        shows: "a measurement of five seconds leaves all its files",
+        perform: profile::perform,
+    },
+    Case {
+        name: "leaks",
+        shows: "twenty activities one after another leave no thread, descriptor, reference or memory behind",
+        perform: leaks::perform,
+    },
+];
+
+/// The most that one callback may keep Android's main thread, milliseconds; for a destruction, which waits for every thread's end.
+const MAIN_THREAD_MS: f64 = 100.0;
+const DESTRUCTION_MS: f64 = 1000.0;
+
+/// That Java had nothing to complain of, and the log tells of no trouble.
+fn assert_well(process: &mut Process) -> anyhow::Result<()> {
+    let java = process.census()?.java;
+    ensure!(
+        java.faults.is_empty(),
+        "Java's side: {}",
+        java.faults.join("; ")
+    );
+    ensure!(
+        java.borrowed_strings == 0,
+        "{} strings of Java's were not given back",
+        java.borrowed_strings
+    );
+    let logcat = process.logcat();
+    let trouble: Vec<&str> = logcat
+        .lines()
+        .filter(|line| line.contains(" E mon3tr") || line.contains("panic at "))
+        .collect();
+    ensure!(
+        trouble.is_empty(),
+        "the log tells of trouble:\n{}",
+        trouble.join("\n")
+    );
+    Ok(())
+}
+
+/// A figure by its name.
+fn figure(figures: &mut Figures, name: &str, value: impl Into<Value>) {
+    figures.insert(name.to_owned(), value.into());
+}

@@ -1,0 +1,52 @@
+//! A measurement as `android/profile.sh` has the headset make it.
+
+use super::{Figures, assert_well, figure};
+use crate::stage::Stage;
+use android_rehearsal::protocol::Intent;
+use anyhow::{Context, ensure};
+use mon3tr_tests::monado::Compositor;
+use mon3tr_tests::synthetic::{Puppet, PuppetSize};
+use serde_json::Value;
+use std::fs;
+
+pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
+    let scene = stage.scene(name, Compositor::Null)?;
+    fs::create_dir_all(scene.external())?;
+    let person = Puppet::new(PuppetSize::FULL);
+    person.avatar().save(&scene.external().join("avatar.m3a"))?;
+    let mut process = scene.process()?;
+    let activity = process.launch(Intent::default().with("profile", "5"))?;
+    process.wait_for("the profile is written", 1)?;
+    assert_well(&mut process)?;
+    process.leave(activity)?;
+    process.quit()?;
+    let folder = scene.external().join("profile");
+    for file in [
+        "finished",
+        "profile.json",
+        "profile.html",
+        "profile.txt",
+        "trace.json",
+    ] {
+        let length = fs::metadata(folder.join(file)).map_or(0, |file| file.len());
+        ensure!(length > 0, "the profile has no {file}");
+    }
+    let read = |file: &str| -> anyhow::Result<Value> {
+        let text = fs::read_to_string(folder.join(file))?;
+        serde_json::from_str(&text).with_context(|| format!("{file} is no JSON"))
+    };
+    let (profile, trace) = (read("profile.json")?, read("trace.json")?);
+    let runtime = profile["conditions"]["onnx_runtime"]
+        .as_str()
+        .unwrap_or_default();
+    ensure!(
+        runtime.starts_with(|first: char| first.is_ascii_digit()),
+        "ONNX Runtime's version is {runtime:?}"
+    );
+    let events = trace["traceEvents"].as_array().map_or(0, Vec::len);
+    ensure!(events > 100, "the trace has only {events} events");
+    let mut figures = Figures::new();
+    figure(&mut figures, "onnx_runtime", runtime);
+    figure(&mut figures, "trace_events", events);
+    Ok(figures)
+}

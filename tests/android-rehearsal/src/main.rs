@@ -1,0 +1,97 @@
+//! The driver of the rehearsal: builds what is needed, performs the cases one after another, says how each went.
+
+mod build;
+mod cases;
+mod process;
+mod report;
+mod screenshot;
+mod stage;
+
+use anyhow::{Context, ensure};
+use cases::{CASES, Case, Figures};
+use clap::Parser;
+use report::{Performed, Report};
+use stage::Stage;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Execute the headset's app on this machine, without Android, and put it through the cases
+#[derive(Debug, Parser)]
+struct Options {
+    /// Write how the cases went, as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Perform only this case; may be given several times
+    #[arg(long, value_name = "NAME")]
+    case: Vec<String>,
+}
+
+fn main() -> anyhow::Result<()> {
+    let options = Options::parse();
+    let chosen = chosen(&options.case)?;
+    let repo = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let repo = repo.canonicalize().context("the repository is gone")?;
+    let begun = Instant::now();
+    let app = build::build_app(&repo)?;
+    let shims = repo.join("target/android-rehearsal/shims");
+    build::build_shims(&repo.join("tests/android-rehearsal/shims"), &shims)?;
+    let mut report = Report {
+        build_seconds: begun.elapsed().as_secs_f64(),
+        cases: Vec::new(),
+    };
+    let stage = Stage::new(&repo, app, shims)?;
+    for case in chosen {
+        let performed = perform(case, &stage);
+        performed.print();
+        report.cases.push(performed);
+    }
+    if let Some(file) = &options.json {
+        report.write(file)?;
+    }
+    let failed = report.failed();
+    println!("\n{} passed, {failed} failed", report.cases.len() - failed);
+    ensure!(
+        failed == 0,
+        "the rehearsal failed: logs are in {}, a folder a case",
+        stage.left.display()
+    );
+    Ok(())
+}
+
+/// The cases of these names; all of them for none.
+fn chosen(names: &[String]) -> anyhow::Result<Vec<&'static Case>> {
+    for name in names {
+        ensure!(
+            CASES.iter().any(|case| case.name == *name),
+            "there is no case {name}; there are {}",
+            CASES.map(|case| case.name).join(", ")
+        );
+    }
+    let is_chosen = |case: &&Case| names.is_empty() || names.iter().any(|name| name == case.name);
+    Ok(CASES.iter().filter(is_chosen).collect())
+}
+
+/// Performs a case on a thread of its own: what it starts with is gone afterwards, also where it panics.
+fn perform(case: &'static Case, stage: &Stage) -> Performed {
+    let begun = Instant::now();
+    let outcome = std::thread::scope(|scope| {
+        let thread = scope.spawn(|| (case.perform)(stage, case.name));
+        thread.join().unwrap_or_else(|panic| {
+            let message = panic.downcast_ref::<String>().map(String::as_str);
+            let message = message.or(panic.downcast_ref::<&str>().copied());
+            Err(anyhow::anyhow!("{}", message.unwrap_or("it panicked")))
+        })
+    });
+    let (figures, failure) = match outcome {
+        Ok(figures) => (figures, None),
+        Err(error) => (Figures::new(), Some(format!("{error:#}"))),
+    };
+    Performed {
+        name: case.name,
+        shows: case.shows,
+        passed: failure.is_none(),
+        failure,
+        seconds: begun.elapsed().as_secs_f64(),
+        figures,
+    }
+}

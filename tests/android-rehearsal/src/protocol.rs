@@ -1,0 +1,169 @@
+//! What the driver asks of the host process, and what it answers: one JSON value a line, one answer a request.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Which activity of the process, in the order in which they were created.
+pub type ActivityIndex = usize;
+
+/// The intent that starts an activity.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Intent {
+    /// Its data: a link that was opened.
+    pub data: Option<String>,
+    /// Its extras, by name.
+    pub extras: Vec<(String, Extra)>,
+    /// Whether unpacking the extras throws, as it does for one of a class that the process lacks.
+    pub unparcelable: bool,
+}
+
+/// An extra of an intent.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub enum Extra {
+    /// A `java.lang.String`.
+    Text(String),
+    /// A `java.lang.Integer`.
+    Integer(i32),
+    /// A `java.lang.Boolean`.
+    Boolean(bool),
+}
+
+impl Intent {
+    /// One with this link as its data.
+    #[must_use]
+    pub fn view(link: &str) -> Self {
+        Self {
+            data: Some(link.to_owned()),
+            ..Self::default()
+        }
+    }
+
+    /// The same with another extra that is a text.
+    #[must_use]
+    pub fn with(mut self, name: &str, value: &str) -> Self {
+        let value = Extra::Text(value.to_owned());
+        self.extras.push((name.to_owned(), value));
+        self
+    }
+}
+
+/// A callback of `ANativeActivityCallbacks`, as Android calls it on the process's main thread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "named as android/native_activity.h names them")]
+pub enum Callback {
+    Start,
+    Resume,
+    Pause,
+    Stop,
+    Destroy,
+    SaveInstanceState,
+    FocusGained,
+    FocusLost,
+    NativeWindowCreated,
+    NativeWindowResized,
+    NativeWindowDestroyed,
+    InputQueueCreated,
+    InputQueueDestroyed,
+    ConfigurationChanged,
+    LowMemory,
+}
+
+impl fmt::Display for Callback {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "on{self:?}")
+    }
+}
+
+/// What the driver asks for.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub enum Request {
+    /// Create an activity, as a launch does: `ANativeActivity_onCreate`.
+    Create(Intent),
+    /// Call an activity back.
+    Callback(ActivityIndex, Callback),
+    /// Put events into the activity's input queue, and say a moment later what became of them.
+    Input(ActivityIndex, u32),
+    /// What the process holds.
+    Census,
+    /// End the process in good order.
+    Quit,
+}
+
+/// What the host answers.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Reply {
+    /// For how long the main thread was in the app's code, milliseconds.
+    pub blocked_ms: f64,
+    /// The rest, by request.
+    pub answer: Answer,
+}
+
+/// The part of an answer that depends on the request.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub enum Answer {
+    /// It was done.
+    Done,
+    /// The activity that was created.
+    Created(ActivityIndex),
+    /// What became of input events so far.
+    Input(InputFigures),
+    /// What the process holds.
+    Census(Box<Census>),
+}
+
+/// What became of an input queue's events.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[repr(C)]
+pub struct InputFigures {
+    /// Taken out of the queue by the app.
+    pub taken: i32,
+    /// Given back by it as done.
+    pub finished: i32,
+    /// Of those, how many it used itself.
+    pub handled: i32,
+}
+
+/// What the process holds at a moment.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Census {
+    /// Names of its threads, sorted.
+    pub threads: Vec<String>,
+    /// What its open descriptors are, sorted.
+    pub descriptors: Vec<String>,
+    /// Memory that is resident, bytes.
+    pub resident: u64,
+    /// Libraries that are mapped, by their files' names, sorted.
+    pub libraries: Vec<String>,
+    /// Frames handed to OpenXR's compositor so far.
+    pub frames: FrameFigures,
+    /// References to windows that the app holds, over all windows.
+    pub window_references: i32,
+    /// Of the Java machine.
+    pub java: JavaCensus,
+}
+
+/// Frames that were handed to OpenXR's compositor.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[repr(C)]
+pub struct FrameFigures {
+    /// Those with pictures of people: a projection layer.
+    pub people: i32,
+    /// The others: with a notice, or nothing.
+    pub others: i32,
+}
+
+/// What native code holds of the Java machine, and what it did that a real one would not forgive.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct JavaCensus {
+    /// Live global references.
+    pub global_references: usize,
+    /// Threads that are attached.
+    pub attached_threads: usize,
+    /// Strings that were borrowed and not released.
+    pub borrowed_strings: usize,
+    /// For each activity, how often it was asked to finish: by Java's `finish`, and by `ANativeActivity_finish`.
+    pub finishes: Vec<[u32; 2]>,
+    /// Names and signatures that Android does not have, frames with more local references than they promised, references used after
+    /// they were deleted, threads that ended attached.
+    pub faults: Vec<String>,
+}

@@ -1,0 +1,63 @@
+//! What the compositor's mirror window shows: the X server's screen, which it keeps as a file.
+
+use anyhow::{Context, ensure};
+use image::{Rgb, RgbImage};
+use mon3tr_tests::monado::Monado;
+use std::path::Path;
+
+/// A picture of the screen.
+#[derive(Debug)]
+pub(crate) struct Screenshot(RgbImage);
+
+impl Screenshot {
+    /// Of a service with a window.
+    pub(crate) fn of(monado: &Monado) -> anyhow::Result<Self> {
+        let file = monado.screen().context("this service has no window")?;
+        let data =
+            std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
+        Self::read(&data).with_context(|| format!("{} is no screen", file.display()))
+    }
+
+    /// X's window dump, version 7: a header of big-endian numbers, colours, then rows of pixels.
+    fn read(data: &[u8]) -> anyhow::Result<Self> {
+        let number = |at: usize| -> anyhow::Result<usize> {
+            let bytes = data.get(4 * at..4 * at + 4).context("cut short")?;
+            Ok(u32::from_be_bytes(bytes.try_into()?) as usize)
+        };
+        let (header, version) = (number(0)?, number(1)?);
+        let (width, height) = (number(4)?, number(5)?);
+        let (bits, row, colours) = (number(11)?, number(12)?, number(19)?);
+        ensure!(
+            version == 7 && bits == 32,
+            "version {version}, {bits} bits a pixel"
+        );
+        let pixels = data.get(header + 12 * colours..).context("cut short")?;
+        ensure!(
+            pixels.len() >= row * height && row >= 4 * width,
+            "cut short"
+        );
+        let picture = RgbImage::from_fn(u32::try_from(width)?, u32::try_from(height)?, |x, y| {
+            let at = y as usize * row + 4 * x as usize;
+            let [blue, green, red] = [0, 1, 2].map(|channel| pixels[at + channel]);
+            Rgb([red, green, blue])
+        });
+        Ok(Self(picture))
+    }
+
+    /// The share of pixels that differ visibly from the one in the corner.
+    pub(crate) fn share_unlike_the_corner(&self) -> f64 {
+        let corner = *self.0.get_pixel(0, 0);
+        let differs = |pixel: &Rgb<u8>| {
+            (pixel.0.iter().zip(corner.0)).any(|(one, other)| one.abs_diff(other) > 16)
+        };
+        let count = self.0.pixels().filter(|pixel| differs(pixel)).count();
+        count as f64 / self.0.pixels().len().max(1) as f64
+    }
+
+    /// As a PNG.
+    pub(crate) fn save(&self, file: &Path) -> anyhow::Result<()> {
+        self.0
+            .save(file)
+            .with_context(|| format!("cannot write {}", file.display()))
+    }
+}

@@ -1,0 +1,210 @@
+//! What the cases are performed with, and what each of them gets of it.
+
+use crate::process::Process;
+use android_native::native::Built;
+use android_rehearsal::protocol::Intent;
+use anyhow::{Context, ensure};
+use mon3tr_tests::monado::{Compositor, Driver, Monado};
+use mon3tr_tests::program::Program;
+use mon3tr_tests::synthetic::{Puppet, PuppetSize};
+use std::ffi::OsString;
+use std::fs;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Names the folder of Android's own ONNX Runtime for this machine's processor; set by `./run`.
+const PARTS: &str = "MON3TR_ANDROID_PARTS_REHEARSAL";
+
+/// What was built and fetched: the same for all cases.
+#[derive(Debug)]
+pub(crate) struct Stage {
+    /// The app's library.
+    pub(crate) app: Built,
+    shims: PathBuf,
+    host: PathBuf,
+    mon3tr: PathBuf,
+    /// What `nativeLibraryDir` is on a headset.
+    libraries: PathBuf,
+    /// Where logs and pictures are left.
+    pub(crate) left: PathBuf,
+}
+
+impl Stage {
+    pub(crate) fn new(repo: &Path, app: Built, shims: PathBuf) -> anyhow::Result<Self> {
+        let libraries = std::env::var_os(PARTS).with_context(|| {
+            format!("{PARTS} names no folder with ONNX Runtime for Android: ./run rehearse-android sets it")
+        })?;
+        // Both lie beside this program.
+        let own: PathBuf = std::env::args_os().next().unwrap_or_default().into();
+        let beside = own.parent().context("this program has no folder")?;
+        let program = |name: &str| -> anyhow::Result<PathBuf> {
+            let path = beside.join(name);
+            ensure!(path.is_file(), "{} is not built", path.display());
+            Ok(path)
+        };
+        Ok(Self {
+            app,
+            shims,
+            host: program("android-host")?,
+            mon3tr: program("mon3tr")?,
+            libraries: libraries.into(),
+            left: repo.join("target/android-rehearsal"),
+        })
+    }
+
+    /// A scene for the case `name`: its folder, and a headset.
+    pub(crate) fn scene(&self, name: &str, compositor: Compositor) -> anyhow::Result<Scene<'_>> {
+        let folder = self.left.join(name);
+        // A case says all of its own run, and nothing of one before.
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        let monado = Monado::start(Driver::Simulated, compositor)
+            .context("there is no Monado (MON3TR_MONADO): ./run rehearse-android fetches it")?;
+        Ok(Scene {
+            stage: self,
+            folder,
+            monado,
+        })
+    }
+}
+
+/// One case's own: a folder that is left to be read, and a headset.
+#[derive(Debug)]
+pub(crate) struct Scene<'a> {
+    stage: &'a Stage,
+    pub(crate) folder: PathBuf,
+    pub(crate) monado: Monado,
+}
+
+impl Scene<'_> {
+    /// A process that has loaded the app as it is packaged: stripped.
+    pub(crate) fn process(&self) -> anyhow::Result<Process> {
+        self.process_with(&[])
+    }
+
+    /// The same with other variables besides.
+    pub(crate) fn process_with(&self, variables: &[(&str, &str)]) -> anyhow::Result<Process> {
+        let Stage {
+            app,
+            shims,
+            host,
+            libraries,
+            ..
+        } = self.stage;
+        let mut command = self.monado.client(host);
+        command
+            .arg(&app.library)
+            .arg(&self.folder)
+            .arg(libraries)
+            .env("LD_LIBRARY_PATH", shims)
+            .env("REHEARSAL_OPENXR", self.open_xr_loader())
+            .envs(variables.iter().copied());
+        // What an app on Android does not have.
+        for name in [
+            "HOME",
+            "TMPDIR",
+            "DISPLAY",
+            "WAYLAND_DISPLAY",
+            "RUST_BACKTRACE",
+        ] {
+            command.env_remove(name);
+        }
+        Process::start(command, &self.folder)
+    }
+
+    fn open_xr_loader(&self) -> OsString {
+        let folder = std::env::var_os("MON3TR_MONADO").unwrap_or_default();
+        PathBuf::from(folder).join("libopenxr_loader.so.1").into()
+    }
+
+    /// The app's folder that adb can reach.
+    pub(crate) fn external(&self) -> PathBuf {
+        self.folder.join("external")
+    }
+
+    /// A server, and a person of this size to be sent.
+    pub(crate) fn server(&self, person: PuppetSize) -> anyhow::Result<Server> {
+        let folder = self.folder.join("server");
+        let avatar = self.folder.join("person.m3a");
+        Puppet::new(person).avatar().save(&avatar)?;
+        let mut program = Program::start(
+            mon3tr(self.stage, &self.folder)
+                .args(["serve", "--listen", "127.0.0.1:0", "--data"])
+                .arg(&folder),
+        );
+        let address = program.word_after("serving on http://");
+        let token = fs::read_to_string(folder.join("owner-token"))
+            .context("the server has left no token")?;
+        Ok(Server {
+            address: address.parse()?,
+            avatar,
+            token: token.trim().to_owned(),
+            _program: program,
+        })
+    }
+
+    /// A sender in a room that it opens.
+    pub(crate) fn sender(&self, server: &Server) -> Sender {
+        let address = format!("http://{}", server.address);
+        let mut program = self.send(server, &["--server", &address]);
+        Sender {
+            viewers: program.word_after("mon3tr receive "),
+            own: program.word_after("comes back with --room "),
+            program,
+        }
+    }
+
+    /// `mon3tr send` with these arguments.
+    pub(crate) fn send(&self, server: &Server, arguments: &[&str]) -> Program {
+        Program::start(
+            mon3tr(self.stage, &self.folder)
+                .args(["send", "--owner-token", &server.token, "--avatar"])
+                .arg(&server.avatar)
+                .args(arguments),
+        )
+    }
+}
+
+/// The command `mon3tr`, as it is started here.
+fn mon3tr(stage: &Stage, cache: &Path) -> Command {
+    let mut command = match std::env::var_os("MON3TR_RUNNER") {
+        Some(runner) if !runner.is_empty() => {
+            let mut command = Command::new(runner);
+            command.arg(&stage.mon3tr);
+            command
+        }
+        _ => Command::new(&stage.mon3tr),
+    };
+    command
+        .env("MON3TR_CACHE", cache)
+        .env("RUST_LOG", "link=info")
+        .env_remove("MON3TR_OWNER_TOKEN")
+        .stdin(Stdio::null());
+    command
+}
+
+/// A server that runs.
+#[derive(Debug)]
+pub(crate) struct Server {
+    pub(crate) address: SocketAddr,
+    /// The package of the person to be sent.
+    pub(crate) avatar: PathBuf,
+    token: String,
+    _program: Program,
+}
+
+/// A sender that runs, and its room.
+#[derive(Debug)]
+pub(crate) struct Sender {
+    pub(crate) program: Program,
+    /// The link that viewers join with.
+    pub(crate) viewers: String,
+    /// The link that it comes back with.
+    pub(crate) own: String,
+}
+
+/// The intent by which a link is opened on a headset.
+pub(crate) fn opening(link: &str) -> Intent {
+    Intent::view(&format!("mon3tr://room/{}", link.replacen("://", "/", 1))).with("log", "debug")
+}

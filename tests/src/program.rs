@@ -1,0 +1,132 @@
+//! A program as a child process: what it says is kept, and it ends with its owner.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+/// Far longer than anything waited for takes on a slow machine, and no longer than a developer waits.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A program that runs; killed where it has not ended before.
+#[derive(Debug)]
+pub struct Program {
+    child: Child,
+    said: Arc<Mutex<String>>,
+    listeners: Vec<JoinHandle<()>>,
+}
+
+impl Program {
+    /// Starts it. What it is to read, and all else of its surroundings, is the command's.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    #[must_use]
+    pub fn start(command: &mut Command) -> Self {
+        let mut child = command
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap_or_else(|why| panic!("{command:?}: {why}"));
+        let said = Arc::<Mutex<String>>::default();
+        let listeners = vec![
+            listen(child.stdout.take().expect("piped"), &said),
+            listen(child.stderr.take().expect("piped"), &said),
+        ];
+        Self {
+            child,
+            said,
+            listeners,
+        }
+    }
+
+    /// All that it has printed and logged so far.
+    #[must_use]
+    pub fn said(&self) -> String {
+        let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        said.clone()
+    }
+
+    /// Waits until it has said `words` in so many lines.
+    ///
+    /// # Panics
+    /// If it ends before, or does not say so within [`PATIENCE`].
+    pub fn says(&mut self, words: &str, times: usize) {
+        let begun = Instant::now();
+        loop {
+            let said = self.said();
+            if said.lines().filter(|line| line.contains(words)).count() >= times {
+                return;
+            }
+            let ended = self.child.try_wait().expect("a child can be asked");
+            assert!(
+                ended.is_none(),
+                "it ended ({ended:?}) before it said `{words}` {times} times:\n{said}"
+            );
+            assert!(
+                begun.elapsed() < PATIENCE,
+                "it did not say `{words}` {times} times:\n{said}"
+            );
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Waits for `words`, and returns the word that follows them.
+    ///
+    /// # Panics
+    /// As [`Self::says`].
+    pub fn word_after(&mut self, words: &str) -> String {
+        self.says(words, 1);
+        let said = self.said();
+        let rest = said.split_once(words).expect("it was said").1;
+        let word = rest.split_whitespace().next().expect("something follows");
+        word.trim_matches('\'').to_owned()
+    }
+
+    /// Asks it to end, as Ctrl-C does, and waits for that.
+    ///
+    /// # Panics
+    /// If it does not end within [`PATIENCE`].
+    pub fn end(&mut self) -> ExitStatus {
+        // It may have ended by itself.
+        let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
+        let begun = Instant::now();
+        loop {
+            if let Some(status) = self.child.try_wait().expect("a child can be asked") {
+                for listener in self.listeners.drain(..) {
+                    let _ = listener.join();
+                }
+                return status;
+            }
+            assert!(
+                begun.elapsed() < PATIENCE,
+                "it does not end:\n{}",
+                self.said()
+            );
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Keeps what a process says, line by line, so that it never waits for a reader.
+fn listen(stream: impl Read + Send + 'static, said: &Arc<Mutex<String>>) -> JoinHandle<()> {
+    let said = Arc::clone(said);
+    std::thread::spawn(move || {
+        for line in BufReader::new(stream).lines().map_while(Result::ok) {
+            let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
+            said.push_str(&line);
+            said.push('\n');
+        }
+    })
+}
