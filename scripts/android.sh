@@ -19,20 +19,6 @@ has_ndk() {
 	[ -n "${ANDROID_NDK_HOME:-}${ANDROID_NDK_ROOT:-}" ] || [ -n "$(ls -d "${ANDROID_HOME:-/nonexistent}"/ndk/*/ 2>/dev/null)" ]
 }
 
-# rust_target_is_there TARGET
-rust_target_is_there() {
-	[ -d "$(cd "$repo" && rustc --print target-libdir --target "$1" 2>/dev/null)" ]
-}
-
-# install_rust_target TARGET
-install_rust_target() {
-	command -v rustup >/dev/null ||
-		die "this Rust has no standard library for $1, and there is no rustup to get it with: install Rust by https://rustup.rs, or your distribution's package of that library"
-	say "Fetching Rust's standard library for $1"
-	(cd "$repo" && rustup target add "$1") >/dev/null 2>&1 ||
-		die "rustup could not get $1: run 'rustup target add $1' to see why"
-}
-
 install_android_target() { install_rust_target "$android_target"; }
 
 install_rehearsal_target() { install_rust_target "$rehearsal_target"; }

@@ -14,16 +14,13 @@ arm64_pins() { lock_pins "$arm64_lock" 1; }
 
 arm64_is_there() { debs_are_ready "$MON3TR_CACHE/arm64" "$(arm64_pins)"; }
 
-# In the repository's folder: rustup may have another toolchain set for it.
-arm64_std_is_there() { [ -d "$(cd "$repo" && rustc --print target-libdir --target "$arm64_target" 2>/dev/null)" ]; }
-
 # arm64_lacks: why it cannot be set up here, if it cannot.
 arm64_lacks() {
 	if [ "$debian_arch" != amd64 ]; then
 		echo "this is an arm64 machine: ./run test runs the same tests"
 	elif ! command -v dpkg-deb >/dev/null; then
 		echo "dpkg-deb, which unpacks QEMU's Debian packages, is missing: install dpkg"
-	elif ! arm64_std_is_there && ! command -v rustup >/dev/null; then
+	elif ! rust_target_is_there "$arm64_target" && ! command -v rustup >/dev/null; then
 		echo "Rust's standard library for $arm64_target is missing, and so is rustup, which adds it: see https://rustup.rs"
 	elif [ ! -x "$(arm64_lld)" ]; then
 		echo "this Rust comes without its own linker, $(arm64_lld): use the one of https://rustup.rs"
@@ -34,11 +31,7 @@ arm64_lacks() {
 
 arm64_lld() { (cd "$repo" && echo "$(rustc --print sysroot)/lib/rustlib/$(rustc -vV | sed -n 's/^host: //p')/bin/rust-lld"); }
 
-install_arm64_std() {
-	say "Fetching Rust's standard library for $arm64_target with rustup"
-	(cd "$repo" && rustup target add "$arm64_target") >&2 ||
-		die "rustup could not add $arm64_target: check the network and run the command again"
-}
+install_arm64_std() { install_rust_target "$arm64_target"; }
 
 install_arm64() {
 	local prefix=$MON3TR_CACHE/arm64 new=$MON3TR_CACHE/arm64.new instead="" trust=signed

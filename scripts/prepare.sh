@@ -110,6 +110,21 @@ check_rust() {
 	fi
 }
 
+# rust_target_is_there TARGET
+rust_target_is_there() {
+	# In the repository's folder: rustup may have another toolchain set for it.
+	[ -d "$(cd "$repo" && rustc --print target-libdir --target "$1" 2>/dev/null)" ]
+}
+
+# install_rust_target TARGET
+install_rust_target() {
+	command -v rustup >/dev/null ||
+		die "this Rust has no standard library for $1, and there is no rustup to get it with: install Rust by https://rustup.rs, or your distribution's package of that library"
+	say "Fetching Rust's standard library for $1"
+	(cd "$repo" && rustup target add "$1") >/dev/null 2>&1 ||
+		die "rustup could not get $1: run 'rustup target add $1' to see why"
+}
+
 # join SEPARATOR ITEM...
 join() {
 	local separator=$1 out=$2
@@ -262,7 +277,7 @@ find_todo() {
 		todo+=("install_adreno|Mesa $(adreno_version)'s Adreno driver with its libraries, from Debian ($(lock_megabytes "${adreno_locks[@]}") MB): a test has it compile the shaders as for the Quest 3's GPU")
 	fi
 	if [ "$with_arm64" = 1 ] && ! arm64_lacks >/dev/null; then
-		if ! arm64_std_is_there; then
+		if ! rust_target_is_there "$arm64_target"; then
 			todo+=("install_arm64_std|Rust's standard library for $arm64_target, by rustup, into rustup's own folder")
 		fi
 		if ! arm64_is_there; then

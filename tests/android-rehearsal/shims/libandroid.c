@@ -152,6 +152,12 @@ AInputQueue *rehearsal_new_queue(void) {
   return queue;
 }
 
+// After onInputQueueDestroyed: the framework's own end of it.
+void rehearsal_free_queue(AInputQueue *queue) {
+  close(queue->fd);
+  free(queue);
+}
+
 void rehearsal_put_input(AInputQueue *queue, int events) {
   uint64_t many = events;
   if (write(queue->fd, &many, sizeof many) < 0) perror("rehearsal_put_input");
@@ -198,6 +204,9 @@ typedef struct {
 static int window_references;
 
 ANativeWindow *rehearsal_new_window(void) { return calloc(1, sizeof(ANativeWindow)); }
+
+// After onNativeWindowDestroyed.
+void rehearsal_free_window(ANativeWindow *window) { free(window); }
 
 int rehearsal_window_references(void) { return __atomic_load_n(&window_references, __ATOMIC_SEQ_CST); }
 

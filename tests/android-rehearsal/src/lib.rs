@@ -6,13 +6,14 @@
 //!
 //! | what | where |
 //! |---|---|
-//! | the driver: what is built, the cases, the report | `src/main.rs`, `build/`, `cases/`, `report.rs` |
+//! | the driver: the app built, the cases, the report | `src/main.rs`, `app.rs`, `cases/`, `report.rs` |
 //! | the host process: activity, Java machine | `src/bin/host/` |
 //! | what driver and host say to each other | [`protocol`] |
-//! | Android's `libc`, `libm`, `libdl`, `liblog`, `libandroid` and OpenXR loader, on glibc's | `shims/` |
+//! | Android's `libc`, `libm`, `libdl`, `liblog`, `libandroid` and OpenXR loader, on glibc's | `shims/`, compiled by [`shims`] |
 //!
 //! It shows that the `target_os = "android"` code starts, reads intents, draws, calls, pauses and ends, and that Rust's standard
 //! library for Android behaves as assumed. It does not show ART, SELinux, Khronos' Android loader, Meta's runtime, Adreno, NNAPI, QNN or
 //! arm64: docs/android.md has the whole list.
 
 pub mod protocol;
+pub mod shims;

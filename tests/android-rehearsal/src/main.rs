@@ -1,6 +1,6 @@
 //! The driver of the rehearsal: builds what is needed, performs the cases one after another, says how each went.
 
-mod build;
+mod app;
 mod cases;
 mod process;
 mod report;
@@ -13,6 +13,7 @@ use clap::Parser;
 use report::{Performed, Report};
 use stage::Stage;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::time::Instant;
 
 /// Execute the headset's app on this machine, without Android, and put it through the cases
@@ -26,15 +27,15 @@ struct Options {
     case: Vec<String>,
 }
 
-fn main() -> anyhow::Result<()> {
+fn main() -> anyhow::Result<ExitCode> {
     let options = Options::parse();
     let chosen = chosen(&options.case)?;
     let repo = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let repo = repo.canonicalize().context("the repository is gone")?;
     let begun = Instant::now();
-    let app = build::build_app(&repo)?;
+    let app = app::build_app(&repo)?;
     let shims = repo.join("target/android-rehearsal/shims");
-    build::build_shims(&repo.join("tests/android-rehearsal/shims"), &shims)?;
+    android_rehearsal::shims::build(&shims)?;
     let mut report = Report {
         build_seconds: begun.elapsed().as_secs_f64(),
         cases: Vec::new(),
@@ -50,12 +51,11 @@ fn main() -> anyhow::Result<()> {
     }
     let failed = report.failed();
     println!("\n{} passed, {failed} failed", report.cases.len() - failed);
-    ensure!(
-        failed == 0,
-        "the rehearsal failed: logs are in {}, a folder a case",
-        stage.left.display()
-    );
-    Ok(())
+    if failed != 0 {
+        println!("logs are in {}, a folder a case", stage.left.display());
+        return Ok(ExitCode::FAILURE);
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// The cases of these names; all of them for none.

@@ -144,6 +144,14 @@ impl Process {
         logcat.lines().filter(|line| line.contains(text)).count()
     }
 
+    /// The lines of the log that tell of an error or a panic, if there are any.
+    pub(crate) fn trouble(&self) -> Option<String> {
+        let logcat = self.logcat();
+        let lines = logcat.lines().filter(|line| line.contains(" E mon3tr"));
+        let lines: Vec<&str> = lines.collect();
+        (!lines.is_empty()).then(|| lines.join("\n"))
+    }
+
     /// Waits until so many lines of the log have `text`.
     pub(crate) fn wait_for(&mut self, text: &str, times: usize) -> anyhow::Result<()> {
         self.wait_until(&format!("{times} times `{text}` in the log"), |this| {
@@ -164,6 +172,9 @@ impl Process {
             }
             if let Some(status) = self.child.try_wait()? {
                 bail!("the process ended ({status}) while {what} was waited for");
+            }
+            if let Some(trouble) = self.trouble() {
+                bail!("trouble while {what} was waited for:\n{trouble}");
             }
             ensure!(begun.elapsed() < PATIENCE, "waited in vain for {what}");
             std::thread::sleep(Duration::from_millis(20));

@@ -102,15 +102,11 @@ fn assert_well(process: &mut Process) -> anyhow::Result<()> {
         "{} strings of Java's were not given back",
         java.borrowed_strings
     );
-    let logcat = process.logcat();
-    let trouble: Vec<&str> = logcat
-        .lines()
-        .filter(|line| line.contains(" E mon3tr") || line.contains("panic at "))
-        .collect();
+    let trouble = process.trouble();
     ensure!(
-        trouble.is_empty(),
+        trouble.is_none(),
         "the log tells of trouble:\n{}",
-        trouble.join("\n")
+        trouble.unwrap_or_default()
     );
     Ok(())
 }

@@ -175,12 +175,20 @@ impl Activity {
                 with(all.native_window_redraw_needed, self.window)
             }
             Callback::NativeWindowResized => with(all.native_window_resized, self.window),
-            Callback::NativeWindowDestroyed => with(all.native_window_destroyed, self.window),
+            Callback::NativeWindowDestroyed => {
+                with(all.native_window_destroyed, self.window)?;
+                shims.free_window(&mut self.window);
+                Ok(())
+            }
             Callback::InputQueueCreated => {
                 self.queue = shims.new_queue();
                 with(all.input_queue_created, self.queue)
             }
-            Callback::InputQueueDestroyed => with(all.input_queue_destroyed, self.queue),
+            Callback::InputQueueDestroyed => {
+                with(all.input_queue_destroyed, self.queue)?;
+                shims.free_queue(&mut self.queue);
+                Ok(())
+            }
         }
     }
 

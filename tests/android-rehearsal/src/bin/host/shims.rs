@@ -9,8 +9,10 @@ use std::ffi::{c_int, c_void};
 #[derive(Debug)]
 pub(crate) struct Shims {
     new_window: unsafe extern "C" fn() -> *mut c_void,
+    free_window: unsafe extern "C" fn(*mut c_void),
     window_references: unsafe extern "C" fn() -> c_int,
     new_queue: unsafe extern "C" fn() -> *mut c_void,
+    free_queue: unsafe extern "C" fn(*mut c_void),
     put_input: unsafe extern "C" fn(*mut c_void, c_int),
     input_figures: unsafe extern "C" fn(*mut c_void, *mut InputFigures),
     frames: unsafe extern "C" fn(*mut FrameFigures),
@@ -31,6 +33,8 @@ impl Shims {
         let shims = Self {
             new_window: function!(android, "rehearsal_new_window"),
             window_references: function!(android, "rehearsal_window_references"),
+            free_window: function!(android, "rehearsal_free_window"),
+            free_queue: function!(android, "rehearsal_free_queue"),
             new_queue: function!(android, "rehearsal_new_queue"),
             put_input: function!(android, "rehearsal_put_input"),
             input_figures: function!(android, "rehearsal_input_figures"),
@@ -55,6 +59,22 @@ impl Shims {
         unsafe { (self.new_window)() }
     }
 
+    /// Frees a window that the app was told is gone; leaves null in its place.
+    pub(crate) fn free_window(&self, window: &mut *mut c_void) {
+        let window = std::mem::replace(window, std::ptr::null_mut());
+        // SAFETY: `new_window` made it, or it is null. Nobody has it any longer: it is the framework's to free.
+        unsafe { (self.free_window)(window) };
+    }
+
+    /// Frees a queue that the app was told is gone; leaves null in its place.
+    pub(crate) fn free_queue(&self, queue: &mut *mut c_void) {
+        let queue = std::mem::replace(queue, std::ptr::null_mut());
+        if !queue.is_null() {
+            // SAFETY: `new_queue` made it, and the app has detached its looper from it.
+            unsafe { (self.free_queue)(queue) };
+        }
+    }
+
     /// References to windows beside the framework's own.
     pub(crate) fn window_references(&self) -> i32 {
         // SAFETY: takes nothing.
@@ -68,7 +88,7 @@ impl Shims {
 
     pub(crate) fn put_input(&self, queue: *mut c_void, events: u32) {
         let events = c_int::try_from(events).unwrap_or(c_int::MAX);
-        // SAFETY: a queue that `new_queue` made, which is never freed.
+        // SAFETY: a queue that `new_queue` made and nobody freed.
         unsafe { (self.put_input)(queue, events) };
     }
 

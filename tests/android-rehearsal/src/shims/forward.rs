@@ -9,7 +9,7 @@ use std::process::Command;
 
 /// Functions that this machine's C library and its library of mathematics export. The library that a rehearsal runs on is this one or a
 /// newer one, which has them all.
-pub(crate) fn of_glibc() -> anyhow::Result<BTreeSet<String>> {
+pub(super) fn of_glibc() -> anyhow::Result<BTreeSet<String>> {
     let mut functions = BTreeSet::new();
     for library in ["libc.so.6", "libm.so.6"] {
         let output = Command::new("cc")
@@ -23,9 +23,8 @@ pub(crate) fn of_glibc() -> anyhow::Result<BTreeSet<String>> {
         let library = object::File::parse(&*data)
             .with_context(|| format!("{} is no library", path.display()))?;
         for symbol in library.dynamic_symbols() {
-            // Those that are chosen at run time, memcpy among them, are of no kind that ELF knows.
-            let code = matches!(symbol.kind(), SymbolKind::Text | SymbolKind::Unknown);
-            if code && symbol.is_definition() {
+            // Those that are chosen at run time by the processor, strcmp among them, count as code too.
+            if symbol.kind() == SymbolKind::Text && !symbol.is_undefined() {
                 functions.extend(symbol.name().map(str::to_owned));
             }
         }
@@ -34,8 +33,8 @@ pub(crate) fn of_glibc() -> anyhow::Result<BTreeSet<String>> {
 }
 
 /// Assembler that exports each of `names` by the version LIBC, as a jump to the function of that name.
-pub(crate) fn assembler<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    let mut text = String::from("// Written by the rehearsal's driver (src/build/forward.rs).\n");
+pub(super) fn assembler<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let mut text = String::from("// Written by the rehearsal's driver (src/shims/forward.rs).\n");
     for name in names {
         let _ = writeln!(
             text,
@@ -47,7 +46,7 @@ pub(crate) fn assembler<'a>(names: impl Iterator<Item = &'a str>) -> String {
 }
 
 /// The functions that the files of `folder` write anew: those in `ANDROID(...)`.
-pub(crate) fn written_anew(folder: &Path) -> anyhow::Result<BTreeSet<String>> {
+pub(super) fn written_anew(folder: &Path) -> anyhow::Result<BTreeSet<String>> {
     let mut names = BTreeSet::new();
     for file in std::fs::read_dir(folder)? {
         let path = file?.path();

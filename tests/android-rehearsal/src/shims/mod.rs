@@ -1,6 +1,7 @@
 //! The shims, compiled by this machine's `cc` from `shims/`.
 
-use super::forward;
+mod forward;
+
 use android_native::elf::Platform;
 use anyhow::{Context, ensure};
 use std::collections::BTreeSet;
@@ -20,8 +21,15 @@ const FLAGS: [&str; 8] = [
     "-shared",
 ];
 
-/// Compiles the sources in `from` into the folder `to`.
-pub(crate) fn build_shims(from: &Path, to: &Path) -> anyhow::Result<()> {
+/// The sources.
+const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/shims");
+
+/// Compiles the shims into the folder `to`, each by the name that Android has it by.
+///
+/// # Errors
+/// If there is no `cc`, or it does not compile them.
+pub fn build(to: &Path) -> anyhow::Result<()> {
+    let from = Path::new(SOURCES);
     fs::create_dir_all(to).with_context(|| format!("cannot make {}", to.display()))?;
     let platform = Platform::api_29();
     let names = platform
