@@ -6,6 +6,7 @@
 
 mod bridge;
 mod call;
+mod control;
 mod deform;
 mod error;
 pub mod headset;
@@ -25,6 +26,7 @@ pub mod visit;
 
 pub use bridge::{Bridge, BridgeState};
 pub use call::{Call, CallCounts, CallEnd, CallFigures, CallWatch, Gap, LatencyFigures};
+pub use control::{Attended, Control, Step};
 pub use deform::Deformer;
 pub use error::ReceiverError;
 pub use interpolate::{LatencyMode, Timeline};

@@ -52,6 +52,9 @@ pub enum RuntimeError {
         /// What the session is for.
         wanted: QnnTarget,
     },
+    /// [`crate::Cancel`] was called for before the graph was loaded.
+    #[error("loading the graph was cancelled")]
+    Cancelled,
     /// ONNX Runtime refused the graph.
     #[error("ONNX Runtime cannot load the graph")]
     Graph(#[source] ort::Error),

@@ -3,7 +3,7 @@
 use crate::commit::is_built_in;
 use crate::landing::forward_to_log;
 use crate::qnn::Plugin;
-use crate::{ProviderKind, RuntimeError};
+use crate::{Cancel, ProviderKind, RuntimeError};
 use ort::environment::Environment;
 use ort::logging::LogLevel;
 use serde::Serialize;
@@ -18,6 +18,7 @@ pub struct Runtime {
     library: PathBuf,
     version: String,
     qnn: Arc<OnceLock<Result<Plugin, String>>>,
+    pub(crate) cancel: Cancel,
 }
 
 /// Whether a provider can be had here.
@@ -81,6 +82,7 @@ impl Runtime {
             version: version_from(ort::info(), &library),
             library,
             qnn: Arc::default(),
+            cancel: Cancel::default(),
         };
         log::debug!(
             "ONNX Runtime {} from {}",
@@ -89,6 +91,15 @@ impl Runtime {
         );
         *loaded = Some(runtime.clone());
         Ok(runtime)
+    }
+
+    /// The same runtime, whose graphs are loaded as long as nobody says otherwise.
+    #[must_use]
+    pub fn cancelled_by(&self, cancel: &Cancel) -> Self {
+        Self {
+            cancel: cancel.clone(),
+            ..self.clone()
+        }
     }
 
     /// The library this runtime came from.
