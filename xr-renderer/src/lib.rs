@@ -4,6 +4,7 @@
 //! [`PackedGaussian`]s, a static [`Background`] and one or two [`Camera`]s into pictures with premultiplied alpha and
 //! depth. It needs Vulkan 1.1 with subgroup operations and runs on software drivers (Mesa's lavapipe) as on GPUs.
 
+mod advice;
 mod attachment;
 mod back_ends;
 mod background;
