@@ -9,6 +9,7 @@ use super::NativeError;
 use super::route::Route;
 use super::toolchain::{TARGET, Toolchain, output_of, run};
 use super::without_ndk::{self, cargo};
+use crate::std_stubs;
 
 /// What to build.
 #[derive(Debug, Clone)]
@@ -81,6 +82,7 @@ pub fn build(order: &Order<'_>, route: &Route) -> Result<Built, NativeError> {
     run(&mut cargo, "to build the receiver for the headset")?;
     let folder = order.target.join(TARGET).join(profile);
     let symbols = folder.join(format!("lib{}.so", order.library));
+    std_stubs::check(&symbols)?;
     let library = folder
         .join("stripped")
         .join(format!("lib{}.so", order.library));
