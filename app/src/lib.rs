@@ -16,6 +16,7 @@ mod kernels;
 mod lanes;
 mod overlay;
 mod placement;
+mod pool;
 mod posing;
 pub mod presence;
 mod profile;
@@ -44,6 +45,7 @@ pub use placement::{
     ProviderChange, ProviderChanges, StageCosts, choose, place, place_first, predicted_picture_ms,
     unit_of,
 };
+pub use pool::in_own_pool;
 pub use posing::bound_mesh;
 pub use profile::{
     Busy, Collector, Event, LatencyBreakdown, Occupancy, Overlap, Part, PartLatency, Percentiles,

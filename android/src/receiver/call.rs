@@ -9,7 +9,7 @@ use anyhow::Context;
 use app::headset::{NoticeBoard, Seen, Watcher, Wishes, show_notice};
 use app::hold::HoldMode;
 use app::visit::{Ended, Guest, Visited, Waiting, Ways, unless_over, visit, wait_for_sender};
-use app::{CallEnd, Notice, Offer};
+use app::{CallEnd, Notice, Offer, in_own_pool};
 use link::{Client, Clock, PackageCache, PackageInUse, RoomLink};
 use spmm3::Avatar;
 use std::sync::Arc;
@@ -183,7 +183,7 @@ fn arrive(
     let path = path.context("cannot fetch the avatar")?;
     let package = packages.in_use(&announced.avatar.sha256)?;
     notice(board, "One moment", ["Getting ready ...".to_owned()]);
-    let avatar = Avatar::load(&path)
+    let avatar = in_own_pool("package", || Avatar::load(&path))?
         .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
     Ok(Some(Gathered {
         guest: Guest {

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Blend, Control, Deformer, GaussianState, Percentiles, Profile, ReceiverError, Stage,
-    StageSummary, Unit,
+    StageSummary, Unit, in_own_pool,
 };
 use npu_runtime::{Availability, Landing, Origin, Provider, ProviderKind, QnnTarget, Runtime};
 use serde::Serialize;
@@ -129,13 +129,9 @@ pub fn place(
         ..*offer
     };
     // Kernels run as they will in a lane, on threads that end with the trials.
-    rayon::ThreadPoolBuilder::new()
-        .thread_name(|at| format!("placement {at}"))
-        .build_scoped(
-            |thread| thread.run(),
-            |pool| pool.install(|| place_here(&offer, avatar, renderer, cameras, request, control)),
-        )
-        .map_err(|error| ReceiverError::Thread(std::io::Error::other(error)))?
+    in_own_pool("placement", || {
+        place_here(&offer, avatar, renderer, cameras, request, control)
+    })?
 }
 
 /// [`place`] in rayon's current pool.

@@ -307,7 +307,19 @@ fn an_activity() {
         }
         if driver.is_over() {
             println!("the activity is over");
+            println!("threads that are left: {:?}", threads());
             return;
         }
     }
+}
+
+/// The names of this process's threads.
+fn threads() -> Vec<String> {
+    let tasks = std::fs::read_dir("/proc/self/task").expect("Linux");
+    let names = tasks.filter_map(|task| {
+        let name = task.expect("a thread").path().join("comm");
+        // It may have ended meanwhile.
+        std::fs::read_to_string(name).ok()
+    });
+    names.map(|name| name.trim().to_owned()).collect()
 }
