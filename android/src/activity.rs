@@ -7,6 +7,7 @@ use crate::logcat;
 use crate::receiver::{Device, HeadsetReceiver};
 use crate::storage::Folders;
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
+use std::sync::Once;
 use std::time::Duration;
 use xr_renderer::xr::Runtime;
 
@@ -22,6 +23,8 @@ const HEXAGON_FOLDER: &str = "ADSP_LIBRARY_PATH";
 /// It must not return before the activity is destroyed: Android's own thread waits for each of the later events to be taken.
 #[unsafe(no_mangle)]
 fn android_main(app: AndroidApp) {
+    // Before anything else, and until the end.
+    let _another_may_come = Unregistered::new(&app);
     logcat::start();
     log::info!("Mon3tr {}", env!("CARGO_PKG_VERSION"));
     let mut driver = driver(&app);
@@ -41,10 +44,35 @@ fn android_main(app: AndroidApp) {
             }
             _ => {}
         });
-        if !closing && driver.as_ref().is_some_and(Driver::has_ended) {
+        // One that is destroyed is closed.
+        if !destroyed && !closing && driver.as_ref().is_some_and(Driver::has_ended) {
             log::info!("the call is over: closing the app");
             java::finish(&app);
             closing = true;
+        }
+    }
+}
+
+/// While this is there, the process's one place for an activity (`ndk-context`'s) is free. android-activity puts each activity in it
+/// before `android_main` and takes it out after, and the process ends where the place is not as it expects: but Android may make an
+/// activity before it destroys the last one, when somebody closes the app and starts it again. Nothing in this process looks there.
+struct Unregistered<'a>(&'a AndroidApp);
+
+impl<'a> Unregistered<'a> {
+    fn new(app: &'a AndroidApp) -> Self {
+        // SAFETY: android-activity has put this activity in before it called `android_main`. Android's own thread makes the next one
+        // after it was told that this one's thread runs, which was just now.
+        unsafe { ndk_context::release_android_context() };
+        Self(app)
+    }
+}
+
+impl Drop for Unregistered<'_> {
+    fn drop(&mut self) {
+        // SAFETY: the pointers are this activity's. It is put back for android-activity to take out: that is while Android's own
+        // thread waits for the end of this activity, and makes no other.
+        unsafe {
+            ndk_context::initialize_android_context(self.0.vm_as_ptr(), self.0.activity_as_ptr());
         }
     }
 }
@@ -74,10 +102,12 @@ fn driver(app: &AndroidApp) -> Option<Driver<HeadsetReceiver>> {
 
 /// What the package brings along, and the activity that OpenXR's loader wants.
 fn device(app: &AndroidApp) -> Device {
+    static FIRST: Once = Once::new();
     let libraries = java::library_folder(app);
     if let Some(folder) = &libraries {
-        // SAFETY: the receiver's threads are not there yet, and the activity's own Java threads read no such variable.
-        unsafe { std::env::set_var(HEXAGON_FOLDER, folder) };
+        // Later activities of this process find it set: the package's folder stays what it is while the app runs.
+        // SAFETY: no thread of a receiver was ever started, and the activity's own Java threads read no such variable.
+        FIRST.call_once(|| unsafe { std::env::set_var(HEXAGON_FOLDER, folder) });
     }
     let app = app.clone();
     Device {

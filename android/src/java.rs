@@ -9,6 +9,9 @@ use jni::objects::{JObject, JObjectArray, JString, JValue};
 use jni::{JNIEnv, JavaVM};
 use std::path::PathBuf;
 
+/// Objects that Java keeps for one question asked here. It promises room for 16, and may end the process where there are too many.
+const OBJECTS: i32 = 16;
+
 /// Names of extras that are looked at to tell the log of those that are no settings.
 const MOST_NAMES: usize = 64;
 
@@ -75,7 +78,7 @@ fn with(
     let mut env = vm.attach_current_thread()?;
     // SAFETY: a global reference to the activity, which android-activity keeps as long as `app`. A JObject does not free it.
     let activity = unsafe { JObject::from_raw(app.activity_as_ptr().cast()) };
-    let outcome = call(&mut env, &activity);
+    let outcome = env.with_local_frame(OBJECTS, |env| call(env, &activity));
     if matches!(outcome, Err(Error::JavaException)) {
         // Extras of a class that this process lacks cannot be unpacked, say. With the exception pending no other call may be made.
         env.exception_describe()?;
@@ -102,7 +105,8 @@ fn read_from(env: &mut JNIEnv<'_>, activity: &JObject<'_>, intent: &mut Intent) 
         return Ok(());
     }
     for key in Key::ALL {
-        if let Some(value) = extra(env, &extras, key.name())? {
+        let value = env.with_local_frame(OBJECTS, |env| extra(env, &extras, key.name()))?;
+        if let Some(value) = value {
             intent.extras.push((key.name().to_owned(), value));
         }
     }
@@ -145,8 +149,11 @@ fn names(env: &mut JNIEnv<'_>, extras: &JObject<'_>) -> Result<Vec<String>> {
     let count = env.get_array_length(&array)?;
     let mut names = Vec::new();
     for index in (0..count).take(MOST_NAMES) {
-        let name = env.get_object_array_element(&array, index)?;
-        names.extend(text(env, name)?);
+        let name = env.with_local_frame(OBJECTS, |env| {
+            let name = env.get_object_array_element(&array, index)?;
+            text(env, name)
+        })?;
+        names.extend(name);
     }
     Ok(names)
 }
@@ -157,7 +164,5 @@ fn text(env: &mut JNIEnv<'_>, string: JObject<'_>) -> Result<Option<String>> {
         return Ok(None);
     }
     let string = JString::from(string);
-    let text = env.get_string(&string)?.into();
-    env.delete_local_ref(string)?;
-    Ok(Some(text))
+    Ok(Some(env.get_string(&string)?.into()))
 }

@@ -42,6 +42,9 @@ pub enum ReceiverError {
     /// Nothing can run the deform graph.
     #[error("no provider is left to run the deform graph")]
     NoProvider,
+    /// It was time to leave before it was done.
+    #[error("left before it was done")]
+    Left,
     /// A test made inference fail.
     #[error("made to fail")]
     Struck,

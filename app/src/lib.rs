@@ -6,6 +6,7 @@
 
 mod bridge;
 mod call;
+mod control;
 mod deform;
 mod error;
 pub mod headset;
@@ -15,6 +16,7 @@ mod kernels;
 mod lanes;
 mod overlay;
 mod placement;
+mod pool;
 mod posing;
 pub mod presence;
 mod profile;
@@ -25,6 +27,7 @@ pub mod visit;
 
 pub use bridge::{Bridge, BridgeState};
 pub use call::{Call, CallCounts, CallEnd, CallFigures, CallWatch, Gap, LatencyFigures};
+pub use control::{Attended, Control, Step};
 pub use deform::Deformer;
 pub use error::ReceiverError;
 pub use interpolate::{LatencyMode, Timeline};
@@ -42,6 +45,7 @@ pub use placement::{
     ProviderChange, ProviderChanges, StageCosts, choose, place, place_first, predicted_picture_ms,
     unit_of,
 };
+pub use pool::in_own_pool;
 pub use posing::bound_mesh;
 pub use profile::{
     Busy, Collector, Event, LatencyBreakdown, Occupancy, Overlap, Part, PartLatency, Percentiles,

@@ -76,6 +76,8 @@ fn qnn(runtime: &Runtime, graph: &Graph<'_>, target: QnnTarget) -> Result<Commit
     match graph.precompiled.iter().find(|p| p.target == target) {
         Some(ours) => match load(runtime, ours.onnx, target, Origin::Precompiled) {
             Ok(committed) => return Ok(committed),
+            // That nobody wants it any more says nothing against it.
+            Err(error @ RuntimeError::Cancelled) => return Err(error),
             Err(error) if graph.onnx.is_empty() => return Err(error),
             Err(error) => log::warn!(
                 "the graph that came compiled for {target} is of no use here, so it is compiled: {}",
@@ -107,6 +109,7 @@ fn qnn(runtime: &Runtime, graph: &Graph<'_>, target: QnnTarget) -> Result<Commit
     if let Some(compiled) = entry.load() {
         match load(runtime, &compiled, target, Origin::Cached) {
             Ok(committed) => return Ok(committed),
+            Err(error @ RuntimeError::Cancelled) => return Err(error),
             Err(error) => entry.discard(&format!("does not load ({})", causes(&error))),
         }
     }
@@ -221,13 +224,17 @@ fn open(
         .and_then(|builder| Ok(builder.with_logger(logger)?))
         .and_then(|builder| Ok(builder.with_log_level(LogLevel::Verbose)?))
         .and_then(more)
-        .and_then(|mut builder| builder.commit_from_memory(onnx));
+        .and_then(|mut builder| {
+            let _load = runtime.cancel.begin(builder.canceler());
+            builder.commit_from_memory(onnx)
+        });
     match session {
         Ok(session) => Ok(Committed {
             session,
             landing: ear.landing(),
             origin,
         }),
+        Err(_) if runtime.cancel.is_cancelled() => Err(RuntimeError::Cancelled),
         Err(source) => Err(explain(provider.kind(), &ear, source)),
     }
 }

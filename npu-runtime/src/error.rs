@@ -3,14 +3,21 @@
 use crate::{ProviderKind, QnnTarget};
 use std::path::PathBuf;
 
+/// What to do where there is no library: nobody can install anything in a headset but the app.
+const HAVE_A_LIBRARY: &str = if cfg!(target_os = "android") {
+    "the app's package lacks it: install the app anew"
+} else {
+    "start through ./run, or set ORT_DYLIB_PATH to the libonnxruntime of release 1.24 or newer (the onnxruntime wheel on PyPI holds \
+     one)"
+};
+
 /// An error of the inference runtime.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RuntimeError {
     /// No usable ONNX Runtime library.
     #[error(
-        "cannot load ONNX Runtime from {}: {reason}; start through ./run, or set ORT_DYLIB_PATH to the libonnxruntime \
-         of release 1.24 or newer (the onnxruntime wheel on PyPI holds one)",
+        "cannot load ONNX Runtime from {}: {reason}; {HAVE_A_LIBRARY}",
         path.display()
     )]
     Library {
@@ -52,6 +59,9 @@ pub enum RuntimeError {
         /// What the session is for.
         wanted: QnnTarget,
     },
+    /// [`crate::Cancel`] was called for before the graph was loaded.
+    #[error("loading the graph was cancelled")]
+    Cancelled,
     /// ONNX Runtime refused the graph.
     #[error("ONNX Runtime cannot load the graph")]
     Graph(#[source] ort::Error),

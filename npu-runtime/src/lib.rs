@@ -4,6 +4,7 @@
 //! parameter of the session; [`Runtime::probe`] tells which there are, and nothing falls back to another by itself.
 
 mod cache;
+mod cancel;
 mod commit;
 mod error;
 mod graph;
@@ -14,6 +15,7 @@ mod runtime;
 mod session;
 mod tensors;
 
+pub use cancel::Cancel;
 pub use commit::compile;
 pub use error::RuntimeError;
 pub use graph::{Graph, Origin, Precompiled};

@@ -97,6 +97,9 @@ fn find(named: Option<&Path>, runtime: &Path) -> Result<PathBuf, String> {
     if candidate.is_file() {
         return Ok(candidate);
     }
+    if cfg!(target_os = "android") {
+        return Err("the app was packaged without QNN (`./run apk --with-qnn` packages it)".into());
+    }
     let how = match named {
         Some(_) => format!("where {QNN_VARIABLE} points"),
         None => format!("beside ONNX Runtime, and {QNN_VARIABLE} is not set"),

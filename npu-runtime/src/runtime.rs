@@ -3,10 +3,11 @@
 use crate::commit::is_built_in;
 use crate::landing::forward_to_log;
 use crate::qnn::Plugin;
-use crate::{ProviderKind, RuntimeError};
+use crate::{Cancel, ProviderKind, RuntimeError};
 use ort::environment::Environment;
 use ort::logging::LogLevel;
 use serde::Serialize;
+use std::ffi::CStr;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -18,6 +19,7 @@ pub struct Runtime {
     library: PathBuf,
     version: String,
     qnn: Arc<OnceLock<Result<Plugin, String>>>,
+    pub(crate) cancel: Cancel,
 }
 
 /// Whether a provider can be had here.
@@ -78,9 +80,10 @@ impl Runtime {
         });
         let runtime = Self {
             environment,
-            version: version_from(ort::info(), &library),
+            version: version_of(&library),
             library,
             qnn: Arc::default(),
+            cancel: Cancel::default(),
         };
         log::debug!(
             "ONNX Runtime {} from {}",
@@ -91,13 +94,22 @@ impl Runtime {
         Ok(runtime)
     }
 
+    /// The same runtime, whose graphs are loaded as long as nobody says otherwise.
+    #[must_use]
+    pub fn cancelled_by(&self, cancel: &Cancel) -> Self {
+        Self {
+            cancel: cancel.clone(),
+            ..self.clone()
+        }
+    }
+
     /// The library this runtime came from.
     #[must_use]
     pub fn library(&self) -> &Path {
         &self.library
     }
 
-    /// Its version, e.g. `1.31.1`, as far as the library tells.
+    /// Its version, e.g. `1.31.1`.
     #[must_use]
     pub fn version(&self) -> &str {
         &self.version
@@ -162,7 +174,33 @@ fn default_library() -> PathBuf {
     }
 }
 
-/// The build string names a branch `rel-1.31.1` in official builds; the file's own name carries the version in others.
+/// As the library itself says; where that cannot be asked, from its build string, which names a branch `rel-1.31.1` in most official
+/// builds, or its file's own name.
+fn version_of(library: &Path) -> String {
+    let said = said_version(library);
+    if let Err(why) = &said {
+        log::debug!("{} is not asked for its version: {why}", library.display());
+    }
+    said.unwrap_or_else(|_| version_from(ort::info(), library))
+}
+
+/// `OrtGetApiBase()->GetVersionString()`, which ort asks too and does not pass on.
+fn said_version(library: &Path) -> Result<String, String> {
+    type GetApiBase = unsafe extern "C" fn() -> *const ort::sys::OrtApiBase;
+    // SAFETY: this is the library that ort has loaded already, or none: no initialiser runs.
+    let library = unsafe { libloading::Library::new(library) }.map_err(|why| why.to_string())?;
+    // SAFETY: this is the function's type in ONNX Runtime's C interface.
+    let base = unsafe { library.get::<GetApiBase>(b"OrtGetApiBase") };
+    let base = base.map_err(|why| why.to_string())?;
+    // SAFETY: it has no conditions; what it gives is static, as is the version.
+    let version = unsafe {
+        let base = base().as_ref().ok_or("it has no interface")?;
+        CStr::from_ptr((base.GetVersionString)())
+    };
+    Ok(version.to_string_lossy().into_owned())
+}
+
+/// The version in a build string, else in a file's name.
 fn version_from(build_info: &str, library: &Path) -> String {
     let branch = build_info
         .split(['=', ',', ' '])

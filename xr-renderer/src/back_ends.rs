@@ -144,6 +144,12 @@ impl BackEnds {
         self.trial
     }
 
+    /// Whether the comparison was begun and is not at its end.
+    pub(crate) fn is_comparing(&self) -> bool {
+        let [tiles, _] = &self.times;
+        self.tiles.is_some() && self.quads.is_some() && !tiles.is_empty()
+    }
+
     /// Fills in what the shaders read of sizes.
     pub(crate) fn describe(&self, frame: &mut FrameParams, target: &Target) {
         if let Some(tiles) = &self.tiles {

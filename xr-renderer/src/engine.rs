@@ -16,6 +16,7 @@ use crate::error::RenderError;
 use crate::front::Front;
 use crate::gpu::Gpu;
 use crate::images::Images;
+use crate::interrupt::Interrupt;
 use crate::options::RendererOptions;
 use crate::order::{KEPT_MOVE, KEPT_TURN, Order};
 use crate::path::{ForegroundPath, KEPT_FOREGROUND_MOVE};
@@ -47,6 +48,7 @@ pub(crate) struct Engine {
     /// Milliseconds the host took to write it, or poses, while they are not drawn yet.
     host_upload: f64,
     max_foreground: u32,
+    interrupt: Option<Interrupt>,
 }
 
 impl Engine {
@@ -84,6 +86,7 @@ impl Engine {
             own: None,
             host_upload: 0.0,
             max_foreground: options.max_foreground,
+            interrupt: options.interrupt.clone(),
             gpu: Arc::clone(gpu),
         })
     }
@@ -163,6 +166,8 @@ impl Engine {
             self.read_times()?;
             match self.back_ends.took(self.times.bin + self.times.raster) {
                 Again::No => break,
+                // What was drawn is a picture as good as any.
+                _ if self.is_wanted_back() => break,
                 // The order of the first attempt serves all.
                 Again::ForComparison => sorts = false,
                 Again::ForShowing => sorts = needs_order,
@@ -177,6 +182,10 @@ impl Engine {
         self.front.foreground_is_there();
         self.host_upload = 0.0;
         Ok(())
+    }
+
+    fn is_wanted_back(&self) -> bool {
+        (self.interrupt.as_ref()).is_some_and(Interrupt::is_raised)
     }
 
     /// The last picture of a view, which exists.

@@ -2,19 +2,20 @@
 
 use ash::vk;
 
+use crate::advice;
+
 /// Why the renderer could not open a device or draw.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RenderError {
     /// There is no Vulkan loader on this machine.
     #[error(
-        "no Vulkan loader (libvulkan) found ({0}): start through ./run, or install it and a driver (Debian, Ubuntu: `apt install libvulkan1 mesa-vulkan-drivers`)"
+        "no Vulkan loader (libvulkan) found ({0}): {advice}",
+        advice = advice::VULKAN_LOADER
     )]
     NoLoader(String),
     /// The loader finds no driver, or no driver finds a device.
-    #[error(
-        "no Vulkan device found: install a Vulkan driver (Debian, Ubuntu: `apt install mesa-vulkan-drivers`, which also has lavapipe for machines without a GPU) or point VK_DRIVER_FILES at one"
-    )]
+    #[error("no Vulkan device found: {}", advice::VULKAN_DEVICE)]
     NoDevice,
     /// A device was asked for by name and none has it.
     #[error("no Vulkan device matches `{wanted}`; this machine has: {}", present.join(", "))]
@@ -25,7 +26,7 @@ pub enum RenderError {
         present: Vec<String>,
     },
     /// The device lacks something that the shaders need.
-    #[error("{device} cannot run the splat shaders: it lacks {}; update its driver, choose another device, or try --gpu lavapipe", lacks.join(", "))]
+    #[error("{device} cannot run the splat shaders: it lacks {}; {}", lacks.join(", "), advice::OTHER_DEVICE)]
     Unsupported {
         /// The device's name.
         device: String,

@@ -4,6 +4,7 @@
 //! [`PackedGaussian`]s, a static [`Background`] and one or two [`Camera`]s into pictures with premultiplied alpha and
 //! depth. It needs Vulkan 1.1 with subgroup operations and runs on software drivers (Mesa's lavapipe) as on GPUs.
 
+mod advice;
 mod attachment;
 mod back_ends;
 mod background;
@@ -22,6 +23,7 @@ mod gpu;
 mod graphics;
 mod images;
 mod instance;
+mod interrupt;
 mod maker;
 mod memory;
 mod options;
@@ -58,6 +60,7 @@ pub use choice::GpuChoice;
 pub use drawing::{Drawing, Foreground, MOST_PARTS, Part};
 pub use error::RenderError;
 pub use gpu::Gpu;
+pub use interrupt::Interrupt;
 pub use options::{BackEnd, Filter, RendererOptions};
 pub use path::{Change, ForegroundPath};
 pub use physical::DeviceInfo;

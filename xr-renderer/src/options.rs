@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::background::Background;
+use crate::interrupt::Interrupt;
 use crate::posing::BoundMesh;
 
 /// How splats are kept from falling between pixels.
@@ -63,6 +64,8 @@ pub struct RendererOptions {
     pub filter: Filter,
     /// The back end to use; without one, both draw the first picture a few times and the faster goes on.
     pub back_end: Option<BackEnd>,
+    /// Who may want the GPU back; without one, nobody.
+    pub interrupt: Option<Interrupt>,
 }
 
 impl RendererOptions {
@@ -79,6 +82,7 @@ impl RendererOptions {
             depth: false,
             filter: Filter::Dilation,
             back_end: None,
+            interrupt: None,
         }
     }
 }

@@ -189,6 +189,11 @@ impl SplatRenderer {
         self.engine.as_ref()?.back_ends.trial()
     }
 
+    /// Whether an interrupt left the comparison of the back ends unfinished: the next picture goes on with it, and takes as long.
+    pub fn is_comparing(&self) -> bool {
+        (self.engine.as_ref()).is_some_and(|engine| engine.back_ends.is_comparing())
+    }
+
     /// What the renderer was made for.
     pub fn options(&self) -> &RendererOptions {
         &self.options
@@ -272,7 +277,52 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::Interrupt;
     use crate::testing::open_gpu;
+    use shaders_spirv::Gaussian;
+
+    #[test]
+    fn a_comparison_that_is_interrupted_goes_on_picture_by_picture() {
+        let Some(gpu) = open_gpu() else { return };
+        let interrupt = Interrupt::default();
+        let options = RendererOptions {
+            interrupt: Some(interrupt.clone()),
+            ..RendererOptions::new(1, 64, 64, 1)
+        };
+        let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
+        if !(gpu.has_clock() && gpu.draws_quads()) {
+            println!("skipped: this device has nothing to compare");
+            return;
+        }
+        let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 1.0, 64, 64);
+        let ball = Gaussian {
+            position: [0.0; 3],
+            rotation: [0.0, 0.0, 0.0, 1.0],
+            scale: [0.1; 3],
+            opacity: 0.9,
+            colour: [1.0; 3],
+        };
+        let ball = PackedGaussian::from(&ball);
+        renderer.set_foreground(&[ball]).expect("one fits");
+        interrupt.set(true);
+        let mut pictures = 0;
+        while renderer.back_end_trial().is_none() {
+            assert!(pictures < 20, "no end of the comparison");
+            assert_eq!(
+                renderer.is_comparing(),
+                pictures > 0,
+                "begun with the first"
+            );
+            renderer.draw(&[camera]).expect("a picture");
+            let seen = renderer.read_back(0).expect("a picture");
+            let seen = seen.pixels().iter().any(|pixel| pixel[3] > 0.0);
+            assert!(seen, "picture {pictures}");
+            pictures += 1;
+        }
+        assert!(pictures > 4, "one picture each time: {pictures}");
+        assert!(!renderer.is_comparing(), "at its end");
+        assert_eq!(gpu.validation_messages(), 0, "validation messages");
+    }
 
     #[test]
     fn a_renderer_whose_recovery_failed_holds_no_memory_says_so_and_recovers_later() {

@@ -9,18 +9,18 @@ pub trait Receiver {
     /// Begins what the app was launched for, or says in the headset why it cannot. Threads of its own do the work.
     fn start(&mut self, launch: Launch);
 
-    /// Stops the GPU's work at once. When this returns the GPU is not touched until [`Receiver::resume`]; no other event is taken
-    /// before. The call itself, on the network, goes on.
+    /// Stops the GPU's work: no step of it begins until [`Receiver::resume`], and the one that was begun is waited for, but not so long
+    /// that Android's own thread is held up. No other event is taken before. The call itself, on the network, goes on.
     fn pause(&mut self);
 
     /// Draws again.
     fn resume(&mut self);
 
-    /// Frees what can be had again: caches, spare buffers.
+    /// The system is short of memory: what can be had again may be freed.
     fn trim_memory(&mut self, what: Trim);
 
-    /// Hangs up and waits until every thread has ended. The call is always paused before, so the GPU is idle; what was made on it
-    /// is freed here.
+    /// Hangs up and waits until the receiver's thread has ended, and with it the others. The call is always paused before; what was made
+    /// on the GPU is freed here.
     fn leave(&mut self);
 
     /// Whether the call is over by itself, so that the app may close.

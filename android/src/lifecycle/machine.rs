@@ -10,7 +10,7 @@ use std::fmt;
 pub enum Command {
     /// Begin. The GPU is the call's from now on.
     Start,
-    /// Stop the GPU's work before this is answered. The network goes on.
+    /// Stop the GPU's work, before another event is taken. The network goes on.
     Pause,
     /// Draw again.
     Resume,
@@ -58,7 +58,7 @@ impl fmt::Display for Oddity {
 /// What one event comes to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Step {
-    /// To be done in this order, before the event is answered.
+    /// To be done in this order, before another event is taken.
     pub commands: &'static [Command],
     /// To be told to the log.
     pub oddity: Option<Oddity>,

@@ -3,6 +3,9 @@
 //! [`Machine`] decides and touches nothing; [`Driver`] lets a [`Receiver`] do what was decided. Windows and focus decide nothing: a
 //! headset's pictures go to its compositor, not to the activity's window, and whether they are seen is the OpenXR session's state
 //! (`docs/android.md`).
+//!
+//! android-activity answers Android before it hands an event on: when `onPause` returns, the app has just begun to pause. It takes one
+//! event after the other, so the GPU rests when the answer to the next one comes: `onStop`, or that the window goes.
 
 mod driver;
 mod event;

@@ -2,6 +2,7 @@
 
 #[cfg(target_os = "android")]
 mod android;
+mod frames;
 mod lines;
 mod panics;
 

@@ -1,6 +1,6 @@
 //! Panics, in the log before the process ends. The build for Android aborts on a panic, so this is the last that is heard.
 
-use super::lines;
+use super::{frames, lines};
 use std::backtrace::Backtrace;
 use std::panic::{self, PanicHookInfo};
 use std::sync::Once;
@@ -30,8 +30,18 @@ fn tell(panic: &PanicHookInfo<'_>) {
     for line in lines(message) {
         log::error!("{line}");
     }
-    for line in lines(&Backtrace::force_capture().to_string()) {
-        log::error!("{line}");
+    if let Some((library, base)) = frames::this_library() {
+        log::error!("{library} is at {base:#x}; the way, as addresses within libraries:");
+    }
+    for (number, frame) in frames::here().iter().enumerate() {
+        log::error!("#{number:02} {frame}");
+    }
+    let names = Backtrace::force_capture().to_string();
+    // A packaged library has none: its symbols file makes them of the addresses.
+    if names.contains(module_path!()) {
+        for line in lines(&names) {
+            log::error!("{line}");
+        }
     }
 }
 
@@ -89,6 +99,15 @@ mod tests {
                 .any(|line| line.contains("a_panic_is_logged_once")),
             "the backtrace names this test: {texts:?}"
         );
+        let (library, base) = frames::this_library().expect("a program has a file");
+        assert!(
+            texts[3].starts_with(&format!("{library} is at {base:#x}")),
+            "where it lies: {}",
+            texts[3]
+        );
+        let first = format!("#00 {library} 0x");
+        let ways = texts.iter().filter(|line| line.starts_with(&first));
+        assert_eq!(ways.count(), 1, "addresses within it: {texts:?}");
         let firsts = texts.iter().filter(|line| line.starts_with("panic at"));
         assert_eq!(firsts.count(), 1, "the hook was set once");
     }

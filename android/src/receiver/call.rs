@@ -2,23 +2,20 @@
 //! hung up, until the viewer leaves.
 
 use super::Stage;
+use super::network::Network;
 use crate::first_run;
 use crate::settings::Settings;
 use anyhow::Context;
 use app::headset::{NoticeBoard, Seen, Watcher, Wishes, show_notice};
 use app::hold::HoldMode;
-use app::visit::{Ended, Guest, Visited, Waiting, Ways, visit, wait_for_sender};
-use app::{CallEnd, Notice, Offer};
+use app::visit::{Ended, Guest, Visited, Waiting, Ways, unless_over, visit, wait_for_sender};
+use app::{CallEnd, Notice, Offer, in_own_pool};
 use link::{Client, Clock, PackageCache, PackageInUse, RoomLink};
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::available_parallelism;
-use std::time::Duration;
-use tokio::runtime::{Builder, Handle};
-
-/// Between two looks whether the viewer has left.
-const LOOK: Duration = Duration::from_millis(100);
+use tokio::runtime::Handle;
 
 /// Shows who is in `rooms`.
 pub(super) fn run(
@@ -27,12 +24,7 @@ pub(super) fn run(
     rooms: &[RoomLink],
 ) -> anyhow::Result<()> {
     let runtime = stage.onnx_runtime()?;
-    let network = Builder::new_multi_thread()
-        .worker_threads(2)
-        .thread_name("network")
-        .enable_all()
-        .build()
-        .context("cannot start the network's threads")?;
+    let network = Network::start()?;
     let ways = Ways {
         network: network.handle().clone(),
         client: Client::new(None)?,
@@ -121,7 +113,7 @@ fn gather(
     };
     let (done, closed) = (AtomicBool::new(false), AtomicBool::new(false));
     let is_over = || closed.load(Relaxed) || stage.control.is_leaving();
-    std::thread::scope(|scope| {
+    let gathered = std::thread::scope(|scope| {
         let waiting = scope.spawn(|| {
             let arriving = (rooms.iter())
                 .map(|room| arrive(room, settings.seat.value, ways, packages, board, &is_over));
@@ -137,7 +129,12 @@ fn gather(
             .map_err(|_| anyhow::anyhow!("the thread that waits for the call failed"))?;
         shown?;
         outcome
-    })
+    });
+    // The device goes with it.
+    let step = stage.control.step();
+    drop(found);
+    drop(step);
+    gathered
 }
 
 /// Waits for one sender, and fetches their package.
@@ -180,24 +177,13 @@ fn arrive(
         let line = format!("{share:.0} % of {megabytes:.0} MB. It is kept for the next call.");
         notice(board, "Fetching the other person's double", [line]);
     });
-    let cancelled = async {
-        while !is_over() {
-            tokio::time::sleep(LOOK).await;
-        }
-    };
-    let path = network.block_on(async {
-        tokio::select! {
-            path = fetching => Some(path),
-            () = cancelled => None,
-        }
-    });
-    let Some(path) = path else {
+    let Some(path) = network.block_on(unless_over(is_over, fetching)) else {
         return Ok(None);
     };
     let path = path.context("cannot fetch the avatar")?;
     let package = packages.in_use(&announced.avatar.sha256)?;
     notice(board, "One moment", ["Getting ready ...".to_owned()]);
-    let avatar = Avatar::load(&path)
+    let avatar = in_own_pool("package", || Avatar::load(&path))?
         .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
     Ok(Some(Gathered {
         guest: Guest {

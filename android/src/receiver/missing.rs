@@ -17,6 +17,10 @@ pub(super) fn show_until_closed(
     });
     if let Some(mut found) = stage.find()? {
         show_notice(&mut found, &board, stage.control, || false)?;
+        // The device goes with it.
+        let step = stage.control.step();
+        drop(found);
+        drop(step);
     }
     Ok(())
 }

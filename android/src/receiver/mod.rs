@@ -5,19 +5,27 @@
 
 mod call;
 mod missing;
+mod network;
 mod profile;
+mod turn;
 
 use crate::first_run;
 use crate::launch::Launch;
 use crate::lifecycle::{Receiver, Trim};
 use crate::settings::{Settings, Task};
-use app::headset::{Control, Found, HeadsetError};
+use app::Control;
+use app::headset::{Found, HeadsetError};
 use missing::show_until_closed;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::JoinHandle;
+use std::time::Duration;
+use turn::HEADSET;
 use xr_renderer::xr::{HeadsetOptions, Runtime, XrError};
+
+/// How long a pause waits for the picture that is being drawn. Android's own thread waits meanwhile, and is not to be seen to.
+const PATIENCE: Duration = Duration::from_millis(80);
 
 /// What the device gives.
 pub struct Device {
@@ -73,7 +81,9 @@ impl Receiver for HeadsetReceiver {
         let (control, over) = (self.control.clone(), Arc::clone(&self.over));
         let frames = self.frames();
         let work = move || {
-            if let Err(error) = run(device, &launch, &control, &frames) {
+            if let Err(error) = run(device, &launch, &control, &frames)
+                && !has_left(&error)
+            {
                 log::error!("{error:#}");
             }
             over.store(true, Relaxed);
@@ -91,8 +101,9 @@ impl Receiver for HeadsetReceiver {
     }
 
     fn pause(&mut self) {
-        if !self.control.pause() {
-            log::error!("the GPU's work did not end in time for the pause");
+        if !self.control.pause(PATIENCE) {
+            // A driver may take long to compile what the first picture needs. Nothing follows it.
+            log::warn!("the app pauses while the GPU ends what it had begun");
         }
     }
 
@@ -131,6 +142,11 @@ struct Stage<'a> {
     frames: &'a AtomicU64,
 }
 
+/// Whether this is only the activity's end, before there was anything to end.
+fn has_left(error: &anyhow::Error) -> bool {
+    matches!(error.downcast_ref(), Some(HeadsetError::Left))
+}
+
 /// Does what the app was launched for. Trouble is shown in the headset, as long as there is one.
 fn run(
     device: Device,
@@ -138,6 +154,9 @@ fn run(
     control: &Control,
     frames: &AtomicU64,
 ) -> anyhow::Result<()> {
+    let Some(_turn) = HEADSET.wait(control) else {
+        return Ok(());
+    };
     let stage = Stage {
         open_xr: (device.open_xr)()?,
         onnx_runtime: device.onnx_runtime,
@@ -183,9 +202,10 @@ impl Stage<'_> {
             eye_size: None,
             validation: false,
         };
-        self.control
-            .work(|| Found::open(self.open_xr.clone(), options))
-            .transpose()
+        let Some(_step) = self.control.step() else {
+            return Ok(None);
+        };
+        Found::open(self.open_xr.clone(), options).map(Some)
     }
 
     /// ONNX Runtime.

@@ -7,7 +7,7 @@ use crate::settings::Settings;
 use anyhow::{Context, ensure};
 use app::headset::{Gathered, Party, Seen, Watcher, show_party};
 use app::visit::Rehearsal;
-use app::{LatencyMode, Offer, Recording, Summary, Terms};
+use app::{LatencyMode, Offer, Recording, Summary, Terms, in_own_pool};
 use npu_runtime::Runtime;
 use profile_report::machine::{EVERY, Sysfs, Watch};
 use profile_report::{AvatarFigures, Conditions, Folder, Measured, Memory, Report};
@@ -46,7 +46,7 @@ fn measure(
         "there is no avatar {}: android/profile.sh puts one there",
         path.display()
     );
-    let avatar = Avatar::load(&path)
+    let avatar = in_own_pool("package", || Avatar::load(&path))?
         .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
     let avatar = Arc::new(avatar);
     let performance = MotionClip::built_in(

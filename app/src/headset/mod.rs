@@ -3,7 +3,6 @@
 //! Which moment is drawn is the lanes' business, where people stand [`crate::presence`]'s, what the runtime is told
 //! `xr_renderer::xr`'s. The loop has a thread of its own, which is the lanes' GPU lane.
 
-mod control;
 mod figures;
 mod hanging;
 mod notice;
@@ -13,7 +12,6 @@ mod party;
 mod show;
 mod surroundings;
 
-pub use control::{Attended, Control};
 pub use figures::{FrameFigures, HeadsetFigures};
 pub use notice::{NoticeBoard, show_notice};
 pub use party::{Found, Gathered, Party, Wishes, show_party};

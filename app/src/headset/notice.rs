@@ -1,10 +1,9 @@
 //! A notice in the headset while there is nobody to see yet: who is waited for, what is being fetched, what is missing.
 
-use super::control::Control;
 use super::hanging::{Spot, image};
 use super::party::Found;
 use super::show::{HeadsetError, IDLE};
-use crate::{NOTICE_WIDTH_METRES, Notice, Panel};
+use crate::{Control, NOTICE_WIDTH_METRES, Notice, Panel};
 use glam::Affine3A;
 use std::sync::{Arc, Mutex, PoisonError};
 use xr_renderer::xr::{Over, Session, SessionOptions, XrError};

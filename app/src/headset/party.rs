@@ -1,12 +1,12 @@
 //! Everybody in one headset: their stages are placed, their lanes started, and they are shown until it is over.
 
-use super::control::{Attended, Control};
 use super::figures::HeadsetFigures;
 use super::show::{HeadsetError, Showing, Watcher, open_again, show};
 use crate::hold::{HoldFigures, HoldMode};
 use crate::{
-    CallWatch, Collector, LaneOptions, Lanes, LatencyMode, MotionSource, Offer, OverlayWatch,
-    Placed, PlacementReport, PlacementRequest, Plan, ReceiverError, Skipped, place, place_first,
+    Attended, CallWatch, Collector, Control, LaneOptions, Lanes, LatencyMode, MotionSource, Offer,
+    OverlayWatch, Placed, PlacementReport, PlacementRequest, Plan, ReceiverError, Skipped, place,
+    place_first,
 };
 use glam::Vec3;
 use spmm3::Avatar;
@@ -134,26 +134,13 @@ impl<S> Party<S> {
 }
 
 /// Prepares everything for `avatars`, has `join` gather their poses only then, for nobody is to wait for that in a call, and
-/// shows them until it is over. `offer` is what this machine runs graphs with.
+/// shows them until it is over. `offer` is what this machine runs graphs with. `control` may interrupt the preparations between any
+/// two steps.
 ///
 /// # Errors
-/// If nothing can run or draw them, or the headset cannot be shown anything.
+/// If nothing can run or draw them, or the headset cannot be shown anything. [`HeadsetError::Left`] where `control` ends it before
+/// anybody is joined.
 pub fn show_party<S: MotionSource>(
-    found: Found,
-    offer: &Offer<'_>,
-    wishes: &Wishes,
-    avatars: &[Arc<Avatar>],
-    join: impl FnOnce() -> Gathered<S>,
-    control: &Control,
-    watcher: &mut dyn Watcher,
-) -> Result<Party<S>, HeadsetError> {
-    control
-        .work(|| prepare_and_show(found, offer, wishes, avatars, join, control, watcher))
-        .unwrap_or(Err(HeadsetError::Left))
-}
-
-/// [`show_party`] while it may use the GPU.
-fn prepare_and_show<S: MotionSource>(
     found: Found,
     offer: &Offer<'_>,
     wishes: &Wishes,
@@ -178,6 +165,7 @@ fn prepare_and_show<S: MotionSource>(
         renderer_options(&headset, avatars, wishes),
         &cameras,
         wishes.placement,
+        control,
     )?;
     let Placed {
         plan,
@@ -191,7 +179,14 @@ fn prepare_and_show<S: MotionSource>(
     };
     let mut placed_others = Vec::new();
     for avatar in others {
-        placed_others.push(place(offer, avatar, &mut renderer, &cameras, for_others)?);
+        placed_others.push(place(
+            offer,
+            avatar,
+            &mut renderer,
+            &cameras,
+            for_others,
+            control,
+        )?);
     }
     let lane_options = LaneOptions {
         plan,
@@ -199,13 +194,17 @@ fn prepare_and_show<S: MotionSource>(
         hold: wishes.hold,
         display_period: Duration::from_secs_f32(1.0 / HERTZ),
     };
+    control.checkpoint()?;
     let Gathered { sources, watch } = join();
     let mut sources = (sources.into_iter()).map(|source| Attended::new(source, control.clone()));
     let source = sources.next().ok_or(HeadsetError::Nobody)?;
+    // Also where it is time to leave: who has joined says goodbye.
+    let step = control.step();
     let mut lanes = Lanes::start(first, inference, renderer, source, &lane_options)?;
     for ((avatar, placed), source) in others.iter().zip(placed_others).zip(sources) {
         lanes.join(avatar, placed.inference, source, placed.plan)?;
     }
+    drop(step);
     let showing = Showing {
         runtime,
         options,
@@ -223,11 +222,14 @@ fn prepare_and_show<S: MotionSource>(
     };
     let began = Instant::now();
     let headset = show(&mut lanes, headset, showing, watcher)?;
+    // All that is on the device is freed now.
+    let step = control.step();
     placement.follow(lanes.provider_changes());
     let renderer = lanes.renderer();
     let (back_end, back_end_trial) = (renderer.back_end(), renderer.back_end_trial());
     let (skipped, hold) = (lanes.skipped(), lanes.hold());
     let (sources, collector) = lanes.finish_all();
+    drop(step);
     Ok(Party {
         sources: (sources.into_iter())
             .map(|source| source.map(Attended::into_source))

@@ -3,13 +3,12 @@
 //! When the runtime goes away (its service is restarted, the headset unplugged) the people stay: the headset is opened again, as
 //! often as it takes, and the call goes on meanwhile.
 
-use super::control::Control;
 use super::figures::HeadsetFigures;
 use super::pace::Pace;
 use super::panel::FiguresPanel;
 use super::surroundings::{Places, name};
 use crate::presence::Viewer;
-use crate::{Drawn, Lanes, MotionSource, OverlayWatch, Percentiles, ReceiverError};
+use crate::{Control, Drawn, Lanes, MotionSource, OverlayWatch, Percentiles, ReceiverError};
 use spmm3::Skeleton;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -37,7 +36,7 @@ pub enum HeadsetError {
     Headset(#[from] XrError),
     /// Nothing can be drawn any longer.
     #[error(transparent)]
-    Receiver(#[from] ReceiverError),
+    Receiver(ReceiverError),
     /// No avatars were given.
     #[error("there is nobody to show")]
     Nobody,
@@ -50,6 +49,15 @@ pub enum HeadsetError {
     /// The thread of the frames panicked, which it says itself.
     #[error("the thread of the headset's frames panicked")]
     Panicked,
+}
+
+impl From<ReceiverError> for HeadsetError {
+    fn from(error: ReceiverError) -> Self {
+        match error {
+            ReceiverError::Left => Self::Left,
+            error => Self::Receiver(error),
+        }
+    }
 }
 
 /// What is shown, and how.
@@ -128,8 +136,9 @@ pub fn show<S: MotionSource>(
         let thread = std::thread::Builder::new()
             .name("headset frames".to_owned())
             .spawn_scoped(scope, move || -> Result<HeadsetFigures, HeadsetError> {
-                frames.run(headset, &runtime, options)?;
-                Ok(frames.into_figures())
+                let shown = frames.run(headset, &runtime, options);
+                frames.control.end_work();
+                shown.map(|()| frames.into_figures())
             })
             .map_err(HeadsetError::Thread)?;
         thread.join().map_err(|_| HeadsetError::Panicked)?
@@ -156,7 +165,7 @@ pub(super) fn open_again(
             }
         }
         control.end_work();
-        std::thread::sleep(AGAIN);
+        control.sleep(AGAIN);
     }
     None
 }

@@ -2,7 +2,7 @@
 
 use super::MotionSource;
 use super::hand_over::Bell;
-use crate::ReceiverError;
+use crate::{ReceiverError, in_own_pool};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
@@ -49,18 +49,15 @@ impl<S: MotionSource> Threads<S> {
         Ok(())
     }
 
-    /// As [`Self::spawn`], within a pool of its own for the kernels: a thread of the pool hands work to the others without
-    /// allocating, one from outside does not.
+    /// As [`Self::spawn`], within a pool of its own for the kernels, which ends with it: a thread of the pool hands work to the others
+    /// without allocating, one from outside does not.
     pub(super) fn spawn_in_pool(
         &mut self,
         name: &str,
         run: impl FnOnce(&AtomicBool) -> Result<(), ReceiverError> + Send + 'static,
     ) -> Result<(), ReceiverError> {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .thread_name(|at| format!("cpu lane {at}"))
-            .build()
-            .map_err(|error| ReceiverError::Thread(std::io::Error::other(error)))?;
-        self.spawn(name, move |stop| pool.install(|| run(stop)))
+        let threads = name.to_owned();
+        self.spawn(name, move |stop| in_own_pool(&threads, || run(stop))?)
     }
 
     /// Whether the motion source has no more poses.

@@ -1,7 +1,7 @@
 //! Placing the first person's stages with the renderer that is made for them.
 
 use super::{Offer, Placed, PlacementRequest, Plan, place};
-use crate::{ReceiverError, bound_mesh};
+use crate::{Control, ReceiverError, bound_mesh};
 use spmm3::Avatar;
 use std::sync::Arc;
 use xr_renderer::{Camera, Gpu, RendererOptions, SplatRenderer};
@@ -18,14 +18,22 @@ pub fn place_first(
     options: RendererOptions,
     cameras: &[Camera],
     request: PlacementRequest,
+    control: &Control,
 ) -> Result<(Placed, SplatRenderer), ReceiverError> {
     let mesh = matches!(request.plan, None | Some(Plan::Pc))
         .then(|| bound_mesh(avatar))
         .transpose()?
         .map(Arc::new);
-    let options = RendererOptions { mesh, ..options };
-    let mut renderer = SplatRenderer::new(Arc::clone(gpu), &options)?;
-    let placed = place(offer, avatar, &mut renderer, cameras, request)?;
+    let options = RendererOptions {
+        mesh,
+        interrupt: Some(control.interrupt()),
+        ..options
+    };
+    let new = |options: &RendererOptions| -> Result<_, ReceiverError> {
+        Ok(SplatRenderer::new(Arc::clone(gpu), options)?)
+    };
+    let mut renderer = control.on_gpu(|| new(&options))?;
+    let placed = place(offer, avatar, &mut renderer, cameras, request, control)?;
     if options.mesh.is_some() && placed.plan != Plan::Pc {
         // 20 MB of the device's memory that nobody uses.
         let options = RendererOptions {
@@ -38,7 +46,10 @@ pub fn place_first(
             },
             ..options
         };
-        renderer = SplatRenderer::new(Arc::clone(gpu), &options)?;
+        control.on_gpu(|| -> Result<(), ReceiverError> {
+            renderer = new(&options)?;
+            Ok(())
+        })?;
     }
     Ok((placed, renderer))
 }

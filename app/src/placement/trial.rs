@@ -5,7 +5,8 @@ use super::{
     predicted_picture_ms, unit_of,
 };
 use crate::{
-    Blend, Deformer, GaussianState, Percentiles, Profile, ReceiverError, Stage, StageSummary, Unit,
+    Blend, Control, Deformer, GaussianState, Percentiles, Profile, ReceiverError, Stage,
+    StageSummary, Unit, in_own_pool,
 };
 use npu_runtime::{Availability, Landing, Origin, Provider, ProviderKind, QnnTarget, Runtime};
 use serde::Serialize;
@@ -14,11 +15,12 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use xr_renderer::{
-    Camera, Drawing, Foreground, ForegroundPath, Part, PosedInput, SplatRenderer, StateId,
+    Camera, Drawing, Foreground, ForegroundPath, ForegroundSlot, Part, PosedInput, SplatRenderer,
+    StateId,
 };
 
 /// Frames of each placement that are timed, after one that is not.
-const FRAMES: u32 = 5;
+const FRAMES: usize = 5;
 /// No more frames once they took so long together: one frame on an emulated NPU may take half a minute.
 const LONG_ENOUGH: Duration = Duration::from_secs(1);
 
@@ -108,22 +110,46 @@ pub struct Placed {
     pub report: PlacementReport,
 }
 
-/// Tries what `request` leaves open, with the renderer that is to draw, and takes the fastest.
+/// Tries what `request` leaves open, with the renderer that is to draw, and takes the fastest. `control` may have the trials pause
+/// between any two of their steps, or end.
 ///
 /// # Errors
-/// If nothing that was asked for can be had; the error of the last thing tried.
+/// If nothing that was asked for can be had; the error of the last thing tried. [`ReceiverError::Left`] where `control` said so.
 pub fn place(
     offer: &Offer<'_>,
     avatar: &Arc<Avatar>,
     renderer: &mut SplatRenderer,
     cameras: &[Camera],
     request: PlacementRequest,
+    control: &Control,
 ) -> Result<Placed, ReceiverError> {
+    let runtime = offer.runtime.cancelled_by(control.cancel());
+    let offer = Offer {
+        runtime: &runtime,
+        ..*offer
+    };
+    // Kernels run as they will in a lane, on threads that end with the trials.
+    in_own_pool("placement", || {
+        place_here(&offer, avatar, renderer, cameras, request, control)
+    })?
+}
+
+/// [`place`] in rayon's current pool.
+fn place_here(
+    offer: &Offer<'_>,
+    avatar: &Arc<Avatar>,
+    renderer: &mut SplatRenderer,
+    cameras: &[Camera],
+    request: PlacementRequest,
+    control: &Control,
+) -> Result<Placed, ReceiverError> {
+    control.checkpoint()?;
     let found = offer.runtime.probe();
     let gpu_is_cpu = renderer.gpu().info().is_cpu;
     let mut canvas = Canvas {
         renderer,
         cameras,
+        control,
         pose: at_ease(&avatar.skeleton),
         times: None,
     };
@@ -162,6 +188,8 @@ pub fn place(
                         alternative.predicted_ms = Some(ms);
                         kept = Some(inference);
                     }
+                    // Whatever it failed for: what was cancelled is no refusal.
+                    Err(_) if control.is_leaving() => return Err(ReceiverError::Left),
                     Err(error) => {
                         alternative.refused = Some(error.in_full());
                         last_error = Some(error);
@@ -298,6 +326,8 @@ fn try_one(
     provider: Provider,
     canvas: &mut Canvas<'_>,
 ) -> Result<(StageCosts, Inference), ReceiverError> {
+    let control = canvas.control;
+    control.checkpoint()?;
     let inference = Inference::open(
         offer.runtime,
         avatar,
@@ -310,10 +340,13 @@ fn try_one(
     }
     let mut deformer = Deformer::new(avatar, inference, plan)?;
     let mut profile = Profile::default();
-    let started = Instant::now();
+    let mut spent = Duration::ZERO;
     for frame in 0..=FRAMES {
+        control.checkpoint()?;
+        let started = Instant::now();
         deformer.deform(&canvas.pose, &mut profile)?;
-        if started.elapsed() > LONG_ENOUGH {
+        spent += started.elapsed();
+        if spent > LONG_ENOUGH {
             break;
         }
         if frame == 0 {
@@ -339,6 +372,7 @@ fn try_one(
 struct Canvas<'a> {
     renderer: &'a mut SplatRenderer,
     cameras: &'a [Camera],
+    control: &'a Control,
     pose: MotionParams,
     /// Interpolation and drawing, ms, once they were measured.
     times: Option<(f64, f64)>,
@@ -349,33 +383,50 @@ impl Canvas<'_> {
         if let Some(times) = self.times {
             return Ok(times);
         }
-        let mut slot = self.renderer.foreground_slot()?;
-        let count = u32::try_from(state.len()).unwrap_or(u32::MAX);
+        let control = self.control;
+        let room = || -> Result<_, ReceiverError> { Ok(self.renderer.foreground_slot()?) };
+        let mut slot = control.on_gpu(room)?;
         let (mut interpolate, mut draw) = (Vec::new(), Vec::new());
-        let mut spent = Duration::ZERO;
-        for frame in 0..=FRAMES {
-            let started = Instant::now();
-            let gaussians = slot.gaussians_mut().get_mut(..state.len());
-            let blend = Blend::new(state, state, 0.5)?;
-            blend.pack(0..state.len(), gaussians.unwrap_or_default())?;
-            slot.set(count, ForegroundPath::new())?;
-            let packed = Instant::now();
-            let parts = [Part::here(Foreground::Slot(&slot))];
-            let drawing = Drawing::new(self.cameras, &parts);
-            self.renderer.draw_with(&drawing)?;
-            // The first picture is drawn several times, to compare the renderer's back ends.
-            if frame > 0 {
-                interpolate.push(ms(packed - started));
-                draw.push(ms(packed.elapsed()));
-                spent += started.elapsed();
+        let (mut spent, mut is_warm) = (Duration::ZERO, false);
+        while draw.len() < FRAMES && spent <= LONG_ENOUGH {
+            let [packing, drawing] = control.on_gpu(|| self.draw_state(&mut slot, state))?;
+            if is_warm {
+                interpolate.push(ms(packing));
+                draw.push(ms(drawing));
+                spent += packing + drawing;
             }
-            if spent > LONG_ENOUGH {
-                break;
-            }
+            is_warm = self.is_warm();
         }
+        let step = control.step();
+        drop(slot);
+        drop(step);
         let times = (median(&interpolate), median(&draw));
         self.times = Some(times);
         Ok(times)
+    }
+
+    /// The first picture is drawn several times, to compare the renderer's back ends; where a pause interrupted that, so is the next.
+    fn is_warm(&self) -> bool {
+        !self.renderer.is_comparing()
+    }
+
+    /// Draws one picture of a state: how long packing it took, and drawing.
+    fn draw_state(
+        &mut self,
+        slot: &mut ForegroundSlot,
+        state: &GaussianState,
+    ) -> Result<[Duration; 2], ReceiverError> {
+        let started = Instant::now();
+        let count = u32::try_from(state.len()).unwrap_or(u32::MAX);
+        let gaussians = slot.gaussians_mut().get_mut(..state.len());
+        let blend = Blend::new(state, state, 0.5)?;
+        blend.pack(0..state.len(), gaussians.unwrap_or_default())?;
+        slot.set(count, ForegroundPath::new())?;
+        let packed = Instant::now();
+        let parts = [Part::here(Foreground::Slot(slot))];
+        self.renderer
+            .draw_with(&Drawing::new(self.cameras, &parts))?;
+        Ok([packed - started, packed.elapsed()])
     }
 
     /// Times what the device does of a frame, between two states of one pose.
@@ -384,39 +435,34 @@ impl Canvas<'_> {
         avatar: &Avatar,
         mut inference: Inference,
     ) -> Result<(StageCosts, Inference), ReceiverError> {
+        let control = self.control;
         let mut skinning = SkinningTransforms::default();
         let joints = avatar.skeleton.pose(&self.pose);
         avatar.skeleton.skinning(&joints, &mut skinning);
         let mut outputs = inference.outputs()?;
         let (mut infer, mut bind, mut interpolate, mut draw) = (vec![], vec![], vec![], vec![]);
         let mut before: Option<StateId> = None;
-        for frame in 0..=FRAMES {
+        let mut is_warm = false;
+        while draw.len() < FRAMES {
+            control.checkpoint()?;
             let started = Instant::now();
             inference.run(&self.pose, &skinning, &mut outputs)?;
-            let inferred = Instant::now();
-            let to = self.renderer.push_state(&PosedInput {
+            let inferred = started.elapsed();
+            let input = PosedInput {
                 canonical_vertices: outputs.get(0),
                 skinning: &skinning.0,
                 potentials: outputs.get(1),
                 root: self.pose.root_translation.to_array(),
-            })?;
-            let foreground = Foreground::Posed {
-                from: before.replace(to).unwrap_or(to),
-                to,
-                share: 0.5,
-                level: 0,
             };
-            let handed = Instant::now();
-            self.renderer
-                .draw_with(&Drawing::new(self.cameras, &[Part::here(foreground)]))?;
-            if frame > 0 {
-                let whole = ms(handed.elapsed());
+            let drawing = control.on_gpu(|| self.draw_posed(&input, &mut before))?;
+            if is_warm {
                 let times = self.renderer.stage_times();
-                infer.push(ms(inferred - started));
+                infer.push(ms(inferred));
                 bind.push(times.skin + times.attributes);
                 interpolate.push(times.interpolate);
-                draw.push(whole - times.skin - times.attributes - times.interpolate);
+                draw.push(ms(drawing) - times.skin - times.attributes - times.interpolate);
             }
+            is_warm = self.is_warm();
         }
         let costs = StageCosts {
             inference: median(&infer),
@@ -425,6 +471,25 @@ impl Canvas<'_> {
             draw: median(&draw),
         };
         Ok((costs, inference))
+    }
+
+    /// Draws one picture half way from the pose before to this one: how long that took.
+    fn draw_posed(
+        &mut self,
+        input: &PosedInput<'_>,
+        before: &mut Option<StateId>,
+    ) -> Result<Duration, ReceiverError> {
+        let to = self.renderer.push_state(input)?;
+        let foreground = Foreground::Posed {
+            from: before.replace(to).unwrap_or(to),
+            to,
+            share: 0.5,
+            level: 0,
+        };
+        let handed = Instant::now();
+        self.renderer
+            .draw_with(&Drawing::new(self.cameras, &[Part::here(foreground)]))?;
+        Ok(handed.elapsed())
     }
 }
 

@@ -6,6 +6,9 @@ use std::time::Duration;
 /// Between two questions whether the sender has come.
 const PAUSE: Duration = Duration::from_millis(500);
 
+/// Between two looks whether it is over.
+const LOOK: Duration = Duration::from_millis(50);
+
 /// Why it takes time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Waiting {
@@ -15,8 +18,26 @@ pub enum Waiting {
     Trouble(String),
 }
 
-/// Asks until the sender is in the room; nothing if `is_over` before. What it waits for is `told` when it changes: once, not
-/// twice a second.
+/// What `outcome` comes to; nothing if `is_over` before, which is looked at twenty times a second. What has come of it by then is
+/// dropped.
+pub async fn unless_over<T>(
+    is_over: impl Fn() -> bool,
+    outcome: impl Future<Output = T>,
+) -> Option<T> {
+    let over = async {
+        while !is_over() {
+            tokio::time::sleep(LOOK).await;
+        }
+    };
+    tokio::select! {
+        biased;
+        () = over => None,
+        outcome = outcome => Some(outcome),
+    }
+}
+
+/// Asks until the sender is in the room; nothing if `is_over` before, also in the middle of a question. What it waits for is `told`
+/// when it changes: once, not twice a second.
 ///
 /// # Errors
 /// What asking again cannot mend: a wrong link, say.
@@ -26,19 +47,41 @@ pub async fn wait_for_sender(
     is_over: impl Fn() -> bool,
     mut told: impl FnMut(&Waiting),
 ) -> Result<Option<Announcement>, HttpError> {
-    let mut last = None;
-    while !is_over() {
-        let waiting = match client.ask(room).await {
-            Ok(Some(announced)) => return Ok(Some(announced)),
-            Ok(None) => Waiting::ForSender,
-            Err(error) if error.is_final() => return Err(error),
-            Err(error) => Waiting::Trouble(crate::error::in_full(&error)),
-        };
-        if last.as_ref() != Some(&waiting) {
-            told(&waiting);
-            last = Some(waiting);
+    let asking = async {
+        let mut last = None;
+        loop {
+            let waiting = match client.ask(room).await {
+                Ok(Some(announced)) => return Ok(announced),
+                Ok(None) => Waiting::ForSender,
+                Err(error) if error.is_final() => return Err(error),
+                Err(error) => Waiting::Trouble(crate::error::in_full(&error)),
+            };
+            if last.as_ref() != Some(&waiting) {
+                told(&waiting);
+                last = Some(waiting);
+            }
+            tokio::time::sleep(PAUSE).await;
         }
-        tokio::time::sleep(PAUSE).await;
+    };
+    unless_over(is_over, asking).await.transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    #[tokio::test]
+    async fn what_never_comes_to_an_end_is_left_when_it_is_over() {
+        let looks = Cell::new(0);
+        let is_over = || {
+            looks.set(looks.get() + 1);
+            looks.get() > 2
+        };
+        let never = std::future::pending::<()>();
+        assert_eq!(unless_over(is_over, never).await, None, "left");
+        assert_eq!(looks.get(), 3, "as soon as it was over");
+        let done = unless_over(|| false, std::future::ready(7)).await;
+        assert_eq!(done, Some(7), "what came");
     }
-    Ok(None)
 }

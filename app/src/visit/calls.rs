@@ -1,8 +1,8 @@
 //! The calls of everybody who is visited: joined when all is ready to show them, ended when it is over.
 
-use crate::headset::{Control, Found, Gathered, HeadsetError, Party, Watcher, Wishes, show_party};
+use crate::headset::{Found, Gathered, HeadsetError, Party, Watcher, Wishes, show_party};
 use crate::presence::Seated;
-use crate::{Call, CallEnd, CallFigures, Offer, ReceiverError};
+use crate::{Call, CallEnd, CallFigures, Control, Offer, ReceiverError};
 use link::{Announcement, Client, Clock, RoomLink, Viewer};
 use spmm3::Avatar;
 use std::sync::Arc;

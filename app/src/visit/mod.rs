@@ -7,6 +7,6 @@ mod arrive;
 mod calls;
 mod rehearsal;
 
-pub use arrive::{Waiting, wait_for_sender};
+pub use arrive::{Waiting, unless_over, wait_for_sender};
 pub use calls::{Ended, Guest, Visited, Ways, visit};
 pub use rehearsal::Rehearsal;

@@ -1,10 +1,10 @@
 //! The program under test: a puppet that dances, shown in the headset that the environment names, and what that came to.
 
-use app::headset::{Control, Seen, Showing, Watcher, show};
+use app::headset::{Seen, Showing, Watcher, show};
 use app::hold::HoldMode;
 use app::{
-    BridgeState, LaneOptions, Lanes, LatencyMode, MotionSource, Offer, OverlayWatch, PictureTimes,
-    Placed, PlacementRequest, Plan, Pose, place,
+    BridgeState, Control, LaneOptions, Lanes, LatencyMode, MotionSource, Offer, OverlayWatch,
+    PictureTimes, Placed, PlacementRequest, Plan, Pose, place,
 };
 use glam::Vec3;
 use mon3tr_tests::allocations::bytes_held;
@@ -161,7 +161,14 @@ fn lanes(headset: &Headset, avatar: &Arc<Avatar>) -> (Lanes<Dance>, OverlayWatch
         plan: Some(Plan::CpuTail),
         provider: None,
     };
-    let placed = place(&offer, avatar, &mut renderer, &cameras, request);
+    let placed = place(
+        &offer,
+        avatar,
+        &mut renderer,
+        &cameras,
+        request,
+        &Control::default(),
+    );
     let Placed {
         plan,
         inference,

@@ -4,6 +4,7 @@ mod faults;
 mod headset;
 mod people;
 mod pictures;
+mod placing;
 mod slow;
 mod stage;
 mod steady;

@@ -160,7 +160,7 @@ impl Stage {
         Some(Self {
             lanes,
             display: DisplayClock::new(hertz),
-            camera: camera(),
+            camera: camera(SIDE),
             avatar,
             runtime,
             _alone: alone,
@@ -235,7 +235,7 @@ pub(crate) fn avatar() -> Avatar {
     Avatar::read(std::io::Cursor::new(bytes)).expect("the package is sound")
 }
 
-fn camera() -> Camera {
+pub(crate) fn camera(side: u32) -> Camera {
     let (eye, target) = (Vec3::new(0.0, 1.0, 4.0), Vec3::Y * 0.9);
-    Camera::look_at(eye, target, Vec3::Y, 0.6, SIDE, SIDE)
+    Camera::look_at(eye, target, Vec3::Y, 0.6, side, side)
 }

@@ -3,14 +3,14 @@
 //! nothing needs to be flushed to the disk before its rename. A lock that somebody shares keeps a whole package from being removed.
 
 use std::{
-    fs::{self, File, TryLockError},
+    fs::{self, File},
     io,
     path::{Path, PathBuf},
     sync::Arc,
     time::{Duration, SystemTime},
 };
 
-use super::{AvatarRef, HttpError, PackageId};
+use super::{AvatarRef, HttpError, PackageId, file_lock::FileLock};
 
 /// Bytes that a cache keeps unless told otherwise.
 const KEPT: u64 = 4_000_000_000;
@@ -30,11 +30,11 @@ pub struct PackageCache {
 
 /// The right to write one package's files. The file's lock goes with the last copy, at the latest with the process.
 #[derive(Debug, Clone)]
-pub(super) struct Lock(#[expect(dead_code, reason = "held, never read")] Arc<File>);
+pub(super) struct Lock(#[expect(dead_code, reason = "held, never read")] Arc<FileLock>);
 
 /// Keeps a package from being removed, by this and by other processes, until it is dropped.
 #[derive(Debug)]
-pub struct PackageInUse(#[expect(dead_code, reason = "held, never read")] File);
+pub struct PackageInUse(#[expect(dead_code, reason = "held, never read")] FileLock);
 
 impl PackageCache {
     /// The cache in this folder, which is made, for this user's eyes only, if it is not there.
@@ -80,11 +80,8 @@ impl PackageCache {
     /// [`HttpError::Cache`] if its lock cannot be had.
     pub fn in_use(&self, package: &PackageId) -> Result<Option<PackageInUse>, HttpError> {
         let (path, file) = self.lock_file(package)?;
-        match file.try_lock_shared() {
-            Ok(()) => Ok(Some(PackageInUse(file))),
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(source)) => Err(self.wrong("lock", &path, 0, source)),
-        }
+        let lock = FileLock::shared(file).map_err(|why| self.wrong("lock", &path, 0, why))?;
+        Ok(lock.map(PackageInUse))
     }
 
     /// Brings the folder within its bound now (which may have been larger before), and removes what interrupted downloads left a
@@ -140,11 +137,8 @@ impl PackageCache {
 
     fn try_lock(&self, package: &PackageId) -> Result<Option<Lock>, HttpError> {
         let (path, file) = self.lock_file(package)?;
-        match file.try_lock() {
-            Ok(()) => Ok(Some(Lock(Arc::new(file)))),
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(source)) => Err(self.wrong("lock", &path, 0, source)),
-        }
+        let lock = FileLock::exclusive(file).map_err(|why| self.wrong("lock", &path, 0, why))?;
+        Ok(lock.map(|lock| Lock(Arc::new(lock))))
     }
 
     /// Lock files are never removed: somebody may be about to lock the one that is gone while the next one locks a new one.

@@ -7,6 +7,7 @@ mod cache;
 mod client;
 mod error;
 mod fetch;
+mod file_lock;
 mod package_id;
 mod part;
 mod presence;

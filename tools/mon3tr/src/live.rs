@@ -7,8 +7,8 @@ use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::Context;
 use app::hold::{HoldFigures, HoldMode};
 use app::{
-    Call, Collector, DisplayClock, Drawn, LaneOptions, Lanes, Placed, PlacementReport, Skipped,
-    place_first,
+    Call, Collector, Control, DisplayClock, Drawn, LaneOptions, Lanes, Placed, PlacementReport,
+    Skipped, place_first,
 };
 use glam::{Quat, Vec3};
 use npu_runtime::Runtime;
@@ -51,8 +51,15 @@ impl Prepared {
         let cameras = eyes(camera, setting.views);
         let compiled = compiled()?;
         let offer = offer(runtime, &compiled);
-        let (placed, renderer) =
-            place_first(&offer, avatar, gpu, options, &cameras, choices.placement)?;
+        let (placed, renderer) = place_first(
+            &offer,
+            avatar,
+            gpu,
+            options,
+            &cameras,
+            choices.placement,
+            &Control::default(),
+        )?;
         Ok(Self {
             avatar: Arc::clone(avatar),
             placed,

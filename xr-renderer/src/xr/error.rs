@@ -2,7 +2,7 @@
 
 use openxr::sys::Result as XrResult;
 
-use crate::RenderError;
+use crate::{RenderError, advice};
 
 /// Why there is no headset, or no longer one.
 #[derive(Debug, thiserror::Error)]
@@ -10,20 +10,20 @@ use crate::RenderError;
 pub enum XrError {
     /// There is no `OpenXR` loader on this machine.
     #[error(
-        "no OpenXR loader (libopenxr_loader.so.1) found ({0}): start through ./run, or install it (Debian, Ubuntu: `apt install libopenxr-loader1`)"
+        "no OpenXR loader (libopenxr_loader.so.1) found ({0}): {advice}",
+        advice = advice::OPENXR_LOADER
     )]
     NoLoader(String),
     /// The loader finds no runtime, or cannot load the one that its manifest names.
-    #[error(
-        "no OpenXR runtime is active ({result}): start your headset's software and make it the active runtime, or point XR_RUNTIME_JSON at a runtime's manifest that exists (Monado's, say)"
-    )]
+    #[error("no OpenXR runtime is active ({result}): {}", advice::OPENXR_RUNTIME)]
     NoRuntime {
         /// What the loader said.
         result: XrResult,
     },
     /// The runtime is there, but the service behind it is not.
     #[error(
-        "the OpenXR runtime does not answer ({result}): its service is not running: start it (SteamVR, `monado-service`) and try again"
+        "the OpenXR runtime does not answer ({result}): its service is not running: {}",
+        advice::OPENXR_SERVICE
     )]
     NoService {
         /// What the runtime said.
@@ -40,7 +40,10 @@ pub enum XrError {
         result: XrResult,
     },
     /// The runtime lacks what pictures cannot be shown without.
-    #[error("{runtime} cannot show our pictures: it lacks {lacks}; use another OpenXR runtime")]
+    #[error(
+        "{runtime} cannot show our pictures: it lacks {lacks}; {}",
+        advice::OTHER_RUNTIME
+    )]
     Unsupported {
         /// The runtime's name.
         runtime: String,
@@ -56,7 +59,7 @@ pub enum XrError {
         result: XrResult,
     },
     /// Any other failure of a call.
-    #[error("{call} failed: {result}; restart the headset's software")]
+    #[error("{call} failed: {result}; {}", advice::RUNTIME_FAILED)]
     Call {
         /// The call.
         call: &'static str,

@@ -10,6 +10,7 @@ use super::processor::Processor;
 use super::route::Route;
 use super::toolchain::{Toolchain, output_of, run};
 use super::without_ndk::{self, cargo};
+use crate::std_stubs;
 
 /// What a build is for, and with that how it is optimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -113,6 +114,7 @@ pub fn build(order: &Order<'_>, route: &Route) -> Result<Built, NativeError> {
     run(&mut cargo, "to build the receiver for the headset")?;
     let folder = order.target.join(target).join(profile);
     let symbols = folder.join(format!("lib{}.so", order.library));
+    std_stubs::check(&symbols)?;
     let library = folder
         .join("stripped")
         .join(format!("lib{}.so", order.library));

@@ -3,6 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::std_stubs::StubError;
+
 /// Why there is no library.
 #[derive(Debug, thiserror::Error)]
 pub enum NativeError {
@@ -53,6 +55,9 @@ pub enum NativeError {
         /// What it was to do, and what it said, where that was not shown already.
         what: String,
     },
+    /// The library calls what Android has in name alone.
+    #[error(transparent)]
+    Stub(#[from] StubError),
     /// A file could not be read or written.
     #[error("{what} {}", path.display())]
     Io {

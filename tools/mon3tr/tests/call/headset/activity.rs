@@ -15,7 +15,7 @@ use std::path::Path;
 use std::process::ChildStdin;
 use std::sync::atomic::Ordering::Relaxed;
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use xr_renderer::xr::Runtime;
 
 /// The room's link, if there is one.
@@ -24,6 +24,12 @@ const ROOM: &str = "MON3TR_TEST_ROOM";
 const PROFILE: &str = "MON3TR_TEST_PROFILE";
 /// The app's folder.
 const FOLDER: &str = "MON3TR_TEST_FOLDER";
+
+/// How long Android may wait for the answer to a pause, with room for a machine that does much else: the app waits for the GPU for 80 ms
+/// at most.
+const PAUSED_WITHIN: Duration = Duration::from_millis(500);
+/// And for an activity's end.
+const ENDED_WITHIN: Duration = Duration::from_secs(3);
 
 /// An activity in a process of its own.
 struct Activity {
@@ -54,9 +60,24 @@ impl Activity {
 
     /// Android says something; returns when the app has answered, with the frames it had shown by then.
     fn says(&mut self, event: &str) -> u64 {
+        self.answer(event);
+        self.told("frames")
+    }
+
+    /// How long Android waits for the answer to what it says.
+    fn takes(&mut self, event: &str) -> Duration {
+        self.answer(event);
+        Duration::from_millis(self.told("milliseconds"))
+    }
+
+    fn answer(&mut self, event: &str) {
         writeln!(self.events, "{event}").expect("it listens");
         self.answers += 1;
-        let start = format!("answer {} frames ", self.answers);
+    }
+
+    /// A figure of the last answer.
+    fn told(&mut self, figure: &str) -> u64 {
+        let start = format!("answer {} {figure} ", self.answers);
         let word = self.program.word_after(&start);
         word.parse().expect("a number")
     }
@@ -152,6 +173,42 @@ fn an_activity_waits_for_a_sender_and_for_the_next_call() {
 }
 
 #[test]
+fn an_activity_that_gets_ready_keeps_nobody_waiting_for_its_pause_or_its_end() {
+    let Some((monado, _head)) = monado() else {
+        return;
+    };
+    let house = House::open();
+    let sender = house.sender(&[]);
+    let folder = tempfile::tempdir().expect("a folder");
+    let room = Some((ROOM, sender.viewers.as_str()));
+    let mut while_it_gets_ready = 0;
+    for moment in 0..8 {
+        let mut activity = Activity::make(&house, &monado, folder.path(), room);
+        activity.says("start");
+        activity.says("resume");
+        // Once to say what is waited for, and once more for the call.
+        activity.program.says("headset: ", 2);
+        sleep(Duration::from_millis(100) * moment);
+        for _ in 0..2 {
+            let pause = activity.takes("pause");
+            assert!(pause < PAUSED_WITHIN, "moment {moment}: {pause:?}");
+            activity.says("resume");
+        }
+        while_it_gets_ready += usize::from(activity.frames() == 0);
+        let events = ["pause", "stop", "destroy"].map(|event| activity.takes(event));
+        println!("moment {moment}: {events:?}");
+        let [pause, stop, destroy] = events;
+        assert!(pause < PAUSED_WITHIN, "moment {moment}: {pause:?}");
+        assert!(stop < PAUSED_WITHIN, "moment {moment}: {stop:?}");
+        assert!(destroy < ENDED_WITHIN, "moment {moment}: {destroy:?}");
+        activity.program.says("the activity is over", 1);
+        let said = activity.program.said();
+        assert!(!said.contains("ERROR"), "no trouble:\n{said}");
+    }
+    assert!(while_it_gets_ready > 0, "it was always ready");
+}
+
+#[test]
 fn an_activity_without_a_room_shows_what_is_missing_until_it_is_closed() {
     let Some((monado, _head)) = monado() else {
         return;
@@ -236,16 +293,33 @@ fn an_activity() {
         let event = Event::ALL
             .into_iter()
             .find(|event| event.to_string() == line);
+        let asked = Instant::now();
         if let Some(event) = event {
             driver.on(event);
         }
+        println!(
+            "answer {number} milliseconds {}",
+            asked.elapsed().as_millis()
+        );
         println!("answer {number} frames {}", frames.load(Relaxed));
         if driver.has_ended() && !std::mem::replace(&mut told, true) {
             println!("the activity has ended by itself");
         }
         if driver.is_over() {
             println!("the activity is over");
+            println!("threads that are left: {:?}", threads());
             return;
         }
     }
+}
+
+/// The names of this process's threads.
+fn threads() -> Vec<String> {
+    let tasks = std::fs::read_dir("/proc/self/task").expect("Linux");
+    let names = tasks.filter_map(|task| {
+        let name = task.expect("a thread").path().join("comm");
+        // It may have ended meanwhile.
+        std::fs::read_to_string(name).ok()
+    });
+    names.map(|name| name.trim().to_owned()).collect()
 }

@@ -16,7 +16,7 @@ use crate::report::{check_writable, write_json};
 use crate::stage::{Setting, Size, Views, load_avatar};
 use crate::surroundings::{Surroundings, cache, describe};
 use crate::viewpoint::{Viewpoint, eyes};
-use app::{Offer, Placed, PlacementRequest, Plan, bound_mesh, place};
+use app::{Control, Offer, Placed, PlacementRequest, Plan, bound_mesh, place};
 use format::Format;
 use hand_over::HandOver;
 use profile_report::AvatarFigures;
@@ -138,8 +138,14 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
             cache: Some(&compiled),
         };
         let cameras = eyes(camera, views);
-        let Placed { plan, report, .. } =
-            place(&offer, &avatar, &mut renderer, &cameras, options.placement)?;
+        let Placed { plan, report, .. } = place(
+            &offer,
+            &avatar,
+            &mut renderer,
+            &cameras,
+            options.placement,
+            &Control::default(),
+        )?;
         let scene = Scene {
             gpu: &gpu,
             runtime: &runtime,

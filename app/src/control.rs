@@ -1,16 +1,16 @@
-//! Who holds this has the frames of a headset pause, go on, or end: from another thread, at any moment.
+//! Who holds this has the work on the GPU pause, go on, or end: from another thread, at any moment.
 //!
-//! A system that puts a program into the background takes its GPU away at once: [`Control::pause`] returns when the loop no longer
-//! touches it. The call behind the pictures goes on meanwhile.
+//! A system that puts a program into the background wants its GPU back at once. Work goes in steps ([`Control::on_gpu`]), none longer
+//! than a picture where that can be helped: [`Control::pause`] waits for the step that has been begun, and no other begins. What
+//! computes elsewhere asks between its steps ([`Control::checkpoint`]). The call behind the pictures goes on meanwhile.
 
-use crate::{MotionSource, Pose};
+use crate::{MotionSource, Pose, ReceiverError};
+use npu_runtime::Cancel;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+use xr_renderer::Interrupt;
 
-/// How long a frame may take that has been begun when a pause is asked for.
-const PATIENCE: Duration = Duration::from_secs(2);
-
-/// Pauses, resumes and ends the showing of a headset's frames. Copies control the same one.
+/// Pauses, resumes and ends work on the GPU. Copies control the same work; one that nobody else holds never stops it.
 #[derive(Debug, Clone, Default)]
 pub struct Control(Arc<Shared>);
 
@@ -18,71 +18,137 @@ pub struct Control(Arc<Shared>);
 struct Shared {
     state: Mutex<State>,
     changed: Condvar,
+    /// Raised while the GPU is wanted back: the renderer then ends with the picture it draws.
+    interrupt: Interrupt,
+    /// Ends the loading of graphs for good.
+    cancel: Cancel,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 struct State {
     pauses: bool,
     leaves: bool,
-    /// Somebody may touch the GPU now.
+    /// A step is on the GPU now.
     works: bool,
 }
 
+/// A step on the GPU, until it is dropped.
+#[derive(Debug)]
+pub struct Step<'a>(&'a Control);
+
+impl Drop for Step<'_> {
+    fn drop(&mut self) {
+        self.0.end_work();
+    }
+}
+
 impl Control {
-    /// Has frames end, and waits until nothing of them touches the GPU any more. Returns whether that is so: false if a frame did
-    /// not come to its end within two seconds. Pausing again changes nothing.
+    /// Has steps end, and waits so long for the one that has been begun. Returns whether nothing touches the GPU any more; where it
+    /// does still, that ends by itself, and nothing follows. Pausing again changes nothing.
     #[must_use]
-    pub fn pause(&self) -> bool {
+    pub fn pause(&self, patience: Duration) -> bool {
         let mut state = self.lock();
         state.pauses = true;
+        self.0.interrupt.set(true);
         self.0.changed.notify_all();
         let waited = self
             .0
             .changed
-            .wait_timeout_while(state, PATIENCE, |state| state.works && state.pauses);
+            .wait_timeout_while(state, patience, |state| state.works && state.pauses);
         let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         !state.works
     }
 
-    /// Has frames go on after a pause.
+    /// Has steps go on after a pause.
     pub fn resume(&self) {
-        self.lock().pauses = false;
+        let mut state = self.lock();
+        state.pauses = false;
+        self.0.interrupt.set(state.leaves);
         self.0.changed.notify_all();
     }
 
-    /// Has the showing end, also while it pauses. There is no way back.
+    /// Has all of it end, also while it pauses. There is no way back.
     pub fn leave(&self) {
-        self.lock().leaves = true;
+        let mut state = self.lock();
+        state.leaves = true;
+        self.0.interrupt.set(true);
         self.0.changed.notify_all();
+        drop(state);
+        self.0.cancel.cancel();
     }
 
-    /// Whether frames are to pause.
+    /// Whether steps are to pause.
     #[must_use]
     pub fn is_paused(&self) -> bool {
         self.lock().pauses
     }
 
-    /// Whether the showing is to end.
+    /// Whether it is time to leave.
     #[must_use]
     pub fn is_leaving(&self) -> bool {
         self.lock().leaves
     }
 
-    /// Does something on the GPU once no pause forbids it; nothing if it is time to leave before.
-    pub fn work<T>(&self, work: impl FnOnce() -> T) -> Option<T> {
-        let done = self.begin_work().then(work);
-        self.end_work();
-        done
+    /// Waits while a pause lasts. Asked between the steps of what touches no GPU.
+    ///
+    /// # Errors
+    /// [`ReceiverError::Left`] if it is time to leave.
+    pub fn checkpoint(&self) -> Result<(), ReceiverError> {
+        let state = self.lock();
+        let resumed = (self.0.changed).wait_while(state, |state| state.pauses && !state.leaves);
+        let state = resumed.unwrap_or_else(PoisonError::into_inner);
+        if state.leaves {
+            Err(ReceiverError::Left)
+        } else {
+            Ok(())
+        }
     }
 
-    /// Begins work on the GPU, or goes on with it, unless a pause forbids it. Returns whether it may.
+    /// Begins a step on the GPU once no pause forbids it; nothing if it is time to leave before.
+    #[must_use]
+    pub fn step(&self) -> Option<Step<'_>> {
+        self.begin_work().then_some(Step(self))
+    }
+
+    /// Does one step on the GPU once no pause forbids it.
+    ///
+    /// # Errors
+    /// [`ReceiverError::Left`] if it is time to leave before; the step's own.
+    pub fn on_gpu<T, E: From<ReceiverError>>(
+        &self,
+        step: impl FnOnce() -> Result<T, E>,
+    ) -> Result<T, E> {
+        let _step = self.step().ok_or(ReceiverError::Left)?;
+        step()
+    }
+
+    /// For a renderer to ask: it is raised while the GPU is wanted back.
+    #[must_use]
+    pub fn interrupt(&self) -> Interrupt {
+        self.0.interrupt.clone()
+    }
+
+    /// For loading graphs: it is called when it is time to leave.
+    #[must_use]
+    pub fn cancel(&self) -> &Cancel {
+        &self.0.cancel
+    }
+
+    /// Sleeps so long, but not on when it is time to leave.
+    pub(crate) fn sleep(&self, time: Duration) {
+        let state = self.lock();
+        let slept = (self.0.changed).wait_timeout_while(state, time, |state| !state.leaves);
+        drop(slept);
+    }
+
+    /// Begins a step on the GPU, or goes on with it, unless a pause forbids it. Returns whether it may.
     pub(crate) fn may_work(&self) -> bool {
         let mut state = self.lock();
         state.works |= !state.pauses;
         !state.pauses
     }
 
-    /// Begins work on the GPU once no pause forbids it. Returns false, without beginning, if it is time to leave before.
+    /// Begins a step on the GPU once no pause forbids it. Returns false, without beginning, if it is time to leave before.
     pub(crate) fn begin_work(&self) -> bool {
         let state = self.lock();
         let resumed = (self.0.changed).wait_while(state, |state| state.pauses && !state.leaves);
@@ -148,6 +214,9 @@ mod tests {
     use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::SeqCst};
     use std::time::Instant;
 
+    /// Longer than any step of these tests.
+    const PATIENCE: Duration = Duration::from_secs(2);
+
     /// A loop as the headset's, which counts its frames.
     struct Worker {
         control: Control,
@@ -206,12 +275,15 @@ mod tests {
         let mut worker = Worker::start();
         for _ in 0..20 {
             worker.wait_for_more();
-            assert!(worker.control.pause(), "comes to rest");
+            assert!(worker.control.pause(PATIENCE), "comes to rest");
             assert!(!worker.working.load(SeqCst), "at rest");
             let frames = worker.frames.load(SeqCst);
             std::thread::sleep(Duration::from_millis(10));
             assert_eq!(worker.frames.load(SeqCst), frames, "no frame in the pause");
-            assert!(worker.control.pause(), "pausing again changes nothing");
+            assert!(
+                worker.control.pause(PATIENCE),
+                "pausing again changes nothing"
+            );
             worker.control.resume();
         }
         worker.wait_for_more();
@@ -222,7 +294,7 @@ mod tests {
     fn who_leaves_in_a_pause_is_not_kept_waiting() {
         let mut worker = Worker::start();
         worker.wait_for_more();
-        assert!(worker.control.pause(), "comes to rest");
+        assert!(worker.control.pause(PATIENCE), "comes to rest");
         worker.end();
         assert!(worker.control.is_leaving(), "for good");
     }
@@ -230,7 +302,7 @@ mod tests {
     #[test]
     fn a_pause_before_the_first_frame_holds_it_back() {
         let control = Control::default();
-        assert!(control.pause(), "nobody is at work");
+        assert!(control.pause(PATIENCE), "nobody is at work");
         let begun = Arc::new(AtomicBool::new(false));
         let thread = {
             let (control, begun) = (control.clone(), Arc::clone(&begun));
@@ -270,7 +342,7 @@ mod tests {
         let control = Control::default();
         let mut source = Attended::new(Steady(0), control.clone());
         assert!(source.next(Duration::ZERO).is_some(), "shown");
-        assert!(control.pause(), "nobody is at work");
+        assert!(control.pause(PATIENCE), "nobody is at work");
         assert!(source.next(Duration::ZERO).is_none(), "dropped");
         assert!(source.next(Duration::ZERO).is_none(), "dropped, too");
         control.resume();

@@ -1,0 +1,40 @@
+//! The network's threads.
+
+use anyhow::Context;
+use std::time::Duration;
+use tokio::runtime::{Builder, Handle, Runtime};
+
+/// How long their end is waited for. The system's search for a server's address cannot be ended, and may take many seconds: its
+/// thread ends by itself.
+const FAREWELL: Duration = Duration::from_millis(200);
+
+/// Threads that end when it is dropped.
+#[derive(Debug)]
+pub(super) struct Network(Option<Runtime>, Handle);
+
+impl Network {
+    /// Starts them.
+    pub(super) fn start() -> anyhow::Result<Self> {
+        let runtime = Builder::new_multi_thread()
+            .worker_threads(2)
+            .thread_name("network")
+            .enable_all()
+            .build()
+            .context("cannot start the network's threads")?;
+        let handle = runtime.handle().clone();
+        Ok(Self(Some(runtime), handle))
+    }
+
+    /// The way to them.
+    pub(super) fn handle(&self) -> &Handle {
+        &self.1
+    }
+}
+
+impl Drop for Network {
+    fn drop(&mut self) {
+        if let Some(runtime) = self.0.take() {
+            runtime.shutdown_timeout(FAREWELL);
+        }
+    }
+}
