@@ -44,7 +44,7 @@ fn android_main(app: AndroidApp) {
             }
             _ => {}
         });
-        // One that is destroyed is closed.
+        // A destroyed activity needs no finish().
         if !destroyed && !closing && driver.as_ref().is_some_and(Driver::has_ended) {
             log::info!("the call is over: closing the app");
             java::finish(&app);
@@ -53,15 +53,16 @@ fn android_main(app: AndroidApp) {
     }
 }
 
-/// While this is there, the process's one place for an activity (`ndk-context`'s) is free. android-activity puts each activity in it
-/// before `android_main` and takes it out after, and the process ends where the place is not as it expects: but Android may make an
-/// activity before it destroys the last one, when somebody closes the app and starts it again. Nothing in this process looks there.
+/// Keeps `ndk-context`'s one global context free while an activity lives. android-activity registers each activity there before
+/// `android_main` and releases it after, and `ndk-context` aborts the process by an assertion when two are registered. But Android may
+/// create an activity before it destroys the last one, when the app is closed and started again at once. Nothing in this process reads
+/// that context.
 struct Unregistered<'a>(&'a AndroidApp);
 
 impl<'a> Unregistered<'a> {
     fn new(app: &'a AndroidApp) -> Self {
-        // SAFETY: android-activity has put this activity in before it called `android_main`. Android's own thread makes the next one
-        // after it was told that this one's thread runs, which was just now.
+        // SAFETY: android-activity registered this activity before it called `android_main`. Android's main thread, on which every
+        // activity is created, was told just now that this one runs, and creates no other so soon.
         unsafe { ndk_context::release_android_context() };
         Self(app)
     }
@@ -69,8 +70,8 @@ impl<'a> Unregistered<'a> {
 
 impl Drop for Unregistered<'_> {
     fn drop(&mut self) {
-        // SAFETY: the pointers are this activity's. It is put back for android-activity to take out: that is while Android's own
-        // thread waits for the end of this activity, and makes no other.
+        // SAFETY: the pointers are this activity's. It is registered for android-activity to release: meanwhile Android's main thread
+        // waits in this activity's onDestroy, and creates no other.
         unsafe {
             ndk_context::initialize_android_context(self.0.vm_as_ptr(), self.0.activity_as_ptr());
         }
@@ -105,8 +106,8 @@ fn device(app: &AndroidApp) -> Device {
     static FIRST: Once = Once::new();
     let libraries = java::library_folder(app);
     if let Some(folder) = &libraries {
-        // Later activities of this process find it set: the package's folder stays what it is while the app runs.
-        // SAFETY: no thread of a receiver was ever started, and the activity's own Java threads read no such variable.
+        // Once a process: a receiver's threads may be there when the next activity is created, and the folder is the same.
+        // SAFETY: no receiver's thread was started yet, and the activity's own Java threads read no such variable.
         FIRST.call_once(|| unsafe { std::env::set_var(HEXAGON_FOLDER, folder) });
     }
     let app = app.clone();

@@ -1,8 +1,8 @@
-//! Who holds this has the work on the GPU pause, go on, or end: from another thread, at any moment.
+//! Pausing, resuming and ending the work on the GPU from another thread, at any moment.
 //!
-//! A system that puts a program into the background wants its GPU back at once. Work goes in steps ([`Control::on_gpu`]), none longer
-//! than a picture where that can be helped: [`Control::pause`] waits for the step that has been begun, and no other begins. What
-//! computes elsewhere asks between its steps ([`Control::checkpoint`]). The call behind the pictures goes on meanwhile.
+//! A system that puts a program into the background wants its GPU back at once. Work goes in steps ([`Control::on_gpu`]), few of them
+//! longer than a picture: [`Control::pause`] waits for the step that was begun, and no other begins. Work without the GPU asks between
+//! its steps whether to go on ([`Control::checkpoint`]). The call goes on meanwhile.
 
 use crate::{MotionSource, Pose, ReceiverError};
 use npu_runtime::Cancel;
@@ -10,7 +10,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use xr_renderer::Interrupt;
 
-/// Pauses, resumes and ends work on the GPU. Copies control the same work; one that nobody else holds never stops it.
+/// Pauses, resumes and ends work on the GPU. Copies control the same work. A new one without copies never stops it.
 #[derive(Debug, Clone, Default)]
 pub struct Control(Arc<Shared>);
 
@@ -43,8 +43,8 @@ impl Drop for Step<'_> {
 }
 
 impl Control {
-    /// Has steps end, and waits so long for the one that has been begun. Returns whether nothing touches the GPU any more; where it
-    /// does still, that ends by itself, and nothing follows. Pausing again changes nothing.
+    /// Lets no further step begin, and waits at most `patience` for the end of the one that was begun. Returns whether the GPU rests;
+    /// if not, that step ends by itself later, and none follows. Pausing again changes nothing.
     #[must_use]
     pub fn pause(&self, patience: Duration) -> bool {
         let mut state = self.lock();
@@ -59,7 +59,7 @@ impl Control {
         !state.works
     }
 
-    /// Has steps go on after a pause.
+    /// Lets steps begin again after a pause.
     pub fn resume(&self) {
         let mut state = self.lock();
         state.pauses = false;
@@ -67,7 +67,7 @@ impl Control {
         self.0.changed.notify_all();
     }
 
-    /// Has all of it end, also while it pauses. There is no way back.
+    /// Ends all work, also in a pause. There is no way back.
     pub fn leave(&self) {
         let mut state = self.lock();
         state.leaves = true;
@@ -122,26 +122,26 @@ impl Control {
         step()
     }
 
-    /// For a renderer to ask: it is raised while the GPU is wanted back.
+    /// For renderers ([`xr_renderer::RendererOptions::interrupt`]): raised in a pause and at the end.
     #[must_use]
     pub fn interrupt(&self) -> Interrupt {
         self.0.interrupt.clone()
     }
 
-    /// For loading graphs: it is called when it is time to leave.
+    /// For loading graphs ([`npu_runtime::Runtime::cancelled_by`]): cancelled at the end.
     #[must_use]
     pub fn cancel(&self) -> &Cancel {
         &self.0.cancel
     }
 
-    /// Sleeps so long, but not on when it is time to leave.
+    /// Sleeps for `time`, or until it is time to leave.
     pub(crate) fn sleep(&self, time: Duration) {
         let state = self.lock();
         let slept = (self.0.changed).wait_timeout_while(state, time, |state| !state.leaves);
         drop(slept);
     }
 
-    /// Begins a step on the GPU, or goes on with it, unless a pause forbids it. Returns whether it may.
+    /// Begins a step on the GPU, or goes on with it, except in a pause. Returns whether it may.
     pub(crate) fn may_work(&self) -> bool {
         let mut state = self.lock();
         state.works |= !state.pauses;
@@ -157,7 +157,7 @@ impl Control {
         !state.leaves
     }
 
-    /// Tells that the GPU is at rest: whoever asked for a pause may go on.
+    /// The GPU is at rest: a pause that waits for this returns.
     pub(crate) fn end_work(&self) {
         self.lock().works = false;
         self.0.changed.notify_all();

@@ -1,10 +1,11 @@
-//! Ending the loading of graphs from another thread: compiling one for an NPU takes seconds, which a program that is asked to end
-//! does not have.
+//! Cancelling the loading of graphs from another thread: compiling one for an NPU takes seconds, and a program that is closed must end
+//! sooner.
 
 use ort::session::builder::LoadCanceler;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Ends what is being loaded, and all that would be loaded later, by a [`crate::Runtime::cancelled_by`] it. Copies are the same one.
+/// Cancels loads of graphs, those under way and all later ones, of the runtimes that [`crate::Runtime::cancelled_by`] made with it. Copies
+/// are the same one.
 #[derive(Debug, Clone, Default)]
 pub struct Cancel(Arc<Mutex<Loads>>);
 
@@ -17,7 +18,7 @@ struct Loads {
 }
 
 impl Cancel {
-    /// Ends them. ONNX Runtime looks for it between the steps of its work, a provider's compiler may not.
+    /// Cancels. ONNX Runtime looks for it between the steps of its own work; a provider's compiler may not.
     pub fn cancel(&self) {
         let mut loads = self.lock();
         loads.cancelled = true;
@@ -26,13 +27,13 @@ impl Cancel {
         }
     }
 
-    /// Whether it was asked for.
+    /// Whether [`Self::cancel`] was called.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.lock().cancelled
     }
 
-    /// A load begins, and can be cancelled until the result is dropped.
+    /// A load begins; it can be cancelled until the result is dropped.
     pub(crate) fn begin(&self, load: LoadCanceler) -> Load<'_> {
         let mut loads = self.lock();
         if loads.cancelled {

@@ -59,7 +59,7 @@ pub enum RuntimeError {
         /// What the session is for.
         wanted: QnnTarget,
     },
-    /// [`crate::Cancel`] was called for before the graph was loaded.
+    /// [`crate::Cancel::cancel`] was called before the graph was loaded.
     #[error("loading the graph was cancelled")]
     Cancelled,
     /// ONNX Runtime refused the graph.

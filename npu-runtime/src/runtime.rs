@@ -94,7 +94,7 @@ impl Runtime {
         Ok(runtime)
     }
 
-    /// The same runtime, whose graphs are loaded as long as nobody says otherwise.
+    /// The same runtime, with loads that `cancel` can end.
     #[must_use]
     pub fn cancelled_by(&self, cancel: &Cancel) -> Self {
         Self {

@@ -166,7 +166,7 @@ impl Engine {
             self.read_times()?;
             match self.back_ends.took(self.times.bin + self.times.raster) {
                 Again::No => break,
-                // What was drawn is a picture as good as any.
+                // What was drawn is a whole picture. The comparison goes on with the next one.
                 _ if self.is_wanted_back() => break,
                 // The order of the first attempt serves all.
                 Again::ForComparison => sorts = false,

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 /// Whether the GPU is wanted back. Copies are the same one.
 ///
-/// While it is raised a renderer ends with the picture that it draws: the comparison of its back ends goes on with the next one.
+/// While it is raised, a renderer returns after one picture, also where it compares its back ends: the next picture goes on with that.
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 

@@ -64,7 +64,7 @@ pub struct RendererOptions {
     pub filter: Filter,
     /// The back end to use; without one, both draw the first picture a few times and the faster goes on.
     pub back_end: Option<BackEnd>,
-    /// Who may want the GPU back; without one, nobody.
+    /// Raised when the GPU is wanted back; without one a renderer is never interrupted.
     pub interrupt: Option<Interrupt>,
 }
 

@@ -189,7 +189,7 @@ impl SplatRenderer {
         self.engine.as_ref()?.back_ends.trial()
     }
 
-    /// Whether an interrupt left the comparison of the back ends unfinished: the next picture goes on with it, and takes as long.
+    /// Whether an interrupt left the comparison of the back ends unfinished: the next picture goes on with it, and takes longer.
     pub fn is_comparing(&self) -> bool {
         (self.engine.as_ref()).is_some_and(|engine| engine.back_ends.is_comparing())
     }

@@ -24,7 +24,7 @@ use std::time::Duration;
 use turn::HEADSET;
 use xr_renderer::xr::{HeadsetOptions, Runtime, XrError};
 
-/// How long a pause waits for the picture that is being drawn. Android's own thread waits meanwhile, and is not to be seen to.
+/// How long a pause waits for the GPU's step that was begun. Android's own thread may wait meanwhile, and must not for long.
 const PATIENCE: Duration = Duration::from_millis(80);
 
 /// What the device gives.
@@ -102,7 +102,7 @@ impl Receiver for HeadsetReceiver {
 
     fn pause(&mut self) {
         if !self.control.pause(PATIENCE) {
-            // A driver may take long to compile what the first picture needs. Nothing follows it.
+            // A driver may take long to compile what the first picture needs. No other step follows.
             log::warn!("the app pauses while the GPU ends what it had begun");
         }
     }
@@ -142,7 +142,7 @@ struct Stage<'a> {
     frames: &'a AtomicU64,
 }
 
-/// Whether this is only the activity's end, before there was anything to end.
+/// Whether it is no failure, but the activity's end before anything was shown.
 fn has_left(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref(), Some(HeadsetError::Left))
 }

@@ -4,8 +4,8 @@ use anyhow::Context;
 use std::time::Duration;
 use tokio::runtime::{Builder, Handle, Runtime};
 
-/// How long their end is waited for. The system's search for a server's address cannot be ended, and may take many seconds: its
-/// thread ends by itself.
+/// How long their end is waited for. The system's look-up of a server's name cannot be cancelled and may take many seconds; its thread
+/// ends by itself.
 const FAREWELL: Duration = Duration::from_millis(200);
 
 /// Threads that end when it is dropped.

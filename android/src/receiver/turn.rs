@@ -28,7 +28,7 @@ impl Turns {
         }
     }
 
-    /// Waits until no one else has a turn; nothing if it is time to leave before.
+    /// Waits until no other receiver has the headset; nothing if it is time to leave before.
     pub(super) fn wait(&self, control: &Control) -> Option<Turn<'_>> {
         let mut is_taken = self.lock();
         let mut told = false;

@@ -198,7 +198,7 @@ pub fn show_party<S: MotionSource>(
     let Gathered { sources, watch } = join();
     let mut sources = (sources.into_iter()).map(|source| Attended::new(source, control.clone()));
     let source = sources.next().ok_or(HeadsetError::Nobody)?;
-    // Also where it is time to leave: who has joined says goodbye.
+    // Also when it is time to leave: the calls that were joined say goodbye at their end.
     let step = control.step();
     let mut lanes = Lanes::start(first, inference, renderer, source, &lane_options)?;
     for ((avatar, placed), source) in others.iter().zip(placed_others).zip(sources) {

@@ -110,11 +110,11 @@ pub struct Placed {
     pub report: PlacementReport,
 }
 
-/// Tries what `request` leaves open, with the renderer that is to draw, and takes the fastest. `control` may have the trials pause
-/// between any two of their steps, or end.
+/// Tries what `request` leaves open, with the renderer that is to draw, and takes the fastest. `control` pauses or ends the trials
+/// between any two of their steps.
 ///
 /// # Errors
-/// If nothing that was asked for can be had; the error of the last thing tried. [`ReceiverError::Left`] where `control` said so.
+/// If nothing that was asked for can be had; the error of the last thing tried. [`ReceiverError::Left`] if `control` ends the trials.
 pub fn place(
     offer: &Offer<'_>,
     avatar: &Arc<Avatar>,
@@ -188,7 +188,7 @@ fn place_here(
                         alternative.predicted_ms = Some(ms);
                         kept = Some(inference);
                     }
-                    // Whatever it failed for: what was cancelled is no refusal.
+                    // A cancelled load is no refusal.
                     Err(_) if control.is_leaving() => return Err(ReceiverError::Left),
                     Err(error) => {
                         alternative.refused = Some(error.in_full());
