@@ -108,12 +108,12 @@ fn gather(
     packages: &PackageCache,
     board: &NoticeBoard,
 ) -> anyhow::Result<Option<Vec<Gathered>>> {
-    let Some(mut found) = stage.find()? else {
+    let Some(found) = stage.find()? else {
         return Ok(None);
     };
     let (done, closed) = (AtomicBool::new(false), AtomicBool::new(false));
     let is_over = || closed.load(Relaxed) || stage.control.is_leaving();
-    let gathered = std::thread::scope(|scope| {
+    std::thread::scope(|scope| {
         let waiting = scope.spawn(|| {
             let arriving = (rooms.iter())
                 .map(|room| arrive(room, settings.seat.value, ways, packages, board, &is_over));
@@ -121,7 +121,7 @@ fn gather(
             done.store(true, Relaxed);
             outcome
         });
-        let shown = show_notice(&mut found, board, stage.control, || done.load(Relaxed));
+        let shown = show_notice(found, board, stage.control, || done.load(Relaxed));
         // Also where it failed: nobody is to wait on.
         closed.store(!done.load(Relaxed), Relaxed);
         let outcome = waiting
@@ -129,12 +129,7 @@ fn gather(
             .map_err(|_| anyhow::anyhow!("the thread that waits for the call failed"))?;
         shown?;
         outcome
-    });
-    // The device goes with it.
-    let step = stage.control.step();
-    drop(found);
-    drop(step);
-    gathered
+    })
 }
 
 /// Waits for one sender, and fetches their package.

@@ -15,12 +15,8 @@ pub(super) fn show_until_closed(
         title: title.to_owned(),
         lines,
     });
-    if let Some(mut found) = stage.find()? {
-        show_notice(&mut found, &board, stage.control, || false)?;
-        // The device goes with it.
-        let step = stage.control.step();
-        drop(found);
-        drop(step);
+    if let Some(found) = stage.find()? {
+        show_notice(found, &board, stage.control, || false)?;
     }
     Ok(())
 }

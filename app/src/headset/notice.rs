@@ -1,7 +1,7 @@
 //! A notice in the headset while there is nobody to see yet: who is waited for, what is being fetched, what is missing.
 
 use super::hanging::{Spot, image};
-use super::party::Found;
+use super::party::{Found, close};
 use super::show::{HeadsetError, IDLE};
 use crate::{Control, NOTICE_WIDTH_METRES, Notice, Panel};
 use glam::Affine3A;
@@ -26,33 +26,37 @@ impl NoticeBoard {
 }
 
 /// Shows what is on the board until `is_over`, or the viewer closes the program from the headset's own menu. When the headset goes
-/// away it is waited for.
+/// away it is waited for. It is closed at the end.
 ///
 /// # Errors
 /// If the headset cannot be shown anything.
 pub fn show_notice(
-    found: &mut Found,
+    found: Found,
     board: &NoticeBoard,
     control: &Control,
     is_over: impl Fn() -> bool,
 ) -> Result<(), HeadsetError> {
     let is_over = || is_over() || control.is_leaving();
-    while control.begin_work() {
-        let outcome = until_over(found, board, control, &is_over);
+    let mut present = Some(found);
+    let mut outcome = Ok(());
+    while let Some(found) = present.take_if(|_| control.begin_work()) {
+        let session = until_over(&found, board, control, &is_over);
         control.end_work();
-        match outcome {
-            Ok(None | Some(Over::Left)) => return Ok(()),
+        match session {
             Ok(Some(Over::Lost)) => log::warn!("the headset is gone; waiting for it"),
             Err(HeadsetError::Headset(error)) if error.is_loss() => {
                 log::warn!("{error}; waiting for it");
             }
-            Err(error) => return Err(error),
+            ended => {
+                outcome = ended.map(|_| ());
+                present = Some(found);
+                break;
+            }
         }
-        if !found.open_again(control, &is_over) {
-            break;
-        }
+        present = found.open_again(control, &is_over);
     }
-    Ok(())
+    close(present, control);
+    outcome
 }
 
 /// One session; nothing if `is_over` ended it.

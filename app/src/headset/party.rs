@@ -48,15 +48,29 @@ impl Found {
         &self.headset
     }
 
-    /// Opens it again after it went; false if it is time to leave before.
-    pub(super) fn open_again(&mut self, control: &Control, is_over: &dyn Fn() -> bool) -> bool {
-        let headset = open_again(&self.runtime, self.options, control, is_over);
-        let is_there = headset.is_some();
-        if let Some(headset) = headset {
-            self.headset = headset;
-        }
-        is_there
+    /// Opens it again after it went; nothing if it is time to leave before. What is left of it goes first: a loader has one instance
+    /// at a time.
+    pub(super) fn open_again(self, control: &Control, is_over: &dyn Fn() -> bool) -> Option<Self> {
+        let Self {
+            runtime,
+            headset,
+            options,
+        } = self;
+        close(headset, control);
+        let headset = open_again(&runtime, options, control, is_over)?;
+        Some(Self {
+            runtime,
+            headset,
+            options,
+        })
     }
+}
+
+/// Frees a headset, and with it its device, in a step of the GPU's.
+pub(super) fn close<T>(headset: T, control: &Control) {
+    let step = control.step();
+    drop(headset);
+    drop(step);
 }
 
 /// How people are to be shown.

@@ -88,3 +88,19 @@ pub(super) fn two_at_once(stage: &Stage, name: &str) -> anyhow::Result<Figures> 
     }
     Ok(figures)
 }
+
+/// The runtime's service ends under a notice, as Meta's does when it is updated, and comes back.
+pub(super) fn the_runtime_restarts(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
+    let mut scene = stage.scene(name, Compositor::Null)?;
+    let mut process = scene.process()?;
+    let activity = process.launch(Intent::default())?;
+    shows_a_notice(&mut process)?;
+    scene.monado.kill();
+    process.wait_for("waiting for it", 1)?;
+    scene.monado.restart();
+    shows_a_notice(&mut process)?;
+    process.leave(activity)?;
+    assert_well(&mut process)?;
+    process.quit()?;
+    Ok(Figures::new())
+}

@@ -27,7 +27,7 @@ pub(crate) struct Case {
 }
 
 /// All of them, the quickest first.
-pub(crate) const CASES: [Case; 11] = [
+pub(crate) const CASES: [Case; 12] = [
     Case {
         name: "first-run",
         shows: "an app that knows no room says in the headset what to type",
@@ -42,6 +42,11 @@ pub(crate) const CASES: [Case; 11] = [
         name: "two-activities",
         shows: "a second activity beside the first does not abort the process",
         perform: activities::two_at_once,
+    },
+    Case {
+        name: "runtime-restarts",
+        shows: "a notice comes back with the runtime's service",
+        perform: activities::the_runtime_restarts,
     },
     Case {
         name: "hostile",

@@ -47,17 +47,17 @@ fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {
     Some(text.split_once(before)?.1.split_once(after)?.0)
 }
 
-/// What stands behind `libmain.so+` in the log.
+/// What stands behind `libmain.so` in the lines of the way.
 fn addresses(logcat: &str) -> Vec<&str> {
-    let rest = logcat.split("libmain.so+").skip(1);
-    rest.filter_map(|rest| rest.split(|c: char| !c.is_ascii_alphanumeric()).next())
+    let rest = logcat.split(" libmain.so 0x").skip(1);
+    rest.filter_map(|rest| rest.split_whitespace().next())
         .collect()
 }
 
 /// What docs/android.md has a developer run.
 fn lines_of(symbols: &Path, addresses: &[&str]) -> anyhow::Result<String> {
     let output = Command::new("addr2line")
-        .args(["-i", "-f", "-C", "-e"])
+        .args(["-f", "-C", "-i", "-e"])
         .arg(symbols)
         .args(addresses)
         .output()
