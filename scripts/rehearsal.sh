@@ -1,0 +1,45 @@
+# shellcheck shell=bash disable=SC2154 # run sets what is not assigned here
+# The headset's app executed on this machine (tests/android-rehearsal). Sourced by ./run.
+#
+# A rehearsal takes ten minutes with its build, so CI performs it where something changed that it executes. What that was when it last
+# passed is kept beside the crate, in `rehearsed`: a line a path, with the hash of its tracked files. Whoever changes the app rehearses it,
+# and commits that file with the change; where that was forgotten, CI does it.
+
+rehearsed=$repo/tests/android-rehearsal/rehearsed
+rehearsal_paths=(android app link npu-runtime tests/android-rehearsal tools/android-native xr-renderer Cargo.lock Cargo.toml)
+
+# rehearsal_state: a line a path
+rehearsal_state() {
+	local path hash
+	for path in "${rehearsal_paths[@]}"; do
+		hash=$(cd "$repo" && git ls-files -z -- "$path" ':!tests/android-rehearsal/rehearsed' | LC_ALL=C sort -z |
+			xargs -0 sha256sum | sha256sum | cut -c1-32)
+		printf '%s %s\n' "$hash" "$path"
+	done
+}
+
+# rehearsal_changes: what changed since it last passed, in one line
+rehearsal_changes() {
+	rehearsal_state | { grep -vxFf "$rehearsed" || true; } | cut -d' ' -f2 | paste -sd' '
+}
+
+# rehearse [--if-changed] ARGS...
+rehearse() {
+	local changes=""
+	if [ "${1:-}" = --if-changed ]; then
+		shift
+		[ -f "$rehearsed" ] || : >"$rehearsed"
+		changes=$(rehearsal_changes)
+		if [ -z "$changes" ]; then
+			say "The rehearsal of the headset's app is left out: nothing that it executes changed since it last passed (${rehearsed#"$repo/"})"
+			return
+		fi
+		say "The headset's app is rehearsed, because since that last passed these changed: $changes"
+	fi
+	cargo build --manifest-path "$repo/Cargo.toml" --package mon3tr --package android-rehearsal
+	"${CARGO_TARGET_DIR:-$repo/target}/debug/rehearse-android" "$@"
+	case " $* " in
+	*" --case"*) ;;
+	*) rehearsal_state >"$rehearsed" ;;
+	esac
+}
