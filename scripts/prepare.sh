@@ -14,7 +14,7 @@
 #   MON3TR_ANDROID_PARTS MON3TR_CLANG         others' libraries in the headset's package and, without an NDK, a clang, only where
 #   MON3TR_ANDROID_PARTS_QNN                  they were asked for
 # and where lavapipe from the cache is used instead of the machine's own Vulkan:
-#   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH XKB_CONFIG_ROOT
+#   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH VK_IMPLICIT_LAYER_PATH VK_LAYER_SETTINGS_PATH XKB_CONFIG_ROOT
 # and where programs for arm64 were asked for:
 #   CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER, _RUNNER
 # and where lavapipe or Monado comes from the cache:
@@ -131,6 +131,20 @@ install_debs() {
 	} >/dev/null || die "apt-get could not install ${missing_debs[*]}: install them by hand, then run the command again"
 }
 
+# forget_lavapipe: what leads to lavapipe from the cache, as `./run env` leaves it in a shell, goes out of the environment, so that the
+# machine's own Vulkan is seen as it is, with its drivers and layers. Names are added to forgotten.
+forget_lavapipe() {
+	local lists one name
+	forgotten=()
+	lists=$(path_for_lists) || return 0
+	while IFS= read -r one; do
+		name=${one%%=*}
+		if [ "${!name:-}" != "${one#*=}" ]; then continue; fi
+		unset "$name"
+		forgotten+=("$name")
+	done < <(lavapipe_environment "$lists/lavapipe/root")
+}
+
 # choose_vulkan auto|lavapipe|NAME [--layer]: sets vulkan_from (machine or cache), vulkan_good (0 or 1: the machine's own)
 # and vulkan_why.
 choose_vulkan() {
@@ -138,6 +152,7 @@ choose_vulkan() {
 	case ${wanted,,} in *lavapipe* | *llvmpipe*) wanted=lavapipe ;; esac
 	vulkan_from=machine
 	vulkan_good=1
+	forget_lavapipe
 	if vulkan_why=$(python3 "$repo/scripts/probe-vulkan.py" "$wanted" "${@:2}" 2>/dev/null); then return; fi
 	vulkan_good=0
 	vulkan_why=${vulkan_why:-probing its Vulkan failed}
@@ -291,7 +306,7 @@ path_for_lists() {
 }
 
 export_environment() {
-	local lists root why one runner=CARGO_TARGET_${cargo_target}_RUNNER
+	local lists why one runner=CARGO_TARGET_${cargo_target}_RUNNER
 	if [ "$with_android" = 1 ]; then export_android; fi
 	if [ "$vulkan_from" = none ]; then return; fi
 	lists=$(path_for_lists) || lists=
@@ -326,11 +341,7 @@ export_environment() {
 		fi
 		return
 	fi
-	root=$lists/lavapipe/root
-	export VK_DRIVER_FILES=$root/usr/share/vulkan/icd.d/lvp_icd.json
-	export VK_ICD_FILENAMES=$VK_DRIVER_FILES
-	export VK_LAYER_PATH=$root/usr/share/vulkan/explicit_layer.d
-	export XKB_CONFIG_ROOT=$root/usr/share/X11/xkb
+	while IFS= read -r one; do export "${one?}"; done < <(lavapipe_environment "$lists/lavapipe/root")
 	one=$lists/lavapipe/run
 	# This one finds lavapipe's libraries too.
 	if [ "$with_xr" = 1 ] && [ -x "${MON3TR_MONADO:-}/with" ]; then one=$MON3TR_MONADO/with; fi
