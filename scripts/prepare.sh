@@ -15,6 +15,8 @@
 #   MON3TR_ANDROID_PARTS_QNN                  they were asked for
 # and where lavapipe from the cache is used instead of the machine's own Vulkan:
 #   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH VK_IMPLICIT_LAYER_PATH VK_LAYER_SETTINGS_PATH XKB_CONFIG_ROOT
+# and where the machine's own is used outside a session:
+#   XDG_RUNTIME_DIR                           an empty folder
 # and where programs for arm64 were asked for:
 #   CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER, _RUNNER
 # and where lavapipe or Monado comes from the cache:
@@ -334,6 +336,7 @@ export_environment() {
 		if [ "${!runner:-}" = "${MON3TR_RUNNER:-}" ]; then unset "$runner"; fi
 		unset MON3TR_RUNNER
 		if [ "$with_xr" = 1 ] && [ -x "${MON3TR_MONADO:-}/with" ]; then export_runner "$MON3TR_MONADO/with"; fi
+		export_runtime_folder
 		if [ "$vulkan_good" = 1 ]; then
 			say "Vulkan: this machine's own ($vulkan_why)"
 		else
@@ -347,6 +350,18 @@ export_environment() {
 	if [ "$with_xr" = 1 ] && [ -x "${MON3TR_MONADO:-}/with" ]; then one=$MON3TR_MONADO/with; fi
 	export_runner "$one"
 	say "Vulkan: lavapipe $(lavapipe_version) from the cache (this machine's own will not do: $vulkan_why)"
+}
+
+# export_runtime_folder: where there is no session, as in a container, Mesa's layer for choosing a device still asks whether Wayland is
+# there, and libwayland then writes `error: XDG_RUNTIME_DIR is invalid` between what programs say. An empty folder quiets it. Not
+# where an OpenXR runtime is active: its service may be found by the variable's not being set.
+export_runtime_folder() {
+	local folder=${TMPDIR:-/tmp}/mon3tr-run-$(id -u)
+	if [ -n "${XDG_RUNTIME_DIR:-}" ] || openxr_is_active; then return; fi
+	(umask 077 && mkdir -p "$folder") 2>/dev/null || true
+	if [ ! -d "$folder" ] || [ -L "$folder" ] || [ ! -O "$folder" ]; then return; fi
+	export XDG_RUNTIME_DIR=$folder
+	made_runtime_folder=1
 }
 
 # export_runner WRAPPER
