@@ -1,22 +1,25 @@
 //! An X server without a screen.
 
-use std::io::{BufRead, BufReader};
+use std::fs::File;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
-use rustix::process::{Pid, Signal, kill_process};
+use crate::service::{Death, Service};
 
 /// It ends with this, and when its last client goes.
 #[derive(Debug)]
 pub(super) struct Display {
-    server: Child,
+    server: Service,
     number: u32,
 }
 
 impl Display {
-    /// Starts one and waits until it is there.
-    pub(super) fn start(prefix: &Path) -> Self {
-        let mut server = Command::new(prefix.join("xvfb"))
+    /// Starts one, with a place for its files, and waits until it is there.
+    pub(super) fn start(prefix: &Path, place: &Path) -> Result<Self, Death> {
+        let told = place.join("display");
+        let out = File::create(&told).unwrap_or_else(|why| panic!("{}: {why}", told.display()));
+        let mut command = Command::new(prefix.join("xvfb"));
+        command
             .args([
                 "-displayfd",
                 "1",
@@ -25,32 +28,31 @@ impl Display {
                 "1280x720x24",
                 "-terminate",
             ])
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap_or_else(|why| panic!("Xvfb: {why}"));
-        let mut line = String::new();
-        let told = server.stdout.take().expect("a pipe");
-        // It says its number once it is ready, or ends.
-        let read = BufReader::new(told).read_line(&mut line);
-        let number = read.ok().and_then(|_| line.trim().parse().ok());
-        Self {
-            number: number.unwrap_or_else(|| panic!("Xvfb says {line:?}")),
-            server,
-        }
+            .stdin(Stdio::null());
+        let log = place.join("display.log");
+        let server = Service::start("Xvfb", &mut command, &log, Some(out));
+        // It says its number, on a line, once it is ready.
+        let number = server.wait_for(|| {
+            let line = std::fs::read_to_string(&told).ok()?;
+            line.strip_suffix('\n')?.trim().parse().ok()
+        })?;
+        server.may_end();
+        Ok(Self { server, number })
     }
 
     /// For `DISPLAY`.
     pub(super) fn name(&self) -> String {
         format!(":{}", self.number)
     }
+
+    pub(super) fn service(&self) -> &Service {
+        &self.server
+    }
 }
 
 impl Drop for Display {
     fn drop(&mut self) {
-        // Ended gently it takes its lock and its socket with it; it may have ended by itself.
-        let _ = kill_process(Pid::from_child(&self.server), Signal::TERM);
-        let _ = self.server.wait();
+        // Ended gently it takes its lock and its socket with it.
+        self.server.end();
     }
 }
