@@ -7,12 +7,30 @@
 lavapipe_lock=$repo/scripts/lavapipe-$debian_arch.lock
 
 # Raise this when what is unpacked, trimmed or written into the wrapper changes.
-lavapipe_layout=1
+lavapipe_layout=2
 
 lavapipe_pins() { lock_pins "$lavapipe_lock" "$lavapipe_layout"; }
 
 # lavapipe_version: the locked Mesa, for messages
 lavapipe_version() { locked_version "$lavapipe_lock" mesa-vulkan-drivers; }
+
+# lavapipe_environment ROOT: a line NAME=VALUE for all that leads a program to lavapipe in the prefix's ROOT, and keeps the machine's
+# own Vulkan out of it. Built for other libraries, a driver or layer of the machine's may crash the program; so each path here takes
+# the place of all where Vulkan's loader would look, and what would add to one (VK_ADD_...) then counts no more.
+lavapipe_environment() {
+	local vulkan=$1/usr/share/vulkan
+	cat <<-LINES
+		VK_DRIVER_FILES=$vulkan/icd.d/lvp_icd.json
+		VK_ICD_FILENAMES=$vulkan/icd.d/lvp_icd.json
+		VK_LAYER_PATH=$vulkan/explicit_layer.d
+		VK_IMPLICIT_LAYER_PATH=$vulkan/implicit_layer.d
+		VK_LAYER_SETTINGS_PATH=$vulkan/settings.d
+		XKB_CONFIG_ROOT=$1/usr/share/X11/xkb
+	LINES
+}
+
+# lavapipe_exports ROOT: the same for a wrapper, whose caller may have set some; ROOT is the wrapper's own word for the folder.
+lavapipe_exports() { lavapipe_environment "$1" | sed 's/^\([A-Z_]*\)=\(.*\)$/export \1="${\1-\2}"/'; }
 
 write_lavapipe_wrapper() {
 	local prefix=$1 libc_version
@@ -29,11 +47,9 @@ write_lavapipe_wrapper() {
 # \$MON3TR_RUNNER before it when that is set. The Vulkan variables are set only where the caller has not set them.
 here=\$(cd "\$(dirname "\$0")" && pwd) || exit 1
 lib=\$here/root/usr/lib/$deb_triplet
-export VK_DRIVER_FILES="\${VK_DRIVER_FILES-\$here/root/usr/share/vulkan/icd.d/lvp_icd.json}"
-export VK_ICD_FILENAMES="\${VK_ICD_FILENAMES-\$VK_DRIVER_FILES}"
-export VK_LAYER_PATH="\${VK_LAYER_PATH-\$here/root/usr/share/vulkan/explicit_layer.d}"
-export XKB_CONFIG_ROOT="\${XKB_CONFIG_ROOT-\$here/root/usr/share/X11/xkb}"
 WRAPPER
+	# shellcheck disable=SC2016 # the wrapper knows where it lies
+	lavapipe_exports '$here/root' >>"$prefix/run"
 	wrapper_tail "$lavapipe_lock" >>"$prefix/run"
 	chmod +x "$prefix/run"
 }
@@ -44,6 +60,7 @@ install_lavapipe() {
 	rm -rf "$new"
 	unpack_lock "$lavapipe_lock" "$new"
 	trim_lavapipe "$new"
+	hide_settings_from_lavapipe "$new"
 	write_lavapipe_wrapper "$new"
 	put_in_place "$new" "$prefix" "$(lavapipe_pins)${instead:+, but $trust $instead}"
 }
@@ -55,6 +72,22 @@ trim_lavapipe() {
 	find "$share/vulkan/icd.d" -name '*.json' ! -name lvp_icd.json -delete
 	find "$share/vulkan/explicit_layer.d" -name '*.json' ! -name VkLayer_khronos_validation.json -delete
 	rm -rf "$share/vulkan/implicit_layer.d" "$lib"/libVkLayer_INTEL_* "$lib"/libVkLayer_MESA_*
+	# Where the environment has the loader look for them: there are none.
+	mkdir -p "$share/vulkan/implicit_layer.d" "$share/vulkan/settings.d"
 	rm -rf "$1/root/usr/bin"
 	trim_documentation "$1"
+}
+
+# Vulkan's loader and the validation layer read settings of the user's and of the machine's (Vulkan's configurator leaves them), which
+# may load any layer. No variable keeps them from that: the name they look for is changed to one that nobody has.
+hide_settings_from_lavapipe() {
+	python3 - "$1/root/usr/lib/$deb_triplet" <<-'PY' || die "Debian's Vulkan loader is not what scripts/lavapipe.sh knows"
+		import pathlib, sys
+		for library, name in [("libvulkan.so.1", b"/vk_loader_settings.js"), ("libVkLayer_khronos_validation.so", b"/vulkan/settings.d/vk_layer_settings.txt")]:
+		    path = pathlib.Path(sys.argv[1], library).resolve()
+		    data = path.read_bytes()
+		    if name not in data:
+		        sys.exit(f"{name.decode()} does not stand in {path}")
+		    path.write_bytes(data.replace(name, name.replace(b"/vk_", b"/no_")))
+	PY
 }

@@ -12,7 +12,7 @@
 monado_lock=$repo/scripts/monado-$debian_arch.lock
 
 # Raise this when what is unpacked, trimmed or written into the wrappers changes.
-monado_pins() { lock_pins "$monado_lock" 1; }
+monado_pins() { lock_pins "$monado_lock" 2; }
 
 monado_version() { locked_version "$monado_lock" monado-service; }
 
@@ -64,13 +64,13 @@ install_monado() {
 	put_in_place "$new" "$prefix" "$(monado_pins)${instead:+, but $trust $instead}"
 }
 
-# Documentation, and programs and data that none of ours opens. The C++ library goes to the C library: where the machine's own
-# is as new, its drivers may want a newer one.
+# Documentation, and programs and data that none of ours opens. Vulkan's loader is the one that belongs to the Vulkan used. The C++
+# library goes to the C library: where the machine's own is as new, its drivers may want a newer one.
 trim_monado() {
 	local root=$1/root lib=$1/root/usr/lib/$deb_triplet
 	mv "$lib"/libstdc++.so.* "$lib"/libgcc_s.so.* "$1/libc/usr/lib/$deb_triplet/"
 	find "$root/usr/bin" -type f ! -name monado-service ! -name Xvfb ! -name xkbcomp -delete
-	rm -rf "${root:?}/etc" "${root:?}/var" "$root/usr/lib/systemd" "$root/usr/lib/udev" "$root/usr/share/alsa" "$root/usr/share/X11/locale"
+	rm -rf "$lib"/libvulkan.so.* "${root:?}/etc" "${root:?}/var" "$root/usr/lib/systemd" "$root/usr/lib/udev" "$root/usr/share/alsa" "$root/usr/share/X11/locale"
 	trim_documentation "$1"
 }
 
@@ -126,10 +126,17 @@ write_monado_wrapper() {
 		WRAPPER
 		sed "s/TRIPLET/$deb_triplet/"
 		cat <<-WRAPPER
-			# A Vulkan driver from a private prefix has its libraries beside it.
+			# A Vulkan driver from a private prefix has its libraries beside it, and is to meet nothing of the machine's own Vulkan.
 			case \${VK_DRIVER_FILES:-} in
 			*:*) ;;
-			*/root/usr/share/vulkan/icd.d/*.json) lib=\$lib:\${VK_DRIVER_FILES%/share/vulkan/*}/lib/$deb_triplet ;;
+			*/root/usr/share/vulkan/icd.d/*.json)
+			vulkan=\${VK_DRIVER_FILES%/usr/share/vulkan/*}
+			lib=\$lib:\$vulkan/usr/lib/$deb_triplet
+		WRAPPER
+		# shellcheck disable=SC2016 # the wrapper has found it
+		lavapipe_exports '$vulkan'
+		cat <<-WRAPPER
+			;;
 			esac
 		WRAPPER
 		wrapper_tail "$monado_lock"

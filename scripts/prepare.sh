@@ -15,7 +15,9 @@
 #   MON3TR_ANDROID_PARTS_QNN                  they were asked for
 #   MON3TR_ANDROID_PARTS_REHEARSAL            what of that is for this machine's processor, only where it was asked for
 # and where lavapipe from the cache is used instead of the machine's own Vulkan:
-#   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH XKB_CONFIG_ROOT
+#   VK_DRIVER_FILES VK_ICD_FILENAMES VK_LAYER_PATH VK_IMPLICIT_LAYER_PATH VK_LAYER_SETTINGS_PATH XKB_CONFIG_ROOT
+# and where the machine's own is used outside a session:
+#   XDG_RUNTIME_DIR                           an empty folder
 # and where programs for arm64 were asked for:
 #   CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER, _RUNNER
 # and where lavapipe or Monado comes from the cache:
@@ -147,6 +149,20 @@ install_debs() {
 	} >/dev/null || die "apt-get could not install ${missing_debs[*]}: install them by hand, then run the command again"
 }
 
+# forget_lavapipe: what leads to lavapipe from the cache, as `./run env` leaves it in a shell, goes out of the environment, so that the
+# machine's own Vulkan is seen as it is, with its drivers and layers. Names are added to forgotten.
+forget_lavapipe() {
+	local lists one name
+	forgotten=()
+	lists=$(path_for_lists) || return 0
+	while IFS= read -r one; do
+		name=${one%%=*}
+		if [ "${!name:-}" != "${one#*=}" ]; then continue; fi
+		unset "$name"
+		forgotten+=("$name")
+	done < <(lavapipe_environment "$lists/lavapipe/root")
+}
+
 # choose_vulkan auto|lavapipe|NAME [--layer]: sets vulkan_from (machine or cache), vulkan_good (0 or 1: the machine's own)
 # and vulkan_why.
 choose_vulkan() {
@@ -154,6 +170,7 @@ choose_vulkan() {
 	case ${wanted,,} in *lavapipe* | *llvmpipe*) wanted=lavapipe ;; esac
 	vulkan_from=machine
 	vulkan_good=1
+	forget_lavapipe
 	if vulkan_why=$(python3 "$repo/scripts/probe-vulkan.py" "$wanted" "${@:2}" 2>/dev/null); then return; fi
 	vulkan_good=0
 	vulkan_why=${vulkan_why:-probing its Vulkan failed}
@@ -316,7 +333,7 @@ path_for_lists() {
 }
 
 export_environment() {
-	local lists root why one runner=CARGO_TARGET_${cargo_target}_RUNNER
+	local lists why one runner=CARGO_TARGET_${cargo_target}_RUNNER
 	if [ "$with_android" = 1 ]; then export_android; fi
 	if [ "$with_rehearsal" = 1 ]; then export_rehearsal; fi
 	if [ "$vulkan_from" = none ]; then return; fi
@@ -345,6 +362,7 @@ export_environment() {
 		if [ "${!runner:-}" = "${MON3TR_RUNNER:-}" ]; then unset "$runner"; fi
 		unset MON3TR_RUNNER
 		if [ "$with_xr" = 1 ] && [ -x "${MON3TR_MONADO:-}/with" ]; then export_runner "$MON3TR_MONADO/with"; fi
+		export_runtime_folder
 		if [ "$vulkan_good" = 1 ]; then
 			say "Vulkan: this machine's own ($vulkan_why)"
 		else
@@ -352,16 +370,24 @@ export_environment() {
 		fi
 		return
 	fi
-	root=$lists/lavapipe/root
-	export VK_DRIVER_FILES=$root/usr/share/vulkan/icd.d/lvp_icd.json
-	export VK_ICD_FILENAMES=$VK_DRIVER_FILES
-	export VK_LAYER_PATH=$root/usr/share/vulkan/explicit_layer.d
-	export XKB_CONFIG_ROOT=$root/usr/share/X11/xkb
+	while IFS= read -r one; do export "${one?}"; done < <(lavapipe_environment "$lists/lavapipe/root")
 	one=$lists/lavapipe/run
 	# This one finds lavapipe's libraries too.
 	if [ "$with_xr" = 1 ] && [ -x "${MON3TR_MONADO:-}/with" ]; then one=$MON3TR_MONADO/with; fi
 	export_runner "$one"
 	say "Vulkan: lavapipe $(lavapipe_version) from the cache (this machine's own will not do: $vulkan_why)"
+}
+
+# export_runtime_folder: where there is no session, as in a container, Mesa's layer for choosing a device still asks whether Wayland is
+# there, and libwayland then writes `error: XDG_RUNTIME_DIR is invalid` between what programs say. An empty folder quiets it. Not
+# where an OpenXR runtime is active: its service may be found by the variable's not being set.
+export_runtime_folder() {
+	local folder=${TMPDIR:-/tmp}/mon3tr-run-$(id -u)
+	if [ -n "${XDG_RUNTIME_DIR:-}" ] || openxr_is_active; then return; fi
+	(umask 077 && mkdir -p "$folder") 2>/dev/null || true
+	if [ ! -d "$folder" ] || [ -L "$folder" ] || [ ! -O "$folder" ]; then return; fi
+	export XDG_RUNTIME_DIR=$folder
+	made_runtime_folder=1
 }
 
 # export_runner WRAPPER

@@ -18,10 +18,13 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 
 import wire
 
 PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "chromium_viewer.html")
+# A browser that dies is started again so many times.
+RESTARTS = 2
 NAMES = ["chromium", "chromium-browser", "google-chrome-stable", "google-chrome"]
 FLAGS = [
     "--headless=new",
@@ -64,6 +67,33 @@ def serve(job, results):
     return server
 
 
+def browse(chromium, flags, url, results, timeout):
+    """What the page tells in the end, or why it told nothing; `browser` is then how the browser itself ended, if it did."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, tempfile.TemporaryFile() as log:
+        # A group of its own: Chromium is a family of processes.
+        browser = subprocess.Popen([chromium, *flags, f"--user-data-dir={profile}", "--remote-debugging-port=0", url],
+                                   stdout=log, stderr=log, start_new_session=True)
+        # Chromium itself may take a while to start.
+        until, result = time.monotonic() + timeout + 20, None
+        try:
+            while result is None:
+                ended = browser.poll()
+                try:
+                    result = results.get(timeout=0.2)
+                except queue.Empty:
+                    if ended is not None or time.monotonic() > until:
+                        log.seek(0)
+                        tail = log.read().decode(errors="replace")[-2000:]
+                        result = {"failed": "the page told nothing", "browser": ended, "log": tail}
+        finally:
+            try:
+                os.killpg(browser.pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+            browser.wait()
+    return result
+
+
 def main():
     parser = argparse.ArgumentParser(description="a browser as a viewer")
     parser.add_argument("link", help="the room's link for viewers")
@@ -85,24 +115,11 @@ def main():
     results = queue.Queue()
     server = serve(job, results)
     flags = FLAGS + (["--no-sandbox"] if os.geteuid() == 0 else [])
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, tempfile.TemporaryFile() as log:
-        url = f"http://127.0.0.1:{server.server_port}/"
-        # A group of its own: Chromium is a family of processes.
-        browser = subprocess.Popen([chromium, *flags, f"--user-data-dir={profile}", "--remote-debugging-port=0", url],
-                                   stdout=log, stderr=log, start_new_session=True)
-        try:
-            # Chromium itself may take a while to start.
-            result = results.get(timeout=options.timeout + 30)
-        except queue.Empty:
-            log.seek(0)
-            tail = log.read().decode(errors="replace")[-2000:]
-            result = {"failed": "the page told nothing", "browser": browser.poll(), "log": tail}
-        finally:
-            try:
-                os.killpg(browser.pid, signal.SIGKILL)
-            except ProcessLookupError:
-                pass
-            browser.wait()
+    for attempt in range(1 + RESTARTS):
+        result = browse(chromium, flags, f"http://127.0.0.1:{server.server_port}/", results, options.timeout)
+        if result.get("browser") is None or attempt == RESTARTS:
+            break
+        print(f"started again: Chromium ended by itself: {result['browser']}", flush=True)
     print(json.dumps(result))
     return 0 if result.get("frames", 0) >= options.frames and not result.get("failed") else 1
 

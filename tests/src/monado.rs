@@ -1,22 +1,21 @@
 //! Monado, a real `OpenXR` runtime, for one test: its service in a runtime directory of its own, with a scripted head or one that
 //! moves by itself, and a display of its own where one is wanted. What a client needs to find it is set on the client's command.
+//! A service that dies is noticed and started again as [`crate::service`] says.
 //!
 //! `MON3TR_MONADO` names the folder it lies in (see `./run`).
 
 mod display;
 mod head;
 
-use std::ffi::OsStr;
-use std::fs::File;
+use std::ffi::{OsStr, OsString};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::process::{Command, Stdio};
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::Signal;
 use tempfile::TempDir;
 
+use crate::service::{self, Death, Service};
 use display::Display;
 pub use head::{Controller, Eye, Head, Pose, Scripted};
 
@@ -38,9 +37,6 @@ pub enum Compositor {
     Window,
 }
 
-/// How long a service, or a display, may take to be there.
-const START: Duration = Duration::from_secs(60);
-
 /// Where the service listens below its runtime directory.
 const SOCKET: &str = "monado_comp_ipc";
 
@@ -51,7 +47,9 @@ pub struct Monado {
     driver: Driver,
     /// Port of the remote driver.
     port: u16,
-    service: Option<Child>,
+    /// What the service's environment has besides.
+    environment: Vec<(OsString, OsString)>,
+    service: Option<Service>,
     display: Option<Display>,
     // Dropped last: the service's files lie in it.
     place: TempDir,
@@ -74,12 +72,13 @@ impl Monado {
         let config = place.path().join("config/monado");
         make_private(&runtime);
         std::fs::create_dir_all(&config).expect("a folder for the configuration");
-        let display =
-            (compositor == Compositor::Window).then(|| Display::start(&prefix, place.path()));
+        let display = (compositor == Compositor::Window)
+            .then(|| service::start(|| Display::start(&prefix, place.path())));
         Some(Self {
             prefix,
             driver,
             port: 0,
+            environment: Vec::new(),
             service: None,
             display,
             place,
@@ -89,7 +88,18 @@ impl Monado {
     /// A service that runs; nothing, after a line that says why, where there is no Monado. On CI that is a failure.
     #[must_use]
     pub fn start(driver: Driver, compositor: Compositor) -> Option<Self> {
+        Self::start_with(driver, compositor, Vec::new())
+    }
+
+    /// The same, with variables set in the service's environment.
+    #[must_use]
+    pub fn start_with(
+        driver: Driver,
+        compositor: Compositor,
+        environment: Vec<(OsString, OsString)>,
+    ) -> Option<Self> {
         let mut monado = Self::place(driver, compositor)?;
+        monado.environment = environment;
         monado.restart();
         Some(monado)
     }
@@ -102,9 +112,11 @@ impl Monado {
         self.kill();
         for _ in 0..3 {
             self.port = free_port();
-            self.launch();
+            let said = self.log().len();
+            let service = service::start(|| self.launch());
+            self.service = Some(service);
             // Somebody else may have taken the port since it was free; then the service goes on without its driver.
-            if self.driver == Driver::Simulated || !self.log().contains("bind: -1") {
+            if self.driver == Driver::Simulated || !self.log()[said..].contains("bind: -1") {
                 return;
             }
             self.kill();
@@ -112,7 +124,7 @@ impl Monado {
         panic!("no port for the remote driver:\n{}", self.log());
     }
 
-    fn launch(&mut self) {
+    fn launch(&self) -> Result<Service, Death> {
         let remote = format!(
             r#"{{"active":"remote","remote":{{"version":0,"port":{},"view_count":2}}}}"#,
             self.port
@@ -124,11 +136,6 @@ impl Monado {
         let socket = self.runtime_directory().join(SOCKET);
         // A service that was killed leaves its own.
         let _ = std::fs::remove_file(&socket);
-        let log = File::options()
-            .create(true)
-            .append(true)
-            .open(self.log_file())
-            .expect("a file for the service's log");
         let mut command = Command::new(self.prefix.join("run"));
         command
             .env("XDG_RUNTIME_DIR", self.runtime_directory())
@@ -141,9 +148,8 @@ impl Monado {
             .env_remove("DISPLAY")
             .env_remove("WAYLAND_DISPLAY")
             // It ends when something comes in there: with our end of the pipe, which closes with this process at the latest.
-            .stdin(Stdio::piped())
-            .stdout(log.try_clone().expect("the same file"))
-            .stderr(log);
+            .envs(self.environment.iter().map(|(name, value)| (name, value)))
+            .stdin(Stdio::piped());
         if self.driver == Driver::Simulated {
             command.env("SIMULATED_ENABLE", "1");
         }
@@ -155,20 +161,9 @@ impl Monado {
                 .env("XRT_COMPOSITOR_DEFAULT_FRAMERATE", "72")
                 .env("XRT_COMPOSITOR_SCALE_PERCENTAGE", "50"),
         };
-        let service = command
-            .spawn()
-            .unwrap_or_else(|why| panic!("Monado: {why}"));
-        let service = self.service.insert(service);
-        let deadline = Instant::now() + START;
-        while !socket.exists() {
-            let ended = service.try_wait().expect("a child");
-            let late = Instant::now() > deadline;
-            if ended.is_some() || late {
-                let what = ended.map_or("is late".to_owned(), |status| format!("ended: {status}"));
-                panic!("Monado {what}\n{}", self.log());
-            }
-            sleep(Duration::from_millis(20));
-        }
+        let service = Service::start("Monado", &mut command, &self.log_file(), None);
+        service.wait_for(|| socket.exists().then_some(()))?;
+        Ok(service)
     }
 
     /// A program that finds this service, started as programs here are. Its arguments, and what it does with its streams, are the
@@ -218,19 +213,21 @@ impl Monado {
     #[must_use]
     pub fn head(&self) -> Head {
         assert_eq!(self.driver, Driver::Remote, "a head that can be moved");
-        Head::connect(self.port, START)
+        Head::connect(self.port)
     }
 
     /// Whether the service runs.
-    ///
-    /// # Panics
-    /// If that cannot be found out.
     #[must_use]
-    pub fn is_running(&mut self) -> bool {
-        match &mut self.service {
-            Some(service) => service.try_wait().expect("a child").is_none(),
-            None => false,
-        }
+    pub fn is_running(&self) -> bool {
+        self.service.as_ref().is_some_and(Service::is_running)
+    }
+
+    /// The processes of the service and of its display.
+    #[must_use]
+    pub fn processes(&self) -> Vec<u32> {
+        let display = self.display.as_ref().map(Display::service);
+        let all = self.service.iter().chain(display);
+        all.map(Service::id).collect()
     }
 
     /// What the service said so far.
@@ -245,11 +242,7 @@ impl Monado {
 
     /// Ends the service as a crash would.
     pub fn kill(&mut self) {
-        if let Some(mut service) = self.service.take() {
-            // It may have ended by itself.
-            let _ = service.kill();
-            let _ = service.wait();
-        }
+        self.service = None;
     }
 
     /// Holds the service as it is.
@@ -263,15 +256,7 @@ impl Monado {
     }
 
     fn signal(&self, signal: Signal) {
-        let service = self.service.as_ref().expect("a service");
-        let pid = Pid::from_child(service);
-        kill_process(pid, signal).unwrap_or_else(|why| panic!("signalling the service: {why}"));
-    }
-}
-
-impl Drop for Monado {
-    fn drop(&mut self) {
-        self.kill();
+        self.service.as_ref().expect("a service").signal(signal);
     }
 }
 

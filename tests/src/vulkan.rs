@@ -100,12 +100,11 @@ pub fn rerun_with_other_subgroups(gpu: &Gpu, tests: &[&str]) -> Vec<(u32, String
                 }
                 Err(_) => Command::new(&this),
             };
-            let output = command
+            command
                 .args(["--nocapture", "--test-threads=1"])
                 .args(tests)
-                .env("LP_NATIVE_VECTOR_WIDTH", bits)
-                .output()
-                .unwrap_or_else(|why| panic!("{this}: {why}"));
+                .env("LP_NATIVE_VECTOR_WIDTH", bits);
+            let output = crate::service::finish(&mut command);
             let text = String::from_utf8_lossy(&output.stdout).into_owned();
             let errors = String::from_utf8_lossy(&output.stderr);
             assert!(output.status.success(), "{bits} bits:\n{text}{errors}");

@@ -219,6 +219,8 @@ function table(rows) {
 
 async function main() {
 	const args = arguments_();
+	// Before the bake, which takes minutes.
+	const chromium = args.sides.includes('peer') ? await findChromium(args.chromium) : null;
 	await mkdir(args.out, { recursive: true });
 	await mkdir(cache, { recursive: true });
 	const scene = args.person ? await person(args.person) : path.resolve(args.scene);
@@ -227,12 +229,11 @@ async function main() {
 	const pictures = Object.fromEntries(args.sides.map((side) => [side, path.join(args.out, `${side}.png`)]));
 	const others = await busy();
 
-	const peer = args.sides.includes('peer') ? new PeerBrowser() : null;
+	const peer = chromium ? new PeerBrowser() : null;
 	const turns = { ours: [], peer: [] };
 	let about = null;
 	try {
 		if (peer) {
-			const chromium = await findChromium(args.chromium);
 			const options = { sphericalHarmonicsDegree: Math.min(degree, 2), ...args.peerOptions };
 			about = await peer.start({
 				chromium: chromium.file, modules: path.join(cache, 'modules/node_modules'), scene,

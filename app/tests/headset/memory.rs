@@ -4,6 +4,7 @@ use crate::program::Holdings;
 use crate::run::{Report, Run, turn};
 use glam::Quat;
 use mon3tr_tests::monado::{Compositor, Driver, Head, Monado, Pose, Scripted};
+use mon3tr_tests::service::attended;
 use std::time::{Duration, Instant};
 
 /// How long the puppet dances, seconds; and after which of them everything has been made that there will be.
@@ -59,41 +60,45 @@ fn assert_flat(report: &Report) {
 
 #[test]
 fn a_minute_of_dancing_before_a_head_that_sways_holds_no_more_memory_at_its_end() {
-    let Some(_alone) = turn() else { return };
-    let Some(monado) = Monado::start(Driver::Simulated, Compositor::Null) else {
-        return;
-    };
-    let report = Run::start(&monado, DANCE).report();
-    assert_flat(&report);
-    // Nothing is made or given back on the way.
-    let device = report.holdings.iter().filter(|one| one.seconds > WARM);
-    let mut device: Vec<u64> = device.map(|one| one.device).collect();
-    device.dedup();
-    assert_eq!(device.len(), 1, "on the device: {device:?} bytes");
+    attended(|| {
+        let Some(_alone) = turn() else { return };
+        let Some(monado) = Monado::start(Driver::Simulated, Compositor::Null) else {
+            return;
+        };
+        let report = Run::start(&monado, DANCE).report();
+        assert_flat(&report);
+        // Nothing is made or given back on the way.
+        let device = report.holdings.iter().filter(|one| one.seconds > WARM);
+        let mut device: Vec<u64> = device.map(|one| one.device).collect();
+        device.dedup();
+        assert_eq!(device.len(), 1, "on the device: {device:?} bytes");
+    });
 }
 
 #[test]
 fn the_panel_of_figures_gives_back_all_it_takes_however_often_it_is_shown() {
-    let Some(_alone) = turn() else { return };
-    let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
-        return;
-    };
-    let mut head = monado.head();
-    let mut run = Run::start(&monado, DANCE);
-    sway_and_toggle(&mut head, &mut run);
-    let report = run.report();
-    assert_flat(&report);
-    // With the panel and without it, and nothing else.
-    let held = &report.holdings;
-    let device = held.iter().filter(|one| one.seconds > WARM);
-    let mut device: Vec<u64> = device.map(|one| one.device).collect();
-    device.dedup();
-    let changes = device.len() - 1;
-    device.sort_unstable();
-    device.dedup();
-    println!("{changes} changes between {device:?} bytes on the device");
-    assert_eq!(device.len(), 2, "with the panel, and without: {device:?}");
-    assert!(changes >= 8, "shown and put away: {changes} times");
+    attended(|| {
+        let Some(_alone) = turn() else { return };
+        let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
+            return;
+        };
+        let mut head = monado.head();
+        let mut run = Run::start(&monado, DANCE);
+        sway_and_toggle(&mut head, &mut run);
+        let report = run.report();
+        assert_flat(&report);
+        // With the panel and without it, and nothing else.
+        let held = &report.holdings;
+        let device = held.iter().filter(|one| one.seconds > WARM);
+        let mut device: Vec<u64> = device.map(|one| one.device).collect();
+        device.dedup();
+        let changes = device.len() - 1;
+        device.sort_unstable();
+        device.dedup();
+        println!("{changes} changes between {device:?} bytes on the device");
+        assert_eq!(device.len(), 2, "with the panel, and without: {device:?}");
+        assert!(changes >= 8, "shown and put away: {changes} times");
+    });
 }
 
 /// Moves the head as somebody does who stands, and presses the button for the panel every two seconds, until the program ends.

@@ -13,6 +13,8 @@ use mon3tr_tests::{onnx, vulkan};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback};
+use std::fs::File;
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -27,6 +29,9 @@ pub(crate) const NAME: &str = "program::the_program_that_the_tests_here_start";
 
 /// What there is to tell, in the folder of the orders.
 pub(crate) const REPORT: &str = "report.json";
+
+/// A file in that folder that grows while frames are shown.
+pub(crate) const ALIVE: &str = "alive";
 
 /// Motion frames a second.
 const MOTION_HZ: f64 = 30.0;
@@ -242,6 +247,7 @@ struct Witness {
     first: Option<Instant>,
     looked: Option<Instant>,
     holdings: Vec<Holdings>,
+    alive: File,
 }
 
 impl Witness {
@@ -254,6 +260,7 @@ impl Witness {
             looked: None,
             // Looking takes no memory.
             holdings: Vec::with_capacity(1024),
+            alive: File::create(orders.folder.join(ALIVE)).expect("a file"),
         }
     }
 
@@ -263,6 +270,7 @@ impl Witness {
             return;
         }
         self.looked = Some(now);
+        self.alive.write_all(b".").expect("the file");
         self.holdings.push(Holdings {
             seconds: (now - first).as_secs_f64(),
             resident: resident(),

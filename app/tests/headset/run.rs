@@ -1,7 +1,9 @@
 //! Starting the program under test beside a runtime, and what it told.
 
-use crate::program::{Holdings, NAME, ORDERS, Orders, REPORT, Shown};
+use crate::program::{ALIVE, Holdings, NAME, ORDERS, Orders, REPORT, Shown};
+use mon3tr_tests::load::Load;
 use mon3tr_tests::monado::Monado;
+use mon3tr_tests::service::{LONGEST_WAIT, assert_all_live};
 use mon3tr_tests::{onnx, vulkan};
 use serde::Deserialize;
 use serde_json::Value;
@@ -11,9 +13,6 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// How much longer than it shows frames it may take on a machine that does much else.
-const PATIENCE: Duration = Duration::from_secs(150);
-
 /// What a run came to.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Report {
@@ -21,6 +20,9 @@ pub(crate) struct Report {
     pub(crate) figures: Value,
     pub(crate) holdings: Vec<Holdings>,
     pub(crate) shown: Vec<Shown>,
+    /// The part of all processors' time that other programs had.
+    #[serde(skip)]
+    pub(crate) others: f64,
     validated: bool,
     validation_messages: u32,
 }
@@ -29,7 +31,9 @@ pub(crate) struct Report {
 pub(crate) struct Run {
     child: Child,
     folder: TempDir,
-    deadline: Instant,
+    /// What it had said and written when it last gave a sign of life, and when that was.
+    heard: (u64, Instant),
+    load: Option<Load>,
 }
 
 /// Nothing, after a line that says why, where a component is missing. Otherwise leave to run, which one test has at a time: they would
@@ -61,18 +65,28 @@ impl Run {
             .stderr(log)
             .spawn()
             .expect("this program can be started again");
+        let processes = monado.processes().into_iter().chain([child.id()]);
         Self {
+            load: Some(Load::watch(processes)),
             child,
             folder,
-            deadline: Instant::now() + Duration::from_secs_f64(seconds) + PATIENCE,
+            heard: (0, Instant::now()),
         }
     }
 
     /// Whether it has not ended.
     pub(crate) fn is_running(&mut self) -> bool {
+        assert_all_live();
         let ended = self.child.try_wait().expect("a child can be asked");
+        let size = |name: &str| {
+            std::fs::metadata(self.folder.path().join(name)).map_or(0, |file| file.len())
+        };
+        let said = size("log") + size(ALIVE);
+        if said > self.heard.0 {
+            self.heard = (said, Instant::now());
+        }
         assert!(
-            Instant::now() < self.deadline,
+            self.heard.1.elapsed() < LONGEST_WAIT,
             "it is late:\n{}",
             self.said()
         );
@@ -85,11 +99,13 @@ impl Run {
             std::thread::sleep(Duration::from_millis(50));
         }
         let status = self.child.wait().expect("it has ended");
+        let others = self.load.take().map_or(0.0, Load::others);
         let said = self.said();
         assert!(status.success(), "{status}:\n{said}");
         let report = std::fs::read_to_string(self.folder.path().join(REPORT));
         let report = report.unwrap_or_else(|why| panic!("no report: {why}\n{said}"));
-        let report: Report = serde_json::from_str(&report).expect("a report");
+        let mut report: Report = serde_json::from_str(&report).expect("a report");
+        report.others = others;
         assert_eq!(report.validation_messages, 0, "validation:\n{said}");
         if !report.validated {
             let must = std::env::var("CI").as_deref() == Ok("true");

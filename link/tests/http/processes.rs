@@ -3,8 +3,8 @@
 use std::{
     env,
     path::Path,
-    process::{Child, Command},
-    time::Duration,
+    process::{Child, Command, ExitStatus},
+    time::{Duration, Instant},
 };
 
 use link::{AvatarRef, PackageCache, PackageId, RoomLink};
@@ -56,12 +56,25 @@ async fn is_child() -> bool {
 }
 
 async fn until(child: &mut Child, what: impl Fn() -> bool) {
+    let begun = Instant::now();
     while !what() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "it is late");
         let ended = child.try_wait().expect("a child");
         assert!(
             ended.is_none(),
             "the child has ended before its time: {ended:?}"
         );
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+}
+
+async fn ended(child: &mut Child) -> ExitStatus {
+    let begun = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().expect("a child") {
+            return status;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(60), "it is late");
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
 }
@@ -129,10 +142,7 @@ async fn processes_that_want_the_same_package_fetch_it_once() {
         })
         .collect();
     for mut child in children {
-        let status = tokio::task::spawn_blocking(move || child.wait())
-            .await
-            .expect("waited")
-            .expect("ended");
+        let status = ended(&mut child).await;
         assert!(status.success(), "each has it");
     }
     assert_eq!(server.requests().len(), 1, "one request");
@@ -162,10 +172,7 @@ async fn another_process_takes_over_from_one_that_is_killed() {
     .await;
     first.kill().expect("killed");
     first.wait().expect("gone");
-    let status = tokio::task::spawn_blocking(move || second.wait())
-        .await
-        .expect("waited")
-        .expect("ended");
+    let status = ended(&mut second).await;
     assert!(status.success(), "the second has it");
     assert_eq!(
         server.requests().len(),

@@ -1,24 +1,27 @@
 //! An X server without a screen.
 
-use std::io::{BufRead, BufReader};
+use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
-use rustix::process::{Pid, Signal, kill_process};
+use crate::service::{Death, Service};
 
 /// It ends with this, and when its last client goes.
 #[derive(Debug)]
 pub(super) struct Display {
-    server: Child,
+    server: Service,
     number: u32,
     /// Where it keeps what it shows.
     folder: PathBuf,
 }
 
 impl Display {
-    /// Starts one and waits until it is there. It keeps its screen in `folder`.
-    pub(super) fn start(prefix: &Path, folder: &Path) -> Self {
-        let mut server = Command::new(prefix.join("xvfb"))
+    /// Starts one, with a place for its files and its screen, and waits until it is there.
+    pub(super) fn start(prefix: &Path, place: &Path) -> Result<Self, Death> {
+        let told = place.join("display");
+        let out = File::create(&told).unwrap_or_else(|why| panic!("{}: {why}", told.display()));
+        let mut command = Command::new(prefix.join("xvfb"));
+        command
             .args([
                 "-displayfd",
                 "1",
@@ -28,22 +31,21 @@ impl Display {
                 "-terminate",
                 "-fbdir",
             ])
-            .arg(folder)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap_or_else(|why| panic!("Xvfb: {why}"));
-        let mut line = String::new();
-        let told = server.stdout.take().expect("a pipe");
-        // It says its number once it is ready, or ends.
-        let read = BufReader::new(told).read_line(&mut line);
-        let number = read.ok().and_then(|_| line.trim().parse().ok());
-        Self {
-            number: number.unwrap_or_else(|| panic!("Xvfb says {line:?}")),
+            .arg(place)
+            .stdin(Stdio::null());
+        let log = place.join("display.log");
+        let server = Service::start("Xvfb", &mut command, &log, Some(out));
+        // It says its number, on a line, once it is ready.
+        let number = server.wait_for(|| {
+            let line = std::fs::read_to_string(&told).ok()?;
+            line.strip_suffix('\n')?.trim().parse().ok()
+        })?;
+        server.may_end();
+        Ok(Self {
             server,
-            folder: folder.to_owned(),
-        }
+            number,
+            folder: place.to_owned(),
+        })
     }
 
     /// The file that is the screen, which the server writes as it draws.
@@ -55,12 +57,15 @@ impl Display {
     pub(super) fn name(&self) -> String {
         format!(":{}", self.number)
     }
+
+    pub(super) fn service(&self) -> &Service {
+        &self.server
+    }
 }
 
 impl Drop for Display {
     fn drop(&mut self) {
-        // Ended gently it takes its lock and its socket with it; it may have ended by itself.
-        let _ = kill_process(Pid::from_child(&self.server), Signal::TERM);
-        let _ = self.server.wait();
+        // Ended gently it takes its lock and its socket with it.
+        self.server.end();
     }
 }

@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 use glam::{Quat, Vec3};
 use xr_renderer::Fov;
 
+use crate::service::{LONGEST_WAIT, assert_all_live};
+
 /// Where something is, and how it is turned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
@@ -179,13 +181,14 @@ pub struct Head {
 }
 
 impl Head {
-    pub(super) fn connect(port: u16, within: Duration) -> Self {
-        let deadline = Instant::now() + within;
+    pub(super) fn connect(port: u16) -> Self {
+        let deadline = Instant::now() + LONGEST_WAIT;
         loop {
             match TcpStream::connect((Ipv4Addr::LOCALHOST, port)) {
                 Ok(driver) => return Self { driver },
                 Err(why) => assert!(Instant::now() < deadline, "the remote driver: {why}"),
             }
+            assert_all_live();
             sleep(Duration::from_millis(20));
         }
     }

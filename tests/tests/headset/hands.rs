@@ -3,6 +3,7 @@
 use glam::{DVec3, Quat};
 use mon3tr_tests::headset_reference::numbers;
 use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
+use mon3tr_tests::service::attended;
 use serde_json::Value;
 
 use crate::program::Program;
@@ -37,121 +38,127 @@ fn assert_pose(told: &Value, sent: &Pose, what: &str) {
 
 #[test]
 fn controllers_are_where_they_are_held_and_hold_while_they_are_squeezed() {
-    let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
-        return;
-    };
-    let mut head = monado.head();
-    let mut scripted = Scripted::default();
-    let [left, right] = &mut scripted.controllers;
-    left.stage_from_grip = Pose::at(-0.31, 1.12, -0.42).turned(Quat::from_rotation_x(0.5));
-    let turn = Quat::from_rotation_z(-0.7) * Quat::from_rotation_y(0.3);
-    right.stage_from_grip = Pose::at(0.27, 1.41, -0.63).turned(turn);
-    let mut program = Program::start(&monado, u64::MAX, &["--steered", "--figure=none"]);
-    program.wait_for_frames(5);
-    program.take_pose(&mut head, &scripted);
-    let told = until(&mut program, "both hands", |told| {
-        (0..2).all(|side| !told["controls"][side]["grip"].is_null())
+    attended(|| {
+        let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
+            return;
+        };
+        let mut head = monado.head();
+        let mut scripted = Scripted::default();
+        let [left, right] = &mut scripted.controllers;
+        left.stage_from_grip = Pose::at(-0.31, 1.12, -0.42).turned(Quat::from_rotation_x(0.5));
+        let turn = Quat::from_rotation_z(-0.7) * Quat::from_rotation_y(0.3);
+        right.stage_from_grip = Pose::at(0.27, 1.41, -0.63).turned(turn);
+        let mut program = Program::start(&monado, u64::MAX, &["--steered", "--figure=none"]);
+        program.wait_for_frames(5);
+        program.take_pose(&mut head, &scripted);
+        let told = until(&mut program, "both hands", |told| {
+            (0..2).all(|side| !told["controls"][side]["grip"].is_null())
+        });
+        for (side, controller) in scripted.controllers.iter().enumerate() {
+            let hand = &told["controls"][side];
+            let name = ["left", "right"][side];
+            assert_pose(&hand["grip"], &controller.stage_from_grip, name);
+            assert!(!hand["aim"].is_null(), "{name} aims");
+            assert_eq!(hand["holds"], false, "{name} holds nothing");
+        }
+        let mut set = |program: &mut Program, side: usize, pressed: f32| {
+            scripted.controllers[side].trigger = pressed;
+            scripted.controllers[side].squeeze = pressed;
+            head.send(&scripted);
+            until(program, &format!("{side} at {pressed}"), |told| {
+                told["controls"][side]["holds"] == (pressed > 0.5)
+            })
+        };
+        let told = set(&mut program, 1, 1.0);
+        assert_eq!(
+            told["controls"][0]["holds"], false,
+            "the left hand does not"
+        );
+        assert_pose(
+            &told["controls"][1]["grip"],
+            &Pose::at(0.27, 1.41, -0.63).turned(turn),
+            "while holding",
+        );
+        set(&mut program, 1, 0.0);
+        let told = set(&mut program, 0, 1.0);
+        assert_eq!(told["controls"][1]["holds"], false, "the right hand let go");
+        program.end();
+        program.ended_well();
     });
-    for (side, controller) in scripted.controllers.iter().enumerate() {
-        let hand = &told["controls"][side];
-        let name = ["left", "right"][side];
-        assert_pose(&hand["grip"], &controller.stage_from_grip, name);
-        assert!(!hand["aim"].is_null(), "{name} aims");
-        assert_eq!(hand["holds"], false, "{name} holds nothing");
-    }
-    let mut set = |program: &mut Program, side: usize, pressed: f32| {
-        scripted.controllers[side].trigger = pressed;
-        scripted.controllers[side].squeeze = pressed;
-        head.send(&scripted);
-        until(program, &format!("{side} at {pressed}"), |told| {
-            told["controls"][side]["holds"] == (pressed > 0.5)
-        })
-    };
-    let told = set(&mut program, 1, 1.0);
-    assert_eq!(
-        told["controls"][0]["holds"], false,
-        "the left hand does not"
-    );
-    assert_pose(
-        &told["controls"][1]["grip"],
-        &Pose::at(0.27, 1.41, -0.63).turned(turn),
-        "while holding",
-    );
-    set(&mut program, 1, 0.0);
-    let told = set(&mut program, 0, 1.0);
-    assert_eq!(told["controls"][1]["holds"], false, "the right hand let go");
-    program.end();
-    program.ended_well();
 }
 
 #[test]
 fn the_overlays_button_toggles_once_however_long_it_is_pressed() {
-    let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
-        return;
-    };
-    let mut head = monado.head();
-    let mut scripted = Scripted::default();
-    let mut program = Program::start(&monado, u64::MAX, &["--steered", "--figure=none"]);
-    program.wait_for_frames(5);
-    program.take_pose(&mut head, &scripted);
-    for times in 1..=2u32 {
-        let left = &mut scripted.controllers[0];
-        (left.system, left.b) = (true, true);
-        head.send(&scripted);
-        until(&mut program, "toggled", |told| {
-            told["overlay_toggles"] == times
-        });
-        for _ in 0..5 {
-            let told = program.ask("tell", "still");
-            assert_eq!(told["overlay_toggles"], times, "pressed for long");
+    attended(|| {
+        let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
+            return;
+        };
+        let mut head = monado.head();
+        let mut scripted = Scripted::default();
+        let mut program = Program::start(&monado, u64::MAX, &["--steered", "--figure=none"]);
+        program.wait_for_frames(5);
+        program.take_pose(&mut head, &scripted);
+        for times in 1..=2u32 {
+            let left = &mut scripted.controllers[0];
+            (left.system, left.b) = (true, true);
+            head.send(&scripted);
+            until(&mut program, "toggled", |told| {
+                told["overlay_toggles"] == times
+            });
+            for _ in 0..5 {
+                let told = program.ask("tell", "still");
+                assert_eq!(told["overlay_toggles"], times, "pressed for long");
+            }
+            let left = &mut scripted.controllers[0];
+            (left.system, left.b) = (false, false);
+            head.send(&scripted);
+            for _ in 0..10 {
+                let told = program.ask("tell", "released");
+                assert_eq!(told["overlay_toggles"], times, "released");
+            }
         }
-        let left = &mut scripted.controllers[0];
-        (left.system, left.b) = (false, false);
-        head.send(&scripted);
-        for _ in 0..10 {
-            let told = program.ask("tell", "released");
-            assert_eq!(told["overlay_toggles"], times, "released");
-        }
-    }
-    program.end();
-    program.ended_well();
+        program.end();
+        program.ended_well();
+    });
 }
 
 #[test]
 fn bare_hands_take_over_where_controllers_are_laid_down() {
-    let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
-        return;
-    };
-    let mut head = monado.head();
-    let mut scripted = Scripted::default();
-    for hand in &mut scripted.controllers {
-        (hand.active, hand.hand_tracking) = (false, true);
-    }
-    let mut program = Program::start(&monado, u64::MAX, &["--steered", "--figure=none"]);
-    program.wait_for_frames(5);
-    program.take_pose(&mut head, &scripted);
-    let told = until(&mut program, "both hands", |told| {
-        (0..2).all(|side| !told["controls"][side]["grip"].is_null())
+    attended(|| {
+        let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
+            return;
+        };
+        let mut head = monado.head();
+        let mut scripted = Scripted::default();
+        for hand in &mut scripted.controllers {
+            (hand.active, hand.hand_tracking) = (false, true);
+        }
+        let mut program = Program::start(&monado, u64::MAX, &["--steered", "--figure=none"]);
+        program.wait_for_frames(5);
+        program.take_pose(&mut head, &scripted);
+        let told = until(&mut program, "both hands", |told| {
+            (0..2).all(|side| !told["controls"][side]["grip"].is_null())
+        });
+        for (side, controller) in scripted.controllers.iter().enumerate() {
+            // The runtime makes a hand around the grip: its palm is near.
+            let place = numbers(&told["controls"][side]["grip"]["position"]);
+            let place = DVec3::from_slice(&place);
+            let apart = place.distance(controller.stage_from_grip.position.as_dvec3());
+            println!("hand {side}: palm {apart:.3} m from the grip");
+            assert!(apart < 0.15, "hand {side} at {place}");
+        }
+        for hand in &mut scripted.controllers {
+            hand.hand_tracking = false;
+        }
+        head.send(&scripted);
+        until(&mut program, "no hands", |told| {
+            (0..2).all(|side| {
+                let hand = &told["controls"][side];
+                hand["grip"].is_null() && hand["aim"].is_null() && hand["holds"] == false
+            })
+        });
+        program.end();
+        let over = program.ended_well();
+        assert_eq!(over["tracks_hands"], true, "hand tracking was granted");
     });
-    for (side, controller) in scripted.controllers.iter().enumerate() {
-        // The runtime makes a hand around the grip: its palm is near.
-        let place = numbers(&told["controls"][side]["grip"]["position"]);
-        let place = DVec3::from_slice(&place);
-        let apart = place.distance(controller.stage_from_grip.position.as_dvec3());
-        println!("hand {side}: palm {apart:.3} m from the grip");
-        assert!(apart < 0.15, "hand {side} at {place}");
-    }
-    for hand in &mut scripted.controllers {
-        hand.hand_tracking = false;
-    }
-    head.send(&scripted);
-    until(&mut program, "no hands", |told| {
-        (0..2).all(|side| {
-            let hand = &told["controls"][side];
-            hand["grip"].is_null() && hand["aim"].is_null() && hand["holds"] == false
-        })
-    });
-    program.end();
-    let over = program.ended_well();
-    assert_eq!(over["tracks_hands"], true, "hand tracking was granted");
 }

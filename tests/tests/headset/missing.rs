@@ -3,6 +3,7 @@
 use std::process::Command;
 
 use mon3tr_tests::monado::{Compositor, Driver, Monado};
+use mon3tr_tests::service::attended;
 
 use crate::program::Program;
 
@@ -22,73 +23,81 @@ fn refusal(monado: &Monado, change: impl FnOnce(&mut Command)) -> (String, bool)
 
 #[test]
 fn a_missing_loader_is_named_with_the_package_it_comes_in() {
-    let Some(monado) = Monado::place(Driver::Simulated, Compositor::Null) else {
-        return;
-    };
-    let program = Program::start_with(&monado, 10, &["--figure=none"], |command| {
-        command.env("MON3TR_MONADO", "/nonexistent");
+    attended(|| {
+        let Some(monado) = Monado::place(Driver::Simulated, Compositor::Null) else {
+            return;
+        };
+        let program = Program::start_with(&monado, 10, &["--figure=none"], |command| {
+            command.env("MON3TR_MONADO", "/nonexistent");
+        });
+        let ended = program.ended();
+        let text = ended.last()["error"]
+            .as_str()
+            .unwrap_or_default()
+            .to_owned();
+        if !text.contains("loader") {
+            println!("skipped: this machine has a loader of its own: {text}");
+            return;
+        }
+        assert_eq!(ended.status.code(), Some(1), "{}", ended.errors);
+        for part in [
+            "libopenxr_loader.so.1",
+            "./run",
+            "apt install libopenxr-loader1",
+        ] {
+            assert!(text.contains(part), "{part} in: {text}");
+        }
+        assert_eq!(ended.last()["may_pass"], false, "waiting does not help");
     });
-    let ended = program.ended();
-    let text = ended.last()["error"]
-        .as_str()
-        .unwrap_or_default()
-        .to_owned();
-    if !text.contains("loader") {
-        println!("skipped: this machine has a loader of its own: {text}");
-        return;
-    }
-    assert_eq!(ended.status.code(), Some(1), "{}", ended.errors);
-    for part in [
-        "libopenxr_loader.so.1",
-        "./run",
-        "apt install libopenxr-loader1",
-    ] {
-        assert!(text.contains(part), "{part} in: {text}");
-    }
-    assert_eq!(ended.last()["may_pass"], false, "waiting does not help");
 }
 
 #[test]
 fn a_manifest_that_is_not_there_is_no_runtime() {
-    let Some(monado) = Monado::place(Driver::Simulated, Compositor::Null) else {
-        return;
-    };
-    let nowhere = monado.runtime_directory().join("no-runtime.json");
-    let (text, may_pass) = refusal(&monado, |command| {
-        command.env("XR_RUNTIME_JSON", nowhere);
+    attended(|| {
+        let Some(monado) = Monado::place(Driver::Simulated, Compositor::Null) else {
+            return;
+        };
+        let nowhere = monado.runtime_directory().join("no-runtime.json");
+        let (text, may_pass) = refusal(&monado, |command| {
+            command.env("XR_RUNTIME_JSON", nowhere);
+        });
+        for part in ["no OpenXR runtime is active", "XR_RUNTIME_JSON"] {
+            assert!(text.contains(part), "{part} in: {text}");
+        }
+        assert!(!may_pass, "waiting does not help: {text}");
     });
-    for part in ["no OpenXR runtime is active", "XR_RUNTIME_JSON"] {
-        assert!(text.contains(part), "{part} in: {text}");
-    }
-    assert!(!may_pass, "waiting does not help: {text}");
 }
 
 #[test]
 fn a_service_that_does_not_run_is_told_from_a_missing_runtime() {
-    let Some(mut monado) = Monado::place(Driver::Simulated, Compositor::Null) else {
-        return;
-    };
-    let (text, may_pass) = refusal(&monado, |_| {});
-    for part in ["its service is not running", "monado-service"] {
-        assert!(text.contains(part), "{part} in: {text}");
-    }
-    assert!(may_pass, "it may be started: {text}");
-    // Nor is a socket that a killed one left behind a service.
-    monado.restart();
-    monado.kill();
-    let (again, _) = refusal(&monado, |_| {});
-    assert!(again.contains("its service is not running"), "{again}");
+    attended(|| {
+        let Some(mut monado) = Monado::place(Driver::Simulated, Compositor::Null) else {
+            return;
+        };
+        let (text, may_pass) = refusal(&monado, |_| {});
+        for part in ["its service is not running", "monado-service"] {
+            assert!(text.contains(part), "{part} in: {text}");
+        }
+        assert!(may_pass, "it may be started: {text}");
+        // Nor is a socket that a killed one left behind a service.
+        monado.restart();
+        monado.kill();
+        let (again, _) = refusal(&monado, |_| {});
+        assert!(again.contains("its service is not running"), "{again}");
+    });
 }
 
 #[test]
 fn a_headset_without_a_vulkan_device_for_it_is_told() {
-    let Some(mut monado) = Monado::start(Driver::Simulated, Compositor::Null) else {
-        return;
-    };
-    // Vulkan's loader leaves all drivers out; where they are is still told, for libraries lie beside them.
-    let (text, _) = refusal(&monado, |command| {
-        command.env("VK_LOADER_DRIVERS_DISABLE", "*");
+    attended(|| {
+        let Some(monado) = Monado::start(Driver::Simulated, Compositor::Null) else {
+            return;
+        };
+        // Vulkan's loader leaves all drivers out; where they are is still told, for libraries lie beside them.
+        let (text, _) = refusal(&monado, |command| {
+            command.env("VK_LOADER_DRIVERS_DISABLE", "*");
+        });
+        assert!(text.contains("Vulkan"), "{text}");
+        assert!(monado.is_running(), "the service:\n{}", monado.log());
     });
-    assert!(text.contains("Vulkan"), "{text}");
-    assert!(monado.is_running(), "the service:\n{}", monado.log());
 }

@@ -6,6 +6,7 @@ use glam::{Quat, Vec3};
 use image::{Rgba, RgbaImage};
 use mon3tr_tests::headset_reference::{View, composed, psnr};
 use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
+use mon3tr_tests::service::attended;
 use mon3tr_tests::splat_reference::{PixelBox, ReferencePicture, covered_box, render};
 use mon3tr_tests::splat_scenes::figure_ahead;
 
@@ -190,11 +191,11 @@ fn keep(picture: &RgbaImage, expected: &ReferencePicture, name: &str) -> String 
 
 #[test]
 fn at_three_poses_of_the_head_both_eyes_show_the_reference_by_tiles_that_are_copied() {
-    eyes_show_the_reference("tiles", "composed and copied");
+    attended(|| eyes_show_the_reference("tiles", "composed and copied"));
 }
 
 #[test]
 fn at_three_poses_of_the_head_both_eyes_show_the_reference_by_quads_drawn_straight_into_the_images()
 {
-    eyes_show_the_reference("quads", "drawn straight into the headset's images");
+    attended(|| eyes_show_the_reference("quads", "drawn straight into the headset's images"));
 }

@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -11,11 +11,12 @@ use std::time::{Duration, Instant};
 use image::RgbaImage;
 use mon3tr_tests::headset_reference::numbers;
 use mon3tr_tests::monado::{Head, Monado, Scripted};
+use mon3tr_tests::service::{LONGEST_WAIT, assert_all_live};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// How long any answer may take on a machine that does much else.
-const PATIENCE: Duration = Duration::from_secs(150);
+/// Between two looks at the services.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// A program that runs. It is killed where a test forgets it.
 pub(crate) struct Program {
@@ -96,12 +97,20 @@ impl Program {
 
     /// Waits for the next line of this event that is as wished.
     pub(crate) fn wait_for(&mut self, event: &str, wished: impl Fn(&Value) -> bool) -> Value {
-        let deadline = Instant::now() + PATIENCE;
+        let mut heard = Instant::now();
         loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            let Ok(line) = self.lines.recv_timeout(left) else {
-                panic!("no `{event}` came:\n{}", self.story());
+            let line = match self.lines.recv_timeout(LOOK) {
+                Ok(line) => line,
+                Err(RecvTimeoutError::Timeout) if heard.elapsed() < LONGEST_WAIT => {
+                    assert_all_live();
+                    continue;
+                }
+                Err(_) => {
+                    assert_all_live();
+                    panic!("no `{event}` came:\n{}", self.story());
+                }
             };
+            heard = Instant::now();
             self.seen.push(line.clone());
             if line["event"] == event && wished(&line) {
                 return line;
@@ -166,6 +175,11 @@ impl Program {
         (told, pictures)
     }
 
+    /// Its process.
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Lets a steered program end.
     pub(crate) fn end(&mut self) {
         self.commands = None;
@@ -173,20 +187,25 @@ impl Program {
 
     /// Waits for its end.
     pub(crate) fn ended(mut self) -> Ended {
-        let deadline = Instant::now() + PATIENCE;
+        let mut heard = Instant::now();
         let status = loop {
             if let Some(status) = self.child.try_wait().expect("a child") {
                 break status;
             }
+            assert_all_live();
+            while let Ok(line) = self.lines.try_recv() {
+                heard = Instant::now();
+                self.seen.push(line);
+            }
             assert!(
-                Instant::now() < deadline,
+                heard.elapsed() < LONGEST_WAIT,
                 "it does not end:\n{}",
                 self.story()
             );
-            thread::sleep(Duration::from_millis(20));
+            thread::sleep(LOOK);
         };
         // The pipe is closed by now: this ends.
-        while let Ok(line) = self.lines.recv_timeout(PATIENCE) {
+        while let Ok(line) = self.lines.recv_timeout(LONGEST_WAIT) {
             self.seen.push(line);
         }
         Ended {

@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3, Quat};
 use image::RgbaImage;
 use mon3tr_tests::headset_reference::{View, studio};
 use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
+use mon3tr_tests::service::attended;
 
 use crate::program::Program;
 
@@ -92,10 +93,10 @@ fn floor_and_wall_are_right(back_end: &str) {
 
 #[test]
 fn floor_and_wall_have_their_colours_and_the_horizon_is_level_however_the_head_is_held() {
-    floor_and_wall_are_right("tiles");
+    attended(|| floor_and_wall_are_right("tiles"));
 }
 
 #[test]
 fn they_are_the_same_behind_quads_drawn_straight_into_the_images() {
-    floor_and_wall_are_right("quads");
+    attended(|| floor_and_wall_are_right("quads"));
 }

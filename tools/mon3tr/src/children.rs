@@ -82,11 +82,21 @@ impl Process {
 
     /// The same; an error too if `stop` becomes true meanwhile.
     pub(crate) fn finish_unless(
-        mut self,
+        self,
         longest: Option<Duration>,
         stop: &AtomicBool,
     ) -> anyhow::Result<()> {
-        match self.wait_unless(longest, stop)? {
+        self.finish_beside(longest, stop, || Ok(()))
+    }
+
+    /// The same; an error too if what is beside it has one.
+    pub(crate) fn finish_beside(
+        mut self,
+        longest: Option<Duration>,
+        stop: &AtomicBool,
+        beside: impl FnMut() -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        match self.wait_unless(longest, stop, beside)? {
             None if stop.load(Relaxed) => bail!("stopped before the end"),
             Some(status) if status.success() => Ok(()),
             Some(status) => bail!("`mon3tr {}` failed ({status})", self.name),
@@ -108,13 +118,14 @@ impl Process {
     }
 
     fn wait(&mut self, longest: Option<Duration>) -> anyhow::Result<Option<ExitStatus>> {
-        self.wait_unless(longest, &AtomicBool::new(false))
+        self.wait_unless(longest, &AtomicBool::new(false), || Ok(()))
     }
 
     fn wait_unless(
         &mut self,
         longest: Option<Duration>,
         stop: &AtomicBool,
+        mut beside: impl FnMut() -> anyhow::Result<()>,
     ) -> anyhow::Result<Option<ExitStatus>> {
         let deadline = longest.map(|longest| Instant::now() + longest);
         loop {
@@ -124,6 +135,7 @@ impl Process {
             {
                 return Ok(Some(status));
             }
+            beside()?;
             let late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
             if late || stop.load(Relaxed) {
                 return Ok(None);

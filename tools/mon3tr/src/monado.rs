@@ -27,6 +27,7 @@ const ACTIVE: &str = "openxr/1/active_runtime.json";
 pub(crate) struct Monado {
     service: Child,
     folder: TempDir,
+    log: PathBuf,
     manifest: PathBuf,
 }
 
@@ -82,26 +83,45 @@ impl Monado {
         let mut monado = Self {
             service,
             folder,
+            log,
             manifest: programs.join("openxr_monado.json"),
         };
-        monado.wait(&log)?;
+        monado.wait()?;
         Ok(monado)
     }
 
-    fn wait(&mut self, log: &Path) -> anyhow::Result<()> {
+    fn wait(&mut self) -> anyhow::Result<()> {
         let deadline = Instant::now() + PATIENCE;
         let socket = self.folder.path().join(SOCKET);
         while !socket.exists() {
             let ended = self.service.try_wait().context("cannot watch Monado")?;
             if ended.is_some() || Instant::now() >= deadline {
-                let text = std::fs::read_to_string(log).unwrap_or_default();
-                let last: Vec<&str> = text.lines().rev().take(5).collect();
-                let last: Vec<&str> = last.into_iter().rev().collect();
-                bail!("Monado does not start; it said last:\n{}", last.join("\n"));
+                let how = ended.map_or_else(String::new, |status| format!(" ({status})"));
+                bail!(
+                    "Monado does not start{how}; it said last:\n{}",
+                    self.last_words()
+                );
             }
             std::thread::sleep(LOOK);
         }
         Ok(())
+    }
+
+    /// An error if it has died. That it ends with its last client is well.
+    pub(crate) fn check(&mut self) -> anyhow::Result<()> {
+        match self.service.try_wait().context("cannot watch Monado")? {
+            Some(status) if !status.success() => bail!(
+                "Monado has ended by itself ({status}); it said last:\n{}",
+                self.last_words()
+            ),
+            _ => Ok(()),
+        }
+    }
+
+    fn last_words(&self) -> String {
+        let text = std::fs::read_to_string(&self.log).unwrap_or_default();
+        let lines: Vec<&str> = text.lines().collect();
+        lines[lines.len().saturating_sub(5)..].join("\n")
     }
 
     /// What a program finds it by.

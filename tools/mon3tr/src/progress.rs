@@ -4,6 +4,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use reconstruct::bake::Progress;
 use std::io::IsTerminal;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
 
 /// A bar of `steps` steps labelled `what`. Where standard error is no terminal, one line says what begins.
 pub(crate) fn bar(what: &str, steps: usize) -> ProgressBar {
@@ -56,10 +57,16 @@ impl Bytes {
     }
 }
 
+/// How often a step tells how far it is where standard error is no terminal.
+const TOLD_EVERY: Duration = Duration::from_secs(10);
+
+/// A step's bar, and when something was said of it last.
+type Step = (ProgressBar, Instant);
+
 /// One bar per step of a bake, one after the other.
 #[derive(Debug, Default)]
 pub(crate) struct Bars {
-    current: Mutex<Option<ProgressBar>>,
+    current: Mutex<Option<Step>>,
 }
 
 impl Bars {
@@ -68,9 +75,9 @@ impl Bars {
         self.replace(None);
     }
 
-    fn replace(&self, next: Option<ProgressBar>) {
+    fn replace(&self, next: Option<Step>) {
         let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(done) = std::mem::replace(&mut *current, next) {
+        if let Some((done, _)) = std::mem::replace(&mut *current, next) {
             done.finish_and_clear();
         }
     }
@@ -79,13 +86,19 @@ impl Bars {
 impl Progress for Bars {
     fn begin(&self, step: &'static str, total: usize) {
         log::info!("bake: {step}");
-        self.replace(Some(bar(step, total)));
+        self.replace(Some((bar(step, total), Instant::now())));
     }
 
     fn advance(&self) {
-        let current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(bar) = current.as_ref() {
-            bar.inc(1);
+        let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some((bar, told)) = current.as_mut() else {
+            return;
+        };
+        bar.inc(1);
+        if told.elapsed() >= TOLD_EVERY && !std::io::stderr().is_terminal() {
+            let length = bar.length().unwrap_or_default();
+            eprintln!("{}: {} of {length}", bar.message(), bar.position());
+            *told = Instant::now();
         }
     }
 }

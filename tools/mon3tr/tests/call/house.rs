@@ -2,6 +2,7 @@
 
 use crate::command::{command, json, puppet};
 use link::RoomLink;
+use mon3tr_tests::service::{LONGEST_WAIT, assert_all_live};
 use netlab::{Impairment, Lab, LabConfig};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
@@ -16,17 +17,28 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
 
-/// Far longer than anything waited for takes on a slow machine.
-const PATIENCE: Duration = Duration::from_secs(240);
-
 /// Waits until `answer` is there.
-pub(crate) fn wait_for<T>(what: &str, mut answer: impl FnMut() -> Option<T>) -> T {
-    let begun = Instant::now();
+pub(crate) fn wait_for<T>(what: &str, answer: impl FnMut() -> Option<T>) -> T {
+    wait_while(what, || 0, answer)
+}
+
+/// The same, and no longer than [`LONGEST_WAIT`] after what is `heard` grew last.
+fn wait_while<T>(
+    what: &str,
+    heard: impl Fn() -> usize,
+    mut answer: impl FnMut() -> Option<T>,
+) -> T {
+    let mut last = (heard(), Instant::now());
     loop {
         if let Some(answer) = answer() {
             return answer;
         }
-        assert!(begun.elapsed() < PATIENCE, "waited in vain for {what}");
+        assert_all_live();
+        let now = heard();
+        if now > last.0 {
+            last = (now, Instant::now());
+        }
+        assert!(last.1.elapsed() < LONGEST_WAIT, "waited in vain for {what}");
         std::thread::sleep(Duration::from_millis(20));
     }
 }
@@ -97,7 +109,9 @@ impl Program {
 
     /// Waits until it has said `words` in so many lines.
     pub(crate) fn says(&mut self, words: &str, times: usize) {
-        wait_for(&format!("{times} times `{words}`"), || {
+        let said = Arc::clone(&self.said);
+        let heard = || said.lock().unwrap_or_else(PoisonError::into_inner).len();
+        wait_while(&format!("{times} times `{words}`"), heard, || {
             let said = self.said();
             let lines = said.lines().filter(|line| line.contains(words)).count();
             if lines < times {
@@ -152,7 +166,9 @@ impl Program {
 
     /// Waits for its end; returns how that was, and all that it said.
     fn ended(mut self) -> (ExitStatus, String) {
-        let status = wait_for("the end of a program", || {
+        let said = Arc::clone(&self.said);
+        let heard = || said.lock().unwrap_or_else(PoisonError::into_inner).len();
+        let status = wait_while("the end of a program", heard, || {
             self.child.try_wait().expect("a child can be asked")
         });
         for listener in self.listeners.drain(..) {

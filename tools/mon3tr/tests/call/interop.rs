@@ -2,9 +2,12 @@
 
 use crate::house::{House, count, number};
 use link::{AvatarRef, Client, Room, ServerUrl};
+use mon3tr_tests::service::{self, Service, attended};
 use serde_json::Value;
+use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
+use tempfile::TempDir;
 
 /// Where the programs are.
 fn program(name: &str) -> PathBuf {
@@ -26,25 +29,34 @@ fn python() -> Option<String> {
     python
 }
 
-/// Ended with the test, if it has not ended before.
-struct Killed(Option<Child>);
-
-impl Killed {
-    /// Asks it to end and waits for what it said.
-    fn ends(mut self) -> Output {
-        let child = self.0.take().expect("it is there");
-        let id = rustix::process::Pid::from_child(&child);
-        rustix::process::kill_process(id, rustix::process::Signal::TERM).expect("it runs");
-        child.wait_with_output().expect("it ends")
-    }
+/// aiortc as a sender. It ends with the test, if it has not ended before.
+struct AiortcSender {
+    service: Service,
+    folder: TempDir,
 }
 
-impl Drop for Killed {
-    fn drop(&mut self) {
-        if let Some(child) = &mut self.0 {
-            let _ = child.kill();
-            let _ = child.wait();
+impl AiortcSender {
+    fn start(command: &mut Command) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let told = File::create(folder.path().join("told")).expect("a file");
+        let log = folder.path().join("log");
+        let command = command.stdin(Stdio::null());
+        Self {
+            service: Service::start("aiortc's sender", command, &log, Some(told)),
+            folder,
         }
+    }
+
+    /// Asks it to end and returns what it said.
+    fn ends(self) -> Value {
+        let status = self.service.end();
+        let [stdout, stderr] = ["told", "log"]
+            .map(|name| std::fs::read(self.folder.path().join(name)).expect("the file"));
+        said(&Output {
+            status,
+            stdout,
+            stderr,
+        })
     }
 }
 
@@ -61,6 +73,10 @@ fn a_sender_that_is_not_ours_is_received() {
     let Some(python) = python() else {
         return;
     };
+    attended(|| a_sender_is_received(&python));
+}
+
+fn a_sender_is_received(python: &str) {
     let house = House::open();
     let avatar = AvatarRef::of_file(&house.avatar).expect("the package");
     let room: Room = house.runtime.block_on(async {
@@ -75,22 +91,19 @@ fn a_sender_that_is_not_ours_is_received() {
         room.await.expect("a room")
     });
     for channel in ["unreliable", "reliable"] {
-        let sender = Command::new(&python)
+        let mut command = Command::new(python);
+        command
             .arg(program("aiortc_sender.py"))
             .arg(room.sender.to_string())
             .args(["--sha256", &avatar.sha256.to_string()])
             .args(["--bytes", &avatar.bytes.to_string()])
-            .args(["--channel", channel, "--address", "127.0.0.1"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("Python starts");
-        let sender = Killed(Some(sender));
+            .args(["--channel", channel, "--address", "127.0.0.1"]);
+        let sender = AiortcSender::start(&mut command);
         let mut receiver = house.receiver(&room.viewer.to_string(), "viewer", &[]);
         receiver.says("joined (session", 1);
         // Three seconds of a call, by what has come rather than by the clock.
         std::thread::sleep(std::time::Duration::from_secs(3));
-        let sent = said(&sender.ends());
+        let sent = sender.ends();
         let seen = receiver.report();
         let call = &seen["call"];
         assert!(
@@ -118,7 +131,8 @@ fn a_viewer_that_is_not_ours_sees_our_motion() {
     let house = House::open();
     for channel in ["unreliable", "reliable"] {
         let sender = house.sender(&["--codec", "paper", "--channel", channel]);
-        let seen = Command::new(&python)
+        let mut command = Command::new(&python);
+        command
             .arg(program("aiortc_viewer.py"))
             .arg(&sender.viewers)
             .args([
@@ -128,10 +142,8 @@ fn a_viewer_that_is_not_ours_sees_our_motion() {
                 "1,30,60",
                 "--address",
                 "127.0.0.1",
-            ])
-            .output()
-            .expect("Python starts");
-        let seen = said(&seen);
+            ]);
+        let seen = said(&service::output("aiortc's viewer", &mut command));
         assert!(number(&seen, "frames") >= 60.0, "{channel}: {seen:#}");
     }
 }
@@ -141,15 +153,21 @@ fn a_viewer_that_is_not_ours_sees_our_motion() {
 fn a_browser_sees_our_motion() {
     let house = House::open();
     let sender = house.sender(&["--codec", "paper"]);
-    let seen = Command::new("python3")
+    let mut command = Command::new("python3");
+    command
         .arg(program("chromium_viewer.py"))
-        .arg(&sender.viewers)
-        .output()
-        .expect("Python starts");
+        .arg(&sender.viewers);
+    let seen = service::output("Chromium's Python", &mut command);
     let text = String::from_utf8_lossy(&seen.stdout);
     if text.starts_with("skipped: ") {
         println!("{text}");
         return;
+    }
+    for line in text
+        .lines()
+        .filter(|line| line.starts_with("started again: "))
+    {
+        println!("{line}");
     }
     let seen = said(&seen);
     assert!(number(&seen, "frames") >= 60.0, "{seen:#}");

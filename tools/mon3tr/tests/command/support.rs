@@ -34,7 +34,7 @@ pub(crate) fn mon3tr(arguments: &[&str]) -> Outcome {
 
 impl Outcome {
     pub(crate) fn of(command: &mut Command) -> Self {
-        let output = command.output().expect("the command can be started");
+        let output = mon3tr_tests::service::finish(command);
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
         Self {
             ok: output.status.success(),

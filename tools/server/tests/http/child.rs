@@ -1,7 +1,7 @@
 //! A server as a process of its own, which can be killed, measured and confined. It is this test program once more,
 //! told by its environment to run the one test below.
 
-use crate::support::{Caller, Outcome, config};
+use crate::support::{Caller, Outcome, PATIENCE, config};
 use serde_json::{Value, json};
 use server::{Secret, Server, StoreConfig};
 use std::io::{BufRead, BufReader};
@@ -73,16 +73,19 @@ impl ServerProcess {
             .spawn()?;
         let stdout = child.stdout.take().ok_or("no stdout")?;
         let process = Process(child);
-        // It starts within moments or ends, so the wait is short.
-        let mut lines = BufReader::new(stdout).lines();
-        let address = loop {
-            let line = lines.next().ok_or("the server did not start")??;
-            if let Some((_, address)) = line.split_once("listening on ") {
-                break address.trim().parse()?;
+        let (tell, told) = std::sync::mpsc::channel();
+        // Its stdout stays open to the end, or it would fail to print.
+        std::thread::spawn(move || {
+            for line in BufReader::new(stdout).lines().map_while(Result::ok) {
+                if let Some((_, address)) = line.split_once("listening on ") {
+                    let _ = tell.send(address.trim().to_owned());
+                }
             }
-        };
-        // Its stdout stays open, or it would fail to print.
-        std::thread::spawn(move || lines.for_each(drop));
+        });
+        let address = told
+            .recv_timeout(PATIENCE)
+            .map_err(|_| "the server did not start")?;
+        let address = address.parse()?;
         Ok(Self {
             process,
             caller: Caller::new(address, secret)?,

@@ -6,6 +6,7 @@ use futures_util::StreamExt;
 use reqwest::{Method, StatusCode};
 use sha2::{Digest, Sha256};
 use std::path::Path;
+use std::time::Duration;
 use tokio::io::AsyncWriteExt;
 use tokio::net::TcpStream;
 
@@ -36,14 +37,14 @@ async fn a_server_killed_in_mid_upload_leaves_nothing_and_the_next_one_takes_the
         uploads.push(stream);
     }
     let sent = 3 * (package().bytes.len() as u64 - 1);
-    while server
-        .caller
-        .metric("mon3tr_package_bytes_received_total ")
-        .await?
-        < sent
-    {
-        tokio::time::sleep(std::time::Duration::from_millis(20)).await;
-    }
+    let all_are_sent = async {
+        let received = "mon3tr_package_bytes_received_total ";
+        while server.caller.metric(received).await? < sent {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        Outcome::Ok(())
+    };
+    tokio::time::timeout(PATIENCE, all_are_sent).await??;
     server.process.kill_9();
     assert_eq!(
         files_below(&orders.folder)?,
@@ -132,7 +133,9 @@ async fn two_hundred_downloads_at_once_are_whole_and_take_bounded_memory() -> Ou
     let mut answers = Vec::new();
     for _ in 0..DOWNLOADS {
         let request = server.caller.request(Method::GET, &path, &owner);
-        let answer = request.timeout(10 * PATIENCE).send().await?;
+        // Of all of it; each part has its own, below.
+        let answer = request.timeout(Duration::from_secs(3600)).send();
+        let answer = tokio::time::timeout(PATIENCE, answer).await??;
         assert_eq!(answer.status(), StatusCode::OK, "answered");
         answers.push(answer);
     }
@@ -141,7 +144,7 @@ async fn two_hundred_downloads_at_once_are_whole_and_take_bounded_memory() -> Ou
         tokio::spawn(async move {
             let mut digest = Sha256::new();
             let mut body = answer.bytes_stream();
-            while let Some(chunk) = body.next().await {
+            while let Some(chunk) = tokio::time::timeout(PATIENCE, body.next()).await? {
                 digest.update(&chunk?);
             }
             let text: String = digest

@@ -1,15 +1,15 @@
 //! Several instances on one NATS server and one S3-compatible store, both real, all processes of their own.
 
-use crate::child::{Orders, Process, ServerProcess};
-use crate::support::{Caller, Outcome, TestServer, package};
+use crate::child::{Orders, ServerProcess};
+use crate::support::{Caller, Outcome, PATIENCE, TestServer, package};
+use mon3tr_tests::service::{self, Service, assert_all_live, attended};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
-use tokio::net::TcpStream;
 
 /// The programs that `./run test` provides: where `nats-server` is, and a Python that has moto's server.
 fn programs() -> Option<(PathBuf, PathBuf)> {
@@ -33,47 +33,40 @@ fn free_port() -> Outcome<u16> {
 }
 
 /// A program of somebody else's that listens on a port; killed when dropped.
-async fn listener(program: &Path, arguments: &[&str], port: u16) -> Outcome<Process> {
-    let child = Command::new(program)
-        .args(arguments)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()?;
-    let mut process = Process(child);
-    for _ in 0..600 {
-        if TcpStream::connect(("127.0.0.1", port)).await.is_ok() {
-            return Ok(process);
-        }
-        if let Some(status) = process.0.try_wait()? {
-            return Err(format!("{} ended with {status}", program.display()).into());
-        }
-        tokio::time::sleep(Duration::from_millis(100)).await;
-    }
-    Err(format!("{} does not listen", program.display()).into())
+fn listener(name: &'static str, command: &mut Command, port: u16, log: &Path) -> Service {
+    service::start(|| {
+        let service = Service::start(name, command.stdin(Stdio::null()), log, None);
+        service.wait_for(|| std::net::TcpStream::connect(("127.0.0.1", port)).ok())?;
+        Ok(service)
+    })
 }
 
-async fn nats(program: &Path, port: u16) -> Outcome<Process> {
-    listener(program, &["-a", "127.0.0.1", "-p", &port.to_string()], port).await
+fn nats(program: &Path, port: u16, log: &Path) -> Service {
+    let mut command = Command::new(program);
+    command.args(["-a", "127.0.0.1", "-p", &port.to_string()]);
+    listener("nats-server", &mut command, port, log)
 }
 
 /// What the instances share.
 struct Cluster {
     orders: Orders,
-    nats: Process,
+    nats: Service,
     nats_program: PathBuf,
     nats_port: u16,
-    moto: Process,
-    _folder: TempDir,
+    moto: Service,
+    folder: TempDir,
 }
 
 impl Cluster {
-    async fn start(nats_program: PathBuf, python: &Path) -> Outcome<Self> {
+    async fn start(nats_program: &Path, python: &Path) -> Outcome<Self> {
         let folder = tempfile::tempdir()?;
         let (nats_port, moto_port) = (free_port()?, free_port()?);
-        let nats = nats(&nats_program, nats_port).await?;
-        let port = moto_port.to_string();
-        let arguments = ["-m", "moto.server", "-H", "127.0.0.1", "-p", &port];
-        let moto = listener(python, &arguments, moto_port).await?;
+        let nats = nats(nats_program, nats_port, &folder.path().join("nats.log"));
+        let mut command = Command::new(python);
+        command.args(["-m", "moto.server", "-H", "127.0.0.1", "-p"]);
+        command.arg(moto_port.to_string());
+        let log = folder.path().join("moto.log");
+        let moto = listener("moto", &mut command, moto_port, &log);
         let endpoint = format!("http://127.0.0.1:{moto_port}");
         let caller = Caller::new(
             SocketAddr::from(([127, 0, 0, 1], 0)),
@@ -95,10 +88,10 @@ impl Cluster {
         Ok(Self {
             orders,
             nats,
-            nats_program,
+            nats_program: nats_program.to_owned(),
             nats_port,
             moto,
-            _folder: folder,
+            folder,
         })
     }
 
@@ -109,34 +102,42 @@ impl Cluster {
     }
 }
 
-async fn healthy(caller: &Caller) -> Outcome {
-    for _ in 0..300 {
-        if caller.get("/healthz", "").await?.status() == StatusCode::OK {
-            return Ok(());
+/// Asks how the server is until the answer is as wished.
+async fn told(caller: &Caller, wished: StatusCode) -> Outcome<String> {
+    let begun = Instant::now();
+    while begun.elapsed() < PATIENCE {
+        let answer = caller.get("/healthz", "").await?;
+        if answer.status() == wished {
+            return Ok(answer.text().await?);
         }
+        assert_all_live();
         tokio::time::sleep(Duration::from_millis(100)).await;
     }
-    Err("an instance does not become healthy".into())
+    Err(format!("an instance never answers {wished}").into())
+}
+
+async fn healthy(caller: &Caller) -> Outcome {
+    told(caller, StatusCode::OK).await.map(drop)
 }
 
 async fn unwell(caller: &Caller) -> Outcome<String> {
-    for _ in 0..300 {
-        let answer = caller.get("/healthz", "").await?;
-        if answer.status() == StatusCode::SERVICE_UNAVAILABLE {
-            return Ok(answer.text().await?);
-        }
-        tokio::time::sleep(Duration::from_millis(100)).await;
-    }
-    Err("an instance does not notice that something is gone".into())
+    told(caller, StatusCode::SERVICE_UNAVAILABLE).await
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_sender_on_one_instance_meets_viewers_on_others_and_outlives_an_instance_nats_and_the_store()
--> Outcome {
+#[test]
+fn a_sender_on_one_instance_meets_viewers_on_others_and_outlives_an_instance_nats_and_the_store() {
     let Some((nats_program, python)) = programs() else {
-        return Ok(());
+        return;
     };
-    let mut cluster = Cluster::start(nats_program, &python).await?;
+    attended(|| {
+        let runtime = tokio::runtime::Runtime::new().expect("a runtime");
+        let outlived = runtime.block_on(outlives_all(&nats_program, &python));
+        outlived.unwrap_or_else(|why| panic!("{why}"));
+    });
+}
+
+async fn outlives_all(nats_program: &Path, python: &Path) -> Outcome {
+    let mut cluster = Cluster::start(nats_program, python).await?;
     let (one, mut two) = (cluster.instance().await?, cluster.instance().await?);
     let (first, second) = (&one.caller, two.caller.clone());
 
@@ -215,7 +216,7 @@ async fn a_sender_on_one_instance_meets_viewers_on_others_and_outlives_an_instan
     );
 
     // NATS dies: every instance says so and serves the rooms it has.
-    cluster.nats.kill_9();
+    cluster.nats.kill();
     assert!(unwell(first).await?.contains("NATS"), "says what is wrong");
     assert!(
         unwell(&three.caller).await?.contains("NATS"),
@@ -238,13 +239,14 @@ async fn a_sender_on_one_instance_meets_viewers_on_others_and_outlives_an_instan
     first.meet(&room, &mut sender).await?;
 
     // NATS comes back, and with it the others' rooms, without the sender doing anything.
-    cluster.nats = nats(&cluster.nats_program, cluster.nats_port).await?;
+    let log = cluster.folder.path().join("nats.log");
+    cluster.nats = nats(&cluster.nats_program, cluster.nats_port, &log);
     healthy(first).await?;
     healthy(&three.caller).await?;
     three.caller.meet(&room, &mut sender).await?;
 
     // The store dies: calls go on without it.
-    cluster.moto.kill_9();
+    cluster.moto.kill();
     let why = unwell(first).await?;
     assert!(why.contains("package store"), "says what is wrong: {why}");
     let read = first.get(&package().path(), &room.viewer).await?;

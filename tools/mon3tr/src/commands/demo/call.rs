@@ -39,11 +39,11 @@ pub(super) enum Length {
 }
 
 /// Holds the call and returns the receiver's figures; a window leaves none.
-pub(super) fn run(options: &Options, package: &Path, shown: &Shown) -> anyhow::Result<Value> {
+pub(super) fn run(options: &Options, package: &Path, mut shown: Shown) -> anyhow::Result<Value> {
     let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
     let server = LocalServer::start(folder.path())?;
     let network = Network::start()?;
-    let stop = match shown {
+    let stop = match &shown {
         // From here on Ctrl-C leaves no folder behind either.
         Shown::Window | Shown::Headset { .. } => network.stop_on_signal(),
         // What is drawn after the call would not look whether it is to stop.
@@ -70,7 +70,7 @@ pub(super) fn run(options: &Options, package: &Path, shown: &Shown) -> anyhow::R
         receive.extend(["--out".into(), options.out.clone().into()]);
         receive.extend(["--json".into(), figures.clone().into()]);
     };
-    match shown {
+    match &shown {
         Shown::Window => {
             let size = options.size.to_string();
             receive.extend(arguments(["--display", "window", "--size", &size]));
@@ -100,12 +100,12 @@ pub(super) fn run(options: &Options, package: &Path, shown: &Shown) -> anyhow::R
         "a call on this machine: a server, a sender and a receiver, each a process of its own"
     );
     let sender = Process::start_sender(send, &server.owner_token)?;
-    let environment = match shown {
+    let environment = match &shown {
         Shown::Headset { monado, .. } => monado.as_ref().map_or_else(Vec::new, Monado::environment),
         Shown::Window | Shown::Offscreen { .. } => Vec::new(),
     };
     let receiver = Process::start_in(environment, "receive", receive, Output::Shown)?;
-    match shown {
+    match &mut shown {
         Shown::Window => {
             receiver.finish_unless(None, &stop)?;
             return Ok(Value::Null);
@@ -115,13 +115,15 @@ pub(super) fn run(options: &Options, package: &Path, shown: &Shown) -> anyhow::R
             receiver.finish_unless(Some(longest), &stop)?;
             sender.finish_unless(Some(BESIDES), &stop)?;
         }
-        Shown::Headset { length, .. } => {
+        Shown::Headset { monado, length } => {
             // A frame a second at the slowest.
             let most = match length {
                 Length::Frames(frames) => Duration::from_secs(*frames as u64),
                 Length::Seconds(seconds) => Duration::from_secs_f64(*seconds),
             };
-            receiver.finish_unless(Some(BESIDES + most), &stop)?;
+            // The receiver would wait for it to come back, and it does not.
+            let lives = || monado.as_mut().map_or(Ok(()), Monado::check);
+            receiver.finish_beside(Some(BESIDES + most), &stop, lives)?;
             sender.stop()?;
         }
     }

@@ -126,7 +126,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let seconds = seconds.min(LONGEST_CALL);
     let gpu = match gpu {
         Some(_) if options.display == Display::Window => {
-            return call::run(options, &package, &Shown::Window).map(drop);
+            return call::run(options, &package, Shown::Window).map(drop);
         }
         Some(gpu) => gpu,
         None => {
@@ -134,11 +134,11 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
                 Some(frames) => Length::Frames(frames),
                 None => Length::Seconds(seconds),
             };
-            let call = call::run(options, &package, &Shown::Headset { monado, length })?;
+            let call = call::run(options, &package, Shown::Headset { monado, length })?;
             return write_json(options.json.as_deref(), &call);
         }
     };
-    let call = call::run(options, &package, &Shown::Offscreen { seconds })?;
+    let call = call::run(options, &package, Shown::Offscreen { seconds })?;
 
     let scenery = options
         .scenery

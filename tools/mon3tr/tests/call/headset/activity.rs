@@ -10,6 +10,7 @@ use android_app::lifecycle::{Driver, Event};
 use android_app::receiver::{Device, HeadsetReceiver};
 use android_app::storage::Folders;
 use mon3tr_tests::monado::Monado;
+use mon3tr_tests::service::attended;
 use std::io::{BufRead, Write};
 use std::path::Path;
 use std::process::ChildStdin;
@@ -107,69 +108,73 @@ impl Drop for Activity {
 
 #[test]
 fn an_activitys_call_rests_while_it_is_paused_and_ends_with_it() {
-    let Some((monado, _head)) = monado() else {
-        return;
-    };
-    let house = House::open();
-    let sender = house.sender(&[]);
-    let folder = tempfile::tempdir().expect("a folder");
-    let room = Some((ROOM, sender.viewers.as_str()));
-    let mut activity = Activity::make(&house, &monado, folder.path(), room);
-    activity.says("start");
-    assert_eq!(activity.says("resume"), 0, "not at once");
-    activity.shows_more();
-    for _ in 0..2 {
-        let paused = activity.says("pause");
-        sleep(Duration::from_secs(1));
-        let later = activity.frames();
-        // The last frame before may have been counted as it was being ended.
-        assert!(later <= paused + 1, "no frames: {paused}, then {later}");
-        activity.says("low memory");
-        activity.says("resume");
+    attended(|| {
+        let Some((monado, _head)) = monado() else {
+            return;
+        };
+        let house = House::open();
+        let sender = house.sender(&[]);
+        let folder = tempfile::tempdir().expect("a folder");
+        let room = Some((ROOM, sender.viewers.as_str()));
+        let mut activity = Activity::make(&house, &monado, folder.path(), room);
+        activity.says("start");
+        assert_eq!(activity.says("resume"), 0, "not at once");
         activity.shows_more();
-    }
-    for event in ["pause", "stop", "destroy"] {
-        activity.says(event);
-    }
-    activity.program.says("the activity is over", 1);
-    let said = activity.program.said();
-    assert!(said.contains("a call of "), "told in the log:\n{said}");
-    assert!(!said.contains("ERROR"), "no trouble:\n{said}");
-    let sent = sender.program.ends();
-    assert_eq!(count(&sent, "joined"), 1, "joined once: {sent:#}");
-    let size = std::fs::metadata(&house.avatar).expect("it is there").len();
-    let served = house.metric("mon3tr_package_bytes_sent_total");
-    assert_eq!(served, size, "fetched once");
+        for _ in 0..2 {
+            let paused = activity.says("pause");
+            sleep(Duration::from_secs(1));
+            let later = activity.frames();
+            // The last frame before may have been counted as it was being ended.
+            assert!(later <= paused + 1, "no frames: {paused}, then {later}");
+            activity.says("low memory");
+            activity.says("resume");
+            activity.shows_more();
+        }
+        for event in ["pause", "stop", "destroy"] {
+            activity.says(event);
+        }
+        activity.program.says("the activity is over", 1);
+        let said = activity.program.said();
+        assert!(said.contains("a call of "), "told in the log:\n{said}");
+        assert!(!said.contains("ERROR"), "no trouble:\n{said}");
+        let sent = sender.program.ends();
+        assert_eq!(count(&sent, "joined"), 1, "joined once: {sent:#}");
+        let size = std::fs::metadata(&house.avatar).expect("it is there").len();
+        let served = house.metric("mon3tr_package_bytes_sent_total");
+        assert_eq!(served, size, "fetched once");
+    });
 }
 
 #[test]
 fn an_activity_waits_for_a_sender_and_for_the_next_call() {
-    let Some((monado, _head)) = monado() else {
-        return;
-    };
-    let house = House::open();
-    let sender = house.sender(&[]);
-    let (link, own) = (sender.viewers.clone(), sender.own.clone());
-    sender.program.ends();
-    let folder = tempfile::tempdir().expect("a folder");
-    let room = Some((ROOM, link.as_str()));
-    let mut activity = Activity::make(&house, &monado, folder.path(), room);
-    activity.says("start");
-    activity.says("resume");
-    activity.program.says("waiting for the sender", 1);
-    for calls in 1..=2 {
-        let avatar = house.avatar.to_str().expect("UTF-8");
-        let sender = house.send(&["--room", &own, "--avatar", avatar]);
-        activity.shows_more();
-        sender.ends();
-        activity.program.says("a call of ", calls);
-        activity.program.says("waiting for the sender", 1 + calls);
-    }
-    // In the middle of waiting.
-    for event in ["pause", "stop", "destroy"] {
-        activity.says(event);
-    }
-    activity.program.says("the activity is over", 1);
+    attended(|| {
+        let Some((monado, _head)) = monado() else {
+            return;
+        };
+        let house = House::open();
+        let sender = house.sender(&[]);
+        let (link, own) = (sender.viewers.clone(), sender.own.clone());
+        sender.program.ends();
+        let folder = tempfile::tempdir().expect("a folder");
+        let room = Some((ROOM, link.as_str()));
+        let mut activity = Activity::make(&house, &monado, folder.path(), room);
+        activity.says("start");
+        activity.says("resume");
+        activity.program.says("waiting for the sender", 1);
+        for calls in 1..=2 {
+            let avatar = house.avatar.to_str().expect("UTF-8");
+            let sender = house.send(&["--room", &own, "--avatar", avatar]);
+            activity.shows_more();
+            sender.ends();
+            activity.program.says("a call of ", calls);
+            activity.program.says("waiting for the sender", 1 + calls);
+        }
+        // In the middle of waiting.
+        for event in ["pause", "stop", "destroy"] {
+            activity.says(event);
+        }
+        activity.program.says("the activity is over", 1);
+    });
 }
 
 #[test]
@@ -210,58 +215,62 @@ fn an_activity_that_gets_ready_keeps_nobody_waiting_for_its_pause_or_its_end() {
 
 #[test]
 fn an_activity_without_a_room_shows_what_is_missing_until_it_is_closed() {
-    let Some((monado, _head)) = monado() else {
-        return;
-    };
-    let house = House::open();
-    let folder = tempfile::tempdir().expect("a folder");
-    let mut activity = Activity::make(&house, &monado, folder.path(), None);
-    activity.says("start");
-    activity.says("resume");
-    activity.program.says("session: visible to focused", 1);
-    assert_eq!(activity.says("pause"), 0, "nobody was there");
-    activity.says("resume");
-    for event in ["pause", "stop", "destroy"] {
-        activity.says(event);
-    }
-    activity.program.says("the activity is over", 1);
+    attended(|| {
+        let Some((monado, _head)) = monado() else {
+            return;
+        };
+        let house = House::open();
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut activity = Activity::make(&house, &monado, folder.path(), None);
+        activity.says("start");
+        activity.says("resume");
+        activity.program.says("session: visible to focused", 1);
+        assert_eq!(activity.says("pause"), 0, "nobody was there");
+        activity.says("resume");
+        for event in ["pause", "stop", "destroy"] {
+            activity.says(event);
+        }
+        activity.program.says("the activity is over", 1);
+    });
 }
 
 #[test]
 fn an_activity_measures_the_avatar_in_its_folder_and_writes_the_profile() {
-    let Some((monado, _head)) = monado() else {
-        return;
-    };
-    let house = House::open();
-    let folder = tempfile::tempdir().expect("a folder");
-    std::fs::copy(&house.avatar, folder.path().join("avatar.m3a")).expect("an avatar");
-    let task = Some((PROFILE, "5"));
-    let mut activity = Activity::make(&house, &monado, folder.path(), task);
-    activity.says("start");
-    activity.says("resume");
-    let profile = folder.path().join("profile");
-    let finished = wait_for("the profile", || {
-        std::fs::read_to_string(profile.join("finished")).ok()
+    attended(|| {
+        let Some((monado, _head)) = monado() else {
+            return;
+        };
+        let house = House::open();
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::copy(&house.avatar, folder.path().join("avatar.m3a")).expect("an avatar");
+        let task = Some((PROFILE, "5"));
+        let mut activity = Activity::make(&house, &monado, folder.path(), task);
+        activity.says("start");
+        activity.says("resume");
+        let profile = folder.path().join("profile");
+        let finished = wait_for("the profile", || {
+            std::fs::read_to_string(profile.join("finished")).ok()
+        });
+        assert_eq!(finished, "ok\n", "{}", activity.program.said());
+        let json = std::fs::read(profile.join("profile.json")).expect("figures");
+        let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+        assert_eq!(json["avatar"]["gaussians"], 2_000, "{json:#}");
+        assert!(json["conditions"]["views"] == 2, "{json:#}");
+        for name in ["profile.html", "trace.json", "profile.txt"] {
+            let size = std::fs::metadata(profile.join(name)).map(|file| file.len());
+            assert!(size.is_ok_and(|size| size > 500), "{name}");
+        }
+        wait_for("the activity's own end", || {
+            activity.frames();
+            let said = activity.program.said();
+            said.contains("the activity has ended by itself")
+                .then_some(())
+        });
+        for event in ["pause", "stop", "destroy"] {
+            activity.says(event);
+        }
+        activity.program.says("the activity is over", 1);
     });
-    assert_eq!(finished, "ok\n", "{}", activity.program.said());
-    let json = std::fs::read(profile.join("profile.json")).expect("figures");
-    let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
-    assert_eq!(json["avatar"]["gaussians"], 2_000, "{json:#}");
-    assert!(json["conditions"]["views"] == 2, "{json:#}");
-    for name in ["profile.html", "trace.json", "profile.txt"] {
-        let size = std::fs::metadata(profile.join(name)).map(|file| file.len());
-        assert!(size.is_ok_and(|size| size > 500), "{name}");
-    }
-    wait_for("the activity's own end", || {
-        activity.frames();
-        let said = activity.program.said();
-        said.contains("the activity has ended by itself")
-            .then_some(())
-    });
-    for event in ["pause", "stop", "destroy"] {
-        activity.says(event);
-    }
-    activity.program.says("the activity is over", 1);
 }
 
 /// Not a test: an activity, for the tests above.

@@ -6,9 +6,9 @@ use crate::house::{count, wait_for};
 use mon3tr_tests::synthetic::Puppet;
 use reconstruct::bake::BAKE_VERSION;
 use rustix::process::{Pid, Signal, kill_process};
-use std::io::{BufRead, BufReader};
+use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use tempfile::TempDir;
 
 /// Whether Monado's programs are there, and no other runtime is; on CI both must be so.
@@ -34,8 +34,8 @@ fn monado_alone() -> bool {
     false
 }
 
-/// Processes that have `mark` in their environment.
-fn processes_with(mark: &str) -> Vec<String> {
+/// Processes that have `mark` in their environment: their numbers and command lines.
+fn processes_with(mark: &str) -> Vec<(i32, String)> {
     let all = std::fs::read_dir("/proc").expect("Linux");
     let all = all.filter_map(|entry| Some(entry.ok()?.path()));
     let ours = all.filter(|process| {
@@ -44,11 +44,13 @@ fn processes_with(mark: &str) -> Vec<String> {
         String::from_utf8_lossy(&environment).contains(mark)
     });
     let command = |process: PathBuf| {
-        let line = std::fs::read(process.join("cmdline")).unwrap_or_default();
-        String::from_utf8_lossy(&line).replace('\0', " ")
+        let line = std::fs::read(process.join("cmdline")).ok()?;
+        let number = process.file_name()?.to_str()?.parse().ok()?;
+        // One that has ended and is not waited for yet has neither line nor environment.
+        let line = String::from_utf8_lossy(&line).replace('\0', " ");
+        (!line.is_empty()).then_some((number, line))
     };
-    // One that has ended and is not waited for yet has neither.
-    ours.map(command).filter(|line| !line.is_empty()).collect()
+    ours.filter_map(command).collect()
 }
 
 /// A folder as a demo's cache, with a puppet where the demo person would lie, for the bake has a test of its own; and a place in it
@@ -104,6 +106,16 @@ impl Place {
     }
 }
 
+/// Waits until the receiver says that it fetches the avatar: once everybody is there, Monado, the server and the sender.
+fn wait_for_receiver(demo: &mut Child, said: &Path) {
+    wait_for("the receiver", || {
+        let ended = demo.try_wait().expect("a child can be asked");
+        let said = std::fs::read_to_string(said).expect("what it says");
+        assert!(ended.is_none(), "it ended before: {ended:?}\n{said}");
+        said.contains("fetching the avatar").then_some(())
+    });
+}
+
 #[test]
 fn a_demo_that_is_asked_to_end_takes_its_processes_and_folders_along() {
     if can_draw().is_none() || !monado_alone() {
@@ -111,17 +123,15 @@ fn a_demo_that_is_asked_to_end_takes_its_processes_and_folders_along() {
     }
     let place = Place::make();
     let mut demo = place.demo(100_000);
-    demo.stdout(Stdio::null()).stderr(Stdio::piped());
+    let said = place.file("said");
+    demo.stdout(Stdio::null())
+        .stderr(File::create(&said).expect("a file"));
     let mut demo = demo.spawn().expect("it can be started");
-    let said = BufReader::new(demo.stderr.take().expect("piped"));
-    // The receiver says so once everybody is there: Monado, the server and the sender.
-    let mut lines = said.lines().map_while(Result::ok);
-    let fetches = lines.any(|line| line.contains("fetching the avatar"));
-    assert!(fetches, "it ended before: {:?}", demo.try_wait());
+    wait_for_receiver(&mut demo, &said);
     let mark = format!("TMPDIR={}", text(&place.temporary));
     assert!(processes_with(&mark).len() >= 5, "and itself");
     kill_process(Pid::from_child(&demo), Signal::TERM).expect("it is there");
-    let status = demo.wait().expect("a child can be waited for");
+    let status = wait_for("its end", || demo.try_wait().expect("a child can be asked"));
     assert!(!status.success(), "it was not shown to the end: {status}");
     place.assert_left_clean();
 }
@@ -144,6 +154,35 @@ fn a_demo_that_is_killed_takes_its_processes_along() {
     wait_for("the end of all processes", || {
         processes_with(&mark).is_empty().then_some(())
     });
+}
+
+#[test]
+fn a_demo_whose_monado_dies_says_so_at_once_and_ends() {
+    if can_draw().is_none() || !monado_alone() {
+        return;
+    }
+    let place = Place::make();
+    let (mut demo, said) = (place.demo(100_000), place.file("said"));
+    demo.stdout(Stdio::null())
+        .stderr(File::create(&said).expect("a file"));
+    let mut demo = demo.spawn().expect("it can be started");
+    wait_for_receiver(&mut demo, &said);
+    let mark = format!("TMPDIR={}", text(&place.temporary));
+    let monado = processes_with(&mark);
+    let mut monado = monado.iter();
+    let monado = monado.find(|(_, line)| line.contains("monado-service"));
+    let (number, _) = monado.expect("Monado is there");
+    let number = Pid::from_raw(*number).expect("a process");
+    kill_process(number, Signal::SEGV).expect("it can be killed");
+    let status = wait_for("its end", || demo.try_wait().expect("a child can be asked"));
+    assert!(!status.success(), "it was not shown to the end: {status}");
+    let said = std::fs::read_to_string(&said).expect("what it says");
+    let error = said.lines().find(|line| line.starts_with("error: "));
+    for part in ["Monado has ended by itself", "signal: 11"] {
+        let told = error.is_some_and(|line| line.contains(part));
+        assert!(told, "{part} in:\n{said}");
+    }
+    place.assert_left_clean();
 }
 
 #[test]

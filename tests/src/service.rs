@@ -1,0 +1,467 @@
+//! Programs of others that a test runs beside ours: Monado, an X server, NATS. One that dies is noticed at once and named, with how it
+//! ended and what it said last, and is started again, twice at most. Every time is a line `started again: ..`, which `./run test`
+//! counts.
+//!
+//! Where one dies in the middle of a test, all of the test is run again: [`attended`].
+
+use std::cell::RefCell;
+use std::fmt::{self, Display, Formatter};
+use std::fs::File;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+/// No test waits longer for anything that gives no sign of life.
+pub const LONGEST_WAIT: Duration = Duration::from_secs(60);
+
+/// How often a program is started again.
+pub const RESTARTS: usize = 2;
+
+/// Between two looks at a program.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Lines of a log that are told.
+const LAST_LINES: usize = 20;
+
+/// How a program ended that was not to end.
+#[derive(Debug, Clone)]
+pub struct Death {
+    name: &'static str,
+    status: ExitStatus,
+    said: String,
+}
+
+impl Death {
+    /// Tells, for the summary too, that the program is started once more.
+    pub fn tell_restart(&self) {
+        let Self { name, status, .. } = self;
+        crate::tell(&format!("started again: {name} ended by itself: {status}"));
+    }
+}
+
+impl Display for Death {
+    fn fmt(&self, to: &mut Formatter<'_>) -> fmt::Result {
+        let Self { name, status, said } = self;
+        write!(
+            to,
+            "{name} ended by itself ({status}); it said last:\n{said}"
+        )
+    }
+}
+
+#[derive(Debug)]
+struct Inner {
+    name: &'static str,
+    child: Child,
+    log: PathBuf,
+    /// Whether ending well is no death.
+    may_end: bool,
+    /// Whether it was ended from here.
+    killed: bool,
+}
+
+/// A program that runs. It ends with this.
+#[derive(Debug)]
+pub struct Service(Arc<Mutex<Inner>>);
+
+thread_local! {
+    /// Those that this test has started.
+    static STARTED: RefCell<Vec<Weak<Mutex<Inner>>>> = const { RefCell::new(Vec::new()) };
+    /// The first that died while its test failed.
+    static DIED: RefCell<Option<Death>> = const { RefCell::new(None) };
+}
+
+fn lock(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
+    inner.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Inner {
+    fn death(&mut self) -> Option<Death> {
+        if self.killed {
+            return None;
+        }
+        let status = self.child.try_wait().expect("a child can be asked")?;
+        (!(self.may_end && status.success())).then(|| Death {
+            name: self.name,
+            status,
+            said: last_lines(&self.log),
+        })
+    }
+}
+
+fn last_lines(log: &Path) -> String {
+    let log = std::fs::read(log).unwrap_or_default();
+    let log = String::from_utf8_lossy(&log);
+    let lines: Vec<_> = log.lines().collect();
+    lines[lines.len().saturating_sub(LAST_LINES)..].join("\n")
+}
+
+impl Service {
+    /// Starts a program that says what it says into a file, after what is in it; its standard output too, unless `told` takes that.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    #[must_use]
+    pub fn start(
+        name: &'static str,
+        command: &mut Command,
+        log: &Path,
+        told: Option<File>,
+    ) -> Self {
+        let open = || File::options().create(true).append(true).open(log);
+        let said = || open().unwrap_or_else(|why| panic!("{}: {why}", log.display()));
+        let child = command
+            .stdout(told.unwrap_or_else(said))
+            .stderr(said())
+            .spawn()
+            .unwrap_or_else(|why| panic!("{name}: {why}"));
+        let inner = Arc::new(Mutex::new(Inner {
+            name,
+            child,
+            log: log.to_owned(),
+            may_end: false,
+            killed: false,
+        }));
+        STARTED.with_borrow_mut(|started| {
+            started.retain(|one| one.strong_count() > 0);
+            started.push(Arc::downgrade(&inner));
+        });
+        Self(inner)
+    }
+
+    /// From now on it may end, if it ends well: as an X server does with its last client.
+    pub fn may_end(&self) {
+        lock(&self.0).may_end = true;
+    }
+
+    /// Whether it has not ended.
+    ///
+    /// # Panics
+    /// If that cannot be found out.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        let ended = lock(&self.0).child.try_wait();
+        ended.expect("a child can be asked").is_none()
+    }
+
+    /// How it died, if it did.
+    #[must_use]
+    pub fn death(&self) -> Option<Death> {
+        lock(&self.0).death()
+    }
+
+    /// Its process.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        lock(&self.0).child.id()
+    }
+
+    /// Sends it a signal.
+    ///
+    /// # Panics
+    /// If it cannot be sent.
+    pub fn signal(&self, signal: Signal) {
+        let inner = lock(&self.0);
+        kill_process(Pid::from_child(&inner.child), signal)
+            .unwrap_or_else(|why| panic!("signalling {}: {why}", inner.name));
+    }
+
+    /// Waits until something of it is there.
+    ///
+    /// # Errors
+    /// How it died instead.
+    ///
+    /// # Panics
+    /// If it takes too long.
+    pub fn wait_for<T>(&self, mut there: impl FnMut() -> Option<T>) -> Result<T, Death> {
+        let begun = Instant::now();
+        loop {
+            if let Some(there) = there() {
+                return Ok(there);
+            }
+            let mut inner = lock(&self.0);
+            if let Some(death) = inner.death() {
+                return Err(death);
+            }
+            let said = last_lines(&inner.log);
+            assert!(
+                begun.elapsed() < LONGEST_WAIT,
+                "{} is late; it said last:\n{said}",
+                inner.name
+            );
+            drop(inner);
+            sleep(LOOK);
+        }
+    }
+
+    /// Ends it as a crash would.
+    pub fn kill(&self) {
+        let mut inner = lock(&self.0);
+        inner.killed = true;
+        // It may have ended by itself.
+        let _ = inner.child.kill();
+        let _ = inner.child.wait();
+    }
+
+    /// Asks it to end, waits for that, and returns how it ended. One that does not is killed.
+    ///
+    /// # Panics
+    /// If that cannot be found out.
+    pub fn end(&self) -> ExitStatus {
+        let mut inner = lock(&self.0);
+        inner.killed = true;
+        // It may have ended by itself.
+        let _ = kill_process(Pid::from_child(&inner.child), Signal::TERM);
+        let begun = Instant::now();
+        loop {
+            if let Some(status) = inner.child.try_wait().expect("a child can be asked") {
+                return status;
+            }
+            if begun.elapsed() > LONGEST_WAIT / 4 {
+                let _ = inner.child.kill();
+            }
+            sleep(LOOK);
+        }
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        note_deaths();
+        self.kill();
+    }
+}
+
+/// Fails the test at once if a program died that it has started.
+///
+/// # Panics
+/// If one has.
+pub fn assert_all_live() {
+    if let Some(death) = first_death() {
+        panic!("{death}");
+    }
+}
+
+fn first_death() -> Option<Death> {
+    STARTED.with_borrow(|started| {
+        let live = started.iter().filter_map(Weak::upgrade);
+        live.map(|one| lock(&one).death()).find_map(|death| death)
+    })
+}
+
+/// Keeps in mind who died, where the test is failing: before its own clearing up ends the others.
+fn note_deaths() {
+    if std::thread::panicking() {
+        let death = first_death();
+        DIED.with_borrow_mut(|died| *died = died.take().or(death));
+    }
+}
+
+/// Runs a test that programs of others take part in; once more where one of them died under it, twice at most.
+///
+/// # Panics
+/// As the test does.
+pub fn attended<T>(mut test: impl FnMut() -> T) -> T {
+    for _ in 0..RESTARTS {
+        DIED.set(None);
+        match catch_unwind(AssertUnwindSafe(&mut test)) {
+            Ok(come_to) => return come_to,
+            Err(failure) => match DIED.take() {
+                Some(death) => death.tell_restart(),
+                None => resume_unwind(failure),
+            },
+        }
+    }
+    test()
+}
+
+/// Starts something, and again where it died at its start, twice at most.
+///
+/// # Panics
+/// If it died each time.
+pub fn start<T>(mut begin: impl FnMut() -> Result<T, Death>) -> T {
+    for _ in 0..RESTARTS {
+        match begin() {
+            Ok(begun) => return begun,
+            Err(death) => death.tell_restart(),
+        }
+    }
+    begin().unwrap_or_else(|death| panic!("{death}"))
+}
+
+/// Runs a program to its end and returns that and what it said.
+///
+/// # Panics
+/// If it neither ends nor says anything for too long.
+#[must_use]
+pub fn finish(command: &mut Command) -> Output {
+    let folder = tempfile::tempdir().expect("a folder");
+    let files = ["stdout", "stderr"].map(|name| folder.path().join(name));
+    let [stdout, stderr] = files
+        .each_ref()
+        .map(|file| File::create(file).expect("a file"));
+    let mut child = command
+        .stdin(Stdio::null())
+        .stdout(stdout)
+        .stderr(stderr)
+        .spawn()
+        .unwrap_or_else(|why| panic!("{command:?}: {why}"));
+    let size = || {
+        let sizes = files.iter().flat_map(std::fs::metadata);
+        sizes.map(|file| file.len()).sum::<u64>()
+    };
+    let mut heard = (0, Instant::now());
+    loop {
+        if let Some(status) = child.try_wait().expect("a child can be asked") {
+            let [stdout, stderr] = files
+                .each_ref()
+                .map(std::fs::read)
+                .map(Result::unwrap_or_default);
+            return Output {
+                status,
+                stdout,
+                stderr,
+            };
+        }
+        let said = size();
+        if said > heard.0 {
+            heard = (said, Instant::now());
+        }
+        if heard.1.elapsed() > LONGEST_WAIT {
+            let _ = child.kill();
+            let _ = child.wait();
+            let said = files.each_ref().map(|file| last_lines(file)).join("\n");
+            panic!("{command:?} says nothing more; it said last:\n{said}");
+        }
+        sleep(LOOK);
+    }
+}
+
+/// The same of a program of others', which is run once more where a signal ended it, twice at most.
+///
+/// # Panics
+/// If it dies each time.
+#[must_use]
+pub fn output(name: &'static str, command: &mut Command) -> Output {
+    start(|| {
+        let output = finish(command);
+        if output.status.code().is_some() {
+            return Ok(output);
+        }
+        Err(Death {
+            name,
+            status: output.status,
+            said: String::from_utf8_lossy(&output.stderr).into_owned(),
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    /// A shell that does this.
+    fn shell(name: &'static str, does: &str, log: &Path) -> Service {
+        let mut command = Command::new("sh");
+        Service::start(name, command.args(["-c", does]), log, None)
+    }
+
+    fn has_ended(service: &Service) {
+        while service.is_running() {
+            sleep(LOOK);
+        }
+    }
+
+    #[test]
+    fn a_death_is_noticed_named_and_told_with_the_last_words() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let service = shell(
+            "sleeper",
+            "echo last words; kill -SEGV $$",
+            &folder.path().join("log"),
+        );
+        has_ended(&service);
+        let failure = catch_unwind(assert_all_live).expect_err("it is told");
+        let text = failure.downcast_ref::<String>().expect("a text");
+        for part in ["sleeper ended by itself", "signal: 11", "last words"] {
+            assert!(text.contains(part), "{part} in: {text}");
+        }
+    }
+
+    #[test]
+    fn what_is_ended_on_purpose_or_ends_well_where_it_may_has_not_died() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let log = folder.path().join("log");
+        let killed = shell("killed", "sleep 60", &log);
+        killed.kill();
+        let display = shell("display", "true", &log);
+        display.may_end();
+        has_ended(&display);
+        assert_all_live();
+        let fails = shell("fails", "exit 3", &log);
+        fails.may_end();
+        has_ended(&fails);
+        assert!(fails.death().is_some(), "this one has");
+    }
+
+    #[test]
+    fn a_test_whose_program_dies_is_run_again_twice_and_no_more() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let log = folder.path().join("log");
+        // It dies so many times, then it lives.
+        let run = |deaths: u32| {
+            let runs = Cell::new(0);
+            let result = catch_unwind(AssertUnwindSafe(|| {
+                attended(|| {
+                    runs.set(runs.get() + 1);
+                    let dies = runs.get() <= deaths;
+                    let service = shell("mortal", if dies { "exit 9" } else { "sleep 60" }, &log);
+                    while dies && service.is_running() {
+                        sleep(LOOK);
+                    }
+                    assert_all_live();
+                });
+            }));
+            (runs.get(), result.is_ok())
+        };
+        assert_eq!(run(0), (1, true), "nobody dies");
+        assert_eq!(run(2), (3, true), "twice");
+        assert_eq!(run(3), (3, false), "every time");
+    }
+
+    #[test]
+    fn a_failure_that_no_death_explains_is_not_tried_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let runs = Cell::new(0);
+        let result = catch_unwind(AssertUnwindSafe(|| {
+            attended(|| {
+                runs.set(runs.get() + 1);
+                let _service = shell("lives", "sleep 60", &folder.path().join("log"));
+                panic!("another reason");
+            });
+        }));
+        assert!(result.is_err(), "it fails");
+        assert_eq!(runs.get(), 1, "once");
+    }
+
+    #[test]
+    fn a_program_that_a_signal_ends_is_run_again_and_one_that_fails_is_not() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mark = folder.path().join("mark");
+        let mut command = Command::new("sh");
+        command.args([
+            "-c",
+            "echo run >>$0; [ $(wc -l <$0) -gt 1 ] || kill -ABRT $$; exit 3",
+        ]);
+        let ended = output("aborts", command.arg(&mark));
+        assert_eq!(ended.status.code(), Some(3), "its own end");
+        let runs = std::fs::read_to_string(mark).expect("a mark");
+        assert_eq!(runs.lines().count(), 2, "the second run");
+    }
+}
