@@ -16,6 +16,15 @@ use std::process::{Command, Stdio};
 /// Names the folder of Android's own ONNX Runtime for this machine's processor; set by `./run`.
 const PARTS: &str = "MON3TR_ANDROID_PARTS_REHEARSAL";
 
+/// Variables of a desktop's session.
+const DESKTOP: [&str; 5] = [
+    "HOME",
+    "TMPDIR",
+    "DISPLAY",
+    "WAYLAND_DISPLAY",
+    "RUST_BACKTRACE",
+];
+
 /// What was built and fetched: the same for all cases.
 #[derive(Debug)]
 pub(crate) struct Stage {
@@ -101,14 +110,12 @@ impl Scene<'_> {
             .env("REHEARSAL_OPENXR", self.open_xr_loader())
             .envs(variables.iter().copied());
         // What an app on Android does not have.
-        for name in [
-            "HOME",
-            "TMPDIR",
-            "DISPLAY",
-            "WAYLAND_DISPLAY",
-            "RUST_BACKTRACE",
-        ] {
-            command.env_remove(name);
+        let of_ours = |name: &str| name.starts_with("MON3TR_") || name.starts_with("ORT_");
+        for (name, _) in std::env::vars_os() {
+            let text = name.to_string_lossy();
+            if of_ours(&text) || DESKTOP.contains(&&*text) {
+                command.env_remove(&name);
+            }
         }
         Process::start(command, &self.folder)
     }
