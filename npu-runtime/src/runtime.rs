@@ -215,3 +215,38 @@ fn version_from(build_info: &str, library: &Path) -> String {
         .unwrap_or("unknown")
         .to_owned()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_library_is_asked_for_its_version() {
+        let library = match Runtime::open(None) {
+            Ok(runtime) => runtime.library().to_path_buf(),
+            Err(why) => {
+                let must = std::env::var("CI").as_deref() == Ok("true");
+                assert!(!must, "CI must have ONNX Runtime: {why}");
+                println!("skipped: {why}");
+                return;
+            }
+        };
+        let version = said_version(&library).expect("it answers");
+        let numbers: Vec<u32> = version.split('.').flat_map(str::parse).collect();
+        assert!(
+            matches!(numbers[..], [1, minor, _] if minor >= 24),
+            "a release that was asked for: {version}"
+        );
+    }
+
+    #[test]
+    fn a_library_that_does_not_answer_is_known_by_its_build_or_its_name() {
+        let nothing = Path::new("/nowhere/libonnxruntime.so");
+        assert!(said_version(nothing).is_err(), "it is not there");
+        let info = "ORT Build Info: git-branch=rel-1.31.1, git-commit-id=abc";
+        assert_eq!(version_from(info, nothing), "1.31.1", "by its branch");
+        let named = Path::new("/nowhere/libonnxruntime.so.1.30.0");
+        assert_eq!(version_from("", named), "1.30.0", "by its name");
+        assert_eq!(version_from("", nothing), "unknown", "by nothing");
+    }
+}
