@@ -6,7 +6,8 @@
 # and commits that file with the change; where that was forgotten, CI does it.
 
 rehearsed=$repo/tests/android-rehearsal/rehearsed
-rehearsal_paths=(android app link npu-runtime tests/android-rehearsal tools/android-native xr-renderer Cargo.lock Cargo.toml)
+rehearsal_paths=(android app link npu-runtime shaders-spirv spmm3 tests/android-rehearsal tools/android-native tools/profile-report xr-renderer
+	Cargo.lock Cargo.toml)
 
 # rehearsal_state: a line a path
 rehearsal_state() {
@@ -25,21 +26,23 @@ rehearsal_changes() {
 
 # rehearse [--if-changed] ARGS...
 rehearse() {
-	local changes=""
+	local changes="" state
 	if [ "${1:-}" = --if-changed ]; then
 		shift
 		[ -f "$rehearsed" ] || : >"$rehearsed"
 		changes=$(rehearsal_changes)
 		if [ -z "$changes" ]; then
-			say "The rehearsal of the headset's app is left out: nothing that it executes changed since it last passed (${rehearsed#"$repo/"})"
+			say "The rehearsal of the headset's app is left out: ${rehearsal_paths[*]} are as they were when it last passed (${rehearsed#"$repo/"})"
 			return
 		fi
 		say "The headset's app is rehearsed, because since that last passed these changed: $changes"
 	fi
+	# What is about to be built: an edit made meanwhile was not rehearsed.
+	state=$(rehearsal_state)
 	cargo build --manifest-path "$repo/Cargo.toml" --package mon3tr --package android-rehearsal
 	"${CARGO_TARGET_DIR:-$repo/target}/debug/rehearse-android" "$@"
 	case " $* " in
 	*" --case"*) ;;
-	*) rehearsal_state >"$rehearsed" ;;
+	*) printf '%s\n' "$state" >"$rehearsed" ;;
 	esac
 }

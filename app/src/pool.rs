@@ -50,6 +50,11 @@ mod tests {
         let names = names.expect("there are threads");
         assert_eq!(names.len(), names.iter().flatten().count(), "all named");
         assert_eq!(names[0].as_deref(), Some("of a test 0"), "as it was asked");
+        // A scope ends a moment before destructors of its threads' own values do.
+        let begun = std::time::Instant::now();
+        while ALIVE.load(SeqCst) != 0 && begun.elapsed().as_secs() < 10 {
+            std::thread::yield_now();
+        }
         assert_eq!(ALIVE.load(SeqCst), 0, "none is left");
     }
 }

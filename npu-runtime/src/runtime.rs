@@ -187,8 +187,18 @@ fn version_of(library: &Path) -> String {
 /// `OrtGetApiBase()->GetVersionString()`, which ort asks too and does not pass on.
 fn said_version(library: &Path) -> Result<String, String> {
     type GetApiBase = unsafe extern "C" fn() -> *const ort::sys::OrtApiBase;
-    // SAFETY: this is the library that ort has loaded already, or none: no initialiser runs.
-    let library = unsafe { libloading::Library::new(library) }.map_err(|why| why.to_string())?;
+    #[cfg(unix)]
+    let opened = {
+        use libloading::os::unix::{Library, RTLD_LAZY};
+        /// Of Linux and Android: only what is loaded already.
+        const RTLD_NOLOAD: std::ffi::c_int = 4;
+        // SAFETY: this is the library that ort has loaded already, or an error: no initialiser runs.
+        unsafe { Library::open(Some(library), RTLD_LAZY | RTLD_NOLOAD) }
+    };
+    #[cfg(not(unix))]
+    // SAFETY: by its full path this is the library that ort has loaded already: no initialiser runs.
+    let opened = unsafe { libloading::Library::new(library) };
+    let library = opened.map_err(|why| why.to_string())?;
     // SAFETY: this is the function's type in ONNX Runtime's C interface.
     let base = unsafe { library.get::<GetApiBase>(b"OrtGetApiBase") };
     let base = base.map_err(|why| why.to_string())?;

@@ -8,8 +8,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Far longer than anything waited for takes on a slow machine, and no longer than a developer waits.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+use crate::service::LONGEST_WAIT;
 
 /// A program that runs; killed where it has not ended before.
 #[derive(Debug)]
@@ -53,7 +52,7 @@ impl Program {
     /// Waits until it has said `words` in so many lines.
     ///
     /// # Panics
-    /// If it ends before, or does not say so within [`PATIENCE`].
+    /// If it ends before, or does not say so within [`LONGEST_WAIT`].
     pub fn says(&mut self, words: &str, times: usize) {
         let begun = Instant::now();
         loop {
@@ -67,7 +66,7 @@ impl Program {
                 "it ended ({ended:?}) before it said `{words}` {times} times:\n{said}"
             );
             assert!(
-                begun.elapsed() < PATIENCE,
+                begun.elapsed() < LONGEST_WAIT,
                 "it did not say `{words}` {times} times:\n{said}"
             );
             std::thread::sleep(Duration::from_millis(20));
@@ -89,7 +88,7 @@ impl Program {
     /// Asks it to end, as Ctrl-C does, and waits for that.
     ///
     /// # Panics
-    /// If it does not end within [`PATIENCE`].
+    /// If it does not end within [`LONGEST_WAIT`].
     pub fn end(&mut self) -> ExitStatus {
         // It may have ended by itself.
         let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
@@ -102,7 +101,7 @@ impl Program {
                 return status;
             }
             assert!(
-                begun.elapsed() < PATIENCE,
+                begun.elapsed() < LONGEST_WAIT,
                 "it does not end:\n{}",
                 self.said()
             );

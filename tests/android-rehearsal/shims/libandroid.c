@@ -155,6 +155,7 @@ AInputQueue *rehearsal_new_queue(void) {
 // After onInputQueueDestroyed: the framework's own end of it.
 void rehearsal_free_queue(AInputQueue *queue) {
   close(queue->fd);
+  pthread_mutex_destroy(&queue->lock);
   free(queue);
 }
 
@@ -163,7 +164,11 @@ void rehearsal_put_input(AInputQueue *queue, int events) {
   if (write(queue->fd, &many, sizeof many) < 0) perror("rehearsal_put_input");
 }
 
-void rehearsal_input_figures(AInputQueue *queue, Figures *out) { *out = queue->figures; }
+void rehearsal_input_figures(AInputQueue *queue, Figures *out) {
+  pthread_mutex_lock(&queue->lock);
+  *out = queue->figures;
+  pthread_mutex_unlock(&queue->lock);
+}
 
 void AInputQueue_attachLooper(AInputQueue *queue, ALooper *looper, int ident, Callback callback, void *data) {
   queue->looper = looper;
@@ -180,10 +185,12 @@ int32_t AInputQueue_hasEvents(AInputQueue *queue) {
 int32_t AInputQueue_getEvent(AInputQueue *queue, AInputEvent **event) {
   uint64_t one;
   if (read(queue->fd, &one, sizeof one) < 0) return -EAGAIN;
-  queue->figures.taken++;
+  pthread_mutex_lock(&queue->lock);
+  int taken = ++queue->figures.taken;
+  pthread_mutex_unlock(&queue->lock);
   *event = malloc(sizeof **event);
-  // A key's and a touch's in turns.
-  (*event)->type = queue->figures.taken % 2 ? 1 : 2;
+  // AINPUT_EVENT_TYPE_KEY and AINPUT_EVENT_TYPE_MOTION in turns.
+  (*event)->type = taken % 2 ? 1 : 2;
   return 0;
 }
 int32_t AInputQueue_preDispatchEvent(AInputQueue *queue, AInputEvent *event) {
@@ -191,8 +198,10 @@ int32_t AInputQueue_preDispatchEvent(AInputQueue *queue, AInputEvent *event) {
   return 0;
 }
 void AInputQueue_finishEvent(AInputQueue *queue, AInputEvent *event, int handled) {
+  pthread_mutex_lock(&queue->lock);
   queue->figures.finished++;
   queue->figures.handled += handled != 0;
+  pthread_mutex_unlock(&queue->lock);
   free(event);
 }
 int32_t AInputEvent_getType(const AInputEvent *event) { return event->type; }

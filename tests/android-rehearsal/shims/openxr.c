@@ -128,13 +128,14 @@ XrResult xrEnumerateApiLayerProperties(uint32_t capacity, uint32_t *count, void 
 XrResult xrEnumerateInstanceExtensionProperties(const char *layer, uint32_t capacity, uint32_t *count, Property *all) {
   if (!initialised) return SAY("xrEnumerateInstanceExtensionProperties before xrInitializeLoaderKHR"), -6;
   uint32_t theirs = 0;
-  XrResult result = real_extensions(layer, 0, &theirs, NULL);
-  if (result || layer) return result;
+  if (layer) return real_extensions(layer, capacity, count, all);
+  XrResult result = real_extensions(NULL, 0, &theirs, NULL);
+  if (result) return result;
   const uint32_t ours = sizeof OURS / sizeof *OURS;
   *count = theirs + ours;
   if (!capacity) return 0;
   if (capacity < theirs + ours) return -11;
-  result = real_extensions(layer, theirs, &theirs, all);
+  result = real_extensions(NULL, theirs, &theirs, all);
   for (uint32_t i = 0; i < ours; i++) {
     strcpy(all[theirs + i].name, OURS[i].name);
     all[theirs + i].version = OURS[i].version;

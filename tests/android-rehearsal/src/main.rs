@@ -10,6 +10,7 @@ mod stage;
 use anyhow::{Context, ensure};
 use cases::{CASES, Case, Figures};
 use clap::Parser;
+use mon3tr_tests::service::attended;
 use report::{Performed, Report};
 use stage::Stage;
 use std::path::{Path, PathBuf};
@@ -75,7 +76,7 @@ fn chosen(names: &[String]) -> anyhow::Result<Vec<&'static Case>> {
 fn perform(case: &'static Case, stage: &Stage) -> Performed {
     let begun = Instant::now();
     let outcome = std::thread::scope(|scope| {
-        let thread = scope.spawn(|| (case.perform)(stage, case.name));
+        let thread = scope.spawn(|| attended(|| (case.perform)(stage, case.name)));
         thread.join().unwrap_or_else(|panic| {
             let message = panic.downcast_ref::<String>().map(String::as_str);
             let message = message.or(panic.downcast_ref::<&str>().copied());

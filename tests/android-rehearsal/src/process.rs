@@ -4,15 +4,13 @@ use android_rehearsal::protocol::{
     ActivityIndex, Answer, Callback, Census, InputFigures, Intent, Reply, Request,
 };
 use anyhow::{Context, bail, ensure};
+use mon3tr_tests::service::{LONGEST_WAIT, assert_all_live};
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
-
-/// How long anything is waited for.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A process that has loaded the app.
 #[derive(Debug)]
@@ -56,11 +54,11 @@ impl Process {
         let line = serde_json::to_string(request)?;
         // Where the process has ended, the answer that does not come says how.
         let _ = writeln!(self.requests, "{line}");
-        match self.replies.recv_timeout(PATIENCE) {
+        match self.replies.recv_timeout(LONGEST_WAIT) {
             Ok(reply) => Ok(serde_json::from_str(&reply)?),
             Err(RecvTimeoutError::Timeout) => bail!(
                 "the main thread has not come back from {request:?} for {} s",
-                PATIENCE.as_secs()
+                LONGEST_WAIT.as_secs()
             ),
             Err(RecvTimeoutError::Disconnected) => {
                 let status = self.child.wait()?;
@@ -159,7 +157,7 @@ impl Process {
         })
     }
 
-    /// Waits until something is so; not longer than [`PATIENCE`], nor than the process lives.
+    /// Waits until something is so; not longer than [`LONGEST_WAIT`], nor than the process lives.
     pub(crate) fn wait_until(
         &mut self,
         what: &str,
@@ -173,10 +171,12 @@ impl Process {
             if let Some(status) = self.child.try_wait()? {
                 bail!("the process ended ({status}) while {what} was waited for");
             }
+            // A headset's runtime that died by itself is no fault of the app's: it is named, and the case performed again.
+            assert_all_live();
             if let Some(trouble) = self.trouble() {
                 bail!("trouble while {what} was waited for:\n{trouble}");
             }
-            ensure!(begun.elapsed() < PATIENCE, "waited in vain for {what}");
+            ensure!(begun.elapsed() < LONGEST_WAIT, "waited in vain for {what}");
             std::thread::sleep(Duration::from_millis(20));
         }
     }
@@ -197,7 +197,7 @@ impl Process {
     pub(crate) fn quit(mut self) -> anyhow::Result<()> {
         let line = serde_json::to_string(&Request::Quit)?;
         writeln!(self.requests, "{line}").context("the process has ended before")?;
-        let status = self.ends_itself(PATIENCE)?;
+        let status = self.ends_itself(LONGEST_WAIT)?;
         let status = status.context("the process does not end")?;
         ensure!(status.success(), "the process ended badly: {status}");
         Ok(())

@@ -44,14 +44,16 @@ impl Screenshot {
         Ok(Self(picture))
     }
 
-    /// The share of pixels that differ visibly from the one in the corner.
-    pub(crate) fn share_unlike_the_corner(&self) -> f64 {
-        let corner = *self.0.get_pixel(0, 0);
-        let differs = |pixel: &Rgb<u8>| {
-            (pixel.0.iter().zip(corner.0)).any(|(one, other)| one.abs_diff(other) > 16)
-        };
-        let count = self.0.pixels().filter(|pixel| differs(pixel)).count();
-        count as f64 / self.0.pixels().len().max(1) as f64
+    /// Pixels that differ much from the one to their right: text is full of them, and a surface has few.
+    pub(crate) fn edges(&self) -> usize {
+        let rows = self.0.rows();
+        rows.map(|row| {
+            let pixels: Vec<[u8; 3]> = row.map(|pixel| pixel.0).collect();
+            let differs =
+                |pair: &&[[u8; 3]]| (0..3).any(|at| pair[0][at].abs_diff(pair[1][at]) > 48);
+            pixels.windows(2).filter(differs).count()
+        })
+        .sum()
     }
 
     /// As a PNG.

@@ -64,11 +64,21 @@ impl Stage {
 
     /// A scene for the case `name`: its folder, and a headset.
     pub(crate) fn scene(&self, name: &str, compositor: Compositor) -> anyhow::Result<Scene<'_>> {
+        self.scene_of(name, Driver::Simulated, compositor)
+    }
+
+    /// The same with a headset of another kind.
+    pub(crate) fn scene_of(
+        &self,
+        name: &str,
+        driver: Driver,
+        compositor: Compositor,
+    ) -> anyhow::Result<Scene<'_>> {
         let folder = self.left.join(name);
         // A case says all of its own run, and nothing of one before.
         let _ = fs::remove_dir_all(&folder);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
-        let monado = Monado::start(Driver::Simulated, compositor)
+        let monado = Monado::start(driver, compositor)
             .context("there is no Monado (MON3TR_MONADO): ./run rehearse-android fetches it")?;
         Ok(Scene {
             stage: self,

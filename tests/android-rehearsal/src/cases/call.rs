@@ -50,6 +50,8 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     for _ in 0..2 {
         longest = longest.max(process.call(activity, Callback::Pause)?);
         longest = longest.max(process.call(activity, Callback::Stop)?);
+        // One that was begun before may still come to its end.
+        sleep(Duration::from_millis(500));
         let paused = process.census()?.frames;
         sleep(Duration::from_secs(1));
         ensure!(

@@ -11,17 +11,26 @@ use std::collections::BTreeMap;
 const REMAKES: usize = 20;
 /// Of which the first find caches empty.
 const WARM_UP: usize = 5;
+const OF_AN_ACTIVITY: [&str; 3] = ["android_main", "receiver", "network"];
 /// What the rest may add to the memory that is resident: the allocator's and the driver's own wavering, not a renderer's 30 MB.
 const MOST_GROWTH: u64 = 12_000_000;
 
 pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     let scene = stage.scene(name, Compositor::Null)?;
-    let mut process = scene.process()?;
+    // glibc keeps memory apart for each of many threads; Android does not.
+    let mut process = scene.process_with(&[("MALLOC_ARENA_MAX", "1")])?;
     let mut warm = Census::default();
     for remake in 1..=REMAKES {
         let activity = process.launch(Intent::default())?;
         shows_a_notice(&mut process)?;
         process.leave(activity)?;
+        // Android is answered a moment before the activity's own thread ends.
+        process.wait_until("the end of the activity's threads", |process| {
+            let threads = process.census()?.threads;
+            Ok(!threads
+                .iter()
+                .any(|name| OF_AN_ACTIVITY.contains(&name.as_str())))
+        })?;
         if remake == WARM_UP {
             warm = process.census()?;
         }

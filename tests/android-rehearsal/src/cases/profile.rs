@@ -17,6 +17,13 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     let mut process = scene.process()?;
     let activity = process.launch(Intent::default().with("profile", "5"))?;
     process.wait_for("the profile is written", 1)?;
+    // The task is done: the app asks Android, once, to close it.
+    process.wait_for("closing the app", 1)?;
+    let finishes = process.census()?.java.finishes;
+    ensure!(
+        finishes == [[1, 0]],
+        "asked to finish (by Java, natively): {finishes:?}"
+    );
     assert_well(&mut process)?;
     process.leave(activity)?;
     process.quit()?;

@@ -50,10 +50,9 @@ pub fn build(to: &Path) -> anyhow::Result<()> {
         let names = platform
             .exports_of(library)
             .with_context(|| format!("no list of {library}"))?;
-        let passed_on = names
-            .iter()
-            .copied()
-            .filter(|name| glibc.contains(*name) && !own.contains(*name));
+        let passed_on = names.iter().copied().filter(|name| {
+            glibc.contains(*name) && !own.contains(*name) && !forward::is_unlike(name)
+        });
         fs::write(&file, forward::assembler(passed_on))?;
         Ok(file)
     };

@@ -1,10 +1,15 @@
 //! The host process by itself, with an app in C (`app.c`) that knows Android by the NDK's headers alone.
 
+// The shims pass functions on to glibc by jumps of this processor's.
+#![cfg(target_arch = "x86_64")]
+
 use android_rehearsal::protocol::{Answer, Callback, Intent, Reply, Request};
 use android_rehearsal::shims;
+use mon3tr_tests::service::LONGEST_WAIT;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{ChildStdin, Command, Stdio};
+use std::sync::mpsc::channel;
 
 /// In an order that Android calls them.
 const CALLBACKS: [Callback; 15] = [
@@ -65,11 +70,17 @@ fn an_app_in_c_is_told_what_androids_headers_say() {
         .spawn()
         .expect("the host starts");
     let mut requests = child.stdin.take().expect("piped");
-    let mut replies = BufReader::new(child.stdout.take().expect("piped")).lines();
-    let mut ask = |requests: &mut ChildStdin, request: &Request| -> Answer {
+    let stdout = BufReader::new(child.stdout.take().expect("piped"));
+    let (sender, replies) = channel();
+    std::thread::spawn(move || {
+        for line in stdout.lines().map_while(Result::ok) {
+            let _ = sender.send(line);
+        }
+    });
+    let ask = |requests: &mut ChildStdin, request: &Request| -> Answer {
         let line = serde_json::to_string(request).expect("JSON");
         writeln!(requests, "{line}").expect("it listens");
-        let reply = replies.next().expect("an answer").expect("text");
+        let reply = replies.recv_timeout(LONGEST_WAIT).expect("an answer");
         serde_json::from_str::<Reply>(&reply).expect("JSON").answer
     };
     // A character that Java's modified UTF-8 writes in six bytes, where UTF-8 has four.

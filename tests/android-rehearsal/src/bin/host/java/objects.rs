@@ -209,6 +209,16 @@ const MEMBERS: [(&str, &str, &str, Member); 17] = {
     ]
 };
 
+/// Whether Android has this class, as far as the app has to do with it.
+pub(super) fn has_class(name: &str) -> bool {
+    const BASES: [&str; 3] = [
+        "android/app/Activity",
+        "java/lang/Object",
+        "java/lang/Throwable",
+    ];
+    BASES.contains(&name) || MEMBERS.iter().any(|member| member.0 == name)
+}
+
 /// The place of a member in the table, from 1; the identity that native code holds.
 pub(super) fn find_member(class: &str, name: &str, signature: &str) -> Option<usize> {
     let found = MEMBERS

@@ -172,7 +172,13 @@ fn class_of(reference: jclass) -> String {
 
 unsafe extern "system" fn find_class(_: *mut JNIEnv, name: *const c_char) -> jclass {
     no_exception("FindClass");
-    held::local(Some(Arc::new(Object::Class(text(name)))))
+    let name = text(name);
+    if !objects::has_class(&name) {
+        held::fault(format!("Android has no class {name}"));
+        held::throw(format!("java.lang.NoClassDefFoundError: {name}"));
+        return null_mut();
+    }
+    held::local(Some(Arc::new(Object::Class(name))))
 }
 
 unsafe extern "system" fn get_object_class(_: *mut JNIEnv, object: jobject) -> jclass {
@@ -201,7 +207,10 @@ unsafe extern "system" fn is_instance_of(
 
 unsafe extern "system" fn is_same_object(_: *mut JNIEnv, a: jobject, b: jobject) -> jboolean {
     jboolean::from(match (held::get(a), held::get(b)) {
-        (Some(a), Some(b)) => Arc::ptr_eq(&a, &b),
+        (Some(a), Some(b)) => match (&*a, &*b) {
+            (Object::Class(a), Object::Class(b)) => a == b,
+            _ => Arc::ptr_eq(&a, &b),
+        },
         (None, None) => true,
         _ => false,
     })
