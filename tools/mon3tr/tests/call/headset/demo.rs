@@ -8,7 +8,7 @@ use reconstruct::bake::BAKE_VERSION;
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use tempfile::TempDir;
 
 /// Whether Monado's programs are there, and no other runtime is; on CI both must be so.
@@ -106,10 +106,33 @@ impl Place {
     }
 }
 
+/// A demo that runs. It is killed where a test forgets it.
+struct Demo(Child);
+
+impl Demo {
+    fn start(command: &mut Command) -> Self {
+        Self(command.spawn().expect("it can be started"))
+    }
+
+    fn has_ended(&mut self) -> Option<ExitStatus> {
+        self.0.try_wait().expect("a child can be asked")
+    }
+}
+
+impl Drop for Demo {
+    fn drop(&mut self) {
+        // It has ended as a rule. Asked to end, it takes its own processes along.
+        if self.has_ended().is_none() {
+            let _ = kill_process(Pid::from_child(&self.0), Signal::TERM);
+            let _ = self.0.wait();
+        }
+    }
+}
+
 /// Waits until the receiver says that it fetches the avatar: once everybody is there, Monado, the server and the sender.
-fn wait_for_receiver(demo: &mut Child, said: &Path) {
+fn wait_for_receiver(demo: &mut Demo, said: &Path) {
     wait_for("the receiver", || {
-        let ended = demo.try_wait().expect("a child can be asked");
+        let ended = demo.has_ended();
         let said = std::fs::read_to_string(said).expect("what it says");
         assert!(ended.is_none(), "it ended before: {ended:?}\n{said}");
         said.contains("fetching the avatar").then_some(())
@@ -126,12 +149,12 @@ fn a_demo_that_is_asked_to_end_takes_its_processes_and_folders_along() {
     let said = place.file("said");
     demo.stdout(Stdio::null())
         .stderr(File::create(&said).expect("a file"));
-    let mut demo = demo.spawn().expect("it can be started");
+    let mut demo = Demo::start(&mut demo);
     wait_for_receiver(&mut demo, &said);
     let mark = format!("TMPDIR={}", text(&place.temporary));
     assert!(processes_with(&mark).len() >= 5, "and itself");
-    kill_process(Pid::from_child(&demo), Signal::TERM).expect("it is there");
-    let status = wait_for("its end", || demo.try_wait().expect("a child can be asked"));
+    kill_process(Pid::from_child(&demo.0), Signal::TERM).expect("it is there");
+    let status = wait_for("its end", || demo.has_ended());
     assert!(!status.success(), "it was not shown to the end: {status}");
     place.assert_left_clean();
 }
@@ -144,13 +167,13 @@ fn a_demo_that_is_killed_takes_its_processes_along() {
     let place = Place::make();
     let mut demo = place.demo(100_000);
     demo.stdout(Stdio::null()).stderr(Stdio::null());
-    let mut demo = demo.spawn().expect("it can be started");
+    let mut demo = Demo::start(&mut demo);
     let mark = format!("TMPDIR={}", text(&place.temporary));
     wait_for("five processes", || {
         (processes_with(&mark).len() >= 5).then_some(())
     });
-    demo.kill().expect("it is there");
-    demo.wait().expect("a child can be waited for");
+    demo.0.kill().expect("it is there");
+    wait_for("its end", || demo.has_ended());
     wait_for("the end of all processes", || {
         processes_with(&mark).is_empty().then_some(())
     });
@@ -165,7 +188,7 @@ fn a_demo_whose_monado_dies_says_so_at_once_and_ends() {
     let (mut demo, said) = (place.demo(100_000), place.file("said"));
     demo.stdout(Stdio::null())
         .stderr(File::create(&said).expect("a file"));
-    let mut demo = demo.spawn().expect("it can be started");
+    let mut demo = Demo::start(&mut demo);
     wait_for_receiver(&mut demo, &said);
     let mark = format!("TMPDIR={}", text(&place.temporary));
     let monado = processes_with(&mark);
@@ -174,7 +197,7 @@ fn a_demo_whose_monado_dies_says_so_at_once_and_ends() {
     let (number, _) = monado.expect("Monado is there");
     let number = Pid::from_raw(*number).expect("a process");
     kill_process(number, Signal::SEGV).expect("it can be killed");
-    let status = wait_for("its end", || demo.try_wait().expect("a child can be asked"));
+    let status = wait_for("its end", || demo.has_ended());
     assert!(!status.success(), "it was not shown to the end: {status}");
     let said = std::fs::read_to_string(&said).expect("what it says");
     let error = said.lines().find(|line| line.starts_with("error: "));
