@@ -61,8 +61,8 @@ struct Unregistered<'a>(&'a AndroidApp);
 
 impl<'a> Unregistered<'a> {
     fn new(app: &'a AndroidApp) -> Self {
-        // SAFETY: android-activity registered this activity before it called `android_main`. Android's main thread, on which every
-        // activity is created, was told just now that this one runs, and creates no other so soon.
+        // SAFETY: android-activity registered this activity on this thread, just before it called `android_main`. What is left is the
+        // moment between the two: where Android destroys the activity before this one in it, both are registered, and that aborts.
         unsafe { ndk_context::release_android_context() };
         Self(app)
     }

@@ -98,7 +98,7 @@ fn find(named: Option<&Path>, runtime: &Path) -> Result<PathBuf, String> {
         return Ok(candidate);
     }
     if cfg!(target_os = "android") {
-        return Err("the app was packaged without QNN (`./run apk --with-qnn` packages it)".into());
+        return Err("the app was packaged without QNN".into());
     }
     let how = match named {
         Some(_) => format!("where {QNN_VARIABLE} points"),

@@ -20,7 +20,8 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     let address = trap.local_addr()?.to_string();
     let intents = intents(&address);
     let count = intents.len();
-    for (what, intent) in intents {
+    for (what, refusal, intent) in intents {
+        let refused = process.logged(refusal);
         let activity = process
             .launch(intent)
             .and_then(|activity| {
@@ -28,6 +29,10 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
                 Ok(activity)
             })
             .with_context(|| format!("an intent with {what}"))?;
+        ensure!(
+            process.logged(refusal) > refused,
+            "an intent with {what} is not refused in the log by `{refusal}`"
+        );
         if what == "no room" {
             let input = process.input(activity, EVENTS)?;
             let events = EVENTS.cast_signed();
@@ -53,8 +58,8 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     Ok(figures)
 }
 
-/// Intents, and what is wrong with each. `address` is where none of them may lead.
-fn intents(address: &str) -> Vec<(&'static str, Intent)> {
+/// What is wrong with an intent, what the log says to it, and the intent. `address` is where none of them may lead.
+fn intents(address: &str) -> Vec<(&'static str, &'static str, Intent)> {
     let link = |link: String| Intent {
         data: Some(link),
         ..Intent::default()
@@ -64,15 +69,17 @@ fn intents(address: &str) -> Vec<(&'static str, Intent)> {
         ..Intent::default()
     };
     vec![
-        ("no room", Intent::default()),
+        ("no room", "room is missing", Intent::default()),
         (
             "a name and password before the server",
+            "must not hold a user name or password",
             link(format!(
                 "mon3tr://room/http/call.example@{address}/rooms/R#s3cret"
             )),
         ),
         (
             "an address that a parser understands as another",
+            "would be understood as",
             link(format!(
                 "mon3tr://room/http/0x7f.1:{}/rooms/R#s3cret",
                 port(address)
@@ -80,47 +87,65 @@ fn intents(address: &str) -> Vec<(&'static str, Intent)> {
         ),
         (
             "a path that leads out of itself",
+            "not written as links are",
             link(format!("mon3tr://room/http/{address}/../rooms/R#s3cret")),
         ),
         (
             "another scheme",
+            "must come https/ or http/",
             link(format!("mon3tr://room/file/{address}/rooms/R#s3cret")),
         ),
-        ("no room in the link", link("mon3tr://room/".to_owned())),
+        (
+            "no room in the link",
+            "must come https/ or http/",
+            link("mon3tr://room/".to_owned()),
+        ),
         (
             "a link of a megabyte",
+            "longer than 8192 characters",
             link(format!("mon3tr://room/http/{}", "a".repeat(1 << 20))),
         ),
         (
             "a link with NUL, surrogates and right-to-left marks",
+            "only plain ASCII is taken",
             link("mon3tr://room/http/\u{0}\u{1f600}\u{202e}/rooms/R#s3cret".to_owned()),
         ),
         (
             "extras that cannot be unpacked",
+            "the intent cannot be read: Java exception was thrown",
             Intent {
                 unparcelable: true,
                 ..Intent::default()
             },
         ),
-        ("a room that is a number", extra("room", Extra::Integer(-1))),
+        (
+            "a room that is a number",
+            "server is missing",
+            extra("room", Extra::Integer(-1)),
+        ),
         (
             "a room that is a truth",
+            "server is missing",
             extra("room", Extra::Boolean(true)),
         ),
         (
             "a room of a megabyte",
+            "longer than 65536 characters",
             extra("room", Extra::Text("R".repeat(1 << 20))),
         ),
         (
             "a rate that no display has",
+            "is no display rate",
             extra("rate", Extra::Integer(i32::MAX)),
         ),
         (
             "a measurement of no length",
+            "is no duration",
             extra("profile", Extra::Text("-5".to_owned())),
         ),
         (
             "a thousand extras",
+            "`launcher.63` is no setting",
             Intent {
                 extras: (0..1000)
                     .map(|at| (format!("launcher.{at}"), Extra::Text("x".to_owned())))
@@ -130,6 +155,7 @@ fn intents(address: &str) -> Vec<(&'static str, Intent)> {
         ),
         (
             "a token for a server that the file did not name",
+            "room is missing",
             extra("server", Extra::Text(format!("http://{address}"))).with("token", "s3cret\n"),
         ),
     ]
