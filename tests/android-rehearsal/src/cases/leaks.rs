@@ -2,6 +2,7 @@
 
 use super::activities::shows_a_notice;
 use super::{Figures, assert_well, figure};
+use crate::process::Process;
 use crate::stage::Stage;
 use android_rehearsal::protocol::{Census, Intent};
 use anyhow::ensure;
@@ -24,26 +25,14 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
         let activity = process.launch(Intent::default())?;
         shows_a_notice(&mut process)?;
         process.leave(activity)?;
-        // Android is answered a moment before the activity's own thread ends.
-        process.wait_until("the end of the activity's threads", |process| {
-            let threads = process.census()?.threads;
-            Ok(!threads
-                .iter()
-                .any(|name| OF_AN_ACTIVITY.contains(&name.as_str())))
-        })?;
+        its_threads_end(&mut process)?;
         if remake == WARM_UP {
             warm = process.census()?;
         }
     }
     assert_well(&mut process)?;
     let last = process.census()?;
-    let grown = |what: &str, before: &[String], after: &[String]| {
-        let new = more(before, after);
-        ensure!(new.is_empty(), "{what} are left: {new:?}");
-        Ok(())
-    };
-    grown("threads", &warm.threads, &last.threads)?;
-    grown("descriptors", &warm.descriptors, &last.descriptors)?;
+    nothing_is_left(&warm, &last)?;
     ensure!(
         last.java.global_references <= warm.java.global_references,
         "global references: {} after {WARM_UP}, {} after {REMAKES}",
@@ -68,6 +57,26 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     figure(&mut figures, "resident_bytes", last.resident);
     figure(&mut figures, "threads", last.threads);
     Ok(figures)
+}
+
+/// Android is answered a moment before the threads of an activity that it destroys end.
+pub(super) fn its_threads_end(process: &mut Process) -> anyhow::Result<()> {
+    process.wait_until("the end of the activity's threads", |process| {
+        let threads = process.census()?.threads;
+        Ok(!(threads.iter()).any(|name| OF_AN_ACTIVITY.contains(&name.as_str())))
+    })
+}
+
+/// That there are no more threads and descriptors than before.
+pub(super) fn nothing_is_left(before: &Census, after: &Census) -> anyhow::Result<()> {
+    for (what, before, after) in [
+        ("threads", &before.threads, &after.threads),
+        ("descriptors", &before.descriptors, &after.descriptors),
+    ] {
+        let new = more(before, after);
+        ensure!(new.is_empty(), "{what} are left: {new:?}");
+    }
+    Ok(())
 }
 
 /// What there is more of.

@@ -1,5 +1,6 @@
 //! While placements are tried: the longest stretch of work of a call's start, and the one that Android is most likely to interrupt.
 
+use super::leaks::{its_threads_end, nothing_is_left};
 use super::{DESTRUCTION_MS, Figures, MAIN_THREAD_MS, assert_well, figure};
 use crate::process::{LEAVE, Process};
 use crate::stage::{Server, Stage, opening};
@@ -70,6 +71,7 @@ pub(super) fn paused(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
 pub(super) fn destroyed(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     let (link, _server, _sender, _scene, mut process) = call(stage, name)?;
     let (mut longest, mut destruction): (f64, f64) = (0.0, 0.0);
+    let mut after_each = Vec::new();
     for moment in MOMENTS {
         let activity = trying(&mut process, &link)?;
         sleep(Duration::from_millis(moment));
@@ -81,8 +83,14 @@ pub(super) fn destroyed(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
                 longest = longest.max(blocked);
             }
         }
+        its_threads_end(&mut process)?;
+        after_each.push(process.census()?);
     }
     assert_well(&mut process)?;
+    // The first calls find pools and caches empty; ONNX Runtime and Vulkan are loaded, and stay.
+    if let ([_, _, warm, ..], Some(last)) = (after_each.as_slice(), after_each.last()) {
+        nothing_is_left(warm, last)?;
+    }
     ensure!(
         longest <= MAIN_THREAD_MS && destruction <= DESTRUCTION_MS,
         "the main thread was blocked for {longest:.0} ms, and for {destruction:.0} ms by a destruction"
