@@ -187,7 +187,7 @@ mod tests {
     fn a_bell_that_nobody_waited_for_is_heard_later_and_silence_ends() {
         let bell = Bell::default();
         bell.ring();
-        let begun = std::time::Instant::now();
+        let begun = Instant::now();
         bell.wait(Duration::from_secs(60));
         assert!(begun.elapsed() < Duration::from_secs(60), "it was heard");
         bell.wait(Duration::from_millis(1));
