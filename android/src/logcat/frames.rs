@@ -1,4 +1,4 @@
-//! The way to a panic as addresses within libraries: a packaged library has no names, which its symbols file has.
+//! The stack of a panic as addresses within libraries: a packaged library has no names, which its symbols file has.
 
 use std::ffi::{CStr, c_void};
 use std::fmt;
@@ -7,7 +7,7 @@ use std::path::Path;
 /// As many frames are told.
 const MOST: usize = 64;
 
-/// One call on the way.
+/// One call on the stack.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Frame {
     /// The library that the code is in, by its file's name; nothing for code of no library.

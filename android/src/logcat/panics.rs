@@ -31,7 +31,7 @@ fn tell(panic: &PanicHookInfo<'_>) {
         log::error!("{line}");
     }
     if let Some((library, base)) = frames::this_library() {
-        log::error!("{library} is at {base:#x}; the way, as addresses within libraries:");
+        log::error!("{library} is at {base:#x}; the stack, as addresses within libraries:");
     }
     for (number, frame) in frames::here().iter().enumerate() {
         log::error!("#{number:02} {frame}");

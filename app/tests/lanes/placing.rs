@@ -16,6 +16,9 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// Pixels of a picture's side: large enough for placing to take its time.
 const SIDE: u32 = 512;
 
+/// The pause that lasts longer than all of an undisturbed placing; placing is in the middle of its work then.
+const LONG: u32 = 3;
+
 /// The placements that could be had.
 type Granted = Vec<Plan>;
 
@@ -65,8 +68,10 @@ fn placing_rests_in_every_pause_and_comes_to_the_same_end() {
     let Some(preparations) = Preparations::new() else {
         return;
     };
+    let begun = Instant::now();
     let undisturbed = preparations.begin(&Control::default());
     let undisturbed = undisturbed.join().expect("no panic").expect("placed");
+    let whole = begun.elapsed();
     let control = Control::default();
     assert!(control.pause(PATIENCE), "nobody is at work");
     let placing = preparations.begin(&control);
@@ -77,14 +82,18 @@ fn placing_rests_in_every_pause_and_comes_to_the_same_end() {
             break;
         }
         pauses += 1;
+        if pauses == LONG {
+            // Without a rest it would be done by then. After the last step it may end in a pause: nothing is left to do on the GPU.
+            sleep(2 * whole);
+            assert!(!placing.is_finished(), "nothing goes on in a pause");
+        }
         sleep(Duration::from_millis(5));
-        assert!(!placing.is_finished(), "nothing ends in a pause");
         control.resume();
         // Some steps further.
         sleep(Duration::from_millis(7));
     }
     println!("{pauses} pauses");
-    assert!(pauses > 3, "interrupted {pauses} times");
+    assert!(pauses > LONG, "interrupted {pauses} times");
     let granted = placing.join().expect("no panic").expect("placed");
     assert_eq!(granted, undisturbed, "as without pauses");
 }
