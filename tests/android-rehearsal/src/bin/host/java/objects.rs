@@ -16,7 +16,7 @@ pub(super) enum Object {
     /// A `java.lang.Boolean`.
     Boolean(bool),
     /// An `Object[]`.
-    Array(Vec<Arc<Object>>),
+    Array(Vec<Arc<Self>>),
     /// An `android.app.NativeActivity`.
     Activity(ActivityObject),
     /// An `android.content.Intent`.
