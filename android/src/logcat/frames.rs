@@ -97,7 +97,7 @@ mod tests {
             // What `addr2line` finds, found by another way: by the address in memory.
             let at = std::ptr::without_provenance_mut(base + frame.address);
             backtrace::resolve(at, |symbol| {
-                names.extend(symbol.name().map(|name| name.to_string()))
+                names.extend(symbol.name().map(|name| name.to_string()));
             });
         }
         assert!(
