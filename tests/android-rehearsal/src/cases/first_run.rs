@@ -28,7 +28,9 @@ fn reader() -> Scripted {
 
 pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     let scene = stage.scene_of(name, Driver::Remote, Compositor::Window)?;
-    scene.monado.head().send(&reader());
+    // Held to the end: Monado answers, and ends where nobody hears that.
+    let mut head = scene.monado.head();
+    head.send(&reader());
     let mut process = scene.process()?;
     let activity = process.launch(Intent::default())?;
     shows_a_notice(&mut process)?;
