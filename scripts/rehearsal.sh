@@ -26,7 +26,7 @@ rehearsal_changes() {
 
 # rehearse [--if-changed] ARGS...
 rehearse() {
-	local changes="" state
+	local changes="" state arguments=()
 	if [ "${1:-}" = --if-changed ]; then
 		shift
 		[ -f "$rehearsed" ] || : >"$rehearsed"
@@ -37,6 +37,16 @@ rehearse() {
 		fi
 		say "The headset's app is rehearsed, because since that last passed these changed: $changes"
 	fi
+	while [ $# != 0 ]; do
+		case $1 in
+		# ./run has seen to it.
+		--gpu) shift ;;
+		--gpu=*) ;;
+		*) arguments+=("$1") ;;
+		esac
+		if [ $# != 0 ]; then shift; fi
+	done
+	set -- "${arguments[@]}"
 	# What is about to be built: an edit made meanwhile was not rehearsed.
 	state=$(rehearsal_state)
 	cargo build --manifest-path "$repo/Cargo.toml" --package mon3tr --package android-rehearsal
