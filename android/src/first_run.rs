@@ -4,7 +4,7 @@ use crate::package::{COMPONENT, FILES_FOLDER, SETTINGS_FILE};
 use crate::settings::{DEEP_LINK, Key, Problem};
 
 /// Characters of a line that the panel has room for.
-pub const WIDTH: usize = app::NOTICE_LETTERS as usize;
+pub const WIDTH: usize = app_session::overlay::NOTICE_LETTERS as usize;
 
 /// What to show when the app was launched without all that it needs, or with something that it refuses.
 #[must_use]

@@ -9,15 +9,15 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::Vec3;
-use mon3tr_tests::bound_person::{Networks, avatar_mesh, session};
-use mon3tr_tests::picture_check::{compare, whole};
-use mon3tr_tests::vulkan::open_gpu;
 use npu_runtime::Runtime;
 use spmm3::networks::GraphParts;
 use spmm3::{
     Avatar, GaussianSet, LOOP_SECONDS, MotionClip, MotionParams, PlanarVertices, Playback, SH_C0,
     SkinningTransforms,
 };
+use test_support::bound_person::{Networks, avatar_mesh, session};
+use test_support::picture_check::{compare, whole};
+use test_support::vulkan::open_gpu;
 use xr_renderer::{
     BackEnd, Backdrop, Camera, Drawing, Foreground, Image, PackedGaussian, Part, Poser,
     RendererOptions, SplatRenderer, StageTimes,

@@ -7,9 +7,9 @@
 //! that rounding alone costs is given with them.
 
 use glam::{Affine3A, Mat3A, Quat, Vec3A};
-use mon3tr_tests::splat_reference::{PixelBox, ReferencePicture, covered_box, render};
 use serde_json::{Value, json};
 use std::error::Error;
+use test_support::splat_reference::{PixelBox, ReferencePicture, covered_box, render};
 use xr_renderer::{Camera, Gaussian};
 
 type Failure = Box<dyn Error>;

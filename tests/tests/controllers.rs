@@ -1,8 +1,8 @@
 //! Virtual masses against the paper's equation, recomputed in f64.
 
-use mon3tr_tests::person_reference::{V3, add, norm, scale, sub, wide};
-use mon3tr_tests::synthetic::{Puppet, PuppetSize, Random};
 use std::collections::HashMap;
+use synthetic_person::reference::{V3, add, norm, scale, sub, wide};
+use synthetic_person::{Puppet, PuppetSize, Random};
 
 /// The paper's eps, metres.
 const EPSILON: f64 = 1e-3;

@@ -1,13 +1,13 @@
 //! The deform graph on ONNX Runtime against the f64 reference.
 
-use mon3tr_tests::bound_person::session;
-use mon3tr_tests::onnx::runtime;
-use mon3tr_tests::person_reference as reference;
-use mon3tr_tests::synthetic::{Puppet, PuppetSize, Random};
 use npu_runtime::Session;
 use spmm3::networks::{AttributeNetwork, GraphParts, MeshNetwork};
 use spmm3::{ATTRIBUTES, Avatar, SkinningTransforms};
 use std::io::Cursor;
+use synthetic_person::reference;
+use synthetic_person::{Puppet, PuppetSize, Random};
+use test_support::bound_person::session;
+use test_support::onnx::runtime;
 
 #[test]
 fn a_session_leaves_its_makers_arithmetic_as_it_was() {

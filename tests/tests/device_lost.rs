@@ -1,11 +1,11 @@
 //! A device that its driver gives up, and going on with another: a test program of its own, since it spoils its device.
 
-use mon3tr_tests::bound_person::bound_mesh;
-use mon3tr_tests::splat_scenes::{front_camera, random_gaussians, random_scene};
-use mon3tr_tests::synthetic::Puppet;
-use mon3tr_tests::vulkan::{assert_silent, open_gpu, or_skip};
-use mon3tr_tests::walking::Walking;
 use std::sync::Arc;
+use synthetic_person::Puppet;
+use test_support::bound_person::bound_mesh;
+use test_support::splat_scenes::{front_camera, random_gaussians, random_scene};
+use test_support::vulkan::{assert_silent, open_gpu, or_skip};
+use test_support::walking::Walking;
 use xr_renderer::{
     BackEnd, Background, Camera, Drawing, Foreground, Image, PackedGaussian, Part, PosedInput,
     RenderError, RendererOptions, SplatRenderer, StateId,

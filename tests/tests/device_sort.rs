@@ -3,10 +3,10 @@
 use std::cell::RefCell;
 use std::time::Instant;
 
-use mon3tr_tests::synthetic::Random;
-use mon3tr_tests::vulkan::{assert_silent, gpu, rerun_with_other_subgroups};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use synthetic_person::Random;
+use test_support::vulkan::{assert_silent, gpu, rerun_with_other_subgroups};
 use xr_renderer::Sorter;
 
 /// As many as a background may have Gaussians.

@@ -8,10 +8,10 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use mon3tr_tests::monado::{Compositor, Driver, Monado};
-use mon3tr_tests::service::{self, attended};
-use mon3tr_tests::vulkan::or_skip;
 use tempfile::TempDir;
+use test_support::monado::{Compositor, Driver, Monado};
+use test_support::service::{self, attended};
+use test_support::vulkan::or_skip;
 use xr_renderer::{Gpu, GpuChoice, RenderError};
 
 /// The program among this file's tests that opens a device.

@@ -1,9 +1,9 @@
 //! Avatar packages: what is saved is what is loaded.
 
-use mon3tr_tests::synthetic::Puppet;
 use spmm3::package::Manifest;
 use spmm3::{Avatar, Importance, PackageError};
 use std::io::Cursor;
+use synthetic_person::Puppet;
 
 fn avatar() -> Avatar {
     Puppet::small().avatar()
@@ -96,9 +96,9 @@ fn an_avatar_whose_parts_do_not_fit_each_other_is_not_saved() {
     avatar().save(&path).expect("the puppet saves");
     let before = std::fs::read(&path).expect("the package is there");
     let mut broken = avatar();
-    let other = Puppet::new(mon3tr_tests::synthetic::PuppetSize {
+    let other = Puppet::new(synthetic_person::PuppetSize {
         gaussians: 1_000,
-        ..mon3tr_tests::synthetic::PuppetSize::SMALL
+        ..synthetic_person::PuppetSize::SMALL
     });
     broken.gaussians = other.gaussians;
     broken.importance = None;

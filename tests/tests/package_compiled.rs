@@ -1,13 +1,13 @@
 //! Deform graphs compiled for an NPU, in a package: kept beside the plain one, checked as far as they can be, and absent
 //! where nobody made one.
 
-use mon3tr_tests::onnx::{field, whole_graph};
-use mon3tr_tests::synthetic::Puppet;
 use npu_runtime::TensorSpec;
 use spmm3::Avatar;
 use spmm3::networks::CompiledGraph;
 use spmm3::package::Manifest;
 use std::io::Cursor;
+use synthetic_person::Puppet;
+use test_support::onnx::{field, whole_graph};
 
 /// An attribute that is a text or bytes.
 fn text(name: &str, value: &[u8]) -> Vec<u8> {

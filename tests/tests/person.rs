@@ -1,14 +1,14 @@
 //! The person's arithmetic against its f64 reference.
 
 use glam::{Affine3A, Quat, Vec3};
-use mon3tr_tests::person_reference::{self as reference, V3};
-use mon3tr_tests::synthetic::{Puppet, Random};
 use proptest::prelude::*;
 use spmm3::{
     ATTRIBUTES, BoundGaussians, GaussianSet, JOINTS, Joint, MotionParams, PARAMS, PlanarVertices,
     SkinningTransforms,
 };
 use std::sync::LazyLock;
+use synthetic_person::reference::{self as reference, V3};
+use synthetic_person::{Puppet, Random};
 
 /// Building the puppet takes longer than a case.
 static PUPPET: LazyLock<Puppet> = LazyLock::new(Puppet::small);

@@ -1,11 +1,11 @@
 //! Running the deform graph again and again must not allocate on our side: a lane does so sixty times a second.
 
-use mon3tr_tests::allocations::{Counting, allocations};
-use mon3tr_tests::onnx::{runtime, whole_graph};
-use mon3tr_tests::synthetic::{Puppet, Random};
 use npu_runtime::{Outputs, Provider, Session};
 use spmm3::ATTRIBUTES;
 use spmm3::networks::GraphParts;
+use synthetic_person::{Puppet, Random};
+use test_support::allocations::{Counting, allocations};
+use test_support::onnx::{runtime, whole_graph};
 
 #[global_allocator]
 static COUNTING: Counting = Counting;

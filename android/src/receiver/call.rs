@@ -6,10 +6,15 @@ use super::network::Network;
 use crate::first_run;
 use crate::settings::Settings;
 use anyhow::Context;
-use app::headset::{NoticeBoard, Seen, Watcher, Wishes, show_notice};
-use app::hold::HoldMode;
-use app::visit::{Ended, Guest, Visited, Waiting, Ways, unless_over, visit, wait_for_sender};
-use app::{CallEnd, Notice, Offer, in_own_pool};
+use app_pipeline::hold::HoldMode;
+use app_pipeline::placement::Offer;
+use app_pipeline::pool::in_own_pool;
+use app_session::call::CallEnd;
+use app_session::headset::{NoticeBoard, Seen, Watcher, Wishes, show_notice};
+use app_session::overlay::Notice;
+use app_session::visit::{
+    Ended, Guest, Visited, Waiting, Ways, unless_over, visit, wait_for_sender,
+};
 use link::{Client, Clock, PackageCache, PackageInUse, RoomLink};
 use spmm3::Avatar;
 use std::sync::Arc;

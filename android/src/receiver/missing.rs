@@ -1,8 +1,8 @@
 //! What is missing, told in the headset.
 
 use super::Stage;
-use app::Notice;
-use app::headset::{NoticeBoard, show_notice};
+use app_session::headset::{NoticeBoard, show_notice};
+use app_session::overlay::Notice;
 
 /// Shows this until the app is closed.
 pub(super) fn show_until_closed(

@@ -1,7 +1,7 @@
 //! One receiver at a time: Android may make an activity before it destroys the last one, in the same process, and both want the one
 //! headset.
 
-use app::Control;
+use app_pipeline::control::Control;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 

@@ -3,7 +3,8 @@
 use super::room::{line, read_room_link, read_server};
 use super::values::{self, read};
 use super::{DisplayRate, Given, Key, Origin, Problem, Sourced, plain};
-use app::{LatencyMode, PlacementRequest};
+use app_pipeline::placement::PlacementRequest;
+use app_pipeline::timeline::LatencyMode;
 use link::{HttpError, RoomLink};
 use log::LevelFilter;
 use std::time::Duration;

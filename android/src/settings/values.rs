@@ -1,7 +1,8 @@
 //! Values of one word, read.
 
 use super::{Key, Origin, Problem, plain};
-use app::{LatencyMode, PlacementRequest};
+use app_pipeline::placement::PlacementRequest;
+use app_pipeline::timeline::LatencyMode;
 use log::LevelFilter;
 use std::fmt;
 use std::time::Duration;

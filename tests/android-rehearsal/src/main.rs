@@ -10,12 +10,12 @@ mod stage;
 use anyhow::{Context, ensure};
 use cases::{CASES, Case, Figures};
 use clap::Parser;
-use mon3tr_tests::service::attended;
 use report::{Performed, Report};
 use stage::Stage;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
+use test_support::service::attended;
 
 /// Execute the headset's app on this machine, without Android, and put it through the cases
 #[derive(Debug, Parser)]

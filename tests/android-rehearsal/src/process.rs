@@ -4,13 +4,13 @@ use android_rehearsal::protocol::{
     ActivityIndex, Answer, Callback, Census, InputFigures, Intent, Reply, Request,
 };
 use anyhow::{Context, bail, ensure};
-use mon3tr_tests::service::{LONGEST_WAIT, assert_all_live};
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
+use test_support::service::{LONGEST_WAIT, assert_all_live};
 
 /// A process that has loaded the app.
 #[derive(Debug)]

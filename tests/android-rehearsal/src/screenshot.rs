@@ -2,8 +2,8 @@
 
 use anyhow::{Context, ensure};
 use image::{Rgb, RgbImage};
-use mon3tr_tests::monado::Monado;
 use std::path::Path;
+use test_support::monado::Monado;
 
 /// A picture of the screen.
 #[derive(Debug)]

@@ -4,14 +4,14 @@ use crate::process::Process;
 use android_native::native::Built;
 use android_rehearsal::protocol::Intent;
 use anyhow::{Context, ensure};
-use mon3tr_tests::monado::{Compositor, Driver, Monado};
-use mon3tr_tests::program::Program;
-use mon3tr_tests::synthetic::{Puppet, PuppetSize};
 use std::ffi::OsString;
 use std::fs;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use synthetic_person::{Puppet, PuppetSize};
+use test_support::monado::{Compositor, Driver, Monado};
+use test_support::program::Program;
 
 /// Names the folder of Android's own ONNX Runtime for this machine's processor; set by `./run`.
 const PARTS: &str = "MON3TR_ANDROID_PARTS_REHEARSAL";

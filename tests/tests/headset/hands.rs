@@ -1,10 +1,10 @@
 //! Controllers and bare hands, as they were sent.
 
 use glam::{DVec3, Quat};
-use mon3tr_tests::headset_reference::numbers;
-use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
-use mon3tr_tests::service::attended;
 use serde_json::Value;
+use test_support::headset_reference::numbers;
+use test_support::monado::{Compositor, Driver, Monado, Pose, Scripted};
+use test_support::service::attended;
 
 use crate::program::Program;
 

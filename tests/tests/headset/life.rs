@@ -1,7 +1,7 @@
 //! A session from its first state to its last.
 
-use mon3tr_tests::monado::{Compositor, Driver, Monado};
-use mon3tr_tests::service::attended;
+use test_support::monado::{Compositor, Driver, Monado};
+use test_support::service::attended;
 
 use crate::program::Program;
 

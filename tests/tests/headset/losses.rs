@@ -3,9 +3,9 @@
 use std::thread::sleep;
 use std::time::Duration;
 
-use mon3tr_tests::monado::{Compositor, Driver, Monado};
-use mon3tr_tests::service::attended;
 use serde_json::Value;
+use test_support::monado::{Compositor, Driver, Monado};
+use test_support::service::attended;
 
 use crate::program::Program;
 

@@ -2,8 +2,8 @@
 
 use std::process::Command;
 
-use mon3tr_tests::monado::{Compositor, Driver, Monado};
-use mon3tr_tests::service::attended;
+use test_support::monado::{Compositor, Driver, Monado};
+use test_support::service::attended;
 
 use crate::program::Program;
 

@@ -1,9 +1,9 @@
 //! The path that a real headset's compositor takes: 72 frames a second into a window.
 
-use mon3tr_tests::headset_reference::numbers;
-use mon3tr_tests::load::{Load, Measured, judge};
-use mon3tr_tests::monado::{Compositor, Driver, Monado};
-use mon3tr_tests::service::attended;
+use test_support::headset_reference::numbers;
+use test_support::load::{Load, Measured, judge};
+use test_support::monado::{Compositor, Driver, Monado};
+use test_support::service::attended;
 
 use crate::program::Program;
 

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use glam::{Quat, Vec3};
 use image::{Rgba, RgbaImage};
-use mon3tr_tests::headset_reference::{View, composed, psnr};
-use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
-use mon3tr_tests::service::attended;
-use mon3tr_tests::splat_reference::{PixelBox, ReferencePicture, covered_box, render};
-use mon3tr_tests::splat_scenes::figure_ahead;
+use test_support::headset_reference::{View, composed, psnr};
+use test_support::monado::{Compositor, Driver, Monado, Pose, Scripted};
+use test_support::service::attended;
+use test_support::splat_reference::{PixelBox, ReferencePicture, covered_box, render};
+use test_support::splat_scenes::figure_ahead;
 
 use crate::program::Program;
 

@@ -9,11 +9,11 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use image::RgbaImage;
-use mon3tr_tests::headset_reference::numbers;
-use mon3tr_tests::monado::{Head, Monado, Scripted};
-use mon3tr_tests::service::{LONGEST_WAIT, assert_all_live};
 use serde_json::Value;
 use tempfile::TempDir;
+use test_support::headset_reference::numbers;
+use test_support::monado::{Head, Monado, Scripted};
+use test_support::service::{LONGEST_WAIT, assert_all_live};
 
 /// Between two looks at the services.
 const LOOK: Duration = Duration::from_millis(50);

@@ -2,10 +2,10 @@
 
 use glam::{DVec3, Quat};
 use image::RgbaImage;
-use mon3tr_tests::headset_reference::{View, light};
-use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
-use mon3tr_tests::service::attended;
-use mon3tr_tests::splat_scenes::markers;
+use test_support::headset_reference::{View, light};
+use test_support::monado::{Compositor, Driver, Monado, Pose, Scripted};
+use test_support::service::attended;
+use test_support::splat_scenes::markers;
 
 use crate::program::Program;
 

@@ -2,9 +2,9 @@
 
 use glam::{DMat3, DVec3, Quat};
 use image::RgbaImage;
-use mon3tr_tests::headset_reference::{View, studio};
-use mon3tr_tests::monado::{Compositor, Driver, Monado, Pose, Scripted};
-use mon3tr_tests::service::attended;
+use test_support::headset_reference::{View, studio};
+use test_support::monado::{Compositor, Driver, Monado, Pose, Scripted};
+use test_support::service::attended;
 
 use crate::program::Program;
 

@@ -5,8 +5,8 @@ use crate::{
     reference::{Bvh, degrees_between, lowest_sole, person},
 };
 use glam::{DMat3, DVec3};
-use mon3tr_tests::real_files::real_file;
 use spmm3::{Joint, LoadOptions, MotionClip, MotionParams};
+use synthetic_person::real_files::real_file;
 
 /// Retargeting is exact for limbs; what is left is single precision.
 const LIMB_DEGREES: f64 = 0.2;

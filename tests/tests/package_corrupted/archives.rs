@@ -2,10 +2,10 @@
 
 use crate::Court;
 use crate::parts::{GRAPH, MANIFEST, Parts, TEMPLATE, hash, pack};
-use mon3tr_tests::synthetic::Random;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use std::io::{Cursor, Write};
+use synthetic_person::Random;
 use zip::write::SimpleFileOptions;
 
 /// Little-endian patches of a zip's records, found by their signatures.

@@ -2,8 +2,8 @@
 
 use crate::Court;
 use crate::parts::{BINDING, CONTROLLERS, GAUSSIANS, MANIFEST, Parts, TEMPLATE, Tensors, pack};
-use mon3tr_tests::synthetic::Random;
 use serde_json::{Value, json};
+use synthetic_person::Random;
 
 pub(crate) fn wrong_numbers(court: &mut Court, parts: &Parts, random: &mut Random) {
     let count = |tensor: &str, member: &str| {

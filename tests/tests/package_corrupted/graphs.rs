@@ -2,9 +2,9 @@
 
 use crate::Court;
 use crate::parts::{GRAPH, Parts};
-use mon3tr_tests::onnx::field;
-use mon3tr_tests::synthetic::Puppet;
 use spmm3::Controllers;
+use synthetic_person::Puppet;
+use test_support::onnx::field;
 
 /// Where a stored tensor's numbers begin: its name, the key of raw data, a length, then they.
 fn raw_data(graph: &[u8], tensor: &str) -> usize {

@@ -6,12 +6,12 @@ mod contents;
 mod graphs;
 mod parts;
 
-use mon3tr_tests::synthetic::{Puppet, Random};
 use parts::Parts;
 use spmm3::Avatar;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::io::Cursor;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use synthetic_person::{Puppet, Random};
 
 /// The system's allocator, counting what is held and the most that ever was.
 struct Counting;

@@ -3,10 +3,10 @@
 use crate::person::{PUPPET, Pose, mesh_of};
 use glam::{Quat, Vec3};
 use half::f16;
-use mon3tr_tests::person_reference::{self as reference, M3, ReferenceGaussian};
-use mon3tr_tests::synthetic::{Puppet, PuppetSize};
-use mon3tr_tests::vulkan::{assert_silent, gpu, rerun_with_other_subgroups};
 use spmm3::{BoundGaussians, GaussianSet, PlanarVertices, SH_C0, SkinWeights, Template};
+use synthetic_person::reference::{self as reference, M3, ReferenceGaussian};
+use synthetic_person::{Puppet, PuppetSize};
+use test_support::vulkan::{assert_silent, gpu, rerun_with_other_subgroups};
 use xr_renderer::{BoundMesh, BoundMeshParts, Gaussian, Gpu, PosedInput, Poser};
 
 /// Largest distance, metres: f32 rounding two metres from the origin is a tenth of it.

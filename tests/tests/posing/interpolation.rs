@@ -2,8 +2,8 @@
 
 use crate::binding::{TURNED, matrix_distance};
 use crate::person::{PUPPET, Pose, mesh_of};
-use mon3tr_tests::person_reference::{self as reference, M3};
-use mon3tr_tests::vulkan::{assert_silent, gpu};
+use synthetic_person::reference::{self as reference, M3};
+use test_support::vulkan::{assert_silent, gpu};
 use xr_renderer::{DetailLevel, Gaussian, Poser};
 
 /// From one rotation to another about a fixed axis, by way of matrices: `share` 0..=2. Also the angle between them.
@@ -83,7 +83,7 @@ fn small_turns_are_as_exact_as_large_ones() {
     let Some(gpu) = gpu() else { return };
     let puppet = &*PUPPET;
     let mut poser = Poser::new(&gpu, &mesh_of(puppet)).expect("the puppet fits");
-    let mut motion = mon3tr_tests::synthetic::Random::new(31).motion(0.5);
+    let mut motion = synthetic_person::Random::new(31).motion(0.5);
     let before = Pose::of(puppet, &motion);
     for joint in spmm3::Joint::ALL {
         let turned = motion.axis_angle(joint) + glam::Vec3::new(3e-4, -2e-4, 1e-4);

@@ -1,12 +1,12 @@
 //! The networks on ONNX Runtime and all the rest on the device, against the whole graph and the CPU's F_m2g.
 
 use glam::{Quat, Vec3};
-use mon3tr_tests::bound_person::{Networks, avatar_mesh, session};
-use mon3tr_tests::onnx::runtime;
-use mon3tr_tests::synthetic::{Puppet, Random};
-use mon3tr_tests::vulkan::{assert_silent, gpu};
 use spmm3::networks::GraphParts;
 use spmm3::{GaussianSet, PlanarVertices, SkinningTransforms};
+use synthetic_person::{Puppet, Random};
+use test_support::bound_person::{Networks, avatar_mesh, session};
+use test_support::onnx::runtime;
+use test_support::vulkan::{assert_silent, gpu};
 use xr_renderer::Poser;
 
 #[test]

@@ -1,10 +1,10 @@
 //! The puppet as the tests of this program pose it.
 
-use mon3tr_tests::bound_person::bound_mesh;
-use mon3tr_tests::person_reference::{self as reference, V3};
-use mon3tr_tests::synthetic::{Puppet, Random};
 use spmm3::{MotionParams, SkinningTransforms};
 use std::sync::LazyLock;
+use synthetic_person::reference::{self as reference, V3};
+use synthetic_person::{Puppet, Random};
+use test_support::bound_person::bound_mesh;
 use xr_renderer::{BoundMesh, PosedInput};
 
 /// Building the puppet takes longer than a test.

@@ -2,11 +2,11 @@
 
 use crate::person::{PUPPET, Pose, mesh_of};
 use glam::{Affine3A, Quat, Vec3};
-use mon3tr_tests::picture_check::{BACK_ENDS, compare, whole};
-use mon3tr_tests::synthetic::{Puppet, PuppetSize};
-use mon3tr_tests::vulkan::{assert_silent, gpu};
 use spmm3::{GaussianSet, PlanarVertices, SH_C0};
 use std::sync::Arc;
+use synthetic_person::{Puppet, PuppetSize};
+use test_support::picture_check::{BACK_ENDS, compare, whole};
+use test_support::vulkan::{assert_silent, gpu};
 use xr_renderer::{
     BackEnd, Camera, DetailLevel, Drawing, Foreground, ForegroundPath, Gpu, Image, PackedGaussian,
     Part, PosedInput, Poser, RenderError, RendererOptions, SplatRenderer, StateId,
@@ -110,7 +110,7 @@ fn uploaded(gpu: &Arc<Gpu>, back_end: BackEnd, camera: Camera, set: &[PackedGaus
 
 /// Two poses a motion frame apart: 0.03 radians a joint.
 fn two_poses(puppet: &Puppet) -> [Pose; 2] {
-    let mut random = mon3tr_tests::synthetic::Random::new(80);
+    let mut random = synthetic_person::Random::new(80);
     let mut motion = random.motion(0.4);
     motion.root_translation *= 0.3;
     let first = Pose::of(puppet, &motion);

@@ -1,7 +1,7 @@
 //! Which states are kept.
 
 use crate::person::{PUPPET, Pose, mesh_of};
-use mon3tr_tests::vulkan::gpu;
+use test_support::vulkan::gpu;
 use xr_renderer::{PosedInput, Poser, RenderError};
 
 #[test]

@@ -1,11 +1,11 @@
 //! Compiled forms of a graph: kept, used again, made again when damaged, and never used for another chip.
 
 use super::session;
-use mon3tr_tests::onnx::runtime_with_qnn;
-use mon3tr_tests::synthetic::{Puppet, Random};
 use npu_runtime::{Graph, Origin, Precompiled, ProviderKind, QnnTarget, RuntimeError, Session};
 use spmm3::networks::GraphParts;
 use std::path::{Path, PathBuf};
+use synthetic_person::{Puppet, Random};
+use test_support::onnx::runtime_with_qnn;
 
 #[test]
 fn a_graph_is_compiled_once_and_again_when_its_cache_is_damaged() {
@@ -62,9 +62,9 @@ fn a_graph_is_compiled_once_and_again_when_its_cache_is_damaged() {
     std::fs::write(&entry, foreign).expect("a writable folder");
     assert_eq!(open(&model).origin(), Origin::Compiled, "a foreign file");
 
-    let other = Puppet::new(mon3tr_tests::synthetic::PuppetSize {
+    let other = Puppet::new(synthetic_person::PuppetSize {
         bases: 4,
-        ..mon3tr_tests::synthetic::PuppetSize::SMALL
+        ..synthetic_person::PuppetSize::SMALL
     });
     let other = other
         .graph()

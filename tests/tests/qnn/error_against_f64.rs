@@ -1,13 +1,13 @@
 //! What half precision on the NPU costs, against the f64 reference.
 
 use super::{QNN, session};
-use mon3tr_tests::onnx::runtime_with_qnn;
-use mon3tr_tests::person_reference as reference;
-use mon3tr_tests::synthetic::{Puppet, PuppetSize, Random};
 use npu_runtime::{ProviderKind, Runtime};
 use spmm3::networks::GraphParts;
 use spmm3::{ATTRIBUTES, SkinningTransforms};
 use std::time::Instant;
+use synthetic_person::reference;
+use synthetic_person::{Puppet, PuppetSize, Random};
+use test_support::onnx::runtime_with_qnn;
 
 /// Largest mean and largest single distance of a vertex, metres, in poses where every joint is turned far. A number near
 /// 1 m has steps of half a millimetre to a millimetre in half precision, and each coordinate is a sum of four such.

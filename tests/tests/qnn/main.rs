@@ -6,9 +6,9 @@ mod compiled;
 mod error_against_f64;
 mod refused;
 
-use mon3tr_tests::onnx::whole_graph;
-use mon3tr_tests::synthetic::Puppet;
 use npu_runtime::{Graph, Provider, QnnTarget, Runtime, RuntimeError, Session};
+use synthetic_person::Puppet;
+use test_support::onnx::whole_graph;
 
 /// The Quest 3's NPU.
 const QNN: Provider = Provider::Qnn {

@@ -1,8 +1,8 @@
 //! What the NPU does not take is refused as a whole, by name; what is not there is named, with the reason.
 
 use super::QNN;
-use mon3tr_tests::onnx::{field, runtime, runtime_with_qnn};
 use npu_runtime::{Provider, ProviderKind, RuntimeError, Session, TensorSpec};
+use test_support::onnx::{field, runtime, runtime_with_qnn};
 
 #[test]
 fn an_operator_that_the_npu_lacks_is_named_and_nothing_goes_to_the_cpu() {

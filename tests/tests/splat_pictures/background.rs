@@ -2,15 +2,15 @@
 //! scene as its file states it, so that what packing costs is measured.
 
 use glam::Vec3;
-use mon3tr_tests::picture_check::{
+use splat_scene::{Scene, SceneBuilder, Splat};
+use synthetic_person::Random;
+use synthetic_person::real_files::real_file;
+use test_support::picture_check::{
     BACK_ENDS, assert_drawn_as_reference, draw, renderer_of, show, views_of,
 };
-use mon3tr_tests::real_files::real_file;
-use mon3tr_tests::splat_reference::World;
-use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
-use mon3tr_tests::synthetic::Random;
-use mon3tr_tests::vulkan::{assert_silent, gpu};
-use splat_scene::{Scene, SceneBuilder, Splat};
+use test_support::splat_reference::World;
+use test_support::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
+use test_support::vulkan::{assert_silent, gpu};
 use xr_renderer::{Camera, Fov};
 
 use crate::{EQUAL, OPAQUE, PACKED, SPARSE};

@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use mon3tr_tests::picture_check::{BACK_ENDS, draw, packed, renderer_for, show};
-use mon3tr_tests::splat_reference::World;
-use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
-use mon3tr_tests::vulkan::{LOGGED_MESSAGES, assert_silent, gpu, open_gpu, or_skip};
+use test_support::picture_check::{BACK_ENDS, draw, packed, renderer_for, show};
+use test_support::splat_reference::World;
+use test_support::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
+use test_support::vulkan::{LOGGED_MESSAGES, assert_silent, gpu, open_gpu, or_skip};
 use xr_renderer::{
     BackEnd, Backdrop, Gpu, GpuChoice, RenderError, RendererOptions, Shown, Sorter, SplatRenderer,
     WindowTarget,

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use mon3tr_tests::picture_check::{
+use test_support::picture_check::{
     BACK_ENDS, assert_drawn_as_reference, depth_renderer_of, draw, renderer_for, show,
 };
-use mon3tr_tests::splat_reference::World;
-use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians};
-use mon3tr_tests::vulkan::{assert_silent, gpu};
+use test_support::splat_reference::World;
+use test_support::splat_scenes::{eyes, front_camera, random_gaussians};
+use test_support::vulkan::{assert_silent, gpu};
 use xr_renderer::{BackEnd, Camera, Gaussian, RenderError, RendererOptions, SplatRenderer};
 
 use crate::SPARSE;

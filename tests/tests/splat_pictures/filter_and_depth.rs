@@ -1,14 +1,14 @@
 //! The Mip filter and the depth picture against the reference.
 
 use glam::Vec3;
-use mon3tr_tests::picture_check::{
+use test_support::picture_check::{
     BACK_ENDS, assert_drawn_as_reference, compare, depth_renderer_of, draw, views_of, whole,
 };
-use mon3tr_tests::splat_reference::{World, depth_error, render_world};
-use mon3tr_tests::splat_scenes::{
+use test_support::splat_reference::{World, depth_error, render_world};
+use test_support::splat_scenes::{
     eyes_at, front_camera, railing_and_wall, random_gaussians, random_scene, standing_figure,
 };
-use mon3tr_tests::vulkan::{assert_silent, gpu};
+use test_support::vulkan::{assert_silent, gpu};
 use xr_renderer::{BackEnd, Camera, Filter};
 
 use crate::PACKED;

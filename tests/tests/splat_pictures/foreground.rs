@@ -1,14 +1,14 @@
 //! Foregrounds alone.
 
 use glam::Vec3;
-use mon3tr_tests::picture_check::{
+use test_support::picture_check::{
     BACK_ENDS, Least, assert_drawn_as_reference, compare, renderer_for, show, whole,
 };
-use mon3tr_tests::splat_reference::World;
-use mon3tr_tests::splat_scenes::{
+use test_support::splat_reference::World;
+use test_support::splat_scenes::{
     eyes, front_camera, in_front_of_figure, random_gaussians, standing_figure,
 };
-use mon3tr_tests::vulkan::{assert_silent, gpu};
+use test_support::vulkan::{assert_silent, gpu};
 use xr_renderer::{Camera, Gaussian};
 
 use crate::{CROWDED, EQUAL, OPAQUE, SPARSE};

@@ -7,10 +7,10 @@ use std::path::PathBuf;
 use glam::Vec3;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
-use mon3tr_tests::picture_check::{BEHIND, draw, keep_pictures};
-use mon3tr_tests::splat_reference::World;
-use mon3tr_tests::splat_scenes::{eyes_at, in_front_of_figure, railing_and_wall, standing_figure};
-use mon3tr_tests::vulkan::{assert_silent, gpu};
+use test_support::picture_check::{BEHIND, draw, keep_pictures};
+use test_support::splat_reference::World;
+use test_support::splat_scenes::{eyes_at, in_front_of_figure, railing_and_wall, standing_figure};
+use test_support::vulkan::{assert_silent, gpu};
 use xr_renderer::{BackEnd, Camera, Filter, Gpu, Image};
 
 const SIDE: u32 = 256;

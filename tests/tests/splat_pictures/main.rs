@@ -15,7 +15,7 @@ mod sizes;
 mod slots;
 mod subgroups;
 
-use mon3tr_tests::picture_check::Least;
+use test_support::picture_check::Least;
 
 // Least PSNR in dB. Rounding to 8 bits alone is 59. Quads round each pixel to half floats after each splat: the
 // more splats lie over one another, the more is lost.

@@ -1,16 +1,16 @@
 //! Keeping the order: a renderer that sorted a moment ago draws as one that sorts now, and what has not changed stays.
 
 use glam::{Affine3A, Quat, Vec3};
-use mon3tr_tests::picture_check::{
+use synthetic_person::Random;
+use test_support::picture_check::{
     BACK_ENDS, compare, keep_pictures, renderer_of, show, views_of, whole,
 };
-use mon3tr_tests::splat_reference::{PixelBox, World};
-use mon3tr_tests::splat_scenes::{
+use test_support::splat_reference::{PixelBox, World};
+use test_support::splat_scenes::{
     eyes_at, in_front_of_figure, railing_and_wall, random_gaussians, standing_figure,
 };
-use mon3tr_tests::synthetic::Random;
-use mon3tr_tests::vulkan::{assert_silent, gpu};
-use mon3tr_tests::walking::Walking;
+use test_support::vulkan::{assert_silent, gpu};
+use test_support::walking::Walking;
 use xr_renderer::{Camera, Change, Gaussian, Image, SplatRenderer};
 
 /// Least PSNR in dB of a picture in the kept order against one in its own.

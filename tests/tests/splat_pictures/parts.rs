@@ -1,15 +1,15 @@
 //! Foregrounds in parts, each turned and shifted: people who share a picture, and what comes to them and goes.
 
 use glam::{Affine3A, Quat, Vec3};
-use mon3tr_tests::picture_check::{
+use test_support::picture_check::{
     BACK_ENDS, assert_pictures_like_reference, renderer_for, renderer_of, show, views_of,
 };
-use mon3tr_tests::splat_reference::World;
-use mon3tr_tests::splat_scenes::{
+use test_support::splat_reference::World;
+use test_support::splat_scenes::{
     eyes_at, front_camera, in_front_of_figure, railing_and_wall, random_gaussians, standing_figure,
 };
-use mon3tr_tests::vulkan::{assert_silent, gpu};
-use mon3tr_tests::walking::Walking;
+use test_support::vulkan::{assert_silent, gpu};
+use test_support::walking::Walking;
 use xr_renderer::{
     BackEnd, Camera, Drawing, Foreground, Gaussian, Image, MOST_PARTS, Part, RenderError,
     RendererOptions, SplatRenderer,

@@ -1,13 +1,13 @@
 //! Background and foreground in one order: a person behind a railing of splats, before a wall.
 
 use glam::Vec3;
-use mon3tr_tests::picture_check::{assert_drawn_as_reference, compare, whole};
-use mon3tr_tests::splat_reference::World;
-use mon3tr_tests::splat_scenes::{
+use test_support::picture_check::{assert_drawn_as_reference, compare, whole};
+use test_support::splat_reference::World;
+use test_support::splat_scenes::{
     BAR_COLOUR, between_bars, eyes_at, in_front_of_figure, on_a_bar, pixel_of, railing_and_wall,
     standing_figure,
 };
-use mon3tr_tests::vulkan::gpu;
+use test_support::vulkan::gpu;
 use xr_renderer::{Camera, Image};
 
 use crate::PACKED;

@@ -1,14 +1,14 @@
 //! Pictures smaller than the renderer was made for, as those of a renderer of their size.
 
 use glam::Vec3;
-use mon3tr_tests::picture_check::{
+use test_support::picture_check::{
     BACK_ENDS, depth_renderer_of, keep_pictures, renderer_for, renderer_of, show, views_of,
 };
-use mon3tr_tests::splat_reference::World;
-use mon3tr_tests::splat_scenes::{
+use test_support::splat_reference::World;
+use test_support::splat_scenes::{
     eyes_at, front_camera, in_front_of_figure, railing_and_wall, random_gaussians, standing_figure,
 };
-use mon3tr_tests::vulkan::{assert_silent, gpu};
+use test_support::vulkan::{assert_silent, gpu};
 use xr_renderer::{BackEnd, Backdrop, Camera, RenderError, Shown, WindowTarget};
 
 /// Odd and even, of other proportions than the largest, down to one pixel, and the largest again.

@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::thread;
 
-use mon3tr_tests::picture_check::{BACK_ENDS, packed, renderer_for, show, views_of};
-use mon3tr_tests::splat_scenes::{front_camera, random_gaussians};
-use mon3tr_tests::vulkan::{assert_silent, gpu, open_gpu};
-use mon3tr_tests::walking::Walking;
+use test_support::picture_check::{BACK_ENDS, packed, renderer_for, show, views_of};
+use test_support::splat_scenes::{front_camera, random_gaussians};
+use test_support::vulkan::{assert_silent, gpu, open_gpu};
+use test_support::walking::Walking;
 use xr_renderer::{BackEnd, Drawing, Foreground, ForegroundPath, Part, RenderError};
 
 #[test]

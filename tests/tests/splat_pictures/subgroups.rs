@@ -1,9 +1,9 @@
 //! Every subgroup size that the software driver can be asked for.
 
-use mon3tr_tests::picture_check::assert_drawn_by;
-use mon3tr_tests::splat_reference::World;
-use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
-use mon3tr_tests::vulkan::{gpu, rerun_with_other_subgroups};
+use test_support::picture_check::assert_drawn_by;
+use test_support::splat_reference::World;
+use test_support::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
+use test_support::vulkan::{gpu, rerun_with_other_subgroups};
 use xr_renderer::BackEnd;
 
 use crate::{CROWDED, PACKED};

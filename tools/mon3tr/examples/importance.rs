@@ -5,7 +5,9 @@
 //! The figures behind the order that `mon3tr bake` stores and the growth of those kept; not a test.
 
 use anyhow::Context;
-use app::{Deformer, GaussianState, Inference, Plan, plane};
+use app_kernels::state::{GaussianState, plane};
+use app_pipeline::deform::Deformer;
+use app_pipeline::placement::{Inference, Plan};
 use glam::Vec3;
 use npu_runtime::Runtime;
 use reconstruct::bake::{Weights, importance};
@@ -58,7 +60,7 @@ fn main() -> anyhow::Result<()> {
     let plan = Plan::CpuTail;
     let inference = Inference::open(&runtime, &avatar, plan.graph(), &[provider], None)?;
     let mut deformer = Deformer::new(&avatar, inference, plan)?;
-    let mut profile = app::Profile::default();
+    let mut profile = app_pipeline::profile::Profile::default();
     let states: Vec<GaussianState> = [2.0, 9.0]
         .iter()
         .map(|t| {

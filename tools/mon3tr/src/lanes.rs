@@ -1,6 +1,7 @@
 //! What can be chosen about the lanes that show a call.
 
-use app::{LatencyMode, PlacementRequest};
+use app_pipeline::placement::PlacementRequest;
+use app_pipeline::timeline::LatencyMode;
 use clap::ValueEnum;
 
 /// Options of commands that show a call.

@@ -5,11 +5,12 @@ use crate::stage::Setting;
 use crate::surroundings::{compiled, offer};
 use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::Context;
-use app::hold::{HoldFigures, HoldMode};
-use app::{
-    Call, Collector, Control, DisplayClock, Drawn, LaneOptions, Lanes, Placed, PlacementReport,
-    Skipped, place_first,
-};
+use app_pipeline::control::Control;
+use app_pipeline::hold::{HoldFigures, HoldMode};
+use app_pipeline::lanes::{DisplayClock, Drawn, LaneOptions, Lanes, Skipped};
+use app_pipeline::placement::{Placed, PlacementReport, place_first};
+use app_pipeline::profile::Collector;
+use app_session::call::Call;
 use glam::{Quat, Vec3};
 use npu_runtime::Runtime;
 use spmm3::{Avatar, Joint, MotionParams};

@@ -4,7 +4,7 @@ use crate::performance::Performance;
 use crate::scenery::SceneFigures;
 use crate::stage::{Size, Views};
 use anyhow::{Context, bail};
-use app::StageSummary;
+use app_pipeline::profile::StageSummary;
 use npu_runtime::Runtime;
 use profile_report::AvatarFigures;
 use serde::Serialize;

@@ -5,7 +5,10 @@ use crate::report::{Splatting, StageTable};
 use crate::scenery::is_scene;
 use crate::surroundings::Surroundings;
 use anyhow::{Context, anyhow, ensure};
-use app::{Deformer, Inference, Plan, Receiver, ReceiverError};
+use app_pipeline::deform::Deformer;
+use app_pipeline::error::ReceiverError;
+use app_pipeline::placement::{Inference, Plan};
+use app_pipeline::receiver::Receiver;
 use clap::ValueEnum;
 use glam::Vec3;
 use image::RgbImage;
@@ -247,8 +250,8 @@ pub(crate) fn to_rgb(picture: &Image, rgb: Vec<u8>) -> anyhow::Result<RgbImage> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mon3tr_tests::synthetic::Puppet;
-    use mon3tr_tests::{onnx, vulkan};
+    use synthetic_person::Puppet;
+    use test_support::{onnx, vulkan};
     use xr_renderer::GpuChoice;
 
     /// As from a package, so that its networks can be read back.

@@ -1,7 +1,7 @@
 //! What the command finds around it: cache folder, MakeHuman's data, ONNX Runtime, the Vulkan device.
 
 use anyhow::{Context, bail};
-use app::Offer;
+use app_pipeline::placement::Offer;
 use npu_runtime::Runtime;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

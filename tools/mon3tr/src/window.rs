@@ -5,7 +5,7 @@ use crate::commands::receive::{Screen, Until};
 use crate::stage::{Setting, Size};
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
-use app::Drawn;
+use app_pipeline::lanes::Drawn;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;

@@ -1,7 +1,7 @@
 //! The files that a profile leaves.
 
 use crate::{Report, page, trace};
-use app::{Recording, Terms};
+use app_pipeline::profile::{Recording, Terms};
 use serde_json::json;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};

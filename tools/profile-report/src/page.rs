@@ -1,7 +1,8 @@
 //! One HTML file that shows a recording: timeline, latency, distributions, figures. Asks nobody for anything.
 
 use crate::Report;
-use app::{Lane, Part, PictureLatency, Recording, Stage, StateTimes, Terms, nanoseconds};
+use app_pipeline::profile::{Part, PictureLatency, Recording, StateTimes, Terms, nanoseconds};
+use app_pipeline::stage::{Lane, Stage};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -54,7 +55,7 @@ fn recorded(recording: &Recording, terms: &Terms) -> Value {
             s.source
         ])
     };
-    let picture = |p: &app::PictureTimes| {
+    let picture = |p: &app_pipeline::profile::PictureTimes| {
         let parts = PictureLatency::new(p, terms.encode).parts;
         json!([
             p.number,

@@ -2,7 +2,7 @@
 
 use crate::machine::MachineFigures;
 use crate::{Measured, Memory};
-use app::CallFigures;
+use app_session::call::CallFigures;
 use serde::Serialize;
 use serde_json::Value;
 use spmm3::Avatar;

@@ -3,11 +3,13 @@
 
 use crate::machine::{Absent, Channel, MachineFigures, Quantity, Series};
 use crate::{AvatarFigures, Conditions, Measured, Memory, Report};
-use app::hold::{Hold, HoldMode};
-use app::{
-    Alternative, BridgeState, Collector, Lane, PictureTimes, PlacementReport, Plan, Recorder,
-    Recording, Stage, StageCosts, StateTimes, Summary, Terms, Unit, unit_of,
+use app_pipeline::bridge::BridgeState;
+use app_pipeline::hold::{Hold, HoldMode};
+use app_pipeline::placement::{Alternative, PlacementReport, Plan, StageCosts, unit_of};
+use app_pipeline::profile::{
+    Collector, PictureTimes, Recorder, Recording, StateTimes, Summary, Terms,
 };
+use app_pipeline::stage::{Lane, Stage, Unit};
 use npu_runtime::{Landing, Origin, Provider, ProviderKind, QnnTarget};
 use serde_json::json;
 use std::time::{Duration, Instant};
@@ -226,7 +228,7 @@ fn report(recording: &Recording, terms: &Terms) -> Report {
         },
         shown: Measured {
             placement: placement(),
-            skipped: app::Skipped::default(),
+            skipped: app_pipeline::lanes::Skipped::default(),
             hold: Hold::new(terms.display_period, HoldMode::Fixed(0)).figures(),
             measured: Summary::new(recording, terms),
         },

@@ -3,7 +3,8 @@
 use crate::machine::MachineFigures;
 use crate::synthetic::{Synthetic, synthetic};
 use crate::{FINISHED, Folder, page, trace};
-use app::{Lane, Summary};
+use app_pipeline::profile::Summary;
+use app_pipeline::stage::Lane;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::process::Command;

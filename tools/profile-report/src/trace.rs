@@ -4,7 +4,8 @@
 //! Gaussians, and from there to each picture that was made from it. Written event by event.
 
 use crate::machine::MachineFigures;
-use app::{Lane, PictureLatency, PictureTimes, Recording, Span, Stage, Terms, nanoseconds};
+use app_pipeline::profile::{PictureLatency, PictureTimes, Recording, Span, Terms, nanoseconds};
+use app_pipeline::stage::{Lane, Stage};
 use serde::Serialize;
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -49,7 +50,7 @@ struct Event<'a> {
 enum Arguments {
     Span {
         frame: u64,
-        unit: app::Unit,
+        unit: app_pipeline::stage::Unit,
     },
     Picture {
         picture: u64,

@@ -1,5 +1,6 @@
 use super::*;
-use app::{LatencyMode, PlacementRequest, Plan};
+use app_pipeline::placement::{PlacementRequest, Plan};
+use app_pipeline::timeline::LatencyMode;
 use log::LevelFilter;
 use std::time::Duration;
 

@@ -5,7 +5,7 @@ use crate::process::{LEAVE, Process};
 use crate::stage::Stage;
 use android_rehearsal::protocol::Intent;
 use anyhow::ensure;
-use mon3tr_tests::monado::Compositor;
+use test_support::monado::Compositor;
 
 /// Until the notice is shown.
 pub(super) fn shows_a_notice(process: &mut Process) -> anyhow::Result<()> {

@@ -5,11 +5,11 @@ use crate::process::{LEAVE, Process};
 use crate::stage::{Stage, opening};
 use android_rehearsal::protocol::Callback;
 use anyhow::{Context, ensure};
-use mon3tr_tests::monado::Compositor;
-use mon3tr_tests::synthetic::PuppetSize;
 use std::fs;
 use std::thread::sleep;
 use std::time::Duration;
+use synthetic_person::PuppetSize;
+use test_support::monado::Compositor;
 
 /// The validation layer, for a program that does not ask for it; what it says goes to the standard output, which the app has in the log.
 const VALIDATED: [(&str, &str); 1] = [("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")];

@@ -5,8 +5,8 @@ use super::{Figures, assert_well, figure};
 use crate::stage::Stage;
 use android_rehearsal::protocol::{Extra, Intent};
 use anyhow::{Context, ensure};
-use mon3tr_tests::monado::Compositor;
 use std::net::TcpListener;
+use test_support::monado::Compositor;
 
 /// Events that are put into the input queue.
 const EVENTS: u32 = 5;

@@ -6,8 +6,8 @@ use crate::process::Process;
 use crate::stage::Stage;
 use android_rehearsal::protocol::{Census, Intent};
 use anyhow::ensure;
-use mon3tr_tests::monado::Compositor;
 use std::collections::BTreeMap;
+use test_support::monado::Compositor;
 
 const REMAKES: usize = 20;
 /// Of which the first find caches empty.

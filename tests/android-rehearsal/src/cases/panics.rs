@@ -5,9 +5,9 @@ use super::{Figures, figure};
 use crate::stage::Stage;
 use android_rehearsal::protocol::{Callback, Intent};
 use anyhow::{Context, ensure};
-use mon3tr_tests::monado::Compositor;
 use std::path::Path;
 use std::process::Command;
+use test_support::monado::Compositor;
 
 pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     let scene = stage.scene(name, Compositor::Null)?;

@@ -6,10 +6,10 @@ use crate::process::{LEAVE, Process};
 use crate::stage::{Server, Stage, opening};
 use android_rehearsal::protocol::{ActivityIndex, Callback};
 use anyhow::ensure;
-use mon3tr_tests::monado::Compositor;
-use mon3tr_tests::synthetic::PuppetSize;
 use std::thread::sleep;
 use std::time::Duration;
+use synthetic_person::PuppetSize;
+use test_support::monado::Compositor;
 
 /// Moments after the headset was opened for the call, milliseconds.
 const MOMENTS: [u64; 6] = [0, 150, 400, 900, 1600, 2600];

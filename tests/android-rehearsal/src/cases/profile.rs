@@ -4,10 +4,10 @@ use super::{Figures, assert_well, figure};
 use crate::stage::Stage;
 use android_rehearsal::protocol::Intent;
 use anyhow::{Context, ensure};
-use mon3tr_tests::monado::Compositor;
-use mon3tr_tests::synthetic::{Puppet, PuppetSize};
 use serde_json::Value;
 use std::fs;
+use synthetic_person::{Puppet, PuppetSize};
+use test_support::monado::Compositor;
 
 pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     let scene = stage.scene(name, Compositor::Null)?;

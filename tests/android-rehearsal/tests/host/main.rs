@@ -5,11 +5,11 @@
 
 use android_rehearsal::protocol::{Answer, Callback, Intent, Reply, Request};
 use android_rehearsal::shims;
-use mon3tr_tests::service::LONGEST_WAIT;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{ChildStdin, Command, Stdio};
 use std::sync::mpsc::channel;
+use test_support::service::LONGEST_WAIT;
 
 /// In an order that Android calls them.
 const CALLBACKS: [Callback; 15] = [

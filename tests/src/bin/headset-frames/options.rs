@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use mon3tr_tests::splat_scenes::{figure_ahead, markers};
+use test_support::splat_scenes::{figure_ahead, markers};
 use xr_renderer::xr::Surround;
 use xr_renderer::{BackEnd, Gaussian};
 

@@ -6,7 +6,7 @@ use crate::report::{check_writable, write_json};
 use crate::stage::load_avatar;
 use crate::surroundings::{Surroundings, cache, make_folder, makehuman};
 use anyhow::{Context, bail};
-use app::GaussianState;
+use app_kernels::state::GaussianState;
 use glam::Vec3;
 use npu_runtime::{ProviderKind, QnnTarget, Runtime};
 use reconstruct::bake::{BAKE_VERSION, BakeOptions, BakeReport, Shot, bake};

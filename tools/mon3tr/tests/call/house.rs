@@ -2,7 +2,6 @@
 
 use crate::command::{command, json, puppet};
 use link::RoomLink;
-use mon3tr_tests::service::{LONGEST_WAIT, assert_all_live};
 use netlab::{Impairment, Lab, LabConfig};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
@@ -15,6 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
+use test_support::service::{LONGEST_WAIT, assert_all_live};
 use tokio::runtime::Runtime;
 
 /// Waits until `answer` is there.

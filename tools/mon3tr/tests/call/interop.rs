@@ -2,12 +2,12 @@
 
 use crate::house::{House, count, number};
 use link::{AvatarRef, Client, Room, ServerUrl};
-use mon3tr_tests::service::{self, Service, attended};
 use serde_json::Value;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
+use test_support::service::{self, Service, attended};
 
 /// Where the programs are.
 fn program(name: &str) -> PathBuf {

@@ -4,8 +4,8 @@ use crate::house::{
     House, assert_nothing_refused, assert_only_skipped, count, frames_come, joined, longest_gap,
     through,
 };
-use mon3tr_tests::synthetic::{Puppet, PuppetSize};
 use netlab::Impairment;
+use synthetic_person::{Puppet, PuppetSize};
 
 #[test]
 fn a_viewer_sees_a_sender_again_that_was_killed_and_came_back() {

@@ -149,7 +149,7 @@ fn links_that_open_nothing_are_refused_in_one_line() {
     // Without the server's address or the token it is no link at all.
     for no_link in [room, "somewhere", "ftp://host/rooms/a#b"] {
         let arguments = ["receive", no_link];
-        let outcome = mon3tr_tests::service::finish(&mut command(&arguments));
+        let outcome = test_support::service::finish(&mut command(&arguments));
         let said = String::from_utf8_lossy(&outcome.stderr).into_owned();
         assert!(
             !outcome.status.success() && said.contains("no room link"),

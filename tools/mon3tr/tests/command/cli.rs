@@ -2,10 +2,10 @@
 //! mistakes, which must end with one line that says what to do.
 
 use crate::support::{self, Outcome, json, mon3tr, puppet, text};
-use mon3tr_tests::onnx::runtime;
-use mon3tr_tests::vulkan::gpu;
 use std::path::PathBuf;
 use tempfile::TempDir;
+use test_support::onnx::runtime;
+use test_support::vulkan::gpu;
 
 /// A folder with the made-up person's package in it.
 fn folder_with_package() -> (TempDir, PathBuf) {

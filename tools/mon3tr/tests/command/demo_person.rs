@@ -4,17 +4,20 @@
 use crate::placements::every_placement_poses_it_alike;
 use crate::scenes::scene;
 use crate::support::{Outcome, command, json, mon3tr};
-use app::{Deformer, Inference, Plan, Profile, plane};
+use app_kernels::state::plane;
+use app_pipeline::deform::Deformer;
+use app_pipeline::placement::{Inference, Plan};
+use app_pipeline::profile::Profile;
 use glam::Vec3;
-use mon3tr_tests::onnx::runtime;
-use mon3tr_tests::picture_check::{Least, assert_drawn_as_reference};
-use mon3tr_tests::splat_reference::World;
-use mon3tr_tests::vulkan::gpu;
 use npu_runtime::Provider;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use test_support::onnx::runtime;
+use test_support::picture_check::{Least, assert_drawn_as_reference};
+use test_support::splat_reference::World;
+use test_support::vulkan::gpu;
 use xr_renderer::{Camera, Gaussian};
 
 /// Least PSNR against the reference, dB; lavapipe reaches 74 and 66, and rounding to 8 bits alone would leave 59.

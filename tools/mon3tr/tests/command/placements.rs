@@ -1,11 +1,12 @@
 //! The CPU's kernels on the real demo avatar, against ONNX Runtime's operators and `spmm3`'s plain F_m2g.
 
-use app::{Attributes, GaussianState, PoseInputs, Poser, Skinner, plane};
+use app_kernels::state::{GaussianState, plane};
+use app_kernels::{Attributes, PoseInputs, Poser, Skinner};
 use glam::{Quat, Vec3};
-use mon3tr_tests::synthetic::Random;
 use npu_runtime::{Provider, Runtime, Session, TensorSpec};
 use spmm3::networks::{GraphParts, Port};
 use spmm3::{Avatar, GaussianSet, MotionParams, PlanarVertices, SH_C0, SkinningTransforms};
+use synthetic_person::Random;
 
 fn run(
     runtime: &Runtime,

@@ -1,8 +1,8 @@
 //! `mon3tr profile` whole: a call of the small made-up person, and everything that it writes.
 
 use crate::support::{json, mon3tr, puppet, text};
-use mon3tr_tests::onnx::runtime;
-use mon3tr_tests::vulkan::gpu;
+use test_support::onnx::runtime;
+use test_support::vulkan::gpu;
 
 #[test]
 fn profile_holds_a_call_and_writes_figures_a_trace_and_a_page_that_agree() {

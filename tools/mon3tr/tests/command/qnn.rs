@@ -1,9 +1,9 @@
 //! `mon3tr bake --qnn`: a package with its deform graph compiled for the Quest 3's NPU.
 
 use crate::support::{Outcome, command, json, mon3tr, puppet, text};
-use mon3tr_tests::onnx::{runtime, runtime_with_qnn};
 use npu_runtime::{QNN_VARIABLE, QnnTarget};
 use spmm3::Avatar;
+use test_support::onnx::{runtime, runtime_with_qnn};
 
 #[test]
 fn bake_compiles_a_packages_graph_for_the_npu_and_keeps_the_plain_one() {

@@ -1,10 +1,10 @@
 //! Gaussian scenes on the command line: inspected, drawn alone and around a person, timed.
 
 use crate::support::{json, mon3tr, puppet, text};
-use mon3tr_tests::onnx::runtime;
-use mon3tr_tests::vulkan::gpu;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
+use test_support::onnx::runtime;
+use test_support::vulkan::gpu;
 
 /// Gaussians of the floor.
 const FLOOR: usize = 900;

@@ -1,8 +1,8 @@
 //! Running the command from a test.
 
-use mon3tr_tests::synthetic::Puppet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use synthetic_person::Puppet;
 use tempfile::TempDir;
 
 /// How the command ended.
@@ -34,7 +34,7 @@ pub(crate) fn mon3tr(arguments: &[&str]) -> Outcome {
 
 impl Outcome {
     pub(crate) fn of(command: &mut Command) -> Self {
-        let output = mon3tr_tests::service::finish(command);
+        let output = test_support::service::finish(command);
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
         Self {
             ok: output.status.success(),

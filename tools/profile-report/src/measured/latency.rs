@@ -1,6 +1,6 @@
 //! Latency from capture to display, part by part, as a table with bars.
 
-use app::{LatencyBreakdown, Percentiles, Since};
+use app_pipeline::profile::{LatencyBreakdown, Percentiles, Since};
 
 /// Columns of the bars that show where in the whole a part lies.
 const BAR: f64 = 40.0;

@@ -6,8 +6,10 @@ mod placement;
 
 pub(crate) use placement::headed;
 
-use app::hold::HoldFigures;
-use app::{Occupancy, PictureFigures, PlacementReport, Skipped, StageSummary, Summary};
+use app_pipeline::hold::HoldFigures;
+use app_pipeline::lanes::Skipped;
+use app_pipeline::placement::PlacementReport;
+use app_pipeline::profile::{Occupancy, PictureFigures, StageSummary, Summary};
 use serde::Serialize;
 
 /// Columns that lines have at most.

@@ -1,7 +1,8 @@
 //! Where stages run: what was chosen and why, what else was tried, and what could not be had.
 
 use super::{COLUMNS, HEADING};
-use app::{Alternative, PlacementReport, Stage, Unit};
+use app_pipeline::placement::{Alternative, PlacementReport};
+use app_pipeline::stage::{Stage, Unit};
 
 /// What runs where, and why.
 pub(super) fn chosen(placement: &PlacementReport) -> Vec<String> {

@@ -2,7 +2,6 @@
 
 use crate::child::{Orders, ServerProcess};
 use crate::support::{Caller, Outcome, PATIENCE, TestServer, package};
-use mon3tr_tests::service::{self, Service, assert_all_live, attended};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use std::net::{SocketAddr, TcpListener};
@@ -10,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
+use test_support::service::{self, Service, assert_all_live, attended};
 
 /// The programs that `./run test` provides: where `nats-server` is, and a Python that has moto's server.
 fn programs() -> Option<(PathBuf, PathBuf)> {

@@ -1,7 +1,6 @@
 //! A server of a test's own, a client, and a sender that reads its presence stream.
 
 use futures_util::StreamExt;
-use mon3tr_tests::synthetic::Puppet;
 use reqwest::{Client, Method, RequestBuilder, Response, StatusCode};
 use serde_json::{Value, json};
 use server::{Config, Secret, Server, StoreConfig};
@@ -11,6 +10,7 @@ use std::error::Error;
 use std::net::SocketAddr;
 use std::sync::OnceLock;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use synthetic_person::Puppet;
 use tempfile::TempDir;
 
 pub(crate) type Outcome<T = ()> = Result<T, Box<dyn Error + Send + Sync>>;

@@ -3,7 +3,9 @@
 
 use super::measure::{median, print_table};
 use crate::report::{check_writable, write_json};
-use app::{BridgeState, Collector, Event, Lane, PictureTimes, Stage, StateTimes};
+use app_pipeline::bridge::BridgeState;
+use app_pipeline::profile::{Collector, Event, PictureTimes, StateTimes};
+use app_pipeline::stage::{Lane, Stage};
 use serde::Serialize;
 use std::hint::black_box;
 use std::path::PathBuf;

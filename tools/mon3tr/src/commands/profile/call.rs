@@ -5,7 +5,7 @@ use crate::children::{LocalServer, Process};
 use crate::commands::receive::wait_for_sender;
 use crate::network::Network;
 use anyhow::Context;
-use app::Call;
+use app_session::call::Call;
 use link::{Announcement, Client, Clock, RoomLink, Viewer};
 use serde_json::Value;
 use spmm3::Skeleton;

@@ -13,7 +13,7 @@ use crate::report::check_writable;
 use crate::stage::{DEFAULT_SIZE, Size, Views, load_avatar};
 use crate::surroundings::{Surroundings, make_folder};
 use anyhow::{Context, ensure};
-use app::{Recording, Summary, Terms};
+use app_pipeline::profile::{Recording, Summary, Terms};
 use call::Room;
 use drive::{Driven, Wanted, drive};
 use profile_report::machine::{EVERY, Sysfs, Watch};

@@ -3,7 +3,7 @@
 use super::Until;
 use crate::film::write_png;
 use crate::moments::Moments;
-use app::headset::{Seen, Watcher};
+use app_session::headset::{Seen, Watcher};
 use image::{RgbImage, imageops};
 use std::path::{Path, PathBuf};
 use xr_renderer::xr::EyePicture;

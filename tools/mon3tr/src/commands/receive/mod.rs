@@ -19,9 +19,9 @@ use crate::surroundings::{Surroundings, cache, make_folder};
 use crate::viewpoint::Viewpoint;
 use crate::window;
 use anyhow::{Context, bail};
-use app::hold::HoldMode;
-use app::visit::Waiting;
-use app::{Call, CallEnd};
+use app_pipeline::hold::HoldMode;
+use app_session::call::{Call, CallEnd};
+use app_session::visit::Waiting;
 use clap::ValueEnum;
 use link::{Announcement, Client, Clock, PackageCache, RoomLink, Viewer};
 use npu_runtime::Runtime;
@@ -282,7 +282,7 @@ pub(crate) async fn wait_for_sender(
         Waiting::ForSender => println!("waiting for the sender"),
         Waiting::Trouble(why) => log::warn!("{why}; trying again until Ctrl-C"),
     };
-    app::visit::wait_for_sender(client, room, || stop.load(Relaxed), told)
+    app_session::visit::wait_for_sender(client, room, || stop.load(Relaxed), told)
         .await
         .context("cannot join the room")
 }

@@ -6,7 +6,7 @@ use crate::live::{Live, Moment};
 use crate::moments::Moments;
 use crate::stage::{compose_views, read_views};
 use crate::viewpoint::{Viewpoint, eyes};
-use app::Drawn;
+use app_pipeline::lanes::Drawn;
 use image::{RgbImage, imageops};
 use std::time::{Duration, Instant};
 use xr_renderer::RenderError;

@@ -2,8 +2,9 @@
 
 use super::Fetched;
 use super::screen::Watched;
-use app::headset::HeadsetFigures;
-use app::{CallFigures, Percentiles};
+use app_pipeline::profile::Percentiles;
+use app_session::call::CallFigures;
+use app_session::headset::HeadsetFigures;
 use profile_report::AvatarFigures;
 use serde::Serialize;
 use std::path::PathBuf;

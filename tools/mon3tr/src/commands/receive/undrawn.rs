@@ -1,7 +1,7 @@
 //! `--display none`: every frame is taken as soon as it is due, and nothing is drawn: what is measured is the network and the link.
 
 use super::Until;
-use app::Call;
+use app_session::call::Call;
 use std::time::Duration;
 
 /// How long to wait at most before looking whether it is time to leave.

@@ -9,14 +9,14 @@ use android_app::launch::Launch;
 use android_app::lifecycle::{Driver, Event};
 use android_app::receiver::{Device, HeadsetReceiver};
 use android_app::storage::Folders;
-use mon3tr_tests::monado::Monado;
-use mon3tr_tests::service::attended;
 use std::io::{BufRead, Write};
 use std::path::Path;
 use std::process::ChildStdin;
 use std::sync::atomic::Ordering::Relaxed;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use test_support::monado::Monado;
+use test_support::service::attended;
 use xr_renderer::xr::Runtime;
 
 /// The room's link, if there is one.

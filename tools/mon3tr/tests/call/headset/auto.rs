@@ -2,10 +2,10 @@
 
 use super::viewer::can_draw;
 use crate::house::{House, Program, count};
-use mon3tr_tests::monado::{Compositor, Driver, Monado};
-use mon3tr_tests::service::attended;
 use serde_json::Value;
 use std::process::Command;
+use test_support::monado::{Compositor, Driver, Monado};
+use test_support::service::attended;
 
 /// Where what is said is explained.
 const DOCUMENTED: &str = include_str!("../../../../../docs/headset.md");

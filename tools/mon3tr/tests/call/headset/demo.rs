@@ -3,12 +3,12 @@
 use super::viewer::can_draw;
 use crate::command::{Outcome, command, json, text};
 use crate::house::{count, wait_for};
-use mon3tr_tests::synthetic::Puppet;
 use reconstruct::bake::BAKE_VERSION;
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use synthetic_person::Puppet;
 use tempfile::TempDir;
 
 /// Whether Monado's programs are there, and no other runtime is; on CI both must be so.

@@ -3,8 +3,8 @@
 use super::sight::{DISTANCE, Sight};
 use super::viewer::{EYE, monado, viewer, words};
 use crate::house::{House, assert_nothing_refused, assert_only_skipped, count, number};
-use mon3tr_tests::monado::Scripted;
-use mon3tr_tests::service::attended;
+use test_support::monado::Scripted;
+use test_support::service::attended;
 
 #[test]
 fn three_hundred_frames_of_a_call_pass_all_states_and_leave_figures_and_both_eyes_pictures() {

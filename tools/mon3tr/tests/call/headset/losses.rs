@@ -6,12 +6,12 @@ use crate::house::{
     House, assert_nothing_refused, assert_only_skipped, count, frames_come, longest_gap, number,
     through,
 };
-use mon3tr_tests::monado::Scripted;
-use mon3tr_tests::service::attended;
 use netlab::{Impairment, Lab};
 use serde_json::Value;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use test_support::monado::Scripted;
+use test_support::service::attended;
 
 /// How long there is no runtime.
 const AWAY: Duration = Duration::from_secs(4);

@@ -3,9 +3,9 @@
 use super::sight::Sight;
 use super::viewer::{is_focused, monado, viewer};
 use crate::house::{House, Sender, count, number};
-use mon3tr_tests::monado::Scripted;
-use mon3tr_tests::service::attended;
-use mon3tr_tests::synthetic::{Puppet, PuppetSize};
+use synthetic_person::{Puppet, PuppetSize};
+use test_support::monado::Scripted;
+use test_support::service::attended;
 
 /// From one to the other, metres, both 1.6 m from the viewer: the first stands on the left.
 const APART: f64 = 0.9;

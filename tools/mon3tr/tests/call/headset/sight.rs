@@ -3,9 +3,9 @@
 use super::viewer::EYE;
 use glam::DVec3;
 use image::RgbImage;
-use mon3tr_tests::headset_reference::{View, studio};
-use mon3tr_tests::monado::Scripted;
 use std::path::Path;
+use test_support::headset_reference::{View, studio};
+use test_support::monado::Scripted;
 
 /// How far a colour is from the studio's, of 255, where it is somebody's.
 const OTHER: f64 = 40.0;

@@ -1,8 +1,8 @@
 //! Somebody in a headset: `receive --display xr` where it finds a Monado.
 
 use crate::house::{House, Program};
-use mon3tr_tests::monado::{Compositor, Driver, Head, Monado, Pose, Scripted};
 use serde_json::Value;
+use test_support::monado::{Compositor, Driver, Head, Monado, Pose, Scripted};
 
 /// Width and height of an eye's picture. Monado itself recommends 320 x 240.
 pub(super) const EYE: [u32; 2] = [480, 360];
@@ -17,8 +17,8 @@ pub(super) fn monado() -> Option<(Monado, Head)> {
 
 /// Nothing, after a line that says why, where the networks cannot be run or nothing can be drawn.
 pub(super) fn can_draw() -> Option<()> {
-    mon3tr_tests::onnx::runtime()?;
-    mon3tr_tests::vulkan::gpu().map(drop)
+    test_support::onnx::runtime()?;
+    test_support::vulkan::gpu().map(drop)
 }
 
 fn upright(monado: &Monado) -> Head {

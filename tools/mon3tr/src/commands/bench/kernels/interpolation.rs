@@ -2,7 +2,8 @@
 
 use super::super::measure::short_count;
 use super::turns::{Comparison, Copying, GOAL, by_turns};
-use app::{Blend, GaussianState, STATE_PLANES, plane};
+use app_kernels::Blend;
+use app_kernels::state::{GaussianState, STATE_PLANES, plane};
 use bytemuck::Zeroable;
 use xr_renderer::PackedGaussian;
 

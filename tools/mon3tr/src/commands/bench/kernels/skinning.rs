@@ -2,7 +2,7 @@
 
 use super::sessions::Sessions;
 use super::turns::{Comparison, Touching, by_turns, differences};
-use app::Skinner;
+use app_kernels::Skinner;
 use spmm3::networks::GraphParts;
 use spmm3::{Avatar, SkinningTransforms};
 

@@ -2,7 +2,8 @@
 
 use super::sessions::Sessions;
 use super::turns::{Comparison, GOAL, Touching, by_turns, differences};
-use app::{Attributes, GaussianState, PoseInputs, Poser, STATE_PLANES};
+use app_kernels::state::{GaussianState, STATE_PLANES};
+use app_kernels::{Attributes, PoseInputs, Poser};
 use glam::Vec3;
 use spmm3::networks::GraphParts;
 use spmm3::{ATTRIBUTES, Avatar};

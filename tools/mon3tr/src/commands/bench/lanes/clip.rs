@@ -1,7 +1,8 @@
 //! Motion as a sender would send it, without the network: the same 30 times a second whoever takes it.
 
 use crate::performance::MOTION_RATE;
-use app::{BridgeState, MotionSource, Pose};
+use app_pipeline::bridge::BridgeState;
+use app_pipeline::lanes::{MotionSource, Pose};
 use spmm3::MotionParams;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -5,9 +5,10 @@ use super::one_by_one::OneByOne;
 use super::turn::{AtOnce, Scene};
 use crate::performance::MOTION_RATE;
 use crate::surroundings::Surroundings;
-use app::{
-    Lane, PlacementReport, Plan, Skipped, StageCosts, Summary, Unit, predicted_picture_ms, unit_of,
-};
+use app_pipeline::lanes::Skipped;
+use app_pipeline::placement::{PlacementReport, Plan, StageCosts, predicted_picture_ms, unit_of};
+use app_pipeline::profile::Summary;
+use app_pipeline::stage::{Lane, Unit};
 use serde::Serialize;
 
 /// The most that a picture is meant to take, in times that the slowest unit takes alone.

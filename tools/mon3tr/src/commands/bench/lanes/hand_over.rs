@@ -3,7 +3,7 @@
 
 use super::super::measure::{median, print_table};
 use anyhow::anyhow;
-use app::{Bell, hand_over};
+use app_pipeline::lanes::{Bell, hand_over};
 use serde::Serialize;
 use std::hint::black_box;
 use std::sync::mpsc::channel;

@@ -3,9 +3,12 @@
 use super::turn::{Scene, WARM_UP};
 use crate::performance::MOTION_RATE;
 use anyhow::{Context, ensure};
-use app::{
-    Blend, Deformer, GaussianState, Inference, Percentiles, Plan, Profile, Stage, StageCosts,
-};
+use app_kernels::Blend;
+use app_kernels::state::GaussianState;
+use app_pipeline::deform::Deformer;
+use app_pipeline::placement::{Inference, Plan, StageCosts};
+use app_pipeline::profile::{Percentiles, Profile};
+use app_pipeline::stage::Stage;
 use npu_runtime::Outputs;
 use spmm3::{MotionParams, Skeleton, SkinningTransforms};
 use std::time::Instant;

@@ -6,11 +6,12 @@ use crate::stage::Setting;
 use crate::surroundings::cache;
 use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::{Context, ensure};
-use app::hold::HoldMode;
-use app::{
-    DisplayClock, Drawn, Inference, LaneOptions, Lanes, LatencyMode, Plan, Recording, Skipped,
-    Stage, Summary, Terms, Unit,
-};
+use app_pipeline::hold::HoldMode;
+use app_pipeline::lanes::{DisplayClock, Drawn, LaneOptions, Lanes, Skipped};
+use app_pipeline::placement::{Inference, Plan};
+use app_pipeline::profile::{Recording, Summary, Terms};
+use app_pipeline::stage::{Stage, Unit};
+use app_pipeline::timeline::LatencyMode;
 use glam::{Quat, Vec3};
 use npu_runtime::{Provider, Runtime};
 use spmm3::{Avatar, Joint, MotionParams};

@@ -1,0 +1,126 @@
+//! Three units at once: a lane for each, which never waits for another.
+//!
+//! ```text
+//! motion   pose, kinematics ──▶ NPU   deform graph ──▶ CPU   states of Gaussians
+//!                                                            interpolation at the display's time ──▶ GPU   picture
+//! ```
+//! Results are handed on through places that were allocated before (`hand_over.rs`): whoever is slower takes the newest and
+//! leaves the rest out, and what is left out is counted. Each person has their own motion, NPU and CPU lane (`person.rs`). The
+//! GPU's lane is the thread that calls [`Lanes`], which is the display's, and draws all of them in one sort (`picture.rs`); it
+//! asks for the next picture's Gaussians before it draws this one's, so that the CPU makes them meanwhile. What is told of
+//! pictures (`shown.rs`) follows the first person.
+
+mod cpu;
+mod device;
+mod display;
+mod hand_over;
+mod motion;
+mod npu;
+mod people;
+mod person;
+mod picture;
+mod recovery;
+mod scenery;
+mod shown;
+mod start;
+mod states;
+mod threads;
+
+pub use display::{DisplayClock, Next, Tick};
+pub use hand_over::{Bell, Giver, Taker, hand_over};
+pub use motion::{MotionSource, Pose};
+
+use crate::hold::{Hold, HoldFigures, HoldMode, Quality};
+use crate::placement::Plan;
+use crate::profile::{Collector, Recorder};
+use crate::timeline::LatencyMode;
+use people::People;
+use scenery::Scenery;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use xr_renderer::{Gpu, SplatRenderer};
+
+/// What lanes are started with.
+#[derive(Debug)]
+pub struct LaneOptions {
+    /// How stages are divided among the units, for the first person.
+    pub plan: Plan,
+    /// What is done about the time from one motion frame to the next.
+    pub latency: LatencyMode,
+    /// What is done when the GPU cannot hold the display's rate.
+    pub hold: HoldMode,
+    /// From one vertical blank of the display to the next.
+    pub display_period: Duration,
+}
+
+/// What was left out because a newer one had come, by the lane that would have taken it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Skipped {
+    /// Poses that the NPU lane never saw.
+    pub poses: u64,
+    /// Inferences that the CPU lane never made states of.
+    pub inferences: u64,
+    /// Pictures that the CPU lane was asked for and had no time to interpolate.
+    pub requests: u64,
+    /// Interpolated Gaussians that the GPU lane never drew.
+    pub interpolations: u64,
+}
+
+/// What was drawn.
+#[derive(Debug)]
+pub enum Drawn {
+    /// The picture; it is in the renderer, or in the headset's images that it was drawn onto.
+    Picture,
+    /// None: the device was lost, and another has been opened. Show the next picture on that one.
+    Renewed(Arc<Gpu>),
+    /// None: the device was lost, and only the headset's runtime, which made it, can make another. Give that one to
+    /// [`Lanes::move_to`]; until then people move on unseen.
+    Lost,
+}
+
+/// The lanes of all who are shown, and the renderer.
+#[derive(Debug)]
+pub struct Lanes<S: MotionSource> {
+    people: People<S>,
+    latency: LatencyMode,
+    recorder: Recorder,
+    renderer: SplatRenderer,
+    /// The renderer's device was lost, and the next one has not come yet.
+    is_lost: bool,
+    scenery: Scenery,
+    hold: Hold,
+    /// What the picture being made is drawn with.
+    quality: Quality,
+    displayed: Option<Instant>,
+    number: u64,
+    drawing: Option<Progress>,
+}
+
+/// A picture on its way.
+#[derive(Debug, Clone, Copy)]
+struct Progress {
+    tick: Tick,
+    begun: Instant,
+    sorted: Instant,
+    drawn: Instant,
+}
+
+impl<S: MotionSource> Lanes<S> {
+    /// What was done to hold the display's rate so far.
+    #[must_use]
+    pub fn hold(&self) -> HoldFigures {
+        self.hold.figures()
+    }
+
+    /// What the first person's lanes and the GPU's told of themselves.
+    pub fn collector(&mut self) -> &mut Collector {
+        let collector = &mut self.people.first.collector;
+        collector.collect();
+        collector
+    }
+
+    /// The renderer, which holds the last picture.
+    pub fn renderer(&mut self) -> &mut SplatRenderer {
+        &mut self.renderer
+    }
+}

@@ -1,0 +1,95 @@
+//! The motion lane: poses as they come, from a call or a clip, and the kinematics of each.
+
+use super::hand_over::Giver;
+use crate::bridge::BridgeState;
+use crate::profile::Recorder;
+use crate::stage::Stage;
+use spmm3::{MotionParams, Skeleton, SkinningTransforms};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+/// How long a source may keep the lane from seeing that it is to stop.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// A pose to deform the avatar to, and where it comes from.
+#[derive(Debug, Clone)]
+pub struct Pose {
+    /// The 215 motion parameters and the root translation.
+    pub motion: MotionParams,
+    /// Whether a frame brought it.
+    pub source: BridgeState,
+    /// When it was captured, if that is known by this machine's clock.
+    pub captured: Option<Instant>,
+    /// When it was here.
+    pub arrived: Instant,
+    /// Its place on the time axis of motion: later than that of the pose before.
+    pub due: Instant,
+    /// When it was handed out.
+    pub released: Instant,
+}
+
+/// Where poses come from.
+pub trait MotionSource: Send + 'static {
+    /// Waits for the next pose, `longest` at most.
+    fn next(&mut self, longest: Duration) -> Option<Pose>;
+
+    /// Whether there will be no more.
+    fn is_over(&self) -> bool;
+}
+
+/// A pose with its kinematics, on its way to the deform graph.
+#[derive(Debug, Clone)]
+pub(super) struct Posed {
+    pub(super) number: u64,
+    pub(super) pose: Pose,
+    pub(super) skinning: SkinningTransforms,
+}
+
+impl Posed {
+    /// Before the first pose.
+    pub(super) fn none() -> Self {
+        let now = Instant::now();
+        Self {
+            number: 0,
+            pose: Pose {
+                motion: MotionParams::default(),
+                source: BridgeState::Resting,
+                captured: None,
+                arrived: now,
+                due: now,
+                released: now,
+            },
+            skinning: SkinningTransforms::default(),
+        }
+    }
+}
+
+/// The lane's thread until `stop`, or until the source is over; then it gives the source back.
+pub(super) fn run<S: MotionSource>(
+    mut source: S,
+    skeleton: &Skeleton,
+    mut posed: Giver<Posed>,
+    mut recorder: Recorder,
+    stop: &AtomicBool,
+    over: &AtomicBool,
+) -> S {
+    let mut number = 0;
+    while !stop.load(Relaxed) {
+        let Some(pose) = source.next(PATIENCE) else {
+            if source.is_over() {
+                break;
+            }
+            continue;
+        };
+        let begun = Instant::now();
+        number += 1;
+        let place = posed.place();
+        skeleton.skinning(&skeleton.pose(&pose.motion), &mut place.skinning);
+        place.number = number;
+        place.pose = pose;
+        recorder.span_until_now(Stage::Kinematics, number, begun);
+        posed.give();
+    }
+    over.store(true, Relaxed);
+    source
+}

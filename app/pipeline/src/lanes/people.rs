@@ -1,0 +1,221 @@
+//! Everybody who is shown: who comes, who stays when another one leaves, and where each of them stands.
+
+use super::person::Person;
+use super::{Lanes, MotionSource, Skipped};
+use crate::error::ReceiverError;
+use crate::placement::{Fault, Inference, Plan, ProviderChange};
+use crate::profile::Collector;
+use glam::Affine3A;
+use shaders_spirv::PackedGaussian;
+use spmm3::{Avatar, MotionParams};
+use std::sync::Arc;
+use xr_renderer::{MOST_PARTS, RenderError, SplatRenderer};
+
+/// One part of a picture is the scenery's.
+const MOST_PEOPLE: usize = MOST_PARTS - 1;
+
+/// One person, and those who joined, in the order in which they did.
+#[derive(Debug)]
+pub(super) struct People<S: MotionSource> {
+    pub(super) first: Person<S>,
+    others: Vec<Person<S>>,
+}
+
+impl<S: MotionSource> People<S> {
+    pub(super) fn new(first: Person<S>) -> Self {
+        Self {
+            first,
+            others: Vec::new(),
+        }
+    }
+
+    pub(super) fn count(&self) -> usize {
+        1 + self.others.len()
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = &Person<S>> {
+        std::iter::once(&self.first).chain(&self.others)
+    }
+
+    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut Person<S>> {
+        std::iter::once(&mut self.first).chain(&mut self.others)
+    }
+
+    fn get(&self, person: usize) -> Option<&Person<S>> {
+        self.iter().nth(person)
+    }
+
+    /// Gaussians that a renderer's foreground must have room for.
+    pub(super) fn room(&self) -> u32 {
+        (self.iter()).fold(0, |sum, person| sum.saturating_add(person.room()))
+    }
+
+    /// Looks after everybody's lanes. Who has left, or cannot go on, is left out of pictures while somebody else stays.
+    ///
+    /// # Errors
+    /// What ended a lane of the last one who stayed.
+    pub(super) fn check(&mut self) -> Result<(), ReceiverError> {
+        for at in 0..self.count() {
+            let stay = |one: &Person<S>| !one.is_gone && !one.threads.is_over();
+            let others_stay =
+                (self.iter().enumerate()).any(|(other, one)| other != at && stay(one));
+            let Some(person) = self.iter_mut().nth(at).filter(|one| !one.is_gone) else {
+                continue;
+            };
+            match person.threads.check() {
+                Err(error) if others_stay => {
+                    let error = error.in_full();
+                    log::warn!("person {at} cannot be shown any longer: {error}");
+                    person.is_gone = true;
+                }
+                Ok(()) if others_stay && person.threads.is_over() => {
+                    log::info!("person {at} has left");
+                    person.is_gone = true;
+                }
+                outcome => outcome?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Stops everybody's lanes: their sources in the order in which they joined, and what the first one's lanes told.
+    pub(super) fn finish(mut self) -> (Vec<Result<S, ReceiverError>>, Collector) {
+        let sources = (self.iter_mut()).map(|person| person.threads.finish());
+        let sources = sources.collect();
+        self.first.collector.collect();
+        (sources, self.first.collector)
+    }
+}
+
+impl<S: MotionSource> Lanes<S> {
+    /// Another person comes into the picture: lanes of their own for `avatar`, on poses from `source`. Returns their number;
+    /// that of the first is 0.
+    ///
+    /// # Errors
+    /// [`Plan::Pc`], which is the first person's only; too many people, or more Gaussians together than the renderer was made for;
+    /// or as [`Self::start`].
+    pub fn join(
+        &mut self,
+        avatar: &Arc<Avatar>,
+        inference: Inference,
+        source: S,
+        plan: Plan,
+    ) -> Result<usize, ReceiverError> {
+        if plan == Plan::Pc {
+            return Err(ReceiverError::PosedTwice);
+        }
+        let number = self.people.count();
+        if number == MOST_PEOPLE {
+            return Err(ReceiverError::TooManyPeople { most: MOST_PEOPLE });
+        }
+        let count = u32::try_from(avatar.gaussians.len()).unwrap_or(u32::MAX);
+        check_room(&self.renderer, self.room_taken().saturating_add(count))?;
+        // What they tell is not looked at: latencies are of the first person's states.
+        let told = Collector::of_little();
+        let (renderer, latency) = (&self.renderer, self.latency);
+        let person = Person::start(avatar, inference, renderer, source, plan, latency, told)?;
+        self.people.others.push(person);
+        Ok(number)
+    }
+
+    /// Puts a person there from the next picture on: `world_from_person` is rigid, from the space of their poses. At first it
+    /// is the identity. Somebody who has not joined cannot be put anywhere.
+    pub fn place(&mut self, person: usize, world_from_person: Affine3A) {
+        if let Some(person) = self.people.iter_mut().nth(person) {
+            person.world_from_person = world_from_person;
+        }
+    }
+
+    /// Everybody's pose as it is about to be drawn, in the space of their poses; `None` for who is not there yet, or not any more.
+    pub fn poses(&self) -> impl Iterator<Item = Option<&MotionParams>> {
+        (self.people.iter()).map(|person| person.view().map(|view| &view.motion))
+    }
+
+    /// Draws these with the people from now on (world space, 256 at most): shadows, say. The same ones again cost nothing,
+    /// others no memory.
+    ///
+    /// # Errors
+    /// Too many of them, or more Gaussians together with the people's than the renderer was made for.
+    pub fn set_scenery(&mut self, gaussians: &[PackedGaussian]) -> Result<(), ReceiverError> {
+        let count = u32::try_from(gaussians.len()).unwrap_or(u32::MAX);
+        let wanted = self.people.room().saturating_add(count);
+        check_room(&self.renderer, wanted)?;
+        Ok(self.scenery.set(gaussians)?)
+    }
+
+    /// Gaussians that the foreground has room for already.
+    pub(super) fn room_taken(&self) -> u32 {
+        self.people.room().saturating_add(self.scenery.len())
+    }
+
+    /// What was left out so far, of everybody together.
+    #[must_use]
+    pub fn skipped(&self) -> Skipped {
+        let mut sum = Skipped::default();
+        for counts in self.people.iter().map(|person| &person.counts) {
+            sum.poses += counts.poses.count();
+            sum.inferences += counts.inferences.count();
+            sum.requests += counts.requests.count();
+            sum.interpolations += counts.interpolations.count();
+        }
+        sum
+    }
+
+    /// Whether no source has any more poses.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        let mut people = self.people.iter();
+        people.all(|person| person.is_gone || person.threads.is_over())
+    }
+
+    /// The first person's providers that were given up so far, and for what.
+    #[must_use]
+    pub fn provider_changes(&self) -> Vec<ProviderChange> {
+        self.people.first.changes.all()
+    }
+
+    /// As [`Self::provider_changes`], of any person; none of one who has not joined.
+    #[must_use]
+    pub fn provider_changes_of(&self, person: usize) -> Vec<ProviderChange> {
+        let person = self.people.get(person);
+        person.map_or_else(Vec::new, |person| person.changes.all())
+    }
+
+    /// A way to make the first person's inference fail.
+    #[must_use]
+    pub fn fault(&self) -> Fault {
+        self.people.first.fault.clone()
+    }
+
+    /// As [`Self::fault`], of any person who has joined.
+    #[must_use]
+    pub fn fault_of(&self, person: usize) -> Option<Fault> {
+        self.people.get(person).map(|person| person.fault.clone())
+    }
+
+    /// Stops the lanes and gives back where the first person's poses came from, and what was recorded.
+    ///
+    /// # Errors
+    /// What ended a lane of theirs before.
+    pub fn finish(self) -> Result<(S, Collector), ReceiverError> {
+        let (sources, collector) = self.finish_all();
+        let first = sources.into_iter().next();
+        Ok((first.unwrap_or(Err(ReceiverError::LaneEnded))?, collector))
+    }
+
+    /// Stops the lanes and gives back where poses came from, for each person in the order in which they joined, or what ended a
+    /// lane of theirs; and what was recorded of the first one.
+    pub fn finish_all(self) -> (Vec<Result<S, ReceiverError>>, Collector) {
+        self.people.finish()
+    }
+}
+
+/// Whether a renderer's foreground has room for so many Gaussians.
+pub(super) fn check_room(renderer: &SplatRenderer, wanted: u32) -> Result<(), ReceiverError> {
+    let limit = renderer.options().max_foreground;
+    if wanted > limit {
+        let count = wanted as usize;
+        return Err(RenderError::TooManyGaussians { count, limit }.into());
+    }
+    Ok(())
+}

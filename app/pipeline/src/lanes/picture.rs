@@ -1,0 +1,118 @@
+//! A picture from its beginning until it is drawn: what everybody's lanes have for it, in one drawing.
+
+use super::cpu::Request;
+use super::{Drawn, Lanes, MotionSource, Progress, Tick};
+use crate::error::ReceiverError;
+use spmm3::MotionParams;
+use std::time::Instant;
+use xr_renderer::xr::Canvas;
+use xr_renderer::{Camera, Drawing, Foreground, MOST_PARTS, Part, RenderError};
+
+impl<S: MotionSource> Lanes<S> {
+    /// Begins the picture of `tick`: takes the newest Gaussians there are, and has those of the next picture made. Returns the
+    /// pose that is about to be drawn, of the first person who is there, or `None` while there is nobody to be seen yet.
+    ///
+    /// # Errors
+    /// What ended a lane that cannot be replaced, if nobody else stays; whoever else's lane ends is left out from then on.
+    pub fn begin(&mut self, tick: Tick) -> Result<Option<&MotionParams>, ReceiverError> {
+        self.people.check()?;
+        let begun = Instant::now();
+        self.quality = self.hold.quality();
+        let level = self.quality.level;
+        let at_once = |number| Request {
+            number,
+            displayed: tick.predicted,
+            wanted: begun,
+            level,
+        };
+        for person in self.people.iter_mut() {
+            person.take(&mut self.renderer, at_once(self.number + 1))?;
+        }
+        let is_seen = self.people.iter().any(|person| person.view().is_some());
+        self.number += u64::from(is_seen);
+        let number = self.number + 1;
+        let next = Request {
+            number,
+            displayed: tick.next,
+            wanted: tick.next_begins,
+            level,
+        };
+        for person in self.people.iter_mut() {
+            person.ask(at_once(number), next);
+        }
+        self.drawing = Some(Progress {
+            tick,
+            begun,
+            sorted: begun,
+            drawn: begun,
+        });
+        Ok(self.poses().flatten().next())
+    }
+
+    /// Draws the picture that was begun, as `cameras` (one, or two for stereo) see it, and waits until it is drawn.
+    ///
+    /// # Errors
+    /// If the renderer fails other than by losing its device, or there is no other device.
+    pub fn draw(&mut self, cameras: &[Camera]) -> Result<Drawn, ReceiverError> {
+        self.draw_to(cameras, None)
+    }
+
+    /// The same into a headset's images, as its two eyes see it.
+    ///
+    /// # Errors
+    /// As [`Self::draw`].
+    pub fn draw_onto(
+        &mut self,
+        cameras: &[Camera; 2],
+        canvas: &mut Canvas<'_>,
+    ) -> Result<Drawn, ReceiverError> {
+        self.draw_to(cameras, Some(canvas))
+    }
+
+    fn draw_to(
+        &mut self,
+        cameras: &[Camera],
+        canvas: Option<&mut Canvas<'_>>,
+    ) -> Result<Drawn, ReceiverError> {
+        if self.is_lost {
+            self.drawing = None;
+            return Ok(Drawn::Lost);
+        }
+        let level = self.quality.level;
+        let people = self.people.iter_mut();
+        let there = people.filter_map(|person| person.part(level));
+        let mut parts = [Part::here(Foreground::Set); MOST_PARTS];
+        let mut count = 0;
+        for (place, part) in parts.iter_mut().zip(there.chain(self.scenery.part())) {
+            *place = part;
+            count += 1;
+        }
+        let scale = self.quality.resolution_scale;
+        let scaled: [Option<Camera>; 2] =
+            std::array::from_fn(|view| cameras.get(view).map(|camera| camera.scaled(scale)));
+        let scaled = match scaled {
+            [Some(left), Some(right)] => &[left, right][..],
+            [Some(only), _] => &[only],
+            _ => &[],
+        };
+        let drawing = Drawing {
+            // One camera too many is the renderer's to refuse.
+            cameras: if scale < 1.0 { scaled } else { cameras },
+            foreground: parts.get(..count).unwrap_or_default(),
+            keep_order: !self
+                .number
+                .is_multiple_of(u64::from(self.quality.sort_every.max(1))),
+        };
+        let drawn = match canvas {
+            Some(canvas) => self.renderer.draw_onto(&drawing, canvas),
+            None => self.renderer.draw_with(&drawing),
+        };
+        match drawn {
+            Ok(()) => {}
+            Err(error @ RenderError::DeviceLost(_)) => return self.lose(&error),
+            Err(error) => return Err(error.into()),
+        }
+        self.tell_stages();
+        Ok(Drawn::Picture)
+    }
+}

@@ -1,0 +1,135 @@
+//! What is told of a picture once it is drawn: its way to the display, what the device did for it, and what it cost.
+
+use super::person::{Person, Supply};
+use super::{Lanes, MotionSource, Next};
+use crate::hold::{PictureCost, Quality};
+use crate::profile::PictureTimes;
+use crate::stage::Stage;
+use std::time::{Duration, Instant};
+
+impl<S: MotionSource> Lanes<S> {
+    /// Takes note of when the picture is displayed: the end of its way, which is told of the first person while they are
+    /// there. The next one is begun then.
+    pub fn displayed(&mut self, at: Instant) {
+        if self.tell_displayed(at) {
+            for person in self.people.iter_mut() {
+                person.hurry(at, None);
+            }
+        }
+    }
+
+    /// The same, of a display whose pictures are begun at times of its own.
+    pub fn displayed_before(&mut self, at: Instant, next: Next) {
+        if self.tell_displayed(at) {
+            for person in self.people.iter_mut() {
+                person.hurry(next.begins, Some(next.displayed));
+            }
+        }
+    }
+
+    /// Whether there was a picture on its way.
+    fn tell_displayed(&mut self, at: Instant) -> bool {
+        let Some(progress) = self.drawing.take() else {
+            return false;
+        };
+        let Quality {
+            level,
+            resolution_scale,
+            ..
+        } = self.quality;
+        let scenery = self.scenery.len();
+        let people = self.people.iter_mut();
+        let gaussians = people.fold(scenery, |sum, person| {
+            sum.saturating_add(person.gaussians(&self.renderer, level))
+        });
+        let first = &self.people.first;
+        if let Some(view) = first.view() {
+            let [from, to] = view.states;
+            self.recorder.picture(PictureTimes {
+                number: self.number,
+                from,
+                to,
+                alpha: view.alpha,
+                interpolated_for: view.number,
+                interpolation: view.interpolation,
+                begun: progress.begun,
+                sorted: progress.sorted,
+                drawn: progress.drawn,
+                displayed: at,
+                predicted: progress.tick.predicted,
+                repeated: first.repeated,
+                gaussians,
+                scale: resolution_scale,
+            });
+        }
+        let views = || self.people.iter().filter_map(Person::view);
+        // Somebody with another level's Gaussians says nothing about this one.
+        if views().next().is_some() && views().all(|view| view.level == level) {
+            self.judge(at, progress.tick.period);
+        }
+        true
+    }
+
+    /// Tells the controller of quality what the picture took.
+    fn judge(&mut self, at: Instant, period: Duration) {
+        let periods = self.displayed.replace(at).map_or(1.0, |last| {
+            at.saturating_duration_since(last).as_secs_f64() / period.as_secs_f64().max(1e-6)
+        });
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a count of vertical blanks; what is beyond is held at the end"
+        )]
+        let late_periods = (periods.round() as u32).saturating_sub(1);
+        let times = self.renderer.stage_times();
+        let posing = times.skin + times.attributes + times.interpolate;
+        self.hold.set_period(period);
+        let next = self.hold.picture(&PictureCost {
+            step: self.quality.step,
+            pixels_ms: times.raster,
+            gaussians_ms: times.upload + posing + times.project + times.bin,
+            sort_ms: times.sort,
+            late_periods,
+        });
+        if next.step != self.quality.step {
+            log::info!("to hold the display's rate from now on: {next}");
+        }
+    }
+
+    /// Records what the device did for the picture just drawn.
+    pub(super) fn tell_stages(&mut self) {
+        let (Some(progress), Some(time)) = (&mut self.drawing, self.renderer.picture_time()) else {
+            return;
+        };
+        progress.drawn = time.finished;
+        progress.sorted = time.submitted;
+        let Some(spans) = time.stages else {
+            return;
+        };
+        progress.sorted = spans.sort[1];
+        let first = &mut self.people.first;
+        if let (Supply::Device(_), Some(view)) = (&first.supply, &mut first.view) {
+            view.interpolation = spans.interpolate;
+            let state = view.states[1].number;
+            for (stage, [begin, end]) in
+                [(Stage::Skin, spans.skin), (Stage::Bind, spans.attributes)]
+            {
+                if end > begin {
+                    self.recorder.span(stage, state, begin, end);
+                }
+            }
+        }
+        for (stage, [begin, end]) in [
+            (Stage::Upload, spans.upload),
+            (Stage::Interpolate, spans.interpolate),
+            (Stage::Project, spans.project),
+            (Stage::Sort, spans.sort),
+            (Stage::Bin, spans.bin),
+            (Stage::Raster, spans.raster),
+        ] {
+            if end > begin {
+                self.recorder.span(stage, self.number, begin, end);
+            }
+        }
+    }
+}

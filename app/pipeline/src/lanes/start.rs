@@ -1,0 +1,170 @@
+//! Starting the lanes: all memory is taken here, and every thread begun.
+
+use super::cpu::{CpuLane, Request};
+use super::device::DevicePosing;
+use super::hand_over::{Bell, hand_over};
+use super::npu::{Inferred, NpuLane};
+use super::people::{People, check_room};
+use super::person::{Counts, Person, Supply, places};
+use super::scenery::Scenery;
+use super::states::{Heads, States};
+use super::threads::Threads;
+use super::{LaneOptions, Lanes, MotionSource, cpu, motion};
+use crate::error::ReceiverError;
+use crate::hold::{Hold, KEPT_SHARES, Quality};
+use crate::placement::{Inference, Plan};
+use crate::posing::Posing;
+use crate::profile::Collector;
+use crate::stage::Lane;
+use crate::timeline::{LatencyMode, Timeline};
+use app_kernels::Detail;
+use glam::Affine3A;
+use spmm3::Avatar;
+use std::sync::Arc;
+use std::sync::mpsc::channel;
+use std::time::Instant;
+use xr_renderer::{ForegroundPath, SplatRenderer};
+
+impl<S: MotionSource> Lanes<S> {
+    /// Starts the lanes of `avatar`, the first person, on poses from `source`.
+    ///
+    /// # Errors
+    /// If threads, memory on the device or the avatar's networks are not to be had, or the renderer was made for fewer Gaussians.
+    pub fn start(
+        avatar: &Arc<Avatar>,
+        inference: Inference,
+        renderer: SplatRenderer,
+        source: S,
+        options: &LaneOptions,
+    ) -> Result<Self, ReceiverError> {
+        let LaneOptions { plan, latency, .. } = *options;
+        let told = Collector::default();
+        let scenery = Scenery::new(&renderer)?;
+        let mut first = Person::start(avatar, inference, &renderer, source, plan, latency, told)?;
+        check_room(&renderer, first.room())?;
+        Ok(Self {
+            recorder: first.collector.recorder(Lane::Gpu),
+            people: People::new(first),
+            latency,
+            renderer,
+            is_lost: false,
+            scenery,
+            quality: Quality::of_step(0),
+            hold: Hold::new(options.display_period, options.hold),
+            displayed: None,
+            number: 0,
+            drawing: None,
+        })
+    }
+}
+
+impl<S: MotionSource> Person<S> {
+    /// Starts the lanes of one person, which tell `collector`.
+    ///
+    /// # Errors
+    /// As [`Lanes::start`].
+    pub(super) fn start(
+        avatar: &Arc<Avatar>,
+        inference: Inference,
+        renderer: &SplatRenderer,
+        source: S,
+        plan: Plan,
+        latency: LatencyMode,
+        mut collector: Collector,
+    ) -> Result<Self, ReceiverError> {
+        let [npu_bell, cpu_bell] = [Bell::default(), Bell::default()];
+        let none = motion::Posed::none;
+        let (posed, posed_taker) = hand_over([none(), none(), none()], &npu_bell);
+        let one = || -> Result<Inferred, ReceiverError> {
+            Ok(Inferred {
+                outputs: inference.outputs()?,
+                posed: none(),
+                inference: [Instant::now(); 2],
+            })
+        };
+        let (inferred, inferred_taker) = hand_over([one()?, one()?, one()?], &cpu_bell);
+        let mut counts = Counts {
+            poses: posed.overwritten(),
+            inferences: inferred.overwritten(),
+            ..Counts::default()
+        };
+        let fault = inference.fault();
+        let changes = inference.changes();
+        let mut threads = Threads::new([npu_bell.clone(), cpu_bell.clone()]);
+        let supply = if plan == Plan::Pc {
+            Supply::Device(DevicePosing::new(inferred_taker, latency))
+        } else {
+            let (requests, requests_taker) = hand_over([Request::none(); 3], &cpu_bell);
+            let posing = Posing::new(avatar, plan)?;
+            let room = u32::try_from(posing.gaussians()).unwrap_or(u32::MAX);
+            let (pictures, pictures_taker) = hand_over(places(renderer, room)?, &Bell::default());
+            let (renew, renewed) = channel();
+            counts.requests = requests.overwritten();
+            counts.interpolations = pictures.overwritten();
+            let cpu = CpuLane {
+                states: States::new(posing.gaussians()),
+                posing,
+                heads: Heads::new(),
+                timeline: Timeline::new(latency),
+                inferred: inferred_taker,
+                requests: requests_taker,
+                pictures,
+                renewed,
+                bell: cpu_bell.clone(),
+                recorder: collector.recorder(Lane::Cpu),
+                path: ForegroundPath::new(),
+                making: None,
+                due: None,
+                lead: cpu::LEAST_LEAD,
+                shown: None,
+                kept: details(avatar)?,
+            };
+            threads.spawn_in_pool("cpu lane", move |stop| cpu.run(stop))?;
+            Supply::Host {
+                requests,
+                pictures: pictures_taker,
+                renew,
+                bell: cpu_bell,
+                room,
+            }
+        };
+        let npu = NpuLane {
+            inference,
+            posed: posed_taker,
+            inferred,
+            bell: npu_bell.clone(),
+            recorder: collector.recorder(Lane::Npu),
+        };
+        let motion_recorder = collector.recorder(Lane::Motion);
+        let skeleton = avatar.skeleton.clone();
+        threads.spawn_motion(move |stop, over| {
+            motion::run(source, &skeleton, posed, motion_recorder, stop, over)
+        })?;
+        threads.spawn("npu lane", move |stop| npu.run(stop))?;
+        Ok(Self {
+            threads,
+            collector,
+            supply,
+            fault,
+            changes,
+            counts,
+            view: None,
+            repeated: false,
+            asked: None,
+            world_from_person: Affine3A::IDENTITY,
+            is_gone: false,
+        })
+    }
+}
+
+/// The levels of detail beyond the first, which has all Gaussians.
+fn details(avatar: &Avatar) -> Result<Vec<Detail>, ReceiverError> {
+    avatar
+        .kept_levels(&KEPT_SHARES[1..])
+        .into_iter()
+        .map(|level| {
+            let all = avatar.gaussians.len();
+            Ok(Detail::new(all, level.kept, &level.log2_growth)?)
+        })
+        .collect()
+}

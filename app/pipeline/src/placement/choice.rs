@@ -1,0 +1,145 @@
+//! Which placement is fastest: times of stages on each legal unit in, predicted picture times out.
+//!
+//! Stages on one piece of silicon add up, stages on different ones overlap: the slowest piece sets the pace. A provider that
+//! computes on the CPU shares it with the CPU's stages, and so does a GPU that is software.
+
+use super::{Plan, unit_of};
+use crate::stage::Unit;
+use npu_runtime::ProviderKind;
+use serde::Serialize;
+
+/// Milliseconds of stages, measured one at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct StageCosts {
+    /// The deform graph's part, once for every motion frame.
+    pub inference: f64,
+    /// LBS (where it is apart), F_attr's tail and F_m2g, once for every motion frame.
+    pub bind: f64,
+    /// Interpolation and packing, once for every picture.
+    pub interpolate: f64,
+    /// Upload, projection, sort and splatting, once for every picture.
+    pub draw: f64,
+}
+
+/// A placement, what it would cost, or why it cannot be had.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Alternative {
+    /// How stages are divided.
+    pub plan: Plan,
+    /// What runs the graph.
+    pub provider: ProviderKind,
+    /// The unit that is.
+    pub unit: Unit,
+    /// What its stages took.
+    pub costs: Option<StageCosts>,
+    /// Milliseconds from picture to picture, if it were chosen.
+    pub predicted_ms: Option<f64>,
+    /// Why it is not to be had, or was not tried.
+    pub refused: Option<String>,
+}
+
+/// Motion frames a second that predictions reckon with.
+const MOTION_HZ: f64 = 30.0;
+/// The card's placement goes first unless another is faster by more than this: measurements waver.
+const MARGIN: f64 = 0.03;
+
+/// Milliseconds from picture to picture when all units work at once.
+#[must_use]
+pub fn predicted_picture_ms(
+    plan: Plan,
+    provider: ProviderKind,
+    costs: &StageCosts,
+    gpu_is_cpu: bool,
+) -> f64 {
+    let gpu = if gpu_is_cpu { Unit::Cpu } else { Unit::Gpu };
+    let posing = if plan == Plan::Pc { gpu } else { Unit::Cpu };
+    let pace = Unit::ALL.map(|silicon| {
+        let on = |unit: Unit, ms: f64| if unit == silicon { ms } else { 0.0 };
+        let a_motion = on(unit_of(provider), costs.inference) + on(posing, costs.bind);
+        let a_picture = on(posing, costs.interpolate) + on(gpu, costs.draw);
+        // What motion leaves of a second is for pictures. If it leaves nothing, motion frames are dropped, one a picture done.
+        let left = 1.0 - a_motion * MOTION_HZ * 1e-3;
+        (a_picture / left.max(1e-6)).min(a_picture + a_motion)
+    });
+    pace.into_iter().fold(0.0, f64::max)
+}
+
+/// The index of the alternative to take: the fastest, the card's where it makes no difference. `None` if none is to be had.
+#[must_use]
+pub fn choose(alternatives: &[Alternative]) -> Option<usize> {
+    let predicted = |at: usize| alternatives.get(at).and_then(|one| one.predicted_ms);
+    let possible = (0..alternatives.len()).filter_map(|at| predicted(at).map(|ms| (at, ms)));
+    let (fastest, least) = possible.clone().min_by(|a, b| a.1.total_cmp(&b.1))?;
+    possible
+        .into_iter()
+        .find(|(at, ms)| alternatives[*at].plan == Plan::Card && *ms <= least * (1.0 + MARGIN))
+        .map_or(Some(fastest), |(at, _)| Some(at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn costs(inference: f64, bind: f64, interpolate: f64, draw: f64) -> StageCosts {
+        StageCosts {
+            inference,
+            bind,
+            interpolate,
+            draw,
+        }
+    }
+
+    #[test]
+    fn units_overlap_and_stages_on_one_add_up() {
+        // By hand: the NPU is busy 30 x 10 ms a second, the CPU 30 x 5 ms and 2 ms a picture, the GPU 8 ms a picture.
+        let card = costs(10.0, 5.0, 2.0, 8.0);
+        let ms = predicted_picture_ms(Plan::Card, ProviderKind::Qnn, &card, false);
+        assert!((ms - 8.0).abs() < 1e-9, "the GPU sets the pace: {ms}");
+        // With a slow CPU that is 2 / (1 - 0.75).
+        let slow = costs(10.0, 25.0, 2.0, 7.0);
+        let ms = predicted_picture_ms(Plan::Card, ProviderKind::Qnn, &slow, false);
+        assert!((ms - 8.0).abs() < 1e-9, "the CPU: {ms}");
+        // All on one processor: (2 + 8) / (1 - 0.03 x 15).
+        let ms = predicted_picture_ms(Plan::Card, ProviderKind::Cpu, &card, true);
+        assert!((ms - 10.0 / 0.55).abs() < 1e-9, "all together: {ms}");
+        // On a GPU of its own everything but the networks.
+        let ms = predicted_picture_ms(Plan::Pc, ProviderKind::Cpu, &card, false);
+        assert!((ms - 10.0 / 0.85).abs() < 1e-9, "posing on the GPU: {ms}");
+        // More motion than there is time for.
+        let ms = predicted_picture_ms(
+            Plan::Card,
+            ProviderKind::Cpu,
+            &costs(50.0, 5.0, 2.0, 8.0),
+            true,
+        );
+        assert!((ms - 65.0).abs() < 1e-9, "one motion a picture: {ms}");
+    }
+
+    #[test]
+    fn the_fastest_is_chosen_and_the_cards_where_it_makes_no_difference() {
+        let one = |plan, predicted_ms| Alternative {
+            plan,
+            provider: ProviderKind::Cpu,
+            unit: Unit::Cpu,
+            costs: None,
+            predicted_ms,
+            refused: None,
+        };
+        let mut alternatives = [
+            one(Plan::Card, Some(10.2)),
+            one(Plan::CpuTail, Some(10.0)),
+            one(Plan::Pc, None),
+        ];
+        assert_eq!(
+            choose(&alternatives),
+            Some(0),
+            "within what measurements waver"
+        );
+        alternatives[1].predicted_ms = Some(8.0);
+        assert_eq!(choose(&alternatives), Some(1), "the fastest");
+        alternatives[0].predicted_ms = None;
+        assert_eq!(choose(&alternatives), Some(1), "without the card's");
+        alternatives[1].predicted_ms = None;
+        assert_eq!(choose(&alternatives), None, "none");
+    }
+}

@@ -1,0 +1,57 @@
+//! Placing the first person's stages with the renderer that is made for them.
+
+use super::{Offer, Placed, PlacementRequest, Plan, place};
+use crate::control::Control;
+use crate::error::ReceiverError;
+use crate::posing::bound_mesh;
+use spmm3::Avatar;
+use std::sync::Arc;
+use xr_renderer::{Camera, Gpu, RendererOptions, SplatRenderer};
+
+/// Makes a renderer on `gpu` and places the stages of `avatar`, as [`place`]; what only placements that were not chosen need is
+/// left out of the renderer.
+///
+/// # Errors
+/// As [`place`], or if the device has no room for the renderer.
+pub fn place_first(
+    offer: &Offer<'_>,
+    avatar: &Arc<Avatar>,
+    gpu: &Arc<Gpu>,
+    options: RendererOptions,
+    cameras: &[Camera],
+    request: PlacementRequest,
+    control: &Control,
+) -> Result<(Placed, SplatRenderer), ReceiverError> {
+    let mesh = matches!(request.plan, None | Some(Plan::Pc))
+        .then(|| bound_mesh(avatar))
+        .transpose()?
+        .map(Arc::new);
+    let options = RendererOptions {
+        mesh,
+        interrupt: Some(control.interrupt()),
+        ..options
+    };
+    let new = |options: &RendererOptions| -> Result<_, ReceiverError> {
+        Ok(SplatRenderer::new(Arc::clone(gpu), options)?)
+    };
+    let mut renderer = control.on_gpu(|| new(&options))?;
+    let placed = place(offer, avatar, &mut renderer, cameras, request, control)?;
+    if options.mesh.is_some() && placed.plan != Plan::Pc {
+        // 20 MB of the device's memory that nobody uses.
+        let options = RendererOptions {
+            mesh: None,
+            // The faster one has been found, but for a headset's images, into which each has a way of its own.
+            back_end: if gpu.belongs_to_headset() {
+                options.back_end
+            } else {
+                Some(renderer.back_end())
+            },
+            ..options
+        };
+        control.on_gpu(|| -> Result<(), ReceiverError> {
+            renderer = new(&options)?;
+            Ok(())
+        })?;
+    }
+    Ok((placed, renderer))
+}

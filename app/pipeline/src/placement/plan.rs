@@ -1,0 +1,182 @@
+//! Where stages run: what can be asked for, by name.
+
+use crate::stage::{Stage, Unit};
+use npu_runtime::ProviderKind;
+use serde::Serialize;
+use spmm3::networks::GraphParts;
+use std::fmt;
+use std::str::FromStr;
+
+/// A division of a frame's way among the units. Sorting and splatting are the GPU's in all of them, kinematics the CPU's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Plan {
+    /// The card's: inference and LBS on the NPU, F_m2g and interpolation on the CPU. The whole graph is one ONNX model.
+    Card,
+    /// F_attr's tail leaves the graph for a kernel on the CPU that fuses it with F_m2g.
+    CpuTail,
+    /// LBS leaves the graph as well: the networks alone are ONNX.
+    Cpu,
+    /// Everything on the GPU but the networks: Gaussians stay in device memory, and nothing is uploaded but vertices.
+    Pc,
+}
+
+impl Plan {
+    /// All of them, the card's first.
+    pub const ALL: [Self; 4] = [Self::Card, Self::CpuTail, Self::Cpu, Self::Pc];
+
+    /// The name it is asked for by.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Card => "card",
+            Self::CpuTail => "cpu-tail",
+            Self::Cpu => "cpu",
+            Self::Pc => "pc",
+        }
+    }
+
+    /// What of the deform graph is left to ONNX Runtime.
+    #[must_use]
+    pub fn graph(self) -> GraphParts {
+        match self {
+            Self::Card => GraphParts::Whole,
+            Self::CpuTail => GraphParts::Skinned,
+            Self::Cpu | Self::Pc => GraphParts::Networks,
+        }
+    }
+
+    /// The unit of a stage, if the graph runs on `inference`.
+    #[must_use]
+    pub fn unit(self, stage: Stage, inference: Unit) -> Unit {
+        match (stage, self) {
+            (Stage::Inference, _) | (Stage::Skin, Self::Card | Self::CpuTail) => inference,
+            (Stage::Skin | Stage::Bind | Stage::Interpolate, Self::Pc) => Unit::Gpu,
+            (Stage::Kinematics | Stage::Skin | Stage::Bind | Stage::Interpolate, _) => Unit::Cpu,
+            (Stage::Upload | Stage::Project | Stage::Sort | Stage::Bin | Stage::Raster, _) => {
+                Unit::Gpu
+            }
+        }
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// The name by which a kind of provider is asked for.
+#[must_use]
+pub(super) fn short_name(provider: ProviderKind) -> &'static str {
+    match provider {
+        ProviderKind::Qnn => "qnn",
+        ProviderKind::Nnapi => "nnapi",
+        ProviderKind::Xnnpack => "xnnpack",
+        ProviderKind::Cpu => "cpu",
+    }
+}
+
+/// Where a kind of provider computes.
+#[must_use]
+pub fn unit_of(provider: ProviderKind) -> Unit {
+    match provider {
+        ProviderKind::Qnn | ProviderKind::Nnapi => Unit::Npu,
+        ProviderKind::Xnnpack | ProviderKind::Cpu => Unit::Cpu,
+    }
+}
+
+/// The placement asked for. What is left open is measured; the wish is the card's placement then.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct PlacementRequest {
+    /// This plan and no other.
+    pub plan: Option<Plan>,
+    /// This provider and no other.
+    pub provider: Option<ProviderKind>,
+}
+
+impl FromStr for PlacementRequest {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut request = Self::default();
+        for part in text.split(',') {
+            match part.split_once('=') {
+                None if part == "auto" => {}
+                None => {
+                    let named = Plan::ALL.into_iter().find(|plan| plan.name() == part);
+                    request.plan = Some(named.ok_or_else(|| refusal(text))?);
+                }
+                Some(("npu", name)) => {
+                    let named = ProviderKind::ALL
+                        .into_iter()
+                        .find(|one| short_name(*one) == name);
+                    request.provider = Some(named.ok_or_else(|| refusal(text))?);
+                }
+                Some(_) => return Err(refusal(text)),
+            }
+        }
+        Ok(request)
+    }
+}
+
+fn refusal(text: &str) -> String {
+    format!(
+        "{text} is no placement: give auto, or card, cpu-tail, cpu or pc, and npu=qnn, npu=nnapi, npu=xnnpack or npu=cpu, \
+         with a comma between, e.g. card,npu=qnn"
+    )
+}
+
+impl fmt::Display for PlacementRequest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.plan, self.provider) {
+            (None, None) => f.write_str("auto"),
+            (Some(plan), None) => write!(f, "{plan}"),
+            (None, Some(provider)) => write!(f, "npu={}", short_name(provider)),
+            (Some(plan), Some(provider)) => write!(f, "{plan},npu={}", short_name(provider)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_request_reads_as_it_is_written() {
+        let plans = Plan::ALL.into_iter().map(Some).chain([None]);
+        for plan in plans {
+            for provider in ProviderKind::ALL.into_iter().map(Some).chain([None]) {
+                let request = PlacementRequest { plan, provider };
+                assert_eq!(request.to_string().parse(), Ok(request), "{request}");
+            }
+        }
+        for wrong in ["", "npu", "npu=gpu", "gpu=card", "card;npu=cpu", "fast"] {
+            let error = wrong.parse::<PlacementRequest>().expect_err(wrong);
+            assert!(error.contains("card,npu=qnn"), "{error}");
+        }
+    }
+
+    #[test]
+    fn every_plan_puts_every_stage_on_a_legal_unit() {
+        for plan in Plan::ALL {
+            for provider in ProviderKind::ALL {
+                for stage in Stage::ALL {
+                    let unit = plan.unit(stage, unit_of(provider));
+                    assert!(
+                        stage.legal_units().contains(&unit),
+                        "{plan}: {stage:?} on the {}",
+                        unit.name()
+                    );
+                }
+            }
+        }
+        for stage in Stage::ALL {
+            assert_eq!(
+                Plan::Card.unit(stage, Unit::Npu),
+                stage.legal_units()[0],
+                "the card's choice for {stage:?} comes first"
+            );
+        }
+    }
+}

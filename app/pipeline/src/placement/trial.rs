@@ -1,0 +1,506 @@
+//! The short timed warm-up at the start: every placement that can be had runs a few frames, and the fastest goes on.
+
+use super::{
+    Alternative, Inference, PlacementRequest, Plan, ProviderChange, StageCosts, choose,
+    predicted_picture_ms, unit_of,
+};
+use crate::control::Control;
+use crate::deform::Deformer;
+use crate::error::ReceiverError;
+use crate::pool::in_own_pool;
+use crate::profile::{Percentiles, Profile, StageSummary};
+use crate::stage::{Stage, Unit};
+use app_kernels::Blend;
+use app_kernels::state::GaussianState;
+use npu_runtime::{Availability, Landing, Origin, Provider, ProviderKind, QnnTarget, Runtime};
+use serde::Serialize;
+use spmm3::{Avatar, MotionParams, SkinningTransforms, at_ease};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use xr_renderer::{
+    Camera, Drawing, Foreground, ForegroundPath, ForegroundSlot, Part, PosedInput, SplatRenderer,
+    StateId,
+};
+
+/// Frames of each placement that are timed, after one that is not.
+const FRAMES: usize = 5;
+/// No more frames once they took so long together: one frame on an emulated NPU may take half a minute.
+const LONG_ENOUGH: Duration = Duration::from_secs(1);
+
+/// What a machine offers to choose from.
+#[derive(Debug, Clone, Copy)]
+pub struct Offer<'a> {
+    /// Runs graphs.
+    pub runtime: &'a Runtime,
+    /// Threads for providers on the CPU.
+    pub threads: usize,
+    /// The folder for what a provider compiles.
+    pub cache: Option<&'a Path>,
+}
+
+/// What was asked for, what was granted, and why.
+#[derive(Debug, Clone, Serialize)]
+pub struct PlacementReport {
+    /// As it was asked for.
+    pub requested: String,
+    /// How stages are divided now.
+    pub plan: Plan,
+    /// What runs the graph now.
+    pub provider: Provider,
+    /// The unit of every stage.
+    pub units: Vec<(Stage, Unit)>,
+    /// Why, in a sentence.
+    pub reason: String,
+    /// All that was to choose from.
+    pub alternatives: Vec<Alternative>,
+    /// Which providers there are here, and why not others.
+    pub providers: Vec<Availability>,
+    /// Where the graph's nodes landed ...
+    pub landing: Landing,
+    /// ... and which form of the graph runs.
+    pub graph: Origin,
+    /// Providers that were given up during the call.
+    pub changes: Vec<ProviderChange>,
+}
+
+impl PlacementReport {
+    /// Takes note of what became of providers: the newest is what runs the graph now.
+    pub fn follow(&mut self, changes: Vec<ProviderChange>) {
+        if let Some(last) = changes.last() {
+            self.provider = last.to;
+            self.landing = last.landing.clone();
+            self.graph = last.graph;
+        }
+        self.changes = changes;
+        let now = self.units();
+        for ((_, unit), now) in self.units.iter_mut().zip(now) {
+            *unit = now;
+        }
+    }
+
+    /// Whether `alternative` is what was granted.
+    #[must_use]
+    pub fn is_chosen(&self, alternative: &Alternative) -> bool {
+        (alternative.plan, alternative.provider) == (self.plan, self.provider.kind())
+    }
+
+    /// The unit of every stage, in the order of [`Stage::ALL`].
+    #[must_use]
+    pub fn units(&self) -> [Unit; Stage::ALL.len()] {
+        let inference = unit_of(self.provider.kind());
+        Stage::ALL.map(|stage| self.plan.unit(stage, inference))
+    }
+
+    /// How long the graph took when it was tried.
+    #[must_use]
+    pub fn inference(&self) -> Option<Duration> {
+        let kind = self.provider.kind();
+        let chosen = self.alternatives.iter();
+        let mut chosen = chosen.filter(|one| one.plan == self.plan && one.provider == kind);
+        let ms = chosen.next()?.costs?.inference;
+        Duration::try_from_secs_f64(ms * 1e-3).ok()
+    }
+}
+
+/// A placement and the session it rests on.
+#[derive(Debug)]
+pub struct Placed {
+    /// How stages are divided.
+    pub plan: Plan,
+    /// Runs the graph; has the other providers to fall back on.
+    pub inference: Inference,
+    /// What is to be shown of how it came about.
+    pub report: PlacementReport,
+}
+
+/// Tries what `request` leaves open, with the renderer that is to draw, and takes the fastest. `control` pauses or ends the trials
+/// between any two of their steps.
+///
+/// # Errors
+/// If nothing that was asked for can be had; the error of the last thing tried. [`ReceiverError::Left`] if `control` ends the trials.
+pub fn place(
+    offer: &Offer<'_>,
+    avatar: &Arc<Avatar>,
+    renderer: &mut SplatRenderer,
+    cameras: &[Camera],
+    request: PlacementRequest,
+    control: &Control,
+) -> Result<Placed, ReceiverError> {
+    let runtime = offer.runtime.cancelled_by(control.cancel());
+    let offer = Offer {
+        runtime: &runtime,
+        ..*offer
+    };
+    // Kernels run as they will in a lane, on threads that end with the trials.
+    in_own_pool("placement", || {
+        place_here(&offer, avatar, renderer, cameras, request, control)
+    })?
+}
+
+/// [`place`] in rayon's current pool.
+fn place_here(
+    offer: &Offer<'_>,
+    avatar: &Arc<Avatar>,
+    renderer: &mut SplatRenderer,
+    cameras: &[Camera],
+    request: PlacementRequest,
+    control: &Control,
+) -> Result<Placed, ReceiverError> {
+    control.checkpoint()?;
+    let found = offer.runtime.probe();
+    let gpu_is_cpu = renderer.gpu().info().is_cpu;
+    let mut canvas = Canvas {
+        renderer,
+        cameras,
+        control,
+        pose: at_ease(&avatar.skeleton),
+        times: None,
+    };
+    let mut alternatives = Vec::new();
+    let mut open = Vec::new();
+    let mut last_error = None;
+    for availability in &found {
+        let kind = availability.provider;
+        let not_to_be_tried = availability
+            .lacking
+            .clone()
+            .or_else(|| not_asked_for(request, kind));
+        for plan in Plan::ALL {
+            let mut alternative = Alternative {
+                plan,
+                provider: kind,
+                unit: unit_of(kind),
+                costs: None,
+                predicted_ms: None,
+                refused: not_to_be_tried
+                    .clone()
+                    .or_else(|| plan_not_asked_for(request, plan, kind)),
+            };
+            let mut kept = None;
+            if alternative.refused.is_none() {
+                match try_one(
+                    offer,
+                    avatar,
+                    plan,
+                    provider(kind, offer.threads),
+                    &mut canvas,
+                ) {
+                    Ok((costs, inference)) => {
+                        let ms = predicted_picture_ms(plan, kind, &costs, gpu_is_cpu);
+                        alternative.costs = Some(costs);
+                        alternative.predicted_ms = Some(ms);
+                        kept = Some(inference);
+                    }
+                    // A cancelled load is no refusal.
+                    Err(_) if control.is_leaving() => return Err(ReceiverError::Left),
+                    Err(error) => {
+                        alternative.refused = Some(error.in_full());
+                        last_error = Some(error);
+                    }
+                }
+            }
+            alternatives.push(alternative);
+            open.push(kept);
+            // What is not the best so far never will be: its session's memory is wanted.
+            let best = choose(&alternatives);
+            for (at, session) in open.iter_mut().enumerate() {
+                if Some(at) != best {
+                    *session = None;
+                }
+            }
+        }
+    }
+    let Some(at) = choose(&alternatives) else {
+        return Err(last_error.unwrap_or(ReceiverError::NoProvider));
+    };
+    let (Some(chosen), Some(Some(mut inference))) =
+        (alternatives.get(at), open.into_iter().nth(at))
+    else {
+        return Err(ReceiverError::NoProvider);
+    };
+    let mut spare: Vec<&Alternative> = alternatives
+        .iter()
+        .filter(|one| one.predicted_ms.is_some() && one.provider != chosen.provider)
+        .filter(|one| one.plan == chosen.plan)
+        .collect();
+    let predicted = |one: &Alternative| one.predicted_ms.unwrap_or(f64::INFINITY);
+    spare.sort_by(|a, b| predicted(a).total_cmp(&predicted(b)));
+    for one in spare {
+        inference.fall_back_on(provider(one.provider, offer.threads));
+    }
+    // The one that is always there comes last, measured or not; also anew after itself.
+    inference.fall_back_on(provider(ProviderKind::Cpu, offer.threads));
+    if let Some(costs) = chosen.costs {
+        inference.expect(Duration::from_secs_f64(costs.inference.max(0.0) / 1e3));
+    }
+    let (landing, graph) = inference.landing();
+    let report = PlacementReport {
+        requested: request.to_string(),
+        plan: chosen.plan,
+        provider: inference.provider(),
+        units: Stage::ALL
+            .into_iter()
+            .map(|stage| (stage, chosen.plan.unit(stage, chosen.unit)))
+            .collect(),
+        reason: reason(chosen, &alternatives),
+        landing: landing.clone(),
+        graph,
+        changes: Vec::new(),
+        alternatives,
+        providers: found,
+    };
+    Ok(Placed {
+        plan: report.plan,
+        inference,
+        report,
+    })
+}
+
+/// The provider of a kind, with its settings.
+fn provider(kind: ProviderKind, threads: usize) -> Provider {
+    match kind {
+        ProviderKind::Qnn => Provider::Qnn {
+            target: QnnTarget::SXR2230P,
+        },
+        ProviderKind::Nnapi => Provider::Nnapi,
+        ProviderKind::Xnnpack => Provider::Xnnpack { threads },
+        ProviderKind::Cpu => Provider::Cpu { threads },
+    }
+}
+
+fn not_asked_for(request: PlacementRequest, kind: ProviderKind) -> Option<String> {
+    match request.provider {
+        Some(asked) if asked == kind => None,
+        Some(_) => Some("not asked for".into()),
+        // Its times say nothing, and compiling for it takes half a minute.
+        None if kind == ProviderKind::Qnn && cfg!(not(target_os = "android")) => {
+            Some("an emulation here: only where npu=qnn asks for it".into())
+        }
+        None => None,
+    }
+}
+
+fn plan_not_asked_for(request: PlacementRequest, plan: Plan, kind: ProviderKind) -> Option<String> {
+    match request.plan {
+        Some(asked) if asked == plan => None,
+        Some(_) => Some("not asked for".into()),
+        // Compiled anew for each.
+        None if kind == ProviderKind::Qnn && plan != Plan::Card => {
+            Some("the NPU takes the whole graph".into())
+        }
+        None => None,
+    }
+}
+
+fn reason(chosen: &Alternative, alternatives: &[Alternative]) -> String {
+    let mut others: Vec<&Alternative> = alternatives
+        .iter()
+        .filter(|one| one.predicted_ms.is_some() && *one != chosen)
+        .collect();
+    others.sort_by(|a, b| {
+        let ms = |one: &Alternative| one.predicted_ms.unwrap_or(f64::INFINITY);
+        ms(a).total_cmp(&ms(b))
+    });
+    let ms = |one: &Alternative| one.predicted_ms.unwrap_or_default();
+    match others.first() {
+        None => "nothing else can be had of what was asked for".into(),
+        Some(next) if ms(next) < ms(chosen) => format!(
+            "{:.1} ms a picture is predicted, as good as {} on {} with {:.1} ms: then the card's placement goes first",
+            ms(chosen),
+            next.plan,
+            next.provider,
+            ms(next),
+        ),
+        Some(next) => format!(
+            "{:.1} ms a picture is predicted, {} on {} would take {:.1} ms",
+            ms(chosen),
+            next.plan,
+            next.provider,
+            ms(next),
+        ),
+    }
+}
+
+/// Runs a placement and times its stages.
+fn try_one(
+    offer: &Offer<'_>,
+    avatar: &Arc<Avatar>,
+    plan: Plan,
+    provider: Provider,
+    canvas: &mut Canvas<'_>,
+) -> Result<(StageCosts, Inference), ReceiverError> {
+    let control = canvas.control;
+    control.checkpoint()?;
+    let inference = Inference::open(
+        offer.runtime,
+        avatar,
+        plan.graph(),
+        &[provider],
+        offer.cache,
+    )?;
+    if plan == Plan::Pc {
+        return canvas.try_on_device(avatar, inference);
+    }
+    let mut deformer = Deformer::new(avatar, inference, plan)?;
+    let mut profile = Profile::default();
+    let mut spent = Duration::ZERO;
+    for frame in 0..=FRAMES {
+        control.checkpoint()?;
+        let started = Instant::now();
+        deformer.deform(&canvas.pose, &mut profile)?;
+        spent += started.elapsed();
+        if spent > LONG_ENOUGH {
+            break;
+        }
+        if frame == 0 {
+            profile.clear();
+        }
+    }
+    let rows = profile.summary(|_| Unit::Cpu);
+    let took = |stage: Stage| {
+        let row: Option<&StageSummary> = rows.iter().find(|row| row.stage == stage);
+        row.map_or(0.0, |row| row.times.p50_ms)
+    };
+    let (interpolate, draw) = canvas.times(deformer.state())?;
+    let costs = StageCosts {
+        inference: took(Stage::Inference),
+        bind: took(Stage::Skin) + took(Stage::Bind),
+        interpolate,
+        draw,
+    };
+    Ok((costs, deformer.into_inference()))
+}
+
+/// What states are drawn on, to time what every placement has in common.
+struct Canvas<'a> {
+    renderer: &'a mut SplatRenderer,
+    cameras: &'a [Camera],
+    control: &'a Control,
+    pose: MotionParams,
+    /// Interpolation and drawing, ms, once they were measured.
+    times: Option<(f64, f64)>,
+}
+
+impl Canvas<'_> {
+    fn times(&mut self, state: &GaussianState) -> Result<(f64, f64), ReceiverError> {
+        if let Some(times) = self.times {
+            return Ok(times);
+        }
+        let control = self.control;
+        let room = || -> Result<_, ReceiverError> { Ok(self.renderer.foreground_slot()?) };
+        let mut slot = control.on_gpu(room)?;
+        let (mut interpolate, mut draw) = (Vec::new(), Vec::new());
+        let (mut spent, mut is_warm) = (Duration::ZERO, false);
+        while draw.len() < FRAMES && spent <= LONG_ENOUGH {
+            let [packing, drawing] = control.on_gpu(|| self.draw_state(&mut slot, state))?;
+            if is_warm {
+                interpolate.push(ms(packing));
+                draw.push(ms(drawing));
+                spent += packing + drawing;
+            }
+            is_warm = self.is_warm();
+        }
+        let step = control.step();
+        drop(slot);
+        drop(step);
+        let times = (median(&interpolate), median(&draw));
+        self.times = Some(times);
+        Ok(times)
+    }
+
+    /// The first picture is drawn several times, to compare the renderer's back ends; where a pause interrupted that, so is the next.
+    fn is_warm(&self) -> bool {
+        !self.renderer.is_comparing()
+    }
+
+    /// Draws one picture of a state: how long packing it took, and drawing.
+    fn draw_state(
+        &mut self,
+        slot: &mut ForegroundSlot,
+        state: &GaussianState,
+    ) -> Result<[Duration; 2], ReceiverError> {
+        let started = Instant::now();
+        let count = u32::try_from(state.len()).unwrap_or(u32::MAX);
+        let gaussians = slot.gaussians_mut().get_mut(..state.len());
+        let blend = Blend::new(state, state, 0.5)?;
+        blend.pack(0..state.len(), gaussians.unwrap_or_default())?;
+        slot.set(count, ForegroundPath::new())?;
+        let packed = Instant::now();
+        let parts = [Part::here(Foreground::Slot(slot))];
+        self.renderer
+            .draw_with(&Drawing::new(self.cameras, &parts))?;
+        Ok([packed - started, packed.elapsed()])
+    }
+
+    /// Times what the device does of a frame, between two states of one pose.
+    fn try_on_device(
+        &mut self,
+        avatar: &Avatar,
+        mut inference: Inference,
+    ) -> Result<(StageCosts, Inference), ReceiverError> {
+        let control = self.control;
+        let mut skinning = SkinningTransforms::default();
+        let joints = avatar.skeleton.pose(&self.pose);
+        avatar.skeleton.skinning(&joints, &mut skinning);
+        let mut outputs = inference.outputs()?;
+        let (mut infer, mut bind, mut interpolate, mut draw) = (vec![], vec![], vec![], vec![]);
+        let mut before: Option<StateId> = None;
+        let mut is_warm = false;
+        while draw.len() < FRAMES {
+            control.checkpoint()?;
+            let started = Instant::now();
+            inference.run(&self.pose, &skinning, &mut outputs)?;
+            let inferred = started.elapsed();
+            let input = PosedInput {
+                canonical_vertices: outputs.get(0),
+                skinning: &skinning.0,
+                potentials: outputs.get(1),
+                root: self.pose.root_translation.to_array(),
+            };
+            let drawing = control.on_gpu(|| self.draw_posed(&input, &mut before))?;
+            if is_warm {
+                let times = self.renderer.stage_times();
+                infer.push(ms(inferred));
+                bind.push(times.skin + times.attributes);
+                interpolate.push(times.interpolate);
+                draw.push(ms(drawing) - times.skin - times.attributes - times.interpolate);
+            }
+            is_warm = self.is_warm();
+        }
+        let costs = StageCosts {
+            inference: median(&infer),
+            bind: median(&bind),
+            interpolate: median(&interpolate),
+            draw: median(&draw),
+        };
+        Ok((costs, inference))
+    }
+
+    /// Draws one picture half way from the pose before to this one: how long that took.
+    fn draw_posed(
+        &mut self,
+        input: &PosedInput<'_>,
+        before: &mut Option<StateId>,
+    ) -> Result<Duration, ReceiverError> {
+        let to = self.renderer.push_state(input)?;
+        let foreground = Foreground::Posed {
+            from: before.replace(to).unwrap_or(to),
+            to,
+            share: 0.5,
+            level: 0,
+        };
+        let handed = Instant::now();
+        self.renderer
+            .draw_with(&Drawing::new(self.cameras, &[Part::here(foreground)]))?;
+        Ok(handed.elapsed())
+    }
+}
+
+fn median(times: &[f64]) -> f64 {
+    Percentiles::of(times).map_or(0.0, |times| times.p50_ms)
+}
+
+fn ms(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}

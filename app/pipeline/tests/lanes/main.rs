@@ -1,0 +1,15 @@
+//! The lanes at work on a puppet: what is shown, what fails on the way, what is allocated.
+
+mod faults;
+mod headset;
+mod people;
+mod pictures;
+mod placing;
+mod slow;
+mod stage;
+mod steady;
+
+use test_support::allocations::Counting;
+
+#[global_allocator]
+static COUNTING: Counting = Counting;

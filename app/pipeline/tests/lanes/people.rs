@@ -1,0 +1,256 @@
+//! Several people by one renderer.
+
+use crate::stage::{BLACK, CPU, SIDE, Stage, Swing, avatar};
+use app_pipeline::deform::Deformer;
+use app_pipeline::error::ReceiverError;
+use app_pipeline::hold::HoldMode;
+use app_pipeline::lanes::MotionSource;
+use app_pipeline::placement::{Inference, Plan};
+use app_pipeline::profile::Profile;
+use glam::{Affine3A, Quat, Vec3};
+use shaders_spirv::{Gaussian, PackedGaussian};
+use spmm3::MotionParams;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+use test_support::{onnx, vulkan};
+use xr_renderer::{BackEnd, Camera, Gpu, RenderError, RendererOptions, SplatRenderer};
+
+/// Both in the picture, one half behind the other.
+pub(crate) fn places() -> [Affine3A; 2] {
+    [
+        (0.5, Vec3::new(-0.3, 0.0, 0.2)),
+        (-0.9, Vec3::new(0.35, 0.1, -0.1)),
+    ]
+    .map(|(turn, at)| Affine3A::from_rotation_translation(Quat::from_rotation_y(turn), at))
+}
+
+/// A plate on the floor.
+pub(crate) fn plate(x: f32) -> PackedGaussian {
+    PackedGaussian::from(&Gaussian {
+        position: [x, 0.05, 0.3],
+        rotation: [0.0, 0.0, 0.0, 1.0],
+        scale: [0.3, 0.01, 0.2],
+        opacity: 0.9,
+        colour: [0.2, 0.9, 0.3],
+    })
+}
+
+fn carried(gaussian: &PackedGaussian, world_from_person: Affine3A) -> PackedGaussian {
+    let gaussian = gaussian.unpacked();
+    let (_, turn, _) = world_from_person.to_scale_rotation_translation();
+    let at = Vec3::from_array(gaussian.position);
+    PackedGaussian::from(&Gaussian {
+        position: world_from_person.transform_point3(at).to_array(),
+        rotation: (turn * Quat::from_array(gaussian.rotation)).to_array(),
+        ..gaussian
+    })
+}
+
+/// What people at rest in these places look like, with some scenery, as one foreground in the world.
+fn expected(
+    gpu: &Arc<Gpu>,
+    camera: Camera,
+    places: &[Affine3A],
+    scenery: &[PackedGaussian],
+) -> Vec<u8> {
+    let (runtime, avatar) = (onnx::runtime().expect("as before"), Arc::new(avatar()));
+    let graph = Plan::CpuTail.graph();
+    let inference = Inference::open(&runtime, &avatar, graph, &[CPU], None).expect("a session");
+    let mut deformer = Deformer::new(&avatar, inference, Plan::CpuTail).expect("a deformer");
+    let state = deformer.deform(&MotionParams::default(), &mut Profile::default());
+    let person = state.expect("deformed").packed();
+    let people = places
+        .iter()
+        .flat_map(|place| person.iter().map(|one| carried(one, *place)));
+    let all: Vec<_> = people.chain(scenery.iter().copied()).collect();
+    let options = RendererOptions {
+        back_end: Some(BackEnd::Tiles),
+        ..RendererOptions::new(u32::try_from(all.len()).expect("few"), SIDE, SIDE, 1)
+    };
+    let mut renderer = SplatRenderer::new(Arc::clone(gpu), &options).expect("a renderer");
+    renderer.set_foreground(&all).expect("they fit");
+    renderer.draw(&[camera]).expect("a picture");
+    renderer.read_back(0).expect("a picture").over(BLACK)
+}
+
+pub(crate) fn shown(stage: &mut Stage) -> Vec<u8> {
+    let image = stage.lanes.renderer().read_back(0).expect("a picture");
+    image.over(BLACK)
+}
+
+/// In dB.
+fn psnr(one: &[u8], other: &[u8]) -> f64 {
+    assert_eq!(one.len(), other.len(), "one size");
+    let squares = one
+        .iter()
+        .zip(other)
+        .map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2));
+    let mean = squares.sum::<f64>() / one.len() as f64;
+    10.0 * (255.0 * 255.0 / mean).log10()
+}
+
+#[test]
+fn two_people_are_drawn_together_each_in_their_place() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    for (plan, other) in [(Plan::CpuTail, Plan::Card), (Plan::Pc, Plan::CpuTail)] {
+        let at_rest = || Swing::new(30.0, 1000, 0.0);
+        let Some(mut stage) = Stage::new(&gpu, plan, &[CPU], at_rest()) else {
+            return;
+        };
+        let joined = stage.join(other, at_rest());
+        assert_eq!(joined, 1, "the second");
+        let [first, second] = places();
+        stage.lanes.place(0, first);
+        stage.lanes.place(1, second);
+        stage.lanes.set_scenery(&[plate(0.1)]).expect("room");
+        stage.draw_until_seen(2);
+        let together = shown(&mut stage);
+        let likeness = psnr(
+            &together,
+            &expected(&gpu, stage.camera, &places(), &[plate(0.1)]),
+        );
+        assert!(likeness > 45.0, "{plan} and {other}: {likeness:.1} dB");
+        let last = *stage.lanes.collector().pictures().last().expect("one");
+        assert_eq!(last.gaussians, 4_001, "two people and a plate");
+        // It would not show a mistake if they were hard to tell from others.
+        let [there, here] = places();
+        for wrong in [&[first][..], &[second], &[here, there, there]] {
+            let likeness = psnr(&together, &expected(&gpu, stage.camera, wrong, &[]));
+            assert!(likeness < 30.0, "{likeness:.1} dB like something else");
+        }
+        // Somewhere else from the next picture on.
+        stage.lanes.place(1, first * second);
+        stage.lanes.set_scenery(&[plate(-0.2)]).expect("room");
+        stage.draw(1);
+        let elsewhere = expected(&gpu, stage.camera, &[first, first * second], &[plate(-0.2)]);
+        let likeness = psnr(&shown(&mut stage), &elsewhere);
+        assert!(
+            likeness > 45.0,
+            "{plan} and {other}: {likeness:.1} dB, moved"
+        );
+    }
+}
+
+#[test]
+fn who_is_not_there_yet_is_left_out_and_nobody_waits_for_them() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    let at_rest = Swing::new(30.0, 1000, 0.0);
+    let Some(mut stage) = Stage::new(&gpu, Plan::CpuTail, &[CPU], at_rest) else {
+        return;
+    };
+    stage.join(Plan::CpuTail, Swing::silent());
+    stage.draw(30);
+    let seen: Vec<bool> = stage.lanes.poses().map(|pose| pose.is_some()).collect();
+    assert_eq!(seen, [true, false], "who is there");
+    let alone = expected(&gpu, stage.camera, &[Affine3A::IDENTITY], &[]);
+    let likeness = psnr(&shown(&mut stage), &alone);
+    assert!(likeness > 45.0, "{likeness:.1} dB like one person");
+}
+
+#[test]
+fn who_leaves_goes_out_of_the_picture_and_the_others_stay() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    for leaves in [0, 1] {
+        let swings = [(); 2].map(|()| Swing::new(30.0, 100_000, 0.5));
+        let hangs_up = Arc::clone(&swings[leaves].hangs_up);
+        let [first, second] = swings;
+        let Some(mut stage) = Stage::new(&gpu, Plan::CpuTail, &[CPU], first) else {
+            return;
+        };
+        stage.join(Plan::CpuTail, second);
+        stage.draw_until_seen(2);
+        hangs_up.store(true, Relaxed);
+        stage.draw_until_seen(1);
+        stage.draw(10);
+        let seen: Vec<bool> = stage.lanes.poses().map(|pose| pose.is_some()).collect();
+        assert_eq!(seen, [leaves != 0, leaves != 1], "who is there");
+        assert!(!stage.lanes.is_over(), "one goes on");
+        let (sources, _) = stage.lanes.finish_all();
+        let over = (sources.iter()).map(|source| source.as_ref().expect("a source").is_over());
+        let over: Vec<bool> = over.collect();
+        assert_eq!(over, [leaves == 0, leaves == 1], "both come back");
+    }
+}
+
+#[test]
+fn who_cannot_go_on_is_left_out_and_the_last_one_tells_why() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    let swing = || Swing::new(30.0, 100_000, 0.5);
+    let Some(mut stage) = Stage::new(&gpu, Plan::CpuTail, &[CPU], swing()) else {
+        return;
+    };
+    stage.join(Plan::CpuTail, swing());
+    stage.draw_until_seen(2);
+    stage.lanes.fault_of(1).expect("joined").strike();
+    stage.draw_until_seen(1);
+    stage.draw(10);
+    stage.lanes.fault().strike();
+    let until = Instant::now() + Duration::from_secs(20);
+    let error = loop {
+        let tick = stage.display.tick(Instant::now());
+        if let Err(error) = stage.lanes.begin(tick) {
+            break error;
+        }
+        assert!(Instant::now() < until, "nobody told");
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    assert!(matches!(error, ReceiverError::Struck), "{error}");
+}
+
+#[test]
+fn people_and_scenery_beyond_what_the_renderer_was_made_for_are_refused() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    let swing = || Swing::new(30.0, 1000, 0.5);
+    let Some(mut stage) = Stage::new(&gpu, Plan::CpuTail, &[CPU], swing()) else {
+        return;
+    };
+    let mut join = |plan: Plan| {
+        let (runtime, avatar) = (onnx::runtime().expect("as before"), Arc::new(avatar()));
+        let inference = Inference::open(&runtime, &avatar, plan.graph(), &[CPU], None);
+        (stage.lanes).join(&avatar, inference.expect("a session"), swing(), plan)
+    };
+    assert!(
+        matches!(join(Plan::Pc), Err(ReceiverError::PosedTwice)),
+        "one mesh"
+    );
+    assert!(matches!(join(Plan::Cpu), Ok(1)), "room for two");
+    let too_many = |error| {
+        let room = RenderError::TooManyGaussians {
+            count: 6_000,
+            limit: 4_256,
+        };
+        format!("{error:?}") == format!("{:?}", ReceiverError::Render(room))
+    };
+    assert!(join(Plan::Cpu).is_err_and(too_many), "and not for three");
+    let plates = [plate(0.0); 257];
+    let lanes = &mut stage.lanes;
+    assert!(
+        lanes.set_scenery(&plates[..256]).is_ok(),
+        "room for scenery"
+    );
+    assert!(lanes.set_scenery(&plates).is_err(), "and no more");
+    stage.draw_until_seen(2);
+}
+
+#[test]
+fn two_people_lose_quality_together() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    let swing = || Swing::new(30.0, 1000, 0.5);
+    // No software draws a picture in a millisecond.
+    let display = (1000.0, HoldMode::Adapt);
+    let stage = Stage::on_display(&gpu, Plan::CpuTail, &[CPU], swing(), display);
+    let Some(mut stage) = stage else { return };
+    stage.join(Plan::CpuTail, swing());
+    stage.draw_until_seen(2);
+    let until = Instant::now() + Duration::from_secs(60);
+    let few = loop {
+        stage.picture();
+        let last = *stage.lanes.collector().pictures().last().expect("one");
+        if stage.lanes.hold().quality.level == 3 && last.gaussians < 2_000 {
+            break last.gaussians;
+        }
+        assert!(Instant::now() < until, "{:?}", stage.lanes.hold());
+    };
+    assert_eq!(few, 2 * 700, "35 % of each");
+}

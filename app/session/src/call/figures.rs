@@ -1,0 +1,198 @@
+//! What a call's frames cost in time, and what became of them.
+
+use app_pipeline::bridge::BridgeState;
+use app_pipeline::profile::Percentiles;
+use link::{Announcement, Micros, PlayoutStatistics, Timing, ViewerStatistics};
+use serde::Serialize;
+
+/// Samples kept of each kind: nine hours at 30 Hz. Later frames are not counted in percentiles.
+const MOST_SAMPLES: usize = 1 << 20;
+
+/// A pause between frames that is worth telling, and how many are told.
+const GAP_MS: f64 = 250.0;
+const MOST_GAPS: usize = 64;
+
+/// Everything measured in a call.
+#[derive(Debug, Clone, Serialize)]
+pub struct CallFigures {
+    /// What the sender announced last.
+    pub announced: Announcement,
+    /// Since the call was begun.
+    pub seconds: f64,
+    /// From there to the first frame released.
+    pub first_frame_ms: Option<f64>,
+    /// From the first frame to the last.
+    pub live_seconds: f64,
+    /// What arrived.
+    pub received: ViewerStatistics,
+    /// Bytes of the messages received while live, without any header, as kbit/s.
+    pub payload_kbit_s: f64,
+    /// Frames handed to the deform stage.
+    pub released: u64,
+    /// Frames that never came, by gaps in a connection's sequence: what was captured while there was none is not known here.
+    pub lost: u64,
+    /// Frames that came when a newer one had been released.
+    pub passed: u64,
+    /// Frames that came after their time and were shown all the same.
+    pub late: u64,
+    /// Frames that came after a newer one.
+    pub reordered: u64,
+    /// Frames that came twice.
+    pub duplicate: u64,
+    /// Where the time goes.
+    pub latency: LatencyFigures,
+    /// Pauses of more than a quarter of a second between frames.
+    pub gaps: Vec<Gap>,
+    /// Pictures asked for, by where their motion came from.
+    pub shown: Vec<(BridgeState, u64)>,
+}
+
+/// Where the time from capture to the deform stage goes.
+#[derive(Debug, Clone, Serialize)]
+pub struct LatencyFigures {
+    /// From capture to arrival, by the clocks compared over the channel.
+    pub network: Option<Percentiles>,
+    /// How long frames were held so that they come evenly.
+    pub jitter_buffer: Option<Percentiles>,
+    /// From when a frame could be had (arrived and due) to when the deform stage took it.
+    pub hand_over: Option<Percentiles>,
+    /// From capture to the deform stage, without the jitter buffer's part.
+    pub added: Option<Percentiles>,
+    /// From capture to the deform stage, all told.
+    pub capture_to_deform: Option<Percentiles>,
+    /// The jitter buffer's delay at the end.
+    pub jitter_buffer_depth_ms: f64,
+}
+
+/// A pause between two frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Gap {
+    /// When it began, since the call was begun.
+    pub at_s: f64,
+    /// How long it took.
+    pub ms: f64,
+}
+
+/// What has been measured so far.
+#[derive(Debug)]
+pub(super) struct Log {
+    begun: Micros,
+    first: Option<Micros>,
+    last: Option<Micros>,
+    released: u64,
+    network: Vec<f64>,
+    held: Vec<f64>,
+    hand_over: Vec<f64>,
+    added: Vec<f64>,
+    whole: Vec<f64>,
+    gaps: Vec<Gap>,
+    shown: [u64; BridgeState::ALL.len()],
+}
+
+impl Log {
+    pub(super) fn new(begun: Micros) -> Self {
+        let samples = || Vec::with_capacity(1 << 14);
+        Self {
+            begun,
+            first: None,
+            last: None,
+            released: 0,
+            network: samples(),
+            held: samples(),
+            hand_over: samples(),
+            added: samples(),
+            whole: samples(),
+            gaps: Vec::with_capacity(MOST_GAPS),
+            shown: [0; BridgeState::ALL.len()],
+        }
+    }
+
+    /// A frame has left the jitter buffer for the deform stage.
+    pub(super) fn released(&mut self, timing: &Timing) {
+        self.released += 1;
+        self.first.get_or_insert(timing.released);
+        if let Some(last) = self.last.replace(timing.released) {
+            let ms = ms_between(last, timing.released);
+            if ms > GAP_MS && self.gaps.len() < MOST_GAPS {
+                let at_s = ms_between(self.begun, last) / 1e3;
+                self.gaps.push(Gap { at_s, ms });
+            }
+        }
+        if self.held.len() == MOST_SAMPLES {
+            return;
+        }
+        let ready = timing.due.max(timing.arrived);
+        let held = ms_between(timing.arrived, ready);
+        let hand_over = ms_between(ready, timing.released);
+        self.held.push(held);
+        self.hand_over.push(hand_over);
+        if let Some(network_us) = timing.network_us() {
+            let network = network_us as f64 / 1e3;
+            self.network.push(network);
+            self.added.push(network + hand_over);
+            self.whole.push(network + held + hand_over);
+        }
+    }
+
+    /// Whether there was a frame yet.
+    pub(super) fn has_begun(&self) -> bool {
+        self.first.is_some()
+    }
+
+    /// A picture's motion came from this.
+    pub(super) fn shown(&mut self, state: BridgeState) {
+        if let Some(count) = self.shown.get_mut(state as usize) {
+            *count += 1;
+        }
+    }
+
+    pub(super) fn figures(
+        &self,
+        now: Micros,
+        announced: &Announcement,
+        received: ViewerStatistics,
+        playout: PlayoutStatistics,
+    ) -> CallFigures {
+        let live_seconds = self
+            .first
+            .zip(self.last)
+            .map_or(0.0, |(first, last)| ms_between(first, last) / 1e3);
+        CallFigures {
+            announced: *announced,
+            seconds: ms_between(self.begun, now) / 1e3,
+            first_frame_ms: self.first.map(|first| ms_between(self.begun, first)),
+            live_seconds,
+            payload_kbit_s: received.payload_bytes as f64 * 8e-3 / live_seconds.max(1e-3),
+            received,
+            released: self.released,
+            lost: playout.lost,
+            passed: playout.passed,
+            late: playout.late,
+            reordered: playout.reordered,
+            duplicate: playout.duplicate,
+            latency: LatencyFigures {
+                network: Percentiles::of(&self.network),
+                jitter_buffer: Percentiles::of(&self.held),
+                hand_over: Percentiles::of(&self.hand_over),
+                added: Percentiles::of(&self.added),
+                capture_to_deform: Percentiles::of(&self.whole),
+                jitter_buffer_depth_ms: playout.delay.as_secs_f64() * 1e3,
+            },
+            gaps: self.gaps.clone(),
+            shown: BridgeState::ALL
+                .into_iter()
+                .zip(self.shown)
+                .filter(|(_, count)| *count > 0)
+                .collect(),
+        }
+    }
+}
+
+/// From `from` to `to`; negative if `to` is earlier, as a clock offset's error may make it.
+fn ms_between(from: Micros, to: Micros) -> f64 {
+    if to >= from {
+        (to.0 - from.0) as f64 / 1e3
+    } else {
+        -((from.0 - to.0) as f64 / 1e3)
+    }
+}

@@ -1,0 +1,253 @@
+//! The receiver's end of a call: what arrives goes through the jitter buffer and the bridge, and becomes the motion to show now.
+
+mod figures;
+mod watch;
+
+pub use figures::{CallFigures, Gap, LatencyFigures};
+pub use watch::{CallCounts, CallWatch};
+
+use app_pipeline::bridge::{Bridge, BridgeState};
+use app_pipeline::lanes::{MotionSource, Pose};
+use figures::Log;
+use link::{
+    Announcement, CallEvent, Clock, JitterBuffer, LinkError, Micros, Played, Timing, Viewer,
+};
+use spmm3::Skeleton;
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::Duration;
+
+/// Between two tellings of what was counted: it is looked at twice a second.
+const TELLING: Duration = Duration::from_millis(100);
+
+/// Why a call is over.
+#[derive(Debug)]
+pub enum CallEnd {
+    /// The sender said goodbye.
+    HungUp,
+    /// The sender has come back as somebody else: another avatar has to be fetched.
+    AnotherAvatar(Announcement),
+    /// It cannot go on.
+    Failed(LinkError),
+}
+
+/// A call in progress.
+#[derive(Debug)]
+pub struct Call {
+    viewer: Viewer,
+    announced: Announcement,
+    clock: Clock,
+    buffer: JitterBuffer,
+    bridge: Bridge,
+    log: Log,
+    watch: CallWatch,
+    /// When it was last told what was counted.
+    told: Micros,
+    end: Option<CallEnd>,
+    /// When a pose is to be made up if no frame has come by then.
+    made_up: Micros,
+    /// Whether the last pose was of a person at ease, which stays as it is.
+    resting: bool,
+}
+
+impl Call {
+    /// Follows `viewer`, who was told `announced` before, for an avatar of this `skeleton`.
+    #[must_use]
+    pub fn new(viewer: Viewer, announced: Announcement, skeleton: &Skeleton, clock: Clock) -> Self {
+        Self {
+            viewer,
+            announced,
+            clock,
+            buffer: JitterBuffer::new(),
+            bridge: Bridge::new(skeleton),
+            log: Log::new(clock.now()),
+            watch: CallWatch::default(),
+            told: Micros(0),
+            end: None,
+            made_up: Micros(u64::MAX),
+            resting: true,
+        }
+    }
+
+    /// Waits until a frame is due, something else happens, or `longest` has passed, then hands out what is due. For a receiver
+    /// that shows nothing; one that does has the call as its [`MotionSource`].
+    pub fn wait(&mut self, longest: Duration) {
+        let until = self.until(longest);
+        loop {
+            let now = self.clock.now();
+            if self.release(now).is_some() || self.is_over() || now >= until {
+                return;
+            }
+            self.listen(now, until);
+        }
+    }
+
+    fn until(&self, longest: Duration) -> Micros {
+        Micros(self.clock.now().0.saturating_add(micros(longest)))
+    }
+
+    /// Listens to the network until something comes, a frame is due, or it is `until`.
+    fn listen(&mut self, now: Micros, until: Micros) {
+        if now.0.saturating_sub(self.told.0) >= micros(TELLING) {
+            self.told = now;
+            let received = self.viewer.statistics();
+            self.watch.tell(CallCounts {
+                payload_bytes: received.payload_bytes,
+                frames: received.frames,
+                lost: self.buffer.statistics().lost,
+            });
+        }
+        let due = self.buffer.next().map_or(until, |(_, due)| due.min(until));
+        let pause = Duration::from_micros(due.0.saturating_sub(now.0));
+        match self.viewer.next(pause) {
+            Ok(event) => self.take(event),
+            Err(RecvTimeoutError::Timeout) => {}
+            // There is nothing more to come, but there may be frames to wait for.
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(pause),
+        }
+    }
+
+    /// Why the call is over, if it is. What came before a goodbye is shown before.
+    pub fn end(&mut self) -> Option<CallEnd> {
+        if self.is_over() {
+            self.end.take()
+        } else {
+            None
+        }
+    }
+
+    /// Whether there is no more to come.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        match &self.end {
+            Some(CallEnd::HungUp) => self.buffer.waiting() == 0,
+            end => end.is_some(),
+        }
+    }
+
+    /// What was measured so far.
+    #[must_use]
+    pub fn figures(&self) -> CallFigures {
+        self.log.figures(
+            self.clock.now(),
+            &self.announced,
+            self.viewer.statistics(),
+            self.buffer.statistics(),
+        )
+    }
+
+    /// What the call counts, to be read by who shows it while a lane owns the call.
+    #[must_use]
+    pub fn watch(&self) -> CallWatch {
+        self.watch.clone()
+    }
+
+    /// Leaves the call.
+    pub async fn hang_up(self) {
+        self.viewer.hang_up().await;
+    }
+
+    fn take(&mut self, event: CallEvent) {
+        match event {
+            CallEvent::Announced(announced) => {
+                if announced.avatar != self.announced.avatar {
+                    self.end = Some(CallEnd::AnotherAvatar(announced));
+                }
+                self.announced = announced;
+            }
+            CallEvent::Joined => {
+                self.buffer.reset();
+            }
+            CallEvent::Frame {
+                frame,
+                captured,
+                arrived,
+            } => {
+                self.buffer.push(frame, arrived, captured);
+            }
+            CallEvent::HungUp => self.end = Some(CallEnd::HungUp),
+            CallEvent::Failed(error) => self.end = Some(CallEnd::Failed(error)),
+        }
+    }
+
+    /// Gives the bridge all that is due; returns the newest frame's way, if there was any.
+    fn release(&mut self, now: Micros) -> Option<Timing> {
+        let mut newest = None;
+        for Played { frame, timing } in self.buffer.take(now) {
+            self.log.released(&timing);
+            self.bridge.push(&frame);
+            newest = Some(timing);
+        }
+        newest
+    }
+
+    /// What to show from `now` on: a frame's pose at its place in time, or one made up for the moment.
+    fn pose(&mut self, now: Micros, timing: Option<Timing>) -> Pose {
+        let (motion, source) = self.bridge.sample(now);
+        self.log.shown(source);
+        self.resting = source == BridgeState::Resting;
+        // A frame may be followed at once; what is made up comes as frames did, once one is late.
+        let pause = self.bridge.interval();
+        let pause = if timing.is_some() {
+            pause * 3 / 2
+        } else {
+            pause
+        };
+        self.made_up = Micros(now.0.saturating_add(micros(pause)));
+        let at = |time| self.clock.instant(time);
+        match timing {
+            Some(timing) => Pose {
+                motion,
+                source,
+                captured: timing.captured_local.map(at),
+                arrived: at(timing.arrived),
+                due: at(timing.due.max(timing.arrived)),
+                released: at(timing.released),
+            },
+            None => Pose {
+                motion,
+                source,
+                captured: None,
+                arrived: at(now),
+                due: at(now),
+                released: at(now),
+            },
+        }
+    }
+}
+
+impl MotionSource for Call {
+    /// The frames' poses as they are due, and while there are none what the bridge makes up, at the rate that frames came. `None`
+    /// until the first frame, and while the person stands at ease.
+    fn next(&mut self, longest: Duration) -> Option<Pose> {
+        let until = self.until(longest);
+        loop {
+            let now = self.clock.now();
+            if let Some(timing) = self.release(now) {
+                return Some(self.pose(now, Some(timing)));
+            }
+            if self.is_over() || now >= until {
+                return None;
+            }
+            let moves = self.log.has_begun() && !self.resting;
+            if moves && now >= self.made_up {
+                return Some(self.pose(now, None));
+            }
+            self.listen(
+                now,
+                if moves {
+                    until.min(self.made_up)
+                } else {
+                    until
+                },
+            );
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        Self::is_over(self)
+    }
+}
+
+fn micros(duration: Duration) -> u64 {
+    u64::try_from(duration.as_micros()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,58 @@
+//! What there was of a headset, for reports.
+
+use app_pipeline::profile::Percentiles;
+use serde::Serialize;
+
+/// A headset's sessions.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct HeadsetFigures {
+    /// The runtime's name and version.
+    pub runtime: String,
+    /// The headset's name.
+    pub headset: String,
+    /// What draws.
+    pub device: String,
+    /// Width and height of an eye's picture, pixels.
+    pub eye_size: [u32; 2],
+    /// How the floor is known.
+    pub floor: String,
+    /// What is behind the people: the viewer's room, a studio, or a scene.
+    pub surround: String,
+    /// Whether bare hands are tracked.
+    pub hands: bool,
+    /// Whether the gaze is tracked.
+    pub gaze: bool,
+    /// How pictures come into the headset's images, and whether they are foveated; nothing before the first.
+    pub way: Option<String>,
+    /// Whether the compositor gets depth.
+    pub depth: bool,
+    /// The display's rate where it can be chosen, Hz.
+    pub display_hz: Option<f32>,
+    /// Extensions of `OpenXR` that are used.
+    pub granted: Vec<String>,
+    /// Extensions that would be used if the runtime had them.
+    pub missing: Vec<String>,
+    /// States that sessions passed, in order, each session after the one before.
+    pub states: Vec<String>,
+    /// Times the headset was opened: more than once where its runtime went and came back.
+    pub opened: u32,
+    /// Frames.
+    pub frames: FrameFigures,
+}
+
+/// What became of a headset's frames.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct FrameFigures {
+    /// Shown to the eyes.
+    pub shown: u64,
+    /// Of those, frames in which nobody was there yet.
+    pub empty: u64,
+    /// Paced by the runtime, but not to be seen by anybody: they cost nothing.
+    pub unseen: u64,
+    /// Refreshes of the display that showed nothing new.
+    pub late: u64,
+    /// From one predicted display time to the next.
+    pub interval: Option<Percentiles>,
+    /// As the runtime predicts the display's period.
+    pub period: Option<Percentiles>,
+}

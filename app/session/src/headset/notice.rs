@@ -1,0 +1,135 @@
+//! A notice in the headset while there is nobody to see yet: who is waited for, what is being fetched, what is missing.
+
+use super::hanging::{Spot, image};
+use super::party::{Found, close};
+use super::show::{HeadsetError, IDLE};
+use crate::overlay::{NOTICE_WIDTH_METRES, Notice, Panel};
+use app_pipeline::control::Control;
+use glam::Affine3A;
+use std::sync::{Arc, Mutex, PoisonError};
+use xr_renderer::xr::{Over, Session, SessionOptions, XrError};
+
+/// Where a notice is written by one thread, and read by the headset's. Copies are the same one.
+#[derive(Debug, Clone, Default)]
+pub struct NoticeBoard(Arc<Mutex<Notice>>);
+
+impl NoticeBoard {
+    /// Shows this from now on.
+    pub fn write(&self, notice: Notice) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = notice;
+    }
+
+    /// What is to be shown now.
+    #[must_use]
+    pub fn read(&self) -> Notice {
+        (self.0.lock().unwrap_or_else(PoisonError::into_inner)).clone()
+    }
+}
+
+/// Shows what is on the board until `is_over`, or the viewer closes the program from the headset's own menu. When the headset goes
+/// away it is waited for. It is closed at the end.
+///
+/// # Errors
+/// If the headset cannot be shown anything.
+pub fn show_notice(
+    found: Found,
+    board: &NoticeBoard,
+    control: &Control,
+    is_over: impl Fn() -> bool,
+) -> Result<(), HeadsetError> {
+    let is_over = || is_over() || control.is_leaving();
+    let mut present = Some(found);
+    let mut outcome = Ok(());
+    while let Some(found) = present.take_if(|_| control.begin_work()) {
+        let session = until_over(&found, board, control, &is_over);
+        control.end_work();
+        match session {
+            Ok(Some(Over::Lost)) => log::warn!("the headset is gone; waiting for it"),
+            Err(HeadsetError::Headset(error)) if error.is_loss() => {
+                log::warn!("{error}; waiting for it");
+            }
+            ended => {
+                outcome = ended.map(|_| ());
+                present = Some(found);
+                break;
+            }
+        }
+        present = found.open_again(control, &is_over);
+    }
+    close(present, control);
+    outcome
+}
+
+/// One session; nothing if `is_over` ended it.
+fn until_over(
+    found: &Found,
+    board: &NoticeBoard,
+    control: &Control,
+    is_over: &dyn Fn() -> bool,
+) -> Result<Option<Over>, HeadsetError> {
+    let options = SessionOptions {
+        room: true,
+        read_back: false,
+        display_hz: None,
+    };
+    let mut session = Session::new(found.headset(), options)?;
+    let mut shown = Shown::default();
+    while !is_over() {
+        let happened = session.poll()?;
+        if happened.recentred {
+            shown.floor_from_panel = None;
+        }
+        if happened.over.is_some() {
+            return Ok(happened.over);
+        }
+        let pauses = !control.may_work();
+        if pauses {
+            session.rest()?;
+            control.end_work();
+        }
+        if pauses || !session.life().is_running() {
+            std::thread::sleep(IDLE);
+            continue;
+        }
+        shown.frame(&mut session, board)?;
+    }
+    Ok(None)
+}
+
+/// What hangs there.
+#[derive(Debug, Default)]
+struct Shown {
+    notice: Option<Notice>,
+    panel: Option<Panel>,
+    floor_from_panel: Option<Affine3A>,
+}
+
+impl Shown {
+    fn frame(&mut self, session: &mut Session, board: &NoticeBoard) -> Result<(), XrError> {
+        let frame = session.wait()?;
+        let eyes = if frame.should_render {
+            session.look(&frame)?
+        } else {
+            None
+        };
+        let Some(eyes) = eyes else {
+            return session.skip(frame);
+        };
+        let hung = self.floor_from_panel.is_some();
+        let place = *self
+            .floor_from_panel
+            .get_or_insert_with(|| Spot::AHEAD.before(eyes.floor_from_head));
+        let notice = board.read();
+        if !hung || self.notice.as_ref() != Some(&notice) {
+            let panel = self.panel.insert(notice.panel());
+            self.notice = Some(notice);
+            let hung = session.hang_panel(image(panel), place, NOTICE_WIDTH_METRES);
+            if let Err(error) = hung {
+                // What went wrong first is told.
+                let _ = session.skip(frame);
+                return Err(error);
+            }
+        }
+        session.show_panel(frame)
+    }
+}

@@ -1,0 +1,61 @@
+//! What is around the people: the viewer's room, a studio or a scene; where they stand in it; their shadows.
+
+use crate::presence::{Presence, Standing, Viewer, contact_shadow};
+use app_pipeline::error::ReceiverError;
+use app_pipeline::lanes::{Lanes, MotionSource};
+use spmm3::Skeleton;
+use std::time::{Duration, Instant};
+use xr_renderer::PackedGaussian;
+use xr_renderer::xr::Surround;
+
+/// How a surrounding is called in reports.
+pub(super) fn name(surround: Surround) -> &'static str {
+    match surround {
+        Surround::Room => "the viewer's room",
+        Surround::Studio => "a studio",
+        Surround::Scene => "a scene",
+    }
+}
+
+/// Everybody's place.
+#[derive(Debug, Default)]
+pub(super) struct Places {
+    presence: Presence,
+    standing: Vec<Option<Standing>>,
+    shadows: Vec<PackedGaussian>,
+    updated: Option<Instant>,
+}
+
+impl Places {
+    /// Puts everybody before the viewer again.
+    pub(super) fn recentre(&mut self) {
+        self.presence.recentre();
+    }
+
+    /// Puts everybody in their places for the picture that was begun, and their shadows below them.
+    pub(super) fn update<S: MotionSource>(
+        &mut self,
+        lanes: &mut Lanes<S>,
+        skeletons: &[Skeleton],
+        viewer: &Viewer,
+    ) -> Result<(), ReceiverError> {
+        let now = Instant::now();
+        let elapsed = (self.updated.replace(now))
+            .map_or(Duration::ZERO, |last| now.saturating_duration_since(last));
+        self.standing.clear();
+        let poses = lanes.poses().zip(skeletons);
+        self.standing
+            .extend(poses.map(|(motion, skeleton)| Standing::of(skeleton, motion?)));
+        let places = self.presence.update(viewer, &self.standing, elapsed);
+        self.shadows.clear();
+        for (person, (floor_from_person, standing)) in places.iter().zip(&self.standing).enumerate()
+        {
+            lanes.place(person, *floor_from_person);
+            if let Some(standing) = standing {
+                let shadow = contact_shadow(standing, floor_from_person);
+                self.shadows.extend_from_slice(shadow.gaussians());
+            }
+        }
+        lanes.set_scenery(&self.shadows)
+    }
+}

@@ -1,0 +1,102 @@
+//! A performance without a network: motions at their own rate, each as if it had been captured and had arrived just now.
+
+use app_pipeline::bridge::BridgeState;
+use app_pipeline::lanes::{MotionSource, Pose};
+use spmm3::MotionParams;
+use std::time::{Duration, Instant};
+
+/// Motions, over and over.
+#[derive(Debug, Clone)]
+pub struct Rehearsal {
+    frames: Vec<MotionParams>,
+    interval: Duration,
+    next: usize,
+    due: Option<Instant>,
+}
+
+impl Rehearsal {
+    /// These motions, `rate_hz` of them a second, beginning with the first pose that is asked for. Without any it is over at once.
+    #[must_use]
+    pub fn new(frames: Vec<MotionParams>, rate_hz: f64) -> Self {
+        Self {
+            frames,
+            interval: Duration::from_secs_f64(1.0 / rate_hz.clamp(1.0, 1000.0)),
+            next: 0,
+            due: None,
+        }
+    }
+}
+
+impl MotionSource for Rehearsal {
+    fn next(&mut self, longest: Duration) -> Option<Pose> {
+        let motion = self.frames.get(self.next)?;
+        let now = Instant::now();
+        let mut due = *self.due.get_or_insert(now);
+        let pause = due.saturating_duration_since(now);
+        if pause > longest {
+            std::thread::sleep(longest);
+            return None;
+        }
+        std::thread::sleep(pause);
+        let arrived = Instant::now();
+        if arrived.saturating_duration_since(due) > self.interval * 2 {
+            // The machine stood still: what was missed is not caught up with.
+            due = arrived;
+        }
+        self.due = Some(due + self.interval);
+        self.next = (self.next + 1) % self.frames.len();
+        Some(Pose {
+            motion: motion.clone(),
+            source: BridgeState::Live,
+            captured: Some(due),
+            arrived,
+            due,
+            released: arrived,
+        })
+    }
+
+    fn is_over(&self) -> bool {
+        self.frames.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn motions_come_in_order_at_their_rate_and_begin_again() {
+        let at = |x| {
+            let mut motion = MotionParams::default();
+            motion.root_translation = Vec3::X * x;
+            motion
+        };
+        let mut rehearsal = Rehearsal::new(vec![at(1.0), at(2.0), at(3.0)], 200.0);
+        let poses: Vec<_> = (0..7)
+            .map(|_| rehearsal.next(Duration::from_secs(1)).expect("a pose"))
+            .collect();
+        let seen: Vec<_> = (poses.iter())
+            .map(|pose| pose.motion.root_translation.x)
+            .collect();
+        assert_eq!(seen, [1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 1.0], "over and over");
+        for pair in poses.windows(2) {
+            assert!(
+                pair[1].due >= pair[0].due + Duration::from_millis(5),
+                "never sooner than they should"
+            );
+        }
+        assert!(!rehearsal.is_over(), "no end");
+        assert!(Rehearsal::new(Vec::new(), 30.0).is_over(), "of nothing");
+    }
+
+    #[test]
+    fn who_waits_less_than_an_interval_gets_nothing_yet() {
+        let mut rehearsal = Rehearsal::new(vec![MotionParams::default()], 1.0);
+        assert!(rehearsal.next(Duration::ZERO).is_some(), "the first");
+        assert!(
+            rehearsal.next(Duration::from_millis(1)).is_none(),
+            "not yet"
+        );
+    }
+}

@@ -1,0 +1,22 @@
+//! What tests of pictures, headsets and processes share: slow references in f64, written apart from the code under test, and the
+//! programs of others that tests start. What they need of a person is in `synthetic-person`.
+
+pub mod allocations;
+pub mod bound_person;
+pub mod headset_reference;
+pub mod load;
+pub mod monado;
+pub mod onnx;
+pub mod picture_check;
+pub mod program;
+pub mod service;
+pub mod splat_reference;
+pub mod splat_scenes;
+pub mod vulkan;
+pub mod walking;
+
+/// Prints a line that `./run test` counts, but for this crate's own tests, which try such lines where nothing is the matter.
+fn tell(line: &str) {
+    let whose = if cfg!(test) { "tried: " } else { "" };
+    println!("{whose}{line}");
+}
