@@ -3,7 +3,7 @@
 use super::room::{line, read_room_link, read_server};
 use super::values::{self, read};
 use super::{DisplayRate, Given, Key, Origin, Problem, Sourced, plain};
-use app_pipeline::placement::PlacementRequest;
+use app_pipeline::plan::PlacementRequest;
 use app_pipeline::timeline::LatencyMode;
 use link::{HttpError, RoomLink};
 use log::LevelFilter;

@@ -1,7 +1,7 @@
 //! Values of one word, read.
 
 use super::{Key, Origin, Problem, plain};
-use app_pipeline::placement::PlacementRequest;
+use app_pipeline::plan::PlacementRequest;
 use app_pipeline::timeline::LatencyMode;
 use log::LevelFilter;
 use std::fmt;

@@ -5,7 +5,8 @@
 
 use app_kernels::state::{GaussianState, plane};
 use app_pipeline::deform::Deformer;
-use app_pipeline::placement::{Inference, Plan};
+use app_pipeline::inference::Inference;
+use app_pipeline::plan::Plan;
 use app_pipeline::profile::Profile;
 use npu_runtime::{Provider, Runtime};
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback, SH_C0};

@@ -5,7 +5,6 @@
 //! its steps whether to go on ([`Control::checkpoint`]). The call goes on meanwhile.
 
 use crate::error::ReceiverError;
-use crate::lanes::{MotionSource, Pose};
 use npu_runtime::Cancel;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -170,50 +169,10 @@ impl Control {
     }
 }
 
-/// A source whose poses are for nobody while the showing pauses: they are taken, for the call's sake, and dropped, so that
-/// neither NPU nor CPU works in the background.
-#[derive(Debug)]
-pub struct Attended<S> {
-    source: S,
-    control: Control,
-}
-
-impl<S> Attended<S> {
-    /// `source`, for as long as `control` does not pause.
-    pub fn new(source: S, control: Control) -> Self {
-        Self { source, control }
-    }
-
-    /// The source.
-    pub fn source(&self) -> &S {
-        &self.source
-    }
-
-    /// The source, back.
-    pub fn into_source(self) -> S {
-        self.source
-    }
-}
-
-impl<S: MotionSource> MotionSource for Attended<S> {
-    fn next(&mut self, longest: Duration) -> Option<Pose> {
-        self.source
-            .next(longest)
-            .filter(|_| !self.control.is_paused())
-    }
-
-    fn is_over(&self) -> bool {
-        self.source.is_over()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bridge::BridgeState;
-    use spmm3::MotionParams;
     use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::SeqCst};
-    use std::time::Instant;
 
     /// Longer than any step of these tests.
     const PATIENCE: Duration = Duration::from_secs(2);
@@ -317,38 +276,5 @@ mod tests {
         assert!(!begun.load(SeqCst), "held back");
         control.resume();
         assert!(thread.join().expect("no panic"), "begun after the pause");
-    }
-
-    #[test]
-    fn poses_of_a_pause_are_taken_and_dropped() {
-        struct Steady(u32);
-        impl MotionSource for Steady {
-            fn next(&mut self, _: Duration) -> Option<Pose> {
-                self.0 += 1;
-                let now = Instant::now();
-                Some(Pose {
-                    motion: MotionParams::default(),
-                    source: BridgeState::Live,
-                    captured: None,
-                    arrived: now,
-                    due: now,
-                    released: now,
-                })
-            }
-
-            fn is_over(&self) -> bool {
-                self.0 >= 4
-            }
-        }
-        let control = Control::default();
-        let mut source = Attended::new(Steady(0), control.clone());
-        assert!(source.next(Duration::ZERO).is_some(), "shown");
-        assert!(control.pause(PATIENCE), "nobody is at work");
-        assert!(source.next(Duration::ZERO).is_none(), "dropped");
-        assert!(source.next(Duration::ZERO).is_none(), "dropped, too");
-        control.resume();
-        assert!(source.next(Duration::ZERO).is_some(), "shown again");
-        assert!(source.is_over(), "all four were taken from the source");
-        assert_eq!(source.into_source().0, 4, "each once");
     }
 }

@@ -2,7 +2,8 @@
 //! stages by themselves. A call does the same in lanes (`lanes/`).
 
 use crate::error::ReceiverError;
-use crate::placement::{Inference, Plan, unit_of};
+use crate::inference::Inference;
+use crate::plan::{Plan, unit_of};
 use crate::posing::Posing;
 use crate::profile::Profile;
 use crate::stage::{Stage, Unit};

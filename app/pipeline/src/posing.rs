@@ -2,7 +2,7 @@
 
 use crate::error::ReceiverError;
 use crate::hold::KEPT_SHARES;
-use crate::placement::Plan;
+use crate::plan::Plan;
 use app_kernels::state::{GaussianState, StateChange};
 use app_kernels::{Attributes, PoseInputs, Poser, Skinner};
 use npu_runtime::Outputs;

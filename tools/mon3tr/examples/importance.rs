@@ -7,7 +7,8 @@
 use anyhow::Context;
 use app_kernels::state::{GaussianState, plane};
 use app_pipeline::deform::Deformer;
-use app_pipeline::placement::{Inference, Plan};
+use app_pipeline::inference::Inference;
+use app_pipeline::plan::Plan;
 use glam::Vec3;
 use npu_runtime::Runtime;
 use reconstruct::bake::{Weights, importance};

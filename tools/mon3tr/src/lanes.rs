@@ -1,6 +1,6 @@
 //! What can be chosen about the lanes that show a call.
 
-use app_pipeline::placement::PlacementRequest;
+use app_pipeline::plan::PlacementRequest;
 use app_pipeline::timeline::LatencyMode;
 use clap::ValueEnum;
 

@@ -5,7 +5,8 @@ use crate::machine::{Absent, Channel, MachineFigures, Quantity, Series};
 use crate::{AvatarFigures, Conditions, Measured, Memory, Report};
 use app_pipeline::bridge::BridgeState;
 use app_pipeline::hold::{Hold, HoldMode};
-use app_pipeline::placement::{Alternative, PlacementReport, Plan, StageCosts, unit_of};
+use app_pipeline::placement::{Alternative, PlacementReport, StageCosts};
+use app_pipeline::plan::{Plan, unit_of};
 use app_pipeline::profile::{
     Collector, PictureTimes, Recorder, Recording, StateTimes, Summary, Terms,
 };

@@ -1,5 +1,5 @@
 use super::*;
-use app_pipeline::placement::{PlacementRequest, Plan};
+use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::timeline::LatencyMode;
 use log::LevelFilter;
 use std::time::Duration;

@@ -2,8 +2,7 @@
 
 use super::figures::Counters;
 use super::recent::Recent;
-use super::{Change, HoldFigures, LADDER, PictureCost, Quality, Reason};
-use serde::Serialize;
+use super::{Change, HoldFigures, HoldMode, LADDER, PictureCost, Quality, Reason};
 use std::time::Duration;
 
 /// A picture that takes more of the period than this is too slow: the compositor wants some of it, too.
@@ -36,17 +35,6 @@ const MINUTE: f64 = 60_000.0;
 /// Changes of quality in any minute, whatever the times: every fall takes a climb before it, or a step that was there at
 /// the minute's start.
 pub const MOST_CHANGES_A_MINUTE: usize = 2 * CLIMBS_A_MINUTE + LADDER.len() - 1;
-
-/// Whether quality may change.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Default)]
-#[serde(rename_all = "snake_case")]
-pub enum HoldMode {
-    /// It follows what the device can do.
-    #[default]
-    Adapt,
-    /// It stays at this step, for measurements that can be repeated. Misses are counted all the same.
-    Fixed(usize),
-}
 
 /// Holds the display's rate.
 #[derive(Debug)]

@@ -15,7 +15,7 @@ mod recent;
 #[cfg(test)]
 mod tests;
 
-pub use controller::{Hold, HoldMode, MOST_CHANGES_A_MINUTE};
+pub use controller::{Hold, MOST_CHANGES_A_MINUTE};
 pub use figures::{Change, HoldFigures, Reason, StepFigures};
-pub use quality::{KEPT_SHARES, LADDER, Quality};
+pub use quality::{HoldMode, KEPT_SHARES, LADDER, Quality};
 pub use recent::PictureCost;

@@ -77,3 +77,14 @@ impl std::fmt::Display for Quality {
         }
     }
 }
+
+/// Whether quality may change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Default)]
+#[serde(rename_all = "snake_case")]
+pub enum HoldMode {
+    /// It follows what the device can do.
+    #[default]
+    Adapt,
+    /// It stays at this step, for measurements that can be repeated. Misses are counted all the same.
+    Fixed(usize),
+}

@@ -3,7 +3,7 @@
 use super::hand_over::{Bell, Giver, Taker};
 use super::motion::Posed;
 use crate::error::ReceiverError;
-use crate::placement::Inference;
+use crate::inference::Inference;
 use crate::profile::Recorder;
 use crate::stage::Stage;
 use npu_runtime::Outputs;

@@ -3,7 +3,8 @@
 use super::person::Person;
 use super::{Lanes, MotionSource, Skipped};
 use crate::error::ReceiverError;
-use crate::placement::{Fault, Inference, Plan, ProviderChange};
+use crate::inference::{Fault, Inference, ProviderChange};
+use crate::plan::Plan;
 use crate::profile::Collector;
 use glam::Affine3A;
 use shaders_spirv::PackedGaussian;

@@ -8,7 +8,7 @@ use super::device::DevicePosing;
 use super::hand_over::{Bell, Giver, Overwritten, Taker, hand_over};
 use super::threads::Threads;
 use crate::error::ReceiverError;
-use crate::placement::{Fault, ProviderChanges};
+use crate::inference::{Fault, ProviderChanges};
 use crate::profile::Collector;
 use glam::Affine3A;
 use std::sync::mpsc::Sender;

@@ -3,7 +3,7 @@
 //! Stages on one piece of silicon add up, stages on different ones overlap: the slowest piece sets the pace. A provider that
 //! computes on the CPU shares it with the CPU's stages, and so does a GPU that is software.
 
-use super::{Plan, unit_of};
+use crate::plan::{Plan, unit_of};
 use crate::stage::Unit;
 use npu_runtime::ProviderKind;
 use serde::Serialize;

@@ -1,8 +1,9 @@
 //! Placing the first person's stages with the renderer that is made for them.
 
-use super::{Offer, Placed, PlacementRequest, Plan, place};
+use super::{Offer, Placed, place};
 use crate::control::Control;
 use crate::error::ReceiverError;
+use crate::plan::{PlacementRequest, Plan};
 use crate::posing::bound_mesh;
 use spmm3::Avatar;
 use std::sync::Arc;

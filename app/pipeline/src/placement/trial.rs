@@ -1,12 +1,11 @@
 //! The short timed warm-up at the start: every placement that can be had runs a few frames, and the fastest goes on.
 
-use super::{
-    Alternative, Inference, PlacementRequest, Plan, ProviderChange, StageCosts, choose,
-    predicted_picture_ms, unit_of,
-};
+use super::{Alternative, StageCosts, choose, predicted_picture_ms};
 use crate::control::Control;
 use crate::deform::Deformer;
 use crate::error::ReceiverError;
+use crate::inference::{Inference, ProviderChange};
+use crate::plan::{PlacementRequest, Plan, unit_of};
 use crate::pool::in_own_pool;
 use crate::profile::{Percentiles, Profile, StageSummary};
 use crate::stage::{Stage, Unit};

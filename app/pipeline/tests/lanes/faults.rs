@@ -2,7 +2,7 @@
 
 use crate::stage::BLACK;
 use crate::stage::{CPU, Stage, Swing, own_gpu};
-use app_pipeline::placement::Plan;
+use app_pipeline::plan::Plan;
 use std::time::{Duration, Instant};
 use test_support::vulkan;
 

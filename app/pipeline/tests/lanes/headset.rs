@@ -3,7 +3,7 @@
 use crate::people::{places, plate, shown};
 use crate::stage::{CPU, Stage, Swing, own_gpu};
 use app_pipeline::lanes::Drawn;
-use app_pipeline::placement::Plan;
+use app_pipeline::plan::Plan;
 use glam::Vec3;
 use spmm3::MotionParams;
 use std::sync::Arc;

@@ -2,7 +2,7 @@
 
 use crate::stage::BLACK;
 use crate::stage::{CPU, Stage, Swing};
-use app_pipeline::placement::Plan;
+use app_pipeline::plan::Plan;
 use std::time::Duration;
 use test_support::vulkan;
 

@@ -3,7 +3,9 @@
 use crate::stage::{CPU, avatar, camera, own_gpu};
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
-use app_pipeline::placement::{Inference, Offer, PlacementRequest, Plan, place_first};
+use app_pipeline::inference::Inference;
+use app_pipeline::placement::{Offer, place_first};
+use app_pipeline::plan::{PlacementRequest, Plan};
 use npu_runtime::{Cancel, Runtime, RuntimeError};
 use spmm3::Avatar;
 use std::sync::Arc;

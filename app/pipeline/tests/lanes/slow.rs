@@ -1,7 +1,7 @@
 //! An NPU that is much slower than motion: QNN's emulator.
 
 use crate::stage::{CPU, Stage, Swing};
-use app_pipeline::placement::Plan;
+use app_pipeline::plan::Plan;
 use app_pipeline::profile::PictureTimes;
 use app_pipeline::stage::Stage as Work;
 use npu_runtime::{Provider, QnnTarget};

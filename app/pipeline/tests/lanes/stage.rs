@@ -2,8 +2,9 @@
 
 use app_pipeline::bridge::BridgeState;
 use app_pipeline::hold::HoldMode;
+use app_pipeline::inference::Inference;
 use app_pipeline::lanes::{DisplayClock, Drawn, LaneOptions, Lanes, MotionSource, Pose};
-use app_pipeline::placement::{Inference, Plan};
+use app_pipeline::plan::Plan;
 use app_pipeline::timeline::LatencyMode;
 use glam::{Quat, Vec3};
 use npu_runtime::{Provider, Runtime};

@@ -4,7 +4,7 @@ use crate::people::{places, plate};
 use crate::stage::{BLACK, CPU, SIDE, Stage, Swing};
 use app_pipeline::hold::HoldMode;
 use app_pipeline::lanes::{Next, Tick};
-use app_pipeline::placement::Plan;
+use app_pipeline::plan::Plan;
 use glam::{Affine3A, Vec3};
 use std::time::{Duration, Instant};
 use test_support::allocations::allocations as counted;

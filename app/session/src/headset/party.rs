@@ -4,13 +4,13 @@ use super::figures::HeadsetFigures;
 use super::show::{HeadsetError, Showing, Watcher, open_again, show};
 use crate::call::CallWatch;
 use crate::overlay::OverlayWatch;
-use app_pipeline::control::{Attended, Control};
+use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::hold::{HoldFigures, HoldMode};
+use app_pipeline::lanes::PausableSource;
 use app_pipeline::lanes::{LaneOptions, Lanes, MotionSource, Skipped};
-use app_pipeline::placement::{
-    Offer, Placed, PlacementReport, PlacementRequest, Plan, place, place_first,
-};
+use app_pipeline::placement::{Offer, Placed, PlacementReport, place, place_first};
+use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::profile::Collector;
 use app_pipeline::timeline::LatencyMode;
 use glam::Vec3;
@@ -215,7 +215,8 @@ pub fn show_party<S: MotionSource>(
     };
     control.checkpoint()?;
     let Gathered { sources, watch } = join();
-    let mut sources = (sources.into_iter()).map(|source| Attended::new(source, control.clone()));
+    let mut sources =
+        (sources.into_iter()).map(|source| PausableSource::new(source, control.clone()));
     let source = sources.next().ok_or(HeadsetError::Nobody)?;
     // Also when it is time to leave: the calls that were joined say goodbye at their end.
     let step = control.step();
@@ -251,7 +252,7 @@ pub fn show_party<S: MotionSource>(
     drop(step);
     Ok(Party {
         sources: (sources.into_iter())
-            .map(|source| source.map(Attended::into_source))
+            .map(|source| source.map(PausableSource::into_source))
             .collect(),
         collector,
         headset,

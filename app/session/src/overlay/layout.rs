@@ -1,12 +1,14 @@
 //! What stands where on the panel: rows of a label and two figures, bars for units, a strip of frame times.
 
 use super::glyphs::TextSize;
-use super::panel::Colour;
 use super::words::{NONE, count, cut, number};
 use super::{OverlayFigures, UnitLoad};
 use app_pipeline::hold::LADDER;
 use app_pipeline::profile::Since;
 use app_pipeline::stage::Unit;
+
+/// Red, green and blue as displayed, 0 to 255.
+pub(super) type Colour = [u8; 3];
 
 pub(super) const WIDTH: u32 = 640;
 pub(super) const HEIGHT: u32 = 536;

@@ -1,10 +1,7 @@
 //! The panel's pixels: a card, and text and bars on it.
 
 use super::glyphs::Glyphs;
-use super::layout::{Item, Rect, Shape, base_line};
-
-/// Red, green and blue as displayed, 0 to 255.
-pub(super) type Colour = [u8; 3];
+use super::layout::{Colour, Item, Rect, Shape, base_line};
 
 const CARD: Colour = [17, 20, 26];
 /// How much of the card hides what is behind. Light is blended, not displayed values, so that a bright wall shines through much.

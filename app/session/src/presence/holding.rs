@@ -1,6 +1,6 @@
 //! People in the viewer's hands: who is held by which hand, and where it takes them.
 
-use super::people::{Place, wrapped};
+use super::place::{Place, wrapped};
 use super::standing::Standing;
 use super::viewer::trusted;
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec3Swizzles};

@@ -7,6 +7,7 @@
 
 mod holding;
 mod people;
+mod place;
 mod seat;
 mod shadow;
 mod standing;

@@ -1,14 +1,12 @@
 //! Where each person stands in the viewer's room: before the viewer at first, then where they were put.
 
 use super::holding::Holding;
+use super::place::{DISTANCE, Place, turned};
 use super::standing::Standing;
 use super::viewer::{View, Viewer};
-use glam::{Affine3A, Quat, Vec2, Vec3};
-use std::f32::consts::PI;
+use glam::{Affine3A, Vec2};
 use std::time::Duration;
 
-/// From the viewer to somebody they talk to, metres.
-const DISTANCE: f32 = 1.6;
 /// From one person to the next, metres.
 const APART: f32 = 0.9;
 /// Who joins later does not stand closer to anybody than this, metres.
@@ -33,52 +31,6 @@ pub struct Presence {
     places: Vec<Option<Place>>,
     floor_from_person: Vec<Affine3A>,
     holding: Holding,
-}
-
-/// A rigid floor_from_motion that keeps the floor: a turn about y (radians), then a shift along x and z (metres).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Place {
-    turn: f32,
-    shift: Vec2,
-}
-
-impl Place {
-    /// For who has none yet: before a viewer at the origin.
-    const UNKNOWN: Self = Self {
-        turn: 0.0,
-        shift: Vec2::new(0.0, -DISTANCE),
-    };
-
-    /// Where `standing` is on `spot` of the floor and faces along `ahead`.
-    fn on(spot: Vec2, ahead: Vec2, standing: &Standing) -> Self {
-        let turn = wrapped(ahead.x.atan2(ahead.y) - standing.heading);
-        Self {
-            turn,
-            shift: spot - turned(standing.spot(), turn),
-        }
-    }
-
-    /// The spot of the floor that `standing` is on, x and z.
-    pub(super) fn spot(&self, standing: &Standing) -> Vec2 {
-        turned(standing.spot(), self.turn) + self.shift
-    }
-
-    /// With `standing` shifted along the floor, metres, and turned on the spot, radians.
-    pub(super) fn moved(&self, standing: &Standing, by: Vec2, turn: f32) -> Self {
-        let spot = self.spot(standing) + by;
-        let turn = wrapped(self.turn + turn);
-        Self {
-            turn,
-            shift: spot - turned(standing.spot(), turn),
-        }
-    }
-
-    pub(super) fn floor_from_person(&self) -> Affine3A {
-        Affine3A::from_rotation_translation(
-            Quat::from_rotation_y(self.turn),
-            Vec3::new(self.shift.x, 0.0, self.shift.y),
-        )
-    }
 }
 
 impl Presence {
@@ -152,18 +104,4 @@ impl Presence {
             .filter_map(|(place, standing)| Some((*place)?.spot(standing.as_ref()?)))
             .all(|other| other.distance(spot) >= CLEAR)
     }
-}
-
-/// A horizontal vector (x, z) turned about y.
-fn turned(vector: Vec2, radians: f32) -> Vec2 {
-    let (sin, cos) = radians.sin_cos();
-    Vec2::new(
-        cos * vector.x + sin * vector.y,
-        cos * vector.y - sin * vector.x,
-    )
-}
-
-/// The same angle within half a turn to either side.
-pub(super) fn wrapped(radians: f32) -> f32 {
-    (radians + PI).rem_euclid(2.0 * PI) - PI
 }

@@ -129,8 +129,8 @@ impl Seat {
         });
         let seconds = due.saturating_duration_since(sitting.at).as_secs_f32();
         let most = TURN_SPEED * seconds;
-        let turn = sent.map_or(0.0, |sent| super::people::wrapped(sent - sitting.heading));
-        sitting.heading = super::people::wrapped(sitting.heading + turn.clamp(-most, most));
+        let turn = sent.map_or(0.0, |sent| super::place::wrapped(sent - sitting.heading));
+        sitting.heading = super::place::wrapped(sitting.heading + turn.clamp(-most, most));
         sitting.at = due;
 
         let facing = Quat::from_rotation_y(sitting.heading);
