@@ -11,28 +11,28 @@ use std::str::FromStr;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Plan {
-    /// The card's: inference and LBS on the NPU, F_m2g and interpolation on the CPU. The whole graph is one ONNX model.
-    Card,
+    /// The paper's: inference and LBS on the NPU, F_m2g and interpolation on the CPU. The whole graph is one ONNX model.
+    Npu,
     /// F_attr's tail leaves the graph for a kernel on the CPU that fuses it with F_m2g.
     CpuTail,
     /// LBS leaves the graph as well: the networks alone are ONNX.
     Cpu,
     /// Everything on the GPU but the networks: Gaussians stay in device memory, and nothing is uploaded but vertices.
-    Pc,
+    Gpu,
 }
 
 impl Plan {
-    /// All of them, the card's first.
-    pub const ALL: [Self; 4] = [Self::Card, Self::CpuTail, Self::Cpu, Self::Pc];
+    /// All of them, the NPU's first.
+    pub const ALL: [Self; 4] = [Self::Npu, Self::CpuTail, Self::Cpu, Self::Gpu];
 
     /// The name it is asked for by.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Card => "card",
+            Self::Npu => "npu",
             Self::CpuTail => "cpu-tail",
             Self::Cpu => "cpu",
-            Self::Pc => "pc",
+            Self::Gpu => "gpu",
         }
     }
 
@@ -40,9 +40,9 @@ impl Plan {
     #[must_use]
     pub fn graph(self) -> GraphParts {
         match self {
-            Self::Card => GraphParts::Whole,
+            Self::Npu => GraphParts::Whole,
             Self::CpuTail => GraphParts::Skinned,
-            Self::Cpu | Self::Pc => GraphParts::Networks,
+            Self::Cpu | Self::Gpu => GraphParts::Networks,
         }
     }
 
@@ -50,8 +50,8 @@ impl Plan {
     #[must_use]
     pub fn unit(self, stage: Stage, inference: Unit) -> Unit {
         match (stage, self) {
-            (Stage::Inference, _) | (Stage::Skin, Self::Card | Self::CpuTail) => inference,
-            (Stage::Skin | Stage::Bind | Stage::Interpolate, Self::Pc) => Unit::Gpu,
+            (Stage::Inference, _) | (Stage::Skin, Self::Npu | Self::CpuTail) => inference,
+            (Stage::Skin | Stage::Bind | Stage::Interpolate, Self::Gpu) => Unit::Gpu,
             (Stage::Kinematics | Stage::Skin | Stage::Bind | Stage::Interpolate, _) => Unit::Cpu,
             (Stage::Upload | Stage::Project | Stage::Sort | Stage::Bin | Stage::Raster, _) => {
                 Unit::Gpu
@@ -86,7 +86,7 @@ pub fn unit_of(provider: ProviderKind) -> Unit {
     }
 }
 
-/// The placement asked for. What is left open is measured; the wish is the card's placement then.
+/// The placement asked for. What is left open is measured; the wish is the NPU's placement then.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct PlacementRequest {
     /// This plan and no other.
@@ -122,8 +122,8 @@ impl FromStr for PlacementRequest {
 
 fn refusal(text: &str) -> String {
     format!(
-        "{text} is no placement: give auto, or card, cpu-tail, cpu or pc, and npu=qnn, npu=nnapi, npu=xnnpack or npu=cpu, \
-         with a comma between, e.g. card,npu=qnn"
+        "{text} is no placement: give auto, or npu, cpu-tail, cpu or gpu, and npu=qnn, npu=nnapi, npu=xnnpack or npu=cpu, \
+         with a comma between, e.g. npu,npu=qnn"
     )
 }
 
@@ -151,9 +151,9 @@ mod tests {
                 assert_eq!(request.to_string().parse(), Ok(request), "{request}");
             }
         }
-        for wrong in ["", "npu", "npu=gpu", "gpu=card", "card;npu=cpu", "fast"] {
+        for wrong in ["", "card", "npu=gpu", "gpu=npu", "card;npu=cpu", "fast"] {
             let error = wrong.parse::<PlacementRequest>().expect_err(wrong);
-            assert!(error.contains("card,npu=qnn"), "{error}");
+            assert!(error.contains("npu,npu=qnn"), "{error}");
         }
     }
 
@@ -173,9 +173,9 @@ mod tests {
         }
         for stage in Stage::ALL {
             assert_eq!(
-                Plan::Card.unit(stage, Unit::Npu),
+                Plan::Npu.unit(stage, Unit::Npu),
                 stage.legal_units()[0],
-                "the card's choice for {stage:?} comes first"
+                "the paper's choice for {stage:?} comes first"
             );
         }
     }

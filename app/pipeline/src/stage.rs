@@ -108,7 +108,7 @@ impl Stage {
         self.row().0
     }
 
-    /// The units it may run on, the card's choice first.
+    /// The units it may run on, the paper's choice first.
     #[must_use]
     pub fn legal_units(self) -> &'static [Unit] {
         self.row().1

@@ -77,7 +77,7 @@ pub fn session(runtime: &Runtime, avatar: &Avatar, parts: GraphParts) -> Session
     .expect("ONNX Runtime takes the parts")
 }
 
-/// An avatar's networks and no more, as the PC placement runs them.
+/// An avatar's networks and no more, as the GPU placement runs them.
 #[derive(Debug)]
 pub struct Networks {
     session: Session,

@@ -304,22 +304,22 @@ fn placement() -> PlacementReport {
     let whole = Err("the NPU takes the whole graph");
     PlacementReport {
         requested: "auto".into(),
-        plan: Plan::Card,
+        plan: Plan::Npu,
         provider: Provider::Qnn {
             target: QnnTarget::SXR2230P,
         },
         units: Stage::ALL
-            .map(|stage| (stage, Plan::Card.unit(stage, Unit::Npu)))
+            .map(|stage| (stage, Plan::Npu.unit(stage, Unit::Npu)))
             .into(),
         reason: "8.1 ms a picture is predicted, cpu-tail on CPU would take 9.3 ms".into(),
         alternatives: vec![
-            of(Plan::Card, qnn, Ok([17.2, 2.8, 1.3, 7.1])),
+            of(Plan::Npu, qnn, Ok([17.2, 2.8, 1.3, 7.1])),
             of(Plan::CpuTail, qnn, whole),
-            of(Plan::Pc, qnn, whole),
-            of(Plan::Card, cpu, Ok([31.0, 2.8, 1.3, 8.9])),
+            of(Plan::Gpu, qnn, whole),
+            of(Plan::Npu, cpu, Ok([31.0, 2.8, 1.3, 8.9])),
             of(Plan::CpuTail, cpu, Ok([21.0, 4.4, 1.3, 8.3])),
             of(
-                Plan::Pc,
+                Plan::Gpu,
                 cpu,
                 Err(
                     "the device has 41 MB left, and states of 60035 Gaussians need 46 MB there: \

@@ -217,14 +217,14 @@ fn the_table_fits_a_terminal_and_says_every_stage() {
         .filter(|line| line.ends_with("<- chosen"))
         .collect();
     assert!(
-        matches!(chosen.as_slice(), [one] if one.starts_with("card on QNN")),
+        matches!(chosen.as_slice(), [one] if one.starts_with("npu on QNN")),
         "{chosen:?}"
     );
     let words: Vec<&str> = table.split_whitespace().collect();
     let table = words.join(" ");
     for refusal in [
-        "not cpu-tail, pc on QNN: the NPU takes the whole graph",
-        "not pc on CPU: the device has 41 MB left, and states of 60035 Gaussians need 46 MB there",
+        "not cpu-tail, gpu on QNN: the NPU takes the whole graph",
+        "not gpu on CPU: the device has 41 MB left, and states of 60035 Gaussians need 46 MB there",
     ] {
         assert!(table.contains(refusal), "{refusal} is missing: {table}");
     }

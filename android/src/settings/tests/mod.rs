@@ -67,13 +67,13 @@ fn every_setting_is_read_from_extras_and_from_the_file() {
         ("room", "https://a/rooms/A#t1, http://b:1/rooms/B#t2"),
         ("seat", "true"),
         ("rate", "90"),
-        ("placement", "card,npu=qnn"),
+        ("placement", "npu,npu=qnn"),
         ("latency", "extrapolate"),
         ("log", "debug"),
         ("cache_mb", "1000"),
     ];
     let file = "room = [\"https://a/rooms/A#t1\", \"http://b:1/rooms/B#t2\"]\nseat = true\nrate = 90\n\
-                placement = \"card,npu=qnn\"\nlatency = \"extrapolate\"\nlog = \"debug\"\ncache_mb = 1000\n";
+                placement = \"npu,npu=qnn\"\nlatency = \"extrapolate\"\nlog = \"debug\"\ncache_mb = 1000\n";
     for (origin, settings) in [
         (Origin::Intent, read(&extras, None, None)),
         (Origin::File, read(&[], None, Some(file))),
@@ -90,7 +90,7 @@ fn every_setting_is_read_from_extras_and_from_the_file() {
         );
         assert_eq!(settings.rate.value, Some(DisplayRate::Hz90), "rate");
         let placement = PlacementRequest {
-            plan: Some(Plan::Card),
+            plan: Some(Plan::Npu),
             provider: "npu=qnn".parse::<PlacementRequest>().expect("one").provider,
         };
         assert_eq!(

@@ -93,7 +93,7 @@ impl<S: MotionSource> Lanes<S> {
     /// that of the first is 0.
     ///
     /// # Errors
-    /// [`Plan::Pc`], which is the first person's only; too many people, or more Gaussians together than the renderer was made for;
+    /// [`Plan::Gpu`], which is the first person's only; too many people, or more Gaussians together than the renderer was made for;
     /// or as [`Self::start`].
     pub fn join(
         &mut self,
@@ -102,7 +102,7 @@ impl<S: MotionSource> Lanes<S> {
         source: S,
         plan: Plan,
     ) -> Result<usize, ReceiverError> {
-        if plan == Plan::Pc {
+        if plan == Plan::Gpu {
             return Err(ReceiverError::PosedTwice);
         }
         let number = self.people.count();

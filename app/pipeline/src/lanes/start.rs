@@ -92,7 +92,7 @@ impl<S: MotionSource> Person<S> {
         let fault = inference.fault();
         let changes = inference.changes();
         let mut threads = Threads::new([npu_bell.clone(), cpu_bell.clone()]);
-        let supply = if plan == Plan::Pc {
+        let supply = if plan == Plan::Gpu {
             Supply::Device(DevicePosing::new(inferred_taker, latency))
         } else {
             let (requests, requests_taker) = hand_over([Request::none(); 3], &cpu_bell);

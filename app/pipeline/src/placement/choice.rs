@@ -40,7 +40,7 @@ pub struct Alternative {
 
 /// Motion frames a second that predictions reckon with.
 const MOTION_HZ: f64 = 30.0;
-/// The card's placement goes first unless another is faster by more than this: measurements waver.
+/// The NPU's placement goes first unless another is faster by more than this: measurements waver.
 const MARGIN: f64 = 0.03;
 
 /// Milliseconds from picture to picture when all units work at once.
@@ -52,7 +52,7 @@ pub fn predicted_picture_ms(
     gpu_is_cpu: bool,
 ) -> f64 {
     let gpu = if gpu_is_cpu { Unit::Cpu } else { Unit::Gpu };
-    let posing = if plan == Plan::Pc { gpu } else { Unit::Cpu };
+    let posing = if plan == Plan::Gpu { gpu } else { Unit::Cpu };
     let pace = Unit::ALL.map(|silicon| {
         let on = |unit: Unit, ms: f64| if unit == silicon { ms } else { 0.0 };
         let a_motion = on(unit_of(provider), costs.inference) + on(posing, costs.bind);
@@ -64,7 +64,7 @@ pub fn predicted_picture_ms(
     pace.into_iter().fold(0.0, f64::max)
 }
 
-/// The index of the alternative to take: the fastest, the card's where it makes no difference. `None` if none is to be had.
+/// The index of the alternative to take: the fastest, the NPU's where it makes no difference. `None` if none is to be had.
 #[must_use]
 pub fn choose(alternatives: &[Alternative]) -> Option<usize> {
     let predicted = |at: usize| alternatives.get(at).and_then(|one| one.predicted_ms);
@@ -72,7 +72,7 @@ pub fn choose(alternatives: &[Alternative]) -> Option<usize> {
     let (fastest, least) = possible.clone().min_by(|a, b| a.1.total_cmp(&b.1))?;
     possible
         .into_iter()
-        .find(|(at, ms)| alternatives[*at].plan == Plan::Card && *ms <= least * (1.0 + MARGIN))
+        .find(|(at, ms)| alternatives[*at].plan == Plan::Npu && *ms <= least * (1.0 + MARGIN))
         .map_or(Some(fastest), |(at, _)| Some(at))
 }
 
@@ -92,22 +92,22 @@ mod tests {
     #[test]
     fn units_overlap_and_stages_on_one_add_up() {
         // By hand: the NPU is busy 30 x 10 ms a second, the CPU 30 x 5 ms and 2 ms a picture, the GPU 8 ms a picture.
-        let card = costs(10.0, 5.0, 2.0, 8.0);
-        let ms = predicted_picture_ms(Plan::Card, ProviderKind::Qnn, &card, false);
+        let paper = costs(10.0, 5.0, 2.0, 8.0);
+        let ms = predicted_picture_ms(Plan::Npu, ProviderKind::Qnn, &paper, false);
         assert!((ms - 8.0).abs() < 1e-9, "the GPU sets the pace: {ms}");
         // With a slow CPU that is 2 / (1 - 0.75).
         let slow = costs(10.0, 25.0, 2.0, 7.0);
-        let ms = predicted_picture_ms(Plan::Card, ProviderKind::Qnn, &slow, false);
+        let ms = predicted_picture_ms(Plan::Npu, ProviderKind::Qnn, &slow, false);
         assert!((ms - 8.0).abs() < 1e-9, "the CPU: {ms}");
         // All on one processor: (2 + 8) / (1 - 0.03 x 15).
-        let ms = predicted_picture_ms(Plan::Card, ProviderKind::Cpu, &card, true);
+        let ms = predicted_picture_ms(Plan::Npu, ProviderKind::Cpu, &paper, true);
         assert!((ms - 10.0 / 0.55).abs() < 1e-9, "all together: {ms}");
         // On a GPU of its own everything but the networks.
-        let ms = predicted_picture_ms(Plan::Pc, ProviderKind::Cpu, &card, false);
+        let ms = predicted_picture_ms(Plan::Gpu, ProviderKind::Cpu, &paper, false);
         assert!((ms - 10.0 / 0.85).abs() < 1e-9, "posing on the GPU: {ms}");
         // More motion than there is time for.
         let ms = predicted_picture_ms(
-            Plan::Card,
+            Plan::Npu,
             ProviderKind::Cpu,
             &costs(50.0, 5.0, 2.0, 8.0),
             true,
@@ -126,9 +126,9 @@ mod tests {
             refused: None,
         };
         let mut alternatives = [
-            one(Plan::Card, Some(10.2)),
+            one(Plan::Npu, Some(10.2)),
             one(Plan::CpuTail, Some(10.0)),
-            one(Plan::Pc, None),
+            one(Plan::Gpu, None),
         ];
         assert_eq!(
             choose(&alternatives),
@@ -138,7 +138,7 @@ mod tests {
         alternatives[1].predicted_ms = Some(8.0);
         assert_eq!(choose(&alternatives), Some(1), "the fastest");
         alternatives[0].predicted_ms = None;
-        assert_eq!(choose(&alternatives), Some(1), "without the card's");
+        assert_eq!(choose(&alternatives), Some(1), "without the NPU's");
         alternatives[1].predicted_ms = None;
         assert_eq!(choose(&alternatives), None, "none");
     }

@@ -23,7 +23,7 @@ pub fn place_first(
     request: PlacementRequest,
     control: &Control,
 ) -> Result<(Placed, SplatRenderer), ReceiverError> {
-    let mesh = matches!(request.plan, None | Some(Plan::Pc))
+    let mesh = matches!(request.plan, None | Some(Plan::Gpu))
         .then(|| bound_mesh(avatar))
         .transpose()?
         .map(Arc::new);
@@ -37,7 +37,7 @@ pub fn place_first(
     };
     let mut renderer = control.on_gpu(|| new(&options))?;
     let placed = place(offer, avatar, &mut renderer, cameras, request, control)?;
-    if options.mesh.is_some() && placed.plan != Plan::Pc {
+    if options.mesh.is_some() && placed.plan != Plan::Gpu {
         // 20 MB of the device's memory that nobody uses.
         let options = RendererOptions {
             mesh: None,

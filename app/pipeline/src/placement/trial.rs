@@ -285,7 +285,7 @@ fn plan_not_asked_for(request: PlacementRequest, plan: Plan, kind: ProviderKind)
         Some(asked) if asked == plan => None,
         Some(_) => Some("not asked for".into()),
         // Compiled anew for each.
-        None if kind == ProviderKind::Qnn && plan != Plan::Card => {
+        None if kind == ProviderKind::Qnn && plan != Plan::Npu => {
             Some("the NPU takes the whole graph".into())
         }
         None => None,
@@ -305,7 +305,7 @@ fn reason(chosen: &Alternative, alternatives: &[Alternative]) -> String {
     match others.first() {
         None => "nothing else can be had of what was asked for".into(),
         Some(next) if ms(next) < ms(chosen) => format!(
-            "{:.1} ms a picture is predicted, as good as {} on {} with {:.1} ms: then the card's placement goes first",
+            "{:.1} ms a picture is predicted, as good as {} on {} with {:.1} ms: then the NPU's placement goes first",
             ms(chosen),
             next.plan,
             next.provider,
@@ -338,7 +338,7 @@ fn try_one(
         &[provider],
         offer.cache,
     )?;
-    if plan == Plan::Pc {
+    if plan == Plan::Gpu {
         return canvas.try_on_device(avatar, inference);
     }
     let mut deformer = Deformer::new(avatar, inference, plan)?;

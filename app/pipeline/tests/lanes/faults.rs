@@ -44,7 +44,7 @@ fn a_provider_that_fails_is_replaced_by_the_next_and_the_call_goes_on() {
 fn without_another_provider_the_error_says_what_happened() {
     let Some(gpu) = vulkan::gpu() else { return };
     let swing = Swing::new(30.0, 1000, 0.5);
-    let Some(mut stage) = Stage::new(&gpu, Plan::Card, &[CPU], swing) else {
+    let Some(mut stage) = Stage::new(&gpu, Plan::Npu, &[CPU], swing) else {
         return;
     };
     stage.run(Duration::from_millis(300));
@@ -68,7 +68,7 @@ fn a_lost_device_is_opened_again_and_the_call_goes_on() {
 
 #[test]
 fn a_lost_device_that_held_the_states_is_opened_again_and_the_call_goes_on() {
-    lose_the_device_of(Plan::Pc);
+    lose_the_device_of(Plan::Gpu);
 }
 
 fn lose_the_device_of(plan: Plan) {

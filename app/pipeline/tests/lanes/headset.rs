@@ -31,7 +31,7 @@ fn both_move_on(stage: &mut Stage, before: &[MotionParams; 2]) {
 
 #[test]
 fn a_headsets_lost_device_is_waited_for_while_people_move_on() {
-    for plan in [Plan::CpuTail, Plan::Pc] {
+    for plan in [Plan::CpuTail, Plan::Gpu] {
         let Some(gpu) = own_gpu() else { return };
         gpu.declare_headsets();
         let swing = || Swing::new(30.0, 100_000, 0.5);

@@ -94,7 +94,7 @@ fn psnr(one: &[u8], other: &[u8]) -> f64 {
 #[test]
 fn two_people_are_drawn_together_each_in_their_place() {
     let Some(gpu) = vulkan::gpu() else { return };
-    for (plan, other) in [(Plan::CpuTail, Plan::Card), (Plan::Pc, Plan::CpuTail)] {
+    for (plan, other) in [(Plan::CpuTail, Plan::Npu), (Plan::Gpu, Plan::CpuTail)] {
         let at_rest = || Swing::new(30.0, 1000, 0.0);
         let Some(mut stage) = Stage::new(&gpu, plan, &[CPU], at_rest()) else {
             return;
@@ -212,7 +212,7 @@ fn people_and_scenery_beyond_what_the_renderer_was_made_for_are_refused() {
         (stage.lanes).join(&avatar, inference.expect("a session"), swing(), plan)
     };
     assert!(
-        matches!(join(Plan::Pc), Err(ReceiverError::PosedTwice)),
+        matches!(join(Plan::Gpu), Err(ReceiverError::PosedTwice)),
         "one mesh"
     );
     assert!(matches!(join(Plan::Cpu), Ok(1)), "room for two");

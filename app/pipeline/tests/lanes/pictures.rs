@@ -35,7 +35,7 @@ fn motion_goes_on_evenly_between_its_frames() {
 
 #[test]
 fn motion_goes_on_evenly_between_its_frames_on_the_device_too() {
-    on_plan(Plan::Pc);
+    on_plan(Plan::Gpu);
 }
 
 fn on_plan(plan: Plan) {

@@ -138,7 +138,7 @@ fn a_graph_that_nobody_wants_any_more_is_not_loaded() {
     let avatar = Arc::new(avatar());
     let cancel = Cancel::default();
     let unwanted = runtime.cancelled_by(&cancel);
-    let open = |runtime| Inference::open(runtime, &avatar, Plan::Card.graph(), &[CPU], None);
+    let open = |runtime| Inference::open(runtime, &avatar, Plan::Npu.graph(), &[CPU], None);
     open(&unwanted).expect("wanted still");
     cancel.cancel();
     let refused = open(&unwanted).expect_err("not wanted");

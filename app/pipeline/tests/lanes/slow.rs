@@ -36,7 +36,7 @@ fn pictures_go_on_while_a_slow_npu_infers_and_the_cpu_takes_over_when_it_fails()
         target: QnnTarget::SXR2230P,
     };
     let swing = Swing::new(30.0, 100_000, 0.5);
-    let Some(mut stage) = Stage::new(&gpu, Plan::Card, &[npu, CPU], swing) else {
+    let Some(mut stage) = Stage::new(&gpu, Plan::Npu, &[npu, CPU], swing) else {
         return;
     };
     let older = |picture: &PictureTimes| picture.from.number < picture.to.number;

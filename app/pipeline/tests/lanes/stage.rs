@@ -143,7 +143,7 @@ impl Stage {
         let gaussians = u32::try_from(avatar.gaussians.len()).expect("few");
         let options = RendererOptions {
             back_end: Some(BackEnd::Tiles),
-            mesh: (plan == Plan::Pc)
+            mesh: (plan == Plan::Gpu)
                 .then(|| Arc::new(app_pipeline::posing::bound_mesh(&avatar).expect("a mesh"))),
             // Room for two people and some scenery.
             ..RendererOptions::new(2 * gaussians + 256, SIDE, SIDE, 1)

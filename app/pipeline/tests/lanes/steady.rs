@@ -28,12 +28,12 @@ fn no_lane_allocates_once_the_call_runs() {
 #[test]
 fn two_people_who_walk_about_with_their_shadows_allocate_nothing_either() {
     let Some(gpu) = vulkan::gpu() else { return };
-    for plan in [Plan::CpuTail, Plan::Pc] {
+    for plan in [Plan::CpuTail, Plan::Gpu] {
         let swing = || Swing::new(30.0, 100_000, 0.5);
         let Some(mut stage) = Stage::new(&gpu, plan, &[CPU], swing()) else {
             return;
         };
-        stage.join(Plan::Card, swing());
+        stage.join(Plan::Npu, swing());
         let walk = |stage: &mut Stage| {
             for step in 0..60u8 {
                 let x = f32::from(step) * 0.01;
@@ -129,7 +129,7 @@ fn motion_that_comes_faster_than_it_can_be_shown_is_left_out_and_never_waited_fo
 #[test]
 fn quality_is_given_up_for_a_rate_that_cannot_be_held_and_nothing_is_hidden() {
     let Some(gpu) = vulkan::gpu() else { return };
-    for plan in [Plan::CpuTail, Plan::Pc] {
+    for plan in [Plan::CpuTail, Plan::Gpu] {
         let swing = Swing::new(30.0, 1000, 0.5);
         // No software draws a picture in a millisecond.
         let display = (1000.0, HoldMode::Adapt);

@@ -193,7 +193,7 @@ pub fn show_party<S: MotionSource>(
     } = placed;
     // Only one person's Gaussians can stay on the device.
     let for_others = PlacementRequest {
-        plan: Some(if plan == Plan::Pc { Plan::Cpu } else { plan }),
+        plan: Some(if plan == Plan::Gpu { Plan::Cpu } else { plan }),
         ..wishes.placement
     };
     let mut placed_others = Vec::new();

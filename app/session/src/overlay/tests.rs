@@ -42,7 +42,7 @@ fn ordinary() -> OverlayFigures {
         }),
         kbit_s: Some(117.6),
         loss: Some(0.0042),
-        placement: Some("card on QNN for SM8550".to_owned()),
+        placement: Some("npu on QNN for SM8550".to_owned()),
         gaussians: Some(60_035),
         quality: Some(LADDER[1]),
     }
@@ -360,8 +360,8 @@ impl Minute {
 
 fn placed() -> PlacementReport {
     PlacementReport {
-        requested: "card".to_owned(),
-        plan: Plan::Card,
+        requested: "npu".to_owned(),
+        plan: Plan::Npu,
         provider: Provider::Nnapi,
         units: Vec::new(),
         reason: String::new(),
@@ -418,7 +418,7 @@ fn figures_are_those_of_the_last_two_seconds() {
     assert_eq!(figures.gaussians, Some(45_000), "drawn");
     assert_eq!(
         figures.placement.as_deref(),
-        Some("card on NNAPI"),
+        Some("npu on NNAPI"),
         "placement"
     );
     assert_eq!((figures.kbit_s, figures.loss), (None, None), "no call");
@@ -432,7 +432,7 @@ fn before_the_first_picture_only_the_placement_and_the_display_are_known() {
     let figures = watch.figures(&Collector::default(), &hold, PERIOD, now);
     let expected = OverlayFigures {
         display_hz: Some(100.0),
-        placement: Some("card on NNAPI".to_owned()),
+        placement: Some("npu on NNAPI".to_owned()),
         quality: Some(LADDER[0]),
         ..OverlayFigures::default()
     };

@@ -65,7 +65,7 @@ pub(crate) fn every_placement_poses_it_alike(avatar: &Avatar, runtime: &Runtime)
 
     let poser = Poser::with_tail(avatar).expect("F_attr comes back");
     for (name, vertices, attributes) in [
-        ("card", &vertices, Attributes::Residuals(&residuals)),
+        ("npu", &vertices, Attributes::Residuals(&residuals)),
         ("cpu-tail", &vertices, Attributes::Potentials(&potentials)),
         (
             "all on the CPU",

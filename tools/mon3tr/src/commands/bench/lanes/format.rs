@@ -88,12 +88,12 @@ impl Format {
         let (posing, drawing) = (shared * costs.bind + costs.interpolate, costs.draw);
         let kinematics = shared * middle(&|turn| turn.kinematics_ms);
         let rest = match scene.plan {
-            Plan::Pc => vec![(
+            Plan::Gpu => vec![(
                 Lane::Gpu,
                 "states, interpolation, drawing",
                 posing + drawing,
             )],
-            Plan::Card | Plan::CpuTail | Plan::Cpu => vec![
+            Plan::Npu | Plan::CpuTail | Plan::Cpu => vec![
                 (Lane::Cpu, "states, interpolation", posing),
                 (Lane::Gpu, "upload to raster", drawing),
             ],

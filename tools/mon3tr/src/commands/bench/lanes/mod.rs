@@ -112,7 +112,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         measured.onnx_runtime
     );
     let compiled = cache()?.join("qnn");
-    let mesh = matches!(options.placement.plan, None | Some(Plan::Pc))
+    let mesh = matches!(options.placement.plan, None | Some(Plan::Gpu))
         .then(|| bound_mesh(&avatar))
         .transpose()?
         .map(Arc::new);
@@ -161,7 +161,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
             provider: report.provider,
             units: report.units(),
             back_end: renderer.back_end(),
-            mesh: mesh.clone().filter(|_| plan == Plan::Pc),
+            mesh: mesh.clone().filter(|_| plan == Plan::Gpu),
             seconds: options.seconds,
         };
         drop(renderer);

@@ -122,7 +122,7 @@ impl Maker {
         first: &MotionParams,
     ) -> anyhow::Result<Self> {
         let inference = scene.inference()?;
-        if scene.plan == Plan::Pc {
+        if scene.plan == Plan::Gpu {
             return Ok(Self::Device {
                 outputs: inference.outputs()?,
                 inference,
