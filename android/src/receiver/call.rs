@@ -6,14 +6,14 @@ use super::network::Network;
 use crate::first_run;
 use crate::settings::Settings;
 use anyhow::Context;
-use app_pipeline::hold::HoldMode;
-use app_pipeline::placement::Offer;
+use app_pipeline::placement::InferenceBackends;
 use app_pipeline::pool::in_own_pool;
+use app_pipeline::quality::QualityMode;
 use app_session::call::CallEnd;
-use app_session::headset::{NoticeBoard, Seen, Watcher, Wishes, show_notice};
+use app_session::headset::{FrameObserver, NoticeBoard, Seen, Wishes, show_notice};
 use app_session::overlay::Notice;
 use app_session::visit::{
-    Ended, Guest, Visited, Waiting, Ways, unless_over, visit, wait_for_sender,
+    Ended, Guest, NetworkContext, Visited, Waiting, unless_over, visit, wait_for_sender,
 };
 use link::{Client, Clock, PackageCache, PackageInUse, RoomLink};
 use spmm3::Avatar;
@@ -30,14 +30,14 @@ pub(super) fn run(
 ) -> anyhow::Result<()> {
     let runtime = stage.onnx_runtime()?;
     let network = Network::start()?;
-    let ways = Ways {
+    let ways = NetworkContext {
         network: network.handle().clone(),
         client: Client::new(None)?,
         clock: Clock::start(),
     };
     let folders = &stage.launch.folders;
     let compiled = folders.compiled();
-    let offer = Offer {
+    let backends = InferenceBackends {
         runtime: &runtime,
         threads: available_parallelism().map_or(1, usize::from),
         cache: Some(&compiled),
@@ -57,7 +57,7 @@ pub(super) fn run(
             .collect();
         let visited = visit(
             found,
-            &offer,
+            &backends,
             &wishes,
             &guests,
             &ways,
@@ -75,7 +75,7 @@ pub(super) fn wishes(settings: &Settings) -> Wishes {
     Wishes {
         placement: settings.placement.value,
         latency: settings.latency.value,
-        hold: HoldMode::Adapt,
+        hold: QualityMode::Adapt,
         scene: None,
         read_back: false,
         display_hz: settings.rate.value.map(|rate| f32::from(rate.hz())),
@@ -85,7 +85,7 @@ pub(super) fn wishes(settings: &Settings) -> Wishes {
 /// Counts frames for whoever reads along.
 struct Counter<'a>(&'a AtomicU64);
 
-impl Watcher for Counter<'_> {
+impl FrameObserver for Counter<'_> {
     fn is_over(&self, _shown: u64) -> bool {
         false
     }
@@ -109,7 +109,7 @@ fn gather(
     stage: &Stage<'_>,
     settings: &Settings,
     rooms: &[RoomLink],
-    ways: &Ways,
+    ways: &NetworkContext,
     packages: &PackageCache,
     board: &NoticeBoard,
 ) -> anyhow::Result<Option<Vec<Gathered>>> {
@@ -141,7 +141,7 @@ fn gather(
 fn arrive(
     room: &RoomLink,
     sits: bool,
-    ways: &Ways,
+    ways: &NetworkContext,
     packages: &PackageCache,
     board: &NoticeBoard,
     is_over: &dyn Fn() -> bool,

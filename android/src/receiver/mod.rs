@@ -14,7 +14,7 @@ use crate::launch::Launch;
 use crate::lifecycle::{Receiver, Trim};
 use crate::settings::{Settings, Task};
 use app_pipeline::control::Control;
-use app_session::headset::{Found, HeadsetError};
+use app_session::headset::{HeadsetError, HeadsetHandle};
 use missing::show_until_closed;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -197,7 +197,7 @@ impl Stage<'_> {
     }
 
     /// The headset; nothing if it is time to leave before it may be opened.
-    fn find(&self) -> Result<Option<Found>, XrError> {
+    fn find(&self) -> Result<Option<HeadsetHandle>, XrError> {
         let options = HeadsetOptions {
             eye_size: None,
             validation: false,
@@ -205,7 +205,7 @@ impl Stage<'_> {
         let Some(_step) = self.control.step() else {
             return Ok(None);
         };
-        Found::open(self.open_xr.clone(), options).map(Some)
+        HeadsetHandle::open(self.open_xr.clone(), options).map(Some)
     }
 
     /// ONNX Runtime.

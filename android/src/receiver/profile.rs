@@ -5,11 +5,11 @@ use super::Stage;
 use super::call::wishes;
 use crate::settings::Settings;
 use anyhow::{Context, ensure};
-use app_pipeline::placement::Offer;
+use app_pipeline::placement::InferenceBackends;
 use app_pipeline::pool::in_own_pool;
 use app_pipeline::profile::{Recording, Summary, Terms};
 use app_pipeline::timeline::LatencyMode;
-use app_session::headset::{Gathered, Party, Seen, Watcher, show_party};
+use app_session::headset::{FrameObserver, Gathered, Party, Seen, show_party};
 use app_session::visit::Rehearsal;
 use npu_runtime::Runtime;
 use profile_report::machine::{EVERY, Sysfs, Watch};
@@ -60,7 +60,7 @@ fn measure(
     )?;
     let runtime = stage.onnx_runtime()?;
     let compiled = stage.launch.folders.compiled();
-    let offer = Offer {
+    let backends = InferenceBackends {
         runtime: &runtime,
         threads: cores(),
         cache: Some(&compiled),
@@ -83,7 +83,7 @@ fn measure(
     let avatars = [Arc::clone(&avatar)];
     let party = show_party(
         found,
-        &offer,
+        &backends,
         &wishes,
         &avatars,
         join,
@@ -130,7 +130,7 @@ struct Clock {
     gpu: Arc<Gpu>,
 }
 
-impl Watcher for Clock {
+impl FrameObserver for Clock {
     fn is_over(&self, _shown: u64) -> bool {
         self.begin
             .is_some_and(|begin| Instant::now() >= begin + self.seconds)

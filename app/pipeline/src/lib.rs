@@ -4,11 +4,10 @@
 //! [`receiver::Receiver`]. Which unit does what is decided in [`placement`], what each step took is told to a
 //! [`profile::Collector`].
 
-pub mod bridge;
+pub mod concealment;
 pub mod control;
 pub mod deform;
 pub mod error;
-pub mod hold;
 pub mod inference;
 pub mod lanes;
 pub mod placement;
@@ -16,6 +15,7 @@ pub mod plan;
 pub mod pool;
 pub mod posing;
 pub mod profile;
+pub mod quality;
 pub mod receiver;
 pub mod stage;
 pub mod timeline;

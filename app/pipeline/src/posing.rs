@@ -1,8 +1,8 @@
 //! From what the deform graph gave to a state of Gaussians: on the CPU here, on the device by the renderer.
 
 use crate::error::ReceiverError;
-use crate::hold::KEPT_SHARES;
 use crate::plan::Plan;
+use crate::quality::KEPT_SHARES;
 use app_kernels::state::{GaussianState, StateChange};
 use app_kernels::{Attributes, PoseInputs, Poser, Skinner};
 use npu_runtime::Outputs;

@@ -1,15 +1,15 @@
 //! A call on screen: its lanes, its display, and a camera that keeps to the person.
 
+use crate::device_options::{compiled, inference_backends};
 use crate::lanes::LaneChoices;
-use crate::stage::Setting;
-use crate::surroundings::{compiled, offer};
+use crate::stage::RenderSettings;
 use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::Context;
 use app_pipeline::control::Control;
-use app_pipeline::hold::{HoldFigures, HoldMode};
 use app_pipeline::lanes::{DisplayClock, Drawn, LaneOptions, Lanes, Skipped};
 use app_pipeline::placement::{Placed, PlacementReport, place_first};
 use app_pipeline::profile::Collector;
+use app_pipeline::quality::{QualityFigures, QualityMode};
 use app_session::call::Call;
 use glam::{Quat, Vec3};
 use npu_runtime::Runtime;
@@ -24,21 +24,21 @@ const FOLLOW: f32 = 3.8;
 /// All that a call needs to be drawn, ready before its first frame comes: stages are placed, graphs loaded, both of the
 /// renderer's back ends tried. Nobody is to wait for that in the call.
 #[derive(Debug)]
-pub(crate) struct Prepared {
+pub(crate) struct PreparedView {
     avatar: Arc<Avatar>,
     placed: Placed,
     renderer: SplatRenderer,
-    setting: Setting,
+    setting: RenderSettings,
     choices: LaneChoices,
 }
 
-impl Prepared {
+impl PreparedView {
     /// For an avatar on a device.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         runtime: &Runtime,
         avatar: &Arc<Avatar>,
-        setting: Setting,
+        setting: RenderSettings,
         viewpoint: &Viewpoint,
         choices: LaneChoices,
     ) -> anyhow::Result<Self> {
@@ -51,9 +51,9 @@ impl Prepared {
         let options = setting.renderer(avatar.gaussians.len())?;
         let cameras = eyes(camera, setting.views);
         let compiled = compiled()?;
-        let offer = offer(runtime, &compiled);
+        let backends = inference_backends(runtime, &compiled);
         let (placed, renderer) = place_first(
-            &offer,
+            &backends,
             avatar,
             gpu,
             options,
@@ -71,7 +71,12 @@ impl Prepared {
     }
 
     /// Begins to show `call` on a display of so many pictures a second.
-    pub(crate) fn show(self, call: Call, hertz: f64, hold: HoldMode) -> anyhow::Result<Live> {
+    pub(crate) fn show(
+        self,
+        call: Call,
+        hertz: f64,
+        hold: QualityMode,
+    ) -> anyhow::Result<LiveView> {
         let display = DisplayClock::new(hertz);
         let Placed {
             plan,
@@ -86,7 +91,7 @@ impl Prepared {
         };
         let pelvis = self.avatar.skeleton.rest_positions()[Joint::Pelvis.index()];
         let lanes = Lanes::start(&self.avatar, inference, self.renderer, call, &options)?;
-        Ok(Live {
+        Ok(LiveView {
             lanes,
             display,
             begun: Instant::now(),
@@ -101,12 +106,12 @@ impl Prepared {
 
 /// A call, seen from where its person stands.
 #[derive(Debug)]
-pub(crate) struct Live {
+pub(crate) struct LiveView {
     pub(crate) lanes: Lanes<Call>,
     pub(crate) display: DisplayClock,
     pub(crate) placement: PlacementReport,
     avatar: Arc<Avatar>,
-    setting: Setting,
+    setting: RenderSettings,
     begun: Instant,
     pelvis: Vec3,
     followed: Option<Followed>,
@@ -131,15 +136,15 @@ pub(crate) struct Moment {
 
 /// What is left of a call that was shown.
 #[derive(Debug)]
-pub(crate) struct Shown {
+pub(crate) struct ViewReport {
     pub(crate) call: Call,
     pub(crate) collector: Collector,
     pub(crate) placement: PlacementReport,
     pub(crate) skipped: Skipped,
-    pub(crate) hold: HoldFigures,
+    pub(crate) hold: QualityFigures,
 }
 
-impl Live {
+impl LiveView {
     /// Begins the picture that is due now; `None` until there is somebody to be seen.
     pub(crate) fn begin(&mut self) -> anyhow::Result<Option<Moment>> {
         self.begun = Instant::now();
@@ -178,12 +183,12 @@ impl Live {
     }
 
     /// What pictures are made.
-    pub(crate) fn setting(&self) -> &Setting {
+    pub(crate) fn setting(&self) -> &RenderSettings {
         &self.setting
     }
 
     /// Makes other pictures from now on.
-    pub(crate) fn set(&mut self, setting: Setting) -> anyhow::Result<()> {
+    pub(crate) fn set(&mut self, setting: RenderSettings) -> anyhow::Result<()> {
         let renderer = self.lanes.renderer();
         let options = RendererOptions {
             mesh: renderer.options().mesh.clone(),
@@ -204,11 +209,11 @@ impl Live {
     }
 
     /// Ends the lanes; the call goes on until it is hung up.
-    pub(crate) fn finish(mut self) -> anyhow::Result<Shown> {
+    pub(crate) fn finish(mut self) -> anyhow::Result<ViewReport> {
         self.placement.follow(self.lanes.provider_changes());
         let (skipped, hold) = (self.lanes.skipped(), self.lanes.hold());
         let (call, collector) = self.lanes.finish()?;
-        Ok(Shown {
+        Ok(ViewReport {
             call,
             collector,
             placement: self.placement,

@@ -3,6 +3,7 @@
 mod backdrop;
 mod children;
 mod commands;
+mod device_options;
 mod film;
 mod gaze;
 mod ground;
@@ -17,14 +18,13 @@ mod progress;
 mod report;
 mod scenery;
 mod stage;
-mod surroundings;
 mod viewpoint;
 mod window;
 
 use clap::{Parser, Subcommand};
 use commands::{apk, bake, bench, demo, inspect, netlab, profile, receive, render, send, serve};
+use device_options::DeviceOptions;
 use std::process::ExitCode;
-use surroundings::Surroundings;
 
 /// Telepresence with pre-built Gaussian avatars: build, show and measure them.
 #[derive(Debug, Parser)]
@@ -33,7 +33,7 @@ struct Arguments {
     #[command(subcommand)]
     command: Command,
     #[command(flatten)]
-    surroundings: Surroundings,
+    device: DeviceOptions,
     /// Say more: -v for what is chosen and why, -vv for everything
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     verbose: u8,
@@ -97,19 +97,19 @@ fn main() -> ExitCode {
         logger.filter_module(library, of_webrtc);
     }
     logger.filter_level(level).parse_default_env().init();
-    let surroundings = &arguments.surroundings;
+    let device = &arguments.device;
     let outcome = match &arguments.command {
-        Command::Demo(options) => demo::run(options, surroundings),
+        Command::Demo(options) => demo::run(options, device),
         Command::Apk(options) => apk::run(options),
-        Command::Bake(options) => bake::run(options, surroundings),
-        Command::Bench(options) => bench::run(options, surroundings),
+        Command::Bake(options) => bake::run(options, device),
+        Command::Bench(options) => bench::run(options, device),
         Command::Inspect(options) => inspect::run(options),
-        Command::Render(options) => render::run(options, surroundings),
+        Command::Render(options) => render::run(options, device),
         Command::Serve(options) => serve::run(options),
         Command::Send(options) => send::run(options),
-        Command::Receive(options) => receive::run(options, surroundings),
+        Command::Receive(options) => receive::run(options, device),
         Command::Netlab(options) => netlab::run(options),
-        Command::Profile(options) => profile::run(options, surroundings),
+        Command::Profile(options) => profile::run(options, device),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,9 +1,9 @@
 //! An avatar on stage: the receiver, its cameras and the studio around it.
 
 use crate::backdrop::{DUSK, Shadow, compose};
+use crate::device_options::DeviceOptions;
 use crate::report::{Splatting, StageTable};
 use crate::scenery::is_scene;
-use crate::surroundings::Surroundings;
 use anyhow::{Context, anyhow, ensure};
 use app_pipeline::deform::Deformer;
 use app_pipeline::error::ReceiverError;
@@ -92,14 +92,14 @@ impl Views {
 
 /// What pictures are made: their size, their number of views, and what they show beside a person.
 #[derive(Debug, Clone)]
-pub(crate) struct Setting {
+pub(crate) struct RenderSettings {
     pub(crate) size: Size,
     pub(crate) views: Views,
     pub(crate) background: Option<Arc<Background>>,
     pub(crate) filter: Filter,
 }
 
-impl Setting {
+impl RenderSettings {
     /// What a renderer for them and for that many Gaussians of a person is made for.
     pub(crate) fn renderer(&self, max_foreground: usize) -> anyhow::Result<RendererOptions> {
         let gaussians = u32::try_from(max_foreground).context("too many Gaussians")?;
@@ -120,9 +120,9 @@ const BODY_JOINTS: usize = 22;
 
 /// A receiver with its runtime and device, for pictures of one size.
 #[derive(Debug)]
-pub(crate) struct Stage {
+pub(crate) struct StillRenderer {
     receiver: Receiver,
-    setting: Setting,
+    setting: RenderSettings,
 }
 
 /// Loads a package and tells its sizes.
@@ -139,16 +139,16 @@ pub(crate) fn load_avatar(path: &Path) -> anyhow::Result<(Arc<Avatar>, AvatarFig
     Ok((Arc::new(avatar), figures))
 }
 
-impl Stage {
+impl StillRenderer {
     /// Prepares the receiver for `avatar`.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         runtime: &Runtime,
         avatar: &Arc<Avatar>,
-        setting: Setting,
+        setting: RenderSettings,
     ) -> anyhow::Result<Self> {
         let provider = Provider::Cpu {
-            threads: Surroundings::threads(),
+            threads: DeviceOptions::threads(),
         };
         let inference = Inference::open(runtime, avatar, PLAN.graph(), &[provider], None)?;
         let deformer = Deformer::new(avatar, inference, PLAN)?;
@@ -198,9 +198,9 @@ impl Stage {
         Arc::clone(self.receiver.renderer().gpu())
     }
 
-    /// Stage times of all frames so far.
+    /// StillRenderer times of all frames so far.
     pub(crate) fn times(&self) -> StageTable {
-        let Setting { size, views, .. } = self.setting;
+        let RenderSettings { size, views, .. } = self.setting;
         let splatting = Splatting::new(self.receiver.back_end(), self.receiver.back_end_trial());
         StageTable::new(views, size, self.receiver.stage_times(), splatting)
     }
@@ -212,7 +212,7 @@ pub(crate) fn compose_views(
     cameras: &[Camera],
     skeleton: &Skeleton,
     motion: &MotionParams,
-    setting: &Setting,
+    setting: &RenderSettings,
 ) -> anyhow::Result<Vec<RgbImage>> {
     if setting.background.is_some() {
         return splatted
@@ -270,7 +270,7 @@ mod tests {
         let name = std::env::var("MON3TR_GPU").unwrap_or_default();
         let choice: GpuChoice = name.parse().expect("any text is a choice");
         let gpu = Gpu::open(&choice, false).expect("a device");
-        let setting = Setting {
+        let setting = RenderSettings {
             size: Size {
                 width: 96,
                 height: 96,
@@ -280,7 +280,7 @@ mod tests {
             filter: Filter::Dilation,
         };
         let avatar = Arc::new(puppet());
-        let mut stage = Stage::new(&gpu, &runtime, &avatar, setting).expect("a stage");
+        let mut stage = StillRenderer::new(&gpu, &runtime, &avatar, setting).expect("a stage");
         let (eye, target) = (Vec3::new(0.0, 1.0, 4.0), Vec3::Y * 0.9);
         let camera = Camera::look_at(eye, target, Vec3::Y, 0.6, 96, 96);
         let motion = MotionParams::default();

@@ -2,7 +2,7 @@
 
 use crate::backdrop::DUSK;
 use crate::commands::receive::{Screen, Until};
-use crate::stage::{Setting, Size};
+use crate::stage::{RenderSettings, Size};
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
 use app_pipeline::lanes::Drawn;
@@ -224,7 +224,7 @@ impl View<'_, '_> {
         if live.setting().size != size {
             // Once for a picture, not for every step of a drag.
             let setting = live.setting().clone();
-            live.set(Setting { size, ..setting })?;
+            live.set(RenderSettings { size, ..setting })?;
         }
         let backdrop = if live.setting().background.is_some() {
             DUSK
@@ -254,7 +254,7 @@ impl View<'_, '_> {
             open.counted = (Instant::now(), 0);
         }
         if shown == Shown::NotNow {
-            // Hidden or just changing: no need to hurry.
+            // Hidden or just changing: no need to reschedule_earlier.
             std::thread::sleep(HIDDEN);
         }
         Ok(())

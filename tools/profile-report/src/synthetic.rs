@@ -3,13 +3,13 @@
 
 use crate::machine::{Absent, Channel, MachineFigures, Quantity, Series};
 use crate::{AvatarFigures, Conditions, Measured, Memory, Report};
-use app_pipeline::bridge::BridgeState;
-use app_pipeline::hold::{Hold, HoldMode};
+use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::placement::{Alternative, PlacementReport, StageCosts};
 use app_pipeline::plan::{Plan, unit_of};
 use app_pipeline::profile::{
     Collector, PictureTimes, Recorder, Recording, StateTimes, Summary, Terms,
 };
+use app_pipeline::quality::{QualityController, QualityMode};
 use app_pipeline::stage::{Lane, Stage, Unit};
 use npu_runtime::{Landing, Origin, Provider, ProviderKind, QnnTarget};
 use serde_json::json;
@@ -66,7 +66,7 @@ impl Lanes {
         self.bind = [bind, now];
         let times = StateTimes {
             number,
-            source: BridgeState::Live,
+            source: ConcealmentState::Live,
             captured: Some(self.at(captured)),
             arrived: self.at(arrived),
             due: self.at(due),
@@ -230,7 +230,7 @@ fn report(recording: &Recording, terms: &Terms) -> Report {
         shown: Measured {
             placement: placement(),
             skipped: app_pipeline::lanes::Skipped::default(),
-            hold: Hold::new(terms.display_period, HoldMode::Fixed(0)).figures(),
+            hold: QualityController::new(terms.display_period, QualityMode::Fixed(0)).figures(),
             measured: Summary::new(recording, terms),
         },
         memory: Memory {

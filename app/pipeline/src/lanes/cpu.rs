@@ -2,10 +2,10 @@
 //!
 //! A picture that is asked for comes first: a state is made in slices, between which the lane looks whether one is.
 
-use super::hand_over::{Bell, Giver, Taker};
 use super::npu::Inferred;
 use super::states::{Between, Heads, StateHead, States};
-use crate::bridge::between;
+use super::triple_buffer::{Reader, WakeSignal, Writer};
+use crate::concealment::between;
 use crate::error::ReceiverError;
 use crate::posing::Posing;
 use crate::profile::{Recorder, StateTimes};
@@ -71,12 +71,12 @@ pub(super) struct CpuLane {
     pub(super) states: States,
     pub(super) heads: Heads,
     pub(super) timeline: Timeline,
-    pub(super) inferred: Taker<Inferred>,
-    pub(super) requests: Taker<Request>,
-    pub(super) pictures: Giver<Interpolated>,
+    pub(super) inferred: Reader<Inferred>,
+    pub(super) requests: Reader<Request>,
+    pub(super) pictures: Writer<Interpolated>,
     /// Places on another device, after the first was lost.
-    pub(super) renewed: Receiver<Giver<Interpolated>>,
-    pub(super) bell: Bell,
+    pub(super) renewed: Receiver<Writer<Interpolated>>,
+    pub(super) bell: WakeSignal,
     pub(super) recorder: Recorder,
     pub(super) path: ForegroundPath,
     pub(super) making: Option<Making>,

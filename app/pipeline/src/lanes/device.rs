@@ -1,10 +1,10 @@
 //! Posing on the device: what the networks gave goes to the GPU as it is, and pictures lie between two states there.
 
 use super::cpu::{Request, View};
-use super::hand_over::Taker;
 use super::npu::Inferred;
 use super::states::{Heads, StateHead};
-use crate::bridge::between;
+use super::triple_buffer::Reader;
+use crate::concealment::between;
 use crate::error::ReceiverError;
 use crate::timeline::{LatencyMode, Timeline};
 use std::time::Instant;
@@ -16,7 +16,7 @@ const POTENTIALS: usize = 1;
 /// The GPU lane's own part of making Gaussians, where that is not the CPU lane's.
 #[derive(Debug)]
 pub(super) struct DevicePosing {
-    inferred: Taker<Inferred>,
+    inferred: Reader<Inferred>,
     heads: Heads,
     /// The states' names on the device, by their places.
     ids: [Option<StateId>; Heads::PLACES],
@@ -26,7 +26,7 @@ pub(super) struct DevicePosing {
 }
 
 impl DevicePosing {
-    pub(super) fn new(inferred: Taker<Inferred>, latency: LatencyMode) -> Self {
+    pub(super) fn new(inferred: Reader<Inferred>, latency: LatencyMode) -> Self {
         Self {
             inferred,
             heads: Heads::new(),

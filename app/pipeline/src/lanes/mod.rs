@@ -4,7 +4,7 @@
 //! motion   pose, kinematics ──▶ NPU   deform graph ──▶ CPU   states of Gaussians
 //!                                                            interpolation at the display's time ──▶ GPU   picture
 //! ```
-//! Results are handed on through places that were allocated before (`hand_over.rs`): whoever is slower takes the newest and
+//! Results are handed on through places that were allocated before (`triple_buffer.rs`): whoever is slower takes the newest and
 //! leaves the rest out, and what is left out is counted. Each person has their own motion, NPU and CPU lane (`person.rs`). The
 //! GPU's lane is the thread that calls [`Lanes`], which is the display's, and draws all of them in one sort (`picture.rs`); it
 //! asks for the next picture's Gaussians before it draws this one's, so that the CPU makes them meanwhile. What is told of
@@ -13,7 +13,6 @@
 mod cpu;
 mod device;
 mod display;
-mod hand_over;
 mod motion;
 mod npu;
 mod pausable;
@@ -26,15 +25,16 @@ mod shown;
 mod start;
 mod states;
 mod threads;
+mod triple_buffer;
 
 pub use display::{DisplayClock, Next, Tick};
-pub use hand_over::{Bell, Giver, Taker, hand_over};
 pub use motion::{MotionSource, Pose};
 pub use pausable::PausableSource;
+pub use triple_buffer::{Reader, WakeSignal, Writer, triple_buffer};
 
-use crate::hold::{Hold, HoldFigures, HoldMode, Quality};
 use crate::plan::Plan;
 use crate::profile::{Collector, Recorder};
+use crate::quality::{Quality, QualityController, QualityFigures, QualityMode};
 use crate::timeline::LatencyMode;
 use people::People;
 use scenery::Scenery;
@@ -50,7 +50,7 @@ pub struct LaneOptions {
     /// What is done about the time from one motion frame to the next.
     pub latency: LatencyMode,
     /// What is done when the GPU cannot hold the display's rate.
-    pub hold: HoldMode,
+    pub hold: QualityMode,
     /// From one vertical blank of the display to the next.
     pub display_period: Duration,
 }
@@ -90,7 +90,7 @@ pub struct Lanes<S: MotionSource> {
     /// The renderer's device was lost, and the next one has not come yet.
     is_lost: bool,
     scenery: Scenery,
-    hold: Hold,
+    hold: QualityController,
     /// What the picture being made is drawn with.
     quality: Quality,
     displayed: Option<Instant>,
@@ -110,7 +110,7 @@ struct Progress {
 impl<S: MotionSource> Lanes<S> {
     /// What was done to hold the display's rate so far.
     #[must_use]
-    pub fn hold(&self) -> HoldFigures {
+    pub fn hold(&self) -> QualityFigures {
         self.hold.figures()
     }
 

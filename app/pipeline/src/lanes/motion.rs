@@ -1,7 +1,7 @@
 //! The motion lane: poses as they come, from a call or a clip, and the kinematics of each.
 
-use super::hand_over::Giver;
-use crate::bridge::BridgeState;
+use super::triple_buffer::Writer;
+use crate::concealment::ConcealmentState;
 use crate::profile::Recorder;
 use crate::stage::Stage;
 use spmm3::{MotionParams, Skeleton, SkinningTransforms};
@@ -17,7 +17,7 @@ pub struct Pose {
     /// The 215 motion parameters and the root translation.
     pub motion: MotionParams,
     /// Whether a frame brought it.
-    pub source: BridgeState,
+    pub source: ConcealmentState,
     /// When it was captured, if that is known by this machine's clock.
     pub captured: Option<Instant>,
     /// When it was here.
@@ -53,7 +53,7 @@ impl Posed {
             number: 0,
             pose: Pose {
                 motion: MotionParams::default(),
-                source: BridgeState::Resting,
+                source: ConcealmentState::Resting,
                 captured: None,
                 arrived: now,
                 due: now,
@@ -68,7 +68,7 @@ impl Posed {
 pub(super) fn run<S: MotionSource>(
     mut source: S,
     skeleton: &Skeleton,
-    mut posed: Giver<Posed>,
+    mut posed: Writer<Posed>,
     mut recorder: Recorder,
     stop: &AtomicBool,
     over: &AtomicBool,

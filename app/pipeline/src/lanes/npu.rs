@@ -1,7 +1,7 @@
 //! The NPU lane: the deform graph on whichever provider was chosen, and on another when that one fails.
 
-use super::hand_over::{Bell, Giver, Taker};
 use super::motion::Posed;
+use super::triple_buffer::{Reader, WakeSignal, Writer};
 use crate::error::ReceiverError;
 use crate::inference::Inference;
 use crate::profile::Recorder;
@@ -26,9 +26,9 @@ pub(super) struct Inferred {
 #[derive(Debug)]
 pub(super) struct NpuLane {
     pub(super) inference: Inference,
-    pub(super) posed: Taker<Posed>,
-    pub(super) inferred: Giver<Inferred>,
-    pub(super) bell: Bell,
+    pub(super) posed: Reader<Posed>,
+    pub(super) inferred: Writer<Inferred>,
+    pub(super) bell: WakeSignal,
     pub(super) recorder: Recorder,
 }
 

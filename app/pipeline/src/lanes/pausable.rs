@@ -44,7 +44,7 @@ impl<S: MotionSource> MotionSource for PausableSource<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bridge::BridgeState;
+    use crate::concealment::ConcealmentState;
     use spmm3::MotionParams;
     use std::time::Instant;
 
@@ -57,7 +57,7 @@ mod tests {
                 let now = Instant::now();
                 Some(Pose {
                     motion: MotionParams::default(),
-                    source: BridgeState::Live,
+                    source: ConcealmentState::Live,
                     captured: None,
                     arrived: now,
                     due: now,

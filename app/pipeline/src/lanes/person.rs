@@ -5,8 +5,8 @@
 use super::MotionSource;
 use super::cpu::{Interpolated, Request, View};
 use super::device::DevicePosing;
-use super::hand_over::{Bell, Giver, Overwritten, Taker, hand_over};
 use super::threads::Threads;
+use super::triple_buffer::{Overwritten, Reader, WakeSignal, Writer, triple_buffer};
 use crate::error::ReceiverError;
 use crate::inference::{Fault, ProviderChanges};
 use crate::profile::Collector;
@@ -45,10 +45,10 @@ pub(super) struct Person<S: MotionSource> {
 pub(super) enum Supply {
     /// The CPU lane.
     Host {
-        requests: Giver<Request>,
-        pictures: Taker<Interpolated>,
-        renew: Sender<Giver<Interpolated>>,
-        bell: Bell,
+        requests: Writer<Request>,
+        pictures: Reader<Interpolated>,
+        renew: Sender<Writer<Interpolated>>,
+        bell: WakeSignal,
         /// Gaussians there is room for in a slot.
         room: u32,
     },
@@ -109,7 +109,7 @@ impl<S: MotionSource> Person<S> {
     /// The picture took less time than expected, so the next one begins sooner too, at `begins`, and is displayed as much sooner
     /// where it is not known when: without its Gaussians those of this one would be drawn once more, and would be a whole picture
     /// older.
-    pub(super) fn hurry(&mut self, begins: Instant, displayed: Option<Instant>) {
+    pub(super) fn reschedule_earlier(&mut self, begins: Instant, displayed: Option<Instant>) {
         let (Supply::Host { requests, .. }, Some(asked)) = (&mut self.supply, self.asked) else {
             return;
         };
@@ -187,11 +187,12 @@ impl<S: MotionSource> Person<S> {
                 room,
                 ..
             } => {
-                let (giver, taker) = hand_over(places(renderer, *room)?, &Bell::default());
-                *pictures = taker;
-                self.counts.interpolations.go_on_with(&giver.overwritten());
+                let (writer, reader) =
+                    triple_buffer(places(renderer, *room)?, &WakeSignal::default());
+                *pictures = reader;
+                self.counts.interpolations.go_on_with(&writer.overwritten());
                 // A lane that has ended is told of by `begin`.
-                if renew.send(giver).is_ok() {
+                if renew.send(writer).is_ok() {
                     bell.ring();
                 }
             }

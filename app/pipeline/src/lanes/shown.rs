@@ -2,8 +2,8 @@
 
 use super::person::{Person, Supply};
 use super::{Lanes, MotionSource, Next};
-use crate::hold::{PictureCost, Quality};
 use crate::profile::PictureTimes;
+use crate::quality::{PictureCost, Quality};
 use crate::stage::Stage;
 use std::time::{Duration, Instant};
 
@@ -11,24 +11,24 @@ impl<S: MotionSource> Lanes<S> {
     /// Takes note of when the picture is displayed: the end of its way, which is told of the first person while they are
     /// there. The next one is begun then.
     pub fn displayed(&mut self, at: Instant) {
-        if self.tell_displayed(at) {
+        if self.record_displayed(at) {
             for person in self.people.iter_mut() {
-                person.hurry(at, None);
+                person.reschedule_earlier(at, None);
             }
         }
     }
 
     /// The same, of a display whose pictures are begun at times of its own.
     pub fn displayed_before(&mut self, at: Instant, next: Next) {
-        if self.tell_displayed(at) {
+        if self.record_displayed(at) {
             for person in self.people.iter_mut() {
-                person.hurry(next.begins, Some(next.displayed));
+                person.reschedule_earlier(next.begins, Some(next.displayed));
             }
         }
     }
 
     /// Whether there was a picture on its way.
-    fn tell_displayed(&mut self, at: Instant) -> bool {
+    fn record_displayed(&mut self, at: Instant) -> bool {
         let Some(progress) = self.drawing.take() else {
             return false;
         };
@@ -65,13 +65,13 @@ impl<S: MotionSource> Lanes<S> {
         let views = || self.people.iter().filter_map(Person::view);
         // Somebody with another level's Gaussians says nothing about this one.
         if views().next().is_some() && views().all(|view| view.level == level) {
-            self.judge(at, progress.tick.period);
+            self.update_quality(at, progress.tick.period);
         }
         true
     }
 
     /// Tells the controller of quality what the picture took.
-    fn judge(&mut self, at: Instant, period: Duration) {
+    fn update_quality(&mut self, at: Instant, period: Duration) {
         let periods = self.displayed.replace(at).map_or(1.0, |last| {
             at.saturating_duration_since(last).as_secs_f64() / period.as_secs_f64().max(1e-6)
         });

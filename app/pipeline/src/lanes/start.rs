@@ -2,20 +2,20 @@
 
 use super::cpu::{CpuLane, Request};
 use super::device::DevicePosing;
-use super::hand_over::{Bell, hand_over};
 use super::npu::{Inferred, NpuLane};
 use super::people::{People, check_room};
 use super::person::{Counts, Person, Supply, places};
 use super::scenery::Scenery;
 use super::states::{Heads, States};
 use super::threads::Threads;
+use super::triple_buffer::{WakeSignal, triple_buffer};
 use super::{LaneOptions, Lanes, MotionSource, cpu, motion};
 use crate::error::ReceiverError;
-use crate::hold::{Hold, KEPT_SHARES, Quality};
 use crate::inference::Inference;
 use crate::plan::Plan;
 use crate::posing::Posing;
 use crate::profile::Collector;
+use crate::quality::{KEPT_SHARES, Quality, QualityController};
 use crate::stage::Lane;
 use crate::timeline::{LatencyMode, Timeline};
 use app_kernels::Detail;
@@ -51,7 +51,7 @@ impl<S: MotionSource> Lanes<S> {
             is_lost: false,
             scenery,
             quality: Quality::of_step(0),
-            hold: Hold::new(options.display_period, options.hold),
+            hold: QualityController::new(options.display_period, options.hold),
             displayed: None,
             number: 0,
             drawing: None,
@@ -73,9 +73,9 @@ impl<S: MotionSource> Person<S> {
         latency: LatencyMode,
         mut collector: Collector,
     ) -> Result<Self, ReceiverError> {
-        let [npu_bell, cpu_bell] = [Bell::default(), Bell::default()];
+        let [npu_bell, cpu_bell] = [WakeSignal::default(), WakeSignal::default()];
         let none = motion::Posed::none;
-        let (posed, posed_taker) = hand_over([none(), none(), none()], &npu_bell);
+        let (posed, posed_reader) = triple_buffer([none(), none(), none()], &npu_bell);
         let one = || -> Result<Inferred, ReceiverError> {
             Ok(Inferred {
                 outputs: inference.outputs()?,
@@ -83,7 +83,7 @@ impl<S: MotionSource> Person<S> {
                 inference: [Instant::now(); 2],
             })
         };
-        let (inferred, inferred_taker) = hand_over([one()?, one()?, one()?], &cpu_bell);
+        let (inferred, inferred_reader) = triple_buffer([one()?, one()?, one()?], &cpu_bell);
         let mut counts = Counts {
             poses: posed.overwritten(),
             inferences: inferred.overwritten(),
@@ -93,12 +93,13 @@ impl<S: MotionSource> Person<S> {
         let changes = inference.changes();
         let mut threads = Threads::new([npu_bell.clone(), cpu_bell.clone()]);
         let supply = if plan == Plan::Gpu {
-            Supply::Device(DevicePosing::new(inferred_taker, latency))
+            Supply::Device(DevicePosing::new(inferred_reader, latency))
         } else {
-            let (requests, requests_taker) = hand_over([Request::none(); 3], &cpu_bell);
+            let (requests, requests_reader) = triple_buffer([Request::none(); 3], &cpu_bell);
             let posing = Posing::new(avatar, plan)?;
             let room = u32::try_from(posing.gaussians()).unwrap_or(u32::MAX);
-            let (pictures, pictures_taker) = hand_over(places(renderer, room)?, &Bell::default());
+            let (pictures, pictures_reader) =
+                triple_buffer(places(renderer, room)?, &WakeSignal::default());
             let (renew, renewed) = channel();
             counts.requests = requests.overwritten();
             counts.interpolations = pictures.overwritten();
@@ -107,8 +108,8 @@ impl<S: MotionSource> Person<S> {
                 posing,
                 heads: Heads::new(),
                 timeline: Timeline::new(latency),
-                inferred: inferred_taker,
-                requests: requests_taker,
+                inferred: inferred_reader,
+                requests: requests_reader,
                 pictures,
                 renewed,
                 bell: cpu_bell.clone(),
@@ -123,7 +124,7 @@ impl<S: MotionSource> Person<S> {
             threads.spawn_in_pool("cpu lane", move |stop| cpu.run(stop))?;
             Supply::Host {
                 requests,
-                pictures: pictures_taker,
+                pictures: pictures_reader,
                 renew,
                 bell: cpu_bell,
                 room,
@@ -131,7 +132,7 @@ impl<S: MotionSource> Person<S> {
         };
         let npu = NpuLane {
             inference,
-            posed: posed_taker,
+            posed: posed_reader,
             inferred,
             bell: npu_bell.clone(),
             recorder: collector.recorder(Lane::Npu),

@@ -1,7 +1,7 @@
 //! The lanes' threads: started, watched, stopped.
 
 use super::MotionSource;
-use super::hand_over::Bell;
+use super::triple_buffer::WakeSignal;
 use crate::error::ReceiverError;
 use crate::pool::in_own_pool;
 use std::sync::Arc;
@@ -14,14 +14,14 @@ pub(super) struct Threads<S: MotionSource> {
     stop: Arc<AtomicBool>,
     /// The motion source is over.
     over: Arc<AtomicBool>,
-    bells: [Bell; 2],
+    bells: [WakeSignal; 2],
     motion: Option<JoinHandle<S>>,
     lanes: Vec<JoinHandle<Result<(), ReceiverError>>>,
 }
 
 impl<S: MotionSource> Threads<S> {
     /// None yet; `bells` wake those that sleep.
-    pub(super) fn new(bells: [Bell; 2]) -> Self {
+    pub(super) fn new(bells: [WakeSignal; 2]) -> Self {
         Self {
             stop: Arc::default(),
             over: Arc::default(),
@@ -89,7 +89,7 @@ impl<S: MotionSource> Threads<S> {
     /// Stops them all and gives back the source.
     pub(super) fn finish(&mut self) -> Result<S, ReceiverError> {
         self.stop.store(true, Relaxed);
-        self.bells.iter().for_each(Bell::ring);
+        self.bells.iter().for_each(WakeSignal::ring);
         let source = self.motion.take().map(join);
         // All of them, whatever the first one says.
         let ends: Vec<_> = self.lanes.drain(..).map(join).collect();

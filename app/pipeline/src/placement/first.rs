@@ -1,6 +1,6 @@
 //! Placing the first person's stages with the renderer that is made for them.
 
-use super::{Offer, Placed, place};
+use super::{InferenceBackends, Placed, place};
 use crate::control::Control;
 use crate::error::ReceiverError;
 use crate::plan::{PlacementRequest, Plan};
@@ -15,7 +15,7 @@ use xr_renderer::{Camera, Gpu, RendererOptions, SplatRenderer};
 /// # Errors
 /// As [`place`], or if the device has no room for the renderer.
 pub fn place_first(
-    offer: &Offer<'_>,
+    backends: &InferenceBackends<'_>,
     avatar: &Arc<Avatar>,
     gpu: &Arc<Gpu>,
     options: RendererOptions,
@@ -36,7 +36,7 @@ pub fn place_first(
         Ok(SplatRenderer::new(Arc::clone(gpu), options)?)
     };
     let mut renderer = control.on_gpu(|| new(&options))?;
-    let placed = place(offer, avatar, &mut renderer, cameras, request, control)?;
+    let placed = place(backends, avatar, &mut renderer, cameras, request, control)?;
     if options.mesh.is_some() && placed.plan != Plan::Gpu {
         // 20 MB of the device's memory that nobody uses.
         let options = RendererOptions {

@@ -6,4 +6,4 @@ mod trial;
 
 pub use choice::{Alternative, StageCosts, choose, predicted_picture_ms};
 pub use first::place_first;
-pub use trial::{Offer, Placed, PlacementReport, place};
+pub use trial::{InferenceBackends, Placed, PlacementReport, place};

@@ -29,7 +29,7 @@ const LONG_ENOUGH: Duration = Duration::from_secs(1);
 
 /// What a machine offers to choose from.
 #[derive(Debug, Clone, Copy)]
-pub struct Offer<'a> {
+pub struct InferenceBackends<'a> {
     /// Runs graphs.
     pub runtime: &'a Runtime,
     /// Threads for providers on the CPU.
@@ -119,27 +119,27 @@ pub struct Placed {
 /// # Errors
 /// If nothing that was asked for can be had; the error of the last thing tried. [`ReceiverError::Left`] if `control` ends the trials.
 pub fn place(
-    offer: &Offer<'_>,
+    backends: &InferenceBackends<'_>,
     avatar: &Arc<Avatar>,
     renderer: &mut SplatRenderer,
     cameras: &[Camera],
     request: PlacementRequest,
     control: &Control,
 ) -> Result<Placed, ReceiverError> {
-    let runtime = offer.runtime.cancelled_by(control.cancel());
-    let offer = Offer {
+    let runtime = backends.runtime.cancelled_by(control.cancel());
+    let backends = InferenceBackends {
         runtime: &runtime,
-        ..*offer
+        ..*backends
     };
     // Kernels run as they will in a lane, on threads that end with the trials.
     in_own_pool("placement", || {
-        place_here(&offer, avatar, renderer, cameras, request, control)
+        place_here(&backends, avatar, renderer, cameras, request, control)
     })?
 }
 
 /// [`place`] in rayon's current pool.
 fn place_here(
-    offer: &Offer<'_>,
+    backends: &InferenceBackends<'_>,
     avatar: &Arc<Avatar>,
     renderer: &mut SplatRenderer,
     cameras: &[Camera],
@@ -147,7 +147,7 @@ fn place_here(
     control: &Control,
 ) -> Result<Placed, ReceiverError> {
     control.checkpoint()?;
-    let found = offer.runtime.probe();
+    let found = backends.runtime.probe();
     let gpu_is_cpu = renderer.gpu().info().is_cpu;
     let mut canvas = Canvas {
         renderer,
@@ -179,10 +179,10 @@ fn place_here(
             let mut kept = None;
             if alternative.refused.is_none() {
                 match try_one(
-                    offer,
+                    backends,
                     avatar,
                     plan,
-                    provider(kind, offer.threads),
+                    provider(kind, backends.threads),
                     &mut canvas,
                 ) {
                     Ok((costs, inference)) => {
@@ -226,10 +226,10 @@ fn place_here(
     let predicted = |one: &Alternative| one.predicted_ms.unwrap_or(f64::INFINITY);
     spare.sort_by(|a, b| predicted(a).total_cmp(&predicted(b)));
     for one in spare {
-        inference.fall_back_on(provider(one.provider, offer.threads));
+        inference.fall_back_on(provider(one.provider, backends.threads));
     }
     // The one that is always there comes last, measured or not; also anew after itself.
-    inference.fall_back_on(provider(ProviderKind::Cpu, offer.threads));
+    inference.fall_back_on(provider(ProviderKind::Cpu, backends.threads));
     if let Some(costs) = chosen.costs {
         inference.expect(Duration::from_secs_f64(costs.inference.max(0.0) / 1e3));
     }
@@ -323,7 +323,7 @@ fn reason(chosen: &Alternative, alternatives: &[Alternative]) -> String {
 
 /// Runs a placement and times its stages.
 fn try_one(
-    offer: &Offer<'_>,
+    backends: &InferenceBackends<'_>,
     avatar: &Arc<Avatar>,
     plan: Plan,
     provider: Provider,
@@ -332,11 +332,11 @@ fn try_one(
     let control = canvas.control;
     control.checkpoint()?;
     let inference = Inference::open(
-        offer.runtime,
+        backends.runtime,
         avatar,
         plan.graph(),
         &[provider],
-        offer.cache,
+        backends.cache,
     )?;
     if plan == Plan::Gpu {
         return canvas.try_on_device(avatar, inference);

@@ -3,7 +3,7 @@
 //! Every lane owns a [`Recorder`], a queue without locks that never grows; one [`Collector`] empties them. What does not
 //! fit is counted, not waited for.
 
-use crate::bridge::BridgeState;
+use crate::concealment::ConcealmentState;
 use crate::stage::{Lane, Stage};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::VecDeque;
@@ -38,7 +38,7 @@ pub struct StateTimes {
     /// Counts motion frames handed to the lanes.
     pub number: u64,
     /// Where its motion came from.
-    pub source: BridgeState,
+    pub source: ConcealmentState,
     /// When it was captured, by this machine's clock; unknown until the clocks have been compared, and for a pose that
     /// no frame brought.
     pub captured: Option<Instant>,

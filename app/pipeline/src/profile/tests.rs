@@ -1,7 +1,7 @@
 //! Summaries of schedules whose figures are known beforehand.
 
 use super::*;
-use crate::bridge::BridgeState;
+use crate::concealment::ConcealmentState;
 use crate::stage::{Lane, Stage, Unit};
 use proptest::prelude::*;
 use std::time::{Duration, Instant};
@@ -37,7 +37,7 @@ impl Schedule {
         let at = |ms: f64| self.at(captured + ms);
         StateTimes {
             number,
-            source: BridgeState::Live,
+            source: ConcealmentState::Live,
             captured: Some(at(0.0)),
             arrived: at(20.0),
             due: at(25.0),
@@ -307,7 +307,7 @@ prop_compose! {
         let (older, arrived, released) = (next(), next(), next());
         let state = |captured: Option<u64>, arrived| StateTimes {
             number: 1,
-            source: BridgeState::Live,
+            source: ConcealmentState::Live,
             captured: captured.map(|ns| zero + Duration::from_nanos(ns)),
             arrived,
             due: zero + Duration::from_nanos(due),

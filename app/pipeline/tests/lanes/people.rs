@@ -3,11 +3,11 @@
 use crate::stage::{BLACK, CPU, SIDE, Stage, Swing, avatar};
 use app_pipeline::deform::Deformer;
 use app_pipeline::error::ReceiverError;
-use app_pipeline::hold::HoldMode;
 use app_pipeline::inference::Inference;
 use app_pipeline::lanes::MotionSource;
 use app_pipeline::plan::Plan;
 use app_pipeline::profile::Profile;
+use app_pipeline::quality::QualityMode;
 use glam::{Affine3A, Quat, Vec3};
 use shaders_spirv::{Gaussian, PackedGaussian};
 use spmm3::MotionParams;
@@ -239,7 +239,7 @@ fn two_people_lose_quality_together() {
     let Some(gpu) = vulkan::gpu() else { return };
     let swing = || Swing::new(30.0, 1000, 0.5);
     // No software draws a picture in a millisecond.
-    let display = (1000.0, HoldMode::Adapt);
+    let display = (1000.0, QualityMode::Adapt);
     let stage = Stage::on_display(&gpu, Plan::CpuTail, &[CPU], swing(), display);
     let Some(mut stage) = stage else { return };
     stage.join(Plan::CpuTail, swing());

@@ -4,7 +4,7 @@ use crate::stage::{CPU, avatar, camera, own_gpu};
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::inference::Inference;
-use app_pipeline::placement::{Offer, place_first};
+use app_pipeline::placement::{InferenceBackends, place_first};
 use app_pipeline::plan::{PlacementRequest, Plan};
 use npu_runtime::{Cancel, Runtime, RuntimeError};
 use spmm3::Avatar;
@@ -47,7 +47,7 @@ impl Preparations {
         let (runtime, gpu) = (self.runtime.clone(), Arc::clone(&self.gpu));
         let (avatar, control) = (Arc::clone(&self.avatar), control.clone());
         std::thread::spawn(move || {
-            let offer = Offer {
+            let backends = InferenceBackends {
                 runtime: &runtime,
                 threads: 1,
                 cache: None,
@@ -56,7 +56,9 @@ impl Preparations {
             let options = RendererOptions::new(gaussians, SIDE, SIDE, 1);
             let request = PlacementRequest::default();
             let camera = [camera(SIDE)];
-            let placed = place_first(&offer, &avatar, &gpu, options, &camera, request, &control);
+            let placed = place_first(
+                &backends, &avatar, &gpu, options, &camera, request, &control,
+            );
             let (placed, _) = placed?;
             let tried = placed.report.alternatives.into_iter();
             Ok(tried

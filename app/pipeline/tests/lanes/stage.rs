@@ -1,10 +1,10 @@
 //! A puppet that swings its arms, lanes that show it, and a camera in front of it.
 
-use app_pipeline::bridge::BridgeState;
-use app_pipeline::hold::HoldMode;
+use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::inference::Inference;
 use app_pipeline::lanes::{DisplayClock, Drawn, LaneOptions, Lanes, MotionSource, Pose};
 use app_pipeline::plan::Plan;
+use app_pipeline::quality::QualityMode;
 use app_pipeline::timeline::LatencyMode;
 use glam::{Quat, Vec3};
 use npu_runtime::{Provider, Runtime};
@@ -84,7 +84,7 @@ impl MotionSource for Swing {
         let seconds = (due - self.start).as_secs_f32();
         Some(Pose {
             motion: Self::at(self.speed, seconds),
-            source: BridgeState::Live,
+            source: ConcealmentState::Live,
             captured: Some(due),
             arrived: due,
             due,
@@ -124,7 +124,7 @@ impl Stage {
         providers: &[Provider],
         swing: Swing,
     ) -> Option<Self> {
-        let display = (HERTZ, HoldMode::Fixed(0));
+        let display = (HERTZ, QualityMode::Fixed(0));
         Self::on_display(gpu, plan, providers, swing, display)
     }
 
@@ -134,7 +134,7 @@ impl Stage {
         plan: Plan,
         providers: &[Provider],
         swing: Swing,
-        (hertz, hold): (f64, HoldMode),
+        (hertz, hold): (f64, QualityMode),
     ) -> Option<Self> {
         static ALONE: Mutex<()> = Mutex::new(());
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);

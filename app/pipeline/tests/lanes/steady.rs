@@ -2,9 +2,9 @@
 
 use crate::people::{places, plate};
 use crate::stage::{BLACK, CPU, SIDE, Stage, Swing};
-use app_pipeline::hold::HoldMode;
 use app_pipeline::lanes::{Next, Tick};
 use app_pipeline::plan::Plan;
+use app_pipeline::quality::QualityMode;
 use glam::{Affine3A, Vec3};
 use std::time::{Duration, Instant};
 use test_support::allocations::allocations as counted;
@@ -132,7 +132,7 @@ fn quality_is_given_up_for_a_rate_that_cannot_be_held_and_nothing_is_hidden() {
     for plan in [Plan::CpuTail, Plan::Gpu] {
         let swing = Swing::new(30.0, 1000, 0.5);
         // No software draws a picture in a millisecond.
-        let display = (1000.0, HoldMode::Adapt);
+        let display = (1000.0, QualityMode::Adapt);
         let Some(mut stage) = Stage::on_display(&gpu, plan, &[CPU], swing, display) else {
             return;
         };

@@ -1,6 +1,6 @@
 //! What a call's frames cost in time, and what became of them.
 
-use app_pipeline::bridge::BridgeState;
+use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::profile::Percentiles;
 use link::{Announcement, Micros, PlayoutStatistics, Timing, ViewerStatistics};
 use serde::Serialize;
@@ -44,7 +44,7 @@ pub struct CallFigures {
     /// Pauses of more than a quarter of a second between frames.
     pub gaps: Vec<Gap>,
     /// Pictures asked for, by where their motion came from.
-    pub shown: Vec<(BridgeState, u64)>,
+    pub shown: Vec<(ConcealmentState, u64)>,
 }
 
 /// Where the time from capture to the deform stage goes.
@@ -86,7 +86,7 @@ pub(super) struct Log {
     added: Vec<f64>,
     whole: Vec<f64>,
     gaps: Vec<Gap>,
-    shown: [u64; BridgeState::ALL.len()],
+    shown: [u64; ConcealmentState::ALL.len()],
 }
 
 impl Log {
@@ -103,7 +103,7 @@ impl Log {
             added: samples(),
             whole: samples(),
             gaps: Vec::with_capacity(MOST_GAPS),
-            shown: [0; BridgeState::ALL.len()],
+            shown: [0; ConcealmentState::ALL.len()],
         }
     }
 
@@ -140,7 +140,7 @@ impl Log {
     }
 
     /// A picture's motion came from this.
-    pub(super) fn shown(&mut self, state: BridgeState) {
+    pub(super) fn shown(&mut self, state: ConcealmentState) {
         if let Some(count) = self.shown.get_mut(state as usize) {
             *count += 1;
         }
@@ -179,7 +179,7 @@ impl Log {
                 jitter_buffer_depth_ms: playout.delay.as_secs_f64() * 1e3,
             },
             gaps: self.gaps.clone(),
-            shown: BridgeState::ALL
+            shown: ConcealmentState::ALL
                 .into_iter()
                 .zip(self.shown)
                 .filter(|(_, count)| *count > 0)

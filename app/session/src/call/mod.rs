@@ -6,7 +6,7 @@ mod watch;
 pub use figures::{CallFigures, Gap, LatencyFigures};
 pub use watch::{CallCounts, CallWatch};
 
-use app_pipeline::bridge::{Bridge, BridgeState};
+use app_pipeline::concealment::{ConcealmentState, MotionConcealment};
 use app_pipeline::lanes::{MotionSource, Pose};
 use figures::Log;
 use link::{
@@ -37,7 +37,7 @@ pub struct Call {
     announced: Announcement,
     clock: Clock,
     buffer: JitterBuffer,
-    bridge: Bridge,
+    bridge: MotionConcealment,
     log: Log,
     watch: CallWatch,
     /// When it was last told what was counted.
@@ -58,7 +58,7 @@ impl Call {
             announced,
             clock,
             buffer: JitterBuffer::new(),
-            bridge: Bridge::new(skeleton),
+            bridge: MotionConcealment::new(skeleton),
             log: Log::new(clock.now()),
             watch: CallWatch::default(),
             told: Micros(0),
@@ -184,7 +184,7 @@ impl Call {
     fn pose(&mut self, now: Micros, timing: Option<Timing>) -> Pose {
         let (motion, source) = self.bridge.sample(now);
         self.log.shown(source);
-        self.resting = source == BridgeState::Resting;
+        self.resting = source == ConcealmentState::Resting;
         // A frame may be followed at once; what is made up comes as frames did, once one is late.
         let pause = self.bridge.interval();
         let pause = if timing.is_some() {

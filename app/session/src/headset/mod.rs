@@ -14,5 +14,5 @@ mod surroundings;
 
 pub use figures::{FrameFigures, HeadsetFigures};
 pub use notice::{NoticeBoard, show_notice};
-pub use party::{Found, Gathered, Party, Wishes, show_party};
-pub use show::{HeadsetError, Seen, Showing, Watcher, show};
+pub use party::{Gathered, HeadsetHandle, Party, Wishes, show_party};
+pub use show::{FrameObserver, HeadsetError, PresentConfig, Seen, show};

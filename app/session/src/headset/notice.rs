@@ -1,7 +1,7 @@
 //! A notice in the headset while there is nobody to see yet: who is waited for, what is being fetched, what is missing.
 
 use super::hanging::{Spot, image};
-use super::party::{Found, close};
+use super::party::{HeadsetHandle, close};
 use super::show::{HeadsetError, IDLE};
 use crate::overlay::{NOTICE_WIDTH_METRES, Notice, Panel};
 use app_pipeline::control::Control;
@@ -32,7 +32,7 @@ impl NoticeBoard {
 /// # Errors
 /// If the headset cannot be shown anything.
 pub fn show_notice(
-    found: Found,
+    found: HeadsetHandle,
     board: &NoticeBoard,
     control: &Control,
     is_over: impl Fn() -> bool,
@@ -62,7 +62,7 @@ pub fn show_notice(
 
 /// One session; nothing if `is_over` ended it.
 fn until_over(
-    found: &Found,
+    found: &HeadsetHandle,
     board: &NoticeBoard,
     control: &Control,
     is_over: &dyn Fn() -> bool,

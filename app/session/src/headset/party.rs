@@ -1,17 +1,17 @@
 //! Everybody in one headset: their stages are placed, their lanes started, and they are shown until it is over.
 
 use super::figures::HeadsetFigures;
-use super::show::{HeadsetError, Showing, Watcher, open_again, show};
+use super::show::{FrameObserver, HeadsetError, PresentConfig, open_again, show};
 use crate::call::CallWatch;
 use crate::overlay::OverlayWatch;
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
-use app_pipeline::hold::{HoldFigures, HoldMode};
 use app_pipeline::lanes::PausableSource;
 use app_pipeline::lanes::{LaneOptions, Lanes, MotionSource, Skipped};
-use app_pipeline::placement::{Offer, Placed, PlacementReport, place, place_first};
+use app_pipeline::placement::{InferenceBackends, Placed, PlacementReport, place, place_first};
 use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::profile::Collector;
+use app_pipeline::quality::{QualityFigures, QualityMode};
 use app_pipeline::timeline::LatencyMode;
 use glam::Vec3;
 use spmm3::Avatar;
@@ -27,13 +27,13 @@ const HERTZ: f32 = 72.0;
 
 /// A headset that is there, and how to have it again when it went.
 #[derive(Debug)]
-pub struct Found {
+pub struct HeadsetHandle {
     runtime: Runtime,
     headset: Headset,
     options: HeadsetOptions,
 }
 
-impl Found {
+impl HeadsetHandle {
     /// Opens a runtime's headset.
     ///
     /// # Errors
@@ -86,7 +86,7 @@ pub struct Wishes {
     /// What is done about the time from one motion frame to the next.
     pub latency: LatencyMode,
     /// What is done when the GPU cannot hold the display's rate.
-    pub hold: HoldMode,
+    pub hold: QualityMode,
     /// What stands around them, and how it is filtered; without it the viewer's own room, or a studio.
     pub scene: Option<(Arc<Background>, Filter)>,
     /// Whether eyes' pictures will be read back.
@@ -118,7 +118,7 @@ pub struct Party<S> {
     /// What was left out.
     pub skipped: Skipped,
     /// What was given up to hold the rate.
-    pub hold: HoldFigures,
+    pub hold: QualityFigures,
     /// What drew ...
     pub back_end: BackEnd,
     /// ... and why.
@@ -153,32 +153,32 @@ impl<S> Party<S> {
 }
 
 /// Prepares everything for `avatars`, has `join` gather their poses only then, for nobody is to wait for that in a call, and
-/// shows them until it is over. `offer` is what this machine runs graphs with. `control` may interrupt the preparations between any
+/// shows them until it is over. `backends` is what this machine runs graphs with. `control` may interrupt the preparations between any
 /// two steps.
 ///
 /// # Errors
 /// If nothing can run or draw them, or the headset cannot be shown anything. [`HeadsetError::Left`] where `control` ends it before
 /// anybody is joined.
 pub fn show_party<S: MotionSource>(
-    found: Found,
-    offer: &Offer<'_>,
+    found: HeadsetHandle,
+    backends: &InferenceBackends<'_>,
     wishes: &Wishes,
     avatars: &[Arc<Avatar>],
     join: impl FnOnce() -> Gathered<S>,
     control: &Control,
-    watcher: &mut dyn Watcher,
+    watcher: &mut dyn FrameObserver,
 ) -> Result<Party<S>, HeadsetError> {
     let Some((first, others)) = avatars.split_first() else {
         return Err(HeadsetError::Nobody);
     };
-    let Found {
+    let HeadsetHandle {
         runtime,
         headset,
         options,
     } = found;
     let cameras = eyes_before(headset.info().eye_size);
     let (placed, mut renderer) = place_first(
-        offer,
+        backends,
         first,
         headset.gpu(),
         renderer_options(&headset, avatars, wishes),
@@ -199,7 +199,7 @@ pub fn show_party<S: MotionSource>(
     let mut placed_others = Vec::new();
     for avatar in others {
         placed_others.push(place(
-            offer,
+            backends,
             avatar,
             &mut renderer,
             &cameras,
@@ -225,7 +225,7 @@ pub fn show_party<S: MotionSource>(
         lanes.join(avatar, placed.inference, source, placed.plan)?;
     }
     drop(step);
-    let showing = Showing {
+    let showing = PresentConfig {
         runtime,
         options,
         session: SessionOptions {

@@ -66,7 +66,7 @@ impl From<ReceiverError> for HeadsetError {
 
 /// What is shown, and how.
 #[derive(Debug)]
-pub struct Showing {
+pub struct PresentConfig {
     /// To open the headset again.
     pub runtime: Runtime,
     /// As the headset was opened.
@@ -82,7 +82,7 @@ pub struct Showing {
 }
 
 /// Who looks on, beside the one who wears the headset.
-pub trait Watcher: Send {
+pub trait FrameObserver: Send {
     /// Whether it is time to leave. `shown` frames were shown so far.
     fn is_over(&self, shown: u64) -> bool;
 
@@ -111,10 +111,10 @@ pub struct Seen<'a> {
 pub fn show<S: MotionSource>(
     lanes: &mut Lanes<S>,
     headset: Headset,
-    showing: Showing,
-    watcher: &mut dyn Watcher,
+    showing: PresentConfig,
+    watcher: &mut dyn FrameObserver,
 ) -> Result<HeadsetFigures, HeadsetError> {
-    let Showing {
+    let PresentConfig {
         runtime,
         options,
         session,
@@ -178,7 +178,7 @@ pub(super) fn open_again(
 struct Frames<'a, S: MotionSource> {
     lanes: &'a mut Lanes<S>,
     skeletons: Vec<Skeleton>,
-    watcher: &'a mut dyn Watcher,
+    watcher: &'a mut dyn FrameObserver,
     session_options: SessionOptions,
     places: Places,
     panel: FiguresPanel,

@@ -1,7 +1,7 @@
 //! What the panel shows. Whatever is not known is `None`, and a dash on the panel.
 
-use app_pipeline::hold::Quality;
 use app_pipeline::profile::Since;
+use app_pipeline::quality::Quality;
 use app_pipeline::stage::Unit;
 
 /// The figures of the last seconds.

@@ -3,8 +3,8 @@
 use super::glyphs::TextSize;
 use super::words::{NONE, count, cut, number};
 use super::{OverlayFigures, UnitLoad};
-use app_pipeline::hold::LADDER;
 use app_pipeline::profile::Since;
+use app_pipeline::quality::LADDER;
 use app_pipeline::stage::Unit;
 
 /// Red, green and blue as displayed, 0 to 255.

@@ -1,7 +1,7 @@
 //! The overlay in a thread of its own: who draws pictures for a headset has no milliseconds to spare.
 
 use super::{Overlay, OverlayFigures, Panel};
-use app_pipeline::lanes::{Bell, Giver, Taker, hand_over};
+use app_pipeline::lanes::{Reader, WakeSignal, Writer, triple_buffer};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
@@ -13,9 +13,9 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Draws panels elsewhere.
 #[derive(Debug)]
 pub struct OverlayPainter {
-    figures: Giver<OverlayFigures>,
-    panels: Taker<Panel>,
-    bell: Bell,
+    figures: Writer<OverlayFigures>,
+    panels: Reader<Panel>,
+    bell: WakeSignal,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -26,12 +26,12 @@ impl OverlayPainter {
     /// # Errors
     /// If the system gives no thread.
     pub fn start() -> std::io::Result<Self> {
-        let bell = Bell::default();
-        let (figures, wanted) = hand_over(Default::default(), &bell);
+        let bell = WakeSignal::default();
+        let (figures, wanted) = triple_buffer(Default::default(), &bell);
         let overlay = Overlay::default();
         let empty = || overlay.card.clone();
         // Nobody sleeps until a panel is there.
-        let (drawn, panels) = hand_over([empty(), empty(), empty()], &Bell::default());
+        let (drawn, panels) = triple_buffer([empty(), empty(), empty()], &WakeSignal::default());
         let stop = Arc::<AtomicBool>::default();
         let thread = {
             let (bell, stop) = (bell.clone(), Arc::clone(&stop));
@@ -72,9 +72,9 @@ impl Drop for OverlayPainter {
 
 fn paint(
     mut overlay: Overlay,
-    mut wanted: Taker<OverlayFigures>,
-    mut drawn: Giver<Panel>,
-    bell: &Bell,
+    mut wanted: Reader<OverlayFigures>,
+    mut drawn: Writer<Panel>,
+    bell: &WakeSignal,
     stop: &AtomicBool,
 ) {
     while !stop.load(Relaxed) {

@@ -5,11 +5,11 @@ use super::layout::{HEIGHT, Item, Rect, Shape, WIDTH, items};
 use super::words::NONE;
 use super::*;
 use crate::call::{CallCounts, CallWatch};
-use app_pipeline::bridge::BridgeState;
-use app_pipeline::hold::{Hold, HoldFigures, HoldMode, LADDER, Quality};
+use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::placement::PlacementReport;
 use app_pipeline::plan::Plan;
 use app_pipeline::profile::{Collector, PictureTimes, Recording, Since, StateTimes};
+use app_pipeline::quality::{LADDER, Quality, QualityController, QualityFigures, QualityMode};
 use app_pipeline::stage::{Lane, Stage, Unit};
 use npu_runtime::{Landing, Origin, Provider};
 use proptest::prelude::*;
@@ -322,7 +322,7 @@ impl Minute {
             let late = if number % 50 == 49 { 9 } else { 0 };
             let state = StateTimes {
                 number,
-                source: BridgeState::Live,
+                source: ConcealmentState::Live,
                 captured: at(begun).checked_sub(Duration::from_millis(80)),
                 arrived: at(begun),
                 due: at(begun),
@@ -373,11 +373,11 @@ fn placed() -> PlacementReport {
     }
 }
 
-fn held() -> HoldFigures {
-    HoldFigures {
+fn held() -> QualityFigures {
+    QualityFigures {
         pictures: 6_000,
         late_pictures: 120,
-        ..Hold::new(PERIOD, HoldMode::Adapt).figures()
+        ..QualityController::new(PERIOD, QualityMode::Adapt).figures()
     }
 }
 
@@ -428,7 +428,7 @@ fn figures_are_those_of_the_last_two_seconds() {
 fn before_the_first_picture_only_the_placement_and_the_display_are_known() {
     let now = Instant::now();
     let mut watch = OverlayWatch::since(placed(), Some(CallWatch::default()), now);
-    let hold = Hold::new(PERIOD, HoldMode::Adapt).figures();
+    let hold = QualityController::new(PERIOD, QualityMode::Adapt).figures();
     let figures = watch.figures(&Collector::default(), &hold, PERIOD, now);
     let expected = OverlayFigures {
         display_hz: Some(100.0),

@@ -2,11 +2,11 @@
 
 use super::{FrameTime, OverlayFigures, OverlayLatency, UnitLoad};
 use crate::call::{CallCounts, CallWatch};
-use app_pipeline::hold::HoldFigures;
 use app_pipeline::lanes::{Lanes, MotionSource};
 use app_pipeline::placement::PlacementReport;
 use app_pipeline::profile::nanoseconds;
 use app_pipeline::profile::{Collector, LatencyBreakdown, Occupancy, PictureFigures, Recording};
+use app_pipeline::quality::QualityFigures;
 use app_pipeline::stage::Unit;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -65,7 +65,7 @@ impl OverlayWatch {
     pub(super) fn figures(
         &mut self,
         collector: &Collector,
-        hold: &HoldFigures,
+        hold: &QualityFigures,
         period: Duration,
         now: Instant,
     ) -> OverlayFigures {

@@ -5,7 +5,7 @@
 //! the root translation walks about in it. From one to the other leads a turn about y and a shift along the floor, so
 //! that a person has their true size and their feet stay on the floor. Nothing here knows of a device or the time of day.
 
-mod holding;
+mod grab;
 mod people;
 mod place;
 mod seat;

@@ -1,6 +1,6 @@
 //! Where each person stands in the viewer's room: before the viewer at first, then where they were put.
 
-use super::holding::Holding;
+use super::grab::Grabs;
 use super::place::{DISTANCE, Place, turned};
 use super::standing::Standing;
 use super::viewer::{View, Viewer};
@@ -30,7 +30,7 @@ const TRIES: u8 = 11;
 pub struct Presence {
     places: Vec<Option<Place>>,
     floor_from_person: Vec<Affine3A>,
-    holding: Holding,
+    holding: Grabs,
 }
 
 impl Presence {
@@ -72,7 +72,7 @@ impl Presence {
     /// origin moved.
     pub fn recentre(&mut self) {
         self.places.fill(None);
-        self.holding = Holding::default();
+        self.holding = Grabs::default();
     }
 
     /// Gives places to those who have none.

@@ -1,11 +1,13 @@
 //! The calls of everybody who is visited: joined when all is ready to show them, ended when it is over.
 
 use crate::call::{Call, CallEnd, CallFigures};
-use crate::headset::{Found, Gathered, HeadsetError, Party, Watcher, Wishes, show_party};
+use crate::headset::{
+    FrameObserver, Gathered, HeadsetError, HeadsetHandle, Party, Wishes, show_party,
+};
 use crate::presence::Seated;
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
-use app_pipeline::placement::Offer;
+use app_pipeline::placement::InferenceBackends;
 use link::{Announcement, Client, Clock, RoomLink, Viewer};
 use spmm3::Avatar;
 use std::sync::Arc;
@@ -26,7 +28,7 @@ pub struct Guest {
 
 /// The ways to people.
 #[derive(Debug, Clone)]
-pub struct Ways {
+pub struct NetworkContext {
     /// The network's threads.
     pub network: Handle,
     /// Asks servers.
@@ -60,13 +62,13 @@ pub struct Visited {
 /// If nothing can run or draw them, or the headset cannot be shown anything. That one of the calls fails is no error of all:
 /// [`Visited::calls`] tells.
 pub fn visit(
-    found: Found,
-    offer: &Offer<'_>,
+    found: HeadsetHandle,
+    backends: &InferenceBackends<'_>,
     wishes: &Wishes,
     guests: &[Guest],
-    ways: &Ways,
+    ways: &NetworkContext,
     control: &Control,
-    watcher: &mut dyn Watcher,
+    watcher: &mut dyn FrameObserver,
 ) -> Result<Visited, HeadsetError> {
     let avatars: Vec<_> = (guests.iter())
         .map(|guest| Arc::clone(&guest.avatar))
@@ -78,7 +80,7 @@ pub fn visit(
             sources,
         }
     };
-    let party = show_party(found, offer, wishes, &avatars, join, control, watcher)?;
+    let party = show_party(found, backends, wishes, &avatars, join, control, watcher)?;
     let (sources, party) = party.without_sources();
     let calls = sources.into_iter().map(|source| {
         let mut call = source?.into_source();
@@ -96,7 +98,7 @@ pub fn visit(
 }
 
 impl Guest {
-    fn join(&self, ways: &Ways) -> Seated<Call> {
+    fn join(&self, ways: &NetworkContext) -> Seated<Call> {
         let viewer = {
             // Its tasks run on the network's threads.
             let _network = ways.network.enter();

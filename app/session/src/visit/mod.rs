@@ -8,5 +8,5 @@ mod calls;
 mod rehearsal;
 
 pub use arrive::{Waiting, unless_over, wait_for_sender};
-pub use calls::{Ended, Guest, Visited, Ways, visit};
+pub use calls::{Ended, Guest, NetworkContext, Visited, visit};
 pub use rehearsal::Rehearsal;

@@ -1,6 +1,6 @@
 //! A performance without a network: motions at their own rate, each as if it had been captured and had arrived just now.
 
-use app_pipeline::bridge::BridgeState;
+use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::lanes::{MotionSource, Pose};
 use spmm3::MotionParams;
 use std::time::{Duration, Instant};
@@ -47,7 +47,7 @@ impl MotionSource for Rehearsal {
         self.next = (self.next + 1) % self.frames.len();
         Some(Pose {
             motion: motion.clone(),
-            source: BridgeState::Live,
+            source: ConcealmentState::Live,
             captured: Some(due),
             arrived,
             due,

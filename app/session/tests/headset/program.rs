@@ -1,14 +1,14 @@
 //! The program under test: a puppet that dances, shown in the headset that the environment names, and what that came to.
 
-use app_pipeline::bridge::BridgeState;
+use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::control::Control;
-use app_pipeline::hold::HoldMode;
 use app_pipeline::lanes::{LaneOptions, Lanes, MotionSource, Pose};
-use app_pipeline::placement::{Offer, Placed, place};
+use app_pipeline::placement::{InferenceBackends, Placed, place};
 use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::profile::PictureTimes;
+use app_pipeline::quality::QualityMode;
 use app_pipeline::timeline::LatencyMode;
-use app_session::headset::{Seen, Showing, Watcher, show};
+use app_session::headset::{FrameObserver, PresentConfig, Seen, show};
 use app_session::overlay::OverlayWatch;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -107,7 +107,7 @@ fn obey(orders: &Orders) -> serde_json::Value {
     let avatar = Arc::new(avatar);
     let (mut lanes, overlay) = lanes(&headset, &avatar);
     let mut witness = Witness::new(orders, Arc::clone(&gpu));
-    let showing = Showing {
+    let showing = PresentConfig {
         runtime,
         options,
         session: SessionOptions {
@@ -157,7 +157,7 @@ fn lanes(headset: &Headset, avatar: &Arc<Avatar>) -> (Lanes<Dance>, OverlayWatch
     };
     let mut renderer = SplatRenderer::new(Arc::clone(headset.gpu()), &options).expect("a renderer");
     let onnx = onnx::runtime().expect("the test that starts this has looked");
-    let offer = Offer {
+    let backends = InferenceBackends {
         runtime: &onnx,
         threads: 1,
         cache: None,
@@ -171,7 +171,7 @@ fn lanes(headset: &Headset, avatar: &Arc<Avatar>) -> (Lanes<Dance>, OverlayWatch
         provider: None,
     };
     let placed = place(
-        &offer,
+        &backends,
         avatar,
         &mut renderer,
         &cameras,
@@ -186,7 +186,7 @@ fn lanes(headset: &Headset, avatar: &Arc<Avatar>) -> (Lanes<Dance>, OverlayWatch
     let options = LaneOptions {
         plan,
         latency: LatencyMode::Interpolate,
-        hold: HoldMode::Fixed(0),
+        hold: QualityMode::Fixed(0),
         display_period: Duration::from_millis(50),
     };
     let dance = Dance::new(avatar);
@@ -230,7 +230,7 @@ impl MotionSource for Dance {
         self.sent += 1;
         Some(Pose {
             motion: self.clip.sample(seconds, Playback::Loop),
-            source: BridgeState::Live,
+            source: ConcealmentState::Live,
             captured: Some(due),
             arrived: due,
             due,
@@ -285,7 +285,7 @@ impl Witness {
     }
 }
 
-impl Watcher for Witness {
+impl FrameObserver for Witness {
     fn is_over(&self, _shown: u64) -> bool {
         self.first
             .is_some_and(|first| first.elapsed() >= self.seconds)

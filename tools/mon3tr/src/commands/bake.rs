@@ -1,10 +1,10 @@
 //! `mon3tr bake`: builds the demo person's avatar package from MakeHuman's data, and compiles a package's deform graph for
 //! a headset's NPU.
 
+use crate::device_options::{DeviceOptions, cache, make_folder, makehuman};
 use crate::progress::Bars;
 use crate::report::{check_writable, write_json};
 use crate::stage::load_avatar;
-use crate::surroundings::{Surroundings, cache, make_folder, makehuman};
 use anyhow::{Context, bail};
 use app_kernels::state::GaussianState;
 use glam::Vec3;
@@ -53,12 +53,12 @@ pub(crate) struct BakeChoices {
 }
 
 /// Runs `bake`.
-pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     // Its absence is to be known before minutes of baking.
     let npu = options
         .qnn
-        .map(|target| Npu::find(target, surroundings))
+        .map(|target| Npu::find(target, device))
         .transpose()?;
     let out = &options.out;
     let figures = match (&options.avatar, &npu) {
@@ -77,7 +77,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
             &options.choices,
             npu.as_ref(),
             out,
-            surroundings,
+            device,
         )?)),
     };
     write_json(options.json.as_deref(), &figures)
@@ -90,8 +90,8 @@ struct Npu {
 }
 
 impl Npu {
-    fn find(target: QnnTarget, surroundings: &Surroundings) -> anyhow::Result<Self> {
-        let runtime = surroundings.runtime()?;
+    fn find(target: QnnTarget, device: &DeviceOptions) -> anyhow::Result<Self> {
+        let runtime = device.runtime()?;
         let found = runtime.probe();
         let lacking = found
             .into_iter()
@@ -145,7 +145,7 @@ fn save(avatar: &Avatar, out: &Path) -> anyhow::Result<u64> {
 /// The demo avatar's package from the cache; baked first if there is none of this kind yet.
 pub(crate) fn baked_demo_avatar(
     choices: &BakeChoices,
-    surroundings: &Surroundings,
+    device: &DeviceOptions,
 ) -> anyhow::Result<PathBuf> {
     let file = format!("demo-{}-v{BAKE_VERSION}.m3a", choices.gaussians);
     let package = cache()?.join("avatars").join(file);
@@ -154,7 +154,7 @@ pub(crate) fn baked_demo_avatar(
             "baking the demo avatar with {} Gaussians, once: this takes some minutes",
             choices.gaussians
         );
-        bake_to(choices, None, &package, surroundings)?;
+        bake_to(choices, None, &package, device)?;
     }
     Ok(package)
 }
@@ -164,7 +164,7 @@ fn bake_to(
     choices: &BakeChoices,
     npu: Option<&Npu>,
     out: &Path,
-    surroundings: &Surroundings,
+    device: &DeviceOptions,
 ) -> anyhow::Result<BakeFigures> {
     let makehuman = makehuman()?;
     if let Some(folder) = out.parent() {
@@ -175,7 +175,7 @@ fn bake_to(
         gaussians: choices.gaussians,
         ..BakeOptions::default()
     };
-    let easel = match surroundings.gpu() {
+    let easel = match device.gpu() {
         Ok(gpu) => Some(Easel {
             gpu,
             renderer: RefCell::new(None),

@@ -1,7 +1,7 @@
 //! `mon3tr serve`: signaling and avatar store for calls.
 
+use crate::device_options::{cache, make_folder};
 use crate::network::{Network, asked_to_end};
-use crate::surroundings::{cache, make_folder};
 use anyhow::Context;
 use server::{Config, Limits, Secret, Server, StoreConfig};
 use std::io::Write;

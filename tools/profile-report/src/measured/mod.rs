@@ -6,10 +6,10 @@ mod placement;
 
 pub(crate) use placement::headed;
 
-use app_pipeline::hold::HoldFigures;
 use app_pipeline::lanes::Skipped;
 use app_pipeline::placement::PlacementReport;
 use app_pipeline::profile::{Occupancy, PictureFigures, StageSummary, Summary};
+use app_pipeline::quality::QualityFigures;
 use serde::Serialize;
 
 /// Columns that lines have at most.
@@ -25,7 +25,7 @@ pub struct Measured {
     /// What lanes left out because something newer had come, since the call began.
     pub skipped: Skipped,
     /// What was done to hold the display's rate.
-    pub hold: HoldFigures,
+    pub hold: QualityFigures,
     /// Of the measured time, or of its last half minute.
     pub measured: Summary,
 }
@@ -111,7 +111,7 @@ fn pictures(p: &PictureFigures, display_hz: f64) -> String {
 const CHANGES: usize = 4;
 
 /// Which quality was drawn for how long, and why it changed last; nothing where it did not.
-fn quality(hold: &HoldFigures) -> Vec<String> {
+fn quality(hold: &QualityFigures) -> Vec<String> {
     if hold.change_count == 0 {
         return Vec::new();
     }

@@ -1,7 +1,7 @@
 use super::super::Seated;
 use super::super::seat::Seat;
 use super::*;
-use app_pipeline::bridge::BridgeState;
+use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::lanes::{MotionSource, Pose};
 use proptest::prelude::*;
 use spmm3::MotionClip;
@@ -200,7 +200,7 @@ impl MotionSource for Still {
         let due = self.1.take()?;
         Some(Pose {
             motion: self.0.clone(),
-            source: BridgeState::Live,
+            source: ConcealmentState::Live,
             captured: Some(due),
             arrived: due,
             due,

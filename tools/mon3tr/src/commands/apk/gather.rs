@@ -1,6 +1,6 @@
 //! What goes into the package, checked.
 
-use crate::surroundings::cache;
+use crate::device_options::cache;
 use android_native::elf::{Library, Platform, check_library};
 use android_native::native::{Built, Route};
 use android_native::parts::{self, PARTS, Part, QNN_PARTS};

@@ -5,8 +5,8 @@ mod gather;
 mod install;
 mod report;
 
+use crate::device_options::cache;
 use crate::report::check_writable;
-use crate::surroundings::cache;
 use android_native::native::{Order, Processor, Purpose, Route, build};
 use anyhow::{Context, ensure};
 use apk::Signer;
@@ -115,7 +115,7 @@ fn repository() -> anyhow::Result<PathBuf> {
 fn signer(options: &Options) -> anyhow::Result<Signer> {
     let Some(store) = &options.keystore else {
         let folder = cache()?;
-        crate::surroundings::make_folder(&folder)?;
+        crate::device_options::make_folder(&folder)?;
         return Ok(Signer::debug(&folder.join(DEBUG_KEY))?);
     };
     let password = options.key_pass.as_deref().unwrap_or_default();

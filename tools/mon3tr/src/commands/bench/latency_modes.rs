@@ -5,11 +5,11 @@
 //! is the arithmetic's; against the truth of the moment it is shown, it is what a viewer perceives: error and lag together.
 //! Network and deform time, which all modes share, are left out. It draws nothing.
 
+use crate::device_options::DeviceOptions;
 use crate::performance::MotionOptions;
 use crate::progress;
 use crate::report::{check_writable, write_json};
 use crate::stage::load_avatar;
-use crate::surroundings::Surroundings;
 use anyhow::{Context, bail};
 use app_kernels::state::{GaussianState, plane};
 use app_pipeline::deform::Deformer;
@@ -119,7 +119,7 @@ struct Measured {
 }
 
 /// Runs `bench latency-modes`.
-pub(super) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     if !(options.seconds > 0.0 && options.seconds <= 600.0) {
         bail!("--seconds {} is not within 0..600", options.seconds);
@@ -128,9 +128,9 @@ pub(super) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let display_rate = f64::from(options.display_rate);
     // The built-in motion is a formula: as fine as the display.
     let clip = options.motion.clip(&avatar, display_rate)?;
-    let runtime = surroundings.runtime()?;
+    let runtime = device.runtime()?;
     let provider = Provider::Cpu {
-        threads: Surroundings::threads(),
+        threads: DeviceOptions::threads(),
     };
     let inference = Inference::open(&runtime, &avatar, PLAN.graph(), &[provider], None)?;
     let deformer = Deformer::new(&avatar, inference, PLAN)?;

@@ -14,7 +14,7 @@ mod sort;
 mod standard;
 mod traffic;
 
-use crate::surroundings::Surroundings;
+use crate::device_options::DeviceOptions;
 use clap::Subcommand;
 pub(crate) use measure::median;
 
@@ -42,13 +42,13 @@ enum What {
 }
 
 /// Runs `bench`.
-pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     match &options.what {
-        What::Render(options) => render::run(options, &surroundings.gpu()?),
-        What::Sort(options) => sort::run(options, &surroundings.gpu()?),
-        What::LatencyModes(options) => latency_modes::run(options, surroundings),
-        What::Kernels(options) => kernels::run(options, surroundings),
-        What::Lanes(options) => lanes::run(options, surroundings),
+        What::Render(options) => render::run(options, &device.gpu()?),
+        What::Sort(options) => sort::run(options, &device.gpu()?),
+        What::LatencyModes(options) => latency_modes::run(options, device),
+        What::Kernels(options) => kernels::run(options, device),
+        What::Lanes(options) => lanes::run(options, device),
         What::Profiler(options) => profiler::run(options),
     }
 }

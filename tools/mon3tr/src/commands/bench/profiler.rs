@@ -3,7 +3,7 @@
 
 use super::measure::{median, print_table};
 use crate::report::{check_writable, write_json};
-use app_pipeline::bridge::BridgeState;
+use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::profile::{Collector, Event, PictureTimes, StateTimes};
 use app_pipeline::stage::{Lane, Stage};
 use serde::Serialize;
@@ -136,7 +136,7 @@ fn measure() -> Measured {
 fn picture(at: Instant) -> PictureTimes {
     let state = StateTimes {
         number: 1,
-        source: BridgeState::Live,
+        source: ConcealmentState::Live,
         captured: Some(at),
         arrived: at,
         due: at,

@@ -3,11 +3,11 @@
 
 use super::measure::{Medians, Samples, print_table};
 use super::render::Options;
+use crate::device_options::describe;
 use crate::film::write_png;
 use crate::report::{check_writable, write_json};
 use crate::scenery::{Scenery, load_camera};
 use crate::stage::{DEFAULT_SIZE, Size, Views};
-use crate::surroundings::describe;
 use crate::viewpoint::eyes;
 use anyhow::Context;
 use glam::Vec3;

@@ -2,8 +2,8 @@
 
 use super::figure;
 use super::measure::{median, print_table, short_count};
+use crate::device_options::describe;
 use crate::report::{check_writable, write_json};
-use crate::surroundings::describe;
 use anyhow::{Context, bail};
 use glam::Vec3;
 use serde::Serialize;

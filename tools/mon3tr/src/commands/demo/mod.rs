@@ -4,6 +4,7 @@
 mod call;
 
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
+use crate::device_options::{DeviceOptions, make_folder};
 use crate::film::write_png;
 use crate::gaze::{GazeChoice, Sight};
 use crate::monado::{self, Monado};
@@ -11,8 +12,7 @@ use crate::performance::{MOTION_RATE, MotionOptions, Performance};
 use crate::progress;
 use crate::report::{RunReport, StageTable, check_writable, write_json};
 use crate::scenery::{Scenery, SceneryOptions};
-use crate::stage::{Setting, Size, Stage, Views, load_avatar};
-use crate::surroundings::{Surroundings, make_folder};
+use crate::stage::{RenderSettings, Size, StillRenderer, Views, load_avatar};
 use crate::viewpoint::{Viewpoint, eyes};
 use crate::window;
 use anyhow::{Context, bail};
@@ -81,11 +81,11 @@ struct Show<'a> {
     avatar: &'a Arc<Avatar>,
     performance: &'a Performance,
     out: &'a Path,
-    setting: &'a Setting,
+    setting: &'a RenderSettings,
 }
 
 /// Runs `demo`.
-pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     // What may be missing comes first: baking for minutes only to learn of it would be unkind.
     options.motion.check()?;
     options.scenery.check()?;
@@ -97,11 +97,11 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
             Display::Xr => Sight::Nothing,
         })?);
     }
-    let runtime = surroundings.runtime()?;
+    let runtime = device.runtime()?;
     // A headset's runtime says which device it is drawn on, and opens it for the receiver.
     let gpu = match options.display {
         Display::Xr => None,
-        Display::Offscreen | Display::Window => Some(surroundings.gpu()?),
+        Display::Offscreen | Display::Window => Some(device.gpu()?),
     };
     if options.display == Display::Window {
         drop(window::events(
@@ -119,7 +119,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         Display::Xr if !monado::is_another_active() => Some(Monado::start()?),
         _ => None,
     };
-    let package = baked_demo_avatar(&options.bake, surroundings)?;
+    let package = baked_demo_avatar(&options.bake, device)?;
     let (avatar, figures) = load_avatar(&package)?;
     let performance = options.motion.load(&avatar)?;
     let seconds = performance.frames.len() as f64 / MOTION_RATE;
@@ -143,7 +143,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     let scenery = options
         .scenery
         .around(performance.start(&avatar), performance.heading())?;
-    let setting = Setting {
+    let setting = RenderSettings {
         size: options.size,
         views: Views::Mono,
         background: scenery.as_ref().map(|scenery| scenery.background.clone()),
@@ -157,7 +157,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         setting: &setting,
     };
     let (stereo, stereo_picture) = show.stereo(&gpu, &options.camera)?;
-    let mut mono = Stage::new(&gpu, &runtime, &avatar, setting.clone())?;
+    let mut mono = StillRenderer::new(&gpu, &runtime, &avatar, setting.clone())?;
     let mut pictures = vec![stereo_picture];
     for view in ["front", "side", "back", "waist-up", "face", "hands"] {
         pictures.push(show.still(&mut mono, view)?);
@@ -184,12 +184,12 @@ impl Show<'_> {
         gpu: &Arc<Gpu>,
         viewpoint: &Viewpoint,
     ) -> anyhow::Result<(StageTable, PathBuf)> {
-        let setting = Setting {
+        let setting = RenderSettings {
             views: Views::Stereo,
             ..self.setting.clone()
         };
         let Size { width, height } = setting.size;
-        let mut stage = Stage::new(gpu, self.runtime, self.avatar, setting)?;
+        let mut stage = StillRenderer::new(gpu, self.runtime, self.avatar, setting)?;
         let heading = self.performance.heading();
         let mut both = RgbImage::new(width * 2, height);
         let frames: Vec<_> = self.performance.followed(self.avatar).collect();
@@ -210,7 +210,7 @@ impl Show<'_> {
     }
 
     /// The middle of the motion from one named place.
-    fn still(&self, stage: &mut Stage, view: &str) -> anyhow::Result<PathBuf> {
+    fn still(&self, stage: &mut StillRenderer, view: &str) -> anyhow::Result<PathBuf> {
         let viewpoint: Viewpoint = view.parse()?;
         let mut frames = self.performance.followed(self.avatar);
         let middle = frames.len() / 2;

@@ -6,11 +6,11 @@ mod download;
 
 use crate::children::LocalServer;
 use crate::commands::send;
+use crate::device_options::make_folder;
 use crate::network::{self, Network};
 use crate::performance::MotionOptions;
 use crate::progress;
 use crate::report::check_writable;
-use crate::surroundings::make_folder;
 use anyhow::{Context, ensure};
 use call::{Bench, Variant};
 use condition::Shape;

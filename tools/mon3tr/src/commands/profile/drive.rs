@@ -2,12 +2,12 @@
 
 use super::Options;
 use super::call::Room;
-use crate::live::{Live, Prepared, Shown};
-use crate::stage::Setting;
+use crate::live::{LiveView, PreparedView, ViewReport};
+use crate::stage::RenderSettings;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, bail};
-use app_pipeline::hold::HoldMode;
 use app_pipeline::lanes::Drawn;
+use app_pipeline::quality::QualityMode;
 use npu_runtime::Runtime;
 use profile_report::resident_bytes;
 use spmm3::Avatar;
@@ -38,7 +38,7 @@ pub(super) struct Wanted<'a> {
 /// What a run left.
 pub(super) struct Driven {
     /// What the lanes recorded, collected to the end, and what else is left of the call.
-    pub(super) shown: Shown,
+    pub(super) shown: ViewReport,
     /// When measuring began, after a warm-up, and ended.
     pub(super) begin: Instant,
     pub(super) end: Instant,
@@ -57,7 +57,7 @@ pub(super) fn drive(wanted: &Wanted<'_>) -> anyhow::Result<Driven> {
         avatar,
         room,
     } = *wanted;
-    let setting = Setting {
+    let setting = RenderSettings {
         size: options.size,
         views: options.views(),
         background: None,
@@ -65,14 +65,14 @@ pub(super) fn drive(wanted: &Wanted<'_>) -> anyhow::Result<Driven> {
     };
     let viewpoint: Viewpoint = super::CAMERA.parse().map_err(anyhow::Error::msg)?;
     let before = resident_bytes();
-    let prepared = Prepared::new(gpu, runtime, avatar, setting, &viewpoint, options.lanes)?;
+    let prepared = PreparedView::new(gpu, runtime, avatar, setting, &viewpoint, options.lanes)?;
     let onnx_runtime_bytes = resident_bytes()
         .zip(before)
         .map(|(now, then)| now.saturating_sub(then));
     let hold = if options.hold {
-        HoldMode::Adapt
+        QualityMode::Adapt
     } else {
-        HoldMode::Fixed(0)
+        QualityMode::Fixed(0)
     };
     let mut live = prepared.show(room.join(&avatar.skeleton), options.display_hz, hold)?;
     let [begin, end] = draw(&mut live, &viewpoint, room, options.seconds)?;
@@ -88,7 +88,7 @@ pub(super) fn drive(wanted: &Wanted<'_>) -> anyhow::Result<Driven> {
 
 /// Draws until the time is over, and returns when measuring began and ended.
 fn draw(
-    live: &mut Live,
+    live: &mut LiveView,
     viewpoint: &Viewpoint,
     room: &Room,
     seconds: Duration,

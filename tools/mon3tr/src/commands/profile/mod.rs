@@ -5,13 +5,13 @@ mod drive;
 
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::commands::send;
+use crate::device_options::{DeviceOptions, make_folder};
 use crate::lanes::LaneChoices;
-use crate::live::Shown;
+use crate::live::ViewReport;
 use crate::network;
 use crate::performance::MotionOptions;
 use crate::report::check_writable;
 use crate::stage::{DEFAULT_SIZE, Size, Views, load_avatar};
-use crate::surroundings::{Surroundings, make_folder};
 use anyhow::{Context, ensure};
 use app_pipeline::profile::{Recording, Summary, Terms};
 use call::Room;
@@ -76,7 +76,7 @@ impl Options {
     }
 
     /// The package, and what is needed before the long part begins.
-    fn package(&self, surroundings: &Surroundings) -> anyhow::Result<PathBuf> {
+    fn package(&self, device: &DeviceOptions) -> anyhow::Result<PathBuf> {
         match &self.package {
             Some(package) => {
                 ensure!(
@@ -86,21 +86,21 @@ impl Options {
                 );
                 Ok(package.clone())
             }
-            None => baked_demo_avatar(&self.bake, surroundings),
+            None => baked_demo_avatar(&self.bake, device),
         }
     }
 }
 
 /// Runs `profile`.
-pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.motion.check()?;
     for file in [&options.json, &options.trace, &options.page] {
         file.parent().map_or(Ok(()), make_folder)?;
         check_writable(file)?;
     }
-    let gpu = surroundings.gpu()?;
-    let runtime = surroundings.runtime()?;
-    let package = options.package(surroundings)?;
+    let gpu = device.gpu()?;
+    let runtime = device.runtime()?;
+    let package = options.package(device)?;
     let (avatar, figures) = load_avatar(&package)?;
     println!(
         "a call on this machine: a server and a sender, each a process of its own, and this receiver"
@@ -112,7 +112,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         .context("cannot watch the machine's heat and clocks")?;
     let Driven {
         shown:
-            Shown {
+            ViewReport {
                 call,
                 collector,
                 placement,

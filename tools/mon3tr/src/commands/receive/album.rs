@@ -3,7 +3,7 @@
 use super::Until;
 use crate::film::write_png;
 use crate::moments::Moments;
-use app_session::headset::{Seen, Watcher};
+use app_session::headset::{FrameObserver, Seen};
 use image::{RgbImage, imageops};
 use std::path::{Path, PathBuf};
 use xr_renderer::xr::EyePicture;
@@ -67,7 +67,7 @@ impl<'a> Album<'a> {
     }
 }
 
-impl Watcher for Album<'_> {
+impl FrameObserver for Album<'_> {
     fn is_over(&self, shown: u64) -> bool {
         self.until.is_over() || self.frames.is_some_and(|frames| shown >= frames)
     }

@@ -4,17 +4,17 @@ use super::album::Album;
 use super::report::{Other, Report};
 use super::screen::{Watched, measured};
 use super::{Fetched, Options, Until, fetch, wait_for_sender};
+use crate::device_options::{DeviceOptions, compiled, inference_backends, make_folder};
 use crate::network::Network;
 use crate::report::{Splatting, write_json};
 use crate::scenery::Scenery;
 use crate::stage::load_avatar;
-use crate::surroundings::{Surroundings, compiled, make_folder, offer};
 use anyhow::{anyhow, bail};
 use app_pipeline::control::Control;
-use app_pipeline::hold::HoldMode;
+use app_pipeline::quality::QualityMode;
 use app_session::call::{CallEnd, CallFigures};
-use app_session::headset::{Found, Wishes};
-use app_session::visit::{Ended, Guest, Visited, Ways, visit};
+use app_session::headset::{HeadsetHandle, Wishes};
+use app_session::visit::{Ended, Guest, NetworkContext, Visited, visit};
 use glam::{Quat, Vec3};
 use link::Clock;
 use profile_report::AvatarFigures;
@@ -27,7 +27,7 @@ use xr_renderer::xr::{HeadsetOptions, Runtime};
 const BEFORE: Vec3 = Vec3::new(0.0, 0.0, -1.6);
 
 /// Opens the headset, before anybody is kept waiting.
-pub(super) fn find(options: &Options) -> anyhow::Result<Found> {
+pub(super) fn find(options: &Options) -> anyhow::Result<HeadsetHandle> {
     if options.gaze.is_some() {
         bail!("--gaze moves a camera, and in a headset the head does: leave it out");
     }
@@ -35,7 +35,7 @@ pub(super) fn find(options: &Options) -> anyhow::Result<Found> {
         eye_size: options.size.map(|size| [size.width, size.height]),
         validation: false,
     };
-    Ok(Found::open(Runtime::load()?, headset)?)
+    Ok(HeadsetHandle::open(Runtime::load()?, headset)?)
 }
 
 /// What is told of somebody beside what is seen.
@@ -47,15 +47,15 @@ struct Known {
 /// Runs `receive --display xr`.
 pub(super) fn run(
     options: &Options,
-    surroundings: &Surroundings,
-    found: Found,
+    device: &DeviceOptions,
+    found: HeadsetHandle,
 ) -> anyhow::Result<()> {
-    let runtime = surroundings.runtime()?;
+    let runtime = device.runtime()?;
     if let Some(folder) = &options.out {
         make_folder(folder)?;
     }
     let network = Network::start()?;
-    let ways = Ways {
+    let ways = NetworkContext {
         network: network.handle(),
         client: options.trust.client()?,
         clock: Clock::start(),
@@ -88,9 +88,9 @@ pub(super) fn run(
         latency: options.lanes.latency.into(),
         // Pictures on disk are as good as they can be; the eyes' are to come in time.
         hold: if options.out.is_some() {
-            HoldMode::Fixed(0)
+            QualityMode::Fixed(0)
         } else {
-            HoldMode::Adapt
+            QualityMode::Adapt
         },
         scene: (scenery.as_ref())
             .map(|scenery| (Arc::clone(&scenery.background), Scenery::filter(scenery))),
@@ -100,7 +100,7 @@ pub(super) fn run(
     let compiled = compiled()?;
     let visited = visit(
         found,
-        &offer(&runtime, &compiled),
+        &inference_backends(&runtime, &compiled),
         &wishes,
         &guests,
         &ways,

@@ -7,19 +7,19 @@ mod report;
 mod screen;
 mod undrawn;
 
+use crate::device_options::{DeviceOptions, cache, make_folder};
 use crate::gaze::{GazeChoice, Sight};
 use crate::lanes::LaneChoices;
-use crate::live::Prepared;
+use crate::live::PreparedView;
 use crate::network::{self, Network};
 use crate::progress;
 use crate::report::{check_writable, write_json};
 use crate::scenery::SceneryOptions;
-use crate::stage::{DEFAULT_SIZE, Setting, Size, Views, load_avatar};
-use crate::surroundings::{Surroundings, cache, make_folder};
+use crate::stage::{DEFAULT_SIZE, RenderSettings, Size, Views, load_avatar};
 use crate::viewpoint::Viewpoint;
 use crate::window;
 use anyhow::{Context, bail};
-use app_pipeline::hold::HoldMode;
+use app_pipeline::quality::QualityMode;
 use app_session::call::{Call, CallEnd};
 use app_session::visit::Waiting;
 use clap::ValueEnum;
@@ -129,15 +129,15 @@ impl Until {
 }
 
 /// Runs `receive`.
-pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.scenery.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     let shown = match options.display {
         Display::Xr => {
-            return headset::run(options, surroundings, headset::find(options)?);
+            return headset::run(options, device, headset::find(options)?);
         }
         Display::Auto => match headset::find(options) {
-            Ok(found) => return headset::run(options, surroundings, found),
+            Ok(found) => return headset::run(options, device, found),
             Err(why) => {
                 log::warn!("no headset: {why:#}");
                 Display::Window
@@ -149,7 +149,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     // What may be missing on this machine comes before anybody is kept waiting.
     let screen = match shown {
         Display::None => None,
-        _ => Some((surroundings.gpu()?, surroundings.runtime()?)),
+        _ => Some((device.gpu()?, device.runtime()?)),
     };
     let window = match shown {
         Display::Window => Some(window::events(
@@ -201,8 +201,8 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
             (Some(prepared), events) => {
                 // Pictures on disk are as good as they can be; a window's are to come in time.
                 let hold = match events {
-                    Some(_) => HoldMode::Adapt,
-                    None => HoldMode::Fixed(0),
+                    Some(_) => QualityMode::Adapt,
+                    None => QualityMode::Fixed(0),
                 };
                 let mut screen =
                     Screen::new(options, prepared.show(call, HERTZ, hold)?, gaze.clone());
@@ -257,8 +257,8 @@ impl Options {
         gpu: &Arc<Gpu>,
         runtime: &Runtime,
         avatar: &Arc<Avatar>,
-    ) -> anyhow::Result<Prepared> {
-        let setting = Setting {
+    ) -> anyhow::Result<PreparedView> {
+        let setting = RenderSettings {
             size: self.size.unwrap_or(DEFAULT_SIZE),
             views: if self.stereo {
                 Views::Stereo
@@ -268,7 +268,7 @@ impl Options {
             background: None,
             filter: Filter::Dilation,
         };
-        Prepared::new(gpu, runtime, avatar, setting, &self.camera, self.lanes)
+        PreparedView::new(gpu, runtime, avatar, setting, &self.camera, self.lanes)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{Screen, Until};
 use crate::film::{Film, write_png};
-use crate::live::{Live, Moment};
+use crate::live::{LiveView, Moment};
 use crate::moments::Moments;
 use crate::stage::{compose_views, read_views};
 use crate::viewpoint::{Viewpoint, eyes};
@@ -51,7 +51,7 @@ pub(super) fn run(screen: &mut Screen<'_>, until: &Until) -> anyhow::Result<()> 
 
 /// One picture of the moment; both eyes' side by side. Nothing if the device was lost meanwhile.
 fn draw(
-    live: &mut Live,
+    live: &mut LiveView,
     viewpoint: &Viewpoint,
     moment: &Moment,
 ) -> anyhow::Result<Option<RgbImage>> {

@@ -2,15 +2,15 @@
 
 use super::Options;
 use crate::gaze::{Gaze, GazeFigures};
-use crate::live::{Live, Moment, Shown};
+use crate::live::{LiveView, Moment, ViewReport};
 use crate::report::Splatting;
 use crate::scenery::Scenery;
-use crate::stage::Setting;
+use crate::stage::RenderSettings;
 use crate::viewpoint::Viewpoint;
-use app_pipeline::hold::HoldFigures;
 use app_pipeline::lanes::Skipped;
 use app_pipeline::placement::PlacementReport;
 use app_pipeline::profile::{Collector, Recording, Summary, Terms};
+use app_pipeline::quality::QualityFigures;
 use app_session::call::Call;
 use profile_report::Measured;
 use serde::Serialize;
@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug)]
 pub(crate) struct Screen<'a> {
     pub(super) options: &'a Options,
-    pub(crate) live: Live,
+    pub(crate) live: LiveView,
     /// Moves the camera, if somebody's gaze does.
     pub(crate) gaze: Option<Gaze>,
     pub(super) pictures: Vec<PathBuf>,
@@ -67,7 +67,7 @@ impl Watched {
 }
 
 impl<'a> Screen<'a> {
-    pub(super) fn new(options: &'a Options, live: Live, gaze: Option<Gaze>) -> Self {
+    pub(super) fn new(options: &'a Options, live: LiveView, gaze: Option<Gaze>) -> Self {
         Self {
             options,
             live,
@@ -87,7 +87,7 @@ impl<'a> Screen<'a> {
             self.settled = true;
             let scenery = (self.options.scenery).around(moment.floor, moment.heading)?;
             let setting = self.live.setting().clone();
-            self.live.set(Setting {
+            self.live.set(RenderSettings {
                 background: (scenery.as_ref()).map(|scenery| Arc::clone(&scenery.background)),
                 filter: scenery.as_ref().map_or(setting.filter, Scenery::filter),
                 ..setting
@@ -109,9 +109,9 @@ impl<'a> Screen<'a> {
     pub(super) fn finish(mut self) -> anyhow::Result<(Call, Option<Watched>)> {
         let renderer = self.live.lanes.renderer();
         let splatting = Splatting::new(renderer.back_end(), renderer.back_end_trial());
-        let Setting { size, views, .. } = *self.live.setting();
+        let RenderSettings { size, views, .. } = *self.live.setting();
         let period = self.live.display.period();
-        let Shown {
+        let ViewReport {
             call,
             collector,
             placement,
@@ -147,7 +147,7 @@ impl<'a> Screen<'a> {
 pub(super) fn measured(
     collector: &Collector,
     placement: PlacementReport,
-    (skipped, hold): (Skipped, HoldFigures),
+    (skipped, hold): (Skipped, QualityFigures),
     began: Instant,
     display_period: Duration,
     motion_hz: f64,

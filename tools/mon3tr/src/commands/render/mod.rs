@@ -4,11 +4,11 @@
 mod person;
 mod scene;
 
+use crate::device_options::{DeviceOptions, make_folder};
 use crate::performance::MotionOptions;
 use crate::report::check_writable;
 use crate::scenery::{SceneryOptions, load_camera};
 use crate::stage::{DEFAULT_SIZE, Size, Views};
-use crate::surroundings::{Surroundings, make_folder};
 use crate::viewpoint::CameraChoice;
 use anyhow::{anyhow, bail};
 use clap::ValueEnum;
@@ -74,7 +74,7 @@ impl From<FilterChoice> for Filter {
 }
 
 /// Runs `render`.
-pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     let of_a_file = matches!(options.camera, CameraChoice::File(_));
     if options.id.is_some() && !of_a_file {
         bail!("--id names a camera of a file: give the file too, as --camera cameras.json");
@@ -84,8 +84,8 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         (Some(_), None) if of_a_file => {
             bail!("a cameras.json belongs to a scene: give the scene too, with --background");
         }
-        (Some(package), _) => person::run(options, package, surroundings),
-        (None, Some(file)) => scene::run(options, file, surroundings),
+        (Some(package), _) => person::run(options, package, device),
+        (None, Some(file)) => scene::run(options, file, device),
         (None, None) => {
             bail!("nothing to draw: give an avatar package, or a scene with --background")
         }

@@ -1,24 +1,20 @@
 //! An avatar follows a motion; every frame a PNG, and one animation.
 
 use super::{Options, write_frame};
+use crate::device_options::DeviceOptions;
 use crate::film::Film;
 use crate::performance::MOTION_RATE;
 use crate::progress;
 use crate::report::{RunReport, write_json};
 use crate::scenery::Scenery;
-use crate::stage::{Setting, Stage, load_avatar};
-use crate::surroundings::Surroundings;
+use crate::stage::{RenderSettings, StillRenderer, load_avatar};
 use crate::viewpoint::{CameraChoice, eyes};
 use anyhow::Context;
 use std::path::Path;
 use std::time::Duration;
 use xr_renderer::Filter;
 
-pub(super) fn run(
-    options: &Options,
-    package: &Path,
-    surroundings: &Surroundings,
-) -> anyhow::Result<()> {
+pub(super) fn run(options: &Options, package: &Path, device: &DeviceOptions) -> anyhow::Result<()> {
     let (avatar, figures) = load_avatar(package)?;
     let performance = options.motion.load(&avatar)?;
     let heading = performance.heading();
@@ -31,18 +27,18 @@ pub(super) fn run(
         (Some(camera), Some(scenery)) => Some(scenery.camera(camera, size)),
         _ => None,
     };
-    let runtime = surroundings.runtime()?;
-    let gpu = surroundings.gpu()?;
+    let runtime = device.runtime()?;
+    let gpu = device.gpu()?;
     options.prepare_output()?;
 
     let default_filter = scenery.as_ref().map_or(Filter::Dilation, Scenery::filter);
-    let setting = Setting {
+    let setting = RenderSettings {
         size,
         views: options.views(),
         background: scenery.as_ref().map(|scenery| scenery.background.clone()),
         filter: options.filter.map_or(default_filter, Into::into),
     };
-    let mut stage = Stage::new(&gpu, &runtime, &avatar, setting)?;
+    let mut stage = StillRenderer::new(&gpu, &runtime, &avatar, setting)?;
     let mut film = Film::start(options.out.join("animation.webp"));
     let bar = progress::bar("drawing", performance.frames.len());
     let mut pictures = Vec::new();

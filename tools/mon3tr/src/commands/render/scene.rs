@@ -2,10 +2,10 @@
 
 use super::{Options, write_frame};
 use crate::backdrop::DUSK;
+use crate::device_options::{DeviceOptions, describe};
 use crate::report::{Splatting, StageTable, write_json};
 use crate::scenery::{SceneFigures, Scenery};
-use crate::stage::{Setting, to_rgb};
-use crate::surroundings::{Surroundings, describe};
+use crate::stage::{RenderSettings, to_rgb};
 use crate::viewpoint::{CameraChoice, eyes};
 use anyhow::{Context, bail};
 use app_pipeline::profile::Profile;
@@ -28,11 +28,7 @@ struct Report {
     pictures: Vec<PathBuf>,
 }
 
-pub(super) fn run(
-    options: &Options,
-    file: &Path,
-    surroundings: &Surroundings,
-) -> anyhow::Result<()> {
+pub(super) fn run(options: &Options, file: &Path, device: &DeviceOptions) -> anyhow::Result<()> {
     if options.motion.is_given() || options.scenery.place.is_some() {
         bail!(
             "--motion, --bvh-scale, --frames and --place are about a person: give an avatar PACKAGE too"
@@ -51,11 +47,11 @@ pub(super) fn run(
         }
         (CameraChoice::File(_), None) => bail!("the scene's camera is missing"),
     };
-    let gpu = surroundings.gpu()?;
+    let gpu = device.gpu()?;
     options.prepare_output()?;
 
     let views = options.views();
-    let setting = Setting {
+    let setting = RenderSettings {
         size,
         views,
         background: Some(Arc::clone(&scenery.background)),

@@ -11,9 +11,9 @@ mod turns;
 
 use super::measure::print_table;
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
+use crate::device_options::DeviceOptions;
 use crate::report::{check_writable, write_json};
 use crate::stage::load_avatar;
-use crate::surroundings::Surroundings;
 use profile_report::AvatarFigures;
 use serde::Serialize;
 use sessions::Sessions;
@@ -45,12 +45,12 @@ struct Measured {
 }
 
 /// Runs `bench kernels`.
-pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
-    let runtime = surroundings.runtime()?;
+    let runtime = device.runtime()?;
     let package = match &options.avatar {
         Some(package) => package.clone(),
-        None => baked_demo_avatar(&options.bake, surroundings)?,
+        None => baked_demo_avatar(&options.bake, device)?,
     };
     let (avatar, figures) = load_avatar(&package)?;
     let mut sessions = Sessions::new(&runtime, &avatar)?;

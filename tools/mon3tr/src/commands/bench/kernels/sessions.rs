@@ -1,7 +1,7 @@
 //! The deform graph's parts on ONNX Runtime, against reading their weights once.
 
 use super::turns::{Comparison, Touching, by_turns};
-use crate::surroundings::Surroundings;
+use crate::device_options::DeviceOptions;
 use npu_runtime::{Outputs, Provider, Runtime, Session, TensorSpec};
 use spmm3::networks::{GraphParts, Port};
 use spmm3::{Avatar, JOINTS, SkinningTransforms};
@@ -35,7 +35,7 @@ impl Sessions {
                 runtime,
                 &*avatar.graph(parts)?,
                 Provider::Cpu {
-                    threads: Surroundings::threads(),
+                    threads: DeviceOptions::threads(),
                 },
                 &ports.inputs.iter().map(spec).collect::<Vec<_>>(),
                 &ports.outputs.iter().map(spec).collect::<Vec<_>>(),

@@ -1,7 +1,7 @@
 //! Motion as a sender would send it, without the network: the same 30 times a second whoever takes it.
 
 use crate::performance::MOTION_RATE;
-use app_pipeline::bridge::BridgeState;
+use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::lanes::{MotionSource, Pose};
 use spmm3::MotionParams;
 use std::sync::Arc;
@@ -39,7 +39,7 @@ impl MotionSource for Clip {
         self.sent += 1;
         Some(Pose {
             motion,
-            source: BridgeState::Live,
+            source: ConcealmentState::Live,
             captured: Some(due),
             arrived: due,
             due,

@@ -3,8 +3,8 @@
 use super::super::measure::{median, print_table};
 use super::one_by_one::OneByOne;
 use super::turn::{AtOnce, Scene};
+use crate::device_options::DeviceOptions;
 use crate::performance::MOTION_RATE;
-use crate::surroundings::Surroundings;
 use app_pipeline::lanes::Skipped;
 use app_pipeline::placement::{PlacementReport, StageCosts, predicted_picture_ms};
 use app_pipeline::plan::{Plan, unit_of};
@@ -233,7 +233,7 @@ impl Format {
     /// Which units are one.
     fn note(&self) -> String {
         let networks_on_cpu = unit_of(self.placement.provider.kind()) == Unit::Cpu;
-        let cores = Surroundings::threads();
+        let cores = DeviceOptions::threads();
         let shared = match (self.gpu_is_cpu, networks_on_cpu) {
             (true, true) => "NPU, CPU and GPU lanes share",
             (true, false) => "CPU and GPU lanes share",

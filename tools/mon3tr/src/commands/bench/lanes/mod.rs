@@ -1,33 +1,33 @@
 //! `mon3tr bench lanes`: what handing over from lane to lane costs, and how near pictures by all lanes at once come to the
 //! slowest unit alone.
 //!
-//! Ways are taken by turns in one process, so that whatever else the machine does slows all alike.
+//! NetworkContext are taken by turns in one process, so that whatever else the machine does slows all alike.
 
 mod clip;
 mod format;
-mod hand_over;
 mod one_by_one;
+mod triple_buffer;
 mod turn;
 
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
+use crate::device_options::{DeviceOptions, cache, describe};
 use crate::network::parse_seconds;
 use crate::performance::MotionOptions;
 use crate::report::{check_writable, write_json};
-use crate::stage::{Setting, Size, Views, load_avatar};
-use crate::surroundings::{Surroundings, cache, describe};
+use crate::stage::{RenderSettings, Size, Views, load_avatar};
 use crate::viewpoint::{Viewpoint, eyes};
 use app_pipeline::control::Control;
-use app_pipeline::placement::{Offer, Placed, place};
+use app_pipeline::placement::{InferenceBackends, Placed, place};
 use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::posing::bound_mesh;
 use format::Format;
-use hand_over::HandOver;
 use profile_report::AvatarFigures;
 use serde::Serialize;
 use spmm3::MotionParams;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
+use triple_buffer::HandOver;
 use turn::Scene;
 use xr_renderer::{Filter, RendererOptions, SplatRenderer};
 
@@ -80,26 +80,26 @@ struct Measured {
 }
 
 /// Runs `bench lanes`.
-pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     options.motion.check()?;
-    let gpu = surroundings.gpu()?;
-    let runtime = surroundings.runtime()?;
+    let gpu = device.gpu()?;
+    let runtime = device.runtime()?;
     let package = match &options.avatar {
         Some(package) => package.clone(),
-        None => baked_demo_avatar(&options.bake, surroundings)?,
+        None => baked_demo_avatar(&options.bake, device)?,
     };
     let (avatar, figures) = load_avatar(&package)?;
     let performance = options.motion.load(&avatar)?;
     let frames: Arc<[MotionParams]> = performance.frames.clone().into();
-    let hand_over = hand_over::measure()?;
-    hand_over::print(&hand_over);
+    let hand_over = triple_buffer::measure()?;
+    triple_buffer::print(&hand_over);
     let mut measured = Measured {
         avatar: figures,
         motion: performance.name.clone(),
         device: describe(&gpu),
         onnx_runtime: runtime.version().to_owned(),
-        cores: Surroundings::threads(),
+        cores: DeviceOptions::threads(),
         hand_over,
         formats: Vec::new(),
     };
@@ -117,7 +117,7 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
         .transpose()?
         .map(Arc::new);
     for (size, views) in FORMATS {
-        let setting = Setting {
+        let setting = RenderSettings {
             size,
             views,
             background: None,
@@ -135,14 +135,14 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
             size.width,
             size.height,
         );
-        let offer = Offer {
+        let backends = InferenceBackends {
             runtime: &runtime,
             threads: measured.cores,
             cache: Some(&compiled),
         };
         let cameras = eyes(camera, views);
         let Placed { plan, report, .. } = place(
-            &offer,
+            &backends,
             &avatar,
             &mut renderer,
             &cameras,

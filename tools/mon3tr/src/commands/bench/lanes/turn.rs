@@ -1,16 +1,16 @@
 //! What every turn has in common: avatar, motion, cameras, placement, renderer; and a turn by lanes that work at once.
 
 use super::clip::Clip;
+use crate::device_options::cache;
 use crate::performance::MOTION_RATE;
-use crate::stage::Setting;
-use crate::surroundings::cache;
+use crate::stage::RenderSettings;
 use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::{Context, ensure};
-use app_pipeline::hold::HoldMode;
 use app_pipeline::inference::Inference;
 use app_pipeline::lanes::{DisplayClock, Drawn, LaneOptions, Lanes, Skipped};
 use app_pipeline::plan::Plan;
 use app_pipeline::profile::{Recording, Summary, Terms};
+use app_pipeline::quality::QualityMode;
 use app_pipeline::stage::{Stage, Unit};
 use app_pipeline::timeline::LatencyMode;
 use glam::{Quat, Vec3};
@@ -34,7 +34,7 @@ pub(super) struct Scene<'a> {
     pub(super) frames: &'a Arc<[MotionParams]>,
     pub(super) viewpoint: Viewpoint,
     pub(super) heading: Quat,
-    pub(super) setting: Setting,
+    pub(super) setting: RenderSettings,
     pub(super) plan: Plan,
     pub(super) provider: Provider,
     pub(super) units: [Unit; Stage::ALL.len()],
@@ -90,7 +90,7 @@ impl Scene<'_> {
             plan: self.plan,
             latency: LatencyMode::Interpolate,
             // Every picture as good as the first, however long it takes.
-            hold: HoldMode::Fixed(0),
+            hold: QualityMode::Fixed(0),
             display_period: display.period(),
         };
         let clip = Clip::new(self.frames);

@@ -15,7 +15,7 @@ mod recent;
 #[cfg(test)]
 mod tests;
 
-pub use controller::{Hold, MOST_CHANGES_A_MINUTE};
-pub use figures::{Change, HoldFigures, Reason, StepFigures};
-pub use quality::{HoldMode, KEPT_SHARES, LADDER, Quality};
+pub use controller::{MOST_CHANGES_A_MINUTE, QualityController};
+pub use figures::{Change, QualityFigures, Reason, StepFigures};
+pub use quality::{KEPT_SHARES, LADDER, Quality, QualityMode};
 pub use recent::PictureCost;

@@ -1,6 +1,9 @@
 //! The controller against simulated GPUs and displays, which share nothing with its own prediction but the ladder.
 
-use super::{Hold, HoldFigures, HoldMode, KEPT_SHARES, LADDER, MOST_CHANGES_A_MINUTE, PictureCost};
+use super::{
+    KEPT_SHARES, LADDER, MOST_CHANGES_A_MINUTE, PictureCost, QualityController, QualityFigures,
+    QualityMode,
+};
 use proptest::prelude::*;
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -10,7 +13,7 @@ const PERIOD_MS: f64 = 11.111_111;
 
 /// A GPU whose costs at full quality are told second by second, in display periods.
 struct Simulation {
-    hold: Hold,
+    hold: QualityController,
     seconds: f64,
     /// Quality answers of pictures still in flight: the display is told two pictures late.
     in_flight: VecDeque<usize>,
@@ -26,7 +29,7 @@ struct Simulation {
 impl Simulation {
     fn new() -> Self {
         Self {
-            hold: Hold::new(PERIOD, HoldMode::Adapt),
+            hold: QualityController::new(PERIOD, QualityMode::Adapt),
             seconds: 0.0,
             in_flight: VecDeque::new(),
             random: fastrand::Rng::with_seed(7),
@@ -88,7 +91,7 @@ impl Simulation {
         self.hold.quality().step
     }
 
-    fn figures(&self) -> HoldFigures {
+    fn figures(&self) -> QualityFigures {
         self.hold.figures()
     }
 }
@@ -301,7 +304,7 @@ fn a_load_that_flips_as_fast_as_the_controller_answers_does_not_make_it_swing() 
 
 #[test]
 fn misses_that_are_not_the_gpu_s_are_counted_and_lower_nothing() {
-    let mut hold = Hold::new(PERIOD, HoldMode::Adapt);
+    let mut hold = QualityController::new(PERIOD, QualityMode::Adapt);
     for _ in 0..1_000 {
         let cost = PictureCost {
             pixels_ms: 3.0,
@@ -321,8 +324,8 @@ fn misses_that_are_not_the_gpu_s_are_counted_and_lower_nothing() {
 
 #[test]
 fn without_a_clock_misses_alone_lower_quality_and_calm_raises_it() {
-    let mut hold = Hold::new(PERIOD, HoldMode::Adapt);
-    let picture = |hold: &mut Hold, late_periods: u32| {
+    let mut hold = QualityController::new(PERIOD, QualityMode::Adapt);
+    let picture = |hold: &mut QualityController, late_periods: u32| {
         let step = hold.quality().step;
         hold.picture(&PictureCost {
             step,
@@ -342,7 +345,7 @@ fn without_a_clock_misses_alone_lower_quality_and_calm_raises_it() {
 
 #[test]
 fn a_fixed_quality_stays_and_counts() {
-    let mut hold = Hold::new(PERIOD, HoldMode::Fixed(4));
+    let mut hold = QualityController::new(PERIOD, QualityMode::Fixed(4));
     for _ in 0..500 {
         let cost = PictureCost {
             step: 4,
@@ -408,11 +411,11 @@ proptest! {
         phases in prop::collection::vec((0.0f64..3.0, 1usize..900, 0.0f64..1.0, 0usize..9), 1..60),
         seed in any::<u64>(),
     ) {
-        let mut hold = Hold::new(PERIOD, HoldMode::Adapt);
+        let mut hold = QualityController::new(PERIOD, QualityMode::Adapt);
         let mut random = fastrand::Rng::with_seed(seed);
         let mut times = Vec::new();
         let mut periods = 0.0;
-        let mut picture = |hold: &mut Hold, load: f64, late: u32| {
+        let mut picture = |hold: &mut QualityController, load: f64, late: u32| {
             let step = hold.quality().step;
             periods += 1.0 + f64::from(late);
             let pixels_ms = load * PERIOD_MS;

@@ -60,7 +60,7 @@ const AWAY: f32 = 1.0 / 30.0;
 /// What is shown, and why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum BridgeState {
+pub enum ConcealmentState {
     /// The newest frame, exactly.
     Live,
     /// A frame is late: the last motion goes on and dies away, then the pose is held.
@@ -73,7 +73,7 @@ pub enum BridgeState {
     Returning,
 }
 
-impl BridgeState {
+impl ConcealmentState {
     /// All of them, in the order of their numbers.
     pub const ALL: [Self; 5] = [
         Self::Live,
@@ -121,7 +121,7 @@ impl Remainder {
 /// - `Extrapolating`: dt times the last velocity, in all 20 degrees and 0.15 m at most, and the blend's part;
 /// - `Easing`: pi/2 dt/1.5 s of the way to rest (1.2 % at 90 Hz).
 #[derive(Debug, Clone)]
-pub struct Bridge {
+pub struct MotionConcealment {
     skeleton: Skeleton,
     at_ease: MotionParams,
     /// The newest frame but one that was handed in, and the newest.
@@ -136,7 +136,7 @@ pub struct Bridge {
     shown: Option<(Micros, MotionParams)>,
 }
 
-impl Bridge {
+impl MotionConcealment {
     /// The furthest that any joint turns between two calls 1/90 s apart, radians, whatever frames come.
     pub const LARGEST_TURN: f32 = LARGEST_STEP.radians;
 
@@ -177,7 +177,7 @@ impl Bridge {
     }
 
     /// What to show at `now`. Called with times that do not go back; does not allocate.
-    pub fn sample(&mut self, now: Micros) -> (MotionParams, BridgeState) {
+    pub fn sample(&mut self, now: Micros) -> (MotionParams, ConcealmentState) {
         let now = self.shown.as_ref().map_or(now, |(at, _)| now.max(*at));
         if std::mem::take(&mut self.fresh) {
             self.show_newest(now);
@@ -188,8 +188,8 @@ impl Bridge {
                 0.0 => self.remainder = None,
                 left => {
                     pose = remainder.change.applied(&pose, left);
-                    if state == BridgeState::Live {
-                        state = BridgeState::Returning;
+                    if state == ConcealmentState::Live {
+                        state = ConcealmentState::Returning;
                     }
                 }
             }
@@ -199,17 +199,20 @@ impl Bridge {
     }
 
     /// The pose that frames, extrapolation and easing give.
-    fn without_remainder(&mut self, now: Micros) -> (MotionParams, BridgeState) {
+    fn without_remainder(&mut self, now: Micros) -> (MotionParams, ConcealmentState) {
         let Some(anchor) = &self.anchor else {
-            return (self.at_ease.clone(), BridgeState::Resting);
+            return (self.at_ease.clone(), ConcealmentState::Resting);
         };
         let age = seconds(anchor.since, now);
         let late = LATE * anchor.interval;
         if age <= late {
-            return (anchor.frame.motion.clone(), BridgeState::Live);
+            return (anchor.frame.motion.clone(), ConcealmentState::Live);
         }
         if age <= SILENCE {
-            return (extrapolated(anchor, age - late), BridgeState::Extrapolating);
+            return (
+                extrapolated(anchor, age - late),
+                ConcealmentState::Extrapolating,
+            );
         }
         let (skeleton, at_ease) = (&self.skeleton, &self.at_ease);
         let (held, to_rest) = self.easing.get_or_insert_with(|| {
@@ -219,9 +222,9 @@ impl Bridge {
         });
         let share = 1.0 - decayed((age - SILENCE) / EASE);
         let state = if share < 1.0 {
-            BridgeState::Easing
+            ConcealmentState::Easing
         } else {
-            BridgeState::Resting
+            ConcealmentState::Resting
         };
         (to_rest.applied(held, share), state)
     }

@@ -2,7 +2,7 @@
 
 use super::figures::Counters;
 use super::recent::Recent;
-use super::{Change, HoldFigures, HoldMode, LADDER, PictureCost, Quality, Reason};
+use super::{Change, LADDER, PictureCost, Quality, QualityFigures, QualityMode, Reason};
 use std::time::Duration;
 
 /// A picture that takes more of the period than this is too slow: the compositor wants some of it, too.
@@ -38,8 +38,8 @@ pub const MOST_CHANGES_A_MINUTE: usize = 2 * CLIMBS_A_MINUTE + LADDER.len() - 1;
 
 /// Holds the display's rate.
 #[derive(Debug)]
-pub struct Hold {
-    mode: HoldMode,
+pub struct QualityController {
+    mode: QualityMode,
     period_ms: f64,
     step: usize,
     recent: Recent,
@@ -57,14 +57,14 @@ pub struct Hold {
     counters: Counters,
 }
 
-impl Hold {
+impl QualityController {
     /// A controller for a display that shows a picture every `period` (at least 1 ms is taken). It begins at the best step,
     /// or at the fixed one.
     #[must_use]
-    pub fn new(period: Duration, mode: HoldMode) -> Self {
+    pub fn new(period: Duration, mode: QualityMode) -> Self {
         let step = match mode {
-            HoldMode::Adapt => 0,
-            HoldMode::Fixed(step) => Quality::of_step(step).step,
+            QualityMode::Adapt => 0,
+            QualityMode::Fixed(step) => Quality::of_step(step).step,
         };
         Self {
             mode,
@@ -139,7 +139,7 @@ impl Hold {
         if slow_ones > 1 {
             self.calm = 0.0;
         }
-        if self.mode == HoldMode::Adapt {
+        if self.mode == QualityMode::Adapt {
             if slow_ones >= TOO_MANY && !last_step {
                 self.fall();
             } else if self.calm >= self.climb_wait && self.step > 0 {
@@ -157,7 +157,7 @@ impl Hold {
 
     /// How the rate was held so far. Allocates: not for every picture.
     #[must_use]
-    pub fn figures(&self) -> HoldFigures {
+    pub fn figures(&self) -> QualityFigures {
         self.counters
             .figures(self.mode, self.quality(), self.period_ms, self.climb_wait)
     }

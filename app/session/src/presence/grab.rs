@@ -30,7 +30,7 @@ const MOST_GAIN: f32 = 4.0;
 
 /// What the two hands hold.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Holding {
+pub(super) struct Grabs {
     hands: [Grasp; 2],
     /// Where the viewer last stood, x and z.
     viewer: Vec2,
@@ -39,11 +39,11 @@ pub(super) struct Holding {
 #[derive(Debug, Clone, Copy, Default)]
 struct Grasp {
     closed: bool,
-    hold: Option<Hold>,
+    hold: Option<Grab>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Hold {
+struct Grab {
     person: usize,
     by_ray: bool,
     /// The grip or the aim when it was last tracked.
@@ -53,7 +53,7 @@ struct Hold {
     turn_ahead: f32,
 }
 
-impl Holding {
+impl Grabs {
     /// Moves who is held.
     pub(super) fn update(
         &mut self,
@@ -95,7 +95,7 @@ fn taken(
     places: &[Option<Place>],
     people: &[Option<Standing>],
     held: Option<usize>,
-) -> Option<Hold> {
+) -> Option<Grab> {
     let bodies = || {
         let known = places.iter().zip(people).enumerate();
         known.filter_map(|(person, (place, standing))| {
@@ -105,7 +105,7 @@ fn taken(
             (held != Some(person)).then(|| (person, [at(Joint::Pelvis), at(Joint::Head)]))
         })
     };
-    let hold = |last: Affine3A, by_ray: bool, (_, person): (f32, usize)| Hold {
+    let hold = |last: Affine3A, by_ray: bool, (_, person): (f32, usize)| Grab {
         person,
         by_ray,
         last,
@@ -129,7 +129,7 @@ fn taken(
     })
 }
 
-impl Hold {
+impl Grab {
     fn carry(
         &mut self,
         hand: &Hand,

@@ -81,7 +81,7 @@ impl std::fmt::Display for Quality {
 /// Whether quality may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Default)]
 #[serde(rename_all = "snake_case")]
-pub enum HoldMode {
+pub enum QualityMode {
     /// It follows what the device can do.
     #[default]
     Adapt,

@@ -65,7 +65,7 @@ fn watch(
     clip: &MotionClip,
     seconds: u64,
     path: &Path,
-    mut see: impl FnMut(u64, &Bridge, &MotionParams, BridgeState),
+    mut see: impl FnMut(u64, &MotionConcealment, &MotionParams, ConcealmentState),
 ) {
     let mut random = Rng::with_seed(path.seed);
     let mut arrivals = Vec::new();
@@ -88,7 +88,7 @@ fn watch(
     }
     arrivals.sort_unstable();
     let mut arrivals = arrivals.into_iter().peekable();
-    let (mut buffer, mut bridge) = (JitterBuffer::new(), Bridge::new(skeleton()));
+    let (mut buffer, mut bridge) = (JitterBuffer::new(), MotionConcealment::new(skeleton()));
     for tick in 0..seconds * 90 {
         let now = tick * DISPLAY;
         while let Some((arrived, sequence, at)) = arrivals.next_if(|(arrived, ..)| *arrived <= now)
@@ -142,7 +142,7 @@ fn while_frames_flow_the_newest_is_shown_exactly() {
             watch(clip, 3, &path, |now, bridge, pose, state| {
                 if now > 500_000 {
                     let newest = bridge.newest.as_ref().expect("frames have come");
-                    if state == BridgeState::Live {
+                    if state == ConcealmentState::Live {
                         assert_eq!(*pose, newest.motion, "{}: not the newest frame", clip.name);
                         live += 1;
                     } else {
@@ -198,13 +198,13 @@ fn extrapolation_agrees_with_a_reference_in_double_precision() {
         }
         // 60 Hz: late after 25 ms.
         let apart = 1.0 / 60.0;
-        let mut bridge = Bridge::new(skeleton());
+        let mut bridge = MotionConcealment::new(skeleton());
         bridge.push(&frame(1, START, a.clone()));
         bridge.push(&frame(2, START + 16_667, b.clone()));
         bridge.sample(Micros(0));
         for late_ms in [1u64, 20, 60, 100, 200, 300, 900] {
             let (pose, state) = bridge.sample(Micros(25_000 + late_ms * 1000));
-            assert_eq!(state, BridgeState::Extrapolating, "{late_ms} ms late");
+            assert_eq!(state, ConcealmentState::Extrapolating, "{late_ms} ms late");
             // The way is summed from the speed in steps of 0.01 ms.
             let speed = |t: f64| match t {
                 t if t < 0.06 => 1.0,
@@ -279,17 +279,17 @@ fn a_silent_person_comes_to_stand_at_ease_on_the_spot_and_comes_back() {
                     seen.push((now, state));
                 }
                 if let Some(last) = &last
-                    && state == BridgeState::Easing
+                    && state == ConcealmentState::Easing
                 {
                     for (a, b) in ankles(last).into_iter().zip(ankles(pose)) {
                         slide = slide.max((b - a).length() * 90.0);
                     }
                 }
-                if state == BridgeState::Live {
+                if state == ConcealmentState::Live {
                     let [left, right] = ankles(pose);
                     before = (left + right) * 0.5;
                 }
-                if state == BridgeState::Resting && now > begins {
+                if state == ConcealmentState::Resting && now > begins {
                     let [left, right] = ankles(pose);
                     let aside = (left + right) * 0.5 - before;
                     assert!(
@@ -316,7 +316,7 @@ fn a_silent_person_comes_to_stand_at_ease_on_the_spot_and_comes_back() {
                         );
                     }
                 }
-                if now > begins + 5_000_000 + 350_000 && state == BridgeState::Live {
+                if now > begins + 5_000_000 + 350_000 && state == ConcealmentState::Live {
                     let newest = bridge.newest.as_ref().expect("frames have come");
                     assert_eq!(*pose, newest.motion, "not back");
                 }
@@ -335,18 +335,18 @@ fn a_silent_person_comes_to_stand_at_ease_on_the_spot_and_comes_back() {
             assert_eq!(
                 after,
                 [
-                    BridgeState::Extrapolating,
-                    BridgeState::Easing,
-                    BridgeState::Resting,
-                    BridgeState::Returning,
-                    BridgeState::Live
+                    ConcealmentState::Extrapolating,
+                    ConcealmentState::Easing,
+                    ConcealmentState::Resting,
+                    ConcealmentState::Returning,
+                    ConcealmentState::Live
                 ],
                 "{}: {seen:?}",
                 clip.name
             );
             let returned = seen
                 .iter()
-                .rfind(|(_, s)| *s == BridgeState::Returning)
+                .rfind(|(_, s)| *s == ConcealmentState::Returning)
                 .map_or(0, |(at, _)| *at);
             let live = seen.last().map_or(0, |(at, _)| *at);
             assert!(
@@ -360,22 +360,22 @@ fn a_silent_person_comes_to_stand_at_ease_on_the_spot_and_comes_back() {
 
 #[test]
 fn frames_that_are_no_numbers_and_clocks_that_go_back_change_nothing() {
-    let mut bridge = Bridge::new(skeleton());
+    let mut bridge = MotionConcealment::new(skeleton());
     let (at_first, state) = bridge.sample(Micros(1_000_000));
-    assert_eq!(state, BridgeState::Resting, "before the first frame");
+    assert_eq!(state, ConcealmentState::Resting, "before the first frame");
     let mut broken = MotionParams::default();
     broken.values_mut()[7] = f32::NAN;
     bridge.push(&frame(1, START, broken));
     assert_eq!(
         bridge.sample(Micros(500_000)),
-        (at_first, BridgeState::Resting),
+        (at_first, ConcealmentState::Resting),
         "after it"
     );
 }
 
 #[test]
 fn a_person_who_is_suddenly_elsewhere_flows_there() {
-    let mut bridge = Bridge::new(skeleton());
+    let mut bridge = MotionConcealment::new(skeleton());
     let mut last = None;
     for tick in 0..180u64 {
         let mut motion = MotionParams::default();
@@ -435,7 +435,7 @@ fn the_furthest_step_between_two_pictures_is_printed_for_some_paths() {
                     let moved = step(last, pose);
                     turn = turn.max(moved.radians);
                     way = way.max(moved.metres);
-                    live += u32::from(state == BridgeState::Live);
+                    live += u32::from(state == ConcealmentState::Live);
                 }
                 last = Some(pose.clone());
             });
@@ -486,7 +486,7 @@ proptest! {
         });
         // A blend of 250 ms takes 7 % of what it began with away at once.
         let bound = |own: f32, added: f32, off: f32| own + added.max(0.07 * off);
-        let radians = bound(own.radians, ADDED.radians, off.radians).min(Bridge::LARGEST_TURN + 1e-3);
+        let radians = bound(own.radians, ADDED.radians, off.radians).min(MotionConcealment::LARGEST_TURN + 1e-3);
         prop_assert!(worst.radians <= radians, "turned {} of {radians} rad", worst.radians);
         let metres = bound(own.metres, ADDED.metres, off.metres);
         prop_assert!(worst.metres <= metres, "moved {} of {metres} m", worst.metres);

@@ -1,4 +1,4 @@
-//! How one lane hands its newest result to the next: three places, of which the giver writes one, the taker reads one, and the
+//! How one lane hands its newest result to the next: three places, of which the writer writes one, the reader reads one, and the
 //! third holds what is newest. Nobody waits for anybody, and what was overwritten unseen is counted.
 //!
 //! The exchange itself is `triple_buffer`'s; here are the bell that wakes a sleeping lane, and values that cannot be cloned.
@@ -10,9 +10,9 @@ use triple_buffer::{Input, Output, TripleBuffer};
 
 /// Wakes a lane that has nothing to do. Rung while nobody sleeps, it is heard at the next [`Self::wait`].
 #[derive(Debug, Clone, Default)]
-pub struct Bell(Arc<(Mutex<bool>, Condvar)>);
+pub struct WakeSignal(Arc<(Mutex<bool>, Condvar)>);
 
-impl Bell {
+impl WakeSignal {
     /// Wakes the lane, now or at its next [`Self::wait`].
     pub fn ring(&self) {
         let (rung, wake) = &*self.0;
@@ -44,15 +44,15 @@ impl Bell {
     }
 }
 
-/// The writing end of a [`hand_over`].
+/// The writing end of a [`triple_buffer`].
 #[derive(Debug)]
-pub struct Giver<T: Send> {
+pub struct Writer<T: Send> {
     input: Input<Option<T>>,
-    bell: Bell,
+    bell: WakeSignal,
     overwritten: Overwritten,
 }
 
-/// Counts what was overwritten before its taker saw it.
+/// Counts what was overwritten before its reader saw it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Overwritten {
     now: Arc<AtomicU64>,
@@ -73,14 +73,17 @@ impl Overwritten {
     }
 }
 
-/// The reading end of a [`hand_over`].
+/// The reading end of a [`triple_buffer`].
 #[derive(Debug)]
-pub struct Taker<T: Send> {
+pub struct Reader<T: Send> {
     output: Output<Option<T>>,
 }
 
-/// A hand-over with its three places, whose taker sleeps at `bell`: the newest wins, nobody waits, nothing is allocated later.
-pub fn hand_over<T: Send>([one, two, three]: [T; 3], bell: &Bell) -> (Giver<T>, Taker<T>) {
+/// A hand-over with its three places, whose reader sleeps at `bell`: the newest wins, nobody waits, nothing is allocated later.
+pub fn triple_buffer<T: Send>(
+    [one, two, three]: [T; 3],
+    bell: &WakeSignal,
+) -> (Writer<T>, Reader<T>) {
     let (mut input, mut output) = TripleBuffer::<Option<T>>::default().split();
     // Round once, so that each of the three places is filled.
     *input.input_buffer_mut() = Some(one);
@@ -90,15 +93,15 @@ pub fn hand_over<T: Send>([one, two, three]: [T; 3], bell: &Bell) -> (Giver<T>, 
     input.publish();
     *input.input_buffer_mut() = Some(three);
     output.update();
-    let giver = Giver {
+    let writer = Writer {
         input,
         bell: bell.clone(),
         overwritten: Overwritten::default(),
     };
-    (giver, Taker { output })
+    (writer, Reader { output })
 }
 
-impl<T: Send> Giver<T> {
+impl<T: Send> Writer<T> {
     /// The place to write next. What stands there is two or three hand-overs old.
     pub fn place(&mut self) -> &mut T {
         match self.input.input_buffer_mut() {
@@ -115,13 +118,13 @@ impl<T: Send> Giver<T> {
         self.bell.ring();
     }
 
-    /// How many were never seen by the taker, to be read by anyone.
+    /// How many were never seen by the reader, to be read by anyone.
     pub(crate) fn overwritten(&self) -> Overwritten {
         self.overwritten.clone()
     }
 }
 
-impl<T: Send> Taker<T> {
+impl<T: Send> Reader<T> {
     /// Moves on to the newest, if there is one that was not seen yet.
     pub fn take(&mut self) -> bool {
         self.output.update()
@@ -142,50 +145,50 @@ mod tests {
 
     #[test]
     fn the_newest_wins_and_what_was_overwritten_is_counted() {
-        let bell = Bell::default();
-        let (mut giver, mut taker) = hand_over([0, 0, 0], &bell);
-        assert!(!taker.take(), "nothing was given yet");
+        let bell = WakeSignal::default();
+        let (mut writer, mut reader) = triple_buffer([0, 0, 0], &bell);
+        assert!(!reader.take(), "nothing was given yet");
         for value in 1..=5 {
-            *giver.place() = value;
-            giver.give();
+            *writer.place() = value;
+            writer.give();
         }
-        assert!(taker.take(), "something was given");
-        assert_eq!(*taker.taken(), 5, "the newest");
-        assert!(!taker.take(), "only once");
-        assert_eq!(*taker.taken(), 5, "and it stays");
-        assert_eq!(giver.overwritten().count(), 4, "never seen");
+        assert!(reader.take(), "something was given");
+        assert_eq!(*reader.taken(), 5, "the newest");
+        assert!(!reader.take(), "only once");
+        assert_eq!(*reader.taken(), 5, "and it stays");
+        assert_eq!(writer.overwritten().count(), 4, "never seen");
     }
 
     #[test]
     fn across_threads_values_only_grow_and_none_is_torn() {
         const LAST: u64 = 200_000;
-        let bell = Bell::default();
-        let (mut giver, mut taker) = hand_over([[0u64; 16]; 3], &bell);
+        let bell = WakeSignal::default();
+        let (mut writer, mut reader) = triple_buffer([[0u64; 16]; 3], &bell);
         let giving = std::thread::spawn(move || {
             for value in 1..=LAST {
-                giver.place().fill(value);
-                giver.give();
+                writer.place().fill(value);
+                writer.give();
             }
-            giver.overwritten().count()
+            writer.overwritten().count()
         });
         let (mut seen, mut newest) = (0, 0);
         while newest < LAST {
             bell.wait(Duration::from_secs(10));
-            if taker.take() {
-                let value = *taker.taken();
+            if reader.take() {
+                let value = *reader.taken();
                 assert!(value[0] > newest, "{} after {newest}", value[0]);
                 assert!(value.iter().all(|one| *one == value[0]), "torn: {value:?}");
                 newest = value[0];
                 seen += 1;
             }
         }
-        let overwritten = giving.join().expect("the giver ends");
+        let overwritten = giving.join().expect("the writer ends");
         assert_eq!(seen + overwritten, LAST, "seen or counted");
     }
 
     #[test]
     fn a_bell_that_nobody_waited_for_is_heard_later_and_silence_ends() {
-        let bell = Bell::default();
+        let bell = WakeSignal::default();
         bell.ring();
         let begun = Instant::now();
         bell.wait(Duration::from_secs(60));

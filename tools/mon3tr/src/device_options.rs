@@ -1,7 +1,7 @@
 //! What the command finds around it: cache folder, MakeHuman's data, ONNX Runtime, the Vulkan device.
 
 use anyhow::{Context, bail};
-use app_pipeline::placement::Offer;
+use app_pipeline::placement::InferenceBackends;
 use npu_runtime::Runtime;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use xr_renderer::{Gpu, GpuChoice};
 
 /// Options every sub-command that draws or deforms shares.
 #[derive(Debug, Clone, clap::Args)]
-pub(crate) struct Surroundings {
+pub(crate) struct DeviceOptions {
     /// Vulkan device: auto (the fastest kind there is), lavapipe, or part of a device's name
     #[arg(
         long,
@@ -24,7 +24,7 @@ pub(crate) struct Surroundings {
     ort: Option<PathBuf>,
 }
 
-impl Surroundings {
+impl DeviceOptions {
     /// Opens the chosen Vulkan device.
     pub(crate) fn gpu(&self) -> anyhow::Result<Arc<Gpu>> {
         let gpu = Gpu::open(&self.gpu, false).context("no usable Vulkan device")?;
@@ -49,10 +49,13 @@ pub(crate) fn compiled() -> anyhow::Result<PathBuf> {
 }
 
 /// What this machine runs graphs with, what is compiled kept in the folder `compiled`.
-pub(crate) fn offer<'a>(runtime: &'a Runtime, compiled: &'a Path) -> Offer<'a> {
-    Offer {
+pub(crate) fn inference_backends<'a>(
+    runtime: &'a Runtime,
+    compiled: &'a Path,
+) -> InferenceBackends<'a> {
+    InferenceBackends {
         runtime,
-        threads: Surroundings::threads(),
+        threads: DeviceOptions::threads(),
         cache: Some(compiled),
     }
 }

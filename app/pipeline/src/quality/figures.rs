@@ -1,6 +1,6 @@
 //! What holding the rate cost: nothing is missed silently.
 
-use super::{HoldMode, LADDER, Quality};
+use super::{LADDER, Quality, QualityMode};
 use serde::Serialize;
 use std::collections::VecDeque;
 
@@ -80,9 +80,9 @@ pub struct StepFigures {
 
 /// How the rate was held so far.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct HoldFigures {
+pub struct QualityFigures {
     /// Whether quality may change.
-    pub mode: HoldMode,
+    pub mode: QualityMode,
     /// The quality of the next picture.
     pub quality: Quality,
     /// Display period, ms.
@@ -111,7 +111,7 @@ pub struct HoldFigures {
     pub changes: Vec<Change>,
 }
 
-/// The counters behind [`HoldFigures`], of fixed size.
+/// The counters behind [`QualityFigures`], of fixed size.
 #[derive(Debug)]
 pub(super) struct Counters {
     pub(super) pictures: u64,
@@ -157,18 +157,18 @@ impl Counters {
 
     pub(super) fn figures(
         &self,
-        mode: HoldMode,
+        mode: QualityMode,
         quality: Quality,
         period_ms: f64,
         climb_wait_ms: f64,
-    ) -> HoldFigures {
+    ) -> QualityFigures {
         let step = |(quality, (ms, pictures)): (&Quality, &(f64, u64))| StepFigures {
             quality: *quality,
             kept_share: quality.kept_share(),
             seconds: ms / 1e3,
             pictures: *pictures,
         };
-        HoldFigures {
+        QualityFigures {
             mode,
             quality,
             period_ms,

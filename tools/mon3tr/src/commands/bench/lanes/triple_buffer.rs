@@ -3,7 +3,7 @@
 
 use super::super::measure::{median, print_table};
 use anyhow::anyhow;
-use app_pipeline::lanes::{Bell, hand_over};
+use app_pipeline::lanes::{WakeSignal, triple_buffer};
 use serde::Serialize;
 use std::hint::black_box;
 use std::sync::mpsc::channel;
@@ -13,9 +13,9 @@ const BATCH: u32 = 4096;
 const ROUNDS: usize = 101;
 /// Values handed to a sleeper.
 const WAKES: usize = 1001;
-/// Between them, for the takers to fall asleep.
+/// Between them, for the readers to fall asleep.
 const PAUSE: Duration = Duration::from_micros(300);
-/// Longer than a taker ever sleeps.
+/// Longer than a reader ever sleeps.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Nanoseconds of a lane's hand-over and of a channel's.
@@ -65,17 +65,17 @@ pub(super) fn print(measured: &[HandOver]) {
 }
 
 fn on_one_thread() -> anyhow::Result<[Vec<f64>; 2]> {
-    let (mut giver, mut taker) = hand_over([0; 3], &Bell::default());
+    let (mut writer, mut reader) = triple_buffer([0; 3], &WakeSignal::default());
     let (sender, receiver) = channel();
     let each = |since: Instant| since.elapsed().as_secs_f64() * 1e9 / f64::from(BATCH);
     let (mut ours, mut its) = (Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
         let since = Instant::now();
         for value in 0..BATCH {
-            *giver.place() = black_box(value);
-            giver.give();
-            taker.take();
-            black_box(*taker.taken());
+            *writer.place() = black_box(value);
+            writer.give();
+            reader.take();
+            black_box(*reader.taken());
         }
         ours.push(each(since));
         let since = Instant::now();
@@ -89,9 +89,9 @@ fn on_one_thread() -> anyhow::Result<[Vec<f64>; 2]> {
 }
 
 fn to_a_sleeper() -> anyhow::Result<[Vec<f64>; 2]> {
-    let bell = Bell::default();
+    let bell = WakeSignal::default();
     // Nothing stands for the end: the newest wins, so it always arrives.
-    let (mut giver, mut taker) = hand_over([None::<Instant>; 3], &bell);
+    let (mut writer, mut reader) = triple_buffer([None::<Instant>; 3], &bell);
     let (sender, receiver) = channel::<Instant>();
     let since = |given: Instant| given.elapsed().as_secs_f64() * 1e9;
     std::thread::scope(|scope| {
@@ -99,10 +99,10 @@ fn to_a_sleeper() -> anyhow::Result<[Vec<f64>; 2]> {
             let mut times = Vec::with_capacity(WAKES);
             loop {
                 bell.wait(PATIENCE);
-                if !taker.take() {
+                if !reader.take() {
                     continue;
                 }
-                match taker.taken() {
+                match reader.taken() {
                     Some(given) => times.push(since(*given)),
                     None => return times,
                 }
@@ -111,13 +111,13 @@ fn to_a_sleeper() -> anyhow::Result<[Vec<f64>; 2]> {
         let its = scope.spawn(move || receiver.iter().map(since).collect::<Vec<f64>>());
         for _ in 0..WAKES {
             std::thread::sleep(PAUSE);
-            *giver.place() = Some(Instant::now());
-            giver.give();
+            *writer.place() = Some(Instant::now());
+            writer.give();
             std::thread::sleep(PAUSE);
             sender.send(Instant::now())?;
         }
-        *giver.place() = None;
-        giver.give();
+        *writer.place() = None;
+        writer.give();
         drop(sender);
         let ended = |_| anyhow!("a thread that was to be woken panicked");
         Ok([ours.join().map_err(ended)?, its.join().map_err(ended)?])
