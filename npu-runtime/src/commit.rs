@@ -1,10 +1,11 @@
 //! From a graph's forms to ONNX Runtime's session on a provider, strictly where the provider is an NPU.
 
 use crate::cache::Entry;
+use crate::devices::devices;
 use crate::landing::{Ear, Landing};
 use crate::qnn::Plugin;
 use crate::{Graph, Origin, Provider, ProviderKind, QnnTarget, Runtime, RuntimeError};
-use ort::ep::{ExecutionProvider, NNAPI, XNNPACK};
+use ort::ep::{NNAPI, XNNPACK};
 use ort::logging::LogLevel;
 use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
@@ -189,7 +190,7 @@ fn compile_into(
     let provider = Provider::Qnn { target };
     let committed = open(runtime, onnx, provider, Origin::Compiled, |builder| {
         Ok(plugin
-            .configure(runtime, builder, target)?
+            .configure(&runtime.environment, builder, target)?
             .with_config_entry("ep.context_enable", "1")?
             .with_config_entry("ep.context_embed_mode", "1")?
             .with_config_entry("ep.context_file_path", path.to_string_lossy())?)
@@ -207,7 +208,7 @@ fn open_qnn(
 ) -> Result<Committed, RuntimeError> {
     let provider = Provider::Qnn { target };
     open(runtime, onnx, provider, origin, |builder| {
-        plugin.configure(runtime, builder, target)
+        plugin.configure(&runtime.environment, builder, target)
     })
 }
 
@@ -266,7 +267,7 @@ fn builder(runtime: &Runtime, provider: Provider) -> Result<SessionBuilder, ort:
         // By name: left to itself, ort lets ONNX Runtime choose among all registered plugins.
         Provider::Cpu { threads } => builder
             .with_intra_threads(threads.max(1))?
-            .with_devices(devices(runtime, ProviderKind::Cpu), None)?,
+            .with_devices(devices(&runtime.environment, ProviderKind::Cpu), None)?,
         Provider::Qnn { .. } => builder.with_intra_threads(1)?,
         Provider::Nnapi => builder
             .with_intra_threads(1)?
@@ -290,17 +291,6 @@ fn builder(runtime: &Runtime, provider: Provider) -> Result<SessionBuilder, ort:
     })
 }
 
-/// What `provider` can run on here.
-pub(crate) fn devices(
-    runtime: &Runtime,
-    provider: ProviderKind,
-) -> impl Iterator<Item = ort::device::Device<'_>> {
-    runtime
-        .environment
-        .devices()
-        .filter(move |device| device.ep().is_ok_and(|name| name == provider.ort_name()))
-}
-
 fn plugin(runtime: &Runtime) -> Result<&Plugin, RuntimeError> {
     runtime
         .qnn()
@@ -309,17 +299,6 @@ fn plugin(runtime: &Runtime) -> Result<&Plugin, RuntimeError> {
 
 fn unavailable(provider: ProviderKind, reason: String) -> RuntimeError {
     RuntimeError::Unavailable { provider, reason }
-}
-
-/// Whether the library was built with the provider, for those that are part of it.
-pub(crate) fn is_built_in(provider: ProviderKind) -> bool {
-    let known = match provider {
-        ProviderKind::Nnapi => NNAPI::is_available(),
-        ProviderKind::Xnnpack => XNNPACK::is_available(),
-        ProviderKind::Cpu => Ok(true),
-        ProviderKind::Qnn => Ok(false),
-    };
-    known.unwrap_or(false)
 }
 
 /// An error with its causes in one line.

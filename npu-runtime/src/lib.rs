@@ -6,6 +6,7 @@
 mod cache;
 mod cancel;
 mod commit;
+mod devices;
 mod error;
 mod graph;
 mod landing;

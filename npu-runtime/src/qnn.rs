@@ -1,7 +1,8 @@
 //! The QNN execution provider: a plugin library beside ONNX Runtime, found, registered once, and always told the chip.
 
-use crate::commit::devices;
-use crate::{ProviderKind, QnnTarget, Runtime};
+use crate::devices::devices;
+use crate::{ProviderKind, QnnTarget};
+use ort::environment::Environment;
 use ort::session::builder::SessionBuilder;
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
@@ -19,14 +20,13 @@ pub(crate) struct Plugin {
 }
 
 impl Plugin {
-    /// Finds the plugin and registers it with `runtime`; else why not, in words.
-    pub(crate) fn register(runtime: &Runtime) -> Result<Self, String> {
+    /// Finds the plugin beside the library `onnx_runtime`, or where the variable says, and registers it; else why not, in words.
+    pub(crate) fn register(environment: &Environment, onnx_runtime: &Path) -> Result<Self, String> {
         let named = std::env::var_os(QNN_VARIABLE).filter(|value| !value.is_empty());
-        let library = find(named.as_deref().map(Path::new), runtime.library())?;
+        let library = find(named.as_deref().map(Path::new), onnx_runtime)?;
         let fingerprint = fingerprint(&library)
             .map_err(|e| format!("cannot read the plugin {}: {e}", library.display()))?;
-        runtime
-            .environment
+        environment
             .register_ep_library(NAME, &library)
             .map_err(|e| {
                 format!(
@@ -34,7 +34,7 @@ impl Plugin {
                     library.display()
                 )
             })?;
-        if devices(runtime, ProviderKind::Qnn).next().is_none() {
+        if devices(environment, ProviderKind::Qnn).next().is_none() {
             return Err(format!(
                 "the plugin {} finds no device it could run on",
                 library.display()
@@ -60,7 +60,7 @@ impl Plugin {
     /// Session options that put everything on the NPU of `target`, or fail.
     pub(crate) fn configure(
         &self,
-        runtime: &Runtime,
+        environment: &Environment,
         builder: SessionBuilder,
         target: QnnTarget,
     ) -> Result<SessionBuilder, ort::Error> {
@@ -74,9 +74,10 @@ impl Plugin {
             ("htp_performance_mode", "burst".to_owned()),
         ]
         .map(|(key, value)| (format!("{NAME}.{key}"), value));
-        Ok(builder
-            .with_disable_cpu_fallback()?
-            .with_devices(devices(runtime, ProviderKind::Qnn).take(1), Some(&options))?)
+        Ok(builder.with_disable_cpu_fallback()?.with_devices(
+            devices(environment, ProviderKind::Qnn).take(1),
+            Some(&options),
+        )?)
     }
 }
 

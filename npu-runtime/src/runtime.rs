@@ -1,6 +1,6 @@
 //! Loading the ONNX Runtime library and its one environment per process.
 
-use crate::commit::is_built_in;
+use crate::devices::is_built_in;
 use crate::landing::forward_to_log;
 use crate::qnn::Plugin;
 use crate::{Cancel, ProviderKind, RuntimeError};
@@ -150,7 +150,7 @@ impl Runtime {
     /// QNN's plugin, registered once; else why not.
     pub(crate) fn qnn(&self) -> Result<&Plugin, &str> {
         self.qnn
-            .get_or_init(|| Plugin::register(self))
+            .get_or_init(|| Plugin::register(&self.environment, &self.library))
             .as_ref()
             .map_err(String::as_str)
     }

@@ -5,8 +5,12 @@
 //! description of the graph to keep up to date.
 
 use super::graph::{Sink, head};
-use super::inspect::{Checked, Stored, check_tensor, find_graph, refuse};
+use super::inspect::Stored;
+use super::inspect::check_tensor;
+use super::inspect::find_graph;
 use super::onnx::{Node, Tensor};
+use super::wire::Checked;
+use super::wire::refuse;
 use super::wire::{Fields, Value};
 use super::{AttributeNetwork, DeformGraph, GraphParts, GraphRefused, MeshNetwork};
 use crate::{Controllers, Template};

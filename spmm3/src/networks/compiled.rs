@@ -3,7 +3,10 @@
 //! what it computes.
 
 use super::GraphSignature;
-use super::inspect::{Checked, find_graph, read_port, refuse};
+use super::inspect::find_graph;
+use super::inspect::read_port;
+use super::wire::Checked;
+use super::wire::refuse;
 use super::wire::{Fields, Value};
 
 /// The deform graph compiled for one chip.

@@ -5,30 +5,10 @@
 //! it loads the graph, so that they cost nothing per frame.
 
 use super::onnx::{Attribute, Graph, Model, Node, OperatorSet, Tensor, ValueInfo, data_type};
-use super::parts::{GraphParts, GraphSizes, Port};
+use super::parts::{GraphParts, GraphSizes, Port, input, output};
 use super::{AttributeNetwork, Dense, MeshNetwork};
 use crate::{ATTRIBUTES, Controllers, JOINTS, NEIGHBOURS, PersonError, Template};
 use prost::Message;
-
-/// Names of the graph's inputs.
-pub mod input {
-    /// [1, 215] motion parameters P.
-    pub const MOTION: &str = "motion";
-    /// [12, 55] skinning transforms, planes as in [`crate::SkinningTransforms`].
-    pub const SKINNING: &str = "skinning";
-}
-
-/// Names of the graph's outputs. Which of them a graph has depends on its [`GraphParts`].
-pub mod output {
-    /// [3, N_v] posed vertices, metres, root translation left out.
-    pub const VERTICES: &str = "posed_vertices";
-    /// [3, N_v] vertices in T-pose with F_mesh's offsets, metres: what skinning starts from.
-    pub const CANONICAL_VERTICES: &str = "canonical_vertices";
-    /// [14, N_g] attribute residuals in the triangles' frames.
-    pub const RESIDUALS: &str = "residuals";
-    /// [C, B] displacement potentials u_j of every controller: what F_attr's tail starts from.
-    pub const POTENTIALS: &str = "potentials";
-}
 
 const OPSET: i64 = 17;
 const IR_VERSION: i64 = 8;

@@ -4,7 +4,7 @@
 //! graph may only be what a static feed-forward network needs: known operators, numbers inside the file, all finite.
 
 use super::onnx::{Tensor, ValueInfo, data_type};
-use super::wire::{Fields, Value, varint};
+use super::wire::{Checked, Fields, GraphRefused, Value, refuse, varint};
 use half::f16;
 use prost::Message;
 
@@ -37,17 +37,6 @@ pub struct GraphSignature {
     pub outputs: Vec<(String, Vec<usize>)>,
     /// B, if the graph stores its deformation bases as [`super::DeformGraph`] does.
     pub bases: Option<usize>,
-}
-
-/// Why a graph is refused, in words.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct GraphRefused(pub(super) String);
-
-pub(super) type Checked<T> = Result<T, GraphRefused>;
-
-pub(super) fn refuse<T>(reason: impl Into<String>) -> Checked<T> {
-    Err(GraphRefused(reason.into()))
 }
 
 impl GraphSignature {

@@ -1,9 +1,6 @@
 //! Which parts of the deform graph one ONNX model computes: the rest is for kernels of our own, on another unit.
 
-use super::{AttributeNetwork, DeformGraph, MeshNetwork, input, output};
-use crate::package::{Avatar, PackageError};
 use crate::{ATTRIBUTES, JOINTS, PARAMS};
-use std::borrow::Cow;
 
 /// What a deform graph computes of F_mesh -> LBS and F_attr's controllers -> F_attr's tail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -66,60 +63,22 @@ impl GraphParts {
     }
 }
 
-impl Avatar {
-    /// These parts of the deform graph as an ONNX model.
-    ///
-    /// The whole graph is the package's own, borrowed. Others are written from networks read back out of it, which takes
-    /// about twice the package's size of memory while it lasts; keep the result as briefly as the runtime needs it.
-    ///
-    /// # Errors
-    /// If the graph does not hold the networks in our form, which [`Self::load`] makes sure of.
-    pub fn graph(&self, parts: GraphParts) -> Result<Cow<'_, [u8]>, PackageError> {
-        if parts == GraphParts::Whole {
-            return Ok(Cow::Borrowed(&self.deform_graph));
-        }
-        let (mesh, attributes) = (self.mesh_network()?, self.attribute_network()?);
-        let graph = DeformGraph {
-            template: &self.template,
-            controllers: &self.controllers,
-            mesh: &mesh,
-            attributes: &attributes,
-        };
-        graph
-            .to_onnx(parts)
-            .map(Cow::Owned)
-            .map_err(PackageError::graph_contents)
-    }
+/// Names of the graph's inputs.
+pub mod input {
+    /// [1, 215] motion parameters P.
+    pub const MOTION: &str = "motion";
+    /// [12, 55] skinning transforms, planes as in [`crate::SkinningTransforms`].
+    pub const SKINNING: &str = "skinning";
+}
 
-    /// How many of everything the deform graph is made for.
-    ///
-    /// # Errors
-    /// If the graph does not hold F_attr in our form, which [`Self::load`] makes sure of.
-    pub fn graph_sizes(&self) -> Result<GraphSizes, PackageError> {
-        Ok(GraphSizes {
-            vertices: self.template.vertices().len(),
-            gaussians: self.gaussians.len(),
-            controllers: self.controllers.vertices().len(),
-            bases: super::GraphSignature::read(&self.deform_graph)
-                .map_err(PackageError::graph)?
-                .bases
-                .unwrap_or(0),
-        })
-    }
-
-    /// F_mesh, read back from the deform graph; see [`MeshNetwork::read`].
-    ///
-    /// # Errors
-    /// As [`Self::graph`].
-    pub fn mesh_network(&self) -> Result<MeshNetwork, PackageError> {
-        MeshNetwork::read(&self.deform_graph, &self.template).map_err(PackageError::graph)
-    }
-
-    /// F_attr, read back from the deform graph; see [`AttributeNetwork::read`].
-    ///
-    /// # Errors
-    /// As [`Self::graph`].
-    pub fn attribute_network(&self) -> Result<AttributeNetwork, PackageError> {
-        AttributeNetwork::read(&self.deform_graph, &self.controllers).map_err(PackageError::graph)
-    }
+/// Names of the graph's outputs. Which of them a graph has depends on its [`GraphParts`].
+pub mod output {
+    /// [3, N_v] posed vertices, metres, root translation left out.
+    pub const VERTICES: &str = "posed_vertices";
+    /// [3, N_v] vertices in T-pose with F_mesh's offsets, metres: what skinning starts from.
+    pub const CANONICAL_VERTICES: &str = "canonical_vertices";
+    /// [14, N_g] attribute residuals in the triangles' frames.
+    pub const RESIDUALS: &str = "residuals";
+    /// [C, B] displacement potentials u_j of every controller: what F_attr's tail starts from.
+    pub const POTENTIALS: &str = "potentials";
 }

@@ -1,7 +1,9 @@
 //! Reads F_mesh and F_attr back out of a deform graph that [`super::DeformGraph`] wrote, by the names it gives its
 //! tensors: for a unit that runs part of the graph with kernels of its own.
 
-use super::inspect::{Checked, GraphRefused, Stored};
+use super::inspect::Stored;
+use super::wire::Checked;
+use super::wire::GraphRefused;
 use super::{AttributeNetwork, Dense, MeshNetwork, QuantisedBases, QuantisedDecoder};
 use crate::{ATTRIBUTES, Controllers, PersonError, Template};
 

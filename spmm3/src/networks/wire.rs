@@ -1,6 +1,15 @@
 //! Protobuf's wire format, read in place.
 
-use super::inspect::{Checked, refuse};
+/// Why a graph is refused, in words.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct GraphRefused(pub(super) String);
+
+pub(super) type Checked<T> = Result<T, GraphRefused>;
+
+pub(super) fn refuse<T>(reason: impl Into<String>) -> Checked<T> {
+    Err(GraphRefused(reason.into()))
+}
 
 /// One protobuf field's content.
 #[derive(Debug, PartialEq, Eq)]

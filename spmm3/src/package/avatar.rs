@@ -1,20 +1,15 @@
-//! An avatar in memory, and its way into and out of a `.m3a` package.
+//! An avatar in memory, and its way out of a `.m3a` package.
 
 use super::PackageError;
-use super::archive::{self, Archive};
+use super::archive::Archive;
 use super::compiled::{self, check_entries};
-use super::manifest::{
-    self, Counts, FORMAT, MANIFEST, Manifest, MemberEntry, VERSION, VERSION_PLAIN,
-};
+use super::manifest::{MANIFEST, Manifest};
 use super::members::{self, MEMBERS};
 use crate::networks::CompiledGraph;
-use crate::{
-    BoundGaussians, Controllers, Expressions, Importance, JOINTS, KeptLevel, PARAMS, Skeleton,
-    Template,
-};
+use crate::{BoundGaussians, Controllers, Expressions, Importance, KeptLevel, Skeleton, Template};
 use std::fs::File;
-use std::io::{BufReader, Cursor, ErrorKind, Read, Seek, Write};
-use std::path::{Path, PathBuf};
+use std::io::{BufReader, ErrorKind, Read, Seek};
+use std::path::Path;
 
 /// The manifest is parsed into a tree, which takes more memory than its text.
 const MAX_MANIFEST: u64 = 1 << 20;
@@ -71,101 +66,6 @@ impl Avatar {
         let importance = self.importance();
         let level = |share: &f32| importance.level(&self.gaussians, *share);
         shares.iter().map(level).collect()
-    }
-
-    /// Writes the package to `path` and returns its size in bytes. The file is complete or, on an error, what it was
-    /// before: everything is written beside it first and moved into place.
-    ///
-    /// # Errors
-    /// If the avatar's parts do not fit each other (the package is read back before it is written) or the file cannot
-    /// be written.
-    pub fn save(&self, path: &Path) -> Result<u64, PackageError> {
-        let bytes = self.to_bytes()?;
-        let mut partial = PathBuf::from(path).into_os_string();
-        partial.push(format!(".{}.partial", std::process::id()));
-        let partial = PathBuf::from(partial);
-        let written = File::create(&partial)
-            .and_then(|mut file| file.write_all(&bytes).and_then(|()| file.sync_all()));
-        let moved = match written {
-            Ok(()) => std::fs::rename(&partial, path).map_err(|e| ("replace", e)),
-            Err(e) => Err(("write", e)),
-        };
-        moved.map_err(|(action, source)| {
-            // Best effort: the error that is returned says what went wrong.
-            let _ = std::fs::remove_file(&partial);
-            PackageError::File {
-                action,
-                path: path.to_path_buf(),
-                source,
-            }
-        })?;
-        Ok(bytes.len() as u64)
-    }
-
-    /// The package's bytes. Equal avatars give equal bytes.
-    ///
-    /// # Errors
-    /// If the avatar's parts do not fit each other.
-    pub fn to_bytes(&self) -> Result<Vec<u8>, PackageError> {
-        let signature = members::signature(&self.deform_graph)?;
-        let (compiled, compiled_entries): (Vec<_>, Vec<_>) =
-            compiled::pack(&self.compiled, &signature)?
-                .into_iter()
-                .unzip();
-        let names = compiled_entries.iter().map(|entry| entry.member.as_str());
-        let packed: Vec<_> = MEMBERS
-            .into_iter()
-            .zip(members::pack(self)?)
-            .chain(names.zip(compiled))
-            .collect();
-        let members = packed
-            .iter()
-            .map(|(name, (bytes, tensors))| MemberEntry {
-                name: (*name).to_owned(),
-                bytes: bytes.len() as u64,
-                sha256: archive::sha256(bytes),
-                tensors: tensors.clone(),
-            })
-            .collect();
-        let manifest = Manifest {
-            format: FORMAT.into(),
-            version: if self.compiled.is_empty() && self.importance.is_none() {
-                VERSION_PLAIN
-            } else {
-                VERSION
-            },
-            name: self.name.clone(),
-            generator: concat!("mon3tr ", env!("CARGO_PKG_VERSION")).into(),
-            provenance: self.provenance.clone(),
-            licence: self.licence.clone(),
-            conventions: manifest::conventions(),
-            counts: Counts {
-                vertices: self.template.vertices().len(),
-                faces: self.template.faces().len(),
-                gaussians: self.gaussians.len(),
-                controllers: self.controllers.vertices().len(),
-                bases: signature.bases,
-                joints: JOINTS,
-                motion: PARAMS,
-            },
-            members,
-            compiled: compiled_entries.clone(),
-            expressions: self
-                .expressions
-                .iter()
-                .map(|(name, preset)| (name.clone(), preset.into()))
-                .collect(),
-            report: self.report.clone(),
-        };
-        let text = serde_json::to_vec_pretty(&manifest)
-            .map_err(|e| PackageError::member(MANIFEST, e.to_string()))?;
-        let mut files = vec![(MANIFEST, text)];
-        files.extend(packed.into_iter().map(|(name, (bytes, _))| (name, bytes)));
-        let bytes = archive::write(&files)?;
-        // A package that its own reader refuses must not leave the house.
-        drop(files);
-        Self::read(Cursor::new(&bytes))?;
-        Ok(bytes)
     }
 
     /// Reads the package at `path`.

@@ -1,9 +1,11 @@
 //! What can be wrong with an avatar package.
 
-use super::members::GRAPH;
 use crate::PersonError;
 use crate::networks::GraphRefused;
 use std::path::PathBuf;
+
+/// The member that holds the deform graph.
+pub(super) const GRAPH: &str = "deform.onnx";
 
 /// A package that cannot be written, or that must not be used. The text does not repeat the package's path: whoever
 /// names the file in an error of its own says it.

@@ -1,9 +1,10 @@
-//! What each member holds: an avatar's parts as tensors, and back, checked against the manifest.
+//! What each member holds: an avatar's parts as tensors, checked against the manifest.
 
 use super::archive::{self, Archive, MAX_BYTES};
+use super::error::GRAPH;
 use super::manifest::Counts;
-use super::tensors::{Reader, Writer};
-use super::{Avatar, Manifest, PackageError, TensorEntry};
+use super::tensors::Reader;
+use super::{Manifest, PackageError, TensorEntry};
 use crate::networks::{DeformGraph, GraphSignature, input, output};
 use crate::{
     ATTRIBUTES, BoundGaussians, Controllers, INFLUENCES, Importance, JOINTS, NEIGHBOURS, PARAMS,
@@ -14,86 +15,18 @@ use half::f16;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 
-const TEMPLATE: &str = "template.safetensors";
-const GAUSSIANS: &str = "gaussians.safetensors";
-const BINDING: &str = "binding.safetensors";
-const CONTROLLERS: &str = "controllers.safetensors";
-pub(super) const GRAPH: &str = "deform.onnx";
+pub(super) const TEMPLATE: &str = "template.safetensors";
+pub(super) const GAUSSIANS: &str = "gaussians.safetensors";
+pub(super) const BINDING: &str = "binding.safetensors";
+pub(super) const CONTROLLERS: &str = "controllers.safetensors";
 /// The tensors of [`GAUSSIANS`] that may be missing: packages of format version 1 have neither.
-const ORDER: &str = "order";
-const HEIRS: &str = "heirs";
+pub(super) const ORDER: &str = "order";
+pub(super) const HEIRS: &str = "heirs";
 /// The members, in their order in the archive.
 pub(super) const MEMBERS: [&str; 5] = [TEMPLATE, GAUSSIANS, BINDING, CONTROLLERS, GRAPH];
 
 /// One member ready to be packed: its bytes and its tensors.
 pub(super) type Packed = (Vec<u8>, BTreeMap<String, TensorEntry>);
-
-/// The members of an avatar, in the order of [`MEMBERS`].
-pub(super) fn pack(avatar: &Avatar) -> Result<[Packed; 5], PackageError> {
-    let graph = &avatar.deform_graph;
-    Ok([
-        pack_template(avatar)?,
-        pack_gaussians(avatar)?,
-        pack_binding(avatar)?,
-        pack_controllers(avatar)?,
-        (graph.clone(), ports(&signature(graph)?)),
-    ])
-}
-
-fn pack_template(avatar: &Avatar) -> Result<Packed, PackageError> {
-    let (vertices, faces) = (avatar.template.vertices(), avatar.template.faces());
-    let skin = avatar.template.skin();
-    let joints: Vec<u8> = skin.iter().flat_map(|s| s.joints).collect();
-    let weights: Vec<f32> = skin.iter().flat_map(|s| s.weights).collect();
-    let rest = avatar.skeleton.rest_positions();
-    let count = vertices.len();
-    Writer::new(TEMPLATE)
-        .add("vertices", &[count, 3], flat::<f32, _>(vertices))?
-        .add("faces", &[faces.len(), 3], flat::<u32, _>(faces))?
-        .add("joints", &[JOINTS, 3], flat::<f32, _>(rest))?
-        .add("skin_joints", &[count, INFLUENCES], &joints)?
-        .add("skin_weights", &[count, INFLUENCES], &weights)?
-        .finish()
-}
-
-fn pack_gaussians(avatar: &Avatar) -> Result<Packed, PackageError> {
-    let attributes = halves(avatar.gaussians.attributes());
-    let count = avatar.gaussians.len();
-    let writer = Writer::new(GAUSSIANS).add("attributes", &[ATTRIBUTES, count], &attributes)?;
-    let Some(importance) = &avatar.importance else {
-        return writer.finish();
-    };
-    let writer = writer.add(ORDER, &[count], importance.order())?;
-    match importance.heirs() {
-        None => writer.finish(),
-        Some(heirs) => writer.add(HEIRS, &[count], heirs)?.finish(),
-    }
-}
-
-fn pack_binding(avatar: &Avatar) -> Result<Packed, PackageError> {
-    let count = avatar.gaussians.len();
-    let barycentric = halves(flat(avatar.gaussians.barycentrics()));
-    Writer::new(BINDING)
-        .add("triangle", &[count], avatar.gaussians.triangles())?
-        .add("barycentric", &[count, 2], &barycentric)?
-        .finish()
-}
-
-fn pack_controllers(avatar: &Avatar) -> Result<Packed, PackageError> {
-    let controllers = &avatar.controllers;
-    let count = controllers.neighbours().len();
-    let neighbours = flat::<u16, _>(controllers.neighbours());
-    let masses = flat::<f32, _>(controllers.masses());
-    Writer::new(CONTROLLERS)
-        .add(
-            "vertex",
-            &[controllers.vertices().len()],
-            controllers.vertices(),
-        )?
-        .add("neighbours", &[count, NEIGHBOURS], neighbours)?
-        .add("masses", &[count, NEIGHBOURS], masses)?
-        .finish()
-}
 
 /// A member's bytes, once size and hash are the manifest's.
 pub(super) fn unpack<'m, R: Read + Seek>(
@@ -258,14 +191,6 @@ pub(super) fn ports(signature: &GraphSignature) -> BTreeMap<String, TensorEntry>
         (name.clone(), entry)
     })
     .collect()
-}
-
-fn flat<T: bytemuck::Pod, N: bytemuck::Pod>(nested: &[N]) -> &[T] {
-    bytemuck::cast_slice(nested)
-}
-
-fn halves(values: &[f32]) -> Vec<f16> {
-    values.iter().map(|value| f16::from_f32(*value)).collect()
 }
 
 fn triples<T: Copy>(flat: &[T]) -> impl Iterator<Item = [T; 3]> {

@@ -7,9 +7,11 @@ mod archive;
 mod avatar;
 mod compiled;
 mod error;
+mod graph;
 mod manifest;
 mod members;
 mod tensors;
+mod write;
 
 pub use archive::{MAX_BYTES, MAX_MEMBERS};
 pub use avatar::Avatar;

@@ -8,21 +8,15 @@ use std::{
 };
 
 use axum::serve::ListenerExt as _;
-use tokio::{
-    net::TcpListener,
-    sync::watch,
-    task::{AbortHandle, JoinHandle, JoinSet},
-};
+use tokio::{net::TcpListener, sync::watch, task::JoinHandle};
 
 use crate::{
     Impairment, NetlabError, Statistics, TcpImpairment, TcpRelay,
+    calls::{Network, Shared},
     pacer::{Pacer, locked},
     proxy,
-    relay::{Direction, Relay, RelayConfig},
+    relay::Direction,
 };
-
-/// A call that nobody has sent anything on for so long is over. Longer than any outage: in one, both sides still send.
-const CALL_IDLE: Duration = Duration::from_secs(60);
 
 /// What a lab is made of.
 #[derive(Debug, Clone)]
@@ -66,31 +60,6 @@ pub struct Lab {
     address: SocketAddr,
     front: JoinHandle<io::Result<()>>,
     tcp: Option<TcpRelay>,
-}
-
-#[derive(Debug)]
-pub(crate) struct Shared {
-    pub(crate) upstream: SocketAddr,
-    pub(crate) stopped: watch::Sender<bool>,
-    ip: IpAddr,
-    seed: u64,
-    pacer: Arc<Pacer>,
-    statistics: Arc<Mutex<Statistics>>,
-    network: Mutex<Network>,
-    calls: Mutex<Calls>,
-}
-
-#[derive(Debug)]
-struct Network {
-    down: (Impairment, Duration),
-    up: (Impairment, Duration),
-}
-
-#[derive(Debug, Default)]
-struct Calls {
-    opened: u64,
-    tasks: JoinSet<()>,
-    open: Vec<(Arc<Relay>, AbortHandle)>,
 }
 
 impl Lab {
@@ -218,69 +187,5 @@ impl Drop for Lab {
         let mut calls = locked(&self.shared.calls);
         calls.open.clear();
         calls.tasks.abort_all();
-    }
-}
-
-impl Shared {
-    /// A new call's sockets.
-    pub(crate) fn open_relay(&self) -> Result<Arc<Relay>, NetlabError> {
-        let call = {
-            let mut calls = locked(&self.calls);
-            calls.opened += 1;
-            calls.opened
-        };
-        let config = {
-            let network = locked(&self.network);
-            let mut seeds = fastrand::Rng::with_seed(self.seed.wrapping_add(call.rotate_left(32)));
-            RelayConfig {
-                ip: self.ip,
-                down: network.down.0.clone(),
-                up: network.up.0.clone(),
-                down_seed: seeds.u64(..),
-                up_seed: seeds.u64(..),
-                down_epoch: network.down.1,
-                up_epoch: network.up.1,
-            }
-        };
-        let relay =
-            Relay::open(config, &self.pacer, self.statistics.clone()).map_err(|source| {
-                NetlabError::Bind {
-                    address: self.ip,
-                    source,
-                }
-            })?;
-        Ok(Arc::new(relay))
-    }
-
-    /// Lets a call's packets flow until it falls silent or the lab stops.
-    pub(crate) fn carry(&self, relay: Arc<Relay>) {
-        // A change of the network between the opening and here is not lost: it holds for this call too.
-        let network = locked(&self.network);
-        relay.set(Direction::Down, network.down.0.clone(), network.down.1);
-        relay.set(Direction::Up, network.up.0.clone(), network.up.1);
-        locked(&self.statistics).calls += 1;
-        let now = self.pacer.now();
-        let mut calls = locked(&self.calls);
-        calls.open.retain(|(relay, task)| {
-            let is_live = now.saturating_sub(relay.last_heard()) < CALL_IDLE;
-            if !is_live {
-                task.abort();
-            }
-            is_live
-        });
-        while calls.tasks.try_join_next().is_some() {}
-        let task = calls.tasks.spawn(relay.clone().carry(self.pacer.clone()));
-        calls.open.push((relay, task));
-    }
-
-    /// Ends a call that came to nothing.
-    pub(crate) fn close(&self, relay: &Arc<Relay>) {
-        locked(&self.calls).open.retain(|(open, task)| {
-            let is_it = Arc::ptr_eq(open, relay);
-            if is_it {
-                task.abort();
-            }
-            !is_it
-        });
     }
 }

@@ -3,6 +3,7 @@
 //!
 //! [`Lab`] is the whole; [`Link`] is what decides, pure and without a clock. Starts no programs and measures no calls: that is its user's.
 
+mod calls;
 mod error;
 mod impairment;
 mod lab;
@@ -16,6 +17,7 @@ pub mod sdp;
 mod statistics;
 mod tcp;
 mod trace;
+mod units;
 
 pub use error::NetlabError;
 pub use impairment::{Impairment, Jitter, Loss, Outage, Probability, Queue, Reordering};

@@ -15,7 +15,7 @@ use hyper::client::conn::http1;
 use hyper_util::rt::TokioIo;
 use tokio::{net::TcpStream, sync::watch};
 
-use crate::{NetlabError, lab::Shared, sdp};
+use crate::{NetlabError, calls::Shared, sdp};
 
 /// A session description is some 2 kB; a server takes no more than this either.
 const MAX_SDP_BYTES: usize = 64 * 1024;

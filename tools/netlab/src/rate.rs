@@ -2,9 +2,8 @@
 
 use std::{fmt, sync::Arc, time::Duration};
 
+use crate::units::{NANOS_PER_SECOND, from_nanos, whole_bits};
 use crate::{NetlabError, Trace};
-
-pub(crate) const NANOS_PER_SECOND: u128 = 1_000_000_000;
 
 /// A steady rate in bit/s, never zero (for that there are outages and traces).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,21 +40,6 @@ impl fmt::Display for BitRate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} kbit/s", self.0 as f64 / 1000.0)
     }
-}
-
-/// kbit/s as whole bit/s; `None` if it is no rate.
-pub(crate) fn whole_bits(kbit_s: f64) -> Option<u64> {
-    #[allow(
-        clippy::cast_possible_truncation,
-        reason = "the range is checked first: at most 10^12"
-    )]
-    (0.0..=1e9)
-        .contains(&kbit_s)
-        .then(|| (kbit_s * 1000.0).round() as u64)
-}
-
-pub(crate) fn from_nanos(nanos: u128) -> Duration {
-    Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
 }
 
 /// How fast a link takes packets.

@@ -8,7 +8,7 @@ use std::{path::Path, time::Duration};
 
 use crate::{
     NetlabError,
-    rate::{NANOS_PER_SECOND, from_nanos, whole_bits},
+    units::{NANOS_PER_SECOND, from_nanos, whole_bits},
 };
 
 const NANOS_PER_MS: u128 = 1_000_000;

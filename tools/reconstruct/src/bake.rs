@@ -152,7 +152,7 @@ pub fn bake(
     )?
     // As the package stores them: what is fitted and measured must be what a receiver sees.
     .quantised();
-    let light = Light::new(&person);
+    let light = Light::new(person.template(), person.parts(), &person.vertex_parts());
     let subject = Subject {
         puppet: puppet(&person),
         bridges: person.bridges().to_vec(),

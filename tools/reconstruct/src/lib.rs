@@ -6,6 +6,7 @@ mod depth_map;
 mod error;
 pub mod fit;
 pub mod makehuman;
+mod part;
 mod person;
 mod shading;
 pub mod simulate;
@@ -13,7 +14,8 @@ pub mod simulate;
 mod synthetic;
 
 pub use error::ReconstructError;
+pub use part::Part;
 pub use person::{
-    ColouredGaussians, EXPRESSIONS_USED, Part, Person, Texture, build_gaussians, shaded_colour,
+    ColouredGaussians, EXPRESSIONS_USED, Person, Texture, build_gaussians, shaded_colour,
 };
 pub use shading::Light;

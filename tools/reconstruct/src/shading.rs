@@ -3,10 +3,11 @@
 //!
 //! It is made for smooth, plausible light in a few tens of milliseconds a pose, not for sharp shadows.
 
+use crate::Part;
 use crate::depth_map::DepthMap;
-use crate::{Part, Person};
 use glam::Vec3;
 use rayon::prelude::*;
+use spmm3::Template;
 
 /// Directions the sky is sampled in.
 const SKY_DIRECTIONS: u16 = 26;
@@ -48,10 +49,10 @@ pub struct Light {
 }
 
 impl Light {
-    /// Prepares the light for poses of `person`.
+    /// Prepares the light for poses of a person with this `template`; `parts` are its faces', `vertex_parts` its vertices'.
     #[must_use]
-    pub fn new(person: &Person) -> Self {
-        let faces = person.template().faces().to_vec();
+    pub fn new(template: &Template, parts: &[Part], vertex_parts: &[Part]) -> Self {
+        let faces = template.faces().to_vec();
         let casts = |part: &Part| {
             !matches!(
                 part,
@@ -60,19 +61,19 @@ impl Light {
         };
         let casters = faces
             .iter()
-            .zip(person.parts())
+            .zip(parts)
             .filter(|(_, part)| casts(part))
             .map(|(face, _)| *face)
             .collect();
-        let mut neighbours = vec![Vec::new(); person.template().vertices().len()];
+        let mut neighbours = vec![Vec::new(); template.vertices().len()];
         for [a, b, c] in &faces {
             for (from, to) in [(a, b), (b, c), (c, a)] {
                 neighbours[*from as usize].push(*to);
             }
         }
-        let shade = person
-            .vertex_parts()
-            .into_iter()
+        let shade = vertex_parts
+            .iter()
+            .copied()
             .map(|part| match part {
                 // Eyes in their sockets would go dull, an open mouth black.
                 Part::Eyes => (0.35, 0.8),

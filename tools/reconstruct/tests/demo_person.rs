@@ -309,7 +309,8 @@ fn gaussians_meet_their_count_and_lie_on_the_template() {
 #[test]
 fn light_is_soft_and_falls_from_above() {
     let Some(person) = person() else { return };
-    let factors = Light::new(person).factors(person.template().vertices());
+    let factors = Light::new(person.template(), person.parts(), &person.vertex_parts())
+        .factors(person.template().vertices());
     let range = 0.05..=2.5;
     assert!(
         factors

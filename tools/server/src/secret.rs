@@ -1,8 +1,7 @@
 //! The server's secret: what its tokens are authenticated by. Instances behind one balancer share one.
 
+use crate::ServerError;
 use crate::id::{from_hex, random_bytes, write_hex};
-use crate::token::Claims;
-use crate::{Id, ServerError};
 use std::fmt;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
@@ -86,11 +85,6 @@ impl Secret {
             .ok_or_else(|| ServerError::SecretDamaged {
                 path: path.to_path_buf(),
             })
-    }
-
-    /// A token with which the owner called `name` opens rooms and puts packages until `expires` (Unix seconds).
-    pub fn owner_token(&self, name: &str, expires: u64) -> String {
-        Claims::owner(Id::of_owner(name), expires).sign(self)
     }
 
     pub(crate) fn key(&self) -> &[u8; 32] {

@@ -1,6 +1,7 @@
 //! Puts body and proxies together in the rest pose: one list of quads over one list of vertices, each of which knows
 //! where it hangs on the body, so that a morphed body carries all of them along.
 
+use super::pieces::connected;
 use super::recipe::{Item, Pieces};
 use super::transfer::Source;
 use super::{Part, recipe};
@@ -178,28 +179,6 @@ fn label(item: &Item, proxy: &Proxy) -> Result<Vec<Part>, String> {
                 .ok_or_else(|| format!("a piece of {count} vertices is not in the recipe"))
         })
         .collect()
-}
-
-/// The smallest vertex of each vertex' connected piece.
-pub(super) fn connected(vertices: usize, quads: &[Quad]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..).take(vertices).collect();
-    fn root(parent: &mut [u32], mut v: u32) -> u32 {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
-        }
-        v
-    }
-    for quad in quads {
-        for corner in &quad.corners[1..] {
-            let (a, b) = (
-                root(&mut parent, quad.corners[0]),
-                root(&mut parent, *corner),
-            );
-            parent[a.max(b) as usize] = a.min(b);
-        }
-    }
-    (0..).take(vertices).map(|v| root(&mut parent, v)).collect()
 }
 
 /// Which bones' flesh is head or hand, and where the face ends.

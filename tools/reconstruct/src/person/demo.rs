@@ -1,6 +1,7 @@
 //! Builds the demo person from the MakeHuman data.
 
-use super::assemble::{Assembly, connected};
+use super::assemble::Assembly;
+use super::pieces::connected;
 use super::{Part, Person, Texture, bridges, expression, joints, loose, recipe, tpose};
 use crate::ReconstructError;
 use crate::makehuman::{Model, Package, Rig, Targets};

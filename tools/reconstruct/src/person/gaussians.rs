@@ -94,7 +94,8 @@ pub fn build_gaussians(person: &Person, target_count: usize) -> ColouredGaussian
         out.gaussians.log_scales[i] = cell.scales.map(f32::ln);
         out.gaussians.opacity_logits[i] = (cell.opacity / (1.0 - cell.opacity)).ln();
     }
-    let factors = Light::new(person).factors(person.template().vertices());
+    let factors = Light::new(person.template(), person.parts(), &person.vertex_parts())
+        .factors(person.template().vertices());
     out.gaussians.colours = out.lit_colours(person, &factors);
     out
 }

@@ -2,7 +2,8 @@
 //! differ from those below, and a raised shoulder would come through.
 
 use super::Part;
-use super::assemble::{Assembly, connected};
+use super::assemble::Assembly;
+use super::pieces::connected;
 use crate::makehuman::BoneWeights;
 use glam::Vec3;
 use std::collections::BTreeMap;

@@ -10,7 +10,7 @@ mod expression;
 mod gaussians;
 mod joints;
 mod loose;
-mod part;
+mod pieces;
 mod range_of_motion;
 mod recipe;
 mod surface;
@@ -19,9 +19,9 @@ mod tpose;
 mod transfer;
 mod visible;
 
+use crate::Part;
 pub use expression::EXPRESSIONS_USED;
 pub use gaussians::{ColouredGaussians, build_gaussians, shaded_colour};
-pub use part::Part;
 pub use texture::Texture;
 
 use glam::{Affine3A, Vec2, Vec3};

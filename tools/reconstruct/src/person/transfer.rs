@@ -3,8 +3,8 @@
 //! the body's closest point; the rest is filled in smoothly along the garment's own surface. Unlike the paper, the fill is
 //! harmonic (its Dirichlet term alone): such weights cannot leave 0..=1. It never changes weights a garment has.
 
-use super::assemble::connected;
 use super::closest::{ClosestPoint, Found};
+use super::pieces::connected;
 use crate::makehuman::{BoneWeights, Quad};
 use crate::shading::vertex_normals;
 use glam::Vec3;
