@@ -5,7 +5,7 @@
 
 use super::*;
 use fastrand::Rng;
-use link::JitterBuffer;
+use link_playout::JitterBuffer;
 use mon3tr_tests::{
     person_reference::{M3, mul, rodrigues, transpose, wide},
     real_files::real_file,

@@ -1,7 +1,10 @@
 //! What a call's frames cost in time, and what became of them.
 
 use crate::{BridgeState, Percentiles};
-use link::{Announcement, Micros, PlayoutStatistics, Timing, ViewerStatistics};
+use link_call::viewer::ViewerStatistics;
+use link_codec::Micros;
+use link_playout::jitter_buffer::{PlayoutStatistics, Timing};
+use link_protocol::Announcement;
 use serde::Serialize;
 
 /// Samples kept of each kind: nine hours at 30 Hz. Later frames are not counted in percentiles.

@@ -3,7 +3,10 @@
 use crate::headset::{Found, Gathered, HeadsetError, Party, Watcher, Wishes, show_party};
 use crate::presence::Seated;
 use crate::{Call, CallEnd, CallFigures, Control, Offer, ReceiverError};
-use link::{Announcement, Client, Clock, RoomLink, Viewer};
+use link_call::Viewer;
+use link_http::Client;
+use link_playout::Clock;
+use link_protocol::{Announcement, RoomLink};
 use spmm3::Avatar;
 use std::sync::Arc;
 use tokio::runtime::Handle;

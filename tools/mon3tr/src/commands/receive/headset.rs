@@ -15,7 +15,7 @@ use app::hold::HoldMode;
 use app::visit::{Ended, Guest, Visited, Ways, visit};
 use app::{CallEnd, CallFigures, Control};
 use glam::{Quat, Vec3};
-use link::Clock;
+use link_playout::Clock;
 use profile_report::AvatarFigures;
 use std::path::PathBuf;
 use std::sync::Arc;
