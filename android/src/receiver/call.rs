@@ -15,7 +15,10 @@ use app_session::overlay::Notice;
 use app_session::visit::{
     Ended, Guest, NetworkContext, Visited, Waiting, unless_over, visit, wait_for_sender,
 };
-use link::{Client, Clock, PackageCache, PackageInUse, RoomLink};
+use link_http::cache::PackageInUse;
+use link_http::{Client, PackageCache};
+use link_playout::Clock;
+use link_protocol::RoomLink;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};

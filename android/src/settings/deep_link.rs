@@ -11,7 +11,7 @@
 use super::room::read_room_link;
 use super::{Problem, plain};
 use crate::settings::Origin;
-use link::RoomLink;
+use link_protocol::RoomLink;
 use url::Url;
 
 /// What every such link begins with.

@@ -5,7 +5,7 @@ use super::values::{self, read};
 use super::{DisplayRate, Given, Key, Origin, Problem, Sourced, plain};
 use app_pipeline::plan::PlacementRequest;
 use app_pipeline::timeline::LatencyMode;
-use link::{HttpError, RoomLink};
+use link_protocol::{ProtocolError, RoomLink};
 use log::LevelFilter;
 use std::time::Duration;
 
@@ -218,7 +218,7 @@ impl Sources {
         }
         plain::check(token, Key::Token.longest()).map_err(wrong(Key::Token, of_token))?;
         RoomLink::of(server, name, token).map_err(|error| match error {
-            HttpError::Token(_) => wrong(Key::Token, of_token)(line(&error)),
+            ProtocolError::Token(_) => wrong(Key::Token, of_token)(line(&error)),
             _ => wrong(Key::Room, origin)(line(&error)),
         })
     }

@@ -2,7 +2,8 @@
 //! `host/../x`, `%68ost`) is refused with what it would have meant.
 
 use super::plain;
-use link::{RoomLink, ServerUrl};
+use link_protocol::room_link::ServerUrl;
+use link_protocol::{ProtocolError, RoomLink};
 
 /// The longest address that is looked at; links have a token besides.
 const LONGEST: usize = 8_192;
@@ -65,7 +66,7 @@ fn check_named(text: &str, server: &ServerUrl) -> Result<(), String> {
     ))
 }
 
-/// What the network's crate says, on one line.
-pub(super) fn line(error: &link::HttpError) -> String {
+/// What is wrong with a link, an address or a token, on one line.
+pub(super) fn line(error: &ProtocolError) -> String {
     plain::one_line(&error.to_string())
 }

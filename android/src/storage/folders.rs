@@ -1,7 +1,7 @@
 //! The app's two folders: one that nobody else can look into, one that adb can.
 
 use crate::package::SETTINGS_FILE;
-use link::{HttpError, PackageCache};
+use link_http::{HttpError, PackageCache};
 use std::path::{Path, PathBuf};
 
 /// Folders of the app.

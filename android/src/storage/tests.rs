@@ -1,5 +1,5 @@
 use super::Folders;
-use link::PackageId;
+use link_protocol::PackageId;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};

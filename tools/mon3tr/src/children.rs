@@ -1,7 +1,9 @@
 //! Other processes of this same program: a call's server, sender and receiver on one machine, as `demo` and `netlab` run them.
 
 use anyhow::{Context, bail};
-use link::{Client, RoomLink, ServerUrl};
+use link_http::Client;
+use link_protocol::RoomLink;
+use link_protocol::room_link::ServerUrl;
 use std::ffi::{OsStr, OsString};
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;

@@ -1,7 +1,7 @@
 //! What `send` and `receive` share: the network's threads, the server's certificate, and Ctrl-C.
 
 use anyhow::Context;
-use link::Client;
+use link_http::Client;
 use std::future::Future;
 use std::path::PathBuf;
 use std::sync::Arc;

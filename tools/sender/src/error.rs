@@ -1,6 +1,6 @@
 //! What can stop a sender.
 
-use link::LinkError;
+use link_call::CallError;
 use std::path::PathBuf;
 
 /// An error on the sending side.
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 pub enum SendError {
     /// The server or the network.
     #[error(transparent)]
-    Link(#[from] LinkError),
+    Link(#[from] CallError),
     /// The store lacks the avatar and there is no token to put it there.
     #[error(
         "the server has no package {} of the room's owner yet, and only that owner may put it there: give the owner's token too (or the link \

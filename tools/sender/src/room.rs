@@ -1,10 +1,13 @@
 //! Into the room: the avatar is put into the store if it is not there, and a room is opened if none was given.
 
 use crate::SendError;
-use link::{
-    Announcement, AvatarRef, ChannelMode, Client, Clock, Codec, Host, LinkError, RoomLink,
-    ServerUrl,
-};
+use link_call::{CallError, Host};
+use link_codec::Codec;
+use link_http::Client;
+use link_playout::Clock;
+use link_protocol::announcement::{AvatarRef, ChannelMode};
+use link_protocol::room_link::ServerUrl;
+use link_protocol::{Announcement, RoomLink};
 use std::path::PathBuf;
 
 /// What a sender brings along.
@@ -84,19 +87,19 @@ pub async fn enter(
     let file = desk.avatar.clone();
     let avatar = tokio::task::spawn_blocking(move || AvatarRef::of_file(&file))
         .await
-        .map_err(|error| LinkError::Task(error.to_string()))?
-        .map_err(LinkError::from)?;
+        .map_err(|error| CallError::Task(error.to_string()))?
+        .map_err(CallError::from)?;
     if let Some(token) = desk.place.owner_token() {
         let server = desk.place.server();
         if !client
             .has_package(server, token, &avatar.sha256)
             .await
-            .map_err(LinkError::from)?
+            .map_err(CallError::from)?
         {
             client
                 .put_package(server, token, &desk.avatar, progress)
                 .await
-                .map_err(LinkError::from)?;
+                .map_err(CallError::from)?;
         }
     }
     let (sender, viewers) = match &desk.place {
@@ -108,7 +111,7 @@ pub async fn enter(
             let room = client
                 .open_room(server, owner_token, None)
                 .await
-                .map_err(LinkError::from)?;
+                .map_err(CallError::from)?;
             (room.sender, Some(room.viewer))
         }
     };

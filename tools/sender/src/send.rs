@@ -1,7 +1,8 @@
 //! From the capture to the host, one motion at a time.
 
 use crate::{Capture, SendError};
-use link::{Clock, Host};
+use link_call::Host;
+use link_playout::Clock;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 /// Sends what `capture` gives until it ends or `stop` is set. Blocks: a capture has a thread of its own.

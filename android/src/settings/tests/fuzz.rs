@@ -41,7 +41,7 @@ fn named_by_eye(deep: &str) -> Option<String> {
 }
 
 /// Whether what came out of some text is right: it says again what it was read from, and goes to the server that stands there.
-fn check_out(text: &str, room: &link::RoomLink) -> Result<(), TestCaseError> {
+fn check_out(text: &str, room: &link_protocol::RoomLink) -> Result<(), TestCaseError> {
     let again = deep_link(room);
     let read_again = read_deep_link(&again);
     prop_assert_eq!(read_again.as_ref(), Ok(room), "round trip of {}", text);
@@ -83,7 +83,7 @@ proptest! {
 
     #[test]
     fn every_room_link_has_a_deep_link_that_reads_back(text in good_links()) {
-        let room: link::RoomLink = text.parse().expect("a good link");
+        let room: link_protocol::RoomLink = text.parse().expect("a good link");
         let deep = deep_link(&room);
         let read_back = read_deep_link(&deep);
         prop_assert_eq!(read_back.as_ref(), Ok(&room), "{}", deep);
@@ -97,7 +97,7 @@ proptest! {
         text in good_links(),
         cuts in prop::collection::vec((any::<prop::sample::Index>(), 0..4_u8, "[ -~]{0,3}|[\\x00-\\x1f]|\\PC|(%[0-9a-fA-F]{2})|\\.\\./|//|@evil\\.example"), 1..4),
     ) {
-        let room: link::RoomLink = text.parse().expect("a good link");
+        let room: link_protocol::RoomLink = text.parse().expect("a good link");
         let mut deep: Vec<char> = deep_link(&room).chars().collect();
         for (at, how, piece) in cuts {
             let at = at.index(deep.len() + 1).min(deep.len());

@@ -2,14 +2,14 @@
 //!
 //! A late or lost frame is bridged by going on with the last velocities, which die away; silence, by easing to a person at
 //! ease on the same spot; and when frames come again, what is shown flows back into them. Nothing ever jumps. Which frames
-//! are due is `link::JitterBuffer`'s business; nothing here asks for the time.
+//! are due is `link_playout::JitterBuffer`'s business; nothing here asks for the time.
 
 mod change;
 
 pub(crate) use change::between;
 use change::{Change, Extent};
 use glam::{Quat, Vec3};
-use link::{Micros, MotionFrame};
+use link_codec::{Micros, MotionFrame};
 use serde::Serialize;
 use spmm3::{Joint, MotionParams, Skeleton, at_ease};
 use std::{f32::consts::PI, time::Duration};

@@ -5,7 +5,7 @@
 
 use super::*;
 use fastrand::Rng;
-use link::JitterBuffer;
+use link_playout::JitterBuffer;
 use proptest::prelude::*;
 use spmm3::{EXPRESSION, LoadOptions, MotionClip, Playback};
 use std::sync::OnceLock;

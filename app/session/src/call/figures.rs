@@ -2,7 +2,10 @@
 
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::profile::Percentiles;
-use link::{Announcement, Micros, PlayoutStatistics, Timing, ViewerStatistics};
+use link_call::viewer::ViewerStatistics;
+use link_codec::Micros;
+use link_playout::jitter_buffer::{PlayoutStatistics, Timing};
+use link_protocol::Announcement;
 use serde::Serialize;
 
 /// Samples kept of each kind: nine hours at 30 Hz. Later frames are not counted in percentiles.

@@ -9,9 +9,11 @@ pub use watch::{CallCounts, CallWatch};
 use app_pipeline::concealment::{ConcealmentState, MotionConcealment};
 use app_pipeline::lanes::{MotionSource, Pose};
 use figures::Log;
-use link::{
-    Announcement, CallEvent, Clock, JitterBuffer, LinkError, Micros, Played, Timing, Viewer,
-};
+use link_call::{CallError, CallEvent, Viewer};
+use link_codec::Micros;
+use link_playout::jitter_buffer::{Played, Timing};
+use link_playout::{Clock, JitterBuffer};
+use link_protocol::Announcement;
 use spmm3::Skeleton;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
@@ -27,7 +29,7 @@ pub enum CallEnd {
     /// The sender has come back as somebody else: another avatar has to be fetched.
     AnotherAvatar(Announcement),
     /// It cannot go on.
-    Failed(LinkError),
+    Failed(CallError),
 }
 
 /// A call in progress.

@@ -1,6 +1,7 @@
 //! Before a call: waiting until somebody is in the room.
 
-use link::{Announcement, Client, HttpError, RoomLink};
+use link_http::{Client, HttpError};
+use link_protocol::{Announcement, RoomLink};
 use std::time::Duration;
 
 /// Between two questions whether the sender has come.

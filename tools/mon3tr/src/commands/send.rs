@@ -7,7 +7,11 @@ use crate::progress;
 use crate::report::{check_writable, write_json};
 use crate::stage::load_avatar;
 use anyhow::{Context, anyhow, bail};
-use link::{ChannelMode, Clock, Codec, RoomLink, ServerUrl};
+use link_codec::Codec;
+use link_playout::Clock;
+use link_protocol::RoomLink;
+use link_protocol::announcement::ChannelMode;
+use link_protocol::room_link::ServerUrl;
 use sender::{ClipCapture, Desk, Place};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -75,7 +79,7 @@ struct Report {
     rate_hz: f64,
     seconds: f64,
     #[serde(flatten)]
-    sent: link::HostStatistics,
+    sent: link_call::host::HostStatistics,
 }
 
 /// Runs `send`.

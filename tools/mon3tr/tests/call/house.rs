@@ -1,7 +1,7 @@
 //! A server of the test's own, and the programs of a call as processes.
 
 use crate::command::{command, json, puppet};
-use link::RoomLink;
+use link_protocol::RoomLink;
 use netlab::{Impairment, Lab, LabConfig};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;

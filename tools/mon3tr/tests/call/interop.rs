@@ -1,7 +1,10 @@
 //! Implementations that are not ours, written from `docs/protocol.md` alone: aiortc as a sender and as a viewer, and a browser as a viewer.
 
 use crate::house::{House, count, number};
-use link::{AvatarRef, Client, Room, ServerUrl};
+use link_http::Client;
+use link_http::rooms::Room;
+use link_protocol::announcement::AvatarRef;
+use link_protocol::room_link::ServerUrl;
 use serde_json::Value;
 use std::fs::File;
 use std::path::{Path, PathBuf};

@@ -4,7 +4,9 @@ use crate::command::{Outcome, command};
 use crate::house::{
     House, assert_nothing_refused, assert_only_skipped, count, frames_come, joined, through,
 };
-use link::{Client, RoomLink, ServerUrl};
+use link_http::Client;
+use link_protocol::RoomLink;
+use link_protocol::room_link::ServerUrl;
 use netlab::{Impairment, Loss, Probability};
 use std::time::{Duration, SystemTime};
 

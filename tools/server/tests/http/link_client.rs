@@ -1,10 +1,12 @@
-//! The server and `link`'s client, which were written apart by the same page.
+//! The server and `link-http`'s client, which were written apart by the same page.
 
 use crate::support::{ANSWER, OFFER, Outcome, TestServer, package};
-use link::{
-    Announcement, AvatarRef, ChannelMode, Client, Codec, HttpError, PackageCache, PackageId,
-    PresenceEvent, ServerUrl,
-};
+use link_codec::Codec;
+use link_http::presence::PresenceEvent;
+use link_http::{Client, HttpError, PackageCache};
+use link_protocol::announcement::{AvatarRef, ChannelMode};
+use link_protocol::room_link::ServerUrl;
+use link_protocol::{Announcement, PackageId};
 use std::fs;
 use tempfile::tempdir;
 
@@ -122,7 +124,7 @@ async fn our_client_reads_the_server_s_refusals() -> Outcome {
 }
 
 /// The token at a link's end.
-fn room_token(link: &link::RoomLink) -> String {
+fn room_token(link: &link_protocol::RoomLink) -> String {
     let text = link.to_string();
     text.rsplit('#').next().unwrap_or_default().to_owned()
 }

@@ -6,7 +6,7 @@ use crate::film::ANIMATION_PIXELS;
 use crate::monado::Monado;
 use crate::network::Network;
 use anyhow::Context;
-use link::Client;
+use link_http::Client;
 use serde_json::Value;
 use std::ffi::OsString;
 use std::path::Path;

@@ -16,7 +16,7 @@ use app_session::call::{CallEnd, CallFigures};
 use app_session::headset::{HeadsetHandle, Wishes};
 use app_session::visit::{Ended, Guest, NetworkContext, Visited, visit};
 use glam::{Quat, Vec3};
-use link::Clock;
+use link_playout::Clock;
 use profile_report::AvatarFigures;
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -1,0 +1,378 @@
+//! The receiving side of a call: joins a room and hands over what arrives, through outages and restarts, until somebody hangs up.
+
+use crate::peer::PeerEvent;
+use crate::session::Session;
+use crate::{Backoff, CallError, part, part_too, raised};
+use link_codec::refusal::RefusalCounts;
+use link_codec::{Micros, MotionFrame};
+use link_http::Client;
+use link_playout::Clock;
+use link_playout::clock::Exchange;
+use link_protocol::message::Message;
+use link_protocol::{Announcement, RoomLink};
+use serde::Serialize;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
+
+/// Silence after which another connection is made beside the silent one: SCTP alone takes 15 s to come back from an outage of 10 s.
+const SILENT: Duration = Duration::from_secs(1);
+
+/// From the offer to the open channel, on a path that nothing is known of yet ...
+const CONNECTING: Duration = Duration::from_secs(10);
+
+/// ... and on one whose round trip is known, besides that: ICE gives up its checks after 1.4 s, so an attempt that falls into an outage
+/// is lost, and the next must not wait for it.
+const RECONNECTING: Duration = Duration::from_millis(2_500);
+
+/// For the server to say who is in the room, and to hear who has left.
+const ASKING: Duration = Duration::from_secs(3);
+const LEAVING: Duration = Duration::from_secs(1);
+
+/// How often silence and feedback are looked at.
+const TICK: Duration = Duration::from_millis(50);
+
+/// Frames that may wait for who draws: 8 s at 60 Hz.
+const WAITING: usize = 512;
+
+/// What happens in a call.
+#[derive(Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "frames are nearly all of them, and a box would be an allocation for each"
+)]
+pub enum CallEvent {
+    /// What the sender announces: once before the first connection, and again whenever it has changed.
+    Announced(Announcement),
+    /// A connection is open; sequences begin anew.
+    Joined,
+    /// A frame that passed every check.
+    Frame {
+        /// What was captured, its time by the sender's clock.
+        frame: MotionFrame,
+        /// When it was captured, by this side's clock; `None` until the clocks are compared.
+        captured: Option<Micros>,
+        /// When it arrived, by this side's clock.
+        arrived: Micros,
+    },
+    /// The sender said goodbye: the call is over.
+    HungUp,
+    /// The call cannot go on; the last event.
+    Failed(CallError),
+}
+
+/// What has arrived so far.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct ViewerStatistics {
+    /// Connections that were made.
+    pub sessions: u32,
+    /// Frames that passed every check.
+    pub frames: u64,
+    /// Frames that who draws was too slow to take.
+    pub overrun: u64,
+    /// Bytes of all messages, without any header.
+    pub payload_bytes: u64,
+    /// Messages refused, by reason.
+    pub refused: RefusalCounts,
+    /// The sender's clock less this side's, microseconds.
+    pub clock_offset_us: Option<i64>,
+    /// Shortest round trip of late, microseconds.
+    pub round_trip_us: Option<u64>,
+}
+
+/// A viewer's place in a room.
+#[derive(Debug)]
+pub struct Viewer {
+    events: Receiver<CallEvent>,
+    waiting: Arc<AtomicUsize>,
+    stop: watch::Sender<bool>,
+    task: JoinHandle<()>,
+    statistics: Arc<Mutex<ViewerStatistics>>,
+}
+
+impl Viewer {
+    /// Joins `room` in tasks of the current tokio runtime, and comes back after every outage until somebody hangs up.
+    #[must_use]
+    pub fn join(client: Client, room: RoomLink, clock: Clock) -> Self {
+        let (tell, events) = channel();
+        let waiting = Arc::<AtomicUsize>::default();
+        let (stop, stopped) = watch::channel(false);
+        let statistics = Arc::<Mutex<ViewerStatistics>>::default();
+        let call = Call {
+            client,
+            room,
+            clock,
+            tell,
+            waiting: Arc::clone(&waiting),
+            stop: stopped,
+            statistics: Arc::clone(&statistics),
+            announced: None,
+        };
+        Self {
+            events,
+            waiting,
+            stop,
+            task: tokio::spawn(call.run()),
+            statistics,
+        }
+    }
+
+    /// What happens next, if it does within `longest`.
+    ///
+    /// # Errors
+    /// [`RecvTimeoutError::Timeout`] if nothing does, [`RecvTimeoutError::Disconnected`] after the last event.
+    pub fn next(&self, longest: Duration) -> Result<CallEvent, RecvTimeoutError> {
+        let event = self.events.recv_timeout(longest)?;
+        self.waiting.fetch_sub(1, Relaxed);
+        Ok(event)
+    }
+
+    /// Figures so far.
+    #[must_use]
+    pub fn statistics(&self) -> ViewerStatistics {
+        locked(&self.statistics).clone()
+    }
+
+    /// Says goodbye and leaves the room.
+    pub async fn hang_up(self) {
+        self.stop.send_replace(true);
+        if let Err(error) = self.task.await {
+            log::error!("a task of the call failed: {error}");
+        }
+    }
+}
+
+/// The task behind a [`Viewer`].
+#[derive(Debug)]
+struct Call {
+    client: Client,
+    room: RoomLink,
+    clock: Clock,
+    tell: Sender<CallEvent>,
+    waiting: Arc<AtomicUsize>,
+    stop: watch::Receiver<bool>,
+    statistics: Arc<Mutex<ViewerStatistics>>,
+    announced: Option<Announcement>,
+}
+
+/// What making a connection came to.
+type Joining = JoinHandle<Result<Box<(Announcement, Session)>, CallError>>;
+
+/// Why [`Call::run`] looks at a session again.
+enum Turn {
+    Event(PeerEvent),
+    Joined(Result<Box<(Announcement, Session)>, CallError>),
+    Tick,
+    Stop,
+}
+
+impl Call {
+    async fn run(mut self) {
+        let mut current: Option<Session> = None;
+        let mut joining: Option<Joining> = Some(self.start_joining(Duration::ZERO));
+        let mut backoff = Backoff::default();
+        let mut out = Vec::with_capacity(64);
+        let mut ticks = interval(TICK);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            match self.turn(&mut current, &mut joining, &mut ticks).await {
+                Turn::Event(PeerEvent::Message(bytes)) => {
+                    let Some(session) = &mut current else {
+                        continue;
+                    };
+                    session.heard = Instant::now();
+                    backoff.reset();
+                    if self.take(session, &bytes, &mut out).await {
+                        self.tell(CallEvent::HungUp);
+                        part_too(&session.peer, session.id).await;
+                        self.finish(current.as_ref(), joining).await;
+                        return;
+                    }
+                    // The silent connection has come back by itself.
+                    if let Some(superfluous) = joining.take() {
+                        superfluous.abort();
+                    }
+                }
+                Turn::Event(PeerEvent::Closed) => {
+                    current = None;
+                    if joining.is_none() {
+                        joining = Some(self.start_joining(backoff.next()));
+                    }
+                }
+                Turn::Event(PeerEvent::Open) => {}
+                Turn::Joined(Ok(joined)) => {
+                    let (announcement, session) = *joined;
+                    joining = None;
+                    log::info!("joined (session {:08x})", session.id);
+                    current = Some(session);
+                    self.announce(announcement);
+                    self.with_statistics(|s| s.sessions += 1);
+                    self.tell(CallEvent::Joined);
+                }
+                // A connection that is only silent may come back, whatever the server says meanwhile.
+                Turn::Joined(Err(error)) if error.is_final() && current.is_none() => {
+                    self.tell(CallEvent::Failed(error));
+                    break;
+                }
+                Turn::Joined(Err(error)) => {
+                    log::debug!("not joined yet: {error}");
+                    joining = Some(self.start_joining(backoff.next()));
+                }
+                Turn::Tick => {
+                    let Some(session) = &mut current else {
+                        continue;
+                    };
+                    if session.heard.elapsed() > SILENT && joining.is_none() {
+                        log::warn!("nothing comes from the sender: looking for it");
+                        joining = Some(self.start_joining(Duration::ZERO));
+                    }
+                    session.speak(self.clock, &mut out).await;
+                }
+                Turn::Stop => break,
+            }
+        }
+        if let Some(session) = &mut current
+            && !part(&mut session.peer, session.id).await
+        {
+            // It was not heard; the server's word is a second way.
+            let told = self.client.leave(&self.room, &session.name);
+            if !matches!(timeout(LEAVING, told).await, Ok(Ok(()))) {
+                log::debug!("the server was not told that this viewer left");
+            }
+        }
+        self.finish(current.as_ref(), joining).await;
+    }
+
+    async fn finish(&self, current: Option<&Session>, joining: Option<Joining>) {
+        if let Some(joining) = joining {
+            joining.abort();
+        }
+        if let Some(session) = current {
+            session.peer.close().await;
+        }
+    }
+
+    /// Waits for whatever comes first.
+    async fn turn(
+        &mut self,
+        current: &mut Option<Session>,
+        joining: &mut Option<Joining>,
+        ticks: &mut tokio::time::Interval,
+    ) -> Turn {
+        let event = async {
+            match current {
+                Some(session) => session.peer.next().await,
+                None => std::future::pending().await,
+            }
+        };
+        let joined = async {
+            match joining {
+                Some(task) => task.await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            () = raised(&mut self.stop) => Turn::Stop,
+            event = event => Turn::Event(event),
+            joined = joined => Turn::Joined(joined.unwrap_or_else(|error| Err(CallError::Task(error.to_string())))),
+            _ = ticks.tick() => Turn::Tick,
+        }
+    }
+
+    fn start_joining(&self, after: Duration) -> Joining {
+        let (client, room, clock) = (self.client.clone(), self.room.clone(), self.clock);
+        let limit = match self.with_statistics(|s| s.round_trip_us) {
+            // Some ten messages go to and fro until the channel is open.
+            Some(us) => RECONNECTING + 10 * Duration::from_micros(us),
+            None => CONNECTING,
+        };
+        tokio::spawn(async move {
+            tokio::time::sleep(after).await;
+            // A connection to the server that died unseen must not hold this up for long.
+            let announcement = timeout(ASKING, client.ask(&room))
+                .await
+                .map_err(|_| CallError::NotConnected)??
+                .ok_or(CallError::SenderAbsent)?;
+            let session = timeout(limit, Session::open(&client, &room, &announcement, clock));
+            let session = session.await.map_err(|_| CallError::NotConnected)??;
+            Ok(Box::new((announcement, session)))
+        })
+    }
+
+    fn announce(&mut self, announcement: Announcement) {
+        if self.announced.as_ref() != Some(&announcement) {
+            self.announced = Some(announcement);
+            self.tell(CallEvent::Announced(announcement));
+        }
+    }
+
+    /// Takes one message; returns whether it was the goodbye.
+    async fn take(&self, session: &mut Session, bytes: &[u8], out: &mut Vec<u8>) -> bool {
+        let arrived = self.clock.now();
+        self.with_statistics(|s| s.payload_bytes += bytes.len() as u64);
+        match Message::read(bytes, session.id) {
+            Some(Message::Bye) => return true,
+            Some(Message::Pong(pong)) => {
+                let exchange = Exchange {
+                    sent: pong.asked,
+                    arrived: pong.arrived,
+                    left: pong.left,
+                    returned: arrived,
+                };
+                if let Err(error) = session.offset.observe(&exchange) {
+                    log::debug!("a pong is not believed: {error}");
+                }
+                self.with_statistics(|s| {
+                    s.clock_offset_us = session.offset.offset_us();
+                    s.round_trip_us = session
+                        .offset
+                        .round_trip()
+                        .and_then(|time| u64::try_from(time.as_micros()).ok());
+                });
+            }
+            Some(Message::Feedback(_)) => log::debug!("a feedback from the sender makes no sense"),
+            None => match session.decoder.decode(bytes) {
+                Ok(frame) => {
+                    let captured = session.offset.to_local(frame.captured);
+                    self.with_statistics(|s| s.frames += 1);
+                    self.tell(CallEvent::Frame {
+                        frame,
+                        captured,
+                        arrived,
+                    });
+                    session.fresh_frames += 1;
+                    session.speak(self.clock, out).await;
+                }
+                Err(refusal) => {
+                    self.with_statistics(|s| s.refused.add(refusal));
+                    log::debug!("a message of {} bytes: {refusal}", bytes.len());
+                }
+            },
+        }
+        false
+    }
+
+    fn tell(&self, event: CallEvent) {
+        // Frames may be missed by who does not look; what becomes of the call may not.
+        if matches!(event, CallEvent::Frame { .. }) && self.waiting.load(Relaxed) >= WAITING {
+            self.with_statistics(|s| s.overrun += 1);
+            return;
+        }
+        self.waiting.fetch_add(1, Relaxed);
+        // Whoever does not listen any more will stop this task.
+        let _ = self.tell.send(event);
+    }
+
+    fn with_statistics<T>(&self, look: impl FnOnce(&mut ViewerStatistics) -> T) -> T {
+        look(&mut locked(&self.statistics))
+    }
+}
+
+fn locked(statistics: &Mutex<ViewerStatistics>) -> MutexGuard<'_, ViewerStatistics> {
+    // A panic elsewhere leaves counts that are still counts.
+    statistics.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,330 @@
+//! The jitter buffer: frames that arrive when they please leave in order, each when it is due.
+//!
+//! A frame is due at its capture time plus an offset that adapts ([`delay`]). All that is due leaves at once and the newest
+//! is what to show: after an outage nobody wants to see the past replayed. Time is always handed in; what to show while
+//! nothing comes is decided elsewhere (`app_pipeline::concealment::Bridge`).
+
+mod delay;
+
+use delay::PlayoutDelay;
+use link_codec::{Micros, MotionFrame};
+use std::{collections::VecDeque, time::Duration};
+
+/// Frames kept at most: twice what [`JitterBuffer::MAX_DELAY`] holds at 120 Hz, and more.
+const WAITING: usize = 64;
+/// Times beyond this (146 000 years) are noise.
+const LATEST_US: u64 = 1 << 62;
+/// A frame that misses its time by no more than this is shown with the same picture anyway.
+const LATE_US: i64 = 1_000;
+
+/// What became of a frame that was handed in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arrival {
+    /// It waits for its time.
+    InTime,
+    /// Its time was over, but nothing newer has been shown: it leaves with the next [`JitterBuffer::take`].
+    Late,
+    /// Something newer has been shown: dropped.
+    Passed,
+    /// It was here before: dropped.
+    Duplicate,
+    /// Its sequence or its time is none: dropped.
+    Refused,
+}
+
+/// When things happened to a frame that is to be shown. All by our clock but `captured`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Timing {
+    /// Capture, by the sender's clock.
+    pub captured: Micros,
+    /// Capture by our clock, as far as the offset was known when it arrived.
+    pub captured_local: Option<Micros>,
+    /// Arrival from the network.
+    pub arrived: Micros,
+    /// When it was meant to be shown.
+    pub due: Micros,
+    /// When it left the buffer.
+    pub released: Micros,
+}
+
+impl Timing {
+    /// Capture to arrival, microseconds; may fall below zero by the clock offset's error.
+    #[must_use]
+    pub fn network_us(&self) -> Option<i64> {
+        let captured = self.captured_local?;
+        Some(signed(self.arrived).saturating_sub(signed(captured)))
+    }
+
+    /// Arrival to release.
+    #[must_use]
+    pub fn buffer(&self) -> Duration {
+        Duration::from_micros(self.released.0.saturating_sub(self.arrived.0))
+    }
+}
+
+/// A frame whose time has come.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Played {
+    /// What to show.
+    pub frame: MotionFrame,
+    /// Its way so far.
+    pub timing: Timing,
+}
+
+/// What a buffer has seen, since it was made; the delay and the jitter are of the last 5 s.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PlayoutStatistics {
+    /// Frames handed in, duplicates and refused ones among them.
+    pub received: u64,
+    /// Frames that came more than 1 ms after their time and were shown all the same.
+    pub late: u64,
+    /// Frames that came after a newer one had been shown.
+    pub passed: u64,
+    /// Frames that came after a newer one had come.
+    pub reordered: u64,
+    /// Frames that came again.
+    pub duplicate: u64,
+    /// Frames that never came, by gaps in the sequence. One that is on its way counts until it is here.
+    pub lost: u64,
+    /// Frames thrown out because too many waited.
+    pub overflowed: u64,
+    /// Frames without a sequence or a possible time.
+    pub refused: u64,
+    /// Outages after which frames came that no delay could have saved.
+    pub stalls: u64,
+    /// What is added to the shortest transit so that frames come in time.
+    pub delay: Duration,
+    /// Median, 95th and 99th percentile of transit beyond the shortest.
+    pub jitter: [Duration; 3],
+}
+
+#[derive(Debug, Clone)]
+struct Waiting {
+    frame: MotionFrame,
+    captured_local: Option<Micros>,
+    arrived: Micros,
+}
+
+/// Which sequences have come, as RTP receivers know it (RFC 3550, appendix A).
+#[derive(Debug, Clone, Copy, Default)]
+struct Sequences {
+    first: u32,
+    highest: u32,
+    /// Bit k: highest - k has come.
+    seen: u128,
+    /// Different ones.
+    count: u64,
+}
+
+impl Sequences {
+    fn lost(&self) -> u64 {
+        let expected = if self.count == 0 {
+            0
+        } else {
+            u64::from(self.highest - self.first) + 1
+        };
+        expected.saturating_sub(self.count)
+    }
+
+    /// Notes a sequence; whether it is the highest so far, or `None` if it has come before.
+    fn note(&mut self, sequence: u32) -> Option<bool> {
+        if self.count == 0 {
+            (self.first, self.highest, self.seen) = (sequence, sequence, 1);
+        } else if sequence > self.highest {
+            let ahead = sequence - self.highest;
+            self.seen = self.seen.checked_shl(ahead).unwrap_or(0) | 1;
+            self.highest = sequence;
+        } else {
+            let bit = 1u128
+                .checked_shl(self.highest - sequence)
+                // Too old to tell; it has been passed long since and must not count twice.
+                .filter(|bit| self.seen & bit == 0)?;
+            self.seen |= bit;
+            self.first = self.first.min(sequence);
+            self.count += 1;
+            return Some(false);
+        }
+        self.count += 1;
+        Some(true)
+    }
+}
+
+/// Holds frames until they are due.
+#[derive(Debug, Clone)]
+pub struct JitterBuffer {
+    /// By sequence, oldest first.
+    waiting: VecDeque<Waiting>,
+    delay: PlayoutDelay,
+    sequences: Sequences,
+    /// The newest sequence that has left.
+    shown: Option<u32>,
+    counts: PlayoutStatistics,
+}
+
+impl Default for JitterBuffer {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl JitterBuffer {
+    /// No frame is held back longer than this.
+    pub const MAX_DELAY: Duration = Duration::from_micros(delay::MOST_US.unsigned_abs());
+
+    /// Empty, without delay.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            waiting: VecDeque::with_capacity(WAITING),
+            delay: PlayoutDelay::new(),
+            sequences: Sequences::default(),
+            shown: None,
+            counts: PlayoutStatistics::default(),
+        }
+    }
+
+    /// Begins again with a sender that counts and measures anew (another session): forgets frames, sequences and delays,
+    /// keeps the counts.
+    pub fn reset(&mut self) {
+        self.counts.lost += self.sequences.lost();
+        self.waiting.clear();
+        self.delay.reset();
+        self.sequences = Sequences::default();
+        self.shown = None;
+    }
+
+    /// Takes a frame that arrived at `arrived`. `captured_local` is its capture time by our clock, if the offset is known;
+    /// it is only handed on for reports, the delay rests on differences of transit.
+    pub fn push(
+        &mut self,
+        frame: MotionFrame,
+        arrived: Micros,
+        captured_local: Option<Micros>,
+    ) -> Arrival {
+        self.counts.received += 1;
+        if frame.sequence == 0 || frame.captured.0 >= LATEST_US || arrived.0 >= LATEST_US {
+            self.counts.refused += 1;
+            return Arrival::Refused;
+        }
+        let Some(newest) = self.sequences.note(frame.sequence) else {
+            self.counts.duplicate += 1;
+            return Arrival::Duplicate;
+        };
+        self.counts.reordered += u64::from(!newest);
+        let (captured, here) = (signed(frame.captured), signed(arrived));
+        let late = here > self.delay.due(captured, here) + LATE_US;
+        self.delay.observe(captured, here, newest);
+        if self.shown.is_some_and(|shown| frame.sequence < shown) {
+            self.counts.passed += 1;
+            return Arrival::Passed;
+        }
+        if self.waiting.len() == WAITING {
+            let oldest = self.waiting.pop_front();
+            self.shown = self.shown.max(oldest.map(|w| w.frame.sequence));
+            self.counts.overflowed += 1;
+        }
+        let place = self
+            .waiting
+            .partition_point(|w| w.frame.sequence < frame.sequence);
+        self.waiting.insert(
+            place,
+            Waiting {
+                frame,
+                captured_local,
+                arrived,
+            },
+        );
+        if late {
+            self.counts.late += 1;
+            Arrival::Late
+        } else {
+            Arrival::InTime
+        }
+    }
+
+    fn due(&self, waiting: &Waiting) -> Micros {
+        let due = self
+            .delay
+            .due(signed(waiting.frame.captured), signed(waiting.arrived));
+        Micros(due.max(0).unsigned_abs())
+    }
+
+    /// Hands out all frames that are due at `now`, oldest first: the last is the one to show, those before it are of use
+    /// for velocities and interpolation. Does not allocate.
+    pub fn take(
+        &mut self,
+        now: Micros,
+    ) -> impl DoubleEndedIterator<Item = Played> + ExactSizeIterator + '_ {
+        let due = self
+            .waiting
+            .iter()
+            .rposition(|w| self.due(w) <= now)
+            .map_or(0, |newest| newest + 1);
+        if let Some(newest) = due.checked_sub(1).and_then(|k| self.waiting.get(k)) {
+            self.shown = self.shown.max(Some(newest.frame.sequence));
+        }
+        let delay = &self.delay;
+        self.waiting.drain(..due).map(move |w| {
+            let due = delay.due(signed(w.frame.captured), signed(w.arrived));
+            Played {
+                timing: Timing {
+                    captured: w.frame.captured,
+                    captured_local: w.captured_local,
+                    arrived: w.arrived,
+                    due: Micros(due.max(0).unsigned_abs()),
+                    released: now,
+                },
+                frame: w.frame,
+            }
+        })
+    }
+
+    /// The oldest frame that waits and when it is due, for interpolating towards it and for sleeping until then.
+    #[must_use]
+    pub fn next(&self) -> Option<(&MotionFrame, Micros)> {
+        self.waiting.front().map(|w| (&w.frame, self.due(w)))
+    }
+
+    /// How many frames wait.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// What is added to the shortest transit, now.
+    #[must_use]
+    pub fn delay(&self) -> Duration {
+        Duration::from_micros(self.delay.added_us())
+    }
+
+    /// Counts since the buffer was made, delay and jitter now.
+    #[must_use]
+    pub fn statistics(&self) -> PlayoutStatistics {
+        PlayoutStatistics {
+            lost: self.counts.lost + self.sequences.lost(),
+            stalls: self.delay.stalls,
+            delay: self.delay(),
+            jitter: self
+                .delay
+                .jitter_us([0.5, 0.95, 0.99])
+                .map(Duration::from_micros),
+            ..self.counts
+        }
+    }
+}
+
+/// Times are checked against [`LATEST_US`] where they come in.
+fn signed(time: Micros) -> i64 {
+    i64::try_from(time.0).unwrap_or(i64::MAX)
+}
+
+#[allow(
+    clippy::cast_possible_truncation,
+    reason = "the cast saturates, and delays are below 2^62"
+)]
+fn whole(value: f64) -> i64 {
+    value.round() as i64
+}
+
+#[cfg(test)]
+mod tests;

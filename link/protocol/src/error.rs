@@ -1,0 +1,46 @@
+//! Why a text or a value is none of the protocol's, with what to do about it. No message holds a token.
+
+use std::io;
+use std::path::PathBuf;
+
+/// What is wrong with a text or a value that should be one of the protocol's.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProtocolError {
+    /// This text is no room link.
+    #[error(
+        "this is no room link: {0}; a link looks like https://HOST[:PORT]/rooms/ROOM#TOKEN, in quotes on a command line"
+    )]
+    Link(String),
+    /// This text is no server's address.
+    #[error("this is no server's address: {0}; an address looks like https://HOST[:PORT]")]
+    Address(String),
+    /// This text cannot be a token.
+    #[error("this is no token: {0}; copy it once more from where the server printed it")]
+    Token(&'static str),
+    /// This text is no package's hash.
+    #[error("this is no package's hash: it must be 64 hexadecimal digits in lower case")]
+    PackageId,
+    /// An announcement has a value that no call can have.
+    #[error("this announcement cannot be: {0}")]
+    Announcement(String),
+    /// A word that names none of the choices there are.
+    #[error("there is no {what} `{word}`: choose {choices}")]
+    NoSuchChoice {
+        /// What was to be chosen.
+        what: &'static str,
+        /// The word.
+        word: String,
+        /// The words there are.
+        choices: &'static str,
+    },
+    /// A package file that should be sent cannot be read.
+    #[error("cannot read package {}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        #[source]
+        source: io::Error,
+    },
+}
