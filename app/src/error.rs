@@ -1,8 +1,8 @@
 //! What can stop the receiver.
 
 use npu_runtime::RuntimeError;
+use renderer_splat::error::RenderError;
 use spmm3::{PackageError, PersonError};
-use xr_renderer::RenderError;
 
 /// An error on a frame's way from motion to picture.
 #[derive(Debug, thiserror::Error)]

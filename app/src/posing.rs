@@ -4,10 +4,10 @@ use crate::hold::KEPT_SHARES;
 use crate::kernels::{Attributes, PoseInputs, Poser, Skinner};
 use crate::{GaussianState, Plan, ReceiverError, StateChange};
 use npu_runtime::Outputs;
+use renderer_splat::posing::{BoundMesh, BoundMeshParts, DetailLevel};
 use spmm3::networks::GraphParts;
 use spmm3::{Avatar, JOINTS, MotionParams, SkinningTransforms};
 use std::ops::Range;
-use xr_renderer::{BoundMesh, BoundMeshParts, DetailLevel};
 
 const VERTICES: usize = 0;
 const ATTRIBUTES: usize = 1;

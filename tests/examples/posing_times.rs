@@ -13,14 +13,18 @@ use mon3tr_tests::bound_person::{Networks, avatar_mesh, session};
 use mon3tr_tests::picture_check::{compare, whole};
 use mon3tr_tests::vulkan::open_gpu;
 use npu_runtime::Runtime;
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::gaussian::PackedGaussian;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::picture::{Backdrop, Image};
+use renderer_splat::posing::Poser;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_splat::times::StageTimes;
 use spmm3::networks::GraphParts;
 use spmm3::{
     Avatar, GaussianSet, LOOP_SECONDS, MotionClip, MotionParams, PlanarVertices, Playback, SH_C0,
     SkinningTransforms,
-};
-use xr_renderer::{
-    BackEnd, Backdrop, Camera, Drawing, Foreground, Image, PackedGaussian, Part, Poser,
-    RendererOptions, SplatRenderer, StageTimes,
 };
 
 const ROUNDS: usize = 60;

@@ -8,9 +8,10 @@
 
 use glam::{Affine3A, Mat3A, Quat, Vec3A};
 use mon3tr_tests::splat_reference::{PixelBox, ReferencePicture, covered_box, render};
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::Gaussian;
 use serde_json::{Value, json};
 use std::error::Error;
-use xr_renderer::{Camera, Gaussian};
 
 type Failure = Box<dyn Error>;
 

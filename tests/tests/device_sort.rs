@@ -7,7 +7,7 @@ use mon3tr_tests::synthetic::Random;
 use mon3tr_tests::vulkan::{assert_silent, gpu, rerun_with_other_subgroups};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
-use xr_renderer::Sorter;
+use renderer_splat::sort::Sorter;
 
 /// As many as a background may have Gaussians.
 const MOST: u32 = 1 << 22;

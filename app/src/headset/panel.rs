@@ -5,8 +5,9 @@ use crate::{
     Lanes, MotionSource, OVERLAY_WIDTH_METRES, OverlayPainter, OverlayWatch, ReceiverError,
 };
 use glam::Affine3A;
+use renderer_openxr::error::XrError;
+use renderer_openxr::session::Session;
 use std::time::{Duration, Instant};
-use xr_renderer::xr::{Session, XrError};
 
 /// Between two updates.
 const PAUSE: Duration = Duration::from_millis(500);

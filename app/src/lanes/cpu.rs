@@ -9,11 +9,12 @@ use crate::bridge::between;
 use crate::kernels::{Blend, Detail};
 use crate::posing::Posing;
 use crate::{ReceiverError, Recorder, Stage, StateChange, StateTimes, Timeline};
+use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::slot::ForegroundSlot;
 use spmm3::MotionParams;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
-use xr_renderer::{ForegroundPath, ForegroundSlot};
 
 /// How long the lane sleeps at most before it looks whether it is to stop.
 const PATIENCE: Duration = Duration::from_millis(100);

@@ -6,8 +6,10 @@ use super::npu::Inferred;
 use super::states::{Heads, StateHead};
 use crate::bridge::between;
 use crate::{LatencyMode, ReceiverError, Timeline};
+use renderer_splat::drawing::Foreground;
+use renderer_splat::posing::{PosedInput, StateId};
+use renderer_splat::renderer::SplatRenderer;
 use std::time::Instant;
-use xr_renderer::{Foreground, PosedInput, RenderError, SplatRenderer, StateId};
 
 const VERTICES: usize = 0;
 const POTENTIALS: usize = 1;
@@ -118,7 +120,7 @@ impl DevicePosing {
         };
         let id = match renderer.push_state(&input) {
             // Drawing finds out, and does something about it.
-            Err(RenderError::DeviceLost(_)) => None,
+            Err(error) if error.is_device_lost() => None,
             pushed => Some(pushed?),
         };
         let place = self.heads.next_place();

@@ -33,10 +33,11 @@ pub use motion::{MotionSource, Pose};
 use crate::hold::{Hold, HoldFigures, HoldMode, Quality};
 use crate::{Collector, LatencyMode, Plan, Recorder};
 use people::People;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use scenery::Scenery;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use xr_renderer::{Gpu, SplatRenderer};
 
 /// What lanes are started with.
 #[derive(Debug)]

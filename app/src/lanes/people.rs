@@ -4,10 +4,12 @@ use super::person::Person;
 use super::{Lanes, MotionSource, Skipped};
 use crate::{Collector, Fault, Inference, Plan, ProviderChange, ReceiverError};
 use glam::Affine3A;
+use renderer_splat::error::RenderError;
+use renderer_splat::limits::MOST_PARTS;
+use renderer_splat::renderer::SplatRenderer;
 use shaders_spirv::PackedGaussian;
 use spmm3::{Avatar, MotionParams};
 use std::sync::Arc;
-use xr_renderer::{MOST_PARTS, RenderError, SplatRenderer};
 
 /// One part of a picture is the scenery's.
 const MOST_PEOPLE: usize = MOST_PARTS - 1;

@@ -9,9 +9,10 @@ use super::hand_over::{Bell, Giver, Overwritten, Taker, hand_over};
 use super::threads::Threads;
 use crate::{Collector, Fault, ProviderChanges, ReceiverError};
 use glam::Affine3A;
+use renderer_splat::drawing::{Foreground, Part};
+use renderer_splat::renderer::SplatRenderer;
 use std::sync::mpsc::Sender;
 use std::time::Instant;
-use xr_renderer::{Foreground, Part, SplatRenderer};
 
 /// A person's lanes, and what they have made.
 #[derive(Debug)]

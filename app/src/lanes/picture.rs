@@ -3,10 +3,12 @@
 use super::cpu::Request;
 use super::{Drawn, Lanes, MotionSource, Progress, Tick};
 use crate::ReceiverError;
+use renderer_openxr::canvas::Canvas;
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::limits::MOST_PARTS;
 use spmm3::MotionParams;
 use std::time::Instant;
-use xr_renderer::xr::Canvas;
-use xr_renderer::{Camera, Drawing, Foreground, MOST_PARTS, Part, RenderError};
 
 impl<S: MotionSource> Lanes<S> {
     /// Begins the picture of `tick`: takes the newest Gaussians there are, and has those of the next picture made. Returns the
@@ -109,7 +111,7 @@ impl<S: MotionSource> Lanes<S> {
         };
         match drawn {
             Ok(()) => {}
-            Err(error @ RenderError::DeviceLost(_)) => return self.lose(&error),
+            Err(error) if error.is_device_lost() => return self.lose(&error),
             Err(error) => return Err(error.into()),
         }
         self.tell_stages();

@@ -15,11 +15,12 @@ use crate::kernels::Detail;
 use crate::posing::Posing;
 use crate::{Collector, Inference, Lane, LatencyMode, Plan, ReceiverError, Timeline};
 use glam::Affine3A;
+use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::renderer::SplatRenderer;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::time::Instant;
-use xr_renderer::{ForegroundPath, SplatRenderer};
 
 impl<S: MotionSource> Lanes<S> {
     /// Starts the lanes of `avatar`, the first person, on poses from `source`.

@@ -1,9 +1,9 @@
 //! The last states of Gaussians, so that pictures can lie between two of them.
 
 use crate::{GaussianState, Pose, StateChange, StateTimes, Timeline};
+use renderer_splat::motion_bound::Change;
 use spmm3::MotionParams;
 use std::time::Instant;
-use xr_renderer::Change;
 
 /// Three to interpolate between, since a state may come before the last pictures between older ones are drawn, and one that
 /// is being made.

@@ -2,9 +2,12 @@
 
 use super::{Offer, Placed, PlacementRequest, Plan, place};
 use crate::{Control, ReceiverError, bound_mesh};
+use renderer_splat::camera::Camera;
+use renderer_splat::options::RendererOptions;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
 use std::sync::Arc;
-use xr_renderer::{Camera, Gpu, RendererOptions, SplatRenderer};
 
 /// Makes a renderer on `gpu` and places the stages of `avatar`, as [`place`]; what only placements that were not chosen need is
 /// left out of the renderer.

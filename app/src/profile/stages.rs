@@ -1,9 +1,9 @@
 //! How long each stage takes: one sample per stage and frame, and one row of a table per stage.
 
 use crate::{Percentiles, Stage, Unit};
+use renderer_splat::times::StageTimes;
 use serde::Serialize;
 use std::time::Duration;
-use xr_renderer::StageTimes;
 
 /// Samples of every stage.
 #[derive(Debug, Clone, Default)]

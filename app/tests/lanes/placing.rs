@@ -4,11 +4,12 @@ use crate::stage::{CPU, avatar, camera, own_gpu};
 use app::{Control, Inference, Offer, PlacementRequest, Plan, ReceiverError, place_first};
 use mon3tr_tests::onnx;
 use npu_runtime::{Cancel, Runtime, RuntimeError};
+use renderer_splat::options::RendererOptions;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
-use xr_renderer::{Gpu, RendererOptions};
 
 /// Longer than any step takes on a slow machine that does much else.
 const PATIENCE: Duration = Duration::from_secs(20);

@@ -4,7 +4,8 @@ use crate::binding::{TURNED, matrix_distance};
 use crate::person::{PUPPET, Pose, mesh_of};
 use mon3tr_tests::person_reference::{self as reference, M3};
 use mon3tr_tests::vulkan::{assert_silent, gpu};
-use xr_renderer::{DetailLevel, Gaussian, Poser};
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::posing::{DetailLevel, Poser};
 
 /// From one rotation to another about a fixed axis, by way of matrices: `share` 0..=2. Also the angle between them.
 fn turn_on(from: M3, to: M3, share: f64) -> (M3, f64) {

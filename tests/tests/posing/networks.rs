@@ -5,9 +5,9 @@ use mon3tr_tests::bound_person::{Networks, avatar_mesh, session};
 use mon3tr_tests::onnx::runtime;
 use mon3tr_tests::synthetic::{Puppet, Random};
 use mon3tr_tests::vulkan::{assert_silent, gpu};
+use renderer_splat::posing::Poser;
 use spmm3::networks::GraphParts;
 use spmm3::{GaussianSet, PlanarVertices, SkinningTransforms};
-use xr_renderer::Poser;
 
 #[test]
 fn networks_alone_and_the_device_pose_as_the_whole_graph_and_the_cpu_do() {

@@ -3,9 +3,9 @@
 use mon3tr_tests::bound_person::bound_mesh;
 use mon3tr_tests::person_reference::{self as reference, V3};
 use mon3tr_tests::synthetic::{Puppet, Random};
+use renderer_splat::posing::{BoundMesh, PosedInput};
 use spmm3::{MotionParams, SkinningTransforms};
 use std::sync::LazyLock;
-use xr_renderer::{BoundMesh, PosedInput};
 
 /// Building the puppet takes longer than a test.
 pub(crate) static PUPPET: LazyLock<Puppet> = LazyLock::new(Puppet::small);

@@ -2,7 +2,8 @@
 
 use crate::person::{PUPPET, Pose, mesh_of};
 use mon3tr_tests::vulkan::gpu;
-use xr_renderer::{PosedInput, Poser, RenderError};
+use renderer_splat::error::RenderError;
+use renderer_splat::posing::{PosedInput, Poser};
 
 #[test]
 fn a_state_is_kept_until_four_more_are_pushed() {

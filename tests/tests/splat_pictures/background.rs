@@ -10,8 +10,8 @@ use mon3tr_tests::splat_reference::World;
 use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
 use mon3tr_tests::synthetic::Random;
 use mon3tr_tests::vulkan::{assert_silent, gpu};
+use renderer_splat::camera::{Camera, Fov};
 use splat_scene::{Scene, SceneBuilder, Splat};
-use xr_renderer::{Camera, Fov};
 
 use crate::{EQUAL, OPAQUE, PACKED, SPARSE};
 

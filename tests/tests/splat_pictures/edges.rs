@@ -9,7 +9,11 @@ use mon3tr_tests::picture_check::{
 use mon3tr_tests::splat_reference::World;
 use mon3tr_tests::splat_scenes::{eyes, front_camera, random_gaussians};
 use mon3tr_tests::vulkan::{assert_silent, gpu};
-use xr_renderer::{BackEnd, Camera, Gaussian, RenderError, RendererOptions, SplatRenderer};
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::renderer::SplatRenderer;
 
 use crate::SPARSE;
 

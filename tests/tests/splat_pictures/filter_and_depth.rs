@@ -9,7 +9,8 @@ use mon3tr_tests::splat_scenes::{
     eyes_at, front_camera, railing_and_wall, random_gaussians, random_scene, standing_figure,
 };
 use mon3tr_tests::vulkan::{assert_silent, gpu};
-use xr_renderer::{BackEnd, Camera, Filter};
+use renderer_splat::camera::Camera;
+use renderer_splat::options::{BackEnd, Filter};
 
 use crate::PACKED;
 

@@ -9,7 +9,8 @@ use mon3tr_tests::splat_scenes::{
     eyes, front_camera, in_front_of_figure, random_gaussians, standing_figure,
 };
 use mon3tr_tests::vulkan::{assert_silent, gpu};
-use xr_renderer::{Camera, Gaussian};
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::Gaussian;
 
 use crate::{CROWDED, EQUAL, OPAQUE, SPARSE};
 

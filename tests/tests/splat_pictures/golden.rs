@@ -11,7 +11,10 @@ use mon3tr_tests::picture_check::{BEHIND, draw, keep_pictures};
 use mon3tr_tests::splat_reference::World;
 use mon3tr_tests::splat_scenes::{eyes_at, in_front_of_figure, railing_and_wall, standing_figure};
 use mon3tr_tests::vulkan::{assert_silent, gpu};
-use xr_renderer::{BackEnd, Camera, Filter, Gpu, Image};
+use renderer_splat::camera::Camera;
+use renderer_splat::options::{BackEnd, Filter};
+use renderer_splat::picture::Image;
+use renderer_vulkan::gpu::Gpu;
 
 const SIDE: u32 = 256;
 /// Greatest difference of a channel, of 255: one step of rounding, and one where the CPU has no fused multiply-add.

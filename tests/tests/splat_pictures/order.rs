@@ -11,7 +11,11 @@ use mon3tr_tests::splat_scenes::{
 use mon3tr_tests::synthetic::Random;
 use mon3tr_tests::vulkan::{assert_silent, gpu};
 use mon3tr_tests::walking::Walking;
-use xr_renderer::{Camera, Change, Gaussian, Image, SplatRenderer};
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::motion_bound::Change;
+use renderer_splat::picture::Image;
+use renderer_splat::renderer::SplatRenderer;
 
 /// Least PSNR in dB of a picture in the kept order against one in its own.
 const NO_POPPING: f64 = 50.0;

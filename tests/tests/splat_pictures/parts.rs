@@ -10,10 +10,14 @@ use mon3tr_tests::splat_scenes::{
 };
 use mon3tr_tests::vulkan::{assert_silent, gpu};
 use mon3tr_tests::walking::Walking;
-use xr_renderer::{
-    BackEnd, Camera, Drawing, Foreground, Gaussian, Image, MOST_PARTS, Part, RenderError,
-    RendererOptions, SplatRenderer,
-};
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::error::RenderError;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::limits::MOST_PARTS;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::picture::Image;
+use renderer_splat::renderer::SplatRenderer;
 
 use crate::{CROWDED, PACKED};
 

@@ -8,7 +8,8 @@ use mon3tr_tests::splat_scenes::{
     standing_figure,
 };
 use mon3tr_tests::vulkan::gpu;
-use xr_renderer::{Camera, Image};
+use renderer_splat::camera::Camera;
+use renderer_splat::picture::Image;
 
 use crate::PACKED;
 

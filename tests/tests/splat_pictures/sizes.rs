@@ -9,7 +9,12 @@ use mon3tr_tests::splat_scenes::{
     eyes_at, front_camera, in_front_of_figure, railing_and_wall, random_gaussians, standing_figure,
 };
 use mon3tr_tests::vulkan::{assert_silent, gpu};
-use xr_renderer::{BackEnd, Backdrop, Camera, RenderError, Shown, WindowTarget};
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::options::BackEnd;
+use renderer_splat::picture::Backdrop;
+use renderer_splat::window::{Shown, WindowTarget};
+use renderer_vulkan::error::VulkanError;
 
 /// Odd and even, of other proportions than the largest, down to one pixel, and the largest again.
 const SIZES: [(u32, u32); 7] = [
@@ -132,7 +137,7 @@ fn a_smaller_picture_is_shown_as_large_as_any_other() {
     let Some(gpu) = gpu() else { return };
     let mut window = match WindowTarget::headless(&gpu, 300, 200) {
         Ok(window) => window,
-        Err(why @ RenderError::NoPresentation { .. }) if !gpu.info().is_cpu => {
+        Err(why @ VulkanError::NoPresentation { .. }) if !gpu.info().is_cpu => {
             println!("skipped: {why}");
             return;
         }

@@ -8,7 +8,10 @@ use mon3tr_tests::picture_check::{BACK_ENDS, packed, renderer_for, show, views_o
 use mon3tr_tests::splat_scenes::{front_camera, random_gaussians};
 use mon3tr_tests::vulkan::{assert_silent, gpu, open_gpu};
 use mon3tr_tests::walking::Walking;
-use xr_renderer::{BackEnd, Drawing, Foreground, ForegroundPath, Part, RenderError};
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::error::RenderError;
+use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::options::BackEnd;
 
 #[test]
 fn slots_filled_by_another_thread_while_others_are_drawn_show_what_was_set() {

@@ -7,7 +7,7 @@ use crate::stage::Stage;
 use android_rehearsal::protocol::Intent;
 use anyhow::ensure;
 use mon3tr_tests::monado::{Compositor, Driver, Scripted};
-use xr_renderer::Fov;
+use renderer_splat::camera::Fov;
 
 /// The fewest edges of letters in the mirror window's picture. A panel without text has some hundreds, one a row at its sides.
 const LEAST_EDGES: usize = 1500;

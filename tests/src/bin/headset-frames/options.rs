@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use mon3tr_tests::splat_scenes::{figure_ahead, markers};
-use xr_renderer::xr::Surround;
-use xr_renderer::{BackEnd, Gaussian};
+use renderer_openxr::eyes::Surround;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::options::BackEnd;
 
 /// What stands before the viewer.
 #[derive(Debug, Clone, Copy)]

@@ -11,11 +11,12 @@ use mon3tr_tests::picture_check::{Least, assert_drawn_as_reference};
 use mon3tr_tests::splat_reference::World;
 use mon3tr_tests::vulkan::gpu;
 use npu_runtime::Provider;
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::Gaussian;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use xr_renderer::{Camera, Gaussian};
 
 /// Least PSNR against the reference, dB; lavapipe reaches 74 and 66, and rounding to 8 bits alone would leave 59.
 const LEAST: Least = Least {

@@ -10,9 +10,9 @@ use crate::stage::{Setting, Stage, load_avatar};
 use crate::surroundings::Surroundings;
 use crate::viewpoint::{CameraChoice, eyes};
 use anyhow::Context;
+use renderer_splat::options::Filter;
 use std::path::Path;
 use std::time::Duration;
-use xr_renderer::Filter;
 
 pub(super) fn run(
     options: &Options,

@@ -10,10 +10,13 @@ use crate::viewpoint::{CameraChoice, eyes};
 use anyhow::{Context, bail};
 use app::{Profile, Unit};
 use glam::{Quat, Vec3};
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::picture::Image;
+use renderer_splat::renderer::SplatRenderer;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use xr_renderer::{Camera, Image, RenderError, SplatRenderer};
 
 /// What the run leaves.
 #[derive(Debug, Serialize)]
@@ -64,7 +67,7 @@ pub(super) fn run(
         .context("cannot prepare the renderer")?;
     let cameras = eyes(camera, views);
     let splatted = match splat(&mut renderer, &cameras) {
-        Err(error @ RenderError::DeviceLost(_)) => {
+        Err(error) if error.is_device_lost() => {
             log::warn!("{error}; this is done once");
             renderer.recover()?;
             splat(&mut renderer, &cameras)?

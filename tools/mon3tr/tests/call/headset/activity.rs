@@ -11,13 +11,13 @@ use android_app::receiver::{Device, HeadsetReceiver};
 use android_app::storage::Folders;
 use mon3tr_tests::monado::Monado;
 use mon3tr_tests::service::attended;
+use renderer_openxr::runtime::Runtime;
 use std::io::{BufRead, Write};
 use std::path::Path;
 use std::process::ChildStdin;
 use std::sync::atomic::Ordering::Relaxed;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
-use xr_renderer::xr::Runtime;
 
 /// The room's link, if there is one.
 const ROOM: &str = "MON3TR_TEST_ROOM";
@@ -281,7 +281,7 @@ fn an_activity() {
         return;
     };
     env_logger::Builder::new()
-        .parse_filters("warn,main=info,link=info,app=info,xr_renderer=debug")
+        .parse_filters("warn,main=info,link=info,app=info,renderer_vulkan=debug,renderer_splat=debug,renderer_openxr=debug")
         .init();
     let variable = |name: &str| std::env::var(name).ok();
     let (room, profile) = (variable(ROOM), variable(PROFILE));

@@ -20,13 +20,14 @@ use app::{Control, Offer, Placed, PlacementRequest, Plan, bound_mesh, place};
 use format::Format;
 use hand_over::HandOver;
 use profile_report::AvatarFigures;
+use renderer_splat::options::{Filter, RendererOptions};
+use renderer_splat::renderer::SplatRenderer;
 use serde::Serialize;
 use spmm3::MotionParams;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use turn::Scene;
-use xr_renderer::{Filter, RendererOptions, SplatRenderer};
 
 /// A window's picture and a headset's.
 const FORMATS: [(Size, Views); 2] = [(square(640), Views::Mono), (square(1024), Views::Stereo)];
