@@ -4,8 +4,8 @@
     probe-vulkan.py auto|lavapipe|NAME [--layer]
 
 Prints one line and exits 0 (good, the line names the device) or 1 (not good, the line says why).
-Only the device that the program would open is judged, as xr-renderer/src/choice.rs chooses it: the best of those asked for.
-Good is: hardware that can do what xr-renderer/src/physical.rs asks for, or Mesa's lavapipe from 25 on (22.3 draws multiview
+Only the device that the program would open is judged, as xr-renderer/vulkan/src/choice.rs chooses it: the best of those asked for.
+Good is: hardware that can do what xr-renderer/vulkan/src/physical.rs asks for, or Mesa's lavapipe from 25 on (22.3 draws multiview
 wrongly). `lavapipe` asks for the latter only, NAME for a device whose name contains it; --layer asks for Khronos' validation
 layer too. It asks the loader itself, because manifests on the disk do not say whether a device is really there.
 """
@@ -148,13 +148,13 @@ class Device:
         self.queues = [family.flags for family in families[: count.value]]
 
     def is_asked_for(self, wanted):
-        """As `GpuChoice::accepts` in xr-renderer/src/choice.rs."""
+        """As `GpuChoice::accepts` in xr-renderer/vulkan/src/choice.rs."""
         if wanted == "lavapipe":
             return self.is_lavapipe
         return wanted == "auto" or wanted.lower() in self.name.lower()
 
     def lacks(self):
-        """What the program needs and this has not, as in xr-renderer/src/physical.rs."""
+        """What the program needs and this has not, as in xr-renderer/vulkan/src/physical.rs."""
         if self.api < (1, 1):
             return ["Vulkan 1.1"]
         lacks = []

@@ -7,9 +7,9 @@ use crate::logcat;
 use crate::receiver::{Device, HeadsetReceiver};
 use crate::storage::Folders;
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
+use renderer_openxr::runtime::Runtime;
 use std::sync::Once;
 use std::time::Duration;
-use xr_renderer::xr::Runtime;
 
 /// Between two looks whether the call has ended by itself.
 const LOOK: Duration = Duration::from_millis(250);

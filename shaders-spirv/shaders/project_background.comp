@@ -5,7 +5,7 @@
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "project.glsl"
 
-// One invocation per Gaussian of one chunk of the background, as xr-renderer/src/background.rs packs it: 20 bytes
+// One invocation per Gaussian of one chunk of the background, as xr-renderer/splat/src/background.rs packs it: 20 bytes
 // relative to a block of 256 neighbours, and spherical harmonics in bytes.
 
 layout(constant_id = 2) const uint SH_WORDS = 0u; // per Gaussian: 0, 3, 6 or 12 for degrees 0..3

@@ -1,7 +1,7 @@
 //! Shader sources compiled to SPIR-V at build time, and the structs they share with Rust.
 //!
 //! The GLSL lies in `shaders/`; `build.rs` compiles it with glslang. This crate starts no device and
-//! knows no Vulkan handle: `xr-renderer` makes pipelines of what is here.
+//! knows no Vulkan handle: `renderer-splat` and `renderer-openxr` make pipelines of what is here.
 
 mod eye;
 mod frame;

@@ -10,6 +10,14 @@ use std::time::Instant;
 
 use glam::Vec3;
 use npu_runtime::Runtime;
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::gaussian::PackedGaussian;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::picture::{Backdrop, Image};
+use renderer_splat::posing::Poser;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_splat::times::StageTimes;
 use spmm3::networks::GraphParts;
 use spmm3::{
     Avatar, GaussianSet, LOOP_SECONDS, MotionClip, MotionParams, PlanarVertices, Playback, SH_C0,
@@ -18,10 +26,6 @@ use spmm3::{
 use test_support::bound_person::{Networks, avatar_mesh, session};
 use test_support::picture_check::{compare, whole};
 use test_support::vulkan::open_gpu;
-use xr_renderer::{
-    BackEnd, Backdrop, Camera, Drawing, Foreground, Image, PackedGaussian, Part, Poser,
-    RendererOptions, SplatRenderer, StageTimes,
-};
 
 const ROUNDS: usize = 60;
 /// The motion's rate, frames per second.

@@ -7,10 +7,11 @@
 //! that rounding alone costs is given with them.
 
 use glam::{Affine3A, Mat3A, Quat, Vec3A};
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::Gaussian;
 use serde_json::{Value, json};
 use std::error::Error;
 use test_support::splat_reference::{PixelBox, ReferencePicture, covered_box, render};
-use xr_renderer::{Camera, Gaussian};
 
 type Failure = Box<dyn Error>;
 

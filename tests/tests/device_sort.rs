@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use renderer_splat::sort::Sorter;
 use synthetic_person::Random;
 use test_support::vulkan::{assert_silent, gpu, rerun_with_other_subgroups};
-use xr_renderer::Sorter;
 
 /// As many as a background may have Gaussians.
 const MOST: u32 = 1 << 22;

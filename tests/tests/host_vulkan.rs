@@ -8,11 +8,13 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use renderer_vulkan::choice::GpuChoice;
+use renderer_vulkan::error::VulkanError;
+use renderer_vulkan::gpu::Gpu;
 use tempfile::TempDir;
 use test_support::monado::{Compositor, Driver, Monado};
 use test_support::service::{self, attended};
 use test_support::vulkan::or_skip;
-use xr_renderer::{Gpu, GpuChoice, RenderError};
 
 /// The program among this file's tests that opens a device.
 const OPENS: &str = "opens_a_device";
@@ -261,7 +263,7 @@ fn opens_a_device() {
         .parse()
         .expect("any text is a choice");
     let (opened, validated) = match Gpu::open(&choice, true) {
-        Err(RenderError::NoValidationLayer) => (Gpu::open(&choice, false), false),
+        Err(VulkanError::NoValidationLayer) => (Gpu::open(&choice, false), false),
         opened => (opened, true),
     };
     let device = opened.expect("a device");

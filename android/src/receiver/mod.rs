@@ -16,13 +16,15 @@ use crate::settings::{Settings, Task};
 use app_pipeline::control::Control;
 use app_session::headset::{HeadsetError, HeadsetHandle};
 use missing::show_until_closed;
+use renderer_openxr::error::XrError;
+use renderer_openxr::headset::HeadsetOptions;
+use renderer_openxr::runtime::Runtime;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use turn::HEADSET;
-use xr_renderer::xr::{HeadsetOptions, Runtime, XrError};
 
 /// How long a pause waits for the GPU's step that was begun. Android's own thread may wait meanwhile, and must not for long.
 const PATIENCE: Duration = Duration::from_millis(80);

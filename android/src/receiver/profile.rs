@@ -14,12 +14,12 @@ use app_session::visit::Rehearsal;
 use npu_runtime::Runtime;
 use profile_report::machine::{EVERY, Sysfs, Watch};
 use profile_report::{AvatarFigures, Conditions, Folder, Measured, Memory, Report};
+use renderer_vulkan::gpu::Gpu;
 use serde_json::Value;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use xr_renderer::Gpu;
 
 /// Motions a second, the paper's.
 const MOTION_HZ: f64 = 30.0;

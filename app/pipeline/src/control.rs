@@ -6,9 +6,9 @@
 
 use crate::error::ReceiverError;
 use npu_runtime::Cancel;
+use renderer_splat::interrupt::Interrupt;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use xr_renderer::Interrupt;
 
 /// Pauses, resumes and ends work on the GPU. Copies control the same work. A new one without copies never stops it.
 #[derive(Debug, Clone, Default)]
@@ -122,7 +122,7 @@ impl Control {
         step()
     }
 
-    /// For renderers ([`xr_renderer::RendererOptions::interrupt`]): raised in a pause and at the end.
+    /// For renderers ([`renderer_splat::options::RendererOptions::interrupt`]): raised in a pause and at the end.
     #[must_use]
     pub fn interrupt(&self) -> Interrupt {
         self.0.interrupt.clone()

@@ -2,8 +2,8 @@
 
 use app_kernels::KernelError;
 use npu_runtime::RuntimeError;
+use renderer_splat::error::RenderError;
 use spmm3::PackageError;
-use xr_renderer::RenderError;
 
 /// An error on a frame's way from motion to picture.
 #[derive(Debug, thiserror::Error)]

@@ -6,10 +6,10 @@ use crate::quality::KEPT_SHARES;
 use app_kernels::state::{GaussianState, StateChange};
 use app_kernels::{Attributes, PoseInputs, Poser, Skinner};
 use npu_runtime::Outputs;
+use renderer_splat::posing::{BoundMesh, BoundMeshParts, DetailLevel};
 use spmm3::networks::GraphParts;
 use spmm3::{Avatar, JOINTS, MotionParams, SkinningTransforms};
 use std::ops::Range;
-use xr_renderer::{BoundMesh, BoundMeshParts, DetailLevel};
 
 const VERTICES: usize = 0;
 const ATTRIBUTES: usize = 1;

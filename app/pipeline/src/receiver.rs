@@ -5,12 +5,16 @@ use crate::error::ReceiverError;
 use crate::profile::{Profile, StageSummary};
 use crate::stage::Stage;
 use app_kernels::Blend;
+use renderer_splat::back_ends::BackEndTrial;
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::options::BackEnd;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_splat::slot::ForegroundSlot;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::MotionParams;
 use std::sync::Arc;
-use xr_renderer::{
-    BackEnd, BackEndTrial, Camera, Drawing, Foreground, ForegroundPath, ForegroundSlot, Gpu, Part,
-    SplatRenderer,
-};
 
 /// An avatar, and the renderer that shows it.
 #[derive(Debug)]
@@ -62,7 +66,7 @@ impl Receiver {
         Ok(())
     }
 
-    /// Opens the device again after [`xr_renderer::RenderError::DeviceLost`] and goes on there: avatar and background are
+    /// Opens the device again after [`renderer_splat::error::RenderError::DeviceLost`] and goes on there: avatar and background are
     /// kept on this side of the device, and the next frame is drawn as the lost one would have been. Returns the new
     /// device.
     ///

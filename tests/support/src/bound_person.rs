@@ -1,11 +1,11 @@
 //! A person's parts as the renderer takes them to pose them on the device, and the networks that say how.
 
 use npu_runtime::{Outputs, Provider, Runtime, Session, TensorSpec};
+use renderer_splat::posing::{BoundMesh, BoundMeshParts, PosedInput};
 use spmm3::networks::{GraphParts, Port, QuantisedBases};
 use spmm3::{
     Avatar, BoundGaussians, Controllers, JOINTS, MotionParams, SkinningTransforms, Template,
 };
-use xr_renderer::{BoundMesh, BoundMeshParts, PosedInput};
 
 /// The person as a mesh with Gaussians on it.
 ///

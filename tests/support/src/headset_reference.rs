@@ -3,8 +3,8 @@
 
 use glam::{Affine3A, DMat3, DQuat, DVec3, Mat3A};
 use image::RgbaImage;
+use renderer_splat::camera::Camera;
 use serde_json::Value;
-use xr_renderer::Camera;
 
 use crate::monado::{Pose, Scripted};
 use crate::splat_reference::ReferencePicture;

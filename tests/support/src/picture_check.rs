@@ -2,12 +2,16 @@
 
 use crate::splat_reference::{self, PixelBox, ReferencePicture, World};
 use crate::vulkan::assert_silent;
+use renderer_splat::background::Background;
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::gaussian::{Gaussian, PackedGaussian};
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::picture::{Backdrop, Image};
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use xr_renderer::{
-    BackEnd, Backdrop, Background, Camera, Gaussian, Gpu, Image, PackedGaussian, RenderError,
-    RendererOptions, SplatRenderer,
-};
 
 /// Both, for tests that hold for either.
 pub const BACK_ENDS: [BackEnd; 2] = [BackEnd::Tiles, BackEnd::Quads];

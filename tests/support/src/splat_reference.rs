@@ -2,7 +2,7 @@
 //!
 //! No tiles, no early stop, no packing, no keys: every Gaussian is projected as the 3DGS paper and its
 //! public code say, all are sorted by exact depth, and each pixel blends all of them front to back. Only
-//! pixels where alpha cannot reach 1/255 are skipped. Nothing of `xr-renderer` is used but its inputs; a
+//! pixels where alpha cannot reach 1/255 are skipped. Nothing of `renderer-splat` is used but its inputs; a
 //! background is read as its file states it, not as the renderer packs it.
 
 mod compare;
@@ -16,8 +16,10 @@ use std::cmp::Ordering;
 
 use glam::Affine3A;
 use rayon::prelude::*;
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::options::Filter;
 use splat_scene::Scene;
-use xr_renderer::{Camera, Filter, Gaussian};
 
 use project::{ALPHA_CUT, ALPHA_MOST, Ellipsoid, Projected};
 

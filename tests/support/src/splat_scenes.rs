@@ -11,7 +11,8 @@ pub use place::{
 };
 
 use glam::{EulerRot, Quat, Vec3};
-use xr_renderer::{Camera, Fov, Gaussian};
+use renderer_splat::camera::{Camera, Fov};
+use renderer_splat::gaussian::Gaussian;
 
 /// Random Gaussians in a ball of 1 m: sizes over a factor of 40, needles and discs among them, colours
 /// that leave 0..=1 on both sides.

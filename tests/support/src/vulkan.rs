@@ -4,7 +4,8 @@ use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use xr_renderer::{Gpu, RenderError};
+use renderer_vulkan::error::VulkanError;
+use renderer_vulkan::gpu::Gpu;
 
 /// Counts what the renderer logs of validation, also when no `Gpu` is left to ask.
 struct CountingLogger;
@@ -43,9 +44,9 @@ pub fn open_gpu() -> Result<Arc<Gpu>, String> {
     match Gpu::open(&choice.parse().expect("any text is a choice"), true) {
         Ok(gpu) => Ok(gpu),
         Err(
-            why @ (RenderError::NoLoader(_)
-            | RenderError::NoDevice
-            | RenderError::NoValidationLayer),
+            why @ (VulkanError::NoLoader(_)
+            | VulkanError::NoDevice
+            | VulkanError::NoValidationLayer),
         ) => Err(why.to_string()),
         Err(why) => panic!("{why}"),
     }

@@ -1,10 +1,13 @@
 //! Writing foregrounds to a slot as the lanes do: with bounds of how far their Gaussians came since the last time.
 
 use glam::{Affine3A, Vec3};
-use xr_renderer::{
-    Camera, Change, Drawing, Foreground, ForegroundPath, ForegroundSlot, Gaussian, PackedGaussian,
-    Part, RenderError, SplatRenderer,
-};
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::error::RenderError;
+use renderer_splat::gaussian::{Gaussian, PackedGaussian};
+use renderer_splat::motion_bound::{Change, ForegroundPath};
+use renderer_splat::renderer::SplatRenderer;
+use renderer_splat::slot::ForegroundSlot;
 
 /// A slot, and what was written to it last.
 #[derive(Debug)]

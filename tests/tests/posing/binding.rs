@@ -3,11 +3,13 @@
 use crate::person::{PUPPET, Pose, mesh_of};
 use glam::{Quat, Vec3};
 use half::f16;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::posing::{BoundMesh, BoundMeshParts, PosedInput, Poser};
+use renderer_vulkan::gpu::Gpu;
 use spmm3::{BoundGaussians, GaussianSet, PlanarVertices, SH_C0, SkinWeights, Template};
 use synthetic_person::reference::{self as reference, M3, ReferenceGaussian};
 use synthetic_person::{Puppet, PuppetSize};
 use test_support::vulkan::{assert_silent, gpu, rerun_with_other_subgroups};
-use xr_renderer::{BoundMesh, BoundMeshParts, Gaussian, Gpu, PosedInput, Poser};
 
 /// Largest distance, metres: f32 rounding two metres from the origin is a tenth of it.
 const MICROMETRES: f64 = 5e-6;
@@ -236,7 +238,7 @@ fn collapsed_triangles_and_vanished_rotations_are_posed_as_on_the_cpu() {
         .expect("the same mesh");
     for (index, got) in got
         .iter()
-        .map(xr_renderer::PackedGaussian::unpacked)
+        .map(renderer_splat::gaussian::PackedGaussian::unpacked)
         .enumerate()
     {
         let moved = want.positions[index].distance(got.position.into());

@@ -2,9 +2,10 @@
 
 use crate::binding::{TURNED, matrix_distance};
 use crate::person::{PUPPET, Pose, mesh_of};
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::posing::{DetailLevel, Poser};
 use synthetic_person::reference::{self as reference, M3};
 use test_support::vulkan::{assert_silent, gpu};
-use xr_renderer::{DetailLevel, Gaussian, Poser};
 
 /// From one rotation to another about a fixed axis, by way of matrices: `share` 0..=2. Also the angle between them.
 fn turn_on(from: M3, to: M3, share: f64) -> (M3, f64) {

@@ -1,13 +1,13 @@
 //! The networks on ONNX Runtime and all the rest on the device, against the whole graph and the CPU's F_m2g.
 
 use glam::{Quat, Vec3};
+use renderer_splat::posing::Poser;
 use spmm3::networks::GraphParts;
 use spmm3::{GaussianSet, PlanarVertices, SkinningTransforms};
 use synthetic_person::{Puppet, Random};
 use test_support::bound_person::{Networks, avatar_mesh, session};
 use test_support::onnx::runtime;
 use test_support::vulkan::{assert_silent, gpu};
-use xr_renderer::Poser;
 
 #[test]
 fn networks_alone_and_the_device_pose_as_the_whole_graph_and_the_cpu_do() {

@@ -1,11 +1,11 @@
 //! The puppet as the tests of this program pose it.
 
+use renderer_splat::posing::{BoundMesh, PosedInput};
 use spmm3::{MotionParams, SkinningTransforms};
 use std::sync::LazyLock;
 use synthetic_person::reference::{self as reference, V3};
 use synthetic_person::{Puppet, Random};
 use test_support::bound_person::bound_mesh;
-use xr_renderer::{BoundMesh, PosedInput};
 
 /// Building the puppet takes longer than a test.
 pub(crate) static PUPPET: LazyLock<Puppet> = LazyLock::new(Puppet::small);

@@ -2,15 +2,21 @@
 
 use crate::person::{PUPPET, Pose, mesh_of};
 use glam::{Affine3A, Quat, Vec3};
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::error::RenderError;
+use renderer_splat::gaussian::PackedGaussian;
+use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::picture::Image;
+use renderer_splat::posing::{DetailLevel, PosedInput, Poser, StateId};
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::{GaussianSet, PlanarVertices, SH_C0};
 use std::sync::Arc;
 use synthetic_person::{Puppet, PuppetSize};
 use test_support::picture_check::{BACK_ENDS, compare, whole};
 use test_support::vulkan::{assert_silent, gpu};
-use xr_renderer::{
-    BackEnd, Camera, DetailLevel, Drawing, Foreground, ForegroundPath, Gpu, Image, PackedGaussian,
-    Part, PosedInput, Poser, RenderError, RendererOptions, SplatRenderer, StateId,
-};
 
 /// Least likeness to the CPU's picture, dB, and the largest difference of a channel. What differs is a state's rounding
 /// before it is interpolated, and Gaussians that change places by less than the key tells apart.
@@ -133,7 +139,7 @@ fn the_device_draws_what_it_poses_as_what_the_cpu_posed() {
     let sets = poses.each_ref().map(|pose| posed_on_cpu(&puppet, pose));
     let camera = camera(512);
     for back_end in BACK_ENDS {
-        if back_end == BackEnd::Quads && !gpu.draws_quads() {
+        if !back_end.runs_on(&gpu) {
             println!("skipped: no quads on this device");
             continue;
         }

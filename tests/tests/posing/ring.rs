@@ -1,8 +1,9 @@
 //! Which states are kept.
 
 use crate::person::{PUPPET, Pose, mesh_of};
+use renderer_splat::error::RenderError;
+use renderer_splat::posing::{PosedInput, Poser};
 use test_support::vulkan::gpu;
-use xr_renderer::{PosedInput, Poser, RenderError};
 
 #[test]
 fn a_state_is_kept_until_four_more_are_pushed() {

@@ -2,6 +2,7 @@
 //! scene as its file states it, so that what packing costs is measured.
 
 use glam::Vec3;
+use renderer_splat::camera::{Camera, Fov};
 use splat_scene::{Scene, SceneBuilder, Splat};
 use synthetic_person::Random;
 use synthetic_person::real_files::real_file;
@@ -11,7 +12,6 @@ use test_support::picture_check::{
 use test_support::splat_reference::World;
 use test_support::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
 use test_support::vulkan::{assert_silent, gpu};
-use xr_renderer::{Camera, Fov};
 
 use crate::{EQUAL, OPAQUE, PACKED, SPARSE};
 

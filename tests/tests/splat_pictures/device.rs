@@ -4,14 +4,18 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::picture::Backdrop;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_splat::sort::Sorter;
+use renderer_splat::window::{Shown, WindowTarget};
+use renderer_vulkan::choice::GpuChoice;
+use renderer_vulkan::error::VulkanError;
+use renderer_vulkan::gpu::Gpu;
 use test_support::picture_check::{BACK_ENDS, draw, packed, renderer_for, show};
 use test_support::splat_reference::World;
 use test_support::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
 use test_support::vulkan::{LOGGED_MESSAGES, assert_silent, gpu, open_gpu, or_skip};
-use xr_renderer::{
-    BackEnd, Backdrop, Gpu, GpuChoice, RenderError, RendererOptions, Shown, Sorter, SplatRenderer,
-    WindowTarget,
-};
 
 #[test]
 fn a_device_that_is_not_there_is_refused_with_those_that_are() {
@@ -129,7 +133,7 @@ fn the_first_picture_finds_out_which_back_end_is_faster_and_all_are_drawn_by_it(
     for picture in ["first", "second"] {
         show(&mut renderer, &gaussians, &[camera]).expect("a picture");
         let trial = renderer.back_end_trial();
-        if gpu.has_clock() && gpu.draws_quads() {
+        if gpu.has_clock() && BackEnd::Quads.runs_on(&gpu) {
             let trial = trial.expect("the device can tell");
             assert_eq!(renderer.back_end(), trial.winner(), "{picture}");
             assert!(trial.tiles > 0.0 && trial.quads > 0.0, "{trial:?}");
@@ -177,7 +181,7 @@ fn a_window_is_shown_pictures_while_its_size_changes() {
     // Drivers without headless surfaces exist: there is no window to show anything in.
     let mut window = match WindowTarget::headless(&gpu, 300, 200) {
         Ok(window) => window,
-        Err(why @ RenderError::NoPresentation { .. }) if !gpu.info().is_cpu => {
+        Err(why @ VulkanError::NoPresentation { .. }) if !gpu.info().is_cpu => {
             println!("skipped: {why}");
             return;
         }

@@ -3,13 +3,17 @@
 use std::sync::Arc;
 
 use glam::Vec3;
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::renderer::SplatRenderer;
 use test_support::picture_check::{
     BACK_ENDS, assert_drawn_as_reference, depth_renderer_of, draw, renderer_for, show,
 };
 use test_support::splat_reference::World;
 use test_support::splat_scenes::{eyes, front_camera, random_gaussians};
 use test_support::vulkan::{assert_silent, gpu};
-use xr_renderer::{BackEnd, Camera, Gaussian, RenderError, RendererOptions, SplatRenderer};
 
 use crate::SPARSE;
 

@@ -1,6 +1,8 @@
 //! The Mip filter and the depth picture against the reference.
 
 use glam::Vec3;
+use renderer_splat::camera::Camera;
+use renderer_splat::options::{BackEnd, Filter};
 use test_support::picture_check::{
     BACK_ENDS, assert_drawn_as_reference, compare, depth_renderer_of, draw, views_of, whole,
 };
@@ -9,7 +11,6 @@ use test_support::splat_scenes::{
     eyes_at, front_camera, railing_and_wall, random_gaussians, random_scene, standing_figure,
 };
 use test_support::vulkan::{assert_silent, gpu};
-use xr_renderer::{BackEnd, Camera, Filter};
 
 use crate::PACKED;
 

@@ -1,6 +1,8 @@
 //! Foregrounds alone.
 
 use glam::Vec3;
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::Gaussian;
 use test_support::picture_check::{
     BACK_ENDS, Least, assert_drawn_as_reference, compare, renderer_for, show, whole,
 };
@@ -9,7 +11,6 @@ use test_support::splat_scenes::{
     eyes, front_camera, in_front_of_figure, random_gaussians, standing_figure,
 };
 use test_support::vulkan::{assert_silent, gpu};
-use xr_renderer::{Camera, Gaussian};
 
 use crate::{CROWDED, EQUAL, OPAQUE, SPARSE};
 

@@ -7,11 +7,14 @@ use std::path::PathBuf;
 use glam::Vec3;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
+use renderer_splat::camera::Camera;
+use renderer_splat::options::{BackEnd, Filter};
+use renderer_splat::picture::Image;
+use renderer_vulkan::gpu::Gpu;
 use test_support::picture_check::{BEHIND, draw, keep_pictures};
 use test_support::splat_reference::World;
 use test_support::splat_scenes::{eyes_at, in_front_of_figure, railing_and_wall, standing_figure};
 use test_support::vulkan::{assert_silent, gpu};
-use xr_renderer::{BackEnd, Camera, Filter, Gpu, Image};
 
 const SIDE: u32 = 256;
 /// Greatest difference of a channel, of 255: one step of rounding, and one where the CPU has no fused multiply-add.

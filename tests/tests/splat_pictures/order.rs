@@ -1,6 +1,11 @@
 //! Keeping the order: a renderer that sorted a moment ago draws as one that sorts now, and what has not changed stays.
 
 use glam::{Affine3A, Quat, Vec3};
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::motion_bound::Change;
+use renderer_splat::picture::Image;
+use renderer_splat::renderer::SplatRenderer;
 use synthetic_person::Random;
 use test_support::picture_check::{
     BACK_ENDS, compare, keep_pictures, renderer_of, show, views_of, whole,
@@ -11,7 +16,6 @@ use test_support::splat_scenes::{
 };
 use test_support::vulkan::{assert_silent, gpu};
 use test_support::walking::Walking;
-use xr_renderer::{Camera, Change, Gaussian, Image, SplatRenderer};
 
 /// Least PSNR in dB of a picture in the kept order against one in its own.
 const NO_POPPING: f64 = 50.0;

@@ -1,6 +1,14 @@
 //! Foregrounds in parts, each turned and shifted: people who share a picture, and what comes to them and goes.
 
 use glam::{Affine3A, Quat, Vec3};
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::error::RenderError;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::limits::MOST_PARTS;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::picture::Image;
+use renderer_splat::renderer::SplatRenderer;
 use test_support::picture_check::{
     BACK_ENDS, assert_pictures_like_reference, renderer_for, renderer_of, show, views_of,
 };
@@ -10,10 +18,6 @@ use test_support::splat_scenes::{
 };
 use test_support::vulkan::{assert_silent, gpu};
 use test_support::walking::Walking;
-use xr_renderer::{
-    BackEnd, Camera, Drawing, Foreground, Gaussian, Image, MOST_PARTS, Part, RenderError,
-    RendererOptions, SplatRenderer,
-};
 
 use crate::{CROWDED, PACKED};
 

@@ -1,6 +1,8 @@
 //! Background and foreground in one order: a person behind a railing of splats, before a wall.
 
 use glam::Vec3;
+use renderer_splat::camera::Camera;
+use renderer_splat::picture::Image;
 use test_support::picture_check::{assert_drawn_as_reference, compare, whole};
 use test_support::splat_reference::World;
 use test_support::splat_scenes::{
@@ -8,7 +10,6 @@ use test_support::splat_scenes::{
     standing_figure,
 };
 use test_support::vulkan::gpu;
-use xr_renderer::{Camera, Image};
 
 use crate::PACKED;
 

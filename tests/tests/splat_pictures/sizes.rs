@@ -1,6 +1,12 @@
 //! Pictures smaller than the renderer was made for, as those of a renderer of their size.
 
 use glam::Vec3;
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::options::BackEnd;
+use renderer_splat::picture::Backdrop;
+use renderer_splat::window::{Shown, WindowTarget};
+use renderer_vulkan::error::VulkanError;
 use test_support::picture_check::{
     BACK_ENDS, depth_renderer_of, keep_pictures, renderer_for, renderer_of, show, views_of,
 };
@@ -9,7 +15,6 @@ use test_support::splat_scenes::{
     eyes_at, front_camera, in_front_of_figure, railing_and_wall, random_gaussians, standing_figure,
 };
 use test_support::vulkan::{assert_silent, gpu};
-use xr_renderer::{BackEnd, Backdrop, Camera, RenderError, Shown, WindowTarget};
 
 /// Odd and even, of other proportions than the largest, down to one pixel, and the largest again.
 const SIZES: [(u32, u32); 7] = [
@@ -132,7 +137,7 @@ fn a_smaller_picture_is_shown_as_large_as_any_other() {
     let Some(gpu) = gpu() else { return };
     let mut window = match WindowTarget::headless(&gpu, 300, 200) {
         Ok(window) => window,
-        Err(why @ RenderError::NoPresentation { .. }) if !gpu.info().is_cpu => {
+        Err(why @ VulkanError::NoPresentation { .. }) if !gpu.info().is_cpu => {
             println!("skipped: {why}");
             return;
         }

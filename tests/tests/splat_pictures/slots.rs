@@ -4,11 +4,14 @@ use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::thread;
 
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::error::RenderError;
+use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::options::BackEnd;
 use test_support::picture_check::{BACK_ENDS, packed, renderer_for, show, views_of};
 use test_support::splat_scenes::{front_camera, random_gaussians};
 use test_support::vulkan::{assert_silent, gpu, open_gpu};
 use test_support::walking::Walking;
-use xr_renderer::{BackEnd, Drawing, Foreground, ForegroundPath, Part, RenderError};
 
 #[test]
 fn slots_filled_by_another_thread_while_others_are_drawn_show_what_was_set() {

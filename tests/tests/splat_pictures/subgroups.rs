@@ -1,10 +1,10 @@
 //! Every subgroup size that the software driver can be asked for.
 
+use renderer_splat::options::BackEnd;
 use test_support::picture_check::assert_drawn_by;
 use test_support::splat_reference::World;
 use test_support::splat_scenes::{eyes, front_camera, random_gaussians, random_scene};
 use test_support::vulkan::{gpu, rerun_with_other_subgroups};
-use xr_renderer::BackEnd;
 
 use crate::{CROWDED, PACKED};
 
@@ -21,7 +21,7 @@ fn foreground_and_background_look_as_the_reference_says_at_this_subgroup_size() 
     let tiles = [BackEnd::Tiles];
     assert_drawn_by(&gpu, tiles, "subgroups", &world, &eyes, PACKED);
     assert_drawn_by(&gpu, tiles, "subgroups-mono", &front, &camera, CROWDED);
-    if gpu.draws_quads() {
+    if BackEnd::Quads.runs_on(&gpu) {
         let quads = [BackEnd::Quads];
         assert_drawn_by(&gpu, quads, "subgroups", &world, &eyes, PACKED);
         assert_drawn_by(&gpu, quads, "subgroups-mono", &front, &camera, CROWDED);

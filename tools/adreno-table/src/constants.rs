@@ -1,4 +1,4 @@
-//! The specialisation constants that xr-renderer sets on this chip, by the names they have in the shaders.
+//! The specialisation constants that renderer-splat sets on this chip, by the names they have in the shaders.
 //!
 //! A constant that chooses between variants of a shader keeps the shader's default, and the table says so; `--set` chooses.
 

@@ -12,11 +12,15 @@ use app_pipeline::plan::Plan;
 use glam::Vec3;
 use npu_runtime::Runtime;
 use reconstruct::bake::{Weights, importance};
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::PackedGaussian;
+use renderer_splat::options::{Filter, RendererOptions};
+use renderer_splat::picture::{Backdrop, Image};
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::choice::GpuChoice;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::{Avatar, BoundGaussians, Importance, MotionClip, Playback, attribute};
 use std::path::Path;
-use xr_renderer::{
-    Backdrop, Camera, Filter, Gpu, GpuChoice, Image, PackedGaussian, RendererOptions, SplatRenderer,
-};
 
 const SHARES: [f32; 3] = [0.75, 0.5, 0.35];
 
@@ -76,7 +80,7 @@ fn main() -> anyhow::Result<()> {
         .iter()
         .map(|(_, _, _, _, size)| {
             let options = RendererOptions {
-                back_end: Some(xr_renderer::BackEnd::Tiles),
+                back_end: Some(renderer_splat::options::BackEnd::Tiles),
                 filter: Filter::Dilation,
                 ..RendererOptions::new(count, *size, *size, 1)
             };

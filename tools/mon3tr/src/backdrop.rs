@@ -5,7 +5,8 @@
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use xr_renderer::{Backdrop, Camera, Image};
+use renderer_splat::camera::Camera;
+use renderer_splat::picture::{Backdrop, Image};
 
 /// Side of the shadow map on the floor, cells and metres.
 const CELLS: usize = 96;

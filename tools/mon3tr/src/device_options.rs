@@ -3,9 +3,10 @@
 use anyhow::{Context, bail};
 use app_pipeline::placement::InferenceBackends;
 use npu_runtime::Runtime;
+use renderer_vulkan::choice::GpuChoice;
+use renderer_vulkan::gpu::Gpu;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use xr_renderer::{Gpu, GpuChoice};
 
 /// Options every sub-command that draws or deforms shares.
 #[derive(Debug, Clone, clap::Args)]

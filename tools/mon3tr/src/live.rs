@@ -13,10 +13,13 @@ use app_pipeline::quality::{QualityFigures, QualityMode};
 use app_session::call::Call;
 use glam::{Quat, Vec3};
 use npu_runtime::Runtime;
+use renderer_splat::camera::Camera;
+use renderer_splat::options::RendererOptions;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::{Avatar, Joint, MotionParams};
 use std::sync::Arc;
 use std::time::Instant;
-use xr_renderer::{Camera, Gpu, RendererOptions, SplatRenderer};
 
 /// Share of the way to the person that the camera makes up in a second: it must not sway with every step.
 const FOLLOW: f32 = 3.8;

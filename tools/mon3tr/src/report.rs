@@ -7,9 +7,11 @@ use anyhow::{Context, bail};
 use app_pipeline::profile::StageSummary;
 use npu_runtime::Runtime;
 use profile_report::AvatarFigures;
+use renderer_splat::back_ends::BackEndTrial;
+use renderer_splat::options::BackEnd;
+use renderer_vulkan::gpu::Gpu;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use xr_renderer::{BackEnd, BackEndTrial, Gpu};
 
 /// Picture paths printed; the JSON has them all.
 const SHOWN: usize = 9;

@@ -5,6 +5,9 @@ use crate::place::Place;
 use crate::stage::Size;
 use anyhow::{Context, ensure};
 use glam::{Quat, Vec2, Vec3};
+use renderer_splat::background::Background;
+use renderer_splat::camera::{Camera, Fov};
+use renderer_splat::options::Filter;
 use serde::Serialize;
 use splat_scene::cameras::{Cameras, SceneCamera};
 use splat_scene::{Bounds, Placement, Scene};
@@ -13,7 +16,6 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use xr_renderer::{Background, Camera, Filter, Fov};
 
 /// Options that choose a scene for the background.
 #[derive(Debug, Clone, clap::Args)]

@@ -15,12 +15,16 @@ use glam::Vec3;
 use image::RgbImage;
 use npu_runtime::{Provider, Runtime};
 use profile_report::AvatarFigures;
+use renderer_splat::background::Background;
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::options::{Filter, RendererOptions};
+use renderer_splat::picture::Image;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::{Avatar, MotionParams, Skeleton};
 use std::path::Path;
 use std::sync::Arc;
-use xr_renderer::{
-    Background, Camera, Filter, Gpu, Image, RenderError, RendererOptions, SplatRenderer,
-};
 
 /// Width and height in pixels, written WxH.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -168,7 +172,7 @@ impl StillRenderer {
         cameras: &[Camera],
     ) -> anyhow::Result<Vec<RgbImage>> {
         let splatted = match self.splat(motion, cameras) {
-            Err(ReceiverError::Render(error @ RenderError::DeviceLost(_))) => {
+            Err(ReceiverError::Render(error)) if error.is_device_lost() => {
                 log::warn!("{error}; this is done once");
                 self.receiver.recover()?;
                 self.splat(motion, cameras)?
@@ -251,9 +255,9 @@ pub(crate) fn to_rgb(picture: &Image, rgb: Vec<u8>) -> anyhow::Result<RgbImage> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use renderer_vulkan::choice::GpuChoice;
     use synthetic_person::Puppet;
     use test_support::{onnx, vulkan};
-    use xr_renderer::GpuChoice;
 
     /// As from a package, so that its networks can be read back.
     fn puppet() -> Avatar {

@@ -3,9 +3,9 @@
 use crate::stage::Views;
 use anyhow::{Context, bail};
 use glam::{Quat, Vec3};
+use renderer_splat::camera::Camera;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use xr_renderer::Camera;
 
 /// Distance between the eyes in metres (the adult mean).
 pub(crate) const EYE_SPACING: f32 = 0.063;

@@ -6,6 +6,9 @@ use crate::stage::{RenderSettings, Size};
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
 use app_pipeline::lanes::Drawn;
+use renderer_splat::picture::Backdrop;
+use renderer_splat::window::{Shown, WindowTarget};
+use renderer_vulkan::gpu::Gpu;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -14,7 +17,6 @@ use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window, WindowId};
-use xr_renderer::{Backdrop, Gpu, RenderError, Shown, WindowTarget};
 
 /// What stands behind the person.
 const STUDIO: Backdrop = Backdrop::Gradient {
@@ -238,7 +240,7 @@ impl View<'_, '_> {
         let shown = match &mut open.target {
             Some(target) => match target.present(live.lanes.renderer(), backdrop) {
                 // The next picture finds that out again, and opens another.
-                Err(RenderError::DeviceLost(_)) => Shown::NotNow,
+                Err(error) if error.is_device_lost() => Shown::NotNow,
                 shown => shown?,
             },
             None => Shown::NotNow,

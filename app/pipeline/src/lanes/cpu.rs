@@ -13,11 +13,12 @@ use crate::stage::Stage;
 use crate::timeline::Timeline;
 use app_kernels::state::StateChange;
 use app_kernels::{Blend, Detail};
+use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::slot::ForegroundSlot;
 use spmm3::MotionParams;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
-use xr_renderer::{ForegroundPath, ForegroundSlot};
 
 /// How long the lane sleeps at most before it looks whether it is to stop.
 const PATIENCE: Duration = Duration::from_millis(100);

@@ -7,8 +7,10 @@ use super::triple_buffer::Reader;
 use crate::concealment::between;
 use crate::error::ReceiverError;
 use crate::timeline::{LatencyMode, Timeline};
+use renderer_splat::drawing::Foreground;
+use renderer_splat::posing::{PosedInput, StateId};
+use renderer_splat::renderer::SplatRenderer;
 use std::time::Instant;
-use xr_renderer::{Foreground, PosedInput, RenderError, SplatRenderer, StateId};
 
 const VERTICES: usize = 0;
 const POTENTIALS: usize = 1;
@@ -119,7 +121,7 @@ impl DevicePosing {
         };
         let id = match renderer.push_state(&input) {
             // Drawing finds out, and does something about it.
-            Err(RenderError::DeviceLost(_)) => None,
+            Err(error) if error.is_device_lost() => None,
             pushed => Some(pushed?),
         };
         let place = self.heads.next_place();

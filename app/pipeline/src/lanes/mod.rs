@@ -37,10 +37,11 @@ use crate::profile::{Collector, Recorder};
 use crate::quality::{Quality, QualityController, QualityFigures, QualityMode};
 use crate::timeline::LatencyMode;
 use people::People;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use scenery::Scenery;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use xr_renderer::{Gpu, SplatRenderer};
 
 /// What lanes are started with.
 #[derive(Debug)]

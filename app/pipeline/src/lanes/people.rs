@@ -7,10 +7,12 @@ use crate::inference::{Fault, Inference, ProviderChange};
 use crate::plan::Plan;
 use crate::profile::Collector;
 use glam::Affine3A;
+use renderer_splat::error::RenderError;
+use renderer_splat::limits::MOST_PARTS;
+use renderer_splat::renderer::SplatRenderer;
 use shaders_spirv::PackedGaussian;
 use spmm3::{Avatar, MotionParams};
 use std::sync::Arc;
-use xr_renderer::{MOST_PARTS, RenderError, SplatRenderer};
 
 /// One part of a picture is the scenery's.
 const MOST_PEOPLE: usize = MOST_PARTS - 1;

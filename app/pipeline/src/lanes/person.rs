@@ -11,9 +11,10 @@ use crate::error::ReceiverError;
 use crate::inference::{Fault, ProviderChanges};
 use crate::profile::Collector;
 use glam::Affine3A;
+use renderer_splat::drawing::{Foreground, Part};
+use renderer_splat::renderer::SplatRenderer;
 use std::sync::mpsc::Sender;
 use std::time::Instant;
-use xr_renderer::{Foreground, Part, SplatRenderer};
 
 /// A person's lanes, and what they have made.
 #[derive(Debug)]

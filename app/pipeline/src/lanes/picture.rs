@@ -3,10 +3,12 @@
 use super::cpu::Request;
 use super::{Drawn, Lanes, MotionSource, Progress, Tick};
 use crate::error::ReceiverError;
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::external_images::ExternalImages;
+use renderer_splat::limits::MOST_PARTS;
 use spmm3::MotionParams;
 use std::time::Instant;
-use xr_renderer::xr::Canvas;
-use xr_renderer::{Camera, Drawing, Foreground, MOST_PARTS, Part, RenderError};
 
 impl<S: MotionSource> Lanes<S> {
     /// Begins the picture of `tick`: takes the newest Gaussians there are, and has those of the next picture made. Returns the
@@ -64,15 +66,15 @@ impl<S: MotionSource> Lanes<S> {
     pub fn draw_onto(
         &mut self,
         cameras: &[Camera; 2],
-        canvas: &mut Canvas<'_>,
+        images: &mut dyn ExternalImages,
     ) -> Result<Drawn, ReceiverError> {
-        self.draw_to(cameras, Some(canvas))
+        self.draw_to(cameras, Some(images))
     }
 
     fn draw_to(
         &mut self,
         cameras: &[Camera],
-        canvas: Option<&mut Canvas<'_>>,
+        images: Option<&mut dyn ExternalImages>,
     ) -> Result<Drawn, ReceiverError> {
         if self.is_lost {
             self.drawing = None;
@@ -103,13 +105,13 @@ impl<S: MotionSource> Lanes<S> {
                 .number
                 .is_multiple_of(u64::from(self.quality.sort_every.max(1))),
         };
-        let drawn = match canvas {
-            Some(canvas) => self.renderer.draw_onto(&drawing, canvas),
+        let drawn = match images {
+            Some(images) => self.renderer.draw_onto(&drawing, images),
             None => self.renderer.draw_with(&drawing),
         };
         match drawn {
             Ok(()) => {}
-            Err(error @ RenderError::DeviceLost(_)) => return self.lose(&error),
+            Err(error) if error.is_device_lost() => return self.lose(&error),
             Err(error) => return Err(error.into()),
         }
         self.tell_stages();

@@ -3,8 +3,10 @@
 use super::people::check_room;
 use super::{Drawn, Lanes, MotionSource};
 use crate::error::ReceiverError;
+use renderer_splat::error::RenderError;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use std::sync::Arc;
-use xr_renderer::{Gpu, RenderError, SplatRenderer};
 
 impl<S: MotionSource> Lanes<S> {
     /// Goes on with the same people on another device: the one that a headset's runtime made after [`Drawn::Lost`], or at any

@@ -1,9 +1,12 @@
 //! A few Gaussians that are drawn with the people and belong to none of them: shadows, say. Whoever sets them knows what they
 //! are; here they are only kept, also for another device.
 
+use renderer_splat::drawing::{Foreground, Part};
+use renderer_splat::error::RenderError;
+use renderer_splat::motion_bound::{Change, ForegroundPath};
+use renderer_splat::renderer::SplatRenderer;
+use renderer_splat::slot::ForegroundSlot;
 use shaders_spirv::PackedGaussian;
-use xr_renderer::{Change, Foreground, ForegroundPath, ForegroundSlot, Part};
-use xr_renderer::{RenderError, SplatRenderer};
 
 /// How many there can be.
 const ROOM: u32 = 256;

@@ -20,11 +20,12 @@ use crate::stage::Lane;
 use crate::timeline::{LatencyMode, Timeline};
 use app_kernels::Detail;
 use glam::Affine3A;
+use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::renderer::SplatRenderer;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::time::Instant;
-use xr_renderer::{ForegroundPath, SplatRenderer};
 
 impl<S: MotionSource> Lanes<S> {
     /// Starts the lanes of `avatar`, the first person, on poses from `source`.

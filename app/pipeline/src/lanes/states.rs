@@ -4,9 +4,9 @@ use crate::lanes::Pose;
 use crate::profile::StateTimes;
 use crate::timeline::Timeline;
 use app_kernels::state::{GaussianState, StateChange};
+use renderer_splat::motion_bound::Change;
 use spmm3::MotionParams;
 use std::time::Instant;
-use xr_renderer::Change;
 
 /// Three to interpolate between, since a state may come before the last pictures between older ones are drawn, and one that
 /// is being made.

@@ -5,9 +5,12 @@ use crate::control::Control;
 use crate::error::ReceiverError;
 use crate::plan::{PlacementRequest, Plan};
 use crate::posing::bound_mesh;
+use renderer_splat::camera::Camera;
+use renderer_splat::options::RendererOptions;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
 use std::sync::Arc;
-use xr_renderer::{Camera, Gpu, RendererOptions, SplatRenderer};
 
 /// Makes a renderer on `gpu` and places the stages of `avatar`, as [`place`]; what only placements that were not chosen need is
 /// left out of the renderer.

@@ -12,15 +12,17 @@ use crate::stage::{Stage, Unit};
 use app_kernels::Blend;
 use app_kernels::state::GaussianState;
 use npu_runtime::{Availability, Landing, Origin, Provider, ProviderKind, QnnTarget, Runtime};
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::posing::{PosedInput, StateId};
+use renderer_splat::renderer::SplatRenderer;
+use renderer_splat::slot::ForegroundSlot;
 use serde::Serialize;
 use spmm3::{Avatar, MotionParams, SkinningTransforms, at_ease};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use xr_renderer::{
-    Camera, Drawing, Foreground, ForegroundPath, ForegroundSlot, Part, PosedInput, SplatRenderer,
-    StateId,
-};
 
 /// Frames of each placement that are timed, after one that is not.
 const FRAMES: usize = 5;

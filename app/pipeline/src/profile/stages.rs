@@ -2,9 +2,9 @@
 
 use crate::profile::Percentiles;
 use crate::stage::{Stage, Unit};
+use renderer_splat::times::StageTimes;
 use serde::Serialize;
 use std::time::Duration;
-use xr_renderer::StageTimes;
 
 /// Samples of every stage.
 #[derive(Debug, Clone, Default)]

@@ -9,13 +9,17 @@ use app_pipeline::plan::Plan;
 use app_pipeline::profile::Profile;
 use app_pipeline::quality::QualityMode;
 use glam::{Affine3A, Quat, Vec3};
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use shaders_spirv::{Gaussian, PackedGaussian};
 use spmm3::MotionParams;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 use test_support::{onnx, vulkan};
-use xr_renderer::{BackEnd, Camera, Gpu, RenderError, RendererOptions, SplatRenderer};
 
 /// Both in the picture, one half behind the other.
 pub(crate) fn places() -> [Affine3A; 2] {

@@ -7,12 +7,13 @@ use app_pipeline::inference::Inference;
 use app_pipeline::placement::{InferenceBackends, place_first};
 use app_pipeline::plan::{PlacementRequest, Plan};
 use npu_runtime::{Cancel, Runtime, RuntimeError};
+use renderer_splat::options::RendererOptions;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 use test_support::onnx;
-use xr_renderer::{Gpu, RendererOptions};
 
 /// Longer than any step takes on a slow machine that does much else.
 const PATIENCE: Duration = Duration::from_secs(20);

@@ -8,13 +8,18 @@ use app_pipeline::quality::QualityMode;
 use app_pipeline::timeline::LatencyMode;
 use glam::{Quat, Vec3};
 use npu_runtime::{Provider, Runtime};
+use renderer_splat::camera::Camera;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::picture::Backdrop;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::choice::GpuChoice;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::{Avatar, Joint, MotionParams};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use synthetic_person::Puppet;
 use test_support::{onnx, vulkan};
-use xr_renderer::{BackEnd, Backdrop, Camera, Gpu, GpuChoice, RendererOptions, SplatRenderer};
 
 /// Pixels of a picture's side.
 pub(crate) const SIDE: u32 = 96;

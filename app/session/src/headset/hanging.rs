@@ -2,7 +2,7 @@
 
 use crate::overlay::Panel;
 use glam::{Affine3A, Mat3A, Vec3};
-use xr_renderer::xr::PanelImage;
+use renderer_openxr::panel::PanelImage;
 
 /// A place before the viewer, in metres.
 #[derive(Debug, Clone, Copy)]

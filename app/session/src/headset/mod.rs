@@ -1,7 +1,7 @@
 //! People in a headset: the loop that has everybody drawn for each of its frames, and comes back by itself when the runtime went.
 //!
 //! Which moment is drawn is the lanes' business, where people stand [`crate::presence`]'s, what the runtime is told
-//! `xr_renderer::xr`'s. The loop has a thread of its own, which is the lanes' GPU lane.
+//! `renderer_openxr`'s. The loop has a thread of its own, which is the lanes' GPU lane.
 
 mod figures;
 mod hanging;

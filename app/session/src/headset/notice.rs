@@ -6,8 +6,9 @@ use super::show::{HeadsetError, IDLE};
 use crate::overlay::{NOTICE_WIDTH_METRES, Notice, Panel};
 use app_pipeline::control::Control;
 use glam::Affine3A;
+use renderer_openxr::error::XrError;
+use renderer_openxr::session::{Over, Session, SessionOptions};
 use std::sync::{Arc, Mutex, PoisonError};
-use xr_renderer::xr::{Over, Session, SessionOptions, XrError};
 
 /// Where a notice is written by one thread, and read by the headset's. Copies are the same one.
 #[derive(Debug, Clone, Default)]

@@ -1,8 +1,8 @@
 //! A headset's pace: when the frame that is begun now will be seen, when the next one begins and is seen, and which came late.
 
 use app_pipeline::lanes::{Next, Tick};
+use renderer_openxr::frame::Frame;
 use std::time::{Duration, Instant};
-use xr_renderer::xr::Frame;
 
 /// Share of a new interval in the expectation of the next.
 const LEARNING: f64 = 0.2;

@@ -5,8 +5,9 @@ use crate::overlay::{OVERLAY_WIDTH_METRES, OverlayPainter, OverlayWatch};
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::{Lanes, MotionSource};
 use glam::Affine3A;
+use renderer_openxr::error::XrError;
+use renderer_openxr::session::Session;
 use std::time::{Duration, Instant};
-use xr_renderer::xr::{Session, XrError};
 
 /// Between two updates.
 const PAUSE: Duration = Duration::from_millis(500);

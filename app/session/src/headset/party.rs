@@ -14,11 +14,17 @@ use app_pipeline::profile::Collector;
 use app_pipeline::quality::{QualityFigures, QualityMode};
 use app_pipeline::timeline::LatencyMode;
 use glam::Vec3;
+use renderer_openxr::error::XrError;
+use renderer_openxr::headset::{Headset, HeadsetOptions};
+use renderer_openxr::runtime::Runtime;
+use renderer_openxr::session::SessionOptions;
+use renderer_splat::back_ends::BackEndTrial;
+use renderer_splat::background::Background;
+use renderer_splat::camera::Camera;
+use renderer_splat::options::{BackEnd, Filter, RendererOptions};
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use xr_renderer::xr::{Headset, HeadsetOptions, Runtime, SessionOptions, XrError};
-use xr_renderer::{BackEnd, BackEndTrial, Background, Camera, Filter, RendererOptions};
 
 /// Gaussians beside the people's: their shadows.
 const BESIDE: u32 = 256;

@@ -13,14 +13,18 @@ use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::{Drawn, Lanes, MotionSource};
 use app_pipeline::profile::Percentiles;
+use renderer_openxr::error::XrError;
+use renderer_openxr::eyes::{EyePicture, Surround};
+use renderer_openxr::frame::{Eyes, Frame};
+use renderer_openxr::headset::{Headset, HeadsetOptions};
+use renderer_openxr::input::Controls;
+use renderer_openxr::runtime::Runtime;
+use renderer_openxr::session::{Over, Session, SessionOptions};
+use renderer_splat::options::RendererOptions;
+use renderer_splat::renderer::SplatRenderer;
 use spmm3::Skeleton;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use xr_renderer::xr::{
-    Controls, EyePicture, Eyes, Frame, Headset, HeadsetOptions, Over, Runtime, Session,
-    SessionOptions, Surround, XrError,
-};
-use xr_renderer::{RendererOptions, SplatRenderer};
 
 /// Between two looks for the runtime's events while the session does not run.
 pub(super) const IDLE: Duration = Duration::from_millis(10);

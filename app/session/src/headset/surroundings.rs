@@ -3,10 +3,10 @@
 use crate::presence::{Presence, Standing, Viewer, contact_shadow};
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::{Lanes, MotionSource};
+use renderer_openxr::eyes::Surround;
+use renderer_splat::gaussian::PackedGaussian;
 use spmm3::Skeleton;
 use std::time::{Duration, Instant};
-use xr_renderer::PackedGaussian;
-use xr_renderer::xr::Surround;
 
 /// How a surrounding is called in reports.
 pub(super) fn name(surround: Surround) -> &'static str {

@@ -4,8 +4,8 @@ use super::place::{Place, wrapped};
 use super::standing::Standing;
 use super::viewer::trusted;
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec3Swizzles};
+use renderer_openxr::input::Hand;
 use spmm3::Joint;
-use xr_renderer::xr::Hand;
 
 /// A hand reaches a person this close to the line from pelvis to head, metres.
 const REACH: f32 = 0.45;

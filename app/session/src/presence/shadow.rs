@@ -4,8 +4,8 @@
 use super::standing::{BODY_JOINTS, SOLE_POINTS, Standing};
 use bytemuck::Zeroable;
 use glam::{Affine3A, Quat, Vec3};
+use renderer_splat::gaussian::PackedGaussian;
 use spmm3::Joint;
-use xr_renderer::PackedGaussian;
 
 /// The most Gaussians of one person's shadow.
 pub const SHADOW_GAUSSIANS: usize = 2 * (BODY_JOINTS - FEET) + 2 * SOLE_POINTS;

@@ -1,7 +1,7 @@
 //! The viewer: head and hands as a tracker gives them, which may be missing or absurd.
 
 use glam::{Affine3A, Vec2, Vec3, Vec3Swizzles};
-use xr_renderer::xr::Hand;
+use renderer_openxr::input::Hand;
 
 /// Trackers do not reach further, metres.
 const FURTHEST: f32 = 1_000.0;

@@ -11,6 +11,16 @@ use app_pipeline::timeline::LatencyMode;
 use app_session::headset::{FrameObserver, PresentConfig, Seen, show};
 use app_session::overlay::OverlayWatch;
 use glam::Vec3;
+use renderer_openxr::error::XrError;
+use renderer_openxr::headset::{Headset, HeadsetOptions};
+use renderer_openxr::runtime::Runtime;
+use renderer_openxr::session::SessionOptions;
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::options::RendererOptions;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::error::VulkanError;
+use renderer_vulkan::gpu::Gpu;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback};
@@ -22,8 +32,6 @@ use std::time::{Duration, Instant};
 use synthetic_person::Puppet;
 use test_support::allocations::bytes_held;
 use test_support::{onnx, vulkan};
-use xr_renderer::xr::{self, Headset, HeadsetOptions, SessionOptions, XrError};
-use xr_renderer::{Camera, Gpu, RenderError, RendererOptions, SplatRenderer};
 
 /// By which the program is told what to do, as JSON.
 pub(crate) const ORDERS: &str = "MON3TR_TEST_HEADSET";
@@ -98,7 +106,7 @@ fn the_program_that_the_tests_here_start() {
 }
 
 fn obey(orders: &Orders) -> serde_json::Value {
-    let runtime = xr::Runtime::load().expect("a loader");
+    let runtime = Runtime::load().expect("a loader");
     let (options, headset) = open(&runtime);
     let validated = options.validation;
     let gpu = Arc::clone(headset.gpu());
@@ -132,13 +140,13 @@ fn obey(orders: &Orders) -> serde_json::Value {
 }
 
 /// With Vulkan's validation layer, where there is one.
-fn open(runtime: &xr::Runtime) -> (HeadsetOptions, Headset) {
+fn open(runtime: &Runtime) -> (HeadsetOptions, Headset) {
     let mut options = HeadsetOptions {
         eye_size: None,
         validation: true,
     };
     let headset = match Headset::open(runtime, options) {
-        Err(XrError::Render(RenderError::NoValidationLayer)) => {
+        Err(XrError::Render(RenderError::Vulkan(VulkanError::NoValidationLayer))) => {
             options.validation = false;
             Headset::open(runtime, options)
         }

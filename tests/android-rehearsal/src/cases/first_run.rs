@@ -6,8 +6,8 @@ use crate::screenshot::Screenshot;
 use crate::stage::Stage;
 use android_rehearsal::protocol::Intent;
 use anyhow::ensure;
+use renderer_splat::camera::Fov;
 use test_support::monado::{Compositor, Driver, Scripted};
-use xr_renderer::Fov;
 
 /// The fewest edges of letters in the mirror window's picture. A panel without text has some hundreds, one a row at its sides.
 const LEAST_EDGES: usize = 1500;

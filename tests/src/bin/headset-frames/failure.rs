@@ -3,9 +3,9 @@
 use std::error::Error;
 use std::fmt;
 
+use renderer_openxr::error::XrError;
+use renderer_splat::error::RenderError;
 use serde_json::{Value, json};
-use xr_renderer::RenderError;
-use xr_renderer::xr::XrError;
 
 #[derive(Debug)]
 pub(crate) enum Failure {

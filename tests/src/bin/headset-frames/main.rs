@@ -14,13 +14,18 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use renderer_openxr::error::XrError;
+use renderer_openxr::frame::{Eyes, Frame};
+use renderer_openxr::headset::{Headset, HeadsetOptions};
+use renderer_openxr::runtime::Runtime;
+use renderer_openxr::session::{Over, Session, SessionOptions};
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::error::RenderError;
+use renderer_splat::gaussian::PackedGaussian;
+use renderer_splat::options::RendererOptions;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::error::VulkanError;
 use serde_json::{Value, json};
-use xr_renderer::xr::{
-    Eyes, Frame, Headset, HeadsetOptions, Over, Runtime, Session, SessionOptions, XrError,
-};
-use xr_renderer::{
-    Drawing, Foreground, PackedGaussian, Part, RenderError, RendererOptions, SplatRenderer,
-};
 
 use failure::Failure;
 use options::Options;
@@ -107,7 +112,9 @@ impl Program {
             Headset::open(&runtime, options)
         };
         let (headset, validated) = match open(true) {
-            Err(XrError::Render(RenderError::NoValidationLayer)) => (open(false)?, false),
+            Err(XrError::Render(RenderError::Vulkan(VulkanError::NoValidationLayer))) => {
+                (open(false)?, false)
+            }
             headset => (headset?, true),
         };
         let mut session = Session::new(

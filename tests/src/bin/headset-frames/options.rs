@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use renderer_openxr::eyes::Surround;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::options::BackEnd;
 use test_support::splat_scenes::{figure_ahead, markers};
-use xr_renderer::xr::Surround;
-use xr_renderer::{BackEnd, Gaussian};
 
 /// What stands before the viewer.
 #[derive(Debug, Clone, Copy)]

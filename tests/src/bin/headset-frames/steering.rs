@@ -6,9 +6,9 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 
 use glam::{Affine3A, Quat, Vec3};
+use renderer_openxr::input::{Controls, Hand};
+use renderer_splat::camera::Camera;
 use serde_json::{Value, json};
-use xr_renderer::Camera;
-use xr_renderer::xr::{Controls, Hand};
 
 /// Something to do in the next frame that is shown.
 #[derive(Debug)]

@@ -6,7 +6,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use glam::{Quat, Vec3};
-use xr_renderer::Fov;
+use renderer_splat::camera::Fov;
 
 use crate::service::{LONGEST_WAIT, assert_all_live};
 

@@ -1,6 +1,6 @@
 //! How far a picture is from the reference.
 
-use xr_renderer::Image;
+use renderer_splat::picture::Image;
 
 use super::ReferencePicture;
 

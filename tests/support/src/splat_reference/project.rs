@@ -4,8 +4,10 @@
 use std::ops::RangeInclusive;
 
 use glam::Affine3A;
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::Gaussian;
+use renderer_splat::options::Filter;
 use splat_scene::Scene;
-use xr_renderer::{Camera, Filter, Gaussian};
 
 use super::harmonics::{ORDERS, real_harmonics};
 

@@ -1,7 +1,7 @@
 //! What stands before somebody who wears a headset: floor space, metres, y up, the viewer at the origin looking along -z.
 
 use glam::{Quat, Vec3};
-use xr_renderer::Gaussian;
+use renderer_splat::gaussian::Gaussian;
 
 use super::standing_figure;
 

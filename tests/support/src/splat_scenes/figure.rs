@@ -2,7 +2,7 @@
 //! scan's are.
 
 use glam::{Quat, Vec3};
-use xr_renderer::Gaussian;
+use renderer_splat::gaussian::Gaussian;
 
 use synthetic_person::Random;
 

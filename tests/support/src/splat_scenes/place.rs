@@ -1,8 +1,8 @@
 //! Static scenes: random ones of every degree of spherical harmonics, and a place to put a person in.
 
 use glam::{Quat, Vec3};
+use renderer_splat::camera::Camera;
 use splat_scene::{SH_C0, Scene, SceneBuilder, Splat, rest_coefficients};
-use xr_renderer::Camera;
 
 use super::random_gaussians;
 use synthetic_person::Random;

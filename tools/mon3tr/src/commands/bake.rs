@@ -10,6 +10,11 @@ use app_kernels::state::GaussianState;
 use glam::Vec3;
 use npu_runtime::{ProviderKind, QnnTarget, Runtime};
 use reconstruct::bake::{BAKE_VERSION, BakeOptions, BakeReport, Shot, bake};
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use serde::Serialize;
 use spmm3::networks::CompiledGraph;
 use spmm3::{Avatar, GaussianSet};
@@ -17,7 +22,6 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-use xr_renderer::{BackEnd, Camera, Gpu, RenderError, RendererOptions, SplatRenderer};
 
 /// Options of `bake`.
 #[derive(Debug, clap::Args)]

@@ -11,6 +11,8 @@ use app_pipeline::plan::Plan;
 use app_pipeline::profile::Profile;
 use glam::Vec3;
 use npu_runtime::Provider;
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::Gaussian;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -19,7 +21,6 @@ use test_support::onnx::runtime;
 use test_support::picture_check::{Least, assert_drawn_as_reference};
 use test_support::splat_reference::World;
 use test_support::vulkan::gpu;
-use xr_renderer::{Camera, Gaussian};
 
 /// Least PSNR against the reference, dB; lavapipe reaches 74 and 66, and rounding to 8 bits alone would leave 59.
 const LEAST: Least = Least {

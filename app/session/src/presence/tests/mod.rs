@@ -7,11 +7,11 @@ mod shadow;
 
 use super::{Presence, Standing, Viewer};
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec3Swizzles};
+use renderer_openxr::input::Hand;
 use spmm3::{Joint, MotionParams, Skeleton, at_ease};
 use std::sync::OnceLock;
 use std::time::Duration;
 use synthetic_person::{Puppet, PuppetSize};
-use xr_renderer::xr::Hand;
 
 /// A display at 90 Hz.
 const FRAME: Duration = Duration::from_micros(11_111);

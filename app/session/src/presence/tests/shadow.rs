@@ -1,6 +1,6 @@
 use super::super::{SHADOW_GAUSSIANS, contact_shadow};
 use super::*;
-use xr_renderer::Gaussian;
+use renderer_splat::gaussian::Gaussian;
 
 fn cast(standing: &Standing, floor_from_person: &Affine3A) -> Vec<Gaussian> {
     let shadow = contact_shadow(standing, floor_from_person);

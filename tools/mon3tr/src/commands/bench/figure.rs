@@ -2,7 +2,8 @@
 //! overlapping as a scan's are. Needs no file, so that anyone can repeat a measurement.
 
 use glam::{Quat, Vec3};
-use xr_renderer::{Camera, Gaussian, PackedGaussian};
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::{Gaussian, PackedGaussian};
 
 /// An ellipsoid of the body.
 struct Part {

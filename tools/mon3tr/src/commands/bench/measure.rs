@@ -1,8 +1,8 @@
 //! Samples of a frame's stages, and their medians.
 
+use renderer_splat::times::StageTimes;
 use serde::Serialize;
 use std::time::Duration;
-use xr_renderer::StageTimes;
 
 /// Milliseconds of each frame, stage by stage as the device's clock tells them; `total_ms` by the host's clock, from
 /// handing over the frame until it is drawn.

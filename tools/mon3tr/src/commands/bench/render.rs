@@ -3,9 +3,10 @@
 use super::{scene, standard};
 use crate::stage::Size;
 use clap::ValueEnum;
+use renderer_splat::options::BackEnd;
+use renderer_vulkan::gpu::Gpu;
 use std::path::PathBuf;
 use std::sync::Arc;
-use xr_renderer::{BackEnd, Gpu};
 
 /// Options of `bench render`.
 #[derive(Debug, clap::Args)]

@@ -12,11 +12,14 @@ use crate::viewpoint::eyes;
 use anyhow::Context;
 use glam::Vec3;
 use image::RgbImage;
+use renderer_splat::options::RendererOptions;
+use renderer_splat::picture::Backdrop;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-use xr_renderer::{Backdrop, Gpu, RendererOptions, SplatRenderer};
 
 /// Vertical field of view without a cameras.json.
 const OVERVIEW_DEGREES: f32 = 40.0;

@@ -6,11 +6,12 @@ use crate::device_options::describe;
 use crate::report::{check_writable, write_json};
 use anyhow::{Context, bail};
 use glam::Vec3;
+use renderer_splat::sort::Sorter;
+use renderer_vulkan::gpu::Gpu;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
-use xr_renderer::{Gpu, Sorter};
 
 /// Numbers of keys.
 const COUNTS: [usize; 7] = [

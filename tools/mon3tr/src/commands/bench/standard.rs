@@ -13,10 +13,14 @@ use crate::report::{check_writable, write_json};
 use crate::stage::Size;
 use crate::viewpoint::EYE_SPACING;
 use anyhow::Context;
+use renderer_splat::camera::Camera;
+use renderer_splat::gaussian::PackedGaussian;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
-use xr_renderer::{BackEnd, Camera, Gpu, PackedGaussian, RendererOptions, SplatRenderer};
 
 const COUNTS: [usize; 5] = [30_000, 60_000, 150_000, 400_000, 1_000_000];
 
@@ -124,7 +128,7 @@ fn compare(
     format: Format,
     frames: u32,
 ) -> anyhow::Result<Vec<Row>> {
-    let able = |back_end: &BackEnd| *back_end == BackEnd::Tiles || gpu.draws_quads();
+    let able = |back_end: &BackEnd| back_end.runs_on(gpu);
     let mut benches = [BackEnd::Tiles, BackEnd::Quads]
         .into_iter()
         .filter(able)

@@ -20,10 +20,11 @@ use call::{Length, Shown};
 use clap::ValueEnum;
 use image::{RgbImage, imageops};
 use npu_runtime::Runtime;
+use renderer_splat::options::Filter;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use xr_renderer::{Filter, Gpu};
 
 /// Longest call of the demo, seconds: as long as an animation may be.
 const LONGEST_CALL: f64 = 20.0;

@@ -10,11 +10,12 @@ use app_pipeline::lanes::Drawn;
 use app_pipeline::quality::QualityMode;
 use npu_runtime::Runtime;
 use profile_report::resident_bytes;
+use renderer_splat::options::Filter;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
-use xr_renderer::{Filter, Gpu};
 
 /// From the first frame until measuring begins: clocks are compared, buffers find their size.
 const WARM_UP: Duration = Duration::from_secs(2);

@@ -5,8 +5,8 @@ use crate::film::write_png;
 use crate::moments::Moments;
 use app_session::headset::{FrameObserver, Seen};
 use image::{RgbImage, imageops};
+use renderer_openxr::eyes::EyePicture;
 use std::path::{Path, PathBuf};
-use xr_renderer::xr::EyePicture;
 
 /// Frames from one that is looked at to the next, at most.
 const APART: u64 = 20;

@@ -18,10 +18,11 @@ use app_session::visit::{Ended, Guest, NetworkContext, Visited, visit};
 use glam::{Quat, Vec3};
 use link_playout::Clock;
 use profile_report::AvatarFigures;
+use renderer_openxr::headset::HeadsetOptions;
+use renderer_openxr::runtime::Runtime;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
-use xr_renderer::xr::{HeadsetOptions, Runtime};
 
 /// Where the first person will stand, and a scene is put around: before the viewer.
 const BEFORE: Vec3 = Vec3::new(0.0, 0.0, -1.6);

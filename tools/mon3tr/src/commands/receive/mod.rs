@@ -28,6 +28,8 @@ use link_http::{Client, PackageCache};
 use link_playout::Clock;
 use link_protocol::{Announcement, RoomLink};
 use npu_runtime::Runtime;
+use renderer_splat::options::Filter;
+use renderer_vulkan::gpu::Gpu;
 use report::Report;
 pub(crate) use screen::Screen;
 use spmm3::Avatar;
@@ -35,7 +37,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
-use xr_renderer::{Filter, Gpu};
 
 /// Pictures a second of a display, as most are.
 const HERTZ: f64 = 60.0;

@@ -9,7 +9,6 @@ use crate::viewpoint::{Viewpoint, eyes};
 use app_pipeline::lanes::Drawn;
 use image::{RgbImage, imageops};
 use std::time::{Duration, Instant};
-use xr_renderer::RenderError;
 
 /// Pause before looking again whether there is somebody to be seen.
 const WAITING: Duration = Duration::from_millis(5);
@@ -63,7 +62,7 @@ fn draw(
     }
     let splatted = match read_views(live.lanes.renderer()) {
         // The next picture finds that out again, and opens another.
-        Err(RenderError::DeviceLost(_)) => return Ok(None),
+        Err(error) if error.is_device_lost() => return Ok(None),
         views => views?,
     };
     live.displayed();

@@ -13,9 +13,9 @@ use crate::viewpoint::CameraChoice;
 use anyhow::{anyhow, bail};
 use clap::ValueEnum;
 use image::RgbImage;
+use renderer_splat::options::Filter;
 use splat_scene::cameras::SceneCamera;
 use std::path::{Path, PathBuf};
-use xr_renderer::Filter;
 
 /// Options of `render`.
 #[derive(Debug, clap::Args)]

@@ -10,9 +10,9 @@ use crate::scenery::Scenery;
 use crate::stage::{RenderSettings, StillRenderer, load_avatar};
 use crate::viewpoint::{CameraChoice, eyes};
 use anyhow::Context;
+use renderer_splat::options::Filter;
 use std::path::Path;
 use std::time::Duration;
-use xr_renderer::Filter;
 
 pub(super) fn run(options: &Options, package: &Path, device: &DeviceOptions) -> anyhow::Result<()> {
     let (avatar, figures) = load_avatar(package)?;

@@ -11,10 +11,13 @@ use anyhow::{Context, bail};
 use app_pipeline::profile::Profile;
 use app_pipeline::stage::Unit;
 use glam::{Quat, Vec3};
+use renderer_splat::camera::Camera;
+use renderer_splat::error::RenderError;
+use renderer_splat::picture::Image;
+use renderer_splat::renderer::SplatRenderer;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use xr_renderer::{Camera, Image, RenderError, SplatRenderer};
 
 /// What the run leaves.
 #[derive(Debug, Serialize)]
@@ -61,7 +64,7 @@ pub(super) fn run(options: &Options, file: &Path, device: &DeviceOptions) -> any
         .context("cannot prepare the renderer")?;
     let cameras = eyes(camera, views);
     let splatted = match splat(&mut renderer, &cameras) {
-        Err(error @ RenderError::DeviceLost(_)) => {
+        Err(error) if error.is_device_lost() => {
             log::warn!("{error}; this is done once");
             renderer.recover()?;
             splat(&mut renderer, &cameras)?

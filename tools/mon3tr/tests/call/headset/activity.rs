@@ -9,6 +9,7 @@ use android_app::launch::Launch;
 use android_app::lifecycle::{Driver, Event};
 use android_app::receiver::{Device, HeadsetReceiver};
 use android_app::storage::Folders;
+use renderer_openxr::runtime::Runtime;
 use std::io::{BufRead, Write};
 use std::path::Path;
 use std::process::ChildStdin;
@@ -17,7 +18,6 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 use test_support::monado::Monado;
 use test_support::service::attended;
-use xr_renderer::xr::Runtime;
 
 /// The room's link, if there is one.
 const ROOM: &str = "MON3TR_TEST_ROOM";
@@ -281,7 +281,7 @@ fn an_activity() {
         return;
     };
     env_logger::Builder::new()
-        .parse_filters("warn,main=info,link=info,app=info,xr_renderer=debug")
+        .parse_filters("warn,main=info,link=info,app=info,renderer_vulkan=debug,renderer_splat=debug,renderer_openxr=debug")
         .init();
     let variable = |name: &str| std::env::var(name).ok();
     let (room, profile) = (variable(ROOM), variable(PROFILE));

@@ -54,7 +54,7 @@ pub(super) fn viewer(
         .args(["--out", &out, "--json", &json])
         .args(arguments)
         // The call's events, the headset's, and the session's states.
-        .env("RUST_LOG", "warn,link=info,app=info,xr_renderer=debug");
+        .env("RUST_LOG", "warn,link=info,app=info,renderer_vulkan=debug,renderer_splat=debug,renderer_openxr=debug");
     Program::start_as(house, out.as_ref(), &mut command)
 }
 

@@ -5,7 +5,7 @@ use super::turns::{Comparison, Copying, GOAL, by_turns};
 use app_kernels::Blend;
 use app_kernels::state::{GaussianState, STATE_PLANES, plane};
 use bytemuck::Zeroable;
-use xr_renderer::PackedGaussian;
+use renderer_splat::gaussian::PackedGaussian;
 
 pub(super) fn compare(gaussians: usize, runs: u32) -> anyhow::Result<Comparison> {
     let states = [1, 2].map(|seed| likely_state(gaussians, seed));

@@ -22,6 +22,8 @@ use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::posing::bound_mesh;
 use format::Format;
 use profile_report::AvatarFigures;
+use renderer_splat::options::{Filter, RendererOptions};
+use renderer_splat::renderer::SplatRenderer;
 use serde::Serialize;
 use spmm3::MotionParams;
 use std::path::PathBuf;
@@ -29,7 +31,6 @@ use std::sync::Arc;
 use std::time::Duration;
 use triple_buffer::HandOver;
 use turn::Scene;
-use xr_renderer::{Filter, RendererOptions, SplatRenderer};
 
 /// A window's picture and a headset's.
 const FORMATS: [(Size, Views); 2] = [(square(640), Views::Mono), (square(1024), Views::Stereo)];

@@ -12,12 +12,14 @@ use app_pipeline::plan::Plan;
 use app_pipeline::profile::{Percentiles, Profile};
 use app_pipeline::stage::Stage;
 use npu_runtime::Outputs;
+use renderer_splat::camera::Camera;
+use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::posing::{PosedInput, StateId};
+use renderer_splat::renderer::SplatRenderer;
+use renderer_splat::slot::ForegroundSlot;
 use spmm3::{MotionParams, Skeleton, SkinningTransforms};
 use std::time::Instant;
-use xr_renderer::{
-    Camera, Drawing, Foreground, ForegroundPath, ForegroundSlot, Part, PosedInput, SplatRenderer,
-    StateId,
-};
 
 /// Nearly the newer state: the work is that of any place between two.
 const SHARE: f32 = 0.99;

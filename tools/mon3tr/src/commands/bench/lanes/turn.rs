@@ -15,10 +15,14 @@ use app_pipeline::stage::{Stage, Unit};
 use app_pipeline::timeline::LatencyMode;
 use glam::{Quat, Vec3};
 use npu_runtime::{Provider, Runtime};
+use renderer_splat::camera::Camera;
+use renderer_splat::options::{BackEnd, RendererOptions};
+use renderer_splat::posing::BoundMesh;
+use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use spmm3::{Avatar, Joint, MotionParams};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use xr_renderer::{BackEnd, BoundMesh, Camera, Gpu, RendererOptions, SplatRenderer};
 
 /// Of every turn, before measuring begins.
 pub(super) const WARM_UP: Duration = Duration::from_secs(1);

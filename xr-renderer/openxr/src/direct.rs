@@ -1,0 +1,236 @@
+//! The way of quads: drawn straight into a headset's images, both eyes in one pass, coarser where a density map says so.
+//!
+//! A density map is laid over the images, not over the part of them that is drawn: pictures of less than full size are drawn without.
+
+use std::sync::Arc;
+
+use ash::vk;
+use renderer_splat::quad_pass::{DEPTH, PICTURE, QuadPass};
+use renderer_vulkan::attachment::{Attachment, Fate, View};
+use renderer_vulkan::bindings::{Bindings, Resource};
+use renderer_vulkan::buffer::Buffer;
+use renderer_vulkan::error::VulkanError;
+use renderer_vulkan::gpu::Gpu;
+use renderer_vulkan::graphics::{GraphicsPipeline, Triangles};
+use renderer_vulkan::pipeline::Module;
+use renderer_vulkan::render_pass::Framebuffer;
+
+use crate::pass::PassKind;
+use crate::swapchain::{Acquired, Swapchain};
+
+/// Eyes, each with its layer.
+const LAYERS: u32 = 2;
+/// Of a runtime's density maps, always.
+const MAP: vk::Format = vk::Format::R8G8_UNORM;
+
+/// What quads are drawn with into one swapchain's images, and another's of depth.
+pub(crate) struct Direct {
+    gpu: Arc<Gpu>,
+    framebuffers: Vec<(Place, Framebuffer)>,
+    plain: Shown,
+    /// Where there are density maps.
+    foveated: Option<Shown>,
+    bindings: Bindings,
+    picture: Attachment,
+    depth: Option<Attachment>,
+    colours: Vec<View>,
+    depths: Vec<View>,
+    maps: Vec<View>,
+    extent: vk::Extent2D,
+}
+
+/// Images that are drawn into together, and whether by their map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Place {
+    colour: usize,
+    depth: Option<usize>,
+    foveated: bool,
+}
+
+/// A pass, and the pipeline of its second part.
+struct Shown {
+    pass: Arc<QuadPass>,
+    pipeline: GraphicsPipeline,
+}
+
+/// Where one picture is drawn.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Drawn {
+    framebuffer: vk::Framebuffer,
+    area: vk::Rect2D,
+    pub(crate) foveated: bool,
+}
+
+impl Direct {
+    /// For these images, made to be drawn into, of which `depth` has as many pixels as `colour`.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        colour: &Swapchain,
+        depth: Option<&Swapchain>,
+        params: &Buffer,
+    ) -> Result<Self, VulkanError> {
+        let extent = colour.extent;
+        let passing =
+            |what, format| Attachment::new(gpu, what, format, extent, LAYERS, Fate::Passing);
+        let picture = passing("the quads' picture on its way to the eyes", PICTURE)?;
+        let passing_depth = depth
+            .map(|_| passing("the quads' depth on its way to the eyes", DEPTH))
+            .transpose()?;
+        let resources: Vec<_> = [Resource::Uniform(params), Resource::Input(&picture)]
+            .into_iter()
+            .chain(passing_depth.as_ref().map(Resource::Input))
+            .collect();
+        let bindings = Bindings::new(gpu, vk::ShaderStageFlags::FRAGMENT, 0, 1, &resources)?;
+        let kind = PassKind {
+            colour: colour.format,
+            depth: depth.map(|depth| depth.format),
+            foveated: false,
+        };
+        let shown = |foveated| Shown::new(gpu, PassKind { foveated, ..kind }, &bindings);
+        let views = |images: &[vk::Image], format| -> Result<Vec<_>, VulkanError> {
+            let view = |image: &vk::Image| View::new(gpu, *image, format, LAYERS);
+            images.iter().map(view).collect()
+        };
+        let maps: Vec<_> = colour.maps.iter().map(|map| map.image).collect();
+        Ok(Self {
+            gpu: Arc::clone(gpu),
+            framebuffers: Vec::new(),
+            plain: shown(false)?,
+            foveated: (!maps.is_empty()).then(|| shown(true)).transpose()?,
+            picture,
+            depth: passing_depth,
+            colours: views(colour.images(), colour.format)?,
+            depths: depth.map_or(Ok(Vec::new()), |depth| views(depth.images(), depth.format))?,
+            maps: views(&maps, MAP)?,
+            bindings,
+            extent,
+        })
+    }
+
+    /// Whether depth is drawn.
+    pub(crate) fn has_depth(&self) -> bool {
+        self.depth.is_some()
+    }
+
+    /// Makes ready for a picture of `size` in the upper left of these images, which were made for this.
+    pub(crate) fn prepare(
+        &mut self,
+        colour: Acquired,
+        depth: Option<Acquired>,
+        size: vk::Extent2D,
+    ) -> Result<Drawn, VulkanError> {
+        let foveated = self.foveated.is_some() && size == self.extent;
+        let place = Place {
+            colour: colour.index,
+            depth: depth.filter(|_| self.has_depth()).map(|depth| depth.index),
+            foveated,
+        };
+        let made = self.framebuffers.iter().find(|(at, _)| *at == place);
+        let framebuffer = match made {
+            Some((_, framebuffer)) => framebuffer.handle(),
+            None => {
+                let made = self.framebuffer(place)?;
+                let handle = made.handle();
+                self.framebuffers.push((place, made));
+                handle
+            }
+        };
+        Ok(Drawn {
+            framebuffer,
+            area: size.into(),
+            foveated,
+        })
+    }
+
+    fn framebuffer(&self, place: Place) -> Result<Framebuffer, VulkanError> {
+        let views = [
+            Some(&self.picture.view),
+            self.depth.as_ref().map(|it| &it.view),
+        ]
+        .into_iter()
+        .chain([
+            self.colours.get(place.colour),
+            place.depth.and_then(|index| self.depths.get(index)),
+            self.maps.get(place.colour).filter(|_| place.foveated),
+        ])
+        .flatten();
+        let pass = self.shown(place.foveated).pass.render_pass();
+        Framebuffer::new(pass, views, self.extent)
+    }
+
+    /// The pass that draws there.
+    pub(crate) fn pass(&self, drawn: &Drawn) -> &Arc<QuadPass> {
+        &self.shown(drawn.foveated).pass
+    }
+
+    fn shown(&self, foveated: bool) -> &Shown {
+        self.foveated
+            .as_ref()
+            .filter(|_| foveated)
+            .unwrap_or(&self.plain)
+    }
+
+    /// Records the pass, with what `draw` records in its first part.
+    pub(crate) fn record(
+        &self,
+        commands: vk::CommandBuffer,
+        drawn: &Drawn,
+        draw: &dyn Fn(vk::Rect2D),
+    ) {
+        let Shown { pass, pipeline } = self.shown(drawn.foveated);
+        // For the quads' picture and depth, all transparent.
+        let clear = [vk::ClearValue::default(); 2];
+        let begin = vk::RenderPassBeginInfo::default()
+            .render_pass(pass.render_pass().handle())
+            .framebuffer(drawn.framebuffer)
+            .render_area(drawn.area)
+            .clear_values(&clear);
+        let device = self.gpu.device();
+        let inline = vk::SubpassContents::INLINE;
+        let point = vk::PipelineBindPoint::GRAPHICS;
+        // SAFETY: the command buffer is being recorded; pass and framebuffer fit.
+        unsafe { device.cmd_begin_render_pass(commands, &begin, inline) };
+        draw(drawn.area);
+        // SAFETY: the pass is being recorded, and has a second part.
+        unsafe { device.cmd_next_subpass(commands, inline) };
+        pipeline.record(commands, drawn.area);
+        self.bindings.record(commands, point, 0, &[]);
+        // SAFETY: as above; the vertex shader reads no buffers.
+        unsafe {
+            device.cmd_draw(commands, 3, 1, 0, 0);
+            device.cmd_end_render_pass(commands);
+        }
+    }
+}
+
+impl Shown {
+    fn new(gpu: &Arc<Gpu>, kind: PassKind, bindings: &Bindings) -> Result<Self, VulkanError> {
+        let pass = kind.pass(gpu)?;
+        let vertex = Module::new(gpu, shaders_spirv::SHOW_EYE_VERT.words)?;
+        let fragment = if pass.with_depth() {
+            shaders_spirv::SHOW_EYE_DEPTH_FRAG.words
+        } else {
+            shaders_spirv::SHOW_EYE_FRAG.words
+        };
+        let fragment = Module::new(gpu, fragment)?;
+        let stages = [
+            vertex.stage(vk::ShaderStageFlags::VERTEX),
+            fragment.stage(vk::ShaderStageFlags::FRAGMENT),
+        ];
+        let written = vk::PipelineColorBlendAttachmentState::default()
+            .color_write_mask(vk::ColorComponentFlags::RGBA);
+        let triangles = Triangles {
+            stages: &stages,
+            blends: &[written],
+            writes_depth: pass.with_depth(),
+            layout: bindings.layout(),
+            pass: pass.render_pass().handle(),
+            subpass: 1,
+        };
+        let pipeline = GraphicsPipeline::new(gpu, &triangles)?;
+        Ok(Self {
+            pass: Arc::new(pass),
+            pipeline,
+        })
+    }
+}

@@ -1,0 +1,315 @@
+//! What hands, controllers and eyes do, once per frame.
+//!
+//! Controllers come first; a tracked hand is used where its controller is not active. What the hands do to people and panels
+//! is not known here.
+
+use std::fmt;
+
+use glam::Affine3A;
+use openxr::sys;
+use openxr::{Action, ActionSet, Binding, Instance, Path, Posef, Session, Space, SystemId, Time};
+use openxr::{ActionTy, Vulkan};
+
+use crate::error::{XrContext, XrError};
+use crate::ext::eye_gaze::{EyeGaze, GazeAction};
+use crate::ext::hand_tracking::{HandTracking, TrackedHand};
+use crate::ext::or_without;
+use crate::pose::base_from_space;
+
+/// What hands and eyes do in one frame. Poses are in floor space: metres, y up, -z ahead.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Controls {
+    /// Left, right.
+    pub hands: [Hand; 2],
+    /// The overlay's button was pressed, or the left thumb and middle finger met, since the last frame.
+    pub overlay_toggled: bool,
+    /// Between the eyes, -z as they look. None where it is not known.
+    pub gaze: Option<Affine3A>,
+}
+
+/// What one hand does in one frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Hand {
+    /// Where it is and how it is turned. None where it is not known.
+    pub floor_from_grip: Option<Affine3A>,
+    /// What it points at lies along -z. None where it is not known.
+    pub floor_from_aim: Option<Affine3A>,
+    /// It holds: squeeze, select of a simple controller, or pinch.
+    pub holds: bool,
+}
+
+/// A squeeze holds from here, of 1 ...
+const SQUEEZE_HOLDS: f32 = 0.7;
+
+/// ... and lets go below here.
+const SQUEEZE_ENDS: f32 = 0.4;
+
+const SIDES: [&str; 2] = [openxr::USER_HAND_LEFT, openxr::USER_HAND_RIGHT];
+
+/// A profile's sources below a hand's path.
+struct Profile {
+    name: &'static str,
+    hold: &'static str,
+    /// On the left hand only; any of them.
+    overlay: &'static [&'static str],
+}
+
+const PROFILES: [Profile; 2] = [
+    Profile {
+        name: "/interaction_profiles/khr/simple_controller",
+        hold: "input/select/click",
+        overlay: &["input/menu/click"],
+    },
+    Profile {
+        name: "/interaction_profiles/oculus/touch_controller",
+        hold: "input/squeeze/value",
+        overlay: &["input/y/click", "input/menu/click"],
+    },
+];
+
+/// The actions, attached to one session.
+pub struct Input {
+    session: Session<Vulkan>,
+    actions: Actions,
+    /// Left, right.
+    sides: [Side; 2],
+    hands: Option<HandTracking>,
+    gaze: Option<EyeGaze>,
+    overlay_was_pressed: bool,
+}
+
+struct Actions {
+    set: ActionSet,
+    grip: Action<Posef>,
+    aim: Action<Posef>,
+    hold: Action<f32>,
+    overlay: Action<bool>,
+}
+
+struct Side {
+    path: Path,
+    grip: Space,
+    aim: Space,
+    holds: bool,
+}
+
+impl fmt::Debug for Input {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Input")
+            .field("hands", &self.hands.is_some())
+            .field("gaze", &self.gaze.is_some())
+            .finish_non_exhaustive()
+    }
+}
+
+impl Input {
+    /// Makes the actions and attaches them. Once per session, which must have no others.
+    ///
+    /// # Errors
+    /// Where the runtime refuses something of its core. Hands, gaze and single profiles that it refuses are logged, and done without.
+    pub fn new(session: &Session<Vulkan>, system: SystemId) -> Result<Self, XrError> {
+        let instance = session.instance();
+        let mut paths = [Path::NULL; 2];
+        for (path, side) in paths.iter_mut().zip(SIDES) {
+            *path = instance.string_to_path(side).during("xrStringToPath")?;
+        }
+        let actions = Actions::new(instance, &paths)?;
+        for profile in &PROFILES {
+            actions.suggest(instance, profile);
+        }
+        let gaze = or_without("gaze", GazeAction::new(instance, system, &actions.set));
+        session
+            .attach_action_sets(&[&actions.set])
+            .during("xrAttachSessionActionSets")?;
+        let gaze = gaze.and_then(|gaze| or_without("gaze", gaze.attached(session)));
+        let side = |path| -> Result<Side, XrError> {
+            let space = |action: &Action<Posef>| {
+                action
+                    .create_space(session, path, Posef::IDENTITY)
+                    .during("xrCreateActionSpace")
+            };
+            Ok(Side {
+                path,
+                grip: space(&actions.grip)?,
+                aim: space(&actions.aim)?,
+                holds: false,
+            })
+        };
+        let sides = [side(paths[0])?, side(paths[1])?];
+        Ok(Self {
+            session: session.clone(),
+            sides,
+            hands: or_without("bare hands", HandTracking::new(session, system)),
+            gaze,
+            overlay_was_pressed: false,
+            actions,
+        })
+    }
+
+    /// Whether bare hands are tracked.
+    #[must_use]
+    pub fn tracks_hands(&self) -> bool {
+        self.hands.is_some()
+    }
+
+    /// Whether the gaze is tracked.
+    #[must_use]
+    pub fn tracks_gaze(&self) -> bool {
+        self.gaze.is_some()
+    }
+
+    /// What hands and eyes do at a frame's predicted display time. Nothing while another program has the input.
+    ///
+    /// # Errors
+    /// What the runtime says: a session or a runtime that is lost.
+    pub fn sync(&mut self, time: Time, floor: &Space) -> Result<Controls, XrError> {
+        if !self.actions.sync(&self.session)? {
+            for side in &mut self.sides {
+                side.holds = false;
+            }
+            return Ok(Controls::default());
+        }
+        let tracked = match &mut self.hands {
+            Some(hands) => hands.locate(floor, time).during("xrLocateHandJointsEXT")?,
+            None => [None; 2],
+        };
+        let mut hands = [Hand::default(); 2];
+        let mut calls_overlay = [false; 2];
+        for (place, side) in self.sides.iter_mut().enumerate() {
+            let controller = side.read(&self.session, &self.actions, floor, time)?;
+            // Some runtimes track the hand that holds a controller too: its fingers mean nothing.
+            let bare = tracked[place].filter(|_| controller.is_none());
+            calls_overlay[place] = bare.is_some_and(|hand| hand.calls_overlay);
+            hands[place] = controller.or(bare.map(Hand::from)).unwrap_or_default();
+        }
+        let button = self
+            .actions
+            .overlay
+            .state(&self.session, Path::NULL)
+            .during("xrGetActionStateBoolean")?;
+        let pressed = (button.is_active && button.current_state) || calls_overlay[0];
+        let was_pressed = std::mem::replace(&mut self.overlay_was_pressed, pressed);
+        let gaze = match &self.gaze {
+            Some(gaze) => gaze.floor_from_gaze(floor, time).during("xrLocateSpace")?,
+            None => None,
+        };
+        Ok(Controls {
+            hands,
+            overlay_toggled: pressed && !was_pressed,
+            gaze,
+        })
+    }
+}
+
+impl Actions {
+    fn new(instance: &Instance, hands: &[Path]) -> Result<Self, XrError> {
+        let set = instance
+            .create_action_set("presence", "Presence", 0)
+            .during("xrCreateActionSet")?;
+        Ok(Self {
+            grip: action(&set, "grip", "Hand", hands)?,
+            aim: action(&set, "aim", "Pointing", hands)?,
+            hold: action(&set, "hold", "Hold", hands)?,
+            overlay: action(&set, "overlay", "Show figures", &[])?,
+            set,
+        })
+    }
+
+    /// A runtime that refuses a profile knows another.
+    fn suggest(&self, instance: &Instance, profile: &Profile) {
+        let suggest = || -> openxr::Result<()> {
+            let path =
+                |side: &str, source: &str| instance.string_to_path(&format!("{side}/{source}"));
+            let mut bindings = Vec::new();
+            for side in SIDES {
+                bindings.push(Binding::new(&self.grip, path(side, "input/grip/pose")?));
+                bindings.push(Binding::new(&self.aim, path(side, "input/aim/pose")?));
+                bindings.push(Binding::new(&self.hold, path(side, profile.hold)?));
+            }
+            for source in profile.overlay {
+                bindings.push(Binding::new(&self.overlay, path(SIDES[0], source)?));
+            }
+            let name = instance.string_to_path(profile.name)?;
+            instance.suggest_interaction_profile_bindings(name, &bindings)
+        };
+        if let Err(why) = suggest() {
+            log::debug!("the runtime refuses {}: {why}", profile.name);
+        }
+    }
+
+    /// Brings the actions up to date. False while the session is not focused. Raw, because the wrapper drops that.
+    fn sync(&self, session: &Session<Vulkan>) -> Result<bool, XrError> {
+        let active = sys::ActiveActionSet {
+            action_set: self.set.as_raw(),
+            subaction_path: Path::NULL,
+        };
+        let info = sys::ActionsSyncInfo {
+            ty: sys::ActionsSyncInfo::TYPE,
+            next: std::ptr::null(),
+            count_active_action_sets: 1,
+            active_action_sets: &active,
+        };
+        // SAFETY: the session and the set are alive, and `info` is whole.
+        let result = unsafe { (session.instance().fp().sync_actions)(session.as_raw(), &info) };
+        let code = crate::ext::outcome(result).during("xrSyncActions")?;
+        Ok(code != sys::Result::SESSION_NOT_FOCUSED)
+    }
+}
+
+fn action<T: ActionTy>(
+    set: &ActionSet,
+    name: &str,
+    shown: &str,
+    hands: &[Path],
+) -> Result<Action<T>, XrError> {
+    set.create_action(name, shown, hands)
+        .during("xrCreateAction")
+}
+
+impl Side {
+    /// What this hand's controller does; None where there is none.
+    fn read(
+        &mut self,
+        session: &Session<Vulkan>,
+        actions: &Actions,
+        floor: &Space,
+        time: Time,
+    ) -> Result<Option<Hand>, XrError> {
+        let there = actions
+            .grip
+            .is_active(session, self.path)
+            .during("xrGetActionStatePose")?;
+        let squeeze = actions
+            .hold
+            .state(session, self.path)
+            .during("xrGetActionStateFloat")?;
+        let limit = if self.holds {
+            SQUEEZE_ENDS
+        } else {
+            SQUEEZE_HOLDS
+        };
+        self.holds = there && squeeze.is_active && squeeze.current_state >= limit;
+        if !there {
+            return Ok(None);
+        }
+        let place = |space| base_from_space(floor, space, time).during("xrLocateSpace");
+        Ok(Some(Hand {
+            floor_from_grip: place(&self.grip)?,
+            floor_from_aim: place(&self.aim)?,
+            holds: self.holds,
+        }))
+    }
+}
+
+impl From<TrackedHand> for Hand {
+    fn from(hand: TrackedHand) -> Self {
+        Self {
+            floor_from_grip: Some(hand.floor_from_grip),
+            floor_from_aim: hand.floor_from_aim,
+            holds: hand.pinches,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

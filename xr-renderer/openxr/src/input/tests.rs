@@ -1,0 +1,269 @@
+use super::*;
+use crate::ext::Absent;
+use crate::fake::{FakeRuntime, REQUIRED, hand, posef};
+use glam::Vec3;
+use openxr::ReferenceSpaceType;
+use openxr::sys::Result as XrResult;
+
+const SIMPLE: &str = PROFILES[0].name;
+const TOUCH: &str = PROFILES[1].name;
+
+struct Scene {
+    input: Input,
+    floor: Space,
+    fake: FakeRuntime,
+}
+
+impl Scene {
+    fn of(fake: FakeRuntime) -> Self {
+        let (session, _, _) = fake.session(&fake.instance());
+        Self {
+            input: Input::new(&session, fake.system()).expect("input"),
+            floor: session
+                .create_reference_space(ReferenceSpaceType::LOCAL_FLOOR, Posef::IDENTITY)
+                .expect("a space"),
+            fake,
+        }
+    }
+
+    fn new() -> Self {
+        Self::of(FakeRuntime::with_everything())
+    }
+
+    /// Controllers of this profile in both hands, the left one at the left.
+    fn with(profile: &'static str) -> Self {
+        let scene = Self::new();
+        scene.fake.hold_controllers(Some(profile));
+        for (side, x) in SIDES.iter().zip([-0.2, 0.2]) {
+            let pose = posef(&at(x));
+            scene.fake.put(&format!("{side}/input/grip/pose"), pose);
+            scene.fake.put(&format!("{side}/input/aim/pose"), pose);
+        }
+        scene
+    }
+
+    fn sync(&mut self) -> Controls {
+        let time = Time::from_nanos(1);
+        self.input.sync(time, &self.floor).expect("synchronised")
+    }
+
+    fn holds(&mut self) -> [bool; 2] {
+        self.sync().hands.map(|hand| hand.holds)
+    }
+
+    fn press(&self, source: &str, value: f32) {
+        self.fake.press(source, value);
+    }
+}
+
+fn at(x: f32) -> Affine3A {
+    Affine3A::from_translation(Vec3::new(x, 1.2, -0.4))
+}
+
+#[test]
+fn controllers_say_where_they_are_and_nothing_where_there_are_none() {
+    for profile in [SIMPLE, TOUCH] {
+        let controls = Scene::with(profile).sync();
+        for (hand, x) in controls.hands.iter().zip([-0.2, 0.2]) {
+            for pose in [hand.floor_from_grip, hand.floor_from_aim] {
+                let pose = pose.expect("it is known");
+                assert!(pose.abs_diff_eq(at(x), 1e-6), "{profile}: {pose}");
+            }
+        }
+    }
+    assert_eq!(Scene::new().sync(), Controls::default(), "empty hands");
+}
+
+#[test]
+fn the_select_button_of_a_simple_controller_holds() {
+    let mut scene = Scene::with(SIMPLE);
+    assert_eq!(scene.holds(), [false, false], "at first");
+    scene.press("/user/hand/right/input/select/click", 1.0);
+    assert_eq!(scene.holds(), [false, true], "pressed");
+    scene.press("/user/hand/right/input/select/click", 0.0);
+    assert_eq!(scene.holds(), [false, false], "let go");
+}
+
+#[test]
+fn a_squeeze_holds_when_firm_and_lets_go_when_loose() {
+    let mut scene = Scene::with(TOUCH);
+    let mut squeezed = |value| {
+        scene.press("/user/hand/left/input/squeeze/value", value);
+        scene.holds()[0]
+    };
+    assert!(!squeezed(0.6), "not firm yet");
+    assert!(squeezed(0.8), "firm");
+    assert!(squeezed(0.5), "looser");
+    assert!(!squeezed(0.3), "loose");
+    assert!(!squeezed(0.5), "firmer");
+}
+
+#[test]
+fn a_controller_that_goes_lets_go() {
+    let mut scene = Scene::with(TOUCH);
+    scene.press("/user/hand/left/input/squeeze/value", 0.8);
+    assert!(scene.holds()[0], "held");
+    scene.fake.hold_controllers(None);
+    assert!(!scene.holds()[0], "put down");
+    scene.press("/user/hand/left/input/squeeze/value", 0.5);
+    scene.fake.hold_controllers(Some(TOUCH));
+    assert!(!scene.holds()[0], "taken up, half squeezed");
+}
+
+#[test]
+fn the_overlay_is_toggled_once_for_each_press() {
+    for (profile, button) in [
+        (SIMPLE, "menu/click"),
+        (TOUCH, "menu/click"),
+        (TOUCH, "y/click"),
+    ] {
+        let mut scene = Scene::with(profile);
+        let button = format!("/user/hand/left/input/{button}");
+        let mut toggled = Vec::new();
+        for value in [0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0] {
+            scene.press(&button, value);
+            toggled.push(scene.sync().overlay_toggled);
+        }
+        let expected = [false, true, false, false, false, true, false];
+        assert_eq!(toggled, expected, "{button} of {profile}");
+    }
+}
+
+#[test]
+fn a_tracked_hand_stands_in_for_a_controller_that_is_not_there() {
+    let mut scene = Scene::with(TOUCH);
+    for side in [0, 1] {
+        let pinched = Some(hand(at(0.0), 0.01, 0.08));
+        scene.fake.set(|world| world.joints[side] = pinched);
+    }
+    // The left controller lies on the table.
+    scene.fake.set(|world| {
+        world
+            .sources
+            .retain(|source, _| !source.starts_with(SIDES[0]));
+    });
+    let [left, right] = scene.sync().hands;
+    let grip = left.floor_from_grip.expect("the bare hand");
+    assert!(grip.abs_diff_eq(at(0.0), 1e-5), "{grip}");
+    assert!(left.holds && left.floor_from_aim.is_some(), "it pinches");
+    let grip = right.floor_from_grip.expect("the controller");
+    assert!(grip.abs_diff_eq(at(0.2), 1e-5), "{grip}");
+    assert!(!right.holds, "its squeeze counts, not the fingers");
+}
+
+#[test]
+fn the_left_hands_middle_finger_toggles_the_overlay_and_the_rights_does_not() {
+    for (side, toggles) in [(0, true), (1, false)] {
+        let mut scene = Scene::new();
+        let mut with = |middle| {
+            let joints = Some(hand(at(0.0), 0.06, middle));
+            scene.fake.set(|world| world.joints[side] = joints);
+            scene.sync().overlay_toggled
+        };
+        let toggled = [with(0.08), with(0.01), with(0.01), with(0.08), with(0.01)];
+        let expected = [false, toggles, false, false, toggles];
+        assert_eq!(toggled, expected, "hand {side}");
+    }
+}
+
+#[test]
+fn the_fingers_of_a_hand_that_holds_a_controller_mean_nothing() {
+    let mut scene = Scene::with(TOUCH);
+    let joints = Some(hand(at(0.0), 0.06, 0.01));
+    scene.fake.set(|world| world.joints[0] = joints);
+    assert!(!scene.sync().overlay_toggled, "around the controller");
+    scene.fake.hold_controllers(None);
+    assert!(scene.sync().overlay_toggled, "bare");
+}
+
+#[test]
+fn the_gaze_is_there_while_the_eyes_are_tracked() {
+    let mut scene = Scene::new();
+    assert_eq!(scene.sync().gaze, None, "eyes are shut");
+    let source = "/user/eyes_ext/input/gaze_ext/pose";
+    scene.fake.put(source, posef(&at(0.03)));
+    let gaze = scene.sync().gaze.expect("eyes are open");
+    assert!(gaze.abs_diff_eq(at(0.03), 1e-6), "{gaze}");
+}
+
+#[test]
+fn while_another_program_has_the_input_there_is_none() {
+    let mut scene = Scene::with(TOUCH);
+    scene.press("/user/hand/left/input/squeeze/value", 1.0);
+    let joints = Some(hand(at(0.0), 0.01, 0.08));
+    scene.fake.set(|world| world.joints = [joints; 2]);
+    assert!(scene.holds()[0], "ours");
+    scene
+        .fake
+        .fail_times("xrSyncActions", XrResult::SESSION_NOT_FOCUSED, 1);
+    assert_eq!(scene.sync(), Controls::default(), "another's");
+    assert!(scene.holds()[0], "ours again");
+}
+
+#[test]
+fn a_session_that_is_lost_is_an_error_that_says_so() {
+    let mut scene = Scene::with(TOUCH);
+    scene.fake.lose_session();
+    let error = scene.input.sync(Time::from_nanos(1), &scene.floor);
+    assert!(error.expect_err("lost").is_loss(), "to be opened again");
+}
+
+#[test]
+fn a_profile_that_the_runtime_refuses_leaves_the_other() {
+    for (refused, left, button) in [
+        (SIMPLE, TOUCH, "squeeze/value"),
+        (TOUCH, SIMPLE, "select/click"),
+    ] {
+        let fake = FakeRuntime::new(&[REQUIRED]);
+        fake.set(|world| world.refused_profiles.push(refused));
+        let mut scene = Scene::of(fake);
+        scene.fake.hold_controllers(Some(left));
+        let side = SIDES[1];
+        scene
+            .fake
+            .put(&format!("{side}/input/grip/pose"), posef(&at(0.2)));
+        scene.press(&format!("{side}/input/{button}"), 1.0);
+        assert_eq!(scene.holds(), [false, true], "without {refused}");
+    }
+}
+
+#[test]
+fn a_runtime_that_refuses_actions_is_an_error_that_names_the_call() {
+    for call in ["xrCreateActionSet", "xrAttachSessionActionSets"] {
+        let fake = FakeRuntime::new(&[REQUIRED]);
+        fake.fail(call, XrResult::ERROR_LIMIT_REACHED);
+        let (session, _, _) = fake.session(&fake.instance());
+        let error = Input::new(&session, fake.system()).expect_err("refused");
+        assert!(error.to_string().contains(call), "{error}");
+    }
+}
+
+#[test]
+fn a_gaze_that_the_runtime_refuses_leaves_the_hands() {
+    for call in [
+        "xrSuggestInteractionProfileBindings",
+        "xrGetSystemProperties",
+    ] {
+        let fake = FakeRuntime::with_everything();
+        fake.fail(call, XrResult::ERROR_FEATURE_UNSUPPORTED);
+        let (session, _, _) = fake.session(&fake.instance());
+        let input = Input::new(&session, fake.system()).expect("the hands");
+        assert!(!input.tracks_gaze(), "where {call} fails");
+    }
+}
+
+#[test]
+fn eyes_that_the_headset_does_not_track_are_told_from_a_runtime_that_cannot() {
+    let fake = FakeRuntime::with_everything();
+    fake.set(|world| world.system.eye_gaze = false);
+    let instance = fake.instance();
+    let set = instance
+        .create_action_set("test", "Test", 0)
+        .expect("a set");
+    let why = GazeAction::new(&instance, fake.system(), &set).err();
+    let extension = "XR_EXT_eye_gaze_interaction";
+    assert_eq!(why, Some(Absent::NotBySystem(extension)), "the headset");
+    let fake = FakeRuntime::new(&[REQUIRED]);
+    let why = GazeAction::new(&fake.instance(), fake.system(), &set).err();
+    assert_eq!(why, Some(Absent::NotGranted(extension)), "the runtime");
+}

@@ -1,0 +1,279 @@
+//! Which back end draws: the one that was asked for, or the faster of the two, found out on the first picture, and once more on
+//! the first that goes somewhere else than to the renderer's target: what is compared is what will be shown.
+
+use std::sync::Arc;
+
+use ash::vk;
+use renderer_vulkan::commands::barrier;
+use renderer_vulkan::error::VulkanError;
+use renderer_vulkan::gpu::Gpu;
+use shaders_spirv::FrameParams;
+
+use crate::error::RenderError;
+use crate::external_images::{Drawers, ExternalImages};
+use crate::geometry_pass::GeometryPass;
+use crate::options::BackEnd;
+use crate::quads::Quads;
+use crate::target::Target;
+use crate::tiles::Tiles;
+
+/// Times each back end draws the first picture before they are compared; the first of each warms up and does not count.
+const TRIALS: usize = 4;
+
+/// Milliseconds a picture took (listing and drawing), as each back end drew it at start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BackEndTrial {
+    /// Median of the tile back end's.
+    pub tiles: f64,
+    /// Median of the quad back end's.
+    pub quads: f64,
+}
+
+impl BackEndTrial {
+    /// The faster one.
+    #[must_use]
+    pub fn winner(&self) -> BackEnd {
+        if self.quads < self.tiles {
+            BackEnd::Quads
+        } else {
+            BackEnd::Tiles
+        }
+    }
+}
+
+/// Whether the picture that was drawn is to be drawn once more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Again {
+    /// It is finished.
+    No,
+    /// The back ends are being compared.
+    ForComparison,
+    /// They were: now as all pictures that follow.
+    ForShowing,
+}
+
+/// Both back ends while they are compared, one after that.
+pub(crate) struct BackEnds {
+    gpu: Arc<Gpu>,
+    tiles: Option<Tiles>,
+    quads: Option<Quads>,
+    times: [Vec<f64>; 2],
+    trial: Option<BackEndTrial>,
+    /// Whether pictures go on into somebody else's images.
+    for_canvas: bool,
+}
+
+impl BackEnds {
+    /// The asked-for one, or both where none was and the device can tell which is faster.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        front: &GeometryPass,
+        target: &Target,
+        asked: Option<BackEnd>,
+    ) -> Result<Self, RenderError> {
+        if asked == Some(BackEnd::Quads) && !BackEnd::Quads.runs_on(gpu) {
+            return Err(RenderError::NoQuads);
+        }
+        let comparable = gpu.has_clock() && BackEnd::Quads.runs_on(gpu);
+        let asked = asked.or((!comparable).then_some(BackEnd::Tiles));
+        let tiles = (asked != Some(BackEnd::Quads))
+            .then(|| Tiles::new(gpu, front, target))
+            .transpose()?;
+        let quads = match asked {
+            Some(BackEnd::Tiles) => None,
+            Some(BackEnd::Quads) => Some(Quads::new(gpu, front, target)?),
+            None => if_there_is_room(BackEnd::Tiles, Quads::new(gpu, front, target))?,
+        };
+        Ok(Self {
+            gpu: Arc::clone(gpu),
+            tiles,
+            quads,
+            times: Default::default(),
+            trial: None,
+            for_canvas: false,
+        })
+    }
+
+    /// The picture that follows goes into these images: makes both ready for one another, and has the back ends compared anew
+    /// where that was done for the renderer's target. The device is idle.
+    pub(crate) fn prepare(
+        &mut self,
+        front: &GeometryPass,
+        target: &Target,
+        images: &mut dyn ExternalImages,
+    ) -> Result<(), RenderError> {
+        if !std::mem::replace(&mut self.for_canvas, true) && self.trial.is_some() {
+            self.times = Default::default();
+            if self.tiles.is_none() {
+                self.tiles =
+                    if_there_is_room(BackEnd::Quads, Tiles::new(&self.gpu, front, target))?;
+            }
+            if self.quads.is_none() {
+                self.quads =
+                    if_there_is_room(BackEnd::Tiles, Quads::new(&self.gpu, front, target))?;
+            }
+        }
+        let drawers = Drawers {
+            tiles: self.tiles.is_some(),
+            quads: self.quads.is_some(),
+        };
+        images.prepare(&self.gpu, target, drawers)?;
+        if let (Some(quads), Some(pass)) = (&mut self.quads, images.pass()) {
+            quads.prepare(pass)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the next picture is drawn straight into these images.
+    pub(crate) fn draws_into(&self, images: Option<&dyn ExternalImages>) -> bool {
+        let drawn_into = images.is_some_and(|images| images.pass().is_some());
+        drawn_into && self.present() == BackEnd::Quads
+    }
+
+    /// The one that draws the next picture.
+    pub(crate) fn present(&self) -> BackEnd {
+        let [tiles, quads] = &self.times;
+        match (&self.tiles, &self.quads) {
+            (Some(_), Some(_)) if tiles.len() > quads.len() => BackEnd::Quads,
+            (None, _) => BackEnd::Quads,
+            _ => BackEnd::Tiles,
+        }
+    }
+
+    /// What the comparison found; nothing before its end, or where a back end was asked for.
+    pub(crate) fn trial(&self) -> Option<BackEndTrial> {
+        self.trial
+    }
+
+    /// Whether the comparison was begun and is not at its end.
+    pub(crate) fn is_comparing(&self) -> bool {
+        let [tiles, _] = &self.times;
+        self.tiles.is_some() && self.quads.is_some() && !tiles.is_empty()
+    }
+
+    /// Fills in what the shaders read of sizes.
+    pub(crate) fn describe(&self, frame: &mut FrameParams, target: &Target) {
+        if let Some(tiles) = &self.tiles {
+            tiles.describe(frame, target);
+        }
+    }
+
+    /// Records what comes between the sort and the drawing.
+    pub(crate) fn record_bin(&self, commands: vk::CommandBuffer, target: &Target) {
+        if let (BackEnd::Tiles, Some(tiles)) = (self.present(), &self.tiles) {
+            tiles.record_bin(commands, target);
+        }
+    }
+
+    /// Records the drawing into the target, and from there into the images, if any; or into those at once.
+    pub(crate) fn record_draw(
+        &self,
+        commands: vk::CommandBuffer,
+        target: &Target,
+        images: Option<&dyn ExternalImages>,
+    ) {
+        match (self.present(), &self.tiles, &self.quads) {
+            (BackEnd::Tiles, Some(tiles), _) => tiles.record_raster(commands, target),
+            (_, _, Some(quads)) => {
+                if let Some((images, pass)) = images.and_then(|it| Some((it, it.pass()?))) {
+                    images.record_direct(commands, &|area| {
+                        quads.record_within(commands, pass, area);
+                    });
+                    return;
+                }
+                quads.record(commands, target);
+            }
+            _ => {}
+        }
+        barrier(&self.gpu, commands);
+        if let Some(images) = images {
+            images.record_copied(commands);
+        }
+    }
+
+    /// Whether the picture was not drawn for want of room, which there is now. The device is idle.
+    pub(crate) fn has_grown(
+        &mut self,
+        front: &GeometryPass,
+        target: &Target,
+    ) -> Result<bool, RenderError> {
+        let BackEnd::Tiles = self.present() else {
+            return Ok(false);
+        };
+        let Some(tiles) = &mut self.tiles else {
+            return Ok(false);
+        };
+        let wanted = tiles.pairs_wanted();
+        if wanted <= tiles.pair_capacity() {
+            return Ok(false);
+        }
+        tiles.grow(wanted, front, target)?;
+        Ok(true)
+    }
+
+    /// Takes note of how long the picture took, and lets the slower back end go once both have had their turns. The
+    /// device is idle. Says whether to draw the picture again.
+    pub(crate) fn took(&mut self, milliseconds: f64) -> Again {
+        if self.tiles.is_none() || self.quads.is_none() {
+            return Again::No;
+        }
+        if self.present() == BackEnd::Tiles && self.tile_pairs() == 0 {
+            // Nothing is in view: nothing to compare them with.
+            return Again::No;
+        }
+        let [tiles, quads] = &mut self.times;
+        if tiles.len() > quads.len() {
+            quads.push(milliseconds);
+        } else {
+            tiles.push(milliseconds);
+        }
+        if quads.len() < TRIALS {
+            return Again::ForComparison;
+        }
+        let trial = BackEndTrial {
+            tiles: median(tiles),
+            quads: median(quads),
+        };
+        let winner = trial.winner();
+        log::info!(
+            "splatting by {winner}: tiles took {:.2} ms, quads {:.2} ms",
+            trial.tiles,
+            trial.quads
+        );
+        match winner {
+            BackEnd::Tiles => self.quads = None,
+            BackEnd::Quads => self.tiles = None,
+        }
+        self.trial = Some(trial);
+        Again::ForShowing
+    }
+
+    /// (Gaussian, tile) pairs in the last picture; 0 for quads.
+    pub(crate) fn tile_pairs(&self) -> u32 {
+        match (self.present(), &self.tiles) {
+            (BackEnd::Tiles, Some(tiles)) => tiles.pairs_wanted(),
+            _ => 0,
+        }
+    }
+}
+
+/// A back end to be compared with the other; nothing where the device has no room for it beside that one.
+fn if_there_is_room<T>(
+    other: BackEnd,
+    made: Result<T, VulkanError>,
+) -> Result<Option<T>, VulkanError> {
+    match made {
+        Err(why @ VulkanError::OutOfMemory { .. }) => {
+            log::info!("{other} draw without comparison: {why}");
+            Ok(None)
+        }
+        made => made.map(Some),
+    }
+}
+
+/// The median of all but the first.
+fn median(times: &mut [f64]) -> f64 {
+    let (_, counted) = times.split_first_mut().unwrap_or((&mut 0.0, &mut []));
+    counted.sort_by(f64::total_cmp);
+    counted.get(counted.len() / 2).copied().unwrap_or_default()
+}

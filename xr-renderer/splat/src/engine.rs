@@ -1,0 +1,373 @@
+//! What draws, all of it on one device: the order of the stages, and their times.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use ash::vk;
+use bytemuck::Zeroable;
+use renderer_vulkan::clock::{HostClock, Placed};
+use renderer_vulkan::commands::{Commands, barrier};
+use renderer_vulkan::error::VulkanError;
+use renderer_vulkan::gpu::Gpu;
+use renderer_vulkan::timestamps::Timestamps;
+use shaders_spirv::{FrameParams, PackedGaussian};
+
+use crate::back_ends::{Again, BackEnds};
+use crate::camera::{Camera, head_depth_plane, is_rigid};
+use crate::drawing::{Drawing, Foreground, Part};
+use crate::error::RenderError;
+use crate::external_images::ExternalImages;
+use crate::geometry_pass::GeometryPass;
+use crate::interrupt::Interrupt;
+use crate::limits::MOST_PARTS;
+use crate::motion_bound::{ForegroundPath, KEPT_FOREGROUND_MOVE};
+use crate::options::RendererOptions;
+use crate::order::{KEPT_MOVE, KEPT_TURN, Order};
+use crate::picture::Image;
+use crate::posing::{PosedInput, StateId};
+use crate::read_back::ReadBack;
+use crate::slot::ForegroundSlot;
+use crate::target::Target;
+use crate::times::{PictureTime, StageSpans, StageTimes};
+
+/// Everything that one device draws with.
+pub(crate) struct Engine {
+    // Dropped first: waits for the device.
+    commands: Commands,
+    gpu: Arc<Gpu>,
+    pub(crate) back_ends: BackEnds,
+    front: GeometryPass,
+    pub(crate) target: Target,
+    /// Whether the last picture is in the target.
+    is_kept: bool,
+    read_back: ReadBack,
+    timestamps: Option<Timestamps<9>>,
+    clock: HostClock,
+    pub(crate) times: StageTimes,
+    pub(crate) picture_time: Option<PictureTime>,
+    pub(crate) order: Order,
+    /// The foreground that the renderer was given rather than a slot of the caller's.
+    own: Option<ForegroundSlot>,
+    /// Milliseconds the host took to write it, or poses, while they are not drawn yet.
+    host_upload: f64,
+    max_foreground: u32,
+    interrupt: Option<Interrupt>,
+}
+
+impl Engine {
+    /// Takes all its memory and uploads background and mesh. The sizes are within range.
+    pub(crate) fn new(gpu: &Arc<Gpu>, options: &RendererOptions) -> Result<Self, RenderError> {
+        let RendererOptions {
+            width,
+            height,
+            views,
+            ..
+        } = *options;
+        let target = Target::new(gpu, width, height, views, options.depth)?;
+        let mut front = GeometryPass::new(gpu, options)?;
+        let back_ends = BackEnds::new(gpu, &front, &target, options.back_end)?;
+        // Made last and so dropped first after an error: its drop waits for the device, which uses the rest.
+        let mut commands = Commands::new(gpu)?;
+        commands.run("the first clear", |commands| {
+            target.record_clear(gpu, commands);
+            barrier(gpu, commands);
+            front.record_once(commands);
+        })?;
+        front.once_is_there();
+        Ok(Self {
+            commands,
+            back_ends,
+            front,
+            read_back: ReadBack::new(gpu, &target)?,
+            timestamps: Timestamps::new(gpu)?,
+            target,
+            is_kept: true,
+            clock: HostClock::new(gpu),
+            times: StageTimes::default(),
+            picture_time: None,
+            order: Order::default(),
+            own: None,
+            host_upload: 0.0,
+            max_foreground: options.max_foreground,
+            interrupt: options.interrupt.clone(),
+            gpu: Arc::clone(gpu),
+        })
+    }
+
+    /// See [`crate::renderer::SplatRenderer::set_foreground`].
+    pub(crate) fn set_foreground(
+        &mut self,
+        gaussians: &[PackedGaussian],
+    ) -> Result<(), RenderError> {
+        // The device may still be reading the last picture's input after an error.
+        self.commands.settle()?;
+        let slot = match &mut self.own {
+            Some(slot) => slot,
+            none => none.insert(ForegroundSlot::new(&self.gpu, self.max_foreground)?),
+        };
+        let start = Instant::now();
+        let room = slot.gaussians_mut();
+        let too_many = RenderError::TooManyGaussians {
+            count: gaussians.len(),
+            limit: self.max_foreground,
+        };
+        let Some(room) = room.get_mut(..gaussians.len()) else {
+            return Err(too_many);
+        };
+        room.copy_from_slice(gaussians);
+        let count = u32::try_from(gaussians.len()).map_err(|_| too_many)?;
+        slot.set(count, ForegroundPath::new())?;
+        self.host_upload = start.elapsed().as_secs_f64() * 1e3;
+        Ok(())
+    }
+
+    /// See [`crate::renderer::SplatRenderer::push_state`].
+    pub(crate) fn push_state(&mut self, input: &PosedInput<'_>) -> Result<StateId, RenderError> {
+        // The device may still be reading the last poses after an error.
+        self.commands.settle()?;
+        let start = Instant::now();
+        let id = self.front.push_state(input)?;
+        self.host_upload += start.elapsed().as_secs_f64() * 1e3;
+        Ok(id)
+    }
+
+    /// See [`crate::renderer::SplatRenderer::draw_with`] and [`crate::renderer::SplatRenderer::draw_onto`].
+    pub(crate) fn draw(
+        &mut self,
+        drawing: &Drawing<'_>,
+        mut images: Option<&mut dyn ExternalImages>,
+    ) -> Result<(), RenderError> {
+        let cameras = drawing.cameras;
+        self.check(cameras)?;
+        self.check_parts(drawing.foreground)?;
+        // The device may still be reading the last picture's cameras and foreground after an error.
+        self.commands.settle()?;
+        self.front.show(drawing.foreground, self.own.as_ref())?;
+        if let [camera, ..] = cameras {
+            self.target.resize(camera.width, camera.height);
+        }
+        if let Some(images) = images.as_deref_mut() {
+            self.back_ends.prepare(&self.front, &self.target, images)?;
+        }
+        let foreground = *self.front.sorted();
+        let keeps = drawing.keep_order && self.order.is_of(&foreground);
+        let needs_order = !keeps && !self.order.serves(cameras, &foreground);
+        if needs_order {
+            // Made below: what fails on the way must not leave the old note beside a new order.
+            self.order.forget();
+        }
+        let mut sorts = needs_order;
+        loop {
+            let mut frame = self.frame_params(cameras, sorts);
+            self.back_ends.describe(&mut frame, &self.target);
+            self.front.write_frame(&frame);
+            self.record_and_run(sorts, images.as_deref())?;
+            self.is_kept = !self.back_ends.draws_into(images.as_deref());
+            if self.back_ends.has_grown(&self.front, &self.target)? {
+                continue;
+            }
+            self.read_times()?;
+            match self.back_ends.took(self.times.bin + self.times.raster) {
+                Again::No => break,
+                // What was drawn is a whole picture. The comparison goes on with the next one.
+                _ if self.is_wanted_back() => break,
+                // The order of the first attempt serves all.
+                Again::ForComparison => sorts = false,
+                Again::ForShowing => sorts = needs_order,
+            }
+        }
+        if needs_order {
+            self.order.made(cameras, foreground);
+        }
+        if let Some(images) = images {
+            images.drawn(!self.is_kept);
+        }
+        self.front.foreground_is_there();
+        self.host_upload = 0.0;
+        Ok(())
+    }
+
+    fn is_wanted_back(&self) -> bool {
+        (self.interrupt.as_ref()).is_some_and(Interrupt::is_raised)
+    }
+
+    /// The last picture of a view, which exists.
+    pub(crate) fn read_back(&mut self, view: u32) -> Result<Image, RenderError> {
+        self.check_kept()?;
+        Ok(self
+            .read_back
+            .read(&self.gpu, &mut self.commands, &self.target, view)?)
+    }
+
+    /// The last depths of a view, which exists.
+    pub(crate) fn read_back_depth(&mut self, view: u32) -> Result<Vec<f32>, RenderError> {
+        self.check_kept()?;
+        Ok(self
+            .read_back
+            .read_depth(&self.gpu, &mut self.commands, &self.target, view)?)
+    }
+
+    fn check_kept(&self) -> Result<(), RenderError> {
+        if self.is_kept {
+            Ok(())
+        } else {
+            Err(RenderError::NotKept)
+        }
+    }
+
+    fn check(&self, cameras: &[Camera]) -> Result<(), RenderError> {
+        let Target { layers, most, .. } = self.target;
+        if cameras.len() != layers as usize {
+            let problem = format!("{} cameras for {layers} view(s)", cameras.len());
+            return Err(RenderError::Camera { view: 0, problem });
+        }
+        for (view, camera) in cameras.iter().enumerate() {
+            if let Some(problem) = camera.problem() {
+                return Err(RenderError::Camera { view, problem });
+            }
+            let (width, height) = (camera.width, camera.height);
+            let first = cameras.first().map(|camera| (camera.width, camera.height));
+            let fits = (1..=most.width).contains(&width) && (1..=most.height).contains(&height);
+            if !fits || first != Some((width, height)) {
+                let problem = format!(
+                    "it makes pictures of {width}x{height} pixels, the renderer of at most {}x{}, all views of one size",
+                    most.width, most.height
+                );
+                return Err(RenderError::Camera { view, problem });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the front can take these parts, but for states that are not there.
+    fn check_parts(&self, parts: &[Part<'_>]) -> Result<(), RenderError> {
+        if parts.len() > MOST_PARTS {
+            return Err(RenderError::TooManyParts { parts: parts.len() });
+        }
+        let limit = self.max_foreground;
+        let (mut count, mut posed) = (0, 0);
+        for (index, part) in parts.iter().enumerate() {
+            if !is_rigid(&part.world_from_part) {
+                return Err(RenderError::PartNotRigid { part: index });
+            }
+            let slot = match part.gaussians {
+                Foreground::Set => self.own.as_ref(),
+                Foreground::Slot(slot) => Some(slot),
+                Foreground::Posed { .. } => {
+                    posed += 1;
+                    None
+                }
+            };
+            if slot.is_some_and(|slot| !slot.memory().is_on(&self.gpu)) {
+                return Err(RenderError::ForeignSlot);
+            }
+            count += slot.map_or(0, |slot| slot.len() as usize);
+        }
+        if posed > 1 {
+            return Err(RenderError::PosedTwice);
+        }
+        if count > limit as usize {
+            return Err(RenderError::TooManyGaussians { count, limit });
+        }
+        Ok(())
+    }
+
+    fn frame_params(&self, cameras: &[Camera], sorts: bool) -> FrameParams {
+        let mut frame = FrameParams::zeroed();
+        for (params, camera) in frame.views.iter_mut().zip(cameras) {
+            *params = camera.params();
+        }
+        frame.depth_plane = head_depth_plane(cameras);
+        frame.foreground_count = self.front.foreground_count();
+        frame.total_count = self.front.total_count();
+        frame.view_count = self.target.layers;
+        frame.width = self.target.width;
+        frame.height = self.target.height;
+        frame.sorts = u32::from(sorts);
+        frame.guard_turn = KEPT_TURN;
+        frame.guard_move = KEPT_MOVE + KEPT_FOREGROUND_MOVE;
+        frame
+    }
+
+    fn record_and_run(
+        &mut self,
+        sorts: bool,
+        images: Option<&dyn ExternalImages>,
+    ) -> Result<(), VulkanError> {
+        let (front, back_ends, target) = (&self.front, &self.back_ends, &self.target);
+        let timestamps = self.timestamps.as_ref();
+        let point = |commands: vk::CommandBuffer, index: usize| {
+            if let Some(timestamps) = timestamps {
+                timestamps.record_point(commands, index);
+            }
+        };
+        self.commands.run("drawing", |commands| {
+            if let Some(timestamps) = timestamps {
+                timestamps.record_reset(commands);
+            }
+            point(commands, 0);
+            front.record_upload(commands, sorts);
+            point(commands, 1);
+            front.record_skin(commands);
+            point(commands, 2);
+            front.record_attributes(commands);
+            point(commands, 3);
+            front.record_interpolation(commands);
+            point(commands, 4);
+            front.record_project(commands);
+            point(commands, 5);
+            if sorts {
+                front.record_sort(commands);
+            }
+            point(commands, 6);
+            back_ends.record_bin(commands, target);
+            point(commands, 7);
+            back_ends.record_draw(commands, target, images);
+            point(commands, 8);
+        })
+    }
+
+    /// Reads when the stages of the picture that was just drawn began and ended.
+    fn read_times(&mut self) -> Result<(), RenderError> {
+        let run = self.commands.last_run();
+        let [submitted, finished] = run;
+        self.times = StageTimes {
+            upload: self.host_upload,
+            ..Default::default()
+        };
+        let mut stages = None;
+        if let Some(timestamps) = &self.timestamps {
+            let ticks = timestamps.read()?;
+            let stage = |index: usize| self.gpu.nanoseconds(ticks[index], ticks[index + 1]) * 1e-6;
+            self.times = StageTimes {
+                upload: self.host_upload + stage(0),
+                skin: stage(1),
+                attributes: stage(2),
+                interpolate: stage(3),
+                project: stage(4),
+                sort: stage(5),
+                bin: stage(6),
+                raster: stage(7),
+            };
+            let Placed { at, within } = self.clock.place(ticks, run)?;
+            let span = |index: usize| [at[index], at[index + 1]];
+            stages = Some(StageSpans {
+                upload: span(0),
+                skin: span(1),
+                attributes: span(2),
+                interpolate: span(3),
+                project: span(4),
+                sort: span(5),
+                bin: span(6),
+                raster: span(7),
+                within,
+            });
+        }
+        self.picture_time = Some(PictureTime {
+            submitted,
+            finished,
+            stages,
+        });
+        Ok(())
+    }
+}

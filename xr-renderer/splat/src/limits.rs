@@ -1,0 +1,7 @@
+//! How much the renderer takes.
+
+/// The most parts a foreground can have.
+pub const MOST_PARTS: usize = 8;
+
+/// Widest and highest picture, pixels: a tile's column and row are 8 bits each.
+pub const MOST_PIXELS: u32 = 4096;
