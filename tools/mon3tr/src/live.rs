@@ -2,7 +2,7 @@
 
 use crate::device_options::{compiled, inference_backends};
 use crate::lanes::LaneChoices;
-use crate::stage::RenderSettings;
+use crate::stills::RenderSettings;
 use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::Context;
 use app_pipeline::control::Control;

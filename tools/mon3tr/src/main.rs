@@ -17,7 +17,10 @@ mod place;
 mod progress;
 mod report;
 mod scenery;
-mod stage;
+mod screen;
+mod size;
+mod stills;
+mod until;
 mod viewpoint;
 mod window;
 

@@ -2,7 +2,7 @@
 
 use crate::performance::Performance;
 use crate::scenery::SceneFigures;
-use crate::stage::{Size, Views};
+use crate::size::{Size, Views};
 use anyhow::{Context, bail};
 use app_pipeline::profile::StageSummary;
 use npu_runtime::Runtime;

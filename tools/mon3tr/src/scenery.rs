@@ -2,7 +2,7 @@
 
 use crate::ground;
 use crate::place::Place;
-use crate::stage::Size;
+use crate::size::Size;
 use anyhow::{Context, ensure};
 use glam::{Quat, Vec2, Vec3};
 use renderer_splat::background::Background;

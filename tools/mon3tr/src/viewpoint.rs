@@ -1,6 +1,6 @@
 //! Where the camera stands: named places around the person, or exact ones.
 
-use crate::stage::Views;
+use crate::size::Views;
 use anyhow::{Context, bail};
 use glam::{Quat, Vec3};
 use renderer_splat::camera::Camera;

@@ -1,8 +1,10 @@
 //! `receive --display window`: the call live in a window. Drag to orbit, scroll to come closer, Escape to leave.
 
 use crate::backdrop::DUSK;
-use crate::commands::receive::{Screen, Until};
-use crate::stage::{RenderSettings, Size};
+use crate::screen::Screen;
+use crate::size::Size;
+use crate::stills::RenderSettings;
+use crate::until::Until;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
 use app_pipeline::lanes::Drawn;

@@ -4,7 +4,7 @@
 use crate::device_options::{DeviceOptions, cache, make_folder, makehuman};
 use crate::progress::Bars;
 use crate::report::{check_writable, write_json};
-use crate::stage::load_avatar;
+use crate::stills::load_avatar;
 use anyhow::{Context, bail};
 use app_kernels::state::GaussianState;
 use glam::Vec3;

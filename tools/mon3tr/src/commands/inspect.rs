@@ -2,7 +2,7 @@
 
 use crate::report::write_json;
 use crate::scenery::{Scenery, check_file, is_scene};
-use crate::stage::load_avatar;
+use crate::stills::load_avatar;
 use anyhow::Context;
 use glam::Vec3;
 use profile_report::AvatarFigures;

@@ -5,7 +5,7 @@ use crate::network::{self, Network};
 use crate::performance::MotionOptions;
 use crate::progress;
 use crate::report::{check_writable, write_json};
-use crate::stage::load_avatar;
+use crate::stills::load_avatar;
 use anyhow::{Context, anyhow, bail};
 use link_codec::Codec;
 use link_playout::Clock;

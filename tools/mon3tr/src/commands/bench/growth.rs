@@ -1,7 +1,7 @@
 //! How the time of a frame grows: with the number of Gaussians, with the pixels, and from one eye to both.
 
 use super::measure::{print_table, short_count};
-use super::standard::{Row, title};
+use super::row::{Row, title};
 
 /// Prints what follows from the rows of the standard table.
 pub(crate) fn print(rows: &[Row]) {

@@ -9,7 +9,7 @@ use crate::device_options::DeviceOptions;
 use crate::performance::MotionOptions;
 use crate::progress;
 use crate::report::{check_writable, write_json};
-use crate::stage::load_avatar;
+use crate::stills::load_avatar;
 use anyhow::{Context, bail};
 use app_kernels::state::{GaussianState, plane};
 use app_pipeline::deform::Deformer;

@@ -9,6 +9,8 @@ mod latency_modes;
 mod measure;
 mod profiler;
 mod render;
+mod render_options;
+mod row;
 mod scene;
 mod sort;
 mod standard;
@@ -28,7 +30,7 @@ pub(crate) struct Options {
 #[derive(Debug, Subcommand)]
 enum What {
     /// Time each stage of drawing: a made-up person of 30k to 1M Gaussians, or a scene of your own
-    Render(render::Options),
+    Render(render_options::Options),
     /// Time the depth sort by itself, from 20k to 4M keys
     Sort(sort::Options),
     /// Measure the error of interpolating and of extrapolating an avatar's states, on real motion

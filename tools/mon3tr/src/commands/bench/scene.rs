@@ -2,12 +2,12 @@
 //! renderer measures.
 
 use super::measure::{Medians, Samples, print_table};
-use super::render::Options;
+use super::render_options::Options;
 use crate::device_options::describe;
 use crate::film::write_png;
 use crate::report::{check_writable, write_json};
 use crate::scenery::{Scenery, load_camera};
-use crate::stage::{DEFAULT_SIZE, Size, Views};
+use crate::size::{DEFAULT_SIZE, Size, Views};
 use crate::viewpoint::eyes;
 use anyhow::Context;
 use glam::Vec3;

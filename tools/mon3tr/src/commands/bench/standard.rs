@@ -5,12 +5,13 @@
 use super::figure::{camera, standing_figure};
 use super::growth;
 use super::measure::{Medians, Samples, median, print_table, short_count};
-use super::render::Options;
+use super::render_options::Options;
+use super::row::{Format, Row, title};
 use super::traffic;
 use crate::device_options::describe;
 use crate::progress;
 use crate::report::{check_writable, write_json};
-use crate::stage::Size;
+use crate::size::Size;
 use crate::viewpoint::EYE_SPACING;
 use anyhow::Context;
 use renderer_splat::camera::Camera;
@@ -32,31 +33,6 @@ const EYE: Size = size(1680, 1760);
 
 const fn size(width: u32, height: u32) -> Size {
     Size { width, height }
-}
-
-/// A picture's size and its number of views.
-type Format = (Size, u32);
-
-/// One row of a table.
-#[derive(Debug, Serialize)]
-pub(crate) struct Row {
-    pub(crate) gaussians: usize,
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-    pub(crate) views: u32,
-    back_end: &'static str,
-    /// (Gaussian, tile) pairs; 0 by quads.
-    tile_pairs: u32,
-    /// By the model in `traffic.rs`; only known of tiles.
-    moved_bytes: Option<u64>,
-    pub(crate) medians: Medians,
-    samples: Samples,
-}
-
-impl Row {
-    fn is_of(&self, (Size { width, height }, views): Format) -> bool {
-        (self.width, self.height, self.views) == (width, height, views)
-    }
 }
 
 /// All that was measured.
@@ -268,12 +244,6 @@ fn name(back_end: BackEnd) -> &'static str {
         BackEnd::Tiles => "tiles",
         BackEnd::Quads => "quads",
     }
-}
-
-/// "1024x1024", "2 x 1680x1760".
-pub(crate) fn title(width: u32, height: u32, views: u32) -> String {
-    let eyes = if views == 2 { "2 x " } else { "" };
-    format!("{eyes}{width}x{height}")
 }
 
 impl Measured {

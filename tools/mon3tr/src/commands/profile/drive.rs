@@ -3,7 +3,7 @@
 use super::Options;
 use super::call::Room;
 use crate::live::{LiveView, PreparedView, ViewReport};
-use crate::stage::RenderSettings;
+use crate::stills::RenderSettings;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, bail};
 use app_pipeline::lanes::Drawn;

@@ -1,8 +1,8 @@
 //! Pictures of what both eyes got, kept while somebody wears the headset.
 
-use super::Until;
 use crate::film::write_png;
 use crate::moments::Moments;
+use crate::until::Until;
 use app_session::headset::{FrameObserver, Seen};
 use image::{RgbImage, imageops};
 use renderer_openxr::eyes::EyePicture;

@@ -2,13 +2,14 @@
 
 use super::album::Album;
 use super::report::{Other, Report};
-use super::screen::{Watched, measured};
-use super::{Fetched, Options, Until, fetch, wait_for_sender};
+use super::{Fetched, Options, fetch, wait_for_sender};
 use crate::device_options::{DeviceOptions, compiled, inference_backends, make_folder};
 use crate::network::Network;
 use crate::report::{Splatting, write_json};
 use crate::scenery::Scenery;
-use crate::stage::load_avatar;
+use crate::screen::{Watched, measured};
+use crate::stills::load_avatar;
+use crate::until::Until;
 use anyhow::{anyhow, bail};
 use app_pipeline::control::Control;
 use app_pipeline::quality::QualityMode;

@@ -4,7 +4,6 @@ mod album;
 mod headset;
 mod offscreen;
 mod report;
-mod screen;
 mod undrawn;
 
 use crate::device_options::{DeviceOptions, cache, make_folder};
@@ -15,7 +14,10 @@ use crate::network::{self, Network};
 use crate::progress;
 use crate::report::{check_writable, write_json};
 use crate::scenery::SceneryOptions;
-use crate::stage::{DEFAULT_SIZE, RenderSettings, Size, Views, load_avatar};
+use crate::screen::Screen;
+use crate::size::{DEFAULT_SIZE, Size, Views};
+use crate::stills::{RenderSettings, load_avatar};
+use crate::until::Until;
 use crate::viewpoint::Viewpoint;
 use crate::window;
 use anyhow::{Context, bail};
@@ -31,7 +33,6 @@ use npu_runtime::Runtime;
 use renderer_splat::options::Filter;
 use renderer_vulkan::gpu::Gpu;
 use report::Report;
-pub(crate) use screen::Screen;
 use spmm3::Avatar;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -115,23 +116,6 @@ impl Display {
     }
 }
 
-/// When to leave.
-#[derive(Debug, Clone)]
-pub(crate) struct Until {
-    stop: Arc<AtomicBool>,
-    deadline: Option<Instant>,
-}
-
-impl Until {
-    /// Whether that time has come.
-    pub(crate) fn is_over(&self) -> bool {
-        self.stop.load(Relaxed)
-            || self
-                .deadline
-                .is_some_and(|deadline| Instant::now() >= deadline)
-    }
-}
-
 /// Runs `receive`.
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.scenery.check()?;
@@ -208,11 +192,14 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                     Some(_) => QualityMode::Adapt,
                     None => QualityMode::Fixed(0),
                 };
-                let mut screen =
-                    Screen::new(options, prepared.show(call, HERTZ, hold)?, gaze.clone());
+                let mut screen = Screen::new(
+                    &options.scenery,
+                    prepared.show(call, HERTZ, hold)?,
+                    gaze.clone(),
+                );
                 match events {
                     Some(events) => window::show(events, &mut screen, options.camera, &until)?,
-                    None => offscreen::run(&mut screen, &until)?,
+                    None => offscreen::run(&mut screen, options, &until)?,
                 }
                 screen.finish()?
             }

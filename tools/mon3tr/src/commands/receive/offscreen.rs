@@ -1,10 +1,12 @@
 //! `--display offscreen`: the call as pictures on disk, as a display of 60 Hz would show it.
 
-use super::{Screen, Until};
+use super::Options;
 use crate::film::{Film, write_png};
 use crate::live::{LiveView, Moment};
 use crate::moments::Moments;
-use crate::stage::{compose_views, read_views};
+use crate::screen::Screen;
+use crate::stills::{compose_views, read_views};
+use crate::until::Until;
 use crate::viewpoint::{Viewpoint, eyes};
 use app_pipeline::lanes::Drawn;
 use image::{RgbImage, imageops};
@@ -14,8 +16,7 @@ use std::time::{Duration, Instant};
 const WAITING: Duration = Duration::from_millis(5);
 
 /// Draws the call until it is over.
-pub(super) fn run(screen: &mut Screen<'_>, until: &Until) -> anyhow::Result<()> {
-    let options = screen.options;
+pub(super) fn run(screen: &mut Screen<'_>, options: &Options, until: &Until) -> anyhow::Result<()> {
     let folder = options.folder();
     let mut film = Film::start(folder.join("animation.webp"));
     let mut moments = Moments::default();

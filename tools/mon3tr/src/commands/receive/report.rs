@@ -1,7 +1,7 @@
 //! What a call came to, as a table for people and as JSON for programs.
 
 use super::Fetched;
-use super::screen::Watched;
+use crate::screen::Watched;
 use app_pipeline::profile::Percentiles;
 use app_session::call::CallFigures;
 use app_session::headset::HeadsetFigures;

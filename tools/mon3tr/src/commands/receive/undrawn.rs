@@ -1,6 +1,6 @@
 //! `--display none`: every frame is taken as soon as it is due, and nothing is drawn: what is measured is the network and the link.
 
-use super::Until;
+use crate::until::Until;
 use app_session::call::Call;
 use std::time::Duration;
 

@@ -8,7 +8,7 @@ use crate::device_options::{DeviceOptions, make_folder};
 use crate::performance::MotionOptions;
 use crate::report::check_writable;
 use crate::scenery::{SceneryOptions, load_camera};
-use crate::stage::{DEFAULT_SIZE, Size, Views};
+use crate::size::{DEFAULT_SIZE, Size, Views};
 use crate::viewpoint::CameraChoice;
 use anyhow::{anyhow, bail};
 use clap::ValueEnum;

@@ -7,7 +7,7 @@ use crate::performance::MOTION_RATE;
 use crate::progress;
 use crate::report::{RunReport, write_json};
 use crate::scenery::Scenery;
-use crate::stage::{RenderSettings, StillRenderer, load_avatar};
+use crate::stills::{RenderSettings, StillRenderer, load_avatar};
 use crate::viewpoint::{CameraChoice, eyes};
 use anyhow::Context;
 use renderer_splat::options::Filter;

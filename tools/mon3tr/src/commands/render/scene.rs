@@ -5,7 +5,7 @@ use crate::backdrop::DUSK;
 use crate::device_options::{DeviceOptions, describe};
 use crate::report::{Splatting, StageTable, write_json};
 use crate::scenery::{SceneFigures, Scenery};
-use crate::stage::{RenderSettings, to_rgb};
+use crate::stills::{RenderSettings, to_rgb};
 use crate::viewpoint::{CameraChoice, eyes};
 use anyhow::{Context, bail};
 use app_pipeline::profile::Profile;

@@ -13,7 +13,7 @@ use super::measure::print_table;
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::device_options::DeviceOptions;
 use crate::report::{check_writable, write_json};
-use crate::stage::load_avatar;
+use crate::stills::load_avatar;
 use profile_report::AvatarFigures;
 use serde::Serialize;
 use sessions::Sessions;

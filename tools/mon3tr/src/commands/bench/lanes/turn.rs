@@ -3,7 +3,7 @@
 use super::clip::Clip;
 use crate::device_options::cache;
 use crate::performance::MOTION_RATE;
-use crate::stage::RenderSettings;
+use crate::stills::RenderSettings;
 use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::{Context, ensure};
 use app_pipeline::inference::Inference;

@@ -1,16 +1,16 @@
-//! An avatar on stage: the receiver, its cameras and the studio around it.
+//! Stills of an avatar: the receiver on one thread, its cameras and the studio around it.
 
 use crate::backdrop::{DUSK, Shadow, compose};
 use crate::device_options::DeviceOptions;
 use crate::report::{Splatting, StageTable};
 use crate::scenery::is_scene;
+use crate::size::{Size, Views};
 use anyhow::{Context, anyhow, ensure};
 use app_pipeline::deform::Deformer;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::inference::Inference;
 use app_pipeline::plan::Plan;
 use app_pipeline::receiver::Receiver;
-use clap::ValueEnum;
 use glam::Vec3;
 use image::RgbImage;
 use npu_runtime::{Provider, Runtime};
@@ -25,74 +25,6 @@ use renderer_vulkan::gpu::Gpu;
 use spmm3::{Avatar, MotionParams, Skeleton};
 use std::path::Path;
 use std::sync::Arc;
-
-/// Width and height in pixels, written WxH.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Size {
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-}
-
-impl Size {
-    /// The same shape, no side longer than `longest`.
-    pub(crate) fn within(self, longest: u32) -> Self {
-        let side = self.width.max(self.height);
-        if side <= longest {
-            return self;
-        }
-        let scaled = |length: u32| (length * longest / side).max(16);
-        Self {
-            width: scaled(self.width),
-            height: scaled(self.height),
-        }
-    }
-}
-
-/// Of pictures for which no other size was asked for.
-pub(crate) const DEFAULT_SIZE: Size = Size {
-    width: 1024,
-    height: 1024,
-};
-
-impl std::str::FromStr for Size {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let number = |text: &str| text.parse::<u32>().ok().filter(|n| (16..=4096).contains(n));
-        text.split_once('x')
-            .and_then(|(w, h)| {
-                Some(Self {
-                    width: number(w)?,
-                    height: number(h)?,
-                })
-            })
-            .ok_or_else(|| {
-                format!("{text} is not WIDTHxHEIGHT with sides of 16..4096 pixels, e.g. 1024x1024")
-            })
-    }
-}
-
-impl std::fmt::Display for Size {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}x{}", self.width, self.height)
-    }
-}
-
-/// One eye or two.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Views {
-    Mono,
-    Stereo,
-}
-
-impl Views {
-    pub(crate) fn count(self) -> u32 {
-        match self {
-            Self::Mono => 1,
-            Self::Stereo => 2,
-        }
-    }
-}
 
 /// What pictures are made: their size, their number of views, and what they show beside a person.
 #[derive(Debug, Clone)]

@@ -1,11 +1,10 @@
 //! A call on a screen, in a window or not: what stands around the person, and what the pictures came to.
 
-use super::Options;
 use crate::gaze::{Gaze, GazeFigures};
 use crate::live::{LiveView, Moment, ViewReport};
 use crate::report::Splatting;
-use crate::scenery::Scenery;
-use crate::stage::RenderSettings;
+use crate::scenery::{Scenery, SceneryOptions};
+use crate::stills::RenderSettings;
 use crate::viewpoint::Viewpoint;
 use app_pipeline::lanes::Skipped;
 use app_pipeline::placement::PlacementReport;
@@ -21,11 +20,11 @@ use std::time::{Duration, Instant};
 /// A call that is shown.
 #[derive(Debug)]
 pub(crate) struct Screen<'a> {
-    pub(super) options: &'a Options,
+    scenery: &'a SceneryOptions,
     pub(crate) live: LiveView,
     /// Moves the camera, if somebody's gaze does.
     pub(crate) gaze: Option<Gaze>,
-    pub(super) pictures: Vec<PathBuf>,
+    pub(crate) pictures: Vec<PathBuf>,
     /// Whether the scene stands already; it is put around the place where the person first stands.
     settled: bool,
     began: Option<Instant>,
@@ -33,22 +32,22 @@ pub(crate) struct Screen<'a> {
 
 /// What pictures came to.
 #[derive(Debug, Serialize)]
-pub(super) struct Watched {
+pub(crate) struct Watched {
     #[serde(skip)]
-    pub(super) pictures: Vec<PathBuf>,
-    pub(super) views: u32,
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) splatting: Splatting,
+    pub(crate) pictures: Vec<PathBuf>,
+    pub(crate) views: u32,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) splatting: Splatting,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) gaze: Option<GazeFigures>,
+    pub(crate) gaze: Option<GazeFigures>,
     #[serde(flatten)]
-    pub(super) shown: Measured,
+    pub(crate) shown: Measured,
 }
 
 impl Watched {
     /// The tables that `profile` prints.
-    pub(super) fn print(&self) {
+    pub(crate) fn print(&self) {
         let of = &self.shown.measured;
         let eyes = if self.views == 2 { "2 x " } else { "" };
         println!(
@@ -67,13 +66,13 @@ impl Watched {
 }
 
 impl<'a> Screen<'a> {
-    pub(super) fn new(options: &'a Options, live: LiveView, gaze: Option<Gaze>) -> Self {
+    pub(crate) fn new(scenery: &'a SceneryOptions, live: LiveView, gaze: Option<Gaze>) -> Self {
         Self {
-            options,
+            scenery,
             live,
             gaze,
             pictures: Vec::new(),
-            settled: options.scenery.background.is_none(),
+            settled: scenery.background.is_none(),
             began: None,
         }
     }
@@ -85,7 +84,7 @@ impl<'a> Screen<'a> {
         };
         if !self.settled {
             self.settled = true;
-            let scenery = (self.options.scenery).around(moment.floor, moment.heading)?;
+            let scenery = self.scenery.around(moment.floor, moment.heading)?;
             let setting = self.live.setting().clone();
             self.live.set(RenderSettings {
                 background: (scenery.as_ref()).map(|scenery| Arc::clone(&scenery.background)),
@@ -106,7 +105,7 @@ impl<'a> Screen<'a> {
     }
 
     /// Ends the lanes.
-    pub(super) fn finish(mut self) -> anyhow::Result<(Call, Option<Watched>)> {
+    pub(crate) fn finish(mut self) -> anyhow::Result<(Call, Option<Watched>)> {
         let renderer = self.live.lanes.renderer();
         let splatting = Splatting::new(renderer.back_end(), renderer.back_end_trial());
         let RenderSettings { size, views, .. } = *self.live.setting();
@@ -144,7 +143,7 @@ impl<'a> Screen<'a> {
 }
 
 /// What lanes told since `began`, of a display with that period.
-pub(super) fn measured(
+pub(crate) fn measured(
     collector: &Collector,
     placement: PlacementReport,
     (skipped, hold): (Skipped, QualityFigures),
