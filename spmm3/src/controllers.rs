@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// K: controllers that hold one Gaussian.
 pub const NEIGHBOURS: usize = 3;
 
-/// The paper's stability constant eps, metres.
+/// eps of the virtual mass, metres: keeps it finite at a controller. The paper does not state its value.
 const EPSILON: f32 = 1e-3;
 
 /// Where the controllers sit and which of them hold each Gaussian.

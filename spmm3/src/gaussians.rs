@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-/// Attribute planes of one Gaussian: position 3, rotation 4, log-scale 3, opacity 1, colour 3 (paper, section III-B).
+/// Attribute planes of one Gaussian: position 3, rotation 4, log-scale 3, opacity 1, colour 3 (paper, section III-C).
 pub const ATTRIBUTES: usize = 14;
 
 /// Spherical harmonic of degree 0: rgb = 0.5 + `SH_C0` * coefficient (3DGS).

@@ -7,7 +7,7 @@ use spmm3::{LOOP_SECONDS, LoadOptions, MotionClip, Playback};
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Motion rate of the paper's sender, frames per second.
+/// Motion frames per second that are sent. The paper's receiver deforms at this rate; its sender captures about 58.
 pub(crate) const MOTION_RATE: f64 = 30.0;
 
 /// The motion that needs no file.

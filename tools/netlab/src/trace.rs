@@ -1,4 +1,4 @@
-//! Bandwidth traces: how fast a real or imagined network was, to be replayed (the paper, section V, replays its with `tc`).
+//! Bandwidth traces: how fast a real or imagined network was, to be replayed (the paper, section VI-A, replays its with `tc`).
 //!
 //! A trace is CSV: `ms,kbit/s` a line, empty lines and lines that begin with `#` are nothing, and the first line may be a
 //! heading. Each line's rate holds from its time to the next line's; the last one holds as long as the one before it (one second where it

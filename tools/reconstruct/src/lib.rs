@@ -1,4 +1,4 @@
-//! Builds avatars offline (paper, section IV-C): a person's meshes, textures and morph targets in; the template, its
+//! Builds avatars offline (paper, section III-C, with a made-up person in place of a recorded one): a person's meshes, textures and morph targets in; the template, its
 //! Gaussians and what the networks learn from out. Nothing here runs during a call.
 
 pub mod bake;

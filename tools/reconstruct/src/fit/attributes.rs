@@ -3,7 +3,7 @@
 //! In four steps, each closed-form or greedy: (1) what the Gaussians around a controller do over the training poses, as
 //! a temporal code of B numbers; (2) the few hidden units, out of a pool of random ones on the joints that matter there,
 //! that explain the code best; (3) neighbouring codes turned to agree, so that mixing them by virtual mass makes sense
-//! (the paper's guide coherence); (4) with the forces as predicted, each Gaussian's bases by ridge regression.
+//! (orthogonal Procrustes; the paper penalises the difference of neighbours instead, its guide coherence loss); (4) with the forces as predicted, each Gaussian's bases by ridge regression.
 
 use super::deformer::{force, potentials, residuals};
 use super::{Frame, Targets, pool, procrustes, ridge, solve_ridge, temporal_codes};

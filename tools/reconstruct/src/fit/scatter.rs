@@ -1,4 +1,5 @@
-//! Where the 500 controllers sit: farthest-point sampling, denser where the paper's person needs it (section IV-B).
+//! Where the 500 controllers sit: farthest-point sampling, denser at hands, face and loose cloth. The paper samples them
+//! uniformly (section IV-B).
 
 use crate::simulate::{Fabric, Puppet, arm_share};
 use glam::Vec3;
