@@ -1,9 +1,11 @@
 # shellcheck shell=bash disable=SC2154 # run and prepare.sh set what is not assigned here
-# Android's own programs for packages, which tests check ours with: aapt, aapt2, zipalign and apksigner, unpacked from the Debian
-# packages that android-tools-ARCH.lock pins, and Java for the last: the machine's own if it is new enough, else from
+# Android's own programs for packages: aapt2 and apksigner make the headset's, and tests check it with these, aapt and zipalign. Unpacked
+# from the Debian packages that android-tools-ARCH.lock pins, and Java for apksigner: the machine's own if it is new enough, else from
 # java-ARCH.lock. Sourced by ./run.
 #
 #   $MON3TR_CACHE/android-tools/aapt, aapt2, zipalign, apksigner   each the program of that name; the last through $MON3TR_JAVA
+#   $MON3TR_CACHE/android-tools/lib/*.jar                          apksigner's classes, where an SDK's build-tools have them too
+#   $MON3TR_CACHE/android-tools/framework-res.apk                  Android's own resources, which aapt2 links against
 #   $MON3TR_CACHE/java/run                                         `run ARGS...` is java with ARGS, under the same process id
 
 android_tools_lock=$repo/scripts/android-tools-$debian_arch.lock
@@ -11,8 +13,18 @@ java_lock=$repo/scripts/java-$debian_arch.lock
 java_oldest=17
 
 # Raise these when what is unpacked, trimmed or written into the wrappers changes.
-android_tools_pins() { lock_pins "$android_tools_lock" 1; }
+android_tools_pins() { lock_pins "$android_tools_lock" 2; }
 java_pins() { lock_pins "$java_lock" 1; }
+
+# has_sdk: an Android SDK that packages are made with (tools/mon3tr/src/commands/apk/tools.rs), and the Java that it needs.
+has_sdk() {
+	local sdk
+	machine_has_java || return 1
+	for sdk in "${ANDROID_HOME:-}" "${ANDROID_SDK_ROOT:-}"; do
+		if [ -n "$sdk" ] && ls "$sdk"/build-tools/*/lib/apksigner.jar "$sdk"/platforms/*/android.jar >/dev/null 2>&1; then return; fi
+	done
+	return 1
+}
 
 android_tools_are_there() { [ -n "${MON3TR_ANDROID_TOOLS:-}" ] || debs_are_ready "$MON3TR_CACHE/android-tools" "$(android_tools_pins)"; }
 
@@ -28,7 +40,7 @@ machine_has_java() {
 
 install_android_tools() {
 	local prefix=$MON3TR_CACHE/android-tools new=$MON3TR_CACHE/android-tools.new instead="" trust=signed one
-	say "Fetching apksigner $(locked_version "$android_tools_lock" apksigner), aapt, aapt2 and zipalign from $debian_mirror"
+	say "Fetching apksigner $(locked_version "$android_tools_lock" apksigner), aapt, aapt2, zipalign and Android's resources from $debian_mirror"
 	rm -rf "$new"
 	unpack_lock "$android_tools_lock" "$new"
 	trim_documentation "$new"
@@ -54,6 +66,8 @@ install_android_tools() {
 		exec "${MON3TR_JAVA:-java}" -cp "$jars/apksigner.jar:$jars/apksig.jar" com.android.apksigner.ApkSignerTool "$@"
 	WRAPPER
 	chmod +x "$new/apksigner"
+	ln -s root/usr/share/java "$new/lib"
+	ln -s root/usr/share/android-framework-res/framework-res.apk "$new/framework-res.apk"
 	put_in_place "$new" "$prefix" "$(android_tools_pins)${instead:+, but $trust $instead}"
 }
 

@@ -78,14 +78,14 @@ PREFIXES = {
         "kept": ["xkb-data"],
     },
     "android-tools": {
-        "what": "Android's own programs for packages (aapt, aapt2, zipalign, apksigner) and what they need but for Java",
+        "what": "Android's own programs for packages (aapt, aapt2, zipalign, apksigner), the framework's resources, and what they need but for Java",
         "lock": "scripts/android-tools-{arch}.lock",
         "arches": ["amd64", "arm64"],
-        "roots": ["aapt", "zipalign", "apksigner"],
+        "roots": ["aapt", "zipalign", "apksigner", "android-framework-res"],
         "left_out": ["default-jre"],
         "linked": ["aapt", "aapt2", "zipalign"],
-        # Java's own, which no library links.
-        "kept": ["apksigner", "libapksig-java"],
+        # Java's own and resources, which no library links.
+        "kept": ["apksigner", "libapksig-java", "android-framework-res"],
     },
     "java": {
         "what": "Java without a screen, for apksigner, and what it needs for that",

@@ -8,7 +8,7 @@
 #   MON3TR_SPIRV_VAL                          the SPIR-V validator, only where it was asked for
 #   MON3TR_QNN                                the folder of ONNX Runtime's QNN plugin, only where it was asked for
 #   MON3TR_MONADO                             the folder of an OpenXR runtime and its loader, only where it was asked for
-#   MON3TR_ANDROID_TOOLS MON3TR_JAVA          the folder of aapt, aapt2, zipalign and apksigner, and java, only where they were asked for
+#   MON3TR_ANDROID_TOOLS MON3TR_JAVA          the folder of Android's programs for packages, and java, only where they were asked for
 #   MON3TR_ADRENO                             the folder of a compiler for the Quest 3's GPU, only where it was asked for
 #   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
 #   MON3TR_ANDROID_PARTS MON3TR_CLANG         others' libraries in the headset's package and, without an NDK, a clang, only where
@@ -280,10 +280,10 @@ find_todo() {
 	if [ "$with_android_qnn" = 1 ] && ! android_parts_are_there qnn; then
 		todo+=("install_android_parts_qnn|ONNX Runtime's QNN plugin and Qualcomm's libraries for Android, from Maven Central (Qualcomm's own licence): they go into the headset's package for the NPU")
 	fi
-	# Where packages cannot be unpacked, the tests that want them say so.
+	# Where packages cannot be unpacked, what wants them says so.
 	if [ "$with_android_tools" = 1 ] && command -v dpkg-deb >/dev/null; then
 		if ! android_tools_are_there; then
-			todo+=("install_android_tools|Android's aapt, aapt2, zipalign and apksigner with their libraries, from Debian ($(lock_megabytes "$android_tools_lock") MB): tests check the packages for headsets with them")
+			todo+=("install_android_tools|Android's aapt2 and apksigner with resources and libraries, from Debian ($(lock_megabytes "$android_tools_lock") MB): they pack and sign the headset's app where there is no Android SDK (ANDROID_HOME), and tests check it with them")
 		fi
 		if ! java_is_there; then
 			todo+=("install_java|Java $(locked_version "$java_lock" openjdk-21-jre-headless), from Debian ($(lock_megabytes "$java_lock") MB), because this machine has none of version $java_oldest or newer: apksigner runs on it")
@@ -335,6 +335,7 @@ path_for_lists() {
 export_environment() {
 	local lists why one runner=CARGO_TARGET_${cargo_target}_RUNNER
 	if [ "$with_android" = 1 ]; then export_android; fi
+	if [ "$with_android_tools" = 1 ] && android_tools_are_there && java_is_there; then export_android_tools; fi
 	if [ "$with_rehearsal" = 1 ]; then export_rehearsal; fi
 	if [ "$vulkan_from" = none ]; then return; fi
 	lists=$(path_for_lists) || lists=
@@ -348,7 +349,6 @@ export_environment() {
 		if nats_server_is_there; then export_nats_server; fi
 		if python_is_there; then export_python; else lament_python; fi
 	fi
-	if [ "$with_android_tools" = 1 ] && android_tools_are_there && java_is_there; then export_android_tools; fi
 	if [ "$with_xr" = 1 ]; then
 		if monado_is_there; then export_monado "${lists:-$MON3TR_CACHE}"; else lament_monado; fi
 	fi

@@ -4,11 +4,10 @@ use crate::tools::{apk, output_of, skip, text, variable};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
-use tempfile::TempDir;
 
 /// A package, and what the command said of it.
 pub(crate) struct Built {
-    folder: TempDir,
+    folder: PathBuf,
     pub(crate) file: PathBuf,
     pub(crate) said: String,
     pub(crate) report: serde_json::Value,
@@ -44,13 +43,15 @@ fn has_target() -> bool {
 
 impl Built {
     fn new() -> Self {
-        let folder = TempDir::new().expect("a folder");
-        let (file, json) = (
-            folder.path().join("one.apk"),
-            folder.path().join("one.json"),
-        );
+        // It holds several packages and stays: a static is never dropped. So each run replaces the last one's.
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("apk");
+        if folder.exists() {
+            std::fs::remove_dir_all(&folder).expect("the last run's folder goes");
+        }
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let (file, json) = (folder.join("one.apk"), folder.join("one.json"));
         let arguments = ["--out", &shown(&file), "--json", &shown(&json)];
-        let output = apk(folder.path(), &arguments).output().expect("it starts");
+        let output = apk(&folder, &arguments).output().expect("it starts");
         let said = text(&output);
         assert!(output.status.success(), "mon3tr apk failed:\n{said}");
         let report = std::fs::read_to_string(&json).expect("the report");
@@ -64,14 +65,14 @@ impl Built {
 
     /// A place for more, by the name of the test that wants it.
     pub(crate) fn place(&self, name: &str) -> PathBuf {
-        let place = self.folder.path().join(name);
+        let place = self.folder.join(name);
         std::fs::create_dir_all(&place).expect("a folder");
         place
     }
 
     /// The folder of the key that signed.
     pub(crate) fn keys(&self) -> &Path {
-        self.folder.path()
+        &self.folder
     }
 
     pub(crate) fn bytes(&self) -> Vec<u8> {

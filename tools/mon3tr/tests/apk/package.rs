@@ -29,6 +29,7 @@ fn aapt_reads_an_app_for_quest_in_it() {
         "sdkVersion:'29'",
         "targetSdkVersion:'32'",
         "native-code: 'arm64-v8a'",
+        "application-label:'Mon3tr'",
         "launchable-activity: name='android.app.NativeActivity'",
         "application-debuggable",
     ] {
@@ -124,7 +125,12 @@ fn apksigner_verifies_it_and_names_the_certificate_that_the_command_names() {
     let Some(mut apksigner) = android("apksigner") else {
         return;
     };
-    let said = output_of(apksigner.args(["verify", "--print-certs"]).arg(&built.file));
+    // For Android from 7.0 on: later ones read the third scheme alone.
+    let arguments = ["verify", "-v", "--print-certs", "--min-sdk-version", "24"];
+    let said = output_of(apksigner.args(arguments).arg(&built.file));
+    for scheme in ["Scheme v2): true", "Scheme v3): true"] {
+        assert!(said.contains(scheme), "{scheme} in:\n{said}");
+    }
     let digest = built.report["certificate_sha256"].as_str().expect("a hash");
     assert!(said.contains(digest), "{digest} in:\n{said}");
     assert!(built.said.contains(digest), "{digest} in:\n{}", built.said);

@@ -1,7 +1,8 @@
 //! What the command refuses before it builds anything.
 
-use crate::tools::{apk, text};
-use std::path::Path;
+use crate::built::shown;
+use crate::tools::{android, apk, text};
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 /// What `mon3tr apk` with `arguments` and `variables` says, which must fail without a panic.
@@ -16,6 +17,7 @@ fn refusal(arguments: &[&str], variables: &[(&str, &Path)]) -> String {
     let said = text(&output);
     assert!(!output.status.success(), "{said}");
     assert!(!said.contains("panicked"), "{said}");
+    assert!(!said.contains("building"), "{said}");
     assert!(!out.is_file(), "nothing is packaged");
     let line = said.lines().find(|line| line.starts_with("error:"));
     line.unwrap_or_else(|| panic!("no line starts with `error:` in:\n{said}"))
@@ -51,6 +53,51 @@ fn missing_parts_are_named_with_the_command_that_fetches_them() {
     );
     assert!(said.contains("Maven Central"), "{said}");
     assert!(said.contains("./run apk --with-qnn"), "{said}");
+}
+
+/// What stands in for a clang and for others' libraries until something is built, in `folder`.
+fn stand_ins(folder: &Path) -> [(&'static str, PathBuf); 2] {
+    let compiler = folder.join("clang");
+    std::fs::write(&compiler, "").expect("a file");
+    std::fs::write(folder.join("parts.json"), "[]").expect("a file");
+    [
+        ("MON3TR_CLANG", compiler),
+        ("MON3TR_ANDROID_PARTS", folder.to_owned()),
+    ]
+}
+
+#[test]
+fn missing_programs_are_named_with_the_ways_to_get_them() {
+    let folder = TempDir::new().expect("a folder");
+    let [clang, parts] = stand_ins(folder.path());
+    let said = refusal(
+        &[],
+        &[
+            (clang.0, &clang.1),
+            (parts.0, &parts.1),
+            ("MON3TR_ANDROID_TOOLS", folder.path()),
+        ],
+    );
+    for word in ["aapt2", "./run apk", "ANDROID_HOME"] {
+        assert!(said.contains(word), "{word} in: {said}");
+    }
+}
+
+#[test]
+fn a_file_that_is_no_key_store_is_named() {
+    if android("apksigner").is_none() {
+        return;
+    }
+    let folder = TempDir::new().expect("a folder");
+    let [clang, parts] = stand_ins(folder.path());
+    let store = folder.path().join("clang");
+    let said = refusal(
+        &["--keystore", &shown(&store), "--key-pass", "secret"],
+        &[(clang.0, &clang.1), (parts.0, &parts.1)],
+    );
+    assert!(said.contains(&shown(&store)), "{said}");
+    assert!(said.contains("cannot be read as a key store"), "{said}");
+    assert!(!said.contains("secret"), "{said}");
 }
 
 #[test]

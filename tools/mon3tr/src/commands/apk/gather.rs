@@ -5,7 +5,6 @@ use android_native::elf::{Library, Platform, check_library};
 use android_native::native::{Built, Route};
 use android_native::parts::{self, PARTS, Part, QNN_PARTS};
 use anyhow::{Context, bail, ensure};
-use apk::{Contents, Source};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -29,9 +28,9 @@ pub(super) struct Gathered {
 
 /// Others' libraries, where the environment says or `./run` leaves them.
 pub(super) fn parts(repo: &Path, with_qnn: bool) -> anyhow::Result<Vec<Part>> {
-    let mut all = parts::read(&folder(repo, PARTS, "android-parts")?)?;
+    let mut all = parts::read(&fetched(repo, PARTS, "android-parts")?)?;
     if with_qnn {
-        let folder = folder(repo, QNN_PARTS, "android-parts-qnn")?;
+        let folder = fetched(repo, QNN_PARTS, "android-parts-qnn")?;
         let qnn = parts::read(&folder).context(
             "the libraries for the NPU come from Maven Central alone, fetched by ./run apk --with-qnn",
         )?;
@@ -40,12 +39,13 @@ pub(super) fn parts(repo: &Path, with_qnn: bool) -> anyhow::Result<Vec<Part>> {
     Ok(all)
 }
 
-fn folder(repo: &Path, variable: &str, name: &str) -> anyhow::Result<PathBuf> {
+/// What `./run` leaves at `name` in its cache, or the environment names instead.
+pub(super) fn fetched(repo: &Path, variable: &str, name: &str) -> anyhow::Result<PathBuf> {
     if let Some(folder) = std::env::var_os(variable).filter(|value| !value.is_empty()) {
         return Ok(folder.into());
     }
     let here = repo.join(".cache").join(name);
-    if here.is_dir() {
+    if here.exists() {
         return Ok(here);
     }
     Ok(cache()?.join(name))
@@ -103,20 +103,11 @@ impl Gathered {
         self.members.iter().filter_map(|member| member.elf.as_ref())
     }
 
-    /// The package's contents, with a record of how they came to be.
-    pub(super) fn contents(
-        &self,
-        repo: &Path,
-        route: &Route,
-        release: bool,
-    ) -> anyhow::Result<Contents> {
+    /// The package's manifest, with a record of how the package came to be.
+    pub(super) fn manifest(&self, repo: &Path, route: &Route) -> anyhow::Result<String> {
         let path = repo.join("android/AndroidManifest.xml");
-        let mut manifest = fs::read_to_string(&path)
+        let manifest = fs::read_to_string(&path)
             .with_context(|| format!("could not read {}", path.display()))?;
-        if !release {
-            manifest = debuggable(&manifest)
-                .with_context(|| format!("{} has no <application", path.display()))?;
-        }
         let mut metadata = vec![
             ("org.mon3tr.build.route".to_owned(), route.describe()),
             ("org.mon3tr.build.commit".to_owned(), commit(repo)?),
@@ -127,29 +118,9 @@ impl Gathered {
                 format!("{} sha256:{}", part.version, part.sha256),
             ));
         }
-        Ok(Contents {
-            manifest,
-            resources: Some(repo.join("android/res")),
-            libraries: self
-                .members
-                .iter()
-                .map(|Member { part, .. }| apk::Library {
-                    name: part.file.clone(),
-                    source: Source::Bytes(part.data.clone()),
-                })
-                .collect(),
-            assets: Vec::new(),
-            metadata,
-        })
+        with_metadata(&manifest, &metadata)
+            .with_context(|| format!("{} has no </application>", path.display()))
     }
-}
-
-/// The manifest of a build that a debugger may attach to, and whose files adb may read.
-fn debuggable(manifest: &str) -> Option<String> {
-    let (before, after) = manifest.split_once("<application")?;
-    Some(format!(
-        "{before}<application android:debuggable=\"true\"{after}"
-    ))
 }
 
 /// The commit the app was built from, with a mark where files differ from it.
@@ -182,19 +153,38 @@ fn commit(repo: &Path) -> anyhow::Result<String> {
     })
 }
 
+/// `manifest` with names and strings as `<meta-data>` of its application, which it has to have.
+fn with_metadata(manifest: &str, metadata: &[(String, String)]) -> Option<String> {
+    let (before, after) = manifest.rsplit_once("</application>")?;
+    let entries = metadata.iter().map(|(name, value)| {
+        let (name, value) = (escaped(name), escaped(value));
+        format!("<meta-data android:name=\"{name}\" android:value=\"{value}\"/>")
+    });
+    let entries: String = entries.collect();
+    Some(format!("{before}{entries}</application>{after}"))
+}
+
+/// For an attribute's value in XML.
+fn escaped(text: &str) -> String {
+    let text = text.replace('&', "&amp;").replace('<', "&lt;");
+    text.replace('"', "&quot;")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_build_for_debugging_says_so_in_its_application_and_nowhere_else() {
-        let manifest = "<manifest>\n<application\n android:label=\"a\">\n</application></manifest>";
+    fn metadata_stand_in_the_application() {
+        let manifest = "<manifest>\n<application>\n</application></manifest>";
+        let metadata = [("a".to_owned(), "<\"b\" & c>".to_owned())];
         assert_eq!(
-            debuggable(manifest).as_deref(),
+            with_metadata(manifest, &metadata).as_deref(),
             Some(
-                "<manifest>\n<application android:debuggable=\"true\"\n android:label=\"a\">\n</application></manifest>"
+                "<manifest>\n<application>\n<meta-data android:name=\"a\" \
+                 android:value=\"&lt;&quot;b&quot; &amp; c>\"/></application></manifest>"
             )
         );
-        assert_eq!(debuggable("<manifest/>"), None);
+        assert_eq!(with_metadata("<manifest/>", &metadata), None);
     }
 }

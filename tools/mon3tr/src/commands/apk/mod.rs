@@ -1,23 +1,32 @@
 //! `mon3tr apk`: the receiver as a package that a Quest installs. Builds its library, takes others' that `./run` has fetched, checks
-//! all of them, and packages and signs the lot.
+//! all of them, and has Android's own programs pack and sign the lot.
 
 mod gather;
 mod install;
+mod key_store;
+mod pack;
 mod report;
+#[cfg(test)]
+mod tests;
+mod tools;
 
 use crate::device_options::cache;
 use crate::report::check_writable;
 use android_native::native::{Order, Processor, Purpose, Route, build};
 use anyhow::{Context, ensure};
-use apk::Signer;
-use gather::Gathered;
+use gather::{Gathered, Member};
+use key_store::Key;
+use pack::Contents;
 use std::path::{Path, PathBuf};
+use tools::Tools;
 
 /// The package of this repository that is the app, and its library.
 const PACKAGE: &str = "mon3tr-android";
 const LIBRARY: &str = "main";
+/// The app's name for Android, as the manifest says it.
+const APPLICATION: &str = "org.mon3tr.quest";
 /// The key that signs where none is given, in the cache: whoever deletes it has to uninstall the app before the next one.
-const DEBUG_KEY: &str = "android-debug-key.pem";
+const DEBUG_KEY: &str = "android-debug.p12";
 
 /// Options of `apk`.
 #[derive(Debug, clap::Args)]
@@ -34,7 +43,7 @@ pub(crate) struct Options {
     /// The package
     #[arg(long, value_name = "FILE", default_value = "mon3tr-quest3.apk")]
     out: PathBuf,
-    /// Sign with the key in this PKCS #12 key store [default: a debug key, made once and kept]
+    /// Sign with the key in this key store, PKCS #12 or Java's own [default: a debug key, made once and kept]
     #[arg(long, value_name = "FILE", requires = "key_pass")]
     keystore: Option<PathBuf>,
     /// The key store's password
@@ -60,9 +69,13 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     if let Some(json) = &options.json {
         check_writable(json)?;
     }
-    let signer = signer(options)?;
+    if let Some(store) = &options.keystore {
+        ensure!(store.is_file(), "there is no key store {}", store.display());
+    }
     let route = Route::find(Some(&repo.join(".cache/clang/run")))?;
     let parts = gather::parts(&repo, options.with_qnn)?;
+    let tools = Tools::find(&repo)?;
+    let key = key(options, &tools)?;
     eprintln!(
         "building the receiver for the headset, {}",
         route.describe()
@@ -84,17 +97,26 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         &route,
     )?;
     let gathered = Gathered::new(&built, parts)?;
-    let contents = gathered.contents(&repo, &route, options.release)?;
-    let written = apk::write(&contents, &signer, &options.out)?;
+    let contents = Contents {
+        manifest: gathered.manifest(&repo, &route)?,
+        resources: &repo.join("android/res"),
+        debuggable: !options.release,
+        libraries: gathered
+            .members
+            .iter()
+            .map(|Member { part, .. }| (part.file.as_str(), part.data.as_slice()))
+            .collect(),
+    };
+    let bytes = contents.pack(&tools, &key, &options.out)?;
     // Beside the package: what turns the addresses of a backtrace into lines.
     let symbols = options.out.with_extension("symbols.so");
     std::fs::copy(&built.symbols, &symbols)
         .with_context(|| format!("could not write {}", symbols.display()))?;
-    let report = report::Report::new(options, &route, &gathered, &written, &symbols);
+    let report = report::Report::new(options, &route, &gathered, &key, bytes, &symbols);
     print!("{report}");
     report.write_json(options.json.as_deref())?;
     if options.install {
-        install::install(&options.out, &written.package)?;
+        install::install(&options.out, APPLICATION)?;
     }
     Ok(())
 }
@@ -112,16 +134,12 @@ fn repository() -> anyhow::Result<PathBuf> {
         .with_context(|| format!("could not find {}", repo.display()))
 }
 
-fn signer(options: &Options) -> anyhow::Result<Signer> {
+fn key(options: &Options, tools: &Tools) -> anyhow::Result<Key> {
     let Some(store) = &options.keystore else {
         let folder = cache()?;
         crate::device_options::make_folder(&folder)?;
-        return Ok(Signer::debug(&folder.join(DEBUG_KEY))?);
+        return Key::debug(tools, &folder.join(DEBUG_KEY));
     };
     let password = options.key_pass.as_deref().unwrap_or_default();
-    Ok(Signer::from_pkcs12(
-        store,
-        password,
-        options.key_alias.as_deref(),
-    )?)
+    Key::read(tools, store, password, options.key_alias.as_deref())
 }

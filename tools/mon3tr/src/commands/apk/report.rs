@@ -1,7 +1,8 @@
 //! What was packaged, for people and for programs.
 
-use super::Options;
 use super::gather::Gathered;
+use super::key_store::Key;
+use super::{APPLICATION, Options};
 use android_native::native::Route;
 use anyhow::Context;
 use serde::Serialize;
@@ -40,7 +41,8 @@ impl Report {
         options: &Options,
         route: &Route,
         gathered: &Gathered,
-        written: &apk::Report,
+        key: &Key,
+        bytes: u64,
         symbols: &Path,
     ) -> Self {
         let libraries = gathered
@@ -64,11 +66,11 @@ impl Report {
             .collect();
         Self {
             file: options.out.clone(),
-            bytes: written.size,
-            package: written.package.clone(),
+            bytes,
+            package: APPLICATION.to_owned(),
             route: route.describe(),
             profile: if options.release { "release" } else { "debug" },
-            certificate_sha256: written.certificate_sha256.clone(),
+            certificate_sha256: key.certificate_sha256.clone(),
             key: match &options.keystore {
                 Some(store) => store.display().to_string(),
                 None => "the debug key of this machine: stores take none of it".to_owned(),
