@@ -19,7 +19,7 @@ pub(crate) fn build_app(repo: &Path) -> anyhow::Result<Built> {
         repo,
         package: PACKAGE,
         library: LIBRARY,
-        purpose: Purpose::Rehearsal,
+        purpose: Purpose::Debug,
         processor: Processor::X86_64,
         target: &repo.join("target/android"),
     };

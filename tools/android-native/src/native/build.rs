@@ -17,10 +17,8 @@ use crate::std_stubs;
 pub enum Purpose {
     /// Use.
     Release,
-    /// Debugging: arithmetic and debug assertions are checked.
+    /// Debugging and the rehearsal: arithmetic and debug assertions are checked, and it is built in half the time.
     Debug,
-    /// The rehearsal on this machine's processor: as for debugging, and built in half the time.
-    Rehearsal,
 }
 
 impl Purpose {
@@ -29,7 +27,6 @@ impl Purpose {
         match self {
             Self::Release => "android-release",
             Self::Debug => "android",
-            Self::Rehearsal => "android-rehearsal",
         }
     }
 }
