@@ -5,6 +5,24 @@
 //! graph of [`networks`], run elsewhere) -> posed vertices and residuals -> [`BoundGaussians::pose`] -> [`GaussianSet`].
 //!
 //! Space: metres, y up, the person faces +z and +x is the person's left.
+//!
+//! A package loaded, and a person posed by the built-in motion:
+//!
+//! ```no_run
+//! use spmm3::{Avatar, Joint, LOOP_SECONDS, MotionClip, Playback};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let avatar = Avatar::load("me.m3a".as_ref())?;
+//! println!("{}: {} Gaussians on {} vertices", avatar.name, avatar.gaussians.len(), avatar.template.vertices().len());
+//! let clip = MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, 30.0)?;
+//! for frame in 0..90 {
+//!     let motion = clip.sample(f64::from(frame) / 30.0, Playback::Clamp);
+//!     let joints = avatar.skeleton.pose(&motion);
+//!     println!("the head is at {} m", joints.position(Joint::Head) + motion.root_translation);
+//! }
+//! # Ok(())
+//! # }
+//! ```
 
 mod binding;
 mod clip;
