@@ -1,7 +1,7 @@
 //! The cameras a scene was trained from, in the `cameras.json` that 3DGS leaves beside it (`camera_to_JSON`): positions and
 //! rotations in the scene's world, in COLMAP's axes, turned here into the house's as the scene is.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3, Quat};
 use serde::Deserialize;
@@ -64,6 +64,21 @@ impl Cameras {
         let path = path.as_ref();
         let bytes = read_bounded(path, MAX_CAMERAS_BYTES)?;
         Self::parse(&bytes, &path.display().to_string())
+    }
+
+    /// The camera file of a scene's file where 3DGS leaves it: beside it, or two folders above
+    /// `point_cloud/iteration_N/point_cloud.ply`. Nothing where there is none.
+    pub fn beside(scene: &Path) -> Option<PathBuf> {
+        let iteration = scene.parent()?;
+        let trained = iteration
+            .parent()
+            .filter(|folder| folder.ends_with("point_cloud"))
+            .and_then(Path::parent);
+        [Some(iteration), trained]
+            .into_iter()
+            .flatten()
+            .map(|folder| folder.join("cameras.json"))
+            .find(|file| file.is_file())
     }
 
     /// Reads a camera file's content; `name` is what errors call it.

@@ -30,7 +30,7 @@ pub enum SceneError {
     },
     /// The content is none of the formats.
     #[error(
-        "{name} is not a Gaussian scene: {what}; give a .ply (3DGS or compressed), .splat or .spz (version 2 or 3) file"
+        "{name} is not a Gaussian scene: {what}; give a .ply (3DGS or compressed), .splat, .spz (version 2 to 4) or .sog file"
     )]
     UnknownFormat {
         /// The file.

@@ -3,8 +3,9 @@
 use std::fmt;
 use std::path::Path;
 
+use crate::frame::Axes;
 use crate::source::Source;
-use crate::{SceneError, splat};
+use crate::{SceneError, sog, splat, spz};
 
 /// Where a scene's data came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -16,13 +17,28 @@ pub enum Format {
     CompressedPly,
     /// Records of 32 bytes without a header, as antimatter15's viewer reads them.
     Splat,
-    /// Niantic's packed format of the given version, in gzip.
+    /// Niantic's packed format of the given version, in gzip or Zstandard streams.
     Spz {
-        /// The header's version: 2 or 3.
+        /// The header's version: 2, 3 or 4.
+        version: u32,
+    },
+    /// `PlayCanvas`' format of images and a `meta.json`, in a zip or a folder.
+    Sog {
+        /// The version that `meta.json` states: 2, or 1 where it states none.
         version: u32,
     },
     /// No file: assembled in memory.
     Memory,
+}
+
+impl Format {
+    /// The axes that files of the format have, unless they state others.
+    pub(crate) fn axes(self) -> Axes {
+        match self {
+            Self::Ply | Self::CompressedPly | Self::Splat | Self::Sog { .. } => Axes::COLMAP,
+            Self::Spz { .. } | Self::Memory => Axes::HOUSE,
+        }
+    }
 }
 
 impl fmt::Display for Format {
@@ -34,6 +50,9 @@ impl fmt::Display for Format {
             // Before its header is read.
             Self::Spz { version: 0 } => out.write_str(".spz"),
             Self::Spz { version } => write!(out, ".spz version {version}"),
+            // Before its description is read.
+            Self::Sog { version: 0 } => out.write_str("SOG"),
+            Self::Sog { version } => write!(out, "SOG version {version}"),
             Self::Memory => out.write_str("assembled in memory"),
         }
     }
@@ -45,6 +64,10 @@ pub(crate) enum Reader {
     Ply,
     Splat,
     Spz,
+    /// A zip with a `meta.json`.
+    SogBundle,
+    /// The `meta.json` of files beside it.
+    SogMeta,
 }
 
 pub(crate) fn detect(source: &Source<'_>) -> Result<Reader, SceneError> {
@@ -52,13 +75,19 @@ pub(crate) fn detect(source: &Source<'_>) -> Result<Reader, SceneError> {
     if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r\n") {
         return Ok(Reader::Ply);
     }
-    // An .spz is a gzip stream; some tools also leave the payload bare.
-    if bytes.starts_with(&[0x1f, 0x8b]) || bytes.starts_with(b"NGSP") {
+    // An .spz up to version 3 is a gzip stream; some tools also leave the payload bare, as version 4 is.
+    if bytes.starts_with(&[0x1f, 0x8b]) || bytes.starts_with(spz::MAGIC) {
         return Ok(Reader::Spz);
+    }
+    if bytes.starts_with(sog::ZIP_MAGIC) {
+        return Ok(Reader::SogBundle);
     }
     let named_splat = Path::new(source.name)
         .extension()
         .is_some_and(|extension| extension.eq_ignore_ascii_case("splat"));
+    if !named_splat && sog::is_json_object(bytes) {
+        return Ok(Reader::SogMeta);
+    }
     splat::recognise(source, named_splat)?;
     Ok(Reader::Splat)
 }

@@ -3,11 +3,12 @@
 //! scene was trained from. It does not draw, sort or quantise, and knows no device.
 //!
 //! [`Scene::load`] tells the format by the content: PLY as 3DGS writes it, compressed PLY (PlayCanvas, `SuperSplat`),
-//! `.splat` (antimatter15) and `.spz` (Niantic, versions 2 and 3). A file's damage is an error; single Gaussians that
-//! no renderer could draw are left out and counted ([`Scene::dropped`]).
+//! `.splat` (antimatter15), `.spz` (Niantic, versions 2 to 4) and SOG (`PlayCanvas`, versions 1 and 2). A file's damage is
+//! an error; single Gaussians that no renderer could draw are left out and counted ([`Scene::dropped`]).
 //!
 //! Space: the file's units, x right, y up, z back, as in OpenGL and OpenXR. Files in COLMAP's axes (y down, z forward) are
-//! turned by 180 degrees about x when they are read.
+//! turned by 180 degrees about x when they are read. Where another axis of a file points up, [`Scene::detect_up`] may
+//! tell, and [`Scene::turn_up`] turns the scene.
 
 mod bounds;
 mod builder;
@@ -21,9 +22,11 @@ mod placement;
 mod ply;
 mod scene;
 mod sh;
+mod sog;
 mod source;
 mod splat;
 mod spz;
+mod up;
 
 pub use bounds::Bounds;
 pub use builder::{MAX_COEFFICIENT, MAX_COORDINATE, MAX_LOG_SCALE, SceneBuilder, Splat};
@@ -34,3 +37,5 @@ pub use load::{MAX_FILE_BYTES, MAX_GAUSSIANS};
 pub use placement::Placement;
 pub use scene::Scene;
 pub use sh::{MAX_SH_DEGREE, SH_C0, ShRotation, rest_coefficients, sh_basis};
+pub use sog::is_sog;
+pub use up::{DetectedUp, UnknownAxis, UpAxis, UpEvidence};

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::format::{Reader, detect};
 use crate::source::Source;
-use crate::{Scene, SceneError, ply, splat, spz};
+use crate::{Scene, SceneError, ply, sog, splat, spz};
 
 /// The most Gaussians a scene may have.
 pub const MAX_GAUSSIANS: usize = 1 << 22;
@@ -15,7 +15,8 @@ pub const MAX_GAUSSIANS: usize = 1 << 22;
 pub const MAX_FILE_BYTES: u64 = 2 << 30;
 
 impl Scene {
-    /// Reads a scene from a file, whose format is told by its content.
+    /// Reads a scene from a file, whose format is told by its content. Of a SOG scene that is not in a zip, the file is its
+    /// `meta.json`; the images are read from the same folder.
     ///
     /// # Errors
     /// [`SceneError`] where the file cannot be read, is no scene, is damaged, or is larger than [`MAX_FILE_BYTES`] or
@@ -23,7 +24,15 @@ impl Scene {
     pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
         let bytes = read_bounded(path, MAX_FILE_BYTES)?;
-        Self::read(&bytes, &path.display().to_string())
+        let name = path.display().to_string();
+        let source = Source {
+            name: &name,
+            bytes: &bytes,
+        };
+        match detect(&source)? {
+            Reader::SogMeta => sog::read_folder(&source, path),
+            reader => reader.read(&source),
+        }
     }
 
     /// Reads a scene from a file's content. `name` is what errors call it; where it ends in `.splat`, a format without any
@@ -33,10 +42,22 @@ impl Scene {
     /// As [`Self::load`].
     pub fn read(bytes: &[u8], name: &str) -> Result<Self, SceneError> {
         let source = Source { name, bytes };
-        match detect(&source)? {
-            Reader::Ply => ply::read(&source),
-            Reader::Splat => splat::read(&source),
-            Reader::Spz => spz::read(&source),
+        detect(&source)?.read(&source)
+    }
+}
+
+impl Reader {
+    fn read(self, source: &Source<'_>) -> Result<Scene, SceneError> {
+        match self {
+            Self::Ply => ply::read(source),
+            Self::Splat => splat::read(source),
+            Self::Spz => spz::read(source),
+            Self::SogBundle => sog::read_bundle(source),
+            Self::SogMeta => Err(SceneError::UnknownFormat {
+                name: source.name.to_owned(),
+                what: "it is JSON, as the meta.json of a SOG scene is, whose images are not here"
+                    .to_owned(),
+            }),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! A static Gaussian scene as a structure of arrays.
 
+use crate::frame::Axes;
 use crate::{Bounds, Dropped, Format, rest_coefficients};
 
 /// The arrays of a scene, one entry for each Gaussian; `sh_rest` has `3 * rest_coefficients` for each.
@@ -24,6 +25,10 @@ pub struct Scene {
     dropped: Dropped,
     format: Format,
     antialiased: bool,
+    /// How the file's axes lie in the house's.
+    pub(crate) axes: Axes,
+    /// Whether the file says so.
+    pub(crate) axes_stated: bool,
 }
 
 impl Scene {
@@ -41,6 +46,8 @@ impl Scene {
             dropped,
             format,
             antialiased,
+            axes: format.axes(),
+            axes_stated: false,
         }
     }
 
@@ -105,7 +112,8 @@ impl Scene {
         self.format
     }
 
-    /// Whether the file says that the scene was trained with an anti-aliasing filter (Mip-Splatting). Only `.spz` says.
+    /// Whether the file says that the scene was trained with an anti-aliasing filter (Mip-Splatting). Only `.spz` and
+    /// SOG say.
     pub fn antialiased(&self) -> bool {
         self.antialiased
     }

@@ -5,9 +5,11 @@ use splat_scene::{Dropped, MAX_GAUSSIANS, MAX_LOG_SCALE, Scene, SceneError};
 
 use crate::expected::Raw;
 use crate::harmonics::raw;
+use crate::sog_writer::sog;
+use crate::spz4_writer::spz4;
 use crate::writers::{self, Dress};
 
-fn raws(count: u8, coefficients: usize) -> Vec<Raw> {
+pub(crate) fn raws(count: u8, coefficients: usize) -> Vec<Raw> {
     let mut random = fastrand::Rng::with_seed(11);
     (0..count)
         .map(|at| raw(&mut random, coefficients, f32::from(at)))
@@ -23,7 +25,7 @@ fn with(file: &[u8], old: &str, new: &str) -> Vec<u8> {
     [&file[..at], new.as_bytes(), &file[at + old.len()..]].concat()
 }
 
-fn message(file: &[u8], name: &str) -> String {
+pub(crate) fn message(file: &[u8], name: &str) -> String {
     let error = Scene::read(file, name).expect_err("the file is not sound");
     let message = error.to_string();
     assert!(message.contains(name), "the file is named: {message}");
@@ -154,6 +156,9 @@ fn every_truncation_of_each_format_is_an_error() {
         writers::compressed_ply(&raws(3, 3), true),
         writers::gzip(&payload),
         payload,
+        spz4(&raws(3, 3), 12, 0),
+        sog(&raws(3, 3), 1),
+        sog(&raws(3, 3), 2),
     ];
     for file in files {
         for length in 0..file.len() {

@@ -24,13 +24,47 @@ pub(crate) enum Axes {
     Colmap,
     /// x right, y up, z back.
     House,
+    /// Where x, y and z point: Right, Left, Up, Down, Front or Back.
+    Named(&'static str),
 }
 
 impl Axes {
+    /// The coordinate systems of .spz, from number 1 on, as its library names them.
+    pub(crate) const SPZ: [Self; 16] = [
+        Self::Named("LDB"),
+        Self::Named("RDB"),
+        Self::Named("LUB"),
+        Self::Named("RUB"),
+        Self::Named("LDF"),
+        Self::Named("RDF"),
+        Self::Named("LUF"),
+        Self::Named("RUF"),
+        Self::Named("LFD"),
+        Self::Named("RFD"),
+        Self::Named("LFU"),
+        Self::Named("RFU"),
+        Self::Named("LBD"),
+        Self::Named("RBD"),
+        Self::Named("LBU"),
+        Self::Named("RBU"),
+    ];
+
     fn house_from(self) -> DMat3 {
         match self {
-            Self::Colmap => DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)),
-            Self::House => DMat3::IDENTITY,
+            Self::Colmap => Self::Named("RDF").house_from(),
+            Self::House => Self::Named("RUB").house_from(),
+            Self::Named(letters) => {
+                let mut columns = letters.chars().map(|letter| match letter {
+                    'R' => DVec3::X,
+                    'L' => DVec3::NEG_X,
+                    'U' => DVec3::Y,
+                    'D' => DVec3::NEG_Y,
+                    'B' => DVec3::Z,
+                    _ => DVec3::NEG_Z,
+                });
+                let mut next = || columns.next().expect("three letters");
+                DMat3::from_cols(next(), next(), next())
+            }
         }
     }
 }

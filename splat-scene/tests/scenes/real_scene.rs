@@ -6,7 +6,7 @@ use splat_scene::{Format, Scene};
 
 /// A file of `shared/data`, which lies beside the repository; nothing, after a line that says so, where it is missing. On CI
 /// that is a failure. (The same as the `tests` crate's, which is above this one.)
-fn real_file(name: &str) -> Option<PathBuf> {
+pub(crate) fn real_file(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data")
         .join(name);

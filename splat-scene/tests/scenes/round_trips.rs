@@ -5,6 +5,8 @@ use splat_scene::{Format, Scene};
 
 use crate::expected::{Axes, Difference, Raw, difference};
 use crate::harmonics::raw;
+use crate::sog_writer::sog;
+use crate::spz4_writer::{extension, parts, spz4};
 use crate::writers::{self, Dress};
 
 /// Scenes of 1 to 40 Gaussians of any SH degree, far enough apart to tell them from one another.
@@ -103,7 +105,55 @@ proptest! {
             }
         }
     }
+
+    #[test]
+    fn spz_of_version_4_is_read_to_its_quantisation(raws in scenes(), antialiased: bool) {
+        let scene = Scene::read(&spz4(&raws, 12, u8::from(antialiased)), "x").unwrap();
+        prop_assert_eq!(scene.format(), Format::Spz { version: 4 });
+        prop_assert_eq!(scene.antialiased(), antialiased);
+        difference(&scene, &raws, Axes::House).assert_within(&SPZ);
+    }
+
+    #[test]
+    fn spz_in_other_axes_is_turned_into_the_houses(raws in scenes(), system in 1..=16_u32) {
+        let axes = Axes::SPZ[system as usize - 1];
+        let stated = extension(0xADBE_0003, &system.to_le_bytes());
+        let unknown = extension(0x1234_0001, b"anything");
+        let mut four = parts(&raws, 12, 2);
+        four.extensions = [unknown, stated.clone()].concat();
+        let mut three = writers::spz_payload(&raws, 3, 12, 2);
+        three.extend(stated);
+        for file in [four.join(), writers::gzip(&three), three] {
+            let scene = Scene::read(&file, "x").unwrap();
+            difference(&scene, &raws, axes).assert_within(&SPZ);
+        }
+    }
+
+    #[test]
+    fn sog_is_read_to_its_quantisation(raws in scenes()) {
+        for version in [1, 2] {
+            let scene = Scene::read(&sog(&raws, version), "x").unwrap();
+            prop_assert_eq!(scene.format(), Format::Sog { version });
+            difference(&scene, &raws, Axes::Colmap).assert_within(&Difference {
+                // Half of 1/65535 of a logarithm of up to 5, times 42, on one axis.
+                position: 0.002,
+                log_scale: 0.008,
+                // Half of 1/255 of a part's range, on three of them, doubled where the fourth is small.
+                angle: 0.02,
+                opacity: 0.006,
+                colour: 0.03,
+            });
+        }
+    }
 }
+
+const SPZ: Difference = Difference {
+    position: 0.000_22,
+    log_scale: 0.0313,
+    angle: 0.006,
+    opacity: 0.002,
+    colour: 0.035,
+};
 
 #[test]
 fn compressed_ply_takes_each_gaussian_with_its_own_chunk() {

@@ -1,77 +1,41 @@
-//! `.spz`, Niantic's packed format, versions 2 and 3: a gzip stream of a header and one block for each attribute. Its axes
-//! are the house's (right, up, back). Version 1 was never released, version 4 is another container. Layout after
+//! `.spz`, Niantic's packed format, versions 2 to 4: a header and one block of bytes for each attribute. Versions 2 and 3
+//! keep all of it in one gzip stream, version 4 each block in a Zstandard stream of its own. Version 1 was never released.
+//! By the format's definition its axes are the house's (right, up, back), unless an extension states others. Layout after
 //! nianticlabs/spz, `src/cc/load-spz.cc`.
 
-use std::borrow::Cow;
-use std::io::{self, Read};
-
-use flate2::bufread::GzDecoder;
+mod extensions;
+mod gzip;
+mod zstandard;
 
 use crate::source::{Source, bytes_at, u32_at};
 use crate::{Format, Scene, SceneBuilder, SceneError, Splat, rest_coefficients};
 
+pub(crate) const MAGIC: &[u8] = b"NGSP";
+/// Bytes of the header that all versions have.
 const HEADER: usize = 16;
-const MAGIC: &[u8] = b"NGSP";
+/// From this version on each attribute has a Zstandard stream.
+const FIRST_ZSTANDARD: u32 = 4;
 /// What a coefficient of degree 0 is multiplied by before it becomes a byte.
 const COLOUR_SCALE: f32 = 0.15;
 const FLAG_ANTIALIASED: u8 = 1;
 const FLAG_EXTENSIONS: u8 = 2;
-/// Extensions after the blocks are passed over up to this size.
-const MAX_EXTENSIONS: u64 = 1 << 24;
+/// The attributes in the order of their blocks.
+const ATTRIBUTES: [&str; 6] = [
+    "positions",
+    "opacities",
+    "colours",
+    "scales",
+    "rotations",
+    "spherical harmonics",
+];
 
 pub(crate) fn read(source: &Source<'_>) -> Result<Scene, SceneError> {
-    if let Some(body) = source.bytes.strip_prefix(MAGIC) {
-        // Some tools leave the payload out of gzip.
-        let header = source.bytes.first_chunk().ok_or_else(|| {
-            let (need, have) = (HEADER as u64, body.len() + MAGIC.len());
-            source.truncated(Format::Spz { version: 0 }, "its header", need, have)
-        })?;
-        let header = Header::parse(source, header)?;
-        let blocks = source.bytes.get(HEADER..).unwrap_or_default();
-        return unpack(source, &header, Cow::Borrowed(blocks));
+    let version = u32_at(source.bytes, 4);
+    if source.bytes.starts_with(MAGIC) && version >= FIRST_ZSTANDARD {
+        zstandard::read(source)
+    } else {
+        gzip::read(source)
     }
-    let mut stream = GzDecoder::new(source.bytes);
-    let mut first = Vec::with_capacity(HEADER);
-    let broken = |version, error: io::Error| {
-        source.damaged(
-            Format::Spz { version },
-            format!("its gzip stream cannot be unpacked ({error})"),
-        )
-    };
-    stream
-        .by_ref()
-        .take(HEADER as u64)
-        .read_to_end(&mut first)
-        .map_err(|error| broken(0, error))?;
-    let header = match first.first_chunk() {
-        Some(header) if header.starts_with(MAGIC) => Header::parse(source, header)?,
-        _ => {
-            return Err(SceneError::UnknownFormat {
-                name: source.name.to_owned(),
-                what: "it is a gzip stream, but not of an .spz scene".to_owned(),
-            });
-        }
-    };
-    // Grows with what the stream yields, and no further than the header's count, which is checked.
-    let mut blocks = Vec::new();
-    let need = header.block_bytes();
-    stream
-        .by_ref()
-        .take(need)
-        .read_to_end(&mut blocks)
-        .map_err(|error| broken(header.version, error))?;
-    if blocks.len() as u64 == need {
-        // To the end, where gzip's checksum is.
-        let rest = io::copy(&mut stream.take(MAX_EXTENSIONS + 1), &mut io::sink())
-            .map_err(|error| broken(header.version, error))?;
-        if rest > MAX_EXTENSIONS {
-            return Err(source.damaged(
-                header.format(),
-                "its gzip stream goes on after the last Gaussian",
-            ));
-        }
-    }
-    unpack(source, &header, Cow::Owned(blocks))
 }
 
 struct Header {
@@ -86,11 +50,11 @@ impl Header {
     fn parse(source: &Source<'_>, bytes: &[u8; HEADER]) -> Result<Self, SceneError> {
         let version = u32_at(bytes, 4);
         let format = Format::Spz { version };
-        if !(2..=3).contains(&version) {
+        if !(2..=4).contains(&version) {
             return Err(source.unsupported(
                 format,
                 format!("version {version}"),
-                "write it as version 3 with Niantic's tools or splat-transform, or as .ply",
+                "write it as version 3 or 4 with Niantic's tools or splat-transform, or as .ply",
             ));
         }
         let count = source.checked_count(u64::from(u32_at(bytes, 8)))?;
@@ -113,12 +77,6 @@ impl Header {
                 format!("it states {fractional_bits} fractional bits of the 24 of a coordinate"),
             ));
         }
-        if flags & FLAG_EXTENSIONS != 0 {
-            log::warn!(
-                "{}: its extensions are not read; if they state other axes, the scene lies turned",
-                source.name
-            );
-        }
         Ok(Self {
             version,
             count,
@@ -134,11 +92,16 @@ impl Header {
         }
     }
 
+    fn has_extensions(&self) -> bool {
+        self.flags & FLAG_EXTENSIONS != 0
+    }
+
+    /// Bytes of one Gaussian's rotation.
     fn rotation_bytes(&self) -> usize {
         if self.version == 2 { 3 } else { 4 }
     }
 
-    /// The bytes of each Gaussian in each block: position, opacity, colour, scale, rotation, SH.
+    /// The bytes of each Gaussian in each block, in the order of [`ATTRIBUTES`].
     fn strides(&self) -> [usize; 6] {
         let rest = 3 * rest_coefficients(self.sh_degree);
         [9, 1, 3, 3, self.rotation_bytes(), rest]
@@ -149,27 +112,22 @@ impl Header {
     }
 }
 
+/// The Gaussians of the six blocks, each as long as the header's count and strides say, and turned from the axes that
+/// `extensions` state.
 fn unpack(
     source: &Source<'_>,
     header: &Header,
-    blocks: Cow<'_, [u8]>,
+    [positions, opacities, colours, scales, rotations, harmonics]: [&[u8]; 6],
+    extensions: &[u8],
 ) -> Result<Scene, SceneError> {
-    let need = header.block_bytes();
-    if (blocks.len() as u64) < need {
-        let what = format!("the attributes of {} Gaussians", header.count);
-        return Err(source.truncated(header.format(), what, need, blocks.len()));
-    }
-    let strides = header.strides();
-    let mut start = 0;
-    let [positions, opacities, colours, scales, rotations, harmonics] = strides.map(|stride| {
-        let block = blocks.get(start..start + stride * header.count);
-        start += stride * header.count;
-        block.unwrap_or_default()
-    });
-
+    let axes = if header.has_extensions() {
+        extensions::stated_axes(source, header.format(), extensions)?
+    } else {
+        None
+    };
     let mut builder = SceneBuilder::new(header.sh_degree)?;
     builder.reserve(header.count)?;
-    let mut sh_rest = vec![0.0; strides[5]];
+    let mut sh_rest = vec![0.0; 3 * rest_coefficients(header.sh_degree)];
     for index in 0..header.count {
         let rotation = if header.version == 2 {
             first_three(bytes_at(rotations, 3 * index))
@@ -193,7 +151,13 @@ fn unpack(
         builder.push(&splat, &sh_rest)?;
     }
     let antialiased = header.flags & FLAG_ANTIALIASED != 0;
-    Ok(builder.finish_as(header.format(), antialiased))
+    let mut scene = builder.finish_as(header.format(), antialiased);
+    if let Some(axes) = axes {
+        scene.turn_from(axes);
+        scene.axes = axes;
+        scene.axes_stated = true;
+    }
+    Ok(scene)
 }
 
 /// A signed number of 24 bits.
@@ -211,7 +175,7 @@ fn first_three(bytes: [u8; 3]) -> [f32; 4] {
     [x, y, z, (1.0 - (x * x + y * y + z * z)).max(0.0).sqrt()]
 }
 
-/// Version 3: two bits for which of x, y, z and w is the greatest; for each of the others, the last one lowest, a sign and
+/// Versions 3 and 4: two bits for which of x, y, z and w is the greatest; for each of the others, the last one lowest, a sign and
 /// nine bits of its magnitude, of sqrt(1/2) at most.
 fn smallest_three(word: u32) -> [f32; 4] {
     let greatest = word >> 30;

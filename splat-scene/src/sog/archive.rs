@@ -1,0 +1,92 @@
+//! The zip around a SOG scene. Its directory is looked at before the zip reader trusts it, and no member is unpacked
+//! beyond what it may have.
+
+use std::fs::File;
+use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use zip::ZipArchive;
+use zip::result::ZipError;
+
+use super::meta;
+use crate::source::{Source, bytes_at};
+use crate::{Format, SceneError};
+
+/// What a zip begins with.
+pub(crate) const ZIP_MAGIC: &[u8] = b"PK\x03\x04";
+
+const FORMAT: Format = Format::Sog { version: 0 };
+const END_RECORD: usize = 22;
+const END_MAGIC: &[u8] = b"PK\x05\x06";
+/// A scene has eight members; others may lie beside them.
+const MAX_MEMBERS: u16 = 256;
+const MAX_DIRECTORY: u32 = 1 << 16;
+
+/// Whether a file is a zip with a `meta.json`, as a SOG scene is. One that cannot be read is none.
+pub fn is_sog(path: &Path) -> bool {
+    let Ok(mut file) = File::open(path) else {
+        return false;
+    };
+    let mut end = [0; END_RECORD];
+    let read = file
+        .seek(SeekFrom::End(-22))
+        .and_then(|_| file.read_exact(&mut end));
+    read.is_ok()
+        && check_end(&end).is_ok()
+        && ZipArchive::new(file).is_ok_and(|zip| zip.index_for_name(meta::NAME).is_some())
+}
+
+/// An opened zip.
+pub(super) struct Bundle<'a> {
+    source: &'a Source<'a>,
+    zip: ZipArchive<Cursor<&'a [u8]>>,
+}
+
+impl<'a> Bundle<'a> {
+    pub(super) fn open(source: &'a Source<'a>) -> Result<Self, SceneError> {
+        let end = source.bytes.last_chunk().copied().unwrap_or_default();
+        check_end(&end).map_err(|why| source.damaged(FORMAT, why))?;
+        let zip = ZipArchive::new(Cursor::new(source.bytes))
+            .map_err(|error| source.damaged(FORMAT, format!("its zip cannot be read ({error})")))?;
+        if zip.index_for_name(meta::NAME).is_none() {
+            return Err(SceneError::UnknownFormat {
+                name: source.name.to_owned(),
+                what: "it is a zip without a meta.json".to_owned(),
+            });
+        }
+        Ok(Self { source, zip })
+    }
+
+    /// A member's content, of at most `limit` bytes.
+    pub(super) fn member(&mut self, name: &str, limit: u64) -> Result<Vec<u8>, SceneError> {
+        let source = self.source;
+        let broken = |why: String| source.damaged(FORMAT, format!("its member {name} {why}"));
+        let unreadable = |error: ZipError| broken(format!("cannot be read ({error})"));
+        let member = self.zip.by_name(name).map_err(unreadable)?;
+        let mut bytes = Vec::new();
+        // Grows with what the member yields, whatever size it states.
+        member
+            .take(limit + 1)
+            .read_to_end(&mut bytes)
+            .map_err(|error| unreadable(error.into()))?;
+        if bytes.len() as u64 > limit {
+            return Err(broken(format!("has more than {limit} bytes")));
+        }
+        Ok(bytes)
+    }
+}
+
+/// The zip reader makes room for as many members as the end record states, which this looks at first.
+fn check_end(end: &[u8; END_RECORD]) -> Result<(), String> {
+    if !end.starts_with(END_MAGIC) {
+        return Err("its zip has no directory at its end".to_owned());
+    }
+    let members = u16::from_le_bytes(bytes_at(end, 10));
+    let directory = u32::from_le_bytes(bytes_at(end, 12));
+    if members > MAX_MEMBERS || directory > MAX_DIRECTORY {
+        return Err(format!(
+            "its zip states {members} members in a directory of {directory} bytes, more than a scene has"
+        ));
+    }
+    Ok(())
+}
