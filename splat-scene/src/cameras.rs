@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DQuat, DVec3, Quat};
 use serde::Deserialize;
 
-use crate::frame::{turned_rotation, turned_vector};
-use crate::load::read_bounded;
+use crate::frame::turned_rotation;
+use crate::frame::turned_vector;
+use crate::source::read_bounded;
 use crate::{MAX_COORDINATE, SceneError};
 
 /// A camera file is not read beyond this size; a camera takes half a kilobyte.

@@ -10,13 +10,16 @@
 //! turned by 180 degrees about x when they are read. Where another axis of a file points up, [`Scene::detect_up`] may
 //! tell, and [`Scene::turn_up`] turns the scene.
 
+mod axes;
 mod bounds;
 mod builder;
 pub mod cameras;
+mod detect;
 mod dropped;
 mod error;
 mod format;
 mod frame;
+mod limits;
 mod load;
 mod placement;
 mod ply;
@@ -33,7 +36,7 @@ pub use builder::{MAX_COEFFICIENT, MAX_COORDINATE, MAX_LOG_SCALE, SceneBuilder, 
 pub use dropped::Dropped;
 pub use error::SceneError;
 pub use format::Format;
-pub use load::{MAX_FILE_BYTES, MAX_GAUSSIANS};
+pub use limits::{MAX_FILE_BYTES, MAX_GAUSSIANS};
 pub use placement::Placement;
 pub use scene::Scene;
 pub use sh::{MAX_SH_DEGREE, SH_C0, ShRotation, rest_coefficients, sh_basis};

@@ -1,6 +1,6 @@
 //! A static Gaussian scene as a structure of arrays.
 
-use crate::frame::Axes;
+use crate::axes::Axes;
 use crate::{Bounds, Dropped, Format, rest_coefficients};
 
 /// The arrays of a scene, one entry for each Gaussian; `sh_rest` has `3 * rest_coefficients` for each.

@@ -1,6 +1,9 @@
 //! The bytes being read, what errors call them, and reading numbers out of them without a chance to panic.
 
 use crate::{Format, MAX_GAUSSIANS, SceneError};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
 
 /// A file's content under the name that errors show.
 #[derive(Debug, Clone, Copy)]
@@ -76,4 +79,33 @@ pub(crate) fn f32_at(bytes: &[u8], offset: usize) -> f32 {
 
 pub(crate) fn u32_at(bytes: &[u8], offset: usize) -> u32 {
     u32::from_le_bytes(bytes_at(bytes, offset))
+}
+
+/// A file's content, unless it is larger than `limit`: also where its size is not known beforehand, as for a pipe.
+pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
+    let cannot_read = |source| SceneError::Read {
+        path: path.to_owned(),
+        source,
+    };
+    let too_large = |bytes| SceneError::TooLarge {
+        name: path.display().to_string(),
+        bytes,
+        limit,
+    };
+    let file = File::open(path).map_err(cannot_read)?;
+    let size = file.metadata().map_err(cannot_read)?.len();
+    if size > limit {
+        return Err(too_large(size));
+    }
+    let mut bytes = Vec::new();
+    bytes
+        .try_reserve_exact(usize::try_from(size).unwrap_or(0).saturating_add(1))
+        .map_err(|_| cannot_read(std::io::ErrorKind::OutOfMemory.into()))?;
+    file.take(limit + 1)
+        .read_to_end(&mut bytes)
+        .map_err(cannot_read)?;
+    if bytes.len() as u64 > limit {
+        return Err(too_large(bytes.len() as u64));
+    }
+    Ok(bytes)
 }

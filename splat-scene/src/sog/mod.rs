@@ -13,8 +13,8 @@ use archive::Bundle;
 use meta::Meta;
 use picture::Picture;
 
-use crate::load::read_bounded;
 use crate::source::Source;
+use crate::source::read_bounded;
 use crate::{Format, Scene, SceneBuilder, SceneError, Splat, frame, rest_coefficients};
 
 pub(crate) use archive::ZIP_MAGIC;

@@ -1,7 +1,8 @@
 //! Extensions of an `.spz` file: records of a type, a length and that many bytes. One of them, Adobe's, states the axes that
 //! the Gaussians are stored in. Layout after nianticlabs/spz, `extensions/README.md`.
 
-use crate::frame::{Axes, Direction};
+use crate::axes::Axes;
+use crate::axes::Direction;
 use crate::source::{Source, bytes_at, u32_at};
 use crate::{Format, SceneError};
 

@@ -5,7 +5,7 @@
 use glam::Vec3;
 
 use crate::Bounds;
-use crate::frame::Direction;
+use crate::axes::Direction;
 
 /// Fainter Gaussians are haze.
 const OPAQUE: f32 = 0.5;

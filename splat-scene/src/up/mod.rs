@@ -8,8 +8,9 @@ use std::str::FromStr;
 
 use glam::{Quat, Vec3};
 
+use crate::axes::Axes;
+use crate::axes::Direction;
 use crate::cameras::Cameras;
-use crate::frame::{Axes, Direction};
 use crate::{Format, Scene};
 
 /// An axis of a file and its sign.
