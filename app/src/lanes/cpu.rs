@@ -9,7 +9,7 @@ use crate::bridge::between;
 use crate::kernels::{Blend, Detail};
 use crate::posing::Posing;
 use crate::{ReceiverError, Recorder, Stage, StateChange, StateTimes, Timeline};
-use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::slot::ForegroundSlot;
 use spmm3::MotionParams;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -75,7 +75,7 @@ pub(super) struct CpuLane {
     pub(super) renewed: Receiver<Giver<Interpolated>>,
     pub(super) bell: Bell,
     pub(super) recorder: Recorder,
-    pub(super) path: ForegroundPath,
+    pub(super) path: MotionBound,
     pub(super) making: Option<Making>,
     /// The picture that is to be made next.
     pub(super) due: Option<Request>,
@@ -212,7 +212,7 @@ impl CpuLane {
         match way {
             Some(way) => self.path.advance(way),
             // Other Gaussians, or a change that is not known.
-            None => self.path = ForegroundPath::new(),
+            None => self.path = MotionBound::new(),
         }
         self.shown = Some((now, request.level));
         let ended = self

@@ -15,7 +15,7 @@ use crate::kernels::Detail;
 use crate::posing::Posing;
 use crate::{Collector, Inference, Lane, LatencyMode, Plan, ReceiverError, Timeline};
 use glam::Affine3A;
-use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::renderer::SplatRenderer;
 use spmm3::Avatar;
 use std::sync::Arc;
@@ -109,7 +109,7 @@ impl<S: MotionSource> Person<S> {
                 renewed,
                 bell: cpu_bell.clone(),
                 recorder: collector.recorder(Lane::Cpu),
-                path: ForegroundPath::new(),
+                path: MotionBound::new(),
                 making: None,
                 due: None,
                 lead: cpu::LEAST_LEAD,
