@@ -8,7 +8,7 @@ use app_kernels::Blend;
 use renderer_splat::back_ends::BackEndTrial;
 use renderer_splat::camera::Camera;
 use renderer_splat::drawing::{Drawing, Foreground, Part};
-use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::options::BackEnd;
 use renderer_splat::renderer::SplatRenderer;
 use renderer_splat::slot::ForegroundSlot;
@@ -58,7 +58,7 @@ impl Receiver {
         self.profile.record(Stage::Interpolate, started.elapsed());
         let count = u32::try_from(state.len()).unwrap_or(u32::MAX);
         // Nothing is known of how far they went.
-        self.slot.set(count, ForegroundPath::new())?;
+        self.slot.set(count, MotionBound::new())?;
         let foreground = Foreground::Slot(&self.slot);
         self.renderer
             .draw_with(&Drawing::new(cameras, &[Part::here(foreground)]))?;

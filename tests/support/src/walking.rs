@@ -5,7 +5,7 @@ use renderer_splat::camera::Camera;
 use renderer_splat::drawing::{Drawing, Foreground, Part};
 use renderer_splat::error::RenderError;
 use renderer_splat::gaussian::{Gaussian, PackedGaussian};
-use renderer_splat::motion_bound::{Change, ForegroundPath};
+use renderer_splat::motion_bound::{Change, MotionBound};
 use renderer_splat::renderer::SplatRenderer;
 use renderer_splat::slot::ForegroundSlot;
 
@@ -13,7 +13,7 @@ use renderer_splat::slot::ForegroundSlot;
 #[derive(Debug)]
 pub struct Walking {
     slot: ForegroundSlot,
-    path: ForegroundPath,
+    path: MotionBound,
     last: Vec<Gaussian>,
 }
 
@@ -27,7 +27,7 @@ impl Walking {
     pub fn in_slot(slot: ForegroundSlot) -> Self {
         Self {
             slot,
-            path: ForegroundPath::new(),
+            path: MotionBound::new(),
             last: Vec::new(),
         }
     }
@@ -40,7 +40,7 @@ impl Walking {
     }
 
     /// Writes where the Gaussians are now, which is there on their path.
-    pub fn write_at(&mut self, gaussians: &[Gaussian], path: ForegroundPath) {
+    pub fn write_at(&mut self, gaussians: &[Gaussian], path: MotionBound) {
         let room = self.slot.gaussians_mut();
         for (place, gaussian) in room.iter_mut().zip(gaussians) {
             *place = PackedGaussian::from(gaussian);
@@ -52,7 +52,7 @@ impl Walking {
     }
 
     /// Where the Gaussians written last are on their path.
-    pub fn path(&self) -> ForegroundPath {
+    pub fn path(&self) -> MotionBound {
         self.path
     }
 

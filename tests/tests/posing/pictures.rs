@@ -6,7 +6,7 @@ use renderer_splat::camera::Camera;
 use renderer_splat::drawing::{Drawing, Foreground, Part};
 use renderer_splat::error::RenderError;
 use renderer_splat::gaussian::PackedGaussian;
-use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::options::{BackEnd, RendererOptions};
 use renderer_splat::picture::Image;
 use renderer_splat::posing::{DetailLevel, PosedInput, Poser, StateId};
@@ -311,7 +311,7 @@ fn a_posed_part_among_others_is_drawn_as_its_gaussians_are_when_uploaded() {
             slot
         });
         for slot in &mut slots {
-            slot.set(count, ForegroundPath::new()).expect("they fit");
+            slot.set(count, MotionBound::new()).expect("they fit");
         }
         let [other, same] = slots.each_ref().map(Foreground::Slot);
         let posed = Foreground::Posed {

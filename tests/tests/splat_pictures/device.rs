@@ -8,7 +8,7 @@ use renderer_splat::options::{BackEnd, RendererOptions};
 use renderer_splat::picture::Backdrop;
 use renderer_splat::renderer::SplatRenderer;
 use renderer_splat::sort::Sorter;
-use renderer_splat::window::{Shown, WindowTarget};
+use renderer_splat::window::{PresentOutcome, WindowTarget};
 use renderer_vulkan::choice::GpuChoice;
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
@@ -200,7 +200,7 @@ fn a_window_is_shown_pictures_while_its_size_changes() {
             let shown = window
                 .present(&renderer, Backdrop::Colour([0.2; 3]))
                 .expect("the window lives");
-            assert_eq!(shown, Shown::Yes, "a window of {size:?}");
+            assert_eq!(shown, PresentOutcome::Presented, "a window of {size:?}");
         }
     }
     let other = open_gpu().expect("a second device like the first");

@@ -5,7 +5,7 @@ use renderer_splat::camera::Camera;
 use renderer_splat::error::RenderError;
 use renderer_splat::options::BackEnd;
 use renderer_splat::picture::Backdrop;
-use renderer_splat::window::{Shown, WindowTarget};
+use renderer_splat::window::{PresentOutcome, WindowTarget};
 use renderer_vulkan::error::VulkanError;
 use test_support::picture_check::{
     BACK_ENDS, depth_renderer_of, keep_pictures, renderer_for, renderer_of, show, views_of,
@@ -150,7 +150,7 @@ fn a_smaller_picture_is_shown_as_large_as_any_other() {
         let shown = window
             .present(&renderer, Backdrop::Colour([0.2; 3]))
             .expect("the window lives");
-        assert_eq!(shown, Shown::Yes, "{width}x{height}");
+        assert_eq!(shown, PresentOutcome::Presented, "{width}x{height}");
     }
     drop(window);
     assert_silent(&gpu);

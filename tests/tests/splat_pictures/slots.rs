@@ -6,7 +6,7 @@ use std::thread;
 
 use renderer_splat::drawing::{Drawing, Foreground, Part};
 use renderer_splat::error::RenderError;
-use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::options::BackEnd;
 use test_support::picture_check::{BACK_ENDS, packed, renderer_for, show, views_of};
 use test_support::splat_scenes::{front_camera, random_gaussians};
@@ -32,7 +32,7 @@ fn slots_filled_by_another_thread_while_others_are_drawn_show_what_was_set() {
                 for (frame, mut slot) in frames.iter().zip(free) {
                     let gaussians = packed(frame);
                     slot.gaussians_mut()[..gaussians.len()].copy_from_slice(&gaussians);
-                    slot.set(4_000, ForegroundPath::new()).expect("they fit");
+                    slot.set(4_000, MotionBound::new()).expect("they fit");
                     hand_over.send(slot).expect("the other end");
                 }
                 drop(hand_over);
@@ -118,7 +118,7 @@ fn slots_of_another_device_or_with_too_many_gaussians_are_refused() {
     let mut renderer = renderer_for(&gpu, BackEnd::Tiles, 100, 64, 64, 1);
     let mut slot = renderer.foreground_slot().expect("memory for a slot");
     assert_eq!(slot.gaussians_mut().len(), 100, "room");
-    let refused = slot.set(101, ForegroundPath::new());
+    let refused = slot.set(101, MotionBound::new());
     assert!(
         matches!(
             refused,

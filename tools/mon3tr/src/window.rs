@@ -9,7 +9,7 @@ use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
 use app_pipeline::lanes::Drawn;
 use renderer_splat::picture::Backdrop;
-use renderer_splat::window::{Shown, WindowTarget};
+use renderer_splat::window::{PresentOutcome, WindowTarget};
 use renderer_vulkan::gpu::Gpu;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -242,10 +242,10 @@ impl View<'_, '_> {
         let shown = match &mut open.target {
             Some(target) => match target.present(live.lanes.renderer(), backdrop) {
                 // The next picture finds that out again, and opens another.
-                Err(error) if error.is_device_lost() => Shown::NotNow,
+                Err(error) if error.is_device_lost() => PresentOutcome::NotNow,
                 shown => shown?,
             },
-            None => Shown::NotNow,
+            None => PresentOutcome::NotNow,
         };
         live.displayed();
         open.counted.1 += 1;
@@ -257,8 +257,8 @@ impl View<'_, '_> {
             ));
             open.counted = (Instant::now(), 0);
         }
-        if shown == Shown::NotNow {
-            // Hidden or just changing: no need to reschedule_earlier.
+        if shown == PresentOutcome::NotNow {
+            // Hidden or just changing: no need to hurry.
             std::thread::sleep(HIDDEN);
         }
         Ok(())

@@ -6,17 +6,17 @@ use std::sync::Arc;
 use ash::vk;
 use renderer_splat::camera::Camera;
 use renderer_splat::error::RenderError;
-use renderer_splat::external_images::{Drawers, ExternalImages};
+use renderer_splat::external_images::{BackEndSet, ExternalImages};
 use renderer_splat::quad_pass::QuadPass;
 use renderer_splat::target::Target;
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use shaders_spirv::{EyeParams, EyeView};
 
-use crate::copies::Layers;
-use crate::direct::Drawn;
+use crate::copies::ImageLayers;
+use crate::direct::DirectTarget;
 use crate::error::XrError;
-use crate::eyes::{EyeImages, FAR, NEAR, Surround, Way, Written, is_blue_first};
+use crate::eyes::{EyeImages, FAR, NEAR, RenderPath, Surround, Written, is_blue_first};
 use crate::frame::Eyes;
 use crate::swapchain::Acquired;
 
@@ -31,7 +31,7 @@ pub struct Canvas<'a> {
     // Of the picture that is drawn.
     size: vk::Extent2D,
     has_depth: bool,
-    drawn: Option<Drawn>,
+    drawn: Option<DirectTarget>,
 }
 
 impl fmt::Debug for Canvas<'_> {
@@ -48,7 +48,7 @@ impl ExternalImages for Canvas<'_> {
         &mut self,
         gpu: &Arc<Gpu>,
         target: &Target,
-        drawers: Drawers,
+        drawers: BackEndSet,
     ) -> Result<(), RenderError> {
         if !Arc::ptr_eq(gpu, &self.images.gpu) {
             return Err(VulkanError::DeviceLost("showing another device's picture").into());
@@ -98,10 +98,10 @@ impl ExternalImages for Canvas<'_> {
         }
     }
 
-    fn drawn(&mut self, directly: bool) {
-        let way = match self.drawn {
-            Some(Drawn { foveated, .. }) if directly => Way::Direct { foveated },
-            _ => Way::Copied,
+    fn finished(&mut self, direct: bool) {
+        let path = match self.drawn {
+            Some(DirectTarget { foveated, .. }) if direct => RenderPath::Direct { foveated },
+            _ => RenderPath::Copied,
         };
         self.images.written = Some(Written {
             views: self.eyes.views,
@@ -109,7 +109,7 @@ impl ExternalImages for Canvas<'_> {
             size: self.size,
             has_depth: self.has_depth,
             reads: self.reads,
-            way,
+            path,
         });
     }
 }
@@ -138,7 +138,7 @@ impl<'a> Canvas<'a> {
 
     fn record_read(&self, commands: vk::CommandBuffer) {
         if let Some(buffer) = self.images.read_back.as_ref().filter(|_| self.reads) {
-            let layers = Layers {
+            let layers = ImageLayers {
                 image: self.colour.image,
                 aspect: vk::ImageAspectFlags::COLOR,
                 rest: vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,

@@ -1,5 +1,4 @@
-//! The way of a picture that lies in the renderer's target: composed for the compositor by compute, into buffers that are copied to
-//! its images. Tiles write buffers, and some runtimes' images can only be copied to.
+//! Composes the picture in the renderer's target for the compositor, by compute, into buffers that are copied to its images. Tiles write buffers, and some runtimes' images can only be copied to.
 
 use std::sync::Arc;
 
@@ -67,7 +66,8 @@ impl Copies {
         }
     }
 
-    /// Records the way of the target's picture, which compute or copies wrote, to both layers of an image, and of a depth image.
+    /// Records the composition of the target's picture, which compute or copies wrote, and its copy to both layers of an image and of a
+    /// depth image.
     pub(crate) fn record(
         &self,
         commands: vk::CommandBuffer,
@@ -78,7 +78,7 @@ impl Copies {
         let groups = [size.width.div_ceil(GROUP), size.height, 2];
         self.pipeline.dispatch(commands, &[], groups);
         barrier(&self.gpu, commands);
-        let colour = Layers {
+        let colour = ImageLayers {
             image,
             aspect: vk::ImageAspectFlags::COLOR,
             rest: vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
@@ -86,7 +86,7 @@ impl Copies {
         };
         colour.record_fill(&self.gpu, commands, &self.pixels);
         if let Some(image) = depth {
-            let depth = Layers {
+            let depth = ImageLayers {
                 image,
                 aspect: vk::ImageAspectFlags::DEPTH,
                 rest: vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL,
@@ -119,7 +119,7 @@ fn resources<'a>(
 
 /// The upper left of both layers of a compositor's image.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Layers {
+pub(crate) struct ImageLayers {
     pub(crate) image: vk::Image,
     pub(crate) aspect: vk::ImageAspectFlags,
     /// What the compositor expects the image to be left in.
@@ -130,7 +130,7 @@ pub(crate) struct Layers {
 /// How an image is used at one time: its layout, by what, and whose writes are seen.
 type Use = (vk::ImageLayout, vk::PipelineStageFlags, vk::AccessFlags);
 
-impl Layers {
+impl ImageLayers {
     /// Records that a buffer is copied to them. The image was acquired, and its compositor waited for.
     fn record_fill(&self, gpu: &Gpu, commands: vk::CommandBuffer, from: &Buffer) {
         use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};

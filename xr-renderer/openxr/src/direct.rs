@@ -1,4 +1,4 @@
-//! The way of quads: drawn straight into a headset's images, both eyes in one pass, coarser where a density map says so.
+//! Draws quads directly into a headset's images: both eyes in one pass, coarser where a density map says so.
 //!
 //! A density map is laid over the images, not over the part of them that is drawn: pictures of less than full size are drawn without.
 
@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use ash::vk;
 use renderer_splat::quad_pass::{DEPTH, PICTURE, QuadPass};
-use renderer_vulkan::attachment::{Attachment, Fate, View};
+use renderer_vulkan::attachment::{Attachment, AttachmentUse, View};
 use renderer_vulkan::bindings::{Bindings, Resource};
 use renderer_vulkan::buffer::Buffer;
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
-use renderer_vulkan::graphics::{GraphicsPipeline, Triangles};
+use renderer_vulkan::graphics::{GraphicsPipeline, GraphicsPipelineInfo};
 use renderer_vulkan::pipeline::Module;
 use renderer_vulkan::render_pass::Framebuffer;
 
@@ -26,10 +26,10 @@ const MAP: vk::Format = vk::Format::R8G8_UNORM;
 /// What quads are drawn with into one swapchain's images, and another's of depth.
 pub(crate) struct Direct {
     gpu: Arc<Gpu>,
-    framebuffers: Vec<(Place, Framebuffer)>,
-    plain: Shown,
+    framebuffers: Vec<(FramebufferKey, Framebuffer)>,
+    plain: EyePass,
     /// Where there are density maps.
-    foveated: Option<Shown>,
+    foveated: Option<EyePass>,
     bindings: Bindings,
     picture: Attachment,
     depth: Option<Attachment>,
@@ -41,21 +41,21 @@ pub(crate) struct Direct {
 
 /// Images that are drawn into together, and whether by their map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Place {
+struct FramebufferKey {
     colour: usize,
     depth: Option<usize>,
     foveated: bool,
 }
 
 /// A pass, and the pipeline of its second part.
-struct Shown {
+struct EyePass {
     pass: Arc<QuadPass>,
     pipeline: GraphicsPipeline,
 }
 
 /// Where one picture is drawn.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Drawn {
+pub(crate) struct DirectTarget {
     framebuffer: vk::Framebuffer,
     area: vk::Rect2D,
     pub(crate) foveated: bool,
@@ -70,8 +70,9 @@ impl Direct {
         params: &Buffer,
     ) -> Result<Self, VulkanError> {
         let extent = colour.extent;
-        let passing =
-            |what, format| Attachment::new(gpu, what, format, extent, LAYERS, Fate::Passing);
+        let passing = |what, format| {
+            Attachment::new(gpu, what, format, extent, LAYERS, AttachmentUse::Transient)
+        };
         let picture = passing("the quads' picture on its way to the eyes", PICTURE)?;
         let passing_depth = depth
             .map(|_| passing("the quads' depth on its way to the eyes", DEPTH))
@@ -86,7 +87,7 @@ impl Direct {
             depth: depth.map(|depth| depth.format),
             foveated: false,
         };
-        let shown = |foveated| Shown::new(gpu, PassKind { foveated, ..kind }, &bindings);
+        let eye_pass = |foveated| EyePass::new(gpu, PassKind { foveated, ..kind }, &bindings);
         let views = |images: &[vk::Image], format| -> Result<Vec<_>, VulkanError> {
             let view = |image: &vk::Image| View::new(gpu, *image, format, LAYERS);
             images.iter().map(view).collect()
@@ -95,8 +96,8 @@ impl Direct {
         Ok(Self {
             gpu: Arc::clone(gpu),
             framebuffers: Vec::new(),
-            plain: shown(false)?,
-            foveated: (!maps.is_empty()).then(|| shown(true)).transpose()?,
+            plain: eye_pass(false)?,
+            foveated: (!maps.is_empty()).then(|| eye_pass(true)).transpose()?,
             picture,
             depth: passing_depth,
             colours: views(colour.images(), colour.format)?,
@@ -118,9 +119,9 @@ impl Direct {
         colour: Acquired,
         depth: Option<Acquired>,
         size: vk::Extent2D,
-    ) -> Result<Drawn, VulkanError> {
+    ) -> Result<DirectTarget, VulkanError> {
         let foveated = self.foveated.is_some() && size == self.extent;
-        let place = Place {
+        let place = FramebufferKey {
             colour: colour.index,
             depth: depth.filter(|_| self.has_depth()).map(|depth| depth.index),
             foveated,
@@ -135,14 +136,14 @@ impl Direct {
                 handle
             }
         };
-        Ok(Drawn {
+        Ok(DirectTarget {
             framebuffer,
             area: size.into(),
             foveated,
         })
     }
 
-    fn framebuffer(&self, place: Place) -> Result<Framebuffer, VulkanError> {
+    fn framebuffer(&self, place: FramebufferKey) -> Result<Framebuffer, VulkanError> {
         let views = [
             Some(&self.picture.view),
             self.depth.as_ref().map(|it| &it.view),
@@ -154,16 +155,16 @@ impl Direct {
             self.maps.get(place.colour).filter(|_| place.foveated),
         ])
         .flatten();
-        let pass = self.shown(place.foveated).pass.render_pass();
+        let pass = self.eye_pass(place.foveated).pass.render_pass();
         Framebuffer::new(pass, views, self.extent)
     }
 
     /// The pass that draws there.
-    pub(crate) fn pass(&self, drawn: &Drawn) -> &Arc<QuadPass> {
-        &self.shown(drawn.foveated).pass
+    pub(crate) fn pass(&self, drawn: &DirectTarget) -> &Arc<QuadPass> {
+        &self.eye_pass(drawn.foveated).pass
     }
 
-    fn shown(&self, foveated: bool) -> &Shown {
+    fn eye_pass(&self, foveated: bool) -> &EyePass {
         self.foveated
             .as_ref()
             .filter(|_| foveated)
@@ -174,10 +175,10 @@ impl Direct {
     pub(crate) fn record(
         &self,
         commands: vk::CommandBuffer,
-        drawn: &Drawn,
+        drawn: &DirectTarget,
         draw: &dyn Fn(vk::Rect2D),
     ) {
-        let Shown { pass, pipeline } = self.shown(drawn.foveated);
+        let EyePass { pass, pipeline } = self.eye_pass(drawn.foveated);
         // For the quads' picture and depth, all transparent.
         let clear = [vk::ClearValue::default(); 2];
         let begin = vk::RenderPassBeginInfo::default()
@@ -203,7 +204,7 @@ impl Direct {
     }
 }
 
-impl Shown {
+impl EyePass {
     fn new(gpu: &Arc<Gpu>, kind: PassKind, bindings: &Bindings) -> Result<Self, VulkanError> {
         let pass = kind.pass(gpu)?;
         let vertex = Module::new(gpu, shaders_spirv::SHOW_EYE_VERT.words)?;
@@ -219,7 +220,7 @@ impl Shown {
         ];
         let written = vk::PipelineColorBlendAttachmentState::default()
             .color_write_mask(vk::ColorComponentFlags::RGBA);
-        let triangles = Triangles {
+        let triangles = GraphicsPipelineInfo {
             stages: &stages,
             blends: &[written],
             writes_depth: pass.with_depth(),

@@ -46,7 +46,6 @@ const OPTIONAL: &[Wanted] = &[
         khr_composition_layer_depth
     ),
     wanted!("XR_EXT_hand_tracking", ext_hand_tracking),
-    wanted!("XR_EXT_eye_gaze_interaction", ext_eye_gaze_interaction),
     wanted!("XR_FB_passthrough", fb_passthrough),
     wanted!("XR_FB_display_refresh_rate", fb_display_refresh_rate),
     wanted!("XR_FB_swapchain_update_state", fb_swapchain_update_state),
@@ -200,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_runtime_lists_and_nobody_wants_is_not_enabled() {
+    fn what_a_runtime_lists_and_is_not_wanted_is_not_enabled() {
         let mut available = everything();
         available.fb_color_space = true;
         available.other.push(b"XR_MON3TR_no_such_thing\0".to_vec());

@@ -1,4 +1,4 @@
-//! A headset's images, one layer for each eye, and the renderer's way into them: quads are drawn straight into them, what compute
+//! A headset's images, one layer for each eye, and the renderer's two paths into them: quads are drawn directly, what compute
 //! drew is composed and copied.
 
 use std::fmt;
@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use ash::vk;
 use openxr::{Session, SwapchainUsageFlags as Usage, View, Vulkan};
-use renderer_splat::external_images::Drawers;
+use renderer_splat::external_images::BackEndSet;
 use renderer_splat::target::Target;
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use shaders_spirv::EyeParams;
@@ -17,7 +17,7 @@ use crate::copies::Copies;
 use crate::direct::Direct;
 use crate::error::{XrContext, XrError};
 use crate::ext::foveation::Foveation;
-use crate::swapchain::{Acquired, Kind, Swapchain, first_common};
+use crate::swapchain::{Acquired, Swapchain, SwapchainKind, first_common};
 
 /// Depth 0 and 1 of the compositor's depth images, metres from the eye along its axis.
 pub(crate) const NEAR: f32 = 0.05;
@@ -32,7 +32,7 @@ const COLOURS: [vk::Format; 4] = [
 ];
 const DEPTHS: [vk::Format; 1] = [vk::Format::D32_SFLOAT];
 
-/// What stands around and behind the person.
+/// What surrounds the people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Surround {
     /// The viewer's own room, where the headset shows it.
@@ -67,7 +67,7 @@ pub struct EyePicture {
 
 /// How a picture came into a headset's images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Way {
+pub enum RenderPath {
     /// Composed from what the renderer drew elsewhere, and copied.
     Copied,
     /// Drawn straight into them.
@@ -77,7 +77,7 @@ pub enum Way {
     },
 }
 
-impl fmt::Display for Way {
+impl fmt::Display for RenderPath {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Copied => "composed and copied",
@@ -95,7 +95,7 @@ pub(crate) struct Written {
     pub(crate) size: vk::Extent2D,
     pub(crate) has_depth: bool,
     pub(crate) reads: bool,
-    pub(crate) way: Way,
+    pub(crate) path: RenderPath,
 }
 
 /// A picture that was given to the compositor.
@@ -105,7 +105,7 @@ pub(crate) struct Released {
     pub(crate) pictures: Option<[EyePicture; 2]>,
 }
 
-/// A headset's images, and the ways into them.
+/// A headset's images, and what pictures are drawn into or copied to them with.
 pub(crate) struct EyeImages {
     // What refers to the images goes before them.
     pub(crate) direct: Option<Direct>,
@@ -119,7 +119,7 @@ pub(crate) struct EyeImages {
     can_draw: bool,
     /// Since the images were acquired last.
     pub(crate) written: Option<Written>,
-    way: Option<Way>,
+    path: Option<RenderPath>,
     pub(crate) gpu: Arc<Gpu>,
 }
 
@@ -145,7 +145,7 @@ impl EyeImages {
             copied |= Usage::TRANSFER_SRC;
         }
         let made = |format, attachment, copied, foveation| {
-            let kind = |usage| Kind {
+            let kind = |usage| SwapchainKind {
                 format,
                 extent,
                 layers: 2,
@@ -175,7 +175,13 @@ impl EyeImages {
         let read_back = with_read_back
             .then(|| {
                 let usage = vk::BufferUsageFlags::empty();
-                Buffer::new(gpu, "the eyes' read-back", bytes, usage, Place::ReadBack)
+                Buffer::new(
+                    gpu,
+                    "the eyes' read-back",
+                    bytes,
+                    usage,
+                    MemoryUsage::ReadBack,
+                )
             })
             .transpose()?;
         let params = size_of::<EyeParams>() as u64;
@@ -183,21 +189,32 @@ impl EyeImages {
         Ok(Self {
             direct: None,
             copies: None,
-            params: Buffer::new(gpu, "the eyes' parameters", params, uniform, Place::Upload)?,
+            params: Buffer::new(
+                gpu,
+                "the eyes' parameters",
+                params,
+                uniform,
+                MemoryUsage::Upload,
+            )?,
             read_back,
             foveation: foveation.filter(|_| !colour.maps.is_empty()),
             colour,
             depth,
             can_draw,
             written: None,
-            way: None,
+            path: None,
             gpu: Arc::clone(gpu),
         })
     }
 
+    /// Whether images are drawn finest where the viewer looks.
+    pub(crate) fn follows_gaze(&self) -> bool {
+        (self.foveation.as_ref()).is_some_and(Foveation::follows_gaze)
+    }
+
     /// How the last picture came into the images; nothing before the first.
-    pub(crate) fn way(&self) -> Option<Way> {
-        self.way
+    pub(crate) fn render_path(&self) -> Option<RenderPath> {
+        self.path
     }
 
     /// Takes the next images of colour and, where there are any, of depth.
@@ -221,8 +238,8 @@ impl EyeImages {
         let Some(written) = self.written.take() else {
             return Ok(None);
         };
-        if self.way.replace(written.way) != Some(written.way) {
-            self.tell(written.way);
+        if self.path.replace(written.path) != Some(written.path) {
+            self.log_render_path(written.path);
         }
         let pictures = (self.read_back.as_ref())
             .filter(|_| written.reads)
@@ -230,16 +247,18 @@ impl EyeImages {
         Ok(Some(Released { written, pictures }))
     }
 
-    fn tell(&self, way: Way) {
-        let unused = match way {
+    fn log_render_path(&self, path: RenderPath) {
+        let unused = match path {
             _ if self.foveation.is_none() => "",
-            Way::Copied => "; foveation is granted, but is for what is drawn into the images",
-            Way::Direct { foveated: false } => {
+            RenderPath::Copied => {
+                "; foveation is granted, but is for what is drawn into the images"
+            }
+            RenderPath::Direct { foveated: false } => {
                 "; foveation is granted, but is for pictures of full size"
             }
-            Way::Direct { foveated: true } => "",
+            RenderPath::Direct { foveated: true } => "",
         };
-        log::info!("the eyes' pictures are {way}{unused}");
+        log::info!("the eyes' pictures are {path}{unused}");
     }
 
     fn pictures(&self, buffer: &Buffer, size: vk::Extent2D) -> [EyePicture; 2] {
@@ -265,7 +284,7 @@ impl EyeImages {
     pub(crate) fn make_ready(
         &mut self,
         target: &Target,
-        drawers: Drawers,
+        drawers: BackEndSet,
     ) -> Result<(), VulkanError> {
         let has_depth = target.has_depth() && self.depth.is_some();
         let draws = self.can_draw && drawers.quads;
@@ -301,8 +320,8 @@ impl EyeImages {
 
 impl Drop for EyeImages {
     fn drop(&mut self) {
-        // Nothing of them is in use, unless work failed on the way.
-        self.gpu.wait_idle();
+        // Nothing of them is in use, unless an error came between.
+        self.gpu.wait_idle_or_warn();
     }
 }
 

@@ -1,4 +1,4 @@
-//! What hands, controllers and eyes do, once per frame.
+//! What hands and controllers do, once per frame.
 //!
 //! Controllers come first; a tracked hand is used where its controller is not active. What the hands do to people and panels
 //! is not known here.
@@ -11,20 +11,17 @@ use openxr::{Action, ActionSet, Binding, Instance, Path, Posef, Session, Space, 
 use openxr::{ActionTy, Vulkan};
 
 use crate::error::{XrContext, XrError};
-use crate::ext::eye_gaze::{EyeGaze, GazeAction};
 use crate::ext::hand_tracking::{HandTracking, TrackedHand};
 use crate::ext::or_without;
 use crate::pose::base_from_space;
 
-/// What hands and eyes do in one frame. Poses are in floor space: metres, y up, -z ahead.
+/// What the hands do in one frame. Poses are in floor space: metres, y up, -z ahead.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Controls {
     /// Left, right.
     pub hands: [Hand; 2],
     /// The overlay's button was pressed, or the left thumb and middle finger met, since the last frame.
     pub overlay_toggled: bool,
-    /// Between the eyes, -z as they look. None where it is not known.
-    pub gaze: Option<Affine3A>,
 }
 
 /// What one hand does in one frame.
@@ -74,7 +71,6 @@ pub struct Input {
     /// Left, right.
     sides: [Side; 2],
     hands: Option<HandTracking>,
-    gaze: Option<EyeGaze>,
     overlay_was_pressed: bool,
 }
 
@@ -97,7 +93,6 @@ impl fmt::Debug for Input {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Input")
             .field("hands", &self.hands.is_some())
-            .field("gaze", &self.gaze.is_some())
             .finish_non_exhaustive()
     }
 }
@@ -106,7 +101,7 @@ impl Input {
     /// Makes the actions and attaches them. Once per session, which must have no others.
     ///
     /// # Errors
-    /// Where the runtime refuses something of its core. Hands, gaze and single profiles that it refuses are logged, and done without.
+    /// Where the runtime refuses something of its core. Bare hands and single profiles that it refuses are logged, and done without.
     pub fn new(session: &Session<Vulkan>, system: SystemId) -> Result<Self, XrError> {
         let instance = session.instance();
         let mut paths = [Path::NULL; 2];
@@ -117,11 +112,9 @@ impl Input {
         for profile in &PROFILES {
             actions.suggest(instance, profile);
         }
-        let gaze = or_without("gaze", GazeAction::new(instance, system, &actions.set));
         session
             .attach_action_sets(&[&actions.set])
             .during("xrAttachSessionActionSets")?;
-        let gaze = gaze.and_then(|gaze| or_without("gaze", gaze.attached(session)));
         let side = |path| -> Result<Side, XrError> {
             let space = |action: &Action<Posef>| {
                 action
@@ -140,7 +133,6 @@ impl Input {
             session: session.clone(),
             sides,
             hands: or_without("bare hands", HandTracking::new(session, system)),
-            gaze,
             overlay_was_pressed: false,
             actions,
         })
@@ -152,13 +144,7 @@ impl Input {
         self.hands.is_some()
     }
 
-    /// Whether the gaze is tracked.
-    #[must_use]
-    pub fn tracks_gaze(&self) -> bool {
-        self.gaze.is_some()
-    }
-
-    /// What hands and eyes do at a frame's predicted display time. Nothing while another program has the input.
+    /// What the hands do at a frame's predicted display time. Nothing while another program has the input.
     ///
     /// # Errors
     /// What the runtime says: a session or a runtime that is lost.
@@ -189,14 +175,9 @@ impl Input {
             .during("xrGetActionStateBoolean")?;
         let pressed = (button.is_active && button.current_state) || calls_overlay[0];
         let was_pressed = std::mem::replace(&mut self.overlay_was_pressed, pressed);
-        let gaze = match &self.gaze {
-            Some(gaze) => gaze.floor_from_gaze(floor, time).during("xrLocateSpace")?,
-            None => None,
-        };
         Ok(Controls {
             hands,
             overlay_toggled: pressed && !was_pressed,
-            gaze,
         })
     }
 }

@@ -16,7 +16,7 @@ use crate::pose::posef;
 use crate::swapchain::Swapchain;
 
 /// The layers of one frame.
-pub(crate) struct Layers<'a> {
+pub(crate) struct FrameLayers<'a> {
     pub(crate) room: Option<PassthroughLayer<'a>>,
     pub(crate) eyes: Option<(&'a EyeImages, &'a Written)>,
     /// What depths mean, where the compositor takes them.
@@ -36,7 +36,7 @@ pub(crate) struct PlacedPanel {
     pub(crate) width: f32,
 }
 
-impl Layers<'_> {
+impl FrameLayers<'_> {
     /// Ends the frame that is to be seen at `time` with these layers.
     pub(crate) fn end_frame(
         &self,

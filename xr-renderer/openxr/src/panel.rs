@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use ash::vk;
 use openxr::{Session, SwapchainUsageFlags, Vulkan};
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::commands::{Commands, barrier};
 use renderer_vulkan::gpu::Gpu;
 
 use crate::error::{XrContext, XrError};
-use crate::swapchain::{Kind, Swapchain, first_common};
+use crate::swapchain::{Swapchain, SwapchainKind, first_common};
 
 const COLOURS: [vk::Format; 2] = [vk::Format::R8G8B8A8_SRGB, vk::Format::R8G8B8A8_UNORM];
 
@@ -53,7 +53,7 @@ impl Panel {
         let Some(format) = first_common(&COLOURS, &offered) else {
             return Ok(None);
         };
-        let kind = Kind {
+        let kind = SwapchainKind {
             format,
             extent: vk::Extent2D { width, height },
             layers: 1,
@@ -66,7 +66,7 @@ impl Panel {
         let mut panel = Self {
             commands: Commands::new(gpu)?,
             images: Swapchain::new(gpu, session, kind)?,
-            upload: Buffer::new(gpu, "the panel", bytes, usage, Place::Upload)?,
+            upload: Buffer::new(gpu, "the panel", bytes, usage, MemoryUsage::Upload)?,
             gpu: Arc::clone(gpu),
         };
         panel.show(image)?;
@@ -86,7 +86,7 @@ impl Panel {
         let Some(rgba) = image.rgba.get(..bytes).filter(|_| self.fits(image)) else {
             return Ok(());
         };
-        self.commands.settle()?;
+        self.commands.wait()?;
         self.upload.write(rgba);
         let image = self.images.acquire()?.image;
         let range = vk::ImageSubresourceRange {

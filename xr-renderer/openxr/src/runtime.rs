@@ -16,7 +16,7 @@ const PRIVATE: &str = "MON3TR_MONADO";
 #[cfg(not(target_os = "android"))]
 const LOADER: &str = "libopenxr_loader.so.1";
 
-/// The way to whichever runtime is active.
+/// The loader, through which the active runtime is reached.
 #[derive(Clone)]
 pub struct Runtime {
     entry: Entry,
@@ -24,7 +24,7 @@ pub struct Runtime {
     activity: Option<Activity>,
 }
 
-/// Java's machine and the activity that a session is shown by: addresses, for whoever loaded the runtime answers for what is there.
+/// The `JavaVM` and the activity that shows the session, as addresses: the caller of [`Runtime::load_android`] vouches for them.
 #[cfg(target_os = "android")]
 #[derive(Clone, Copy)]
 struct Activity {

@@ -1,6 +1,6 @@
 //! A headset's session: its events, its frames, and what is shown in them.
 //!
-//! A frame goes `poll`, `wait`, `look`, `canvas`, which is drawn onto, then `show`; or `skip`. All of it on one thread, which waits
+//! A frame goes `poll`, `wait`, `locate_views`, `canvas`, which is drawn onto, then `show`; or `skip`. All of it on one thread, which waits
 //! for the headset in `wait`.
 
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use renderer_vulkan::gpu::Gpu;
 
 use crate::canvas::Canvas;
 use crate::error::{XrContext, XrError};
-use crate::ext::Held;
+use crate::ext::FrameTiming;
 use crate::ext::depth::DepthRange;
 use crate::ext::foveation::Foveation;
 use crate::ext::or_without;
@@ -23,14 +23,14 @@ use crate::ext::passthrough::Passthrough;
 use crate::ext::performance::{self, Thermal};
 use crate::ext::refresh_rate::{DEFAULT_HZ, RefreshRate};
 use crate::ext::threads::{self, Role};
-use crate::eyes::{EyeImages, EyePicture, FAR, NEAR, Surround, Way, Written};
+use crate::eyes::{EyeImages, EyePicture, FAR, NEAR, RenderPath, Surround, Written};
 use crate::frame::{Eyes, Frame, XrClock};
 use crate::headset::{Headset, VIEWS};
 use crate::input::{Controls, Input};
-use crate::layers::{Layers, PlacedPanel};
+use crate::layers::{FrameLayers, PlacedPanel};
 use crate::panel::{Panel, PanelImage};
 use crate::space::{Floor, FloorSpace};
-use crate::state::{Duty, Life, Lifecycle};
+use crate::state::{Lifecycle, SessionAction, SessionState};
 
 /// What a session is made for.
 #[derive(Debug, Clone, Copy)]
@@ -43,13 +43,13 @@ pub struct SessionOptions {
     pub display_hz: Option<f32>,
 }
 
-/// What the runtime told since it was asked last.
+/// What the runtime reported since the last poll.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Happenings {
-    /// The viewer is somewhere else in floor space now, by their own wish.
+pub struct PollResult {
+    /// The viewer recentred: their place in floor space is another one now.
     pub recentred: bool,
-    /// The session is over.
-    pub over: Option<Over>,
+    /// How the session ended, if it did.
+    pub end: Option<SessionEnd>,
 }
 
 /// What the headset follows of the viewer, beside the head.
@@ -57,17 +57,17 @@ pub struct Happenings {
 pub struct Tracks {
     /// Bare hands.
     pub hands: bool,
-    /// Where they look.
+    /// Where they look, for foveation.
     pub gaze: bool,
 }
 
 /// How a session ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Over {
+pub enum SessionEnd {
     /// It was lost: open the headset again.
     Lost,
-    /// The viewer, or this program, wants no more.
-    Left,
+    /// The viewer or this program ended it.
+    Exited,
 }
 
 /// A session of a headset.
@@ -87,7 +87,7 @@ pub struct Session {
     gpu: Arc<Gpu>,
     events: EventDataBuffer,
     clock: XrClock,
-    life: Lifecycle,
+    lifecycle: Lifecycle,
     blend: EnvironmentBlendMode,
     extent: vk::Extent2D,
     eyes: Option<Eyes>,
@@ -96,7 +96,7 @@ pub struct Session {
 impl std::fmt::Debug for Session {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Session")
-            .field("life", &self.life)
+            .field("life", &self.lifecycle)
             .field("eyes", &self.eyes)
             .finish_non_exhaustive()
     }
@@ -176,7 +176,7 @@ impl Session {
             instance,
             gpu,
             events: EventDataBuffer::new(),
-            life: Lifecycle::default(),
+            lifecycle: Lifecycle::default(),
             blend,
             extent,
             eyes: None,
@@ -195,10 +195,10 @@ impl Session {
         &self.images
     }
 
-    /// How the last picture came into the headset's images; nothing before the first.
+    /// How the last picture came into the headset's images; none before the first.
     #[must_use]
-    pub fn way(&self) -> Option<Way> {
-        self.images.way()
+    pub fn render_path(&self) -> Option<RenderPath> {
+        self.images.render_path()
     }
 
     /// Whether the viewer's own room is behind what is transparent.
@@ -213,12 +213,12 @@ impl Session {
         self.refresh.as_ref().map(RefreshRate::now_hz)
     }
 
-    /// Whether bare hands, and the gaze, are tracked.
+    /// Whether bare hands are tracked, and the gaze for foveation.
     #[must_use]
     pub fn tracks(&self) -> Tracks {
         Tracks {
             hands: self.input.tracks_hands(),
-            gaze: self.input.tracks_gaze(),
+            gaze: self.images.follows_gaze(),
         }
     }
 
@@ -230,43 +230,43 @@ impl Session {
 
     /// The session's life so far.
     #[must_use]
-    pub fn life(&self) -> &Lifecycle {
-        &self.life
+    pub fn lifecycle(&self) -> &Lifecycle {
+        &self.lifecycle
     }
 
     /// Takes all events there are, and begins and ends the session as they ask.
     ///
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
-    pub fn poll(&mut self) -> Result<Happenings, XrError> {
-        let mut happened = Happenings::default();
+    pub fn poll(&mut self) -> Result<PollResult, XrError> {
+        let mut result = PollResult::default();
         while let Some(event) = self
             .instance
             .poll_event(&mut self.events)
             .during("xrPollEvent")?
         {
             match event {
-                Event::SessionStateChanged(change) => match self.life.enter(change.state()) {
-                    Duty::None => {}
-                    Duty::Begin => {
+                Event::SessionStateChanged(change) => match self.lifecycle.enter(change.state()) {
+                    SessionAction::None => {}
+                    SessionAction::Begin => {
                         self.session.begin(VIEWS).during("xrBeginSession")?;
                         or_without(
                             "a thread of rank",
                             threads::register(&self.session, Role::RendererMain),
                         );
-                        self.life.begun();
+                        self.lifecycle.begun();
                     }
-                    Duty::End => {
+                    SessionAction::End => {
                         self.session.end().during("xrEndSession")?;
-                        self.life.ended();
+                        self.lifecycle.ended();
                     }
-                    Duty::Renew => happened.over = Some(Over::Lost),
-                    Duty::Leave => happened.over = Some(Over::Left),
+                    SessionAction::Recreate => result.end = Some(SessionEnd::Lost),
+                    SessionAction::Exit => result.end = Some(SessionEnd::Exited),
                 },
-                Event::InstanceLossPending(_) => happened.over = Some(Over::Lost),
+                Event::InstanceLossPending(_) => result.end = Some(SessionEnd::Lost),
                 Event::ReferenceSpaceChangePending(_) => {
                     self.space.moved();
-                    happened.recentred = true;
+                    result.recentred = true;
                 }
                 Event::DisplayRefreshRateChangedFB(change) => {
                     if let Some(refresh) = &mut self.refresh {
@@ -288,9 +288,12 @@ impl Session {
             }
         }
         if let Some(room) = &mut self.room {
-            room.show(matches!(self.life.now(), Life::Visible | Life::Focused));
+            room.show(matches!(
+                self.lifecycle.now(),
+                SessionState::Visible | SessionState::Focused
+            ));
         }
-        Ok(happened)
+        Ok(result)
     }
 
     /// Asks the runtime to end the session, which then tells so through [`Self::poll`].
@@ -322,11 +325,11 @@ impl Session {
         })
     }
 
-    /// Where the eyes will be when the frame is seen; where they were last, if that is not known now; nothing if it never was.
+    /// Where the eyes will be when the frame is displayed; the last known place where that is unknown now, and none if it never was known.
     ///
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
-    pub fn look(&mut self, frame: &Frame) -> Result<Option<Eyes>, XrError> {
+    pub fn locate_views(&mut self, frame: &Frame) -> Result<Option<Eyes>, XrError> {
         self.space.settle(&self.session, frame.time)?;
         let (flags, views) = self
             .session
@@ -340,7 +343,7 @@ impl Session {
         Ok(self.eyes)
     }
 
-    /// What hands and gaze do when the frame is seen; nothing while another program has them.
+    /// What the hands do when the frame is seen; nothing while another program has the input.
     ///
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
@@ -352,14 +355,14 @@ impl Session {
     ///
     /// # Errors
     /// [`XrError::Render`] if the device is lost.
-    pub fn rest(&self) -> Result<(), XrError> {
-        Ok(self.gpu.rest()?)
+    pub fn wait_idle(&self) -> Result<(), XrError> {
+        Ok(self.gpu.wait_idle()?)
     }
 
-    /// Takes note of how a frame went: the display's rate follows.
-    pub fn went(&mut self, frame: &Frame, in_time: bool, busy: Duration) {
+    /// Tells how a frame went: whether it was in time, and how long CPU and GPU took for it. The display's rate is chosen by that.
+    pub fn frame_completed(&mut self, frame: &Frame, in_time: bool, busy: Duration) {
         if let Some(refresh) = &mut self.refresh {
-            refresh.consider(&Held {
+            refresh.consider(&FrameTiming {
                 display_s: frame.time.as_nanos() as f64 * 1e-9,
                 in_time,
                 busy_ms: busy.as_secs_f32() * 1e3,
@@ -456,7 +459,7 @@ impl Session {
         with_panel: bool,
     ) -> Result<(), XrError> {
         let surround = written.map_or(Surround::Room, |written| written.surround);
-        let layers = Layers {
+        let layers = FrameLayers {
             room: (self.room.as_ref())
                 .filter(|_| surround == Surround::Room)
                 .and_then(Passthrough::layer),

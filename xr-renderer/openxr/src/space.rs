@@ -85,7 +85,7 @@ impl FloorSpace {
             return Ok(());
         };
         let height = -local_from_stage.translation.y;
-        // A stage that nobody has set up lies at the head.
+        // A stage that was not set up lies at the head.
         if (0.3..=3.0).contains(&height) {
             self.floor = make(ReferenceSpaceType::LOCAL, lowered(height))?;
             self.kind = Floor::Stage;

@@ -1,21 +1,21 @@
-//! A session's life, as the runtime tells it: which states there are, which may follow one another, and what each asks for.
+//! A session's life cycle as a state machine: the states that the runtime reports, which may follow which, and what each asks for.
 //!
 //! Pure: it calls nothing. `OpenXR` 1.1, section 9.3 "Session Lifecycle".
 
 use std::fmt;
 
-use openxr::SessionState;
+use openxr::SessionState as XrSessionState;
 
 /// Where a session is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Life {
+pub enum SessionState {
     /// It was made, and the runtime has said nothing yet.
     Made,
     /// It is not to run: the headset is off the head, or another program has it.
     Idle,
     /// It is to begin.
     Ready,
-    /// Frames are paced, and nobody sees them.
+    /// Frames are paced, but not displayed.
     Synchronized,
     /// Frames are seen.
     Visible,
@@ -25,11 +25,11 @@ pub enum Life {
     Stopping,
     /// The runtime is about to lose it; another can be made.
     Losing,
-    /// It is over, and nobody wants another.
+    /// It is over; no other is to be made.
     Exiting,
 }
 
-impl fmt::Display for Life {
+impl fmt::Display for SessionState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Made => "made",
@@ -47,31 +47,31 @@ impl fmt::Display for Life {
 
 /// What a change of state asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Duty {
+pub enum SessionAction {
     /// Nothing.
     None,
     /// `xrBeginSession`.
     Begin,
     /// `xrEndSession`.
     End,
-    /// Let it go; a new one may be made.
-    Renew,
-    /// Let it go for good.
-    Leave,
+    /// Destroy it; a new one may be made.
+    Recreate,
+    /// Destroy it, and make no other.
+    Exit,
 }
 
 /// The states that one session passed.
 #[derive(Debug, Clone)]
 pub struct Lifecycle {
-    now: Life,
-    passed: Vec<Life>,
+    now: SessionState,
+    passed: Vec<SessionState>,
     running: bool,
 }
 
 impl Default for Lifecycle {
     fn default() -> Self {
         Self {
-            now: Life::Made,
+            now: SessionState::Made,
             passed: Vec::new(),
             running: false,
         }
@@ -81,13 +81,13 @@ impl Default for Lifecycle {
 impl Lifecycle {
     /// Where the session is.
     #[must_use]
-    pub fn now(&self) -> Life {
+    pub fn now(&self) -> SessionState {
         self.now
     }
 
     /// The states passed so far, each as often as it was entered.
     #[must_use]
-    pub fn passed(&self) -> &[Life] {
+    pub fn passed(&self) -> &[SessionState] {
         &self.passed
     }
 
@@ -99,19 +99,19 @@ impl Lifecycle {
 
     /// Takes the state that the runtime says, and tells what that asks for. A runtime may leave states out; what would ask for
     /// something impossible (to begin what runs, to end what does not) asks for nothing, and is logged.
-    pub fn enter(&mut self, state: SessionState) -> Duty {
+    pub fn enter(&mut self, state: XrSessionState) -> SessionAction {
         let next = match state {
-            SessionState::IDLE => Life::Idle,
-            SessionState::READY => Life::Ready,
-            SessionState::SYNCHRONIZED => Life::Synchronized,
-            SessionState::VISIBLE => Life::Visible,
-            SessionState::FOCUSED => Life::Focused,
-            SessionState::STOPPING => Life::Stopping,
-            SessionState::LOSS_PENDING => Life::Losing,
-            SessionState::EXITING => Life::Exiting,
+            XrSessionState::IDLE => SessionState::Idle,
+            XrSessionState::READY => SessionState::Ready,
+            XrSessionState::SYNCHRONIZED => SessionState::Synchronized,
+            XrSessionState::VISIBLE => SessionState::Visible,
+            XrSessionState::FOCUSED => SessionState::Focused,
+            XrSessionState::STOPPING => SessionState::Stopping,
+            XrSessionState::LOSS_PENDING => SessionState::Losing,
+            XrSessionState::EXITING => SessionState::Exiting,
             other => {
                 log::warn!("the runtime names a session state that is unknown: {other:?}");
-                return Duty::None;
+                return SessionAction::None;
             }
         };
         if !self.now.leads_to(next) {
@@ -121,17 +121,17 @@ impl Lifecycle {
         self.now = next;
         self.passed.push(next);
         match (next, self.running) {
-            (Life::Ready, false) => Duty::Begin,
-            (Life::Stopping, true) => Duty::End,
-            (Life::Losing, _) => {
+            (SessionState::Ready, false) => SessionAction::Begin,
+            (SessionState::Stopping, true) => SessionAction::End,
+            (SessionState::Losing, _) => {
                 self.running = false;
-                Duty::Renew
+                SessionAction::Recreate
             }
-            (Life::Exiting, _) => {
+            (SessionState::Exiting, _) => {
                 self.running = false;
-                Duty::Leave
+                SessionAction::Exit
             }
-            _ => Duty::None,
+            _ => SessionAction::None,
         }
     }
 
@@ -146,7 +146,7 @@ impl Lifecycle {
     }
 }
 
-impl Life {
+impl SessionState {
     /// Whether the specification lets `next` follow.
     fn leads_to(self, next: Self) -> bool {
         match next {
@@ -166,23 +166,23 @@ impl Life {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use SessionState as S;
+    use XrSessionState as S;
 
-    fn through(states: &[S]) -> (Lifecycle, Vec<Duty>) {
+    fn through(states: &[S]) -> (Lifecycle, Vec<SessionAction>) {
         let mut life = Lifecycle::default();
-        let duties = states
+        let actions = states
             .iter()
             .map(|state| {
-                let duty = life.enter(*state);
-                match duty {
-                    Duty::Begin => life.begun(),
-                    Duty::End => life.ended(),
+                let action = life.enter(*state);
+                match action {
+                    SessionAction::Begin => life.begun(),
+                    SessionAction::End => life.ended(),
                     _ => {}
                 }
-                duty
+                action
             })
             .collect();
-        (life, duties)
+        (life, actions)
     }
 
     #[test]
@@ -198,11 +198,11 @@ mod tests {
             S::IDLE,
         ];
         let states = [&[S::IDLE][..], &once, &once, &[S::EXITING]].concat();
-        let (life, duties) = through(&states);
-        let count = |duty| duties.iter().filter(|one| **one == duty).count();
-        assert_eq!(count(Duty::Begin), 2, "begins");
-        assert_eq!(count(Duty::End), 2, "ends");
-        assert_eq!(duties.last(), Some(&Duty::Leave), "the last");
+        let (life, actions) = through(&states);
+        let count = |action| actions.iter().filter(|one| **one == action).count();
+        assert_eq!(count(SessionAction::Begin), 2, "begins");
+        assert_eq!(count(SessionAction::End), 2, "ends");
+        assert_eq!(actions.last(), Some(&SessionAction::Exit), "the last");
         assert!(!life.is_running(), "it is over");
         assert_eq!(life.passed().len(), states.len(), "all are remembered");
     }
@@ -220,20 +220,32 @@ mod tests {
     #[test]
     fn a_session_that_is_lost_is_renewed_from_wherever_it_was() {
         for before in [S::IDLE, S::READY, S::VISIBLE, S::STOPPING] {
-            let (life, duties) = through(&[before, S::LOSS_PENDING]);
-            assert_eq!(duties.last(), Some(&Duty::Renew), "after {before:?}");
+            let (life, actions) = through(&[before, S::LOSS_PENDING]);
+            assert_eq!(
+                actions.last(),
+                Some(&SessionAction::Recreate),
+                "after {before:?}"
+            );
             assert!(!life.is_running(), "no frames after {before:?}");
         }
     }
 
     #[test]
     fn a_runtime_that_says_ready_twice_or_stops_what_never_ran_asks_for_nothing() {
-        let (_, duties) = through(&[S::IDLE, S::READY, S::READY]);
-        assert_eq!(duties.last(), Some(&Duty::None), "ready twice");
-        let (_, duties) = through(&[S::IDLE, S::STOPPING]);
-        assert_eq!(duties.last(), Some(&Duty::None), "stopping at rest");
-        let (life, duties) = through(&[S::from_raw(99)]);
-        assert_eq!(duties.last(), Some(&Duty::None), "a state of the future");
-        assert_eq!(life.now(), Life::Made, "which is not entered");
+        let (_, actions) = through(&[S::IDLE, S::READY, S::READY]);
+        assert_eq!(actions.last(), Some(&SessionAction::None), "ready twice");
+        let (_, actions) = through(&[S::IDLE, S::STOPPING]);
+        assert_eq!(
+            actions.last(),
+            Some(&SessionAction::None),
+            "stopping at rest"
+        );
+        let (life, actions) = through(&[S::from_raw(99)]);
+        assert_eq!(
+            actions.last(),
+            Some(&SessionAction::None),
+            "a state of the future"
+        );
+        assert_eq!(life.now(), SessionState::Made, "which is not entered");
     }
 }

@@ -31,7 +31,7 @@ pub(crate) struct Acquired {
 
 /// What images are made of.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Kind {
+pub(crate) struct SwapchainKind {
     pub(crate) format: vk::Format,
     pub(crate) extent: vk::Extent2D,
     pub(crate) layers: u32,
@@ -42,7 +42,7 @@ impl Swapchain {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         session: &Session<Vulkan>,
-        kind: Kind,
+        kind: SwapchainKind,
     ) -> Result<Self, XrError> {
         Self::foveated(gpu, session, kind, None)
     }
@@ -51,7 +51,7 @@ impl Swapchain {
     pub(crate) fn foveated(
         gpu: &Arc<Gpu>,
         session: &Session<Vulkan>,
-        kind: Kind,
+        kind: SwapchainKind,
         foveation: Option<&Foveation>,
     ) -> Result<Self, XrError> {
         let info = SwapchainCreateInfo {

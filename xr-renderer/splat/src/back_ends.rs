@@ -1,5 +1,5 @@
-//! Which back end draws: the one that was asked for, or the faster of the two, found out on the first picture, and once more on
-//! the first that goes somewhere else than to the renderer's target: what is compared is what will be shown.
+//! Chooses the back end: the one that was asked for, or the faster of the two. They are compared on the first picture, and once more
+//! on the first picture that is drawn into external images, since drawing there takes another time.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use renderer_vulkan::gpu::Gpu;
 use shaders_spirv::FrameParams;
 
 use crate::error::RenderError;
-use crate::external_images::{Drawers, ExternalImages};
+use crate::external_images::{BackEndSet, ExternalImages};
 use crate::geometry_pass::GeometryPass;
 use crate::options::BackEnd;
 use crate::quads::Quads;
@@ -20,7 +20,7 @@ use crate::tiles::Tiles;
 /// Times each back end draws the first picture before they are compared; the first of each warms up and does not count.
 const TRIALS: usize = 4;
 
-/// Milliseconds a picture took (listing and drawing), as each back end drew it at start.
+/// Milliseconds that each back end took for the same picture (listing and drawing).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BackEndTrial {
     /// Median of the tile back end's.
@@ -43,12 +43,12 @@ impl BackEndTrial {
 
 /// Whether the picture that was drawn is to be drawn once more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Again {
-    /// It is finished.
+pub(crate) enum Redraw {
+    /// No: it is finished.
     No,
     /// The back ends are being compared.
     ForComparison,
-    /// They were: now as all pictures that follow.
+    /// The comparison is over: draw it as all that follow.
     ForShowing,
 }
 
@@ -59,15 +59,15 @@ pub(crate) struct BackEnds {
     quads: Option<Quads>,
     times: [Vec<f64>; 2],
     trial: Option<BackEndTrial>,
-    /// Whether pictures go on into somebody else's images.
-    for_canvas: bool,
+    /// Whether pictures are drawn into external images.
+    for_external: bool,
 }
 
 impl BackEnds {
     /// The asked-for one, or both where none was and the device can tell which is faster.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        front: &GeometryPass,
+        geometry: &GeometryPass,
         target: &Target,
         asked: Option<BackEnd>,
     ) -> Result<Self, RenderError> {
@@ -77,12 +77,12 @@ impl BackEnds {
         let comparable = gpu.has_clock() && BackEnd::Quads.runs_on(gpu);
         let asked = asked.or((!comparable).then_some(BackEnd::Tiles));
         let tiles = (asked != Some(BackEnd::Quads))
-            .then(|| Tiles::new(gpu, front, target))
+            .then(|| Tiles::new(gpu, geometry, target))
             .transpose()?;
         let quads = match asked {
             Some(BackEnd::Tiles) => None,
-            Some(BackEnd::Quads) => Some(Quads::new(gpu, front, target)?),
-            None => if_there_is_room(BackEnd::Tiles, Quads::new(gpu, front, target))?,
+            Some(BackEnd::Quads) => Some(Quads::new(gpu, geometry, target)?),
+            None => unless_out_of_memory(BackEnd::Tiles, Quads::new(gpu, geometry, target))?,
         };
         Ok(Self {
             gpu: Arc::clone(gpu),
@@ -90,7 +90,7 @@ impl BackEnds {
             quads,
             times: Default::default(),
             trial: None,
-            for_canvas: false,
+            for_external: false,
         })
     }
 
@@ -98,22 +98,22 @@ impl BackEnds {
     /// where that was done for the renderer's target. The device is idle.
     pub(crate) fn prepare(
         &mut self,
-        front: &GeometryPass,
+        geometry: &GeometryPass,
         target: &Target,
         images: &mut dyn ExternalImages,
     ) -> Result<(), RenderError> {
-        if !std::mem::replace(&mut self.for_canvas, true) && self.trial.is_some() {
+        if !std::mem::replace(&mut self.for_external, true) && self.trial.is_some() {
             self.times = Default::default();
             if self.tiles.is_none() {
                 self.tiles =
-                    if_there_is_room(BackEnd::Quads, Tiles::new(&self.gpu, front, target))?;
+                    unless_out_of_memory(BackEnd::Quads, Tiles::new(&self.gpu, geometry, target))?;
             }
             if self.quads.is_none() {
                 self.quads =
-                    if_there_is_room(BackEnd::Tiles, Quads::new(&self.gpu, front, target))?;
+                    unless_out_of_memory(BackEnd::Tiles, Quads::new(&self.gpu, geometry, target))?;
             }
         }
-        let drawers = Drawers {
+        let drawers = BackEndSet {
             tiles: self.tiles.is_some(),
             quads: self.quads.is_some(),
         };
@@ -127,11 +127,11 @@ impl BackEnds {
     /// Whether the next picture is drawn straight into these images.
     pub(crate) fn draws_into(&self, images: Option<&dyn ExternalImages>) -> bool {
         let drawn_into = images.is_some_and(|images| images.pass().is_some());
-        drawn_into && self.present() == BackEnd::Quads
+        drawn_into && self.current() == BackEnd::Quads
     }
 
     /// The one that draws the next picture.
-    pub(crate) fn present(&self) -> BackEnd {
+    pub(crate) fn current(&self) -> BackEnd {
         let [tiles, quads] = &self.times;
         match (&self.tiles, &self.quads) {
             (Some(_), Some(_)) if tiles.len() > quads.len() => BackEnd::Quads,
@@ -160,7 +160,7 @@ impl BackEnds {
 
     /// Records what comes between the sort and the drawing.
     pub(crate) fn record_bin(&self, commands: vk::CommandBuffer, target: &Target) {
-        if let (BackEnd::Tiles, Some(tiles)) = (self.present(), &self.tiles) {
+        if let (BackEnd::Tiles, Some(tiles)) = (self.current(), &self.tiles) {
             tiles.record_bin(commands, target);
         }
     }
@@ -172,7 +172,7 @@ impl BackEnds {
         target: &Target,
         images: Option<&dyn ExternalImages>,
     ) {
-        match (self.present(), &self.tiles, &self.quads) {
+        match (self.current(), &self.tiles, &self.quads) {
             (BackEnd::Tiles, Some(tiles), _) => tiles.record_raster(commands, target),
             (_, _, Some(quads)) => {
                 if let Some((images, pass)) = images.and_then(|it| Some((it, it.pass()?))) {
@@ -194,10 +194,10 @@ impl BackEnds {
     /// Whether the picture was not drawn for want of room, which there is now. The device is idle.
     pub(crate) fn has_grown(
         &mut self,
-        front: &GeometryPass,
+        geometry: &GeometryPass,
         target: &Target,
     ) -> Result<bool, RenderError> {
-        let BackEnd::Tiles = self.present() else {
+        let BackEnd::Tiles = self.current() else {
             return Ok(false);
         };
         let Some(tiles) = &mut self.tiles else {
@@ -207,19 +207,19 @@ impl BackEnds {
         if wanted <= tiles.pair_capacity() {
             return Ok(false);
         }
-        tiles.grow(wanted, front, target)?;
+        tiles.grow(wanted, geometry, target)?;
         Ok(true)
     }
 
-    /// Takes note of how long the picture took, and lets the slower back end go once both have had their turns. The
-    /// device is idle. Says whether to draw the picture again.
-    pub(crate) fn took(&mut self, milliseconds: f64) -> Again {
+    /// Records how long the picture took, and frees the slower back end at the end of the comparison. The device is idle. Returns
+    /// whether to draw the picture again.
+    pub(crate) fn record_time(&mut self, milliseconds: f64) -> Redraw {
         if self.tiles.is_none() || self.quads.is_none() {
-            return Again::No;
+            return Redraw::No;
         }
-        if self.present() == BackEnd::Tiles && self.tile_pairs() == 0 {
+        if self.current() == BackEnd::Tiles && self.tile_pairs() == 0 {
             // Nothing is in view: nothing to compare them with.
-            return Again::No;
+            return Redraw::No;
         }
         let [tiles, quads] = &mut self.times;
         if tiles.len() > quads.len() {
@@ -228,7 +228,7 @@ impl BackEnds {
             tiles.push(milliseconds);
         }
         if quads.len() < TRIALS {
-            return Again::ForComparison;
+            return Redraw::ForComparison;
         }
         let trial = BackEndTrial {
             tiles: median(tiles),
@@ -245,20 +245,20 @@ impl BackEnds {
             BackEnd::Quads => self.tiles = None,
         }
         self.trial = Some(trial);
-        Again::ForShowing
+        Redraw::ForShowing
     }
 
     /// (Gaussian, tile) pairs in the last picture; 0 for quads.
     pub(crate) fn tile_pairs(&self) -> u32 {
-        match (self.present(), &self.tiles) {
+        match (self.current(), &self.tiles) {
             (BackEnd::Tiles, Some(tiles)) => tiles.pairs_wanted(),
             _ => 0,
         }
     }
 }
 
-/// A back end to be compared with the other; nothing where the device has no room for it beside that one.
-fn if_there_is_room<T>(
+/// A back end to be compared with the other; none where the device has no memory for both.
+fn unless_out_of_memory<T>(
     other: BackEnd,
     made: Result<T, VulkanError>,
 ) -> Result<Option<T>, VulkanError> {

@@ -124,7 +124,7 @@ impl Background {
     }
 
     /// Gaussians as the device counts them, with those that fill blocks.
-    pub(crate) fn places(&self) -> u32 {
+    pub(crate) fn padded_count(&self) -> u32 {
         let places: usize = self.chunks.iter().map(|chunk| chunk.gaussians.len()).sum();
         u32::try_from(places).unwrap_or(u32::MAX)
     }

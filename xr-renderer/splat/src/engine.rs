@@ -1,18 +1,18 @@
-//! What draws, all of it on one device: the order of the stages, and their times.
+//! Everything that draws on one device: the order of the stages, and their times.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use ash::vk;
 use bytemuck::Zeroable;
-use renderer_vulkan::clock::{HostClock, Placed};
+use renderer_vulkan::clock::{HostClock, HostTimes};
 use renderer_vulkan::commands::{Commands, barrier};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::timestamps::Timestamps;
 use shaders_spirv::{FrameParams, PackedGaussian};
 
-use crate::back_ends::{Again, BackEnds};
+use crate::back_ends::{BackEnds, Redraw};
 use crate::camera::{Camera, head_depth_plane, is_rigid};
 use crate::drawing::{Drawing, Foreground, Part};
 use crate::error::RenderError;
@@ -20,7 +20,7 @@ use crate::external_images::ExternalImages;
 use crate::geometry_pass::GeometryPass;
 use crate::interrupt::Interrupt;
 use crate::limits::MOST_PARTS;
-use crate::motion_bound::{ForegroundPath, KEPT_FOREGROUND_MOVE};
+use crate::motion_bound::{KEPT_FOREGROUND_MOVE, MotionBound};
 use crate::options::RendererOptions;
 use crate::order::{KEPT_MOVE, KEPT_TURN, Order};
 use crate::picture::Image;
@@ -36,7 +36,7 @@ pub(crate) struct Engine {
     commands: Commands,
     gpu: Arc<Gpu>,
     pub(crate) back_ends: BackEnds,
-    front: GeometryPass,
+    geometry: GeometryPass,
     pub(crate) target: Target,
     /// Whether the last picture is in the target.
     is_kept: bool,
@@ -64,20 +64,20 @@ impl Engine {
             ..
         } = *options;
         let target = Target::new(gpu, width, height, views, options.depth)?;
-        let mut front = GeometryPass::new(gpu, options)?;
-        let back_ends = BackEnds::new(gpu, &front, &target, options.back_end)?;
+        let mut geometry = GeometryPass::new(gpu, options)?;
+        let back_ends = BackEnds::new(gpu, &geometry, &target, options.back_end)?;
         // Made last and so dropped first after an error: its drop waits for the device, which uses the rest.
         let mut commands = Commands::new(gpu)?;
         commands.run("the first clear", |commands| {
             target.record_clear(gpu, commands);
             barrier(gpu, commands);
-            front.record_once(commands);
+            geometry.record_static_upload(commands);
         })?;
-        front.once_is_there();
+        geometry.static_upload_done();
         Ok(Self {
             commands,
             back_ends,
-            front,
+            geometry,
             read_back: ReadBack::new(gpu, &target)?,
             timestamps: Timestamps::new(gpu)?,
             target,
@@ -100,7 +100,7 @@ impl Engine {
         gaussians: &[PackedGaussian],
     ) -> Result<(), RenderError> {
         // The device may still be reading the last picture's input after an error.
-        self.commands.settle()?;
+        self.commands.wait()?;
         let slot = match &mut self.own {
             Some(slot) => slot,
             none => none.insert(ForegroundSlot::new(&self.gpu, self.max_foreground)?),
@@ -116,7 +116,7 @@ impl Engine {
         };
         room.copy_from_slice(gaussians);
         let count = u32::try_from(gaussians.len()).map_err(|_| too_many)?;
-        slot.set(count, ForegroundPath::new())?;
+        slot.set(count, MotionBound::new())?;
         self.host_upload = start.elapsed().as_secs_f64() * 1e3;
         Ok(())
     }
@@ -124,9 +124,9 @@ impl Engine {
     /// See [`crate::renderer::SplatRenderer::push_state`].
     pub(crate) fn push_state(&mut self, input: &PosedInput<'_>) -> Result<StateId, RenderError> {
         // The device may still be reading the last poses after an error.
-        self.commands.settle()?;
+        self.commands.wait()?;
         let start = Instant::now();
-        let id = self.front.push_state(input)?;
+        let id = self.geometry.push_state(input)?;
         self.host_upload += start.elapsed().as_secs_f64() * 1e3;
         Ok(id)
     }
@@ -141,53 +141,57 @@ impl Engine {
         self.check(cameras)?;
         self.check_parts(drawing.foreground)?;
         // The device may still be reading the last picture's cameras and foreground after an error.
-        self.commands.settle()?;
-        self.front.show(drawing.foreground, self.own.as_ref())?;
+        self.commands.wait()?;
+        self.geometry.show(drawing.foreground, self.own.as_ref())?;
         if let [camera, ..] = cameras {
             self.target.resize(camera.width, camera.height);
         }
         if let Some(images) = images.as_deref_mut() {
-            self.back_ends.prepare(&self.front, &self.target, images)?;
+            self.back_ends
+                .prepare(&self.geometry, &self.target, images)?;
         }
-        let foreground = *self.front.sorted();
+        let foreground = *self.geometry.sorted();
         let keeps = drawing.keep_order && self.order.is_of(&foreground);
         let needs_order = !keeps && !self.order.serves(cameras, &foreground);
         if needs_order {
-            // Made below: what fails on the way must not leave the old note beside a new order.
+            // Noted below: an error in between must not leave the old note beside a new order.
             self.order.forget();
         }
         let mut sorts = needs_order;
         loop {
             let mut frame = self.frame_params(cameras, sorts);
             self.back_ends.describe(&mut frame, &self.target);
-            self.front.write_frame(&frame);
+            self.geometry.write_frame(&frame);
             self.record_and_run(sorts, images.as_deref())?;
             self.is_kept = !self.back_ends.draws_into(images.as_deref());
-            if self.back_ends.has_grown(&self.front, &self.target)? {
+            if self.back_ends.has_grown(&self.geometry, &self.target)? {
                 continue;
             }
             self.read_times()?;
-            match self.back_ends.took(self.times.bin + self.times.raster) {
-                Again::No => break,
+            match self
+                .back_ends
+                .record_time(self.times.bin + self.times.raster)
+            {
+                Redraw::No => break,
                 // What was drawn is a whole picture. The comparison goes on with the next one.
-                _ if self.is_wanted_back() => break,
+                _ if self.is_interrupted() => break,
                 // The order of the first attempt serves all.
-                Again::ForComparison => sorts = false,
-                Again::ForShowing => sorts = needs_order,
+                Redraw::ForComparison => sorts = false,
+                Redraw::ForShowing => sorts = needs_order,
             }
         }
         if needs_order {
             self.order.made(cameras, foreground);
         }
         if let Some(images) = images {
-            images.drawn(!self.is_kept);
+            images.finished(!self.is_kept);
         }
-        self.front.foreground_is_there();
+        self.geometry.foreground_done();
         self.host_upload = 0.0;
         Ok(())
     }
 
-    fn is_wanted_back(&self) -> bool {
+    fn is_interrupted(&self) -> bool {
         (self.interrupt.as_ref()).is_some_and(Interrupt::is_raised)
     }
 
@@ -239,7 +243,7 @@ impl Engine {
         Ok(())
     }
 
-    /// Whether the front can take these parts, but for states that are not there.
+    /// Whether these parts can be drawn, except for states that are not there.
     fn check_parts(&self, parts: &[Part<'_>]) -> Result<(), RenderError> {
         if parts.len() > MOST_PARTS {
             return Err(RenderError::TooManyParts { parts: parts.len() });
@@ -278,8 +282,8 @@ impl Engine {
             *params = camera.params();
         }
         frame.depth_plane = head_depth_plane(cameras);
-        frame.foreground_count = self.front.foreground_count();
-        frame.total_count = self.front.total_count();
+        frame.foreground_count = self.geometry.foreground_count();
+        frame.total_count = self.geometry.total_count();
         frame.view_count = self.target.layers;
         frame.width = self.target.width;
         frame.height = self.target.height;
@@ -294,7 +298,7 @@ impl Engine {
         sorts: bool,
         images: Option<&dyn ExternalImages>,
     ) -> Result<(), VulkanError> {
-        let (front, back_ends, target) = (&self.front, &self.back_ends, &self.target);
+        let (geometry, back_ends, target) = (&self.geometry, &self.back_ends, &self.target);
         let timestamps = self.timestamps.as_ref();
         let point = |commands: vk::CommandBuffer, index: usize| {
             if let Some(timestamps) = timestamps {
@@ -306,18 +310,18 @@ impl Engine {
                 timestamps.record_reset(commands);
             }
             point(commands, 0);
-            front.record_upload(commands, sorts);
+            geometry.record_upload(commands, sorts);
             point(commands, 1);
-            front.record_skin(commands);
+            geometry.record_skin(commands);
             point(commands, 2);
-            front.record_attributes(commands);
+            geometry.record_attributes(commands);
             point(commands, 3);
-            front.record_interpolation(commands);
+            geometry.record_interpolation(commands);
             point(commands, 4);
-            front.record_project(commands);
+            geometry.record_project(commands);
             point(commands, 5);
             if sorts {
-                front.record_sort(commands);
+                geometry.record_sort(commands);
             }
             point(commands, 6);
             back_ends.record_bin(commands, target);
@@ -349,7 +353,7 @@ impl Engine {
                 bin: stage(6),
                 raster: stage(7),
             };
-            let Placed { at, within } = self.clock.place(ticks, run)?;
+            let HostTimes { at, within } = self.clock.to_host(ticks, run)?;
             let span = |index: usize| [at[index], at[index + 1]];
             stages = Some(StageSpans {
                 upload: span(0),

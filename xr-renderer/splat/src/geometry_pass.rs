@@ -1,4 +1,4 @@
-//! The half of drawing that does not care how splats become pixels: upload, project, cull, key, sort.
+//! The half of drawing that both back ends share: upload, posing, culling, projection, depth keys, sort.
 
 use std::sync::Arc;
 
@@ -14,9 +14,9 @@ use crate::background::{Background, Chunk};
 use crate::drawing::{Foreground, Part};
 use crate::error::RenderError;
 use crate::options::{Filter, RendererOptions};
-use crate::order::{Sorted, SortedPart};
+use crate::order::{SortedForeground, SortedPart};
 use crate::parts::Parts;
-use crate::posing::{Between, BoundMesh, PosedInput, Posing, StateId};
+use crate::posing::{BoundMesh, Interpolation, PosedInput, Posing, StateId};
 use crate::shared_buffers::SharedBuffers;
 use crate::slot::ForegroundSlot;
 use crate::sort::{SortInput, SortPasses};
@@ -33,7 +33,7 @@ pub(crate) struct GeometryPass {
     posed: bool,
     background: Vec<StaticChunk>,
     sort: SortPasses,
-    passed: SharedBuffers,
+    shared: SharedBuffers,
     capacity: u32,
 }
 
@@ -52,7 +52,7 @@ impl GeometryPass {
         let mesh = options.mesh.as_deref();
         let posed = mesh.map_or(0, BoundMesh::gaussians);
         let max_foreground = options.max_foreground.saturating_add(posed);
-        let static_count = background.map_or(0, Background::places);
+        let static_count = background.map_or(0, Background::padded_count);
         let most = gpu.limits().max_compute_work_group_count[0].saturating_mul(GROUP);
         let capacity = max_foreground
             .checked_add(static_count)
@@ -61,21 +61,21 @@ impl GeometryPass {
                 count: max_foreground as usize + static_count as usize,
                 limit: most,
             })?;
-        let passed = SharedBuffers::new(gpu, capacity, views)?;
-        let parts = Parts::new(gpu, options.max_foreground, filter, &passed)?;
+        let shared = SharedBuffers::new(gpu, capacity, views)?;
+        let parts = Parts::new(gpu, options.max_foreground, filter, &shared)?;
         let posing = mesh.map(|mesh| Posing::new(gpu, mesh)).transpose()?;
         let words = background.map_or(0, Background::harmonics_words);
         let mut chunks = Vec::new();
         let mut first = 0;
         for chunk in background.map_or(&[][..], Background::chunks) {
-            let chunk = StaticChunk::new(gpu, chunk, first, words, filter, &passed)?;
+            let chunk = StaticChunk::new(gpu, chunk, first, words, filter, &shared)?;
             first += chunk.count;
             chunks.push(chunk);
         }
         let input = SortInput {
-            values: &passed.depths,
-            items: &passed.items,
-            state: &passed.state,
+            values: &shared.depths,
+            items: &shared.items,
+            state: &shared.state,
             capacity,
         };
         Ok(Self {
@@ -85,13 +85,13 @@ impl GeometryPass {
             posing,
             posed: false,
             background: chunks,
-            passed,
+            shared,
             capacity,
         })
     }
 
-    pub(crate) fn passed(&self) -> &SharedBuffers {
-        &self.passed
+    pub(crate) fn shared_buffers(&self) -> &SharedBuffers {
+        &self.shared
     }
 
     /// All items, least depth first.
@@ -116,7 +116,7 @@ impl GeometryPass {
     }
 
     /// The foreground as far as the order depends on it.
-    pub(crate) fn sorted(&self) -> &Sorted {
+    pub(crate) fn sorted(&self) -> &SortedForeground {
         self.parts.sorted()
     }
 
@@ -145,9 +145,10 @@ impl GeometryPass {
                     level,
                 } => {
                     let posing = self.posing.as_mut().ok_or(RenderError::NoMesh)?;
-                    posing.show(Between::new(from, to, share, level))?;
-                    let sorted = SortedPart::new(posing.count(), posing.path(), world_from_part);
-                    self.parts.add_made(posing.present(), sorted);
+                    posing.show(Interpolation::new(from, to, share, level))?;
+                    let sorted =
+                        SortedPart::new(posing.count(), posing.motion_bound(), world_from_part);
+                    self.parts.add_made(posing.current(), sorted);
                     self.posed = true;
                 }
             }
@@ -169,11 +170,11 @@ impl GeometryPass {
 
     /// Writes what the stages read of cameras and sizes.
     pub(crate) fn write_frame(&mut self, frame: &FrameParams) {
-        self.passed.frame.write(std::slice::from_ref(frame));
+        self.shared.frame.write(std::slice::from_ref(frame));
     }
 
     /// Records the upload of what never changes, background and mesh, once.
-    pub(crate) fn record_once(&self, commands: vk::CommandBuffer) {
+    pub(crate) fn record_static_upload(&self, commands: vk::CommandBuffer) {
         if let Some(posing) = &self.posing {
             posing.record_mesh(commands);
         }
@@ -184,14 +185,14 @@ impl GeometryPass {
     }
 
     /// Frees what only that upload needed. The device is idle.
-    pub(crate) fn once_is_there(&mut self) {
+    pub(crate) fn static_upload_done(&mut self) {
         if let Some(posing) = &mut self.posing {
-            posing.mesh_is_there();
+            posing.mesh_upload_done();
         }
         let chunks = self.background.iter_mut();
         chunks
             .flat_map(|chunk| &mut chunk.uploads)
-            .for_each(Upload::keep_copy);
+            .for_each(Upload::free_staging);
     }
 
     /// Records the copy of a new foreground to the device and, where the picture sorts, the clearing of what is
@@ -206,7 +207,7 @@ impl GeometryPass {
             // SAFETY: the command buffer is being recorded; the buffer holds one state.
             unsafe {
                 let device = self.gpu.device();
-                device.cmd_update_buffer(commands, self.passed.state.handle(), 0, empty);
+                device.cmd_update_buffer(commands, self.shared.state.handle(), 0, empty);
             }
             self.sort.record_clear(commands);
         }
@@ -214,10 +215,10 @@ impl GeometryPass {
     }
 
     /// Takes note that the picture was drawn, and so its foreground uploaded or posed.
-    pub(crate) fn foreground_is_there(&mut self) {
-        self.parts.copies_are_there();
+    pub(crate) fn foreground_done(&mut self) {
+        self.parts.copies_done();
         if let Some(posing) = self.posing.as_mut().filter(|_| self.posed) {
-            posing.picture_is_there();
+            posing.picture_done();
         }
     }
 
@@ -253,7 +254,7 @@ impl GeometryPass {
     }
 
     pub(crate) fn record_sort(&self, commands: vk::CommandBuffer) {
-        self.sort.record(commands, &self.passed.state);
+        self.sort.record(commands, &self.shared.state);
     }
 }
 
@@ -264,7 +265,7 @@ impl StaticChunk {
         first: u32,
         harmonics_words: u32,
         filter: Filter,
-        passed: &SharedBuffers,
+        shared: &SharedBuffers,
     ) -> Result<Self, RenderError> {
         let uploads = [
             Upload::new(gpu, "background Gaussians", &chunk.gaussians)?,
@@ -280,7 +281,7 @@ impl StaticChunk {
             gpu,
             shaders_spirv::PROJECT_BACKGROUND.words,
             specialisation,
-            &passed.projecting(&uploads.each_ref().map(Upload::buffer)),
+            &shared.projecting(&uploads.each_ref().map(Upload::buffer)),
         )?;
         Ok(Self {
             project,

@@ -1,7 +1,7 @@
-//! How far a foreground has come since it was sorted, stated by whoever writes it.
+//! A bound on how far a foreground's Gaussians have moved, which decides whether the last sort order can be reused.
 //!
-//! Memory that is mapped for uploads is slow to read, if it can be read at all: no one looks at the Gaussians again to
-//! find out whether their order still serves. The writer, who has them in hand, adds up bounds instead.
+//! The writer of the Gaussians states the bound: it has the old and the new values at hand, while memory that is mapped for uploads
+//! is slow to read back.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -18,7 +18,7 @@ const KEPT_RISE: f32 = 1.0 / 255.0;
 /// colours do not matter to the order.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Change {
-    /// The longest way, metres.
+    /// The longest way that a Gaussian moved, metres.
     pub metres: f32,
     /// The greatest growth of a standard deviation, octaves (the difference of its logarithms to base 2).
     pub octaves: f32,
@@ -26,23 +26,26 @@ pub struct Change {
     pub opacity: f32,
 }
 
-/// How far the Gaussians of a foreground have come, each writing added to the last.
+/// A running sum of the changes of a foreground's Gaussians.
 ///
-/// One path belongs to one row of the same Gaussians, however many slots they are written to: its copies tell how far
-/// apart two writings are at most. [`Self::new`] begins a path that has nothing in common with any other.
+/// One bound belongs to one sequence of states of the same Gaussians, however many slots they are written to. The difference of two
+/// of its copies bounds the change between the two states. [`Self::new`] starts a sequence that is comparable with no other.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ForegroundPath {
-    /// Unlike that of any other path; 0 for no foreground at all.
+pub struct MotionBound {
+    /// Unique to a sequence; 0 for no foreground at all.
     epoch: u64,
-    /// The way so far; 1 is as much as an order is kept for.
-    way: f64,
+    /// The sum so far; 1 is as much as an order is kept for.
+    distance: f64,
 }
 
-impl ForegroundPath {
-    /// Where there is no foreground.
-    pub(crate) const NOWHERE: Self = Self { epoch: 0, way: 0.0 };
+impl MotionBound {
+    /// Of no foreground at all.
+    pub(crate) const NONE: Self = Self {
+        epoch: 0,
+        distance: 0.0,
+    };
 
-    /// The start of a path: other Gaussians than before, or the same ones where nothing is known of how they changed.
+    /// Starts a sequence: other Gaussians than before, or the same ones after a change of unknown size.
     #[must_use]
     #[expect(
         clippy::new_without_default,
@@ -52,11 +55,11 @@ impl ForegroundPath {
         static EPOCHS: AtomicU64 = AtomicU64::new(1);
         Self {
             epoch: EPOCHS.fetch_add(1, Ordering::Relaxed),
-            way: 0.0,
+            distance: 0.0,
         }
     }
 
-    /// Goes on by a change; by one that is negative or not a number, on to a new path.
+    /// Adds a change. One that is negative or not finite starts a new sequence.
     pub fn advance(&mut self, change: Change) {
         let parts = [
             change.metres / KEPT_FOREGROUND_MOVE,
@@ -64,20 +67,20 @@ impl ForegroundPath {
             change.opacity / KEPT_RISE,
         ];
         if parts.iter().all(|part| part.is_finite() && *part >= 0.0) {
-            self.way += f64::from(parts.into_iter().fold(0.0, f32::max));
+            self.distance += f64::from(parts.into_iter().fold(0.0, f32::max));
         } else {
             *self = Self::new();
         }
     }
 
-    /// Whether these are places on the way of the same Gaussians.
+    /// Whether both are of the same sequence.
     pub(crate) fn is_of(&self, other: &Self) -> bool {
         self.epoch == other.epoch
     }
 
-    /// How far it is from another place of the same Gaussians; 1 is as much as an order is kept for.
-    pub(crate) fn way_from(&self, then: &Self) -> f64 {
-        (self.way - then.way).abs()
+    /// The bound on the change between two states of a sequence; 1 is as much as an order is kept for.
+    pub(crate) fn distance_from(&self, then: &Self) -> f64 {
+        (self.distance - then.distance).abs()
     }
 }
 
@@ -85,19 +88,19 @@ impl ForegroundPath {
 mod tests {
     use super::*;
 
-    fn after(start: ForegroundPath, change: Change) -> ForegroundPath {
+    fn after(start: MotionBound, change: Change) -> MotionBound {
         let mut path = start;
         path.advance(change);
         path
     }
 
-    fn serves(now: &ForegroundPath, then: &ForegroundPath) -> bool {
-        now.is_of(then) && now.way_from(then) <= 1.0
+    fn serves(now: &MotionBound, then: &MotionBound) -> bool {
+        now.is_of(then) && now.distance_from(then) <= 1.0
     }
 
     #[test]
     fn an_order_serves_a_foreground_that_trembles_grows_or_fades_in_by_next_to_nothing() {
-        let start = ForegroundPath::new();
+        let start = MotionBound::new();
         let none = Change::default();
         for (change, expected) in [
             (none, true),
@@ -157,7 +160,7 @@ mod tests {
             metres: 0.000_2,
             ..Change::default()
         };
-        let mut start = ForegroundPath::new();
+        let mut start = MotionBound::new();
         // Three days of a metre a second.
         for _ in 0..260_000 {
             start.advance(Change {
@@ -172,8 +175,8 @@ mod tests {
 
     #[test]
     fn other_gaussians_and_those_that_changed_no_one_knows_how_are_sorted() {
-        let start = ForegroundPath::new();
-        assert!(!ForegroundPath::new().is_of(&start), "another path");
+        let start = MotionBound::new();
+        assert!(!MotionBound::new().is_of(&start), "another sequence");
         for metres in [f32::NAN, f32::INFINITY, -1.0] {
             let broken = Change {
                 metres,

@@ -1,4 +1,4 @@
-//! Whether the last picture's order still serves.
+//! Whether the last picture's sort order can be reused.
 //!
 //! The order is by distance along the head's forward direction, so walking and swaying do not change it: only turning
 //! does, by the splats' width across the line of sight times the angle. And the foreground changes it by moving.
@@ -7,7 +7,7 @@ use glam::{Affine3A, Mat3A};
 
 use crate::camera::Camera;
 use crate::limits::MOST_PARTS;
-use crate::motion_bound::{ForegroundPath, KEPT_FOREGROUND_MOVE};
+use crate::motion_bound::{KEPT_FOREGROUND_MOVE, MotionBound};
 
 /// The head may turn so far, radians (0.25 degrees): two splats 2 cm apart across the line of sight whose order is
 /// swapped differ by less than 0.1 mm in depth.
@@ -21,16 +21,16 @@ pub(crate) const KEPT_MOVE: f32 = 0.005;
 /// the pelvis there.
 const PART_REACH: f32 = 2.5;
 
-/// What the present order was made for, if there is one.
+/// What the last sort order was made for, if there is one.
 #[derive(Debug, Default)]
 pub(crate) struct Order {
     cameras: Vec<Camera>,
-    foreground: Option<Sorted>,
+    foreground: Option<SortedForeground>,
 }
 
-/// A foreground as far as its order depends on it: its parts one after the other, then none.
+/// What the sort order depends on in a foreground: its parts one after the other, then none.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Sorted {
+pub(crate) struct SortedForeground {
     parts: [Option<SortedPart>; MOST_PARTS],
 }
 
@@ -39,11 +39,11 @@ pub(crate) struct Sorted {
 pub(crate) struct SortedPart {
     /// How many Gaussians there are: another number shifts those that follow.
     pub(crate) count: u32,
-    path: ForegroundPath,
+    motion: MotionBound,
     pub(crate) world_from_part: Affine3A,
 }
 
-impl Sorted {
+impl SortedForeground {
     /// Adds a part behind those that are there, which fits.
     pub(crate) fn add(&mut self, part: SortedPart) {
         if let Some(place) = self.parts.iter_mut().find(|place| place.is_none()) {
@@ -62,16 +62,16 @@ impl Sorted {
 }
 
 impl SortedPart {
-    pub(crate) fn new(count: u32, path: ForegroundPath, world_from_part: Affine3A) -> Self {
+    pub(crate) fn new(count: u32, motion: MotionBound, world_from_part: Affine3A) -> Self {
         Self {
             count,
-            path,
+            motion,
             world_from_part,
         }
     }
 
     fn is_of(&self, then: &Self) -> bool {
-        self.count == then.count && self.path.is_of(&then.path)
+        self.count == then.count && self.motion.is_of(&then.motion)
     }
 
     /// Whether no Gaussian can have moved farther than an order is kept for, within the part and with it.
@@ -80,7 +80,7 @@ impl SortedPart {
         let carried = now.translation.distance(before.translation)
             + turn_between(now.matrix3, before.matrix3) * PART_REACH;
         let share = f64::from(carried / KEPT_FOREGROUND_MOVE);
-        self.is_of(then) && self.path.way_from(&then.path) + share <= 1.0
+        self.is_of(then) && self.motion.distance_from(&then.motion) + share <= 1.0
     }
 }
 
@@ -100,13 +100,13 @@ impl Order {
     }
 
     /// Whether it is an order of these very Gaussians, if maybe one from when they and the head were elsewhere.
-    pub(crate) fn is_of(&self, now: &Sorted) -> bool {
+    pub(crate) fn is_of(&self, now: &SortedForeground) -> bool {
         let then = self.foreground.as_ref();
         then.is_some_and(|then| now.is_like(then, SortedPart::is_of))
     }
 
     /// Whether it still shows this foreground to these cameras as a fresh one would.
-    pub(crate) fn serves(&self, cameras: &[Camera], now: &Sorted) -> bool {
+    pub(crate) fn serves(&self, cameras: &[Camera], now: &SortedForeground) -> bool {
         let then = self.foreground.as_ref();
         then.is_some_and(|then| now.is_like(then, SortedPart::is_served_from))
             && cameras.len() == self.cameras.len()
@@ -122,7 +122,7 @@ impl Order {
     }
 
     /// Takes note of a fresh order.
-    pub(crate) fn made(&mut self, cameras: &[Camera], foreground: Sorted) {
+    pub(crate) fn made(&mut self, cameras: &[Camera], foreground: SortedForeground) {
         self.cameras.clear();
         self.cameras.extend_from_slice(cameras);
         self.foreground = Some(foreground);
@@ -141,16 +141,16 @@ mod tests {
         Camera::look_at(eye, target, Vec3::Y, 0.8, 64, 64)
     }
 
-    fn gone(mut path: ForegroundPath, metres: f32) -> ForegroundPath {
-        path.advance(Change {
+    fn gone(mut motion: MotionBound, metres: f32) -> MotionBound {
+        motion.advance(Change {
             metres,
             ..Change::default()
         });
-        path
+        motion
     }
 
-    fn foreground(parts: &[SortedPart]) -> Sorted {
-        let mut sorted = Sorted::default();
+    fn foreground(parts: &[SortedPart]) -> SortedForeground {
+        let mut sorted = SortedForeground::default();
         parts.iter().for_each(|part| sorted.add(*part));
         sorted
     }
@@ -158,8 +158,8 @@ mod tests {
     #[test]
     fn an_order_serves_until_the_head_turns_or_moves_or_the_foreground_does() {
         let mut order = Order::default();
-        let start = ForegroundPath::new();
-        let of = |count, path| foreground(&[SortedPart::new(count, path, Affine3A::IDENTITY)]);
+        let start = MotionBound::new();
+        let of = |count, motion| foreground(&[SortedPart::new(count, motion, Affine3A::IDENTITY)]);
         let then = of(1, start);
         let moved = |metres| of(1, gone(start, metres));
         assert!(!order.serves(&[camera(0.0, 0.0)], &then), "none yet");
@@ -198,15 +198,15 @@ mod tests {
 
     #[test]
     fn an_order_serves_until_any_part_is_carried_farther_than_it_may_move() {
-        let paths = [ForegroundPath::new(), ForegroundPath::new()];
+        let paths = [MotionBound::new(), MotionBound::new()];
         let turned = |angle: f32, x: f32| {
             let turn = Quat::from_rotation_y(0.4 + angle);
             Affine3A::from_rotation_translation(turn, Vec3::new(0.5 + x, 0.0, -1.0))
         };
-        let two = |second: Affine3A, path| {
+        let two = |second: Affine3A, motion| {
             foreground(&[
                 SortedPart::new(3, paths[0], Affine3A::IDENTITY),
-                SortedPart::new(4, path, second),
+                SortedPart::new(4, motion, second),
             ])
         };
         let then = two(turned(0.0, 0.0), paths[1]);
@@ -235,7 +235,7 @@ mod tests {
     #[test]
     fn parts_that_come_go_or_change_places_are_sorted_anew() {
         let [first, second] =
-            [2, 2].map(|count| SortedPart::new(count, ForegroundPath::new(), Affine3A::IDENTITY));
+            [2, 2].map(|count| SortedPart::new(count, MotionBound::new(), Affine3A::IDENTITY));
         let cameras = [camera(0.0, 0.0)];
         let mut order = Order::default();
         order.made(&cameras, foreground(&[first, second]));

@@ -1,6 +1,6 @@
 //! The parts of a foreground, one after the other in the numbering of the Gaussians, each projected from where it lies.
 //!
-//! Who checks that parts fit the renderer is [`crate::engine`]; where the mesh's Gaussians come from is [`crate::posing`].
+//! [`crate::engine`] checks that parts fit the renderer; the mesh's Gaussians come from [`crate::posing`].
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use shaders_spirv::{PackedGaussian, PartParams};
 use crate::error::RenderError;
 use crate::limits::MOST_PARTS;
 use crate::options::Filter;
-use crate::order::{Sorted, SortedPart};
+use crate::order::{SortedForeground, SortedPart};
 use crate::shared_buffers::SharedBuffers;
 use crate::slot::ForegroundSlot;
 
@@ -30,7 +30,7 @@ const _: () = assert!(PUSH_BYTES as usize == size_of::<PartParams>(), "whole");
 const SETS: u32 = 8;
 const _: () = assert!(SETS as usize == MOST_PARTS, "one for each");
 
-/// What is projected as the foreground. Whatever changes it wants an idle device.
+/// What is projected as the foreground. It may be changed only while the device is idle.
 pub(crate) struct Parts {
     gpu: Arc<Gpu>,
     /// One set of resources for each part there may be.
@@ -38,22 +38,22 @@ pub(crate) struct Parts {
     /// What the slots hold, one after the other, in the device's own memory; next to nothing on a software driver, which
     /// reads the slots.
     copy: Buffer,
-    places: [Place; MOST_PARTS],
+    places: [PartBinding; MOST_PARTS],
     /// How many of them there are.
     len: usize,
     /// Gaussians of all of them, and of those that come from slots.
     count: u32,
     from_slots: u32,
-    sorted: Sorted,
+    sorted: SortedForeground,
 }
 
 /// What one part's set of resources was last used for.
 #[derive(Default)]
-struct Place {
+struct PartBinding {
     /// The slot that is drawn, kept alive while the device may read it; none where the mesh is.
     slot: Option<Arc<Buffer>>,
-    writing: u64,
-    /// Whether the device has its copy of this writing, where `params` say.
+    version: u64,
+    /// Whether the device has its copy of this version, at the place that `params` say.
     copied: bool,
     /// The buffer that is bound.
     projected: vk::Buffer,
@@ -66,7 +66,7 @@ impl Parts {
         gpu: &Arc<Gpu>,
         capacity: u32,
         filter: Filter,
-        passed: &SharedBuffers,
+        shared: &SharedBuffers,
     ) -> Result<Self, RenderError> {
         // Without one the shaders read the slots.
         let copied = if gpu.features().shares_memory {
@@ -86,20 +86,20 @@ impl Parts {
             gpu,
             shaders_spirv::PROJECT_FOREGROUND.words,
             specialisation,
-            &passed.projecting(&[&copy]),
+            &shared.projecting(&[&copy]),
         )?;
         Ok(Self {
             gpu: Arc::clone(gpu),
             project,
-            places: std::array::from_fn(|_| Place {
+            places: std::array::from_fn(|_| PartBinding {
                 projected: copy.handle(),
-                ..Place::default()
+                ..PartBinding::default()
             }),
             copy,
             len: 0,
             count: 0,
             from_slots: 0,
-            sorted: Sorted::default(),
+            sorted: SortedForeground::default(),
         })
     }
 
@@ -109,14 +109,14 @@ impl Parts {
     }
 
     /// What the order depends on.
-    pub(crate) fn sorted(&self) -> &Sorted {
+    pub(crate) fn sorted(&self) -> &SortedForeground {
         &self.sorted
     }
 
     /// Begins with no part at all; [`Self::end`] follows once all parts were added.
     pub(crate) fn begin(&mut self) {
         (self.len, self.count, self.from_slots) = (0, 0, 0);
-        self.sorted = Sorted::default();
+        self.sorted = SortedForeground::default();
     }
 
     /// Adds what a slot holds, which fits.
@@ -132,18 +132,18 @@ impl Parts {
         };
         let held = place.slot.as_ref();
         let is_held = held.is_some_and(|held| Arc::ptr_eq(held, memory));
-        if !is_held || (place.writing, place.params.source) != (slot.writing, source) {
+        if !is_held || (place.version, place.params.source) != (slot.version, source) {
             place.copied = false;
         }
         if !is_held {
             place.slot = Some(Arc::clone(memory));
         }
-        place.writing = slot.writing;
+        place.version = slot.version;
         place.bind(&mut self.project, self.len, binds);
         self.from_slots += slot.count;
         self.add(
             source,
-            SortedPart::new(slot.count, slot.path, world_from_part),
+            SortedPart::new(slot.count, slot.motion, world_from_part),
         );
     }
 
@@ -175,15 +175,15 @@ impl Parts {
         self.len += 1;
     }
 
-    /// Lets go of what parts held that are no more: others may be copied to where theirs lie.
+    /// Releases the slots of parts that are no longer drawn: others may be copied to where theirs lie.
     pub(crate) fn end(&mut self) {
         for place in self.places.iter_mut().skip(self.len) {
             // The next one's handle may be the same.
-            *place = Place::default();
+            *place = PartBinding::default();
         }
     }
 
-    fn present(&self) -> impl Iterator<Item = &Place> {
+    fn drawn(&self) -> impl Iterator<Item = &PartBinding> {
         self.places.iter().take(self.len)
     }
 
@@ -193,7 +193,7 @@ impl Parts {
             return;
         }
         let each = size_of::<PackedGaussian>() as u64;
-        for place in self.present() {
+        for place in self.drawn() {
             let PartParams { count, source, .. } = place.params;
             if let (Some(slot), false, 1..) = (&place.slot, place.copied, count) {
                 let [start, bytes] = [source, count].map(|gaussians| u64::from(gaussians) * each);
@@ -203,7 +203,7 @@ impl Parts {
     }
 
     /// Takes note that the copies were made.
-    pub(crate) fn copies_are_there(&mut self) {
+    pub(crate) fn copies_done(&mut self) {
         for place in self.places.iter_mut().take(self.len) {
             place.copied = place.slot.is_some();
         }
@@ -211,7 +211,7 @@ impl Parts {
 
     /// Records the projection of each part.
     pub(crate) fn record_project(&self, commands: vk::CommandBuffer) {
-        for (set, place) in self.present().enumerate() {
+        for (set, place) in self.drawn().enumerate() {
             let push = bytemuck::cast_slice(std::slice::from_ref(&place.params));
             let groups = [place.params.count.div_ceil(GROUP), 1, 1];
             self.project.dispatch_with(commands, set, push, groups);
@@ -219,7 +219,7 @@ impl Parts {
     }
 }
 
-impl Place {
+impl PartBinding {
     /// Makes the part's set read another buffer, which outlives its next use.
     fn bind(&mut self, pass: &mut ComputePipeline, set: usize, source: &Buffer) {
         if self.projected != source.handle() {
@@ -237,7 +237,7 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use crate::drawing::{Drawing, Foreground, Part};
-    use crate::motion_bound::ForegroundPath;
+    use crate::motion_bound::MotionBound;
     use crate::options::{BackEnd, RendererOptions};
     use crate::renderer::SplatRenderer;
     use crate::testing::open_gpu;
@@ -252,7 +252,7 @@ mod tests {
                 colour: [0.5 + y, 0.5, 0.5 - y],
             });
         }
-        slot.set(count.into(), ForegroundPath::new())
+        slot.set(count.into(), MotionBound::new())
             .expect("they fit");
     }
 
@@ -271,7 +271,7 @@ mod tests {
             let Some(mut gpu) = open_gpu() else { return };
             // A GPU reads a copy both times.
             Arc::get_mut(&mut gpu)
-                .expect("no one else has it yet")
+                .expect("the only reference")
                 .features_mut()
                 .shares_memory &= shares_memory;
             let options = RendererOptions {

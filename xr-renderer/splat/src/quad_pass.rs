@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ash::vk;
-use renderer_vulkan::attachment::{Attachment, Fate};
+use renderer_vulkan::attachment::{Attachment, AttachmentUse};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::render_pass::{Framebuffer, RenderPass};
@@ -64,7 +64,14 @@ pub(crate) struct TargetPass {
 impl TargetPass {
     pub(crate) fn new(gpu: &Arc<Gpu>, target: &Target) -> Result<Self, VulkanError> {
         let attachment = |what: &'static str, format| {
-            Attachment::new(gpu, what, format, target.most, target.layers, Fate::Copied)
+            Attachment::new(
+                gpu,
+                what,
+                format,
+                target.most,
+                target.layers,
+                AttachmentUse::Copied,
+            )
         };
         let picture = attachment("the quads' picture", PICTURE)?;
         let depth = target

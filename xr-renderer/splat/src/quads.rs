@@ -1,17 +1,16 @@
 //! The quad back end: one tight oriented quad for each splat, farthest first, blended by fixed function.
 //!
-//! Nothing is listed and nothing stored per tile, which suits GPUs that keep a tile of the picture on the chip; every
-//! fragment of every splat is paid for, though, hidden or not.
+//! Nothing is stored per tile, which suits tile-based GPUs; every fragment of every splat is blended, though, hidden or not.
 
 use std::mem::offset_of;
 use std::sync::Arc;
 
 use ash::vk;
 use renderer_vulkan::bindings::{Bindings, Resource};
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
-use renderer_vulkan::graphics::{GraphicsPipeline, Triangles};
+use renderer_vulkan::graphics::{GraphicsPipeline, GraphicsPipelineInfo};
 use renderer_vulkan::pipeline::{Constants, Module};
 use shaders_spirv::{QUADS_PER_INSTANCE, SortState};
 
@@ -33,14 +32,14 @@ pub(crate) struct Quads {
 impl Quads {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        front: &GeometryPass,
+        geometry: &GeometryPass,
         target: &Target,
     ) -> Result<Self, VulkanError> {
         let own = TargetPass::new(gpu, target)?;
-        let passed = front.passed();
-        let [left, right] = &passed.splats;
-        let storage = [left, right, &passed.rects, front.order(), &passed.state];
-        let resources: Vec<_> = std::iter::once(Resource::Uniform(&passed.frame))
+        let shared = geometry.shared_buffers();
+        let [left, right] = &shared.splats;
+        let storage = [left, right, &shared.rects, geometry.order(), &shared.state];
+        let resources: Vec<_> = std::iter::once(Resource::Uniform(&shared.frame))
             .chain(storage.map(Resource::Storage))
             .collect();
         let bindings = Bindings::new(gpu, vk::ShaderStageFlags::VERTEX, 0, 1, &resources)?;
@@ -49,7 +48,7 @@ impl Quads {
             pipelines: Vec::new(),
             bindings,
             indices: index_buffer(gpu)?,
-            state: passed.state.handle(),
+            state: shared.state.handle(),
             own,
         };
         let pass = Arc::clone(&made.own.pass);
@@ -62,7 +61,7 @@ impl Quads {
         if self.pipeline(pass).is_some() {
             return Ok(());
         }
-        // Passes that nobody else has are over.
+        // Passes without another owner are no longer used.
         self.pipelines
             .retain(|(pass, _)| Arc::strong_count(pass) > 1);
         let made = make_pipeline(&self.gpu, self.bindings.layout(), pass)?;
@@ -116,7 +115,7 @@ fn index_buffer(gpu: &Arc<Gpu>) -> Result<Buffer, VulkanError> {
         .collect();
     let bytes = size_of_val(&indices[..]) as u64;
     let usage = vk::BufferUsageFlags::INDEX_BUFFER;
-    let mut buffer = Buffer::new(gpu, "quad corners", bytes, usage, Place::Upload)?;
+    let mut buffer = Buffer::new(gpu, "quad corners", bytes, usage, MemoryUsage::Upload)?;
     buffer.write(&indices);
     Ok(buffer)
 }
@@ -155,7 +154,7 @@ fn make_pipeline(
     let blends = [over, over];
     GraphicsPipeline::new(
         gpu,
-        &Triangles {
+        &GraphicsPipelineInfo {
             stages: &stages,
             blends: &blends[..attachments],
             writes_depth: false,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ash::vk;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::commands::{Commands, barrier};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
@@ -27,7 +27,7 @@ impl ReadBack {
                 "picture read-back",
                 target.layer_bytes().max(target.depth_layer_bytes()),
                 usage,
-                Place::ReadBack,
+                MemoryUsage::ReadBack,
             )?,
         })
     }

@@ -1,4 +1,4 @@
-//! From Gaussians and cameras to finished pictures, on a device that may be lost and found again.
+//! From Gaussians and cameras to finished pictures. A lost device can be opened again.
 //!
 //! Image formation is that of 3D Gaussian Splatting (Kerbl et al., 2023): EWA projection with 0.3 px^2
 //! added to the covariance's diagonal, alpha = min(0.99, opacity exp(-q/2)) cut at 1/255, front to back
@@ -31,7 +31,7 @@ const NOT_RECOVERED: RenderError =
 /// Draws Gaussians into one or two views, sorted once for both: a foreground that changes, and a background that
 /// does not.
 pub struct SplatRenderer {
-    /// Nothing after a recovery that failed.
+    /// None after a recovery that failed.
     engine: Option<Engine>,
     gpu: Arc<Gpu>,
     options: RendererOptions,
@@ -77,7 +77,7 @@ impl SplatRenderer {
         })
     }
 
-    /// Room for a foreground, written by whoever holds it while the device draws another: see [`Foreground::Slot`].
+    /// Memory for a foreground, which may be written while the device draws another: see [`Foreground::Slot`].
     ///
     /// # Errors
     /// More memory than the device has.
@@ -132,11 +132,11 @@ impl SplatRenderer {
         self.engine_mut()?.draw(drawing, None)
     }
 
-    /// As [`Self::draw_with`], for a headset: the picture goes into its images, quads without coming by the renderer's own
-    /// target, from which it then cannot be read back. Back ends are compared by the time that this takes.
+    /// As [`Self::draw_with`], into external images. Quads are drawn there directly and not into the renderer's own target, from
+    /// which the picture then cannot be read back. Back ends are compared by the time that this takes.
     ///
     /// # Errors
-    /// As there, or a canvas of another device, another number of views or less room.
+    /// As there, or images of another device, another number of views or a smaller size.
     pub fn draw_onto(
         &mut self,
         drawing: &Drawing<'_>,
@@ -157,7 +157,7 @@ impl SplatRenderer {
         self.recover_on(self.gpu.reopen()?)
     }
 
-    /// [`Self::recover`] on a device that someone else opened, as a headset's runtime does.
+    /// [`Self::recover`] on a device that the caller opened, such as a headset's.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -180,7 +180,7 @@ impl SplatRenderer {
         let asked = self.options.back_end.unwrap_or(BackEnd::Tiles);
         self.engine
             .as_ref()
-            .map_or(asked, |engine| engine.back_ends.present())
+            .map_or(asked, |engine| engine.back_ends.current())
     }
 
     /// How the two back ends compared on the first picture; nothing before it, where one was asked for, or where the

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use ash::vk;
 use renderer_vulkan::bindings::Resource;
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use shaders_spirv::{FrameParams, Splat};
 
 use crate::sort::SortPasses;
 
-/// What the passes hand on, to one another and to the back ends.
+/// What the passes write for one another and for the back ends.
 pub(crate) struct SharedBuffers {
     /// Cameras and sizes, as all stages read them.
     pub(crate) frame: Buffer,
@@ -36,7 +36,7 @@ impl SharedBuffers {
             0
         };
         Ok(Self {
-            frame: Buffer::new(gpu, "cameras", bytes, uniform, Place::Upload)?,
+            frame: Buffer::new(gpu, "cameras", bytes, uniform, MemoryUsage::Upload)?,
             splats: [
                 Buffer::storage(gpu, "projected splats", each(size_of::<Splat>()))?,
                 Buffer::storage(gpu, "projected splats", right)?,

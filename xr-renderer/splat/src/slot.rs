@@ -1,27 +1,28 @@
-//! Memory for one foreground, which its holder fills while the device draws another.
+//! Memory for one foreground, which is written while the device draws another.
 
 use std::sync::Arc;
 
 use ash::vk;
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::gpu::Gpu;
 use shaders_spirv::PackedGaussian;
 
 use crate::error::RenderError;
-use crate::motion_bound::ForegroundPath;
+use crate::motion_bound::MotionBound;
 
 /// Room for one foreground in memory that the device reads, written by any thread.
 ///
-/// Whoever holds a slot that is not being drawn may write it: [`crate::renderer::SplatRenderer::draw_with`] borrows it and returns
-/// once the device has read it. Three of them in a triple buffer let one be written, one wait and one be drawn. A slot
-/// fits every renderer on its device, and keeps that device open: after [`crate::renderer::SplatRenderer::recover`] make new ones.
+/// A slot may be written while it is not drawn: [`SplatRenderer::draw_with`](crate::renderer::SplatRenderer::draw_with) borrows it and
+/// returns once the device has read it. Three of them in a triple buffer let one be written, one wait and one be drawn. A slot
+/// fits every renderer on its device, and keeps that device open: make new ones after
+/// [`SplatRenderer::recover`](crate::renderer::SplatRenderer::recover).
 pub struct ForegroundSlot {
     memory: Arc<Buffer>,
     capacity: u32,
     pub(crate) count: u32,
-    pub(crate) path: ForegroundPath,
-    /// How often it was handed over: what the device has a copy of already is not copied again.
-    pub(crate) writing: u64,
+    pub(crate) motion: MotionBound,
+    /// Counts the writes: a version that the device has a copy of is not copied again.
+    pub(crate) version: u64,
 }
 
 impl std::fmt::Debug for ForegroundSlot {
@@ -29,7 +30,7 @@ impl std::fmt::Debug for ForegroundSlot {
         f.debug_struct("ForegroundSlot")
             .field("capacity", &self.capacity)
             .field("count", &self.count)
-            .field("path", &self.path)
+            .field("motion", &self.motion)
             .finish_non_exhaustive()
     }
 }
@@ -39,13 +40,13 @@ impl ForegroundSlot {
     pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32) -> Result<Self, RenderError> {
         let bytes = u64::from(capacity) * size_of::<PackedGaussian>() as u64;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
-        let memory = Buffer::new(gpu, "a foreground slot", bytes, usage, Place::Upload)?;
+        let memory = Buffer::new(gpu, "a foreground slot", bytes, usage, MemoryUsage::Upload)?;
         Ok(Self {
             memory: Arc::new(memory),
             capacity,
             count: 0,
-            path: ForegroundPath::NOWHERE,
-            writing: 0,
+            motion: MotionBound::NONE,
+            version: 0,
         })
     }
 
@@ -59,11 +60,11 @@ impl ForegroundSlot {
         unsafe { self.memory.mapped_slice(self.capacity as usize) }
     }
 
-    /// Says that the first `count` Gaussians were written, and where on their path they are now.
+    /// Says that the first `count` Gaussians were written, and how far they have moved: see [`MotionBound`].
     ///
     /// # Errors
     /// More than there is room for.
-    pub fn set(&mut self, count: u32, path: ForegroundPath) -> Result<(), RenderError> {
+    pub fn set(&mut self, count: u32, motion: MotionBound) -> Result<(), RenderError> {
         if count > self.capacity {
             return Err(RenderError::TooManyGaussians {
                 count: count as usize,
@@ -71,8 +72,8 @@ impl ForegroundSlot {
             });
         }
         self.count = count;
-        self.path = path;
-        self.writing += 1;
+        self.motion = motion;
+        self.version += 1;
         Ok(())
     }
 
@@ -125,7 +126,7 @@ mod tests {
             let Some(mut gpu) = open_gpu() else { return };
             // A GPU reads a copy both times.
             Arc::get_mut(&mut gpu)
-                .expect("no one else has it yet")
+                .expect("the only reference")
                 .features_mut()
                 .shares_memory &= shares_memory;
             let options = RendererOptions {
@@ -148,8 +149,8 @@ mod tests {
                     for (place, gaussian) in room.iter_mut().zip(row(count, y)) {
                         *place = gaussian;
                     }
-                    let path = ForegroundPath::new();
-                    slots[slot].set(u32::from(count), path).expect("they fit");
+                    let motion = MotionBound::new();
+                    slots[slot].set(u32::from(count), motion).expect("they fit");
                 }
                 for _ in 0..2 {
                     renderer

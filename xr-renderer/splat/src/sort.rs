@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use ash::vk;
 use renderer_vulkan::bindings::Resource;
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::commands::{Commands, barrier};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
@@ -31,7 +31,7 @@ const ITEM_GROUP: u32 = 256;
 /// A bin with more items than this is crowded; `CROWDED` in `shaders/sort.glsl`.
 const CROWDED: u32 = 64;
 
-/// What is sorted, filled by someone else; every buffer outlives the passes' use.
+/// What is sorted: buffers that earlier passes fill. Every buffer outlives the passes' use.
 #[derive(Clone, Copy)]
 pub(crate) struct SortInput<'a> {
     /// `u32` by item: what it is sorted by.
@@ -129,7 +129,7 @@ impl SortPasses {
             "sort state",
             size_of::<SortState>() as u64,
             vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER,
-            Place::Device,
+            MemoryUsage::Device,
         )
     }
 
@@ -162,7 +162,7 @@ impl SortPasses {
     }
 }
 
-/// The sort by itself, for keys of the caller's.
+/// The sort by itself, for keys that the caller gives.
 pub struct Sorter {
     // Dropped first: waits for the device.
     commands: Commands,
@@ -192,11 +192,11 @@ impl Sorter {
     pub fn new(gpu: &Arc<Gpu>, capacity: u32) -> Result<Self, RenderError> {
         let bytes = u64::from(capacity) * 4;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
-        let values = Buffer::new(gpu, "sort values", bytes, usage, Place::Upload)?;
-        let mut items = Buffer::new(gpu, "sort items", bytes, usage, Place::Upload)?;
+        let values = Buffer::new(gpu, "sort values", bytes, usage, MemoryUsage::Upload)?;
+        let mut items = Buffer::new(gpu, "sort items", bytes, usage, MemoryUsage::Upload)?;
         items.write(&(0..capacity).collect::<Vec<_>>());
         let state = SortPasses::state_buffer(gpu)?;
-        let order = Buffer::new(gpu, "sorted order", bytes, usage, Place::ReadBack)?;
+        let order = Buffer::new(gpu, "sorted order", bytes, usage, MemoryUsage::ReadBack)?;
         let input = SortInput {
             values: &values,
             items: &items,
@@ -264,7 +264,7 @@ impl Sorter {
                 limit: self.capacity,
             })?;
         // The device may still be reading the last keys after an error.
-        self.commands.settle()?;
+        self.commands.wait()?;
         self.values.write(values);
         let start = SortState { count, ..range };
         let (passes, state, order) = (&self.passes, &self.state, &self.order);

@@ -1,7 +1,7 @@
 //! The picture on the device: one layer per view, premultiplied RGBA and premultiplied depth in half floats.
 //!
-//! Buffers, which every driver writes well from compute; whoever shows them copies them to an image. A picture may be
-//! smaller than there is room for: it then lies at the buffer's start, without gaps.
+//! Buffers, which every driver writes well from compute; presenting copies them to an image. A picture may be smaller than the
+//! buffers: it then lies at their start, without gaps.
 
 use std::sync::Arc;
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use ash::vk;
 use renderer_vulkan::bindings::Resource;
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::commands::barrier;
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
@@ -88,7 +88,7 @@ pub(crate) struct Tiles {
 impl Tiles {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        front: &GeometryPass,
+        geometry: &GeometryPass,
         target: &Target,
     ) -> Result<Self, VulkanError> {
         let vk::Extent2D { width, height } = target.most;
@@ -106,10 +106,10 @@ impl Tiles {
             "pair count",
             4,
             vk::BufferUsageFlags::empty(),
-            Place::ReadBack,
+            MemoryUsage::ReadBack,
         )?;
-        let pairs = pair_list(gpu, first_capacity(gpu, front.capacity(), layout))?;
-        let resources = binning(front, &table, &tile_starts, &pairs);
+        let pairs = pair_list(gpu, first_capacity(gpu, geometry.capacity(), layout))?;
+        let resources = binning(geometry, &table, &tile_starts, &pairs);
         let make = |shader, group, resources: &[Resource<'_>]| {
             let specialisation = Specialisation {
                 constants: &[group],
@@ -131,7 +131,7 @@ impl Tiles {
                 fixed_subgroups: true,
                 ..Default::default()
             },
-            &rastering(front, &tile_starts, &pairs, target),
+            &rastering(geometry, &tile_starts, &pairs, target),
         )?;
         Ok(Self {
             gpu: Arc::clone(gpu),
@@ -162,7 +162,7 @@ impl Tiles {
     pub(crate) fn grow(
         &mut self,
         wanted: u32,
-        front: &GeometryPass,
+        geometry: &GeometryPass,
         target: &Target,
     ) -> Result<(), RenderError> {
         let limit = pair_limit(&self.gpu);
@@ -177,10 +177,14 @@ impl Tiles {
         // The old list is freed only after the new one is bound: no set ever names a freed buffer.
         let pairs = pair_list(&self.gpu, roomy)?;
         let _old = std::mem::replace(&mut self.pairs, pairs);
-        self.emit
-            .bind(&binning(front, &self.table, &self.tile_starts, &self.pairs));
+        self.emit.bind(&binning(
+            geometry,
+            &self.table,
+            &self.tile_starts,
+            &self.pairs,
+        ));
         self.raster
-            .bind(&rastering(front, &self.tile_starts, &self.pairs, target));
+            .bind(&rastering(geometry, &self.tile_starts, &self.pairs, target));
         Ok(())
     }
 
@@ -247,17 +251,17 @@ impl Tiles {
 }
 
 fn binning<'a>(
-    front: &'a GeometryPass,
+    geometry: &'a GeometryPass,
     table: &'a Buffer,
     tile_starts: &'a Buffer,
     pairs: &'a Buffer,
 ) -> [Resource<'a>; 7] {
-    let passed = front.passed();
+    let shared = geometry.shared_buffers();
     [
-        Resource::Uniform(&passed.frame),
-        Resource::Storage(front.order()),
-        Resource::Storage(&passed.state),
-        Resource::Storage(&passed.rects),
+        Resource::Uniform(&shared.frame),
+        Resource::Storage(geometry.order()),
+        Resource::Storage(&shared.state),
+        Resource::Storage(&shared.rects),
         Resource::Storage(table),
         Resource::Storage(tile_starts),
         Resource::Storage(pairs),
@@ -265,15 +269,15 @@ fn binning<'a>(
 }
 
 fn rastering<'a>(
-    front: &'a GeometryPass,
+    geometry: &'a GeometryPass,
     tile_starts: &'a Buffer,
     pairs: &'a Buffer,
     target: &'a Target,
 ) -> [Resource<'a>; 7] {
-    let passed = front.passed();
-    let [left, right] = &passed.splats;
+    let shared = geometry.shared_buffers();
+    let [left, right] = &shared.splats;
     [
-        Resource::Uniform(&passed.frame),
+        Resource::Uniform(&shared.frame),
         Resource::Storage(left),
         Resource::Storage(right),
         Resource::Storage(tile_starts),
@@ -320,7 +324,7 @@ mod tests {
             let Some(mut gpu) = open_gpu() else { return };
             // A device without broadcasts draws through memory both times.
             Arc::get_mut(&mut gpu)
-                .expect("no one else has it yet")
+                .expect("the only reference")
                 .features_mut()
                 .broadcasts &= broadcasts;
             let options = RendererOptions {

@@ -12,7 +12,7 @@ use renderer_vulkan::commands::{Commands, barrier};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::pipeline::{ComputePipeline, Specialisation};
-use renderer_vulkan::surface::{Surface, refused};
+use renderer_vulkan::surface::{Surface, no_presentation};
 use renderer_vulkan::swapchain::{Acquired, Swapchain};
 
 use crate::error::RenderError;
@@ -25,11 +25,11 @@ const GROUP: u32 = 64;
 const PUSH_WORDS: usize = 14;
 const PUSH_BYTES: u32 = 56;
 
-/// What became of a picture that was to be shown.
+/// What came of presenting a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shown {
-    /// The window has it.
-    Yes,
+pub enum PresentOutcome {
+    /// The window shows it.
+    Presented,
     /// The window was changing, has no area (minimised) or is hidden: draw again later.
     NotNow,
 }
@@ -79,7 +79,7 @@ impl WindowTarget {
         Self::on(gpu, Surface::of_window(gpu, window)?, width, height)
     }
 
-    /// A window that no one sees, for tests of the way to the screen.
+    /// A surface without a window, for tests of presentation.
     ///
     /// # Errors
     /// A driver without `VK_EXT_headless_surface`.
@@ -110,7 +110,7 @@ impl WindowTarget {
     }
 
     /// Shows the renderer's first view, waiting for the display if it is busy, but not for a window that
-    /// is hidden: that one is [`Shown::NotNow`] after 0.2 s.
+    /// is hidden: that one is [`PresentOutcome::NotNow`] after 0.2 s.
     ///
     /// # Errors
     /// A renderer on another device, a device that fails, or a window that is gone.
@@ -118,13 +118,13 @@ impl WindowTarget {
         &mut self,
         renderer: &SplatRenderer,
         backdrop: Backdrop,
-    ) -> Result<Shown, RenderError> {
+    ) -> Result<PresentOutcome, RenderError> {
         if !Arc::ptr_eq(renderer.gpu(), &self.gpu) {
-            return Err(refused(&self.gpu, "the renderer draws on another device").into());
+            return Err(no_presentation(&self.gpu, "the renderer draws on another device").into());
         }
         let target = renderer.target()?;
         // What follows frees and rebinds what an earlier picture may still be made with.
-        self.commands.settle()?;
+        self.commands.wait()?;
         if self
             .swapchain
             .as_ref()
@@ -133,7 +133,7 @@ impl WindowTarget {
             self.renew()?;
         }
         let Some(swapchain) = &self.swapchain else {
-            return Ok(Shown::NotNow);
+            return Ok(PresentOutcome::NotNow);
         };
         // The picture's buffer may be another renderer's each time.
         let composed = Composed::new(&self.gpu, target, swapchain.extent, self.composed.take())?;
@@ -141,11 +141,11 @@ impl WindowTarget {
             Acquired::Image(index) => index,
             Acquired::Busy => {
                 self.composed = Some(composed);
-                return Ok(Shown::NotNow);
+                return Ok(PresentOutcome::NotNow);
             }
             Acquired::Outdated => {
                 self.resize(self.wanted.width, self.wanted.height);
-                return Ok(Shown::NotNow);
+                return Ok(PresentOutcome::NotNow);
             }
         };
         let (image, written) = swapchain.image(index);
@@ -170,7 +170,7 @@ impl WindowTarget {
             self.resize(self.wanted.width, self.wanted.height);
         }
         shown?;
-        Ok(Shown::Yes)
+        Ok(PresentOutcome::Presented)
     }
 
     /// A swapchain for the window as it is now; none while it has no area. No work is in flight.

@@ -8,7 +8,7 @@ use glam::{Affine3A, Vec3};
 use renderer_splat::camera::Camera;
 use renderer_splat::drawing::{Drawing, Foreground, Part};
 use renderer_splat::gaussian::{Gaussian, PackedGaussian};
-use renderer_splat::motion_bound::{Change, ForegroundPath};
+use renderer_splat::motion_bound::{Change, MotionBound};
 use renderer_splat::options::{BackEnd, RendererOptions};
 use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::choice::GpuChoice;
@@ -89,7 +89,7 @@ fn pictures_after_the_first_few_are_drawn_without_an_allocation() {
                 .foreground_slot_for(u32::from(COUNT))
                 .expect("memory for a slot")
         });
-        let mut path = ForegroundPath::new();
+        let mut path = MotionBound::new();
         let mut taken = 0;
         for picture in 0u16..40 {
             // Some of these sort and some do not; the size changes now and then.

@@ -1,4 +1,4 @@
-//! Images that quads are drawn into, with one layer for each view, and views of images.
+//! Colour attachments with one layer for each view, and views of images.
 
 use std::sync::Arc;
 
@@ -8,13 +8,13 @@ use crate::error::{VkContext, VulkanError};
 use crate::gpu::Gpu;
 use crate::memory::Memory;
 
-/// What becomes of what was drawn.
+/// What an attachment's contents are used for after they were drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fate {
-    /// It is copied elsewhere.
+pub enum AttachmentUse {
+    /// They are copied to a buffer.
     Copied,
-    /// The same pass reads it, and nobody after that: a GPU that draws tile by tile never has it in memory.
-    Passing,
+    /// Only a later subpass of the same pass reads them: a tile-based GPU never writes them to memory.
+    Transient,
 }
 
 /// A view of all layers of an image, which outlives it.
@@ -73,14 +73,14 @@ impl Drop for View {
 
 /// An image with its memory.
 #[derive(Debug)]
-struct OwnImage {
+struct OwnedImage {
     gpu: Arc<Gpu>,
     handle: vk::Image,
     // Dropped after the image is destroyed.
     memory: Option<Memory>,
 }
 
-impl Drop for OwnImage {
+impl Drop for OwnedImage {
     fn drop(&mut self) {
         // SAFETY: owners wait for the device before they drop.
         unsafe { self.gpu.device().destroy_image(self.handle, None) };
@@ -93,7 +93,7 @@ pub struct Attachment {
     // Dropped first.
     /// For framebuffers and descriptor sets.
     pub view: View,
-    image: OwnImage,
+    image: OwnedImage,
     layers: u32,
 }
 
@@ -108,16 +108,18 @@ impl Attachment {
         format: vk::Format,
         size: vk::Extent2D,
         layers: u32,
-        fate: Fate,
+        usage_after: AttachmentUse,
     ) -> Result<Self, VulkanError> {
         use vk::{ImageUsageFlags as Usage, MemoryPropertyFlags as Kind};
-        let usage = match fate {
-            Fate::Copied => Usage::TRANSFER_SRC,
-            Fate::Passing => Usage::INPUT_ATTACHMENT | Usage::TRANSIENT_ATTACHMENT,
+        let usage = match usage_after {
+            AttachmentUse::Copied => Usage::TRANSFER_SRC,
+            AttachmentUse::Transient => Usage::INPUT_ATTACHMENT | Usage::TRANSIENT_ATTACHMENT,
         };
-        let kinds: &[_] = match fate {
-            Fate::Copied => &[Kind::DEVICE_LOCAL, Kind::empty()],
-            Fate::Passing => &[Kind::LAZILY_ALLOCATED, Kind::DEVICE_LOCAL, Kind::empty()],
+        let kinds: &[_] = match usage_after {
+            AttachmentUse::Copied => &[Kind::DEVICE_LOCAL, Kind::empty()],
+            AttachmentUse::Transient => {
+                &[Kind::LAZILY_ALLOCATED, Kind::DEVICE_LOCAL, Kind::empty()]
+            }
         };
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
@@ -132,7 +134,7 @@ impl Attachment {
         // SAFETY: the structure is complete.
         let handle = unsafe { device.create_image(&info, None) }.during("vkCreateImage")?;
         // Owns the handle from here on, so that an error below frees it.
-        let mut image = OwnImage {
+        let mut image = OwnedImage {
             gpu: Arc::clone(gpu),
             handle,
             memory: None,
@@ -171,7 +173,7 @@ impl Attachment {
             })
             .image_extent(size.into())];
         let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
-        let OwnImage { gpu, handle, .. } = &self.image;
+        let OwnedImage { gpu, handle, .. } = &self.image;
         // SAFETY: the command buffer is being recorded; the buffer holds all layers at that stride.
         unsafe {
             let device = gpu.device();

@@ -10,9 +10,9 @@ use crate::error::{VkContext, VulkanError};
 use crate::gpu::Gpu;
 use crate::memory::Memory;
 
-/// Who touches a buffer's bytes.
+/// Which side writes a buffer and which reads it; decides the kind of memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum MemoryUsage {
     /// The device alone.
     Device,
     /// The host writes, the device reads.
@@ -21,7 +21,7 @@ pub enum Place {
     ReadBack,
 }
 
-impl Place {
+impl MemoryUsage {
     /// Kinds of memory, the best first.
     fn memory(self) -> &'static [vk::MemoryPropertyFlags] {
         use vk::MemoryPropertyFlags as Flags;
@@ -62,7 +62,7 @@ impl Buffer {
         what: &'static str,
         size: u64,
         usage: vk::BufferUsageFlags,
-        place: Place,
+        place: MemoryUsage,
     ) -> Result<Self, VulkanError> {
         let size = size.max(16).next_multiple_of(4);
         let limit = u64::from(gpu.limits.max_storage_buffer_range);
@@ -93,7 +93,7 @@ impl Buffer {
         // SAFETY: fresh memory of the size and type the buffer asked for.
         unsafe { gpu.device().bind_buffer_memory(handle, memory_handle, 0) }
             .during("vkBindBufferMemory")?;
-        if place != Place::Device {
+        if place != MemoryUsage::Device {
             // SAFETY: the memory is host visible and not mapped yet.
             let address = unsafe {
                 gpu.device().map_memory(
@@ -119,7 +119,7 @@ impl Buffer {
             what,
             size,
             vk::BufferUsageFlags::STORAGE_BUFFER,
-            Place::Device,
+            MemoryUsage::Device,
         )
     }
 
@@ -133,13 +133,18 @@ impl Buffer {
         self.size
     }
 
-    /// Copies values to the buffer's start. The caller made the buffer for uploads, large enough, and the
-    /// device is not reading it.
+    /// Copies values to the buffer's start. The device is not reading it.
+    ///
+    /// # Panics
+    /// If the buffer was not made for [`MemoryUsage::Upload`], or is smaller than the values.
     pub fn write<T: Pod>(&mut self, values: &[T]) {
         self.write_at(0, values);
     }
 
     /// As [`Self::write`], from the place of the value number `first` on.
+    ///
+    /// # Panics
+    /// As [`Self::write`].
     pub fn write_at<T: Pod>(&mut self, first: usize, values: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         let start = first * size_of::<T>();
@@ -161,11 +166,13 @@ impl Buffer {
         }
     }
 
-    /// The buffer's first `count` values in place, for the host to write. The caller made the buffer for uploads, large
-    /// enough.
+    /// The buffer's first `count` values in place, for the host to write.
+    ///
+    /// # Panics
+    /// As [`Self::write`].
     ///
     /// # Safety
-    /// No one else reaches the buffer's memory from the host while the slice lives.
+    /// Nothing else accesses the buffer's memory from the host while the slice lives.
     #[expect(
         clippy::mut_from_ref,
         reason = "the buffer is shared for its handle; the caller owns its memory"
@@ -201,15 +208,20 @@ impl Buffer {
         Arc::ptr_eq(&self.gpu, gpu)
     }
 
-    /// The buffer's first value, for one made for reading back, once the device has finished writing.
+    /// The buffer's first value. The device has finished writing.
+    ///
+    /// # Panics
+    /// As [`Self::read`].
     pub fn read_one<T: Pod>(&self) -> T {
         let mut value = T::zeroed();
         self.read_into(std::slice::from_mut(&mut value));
         value
     }
 
-    /// The buffer's first `count` values. The caller made the buffer for reading back, large enough, and
-    /// the device has finished writing.
+    /// The buffer's first `count` values. The device has finished writing.
+    ///
+    /// # Panics
+    /// If the buffer was not made for [`MemoryUsage::ReadBack`], or is smaller than the values.
     pub fn read<T: Pod>(&self, count: usize) -> Vec<T> {
         let mut values = vec![T::zeroed(); count];
         self.read_into(&mut values);

@@ -66,17 +66,17 @@ pub(crate) fn rank(kind: vk::PhysicalDeviceType) -> u32 {
 
 /// The first that succeeds, else the first error; nothing of nothing. The errors of better devices than the
 /// one found are logged.
-pub(crate) fn first_able<T, E: fmt::Display>(
+pub(crate) fn first_usable<T, E: fmt::Display>(
     outcomes: impl IntoIterator<Item = Result<T, E>>,
 ) -> Option<Result<T, E>> {
     let mut failures = Vec::new();
     for outcome in outcomes {
         match outcome {
-            Ok(able) => {
+            Ok(usable) => {
                 for why in failures {
                     log::warn!("passed over: {why}");
                 }
-                return Some(Ok(able));
+                return Some(Ok(usable));
             }
             Err(why) => failures.push(why),
         }
@@ -90,11 +90,11 @@ mod tests {
 
     #[test]
     fn the_first_device_that_can_draw_is_taken_and_else_the_first_reason_told() {
-        let able = first_able([Err("old"), Ok(1), Ok(2)]);
-        assert_eq!(able, Some(Ok(1)), "an old device before two able ones");
-        let none: Option<Result<u32, _>> = first_able([Err("old"), Err("odd")]);
+        let usable = first_usable([Err("old"), Ok(1), Ok(2)]);
+        assert_eq!(usable, Some(Ok(1)), "an old device before two usable ones");
+        let none: Option<Result<u32, _>> = first_usable([Err("old"), Err("odd")]);
         assert_eq!(none, Some(Err("old")), "two that cannot draw");
-        let empty = first_able(std::iter::empty::<Result<u32, &str>>());
+        let empty = first_usable(std::iter::empty::<Result<u32, &str>>());
         assert_eq!(empty, None, "no device");
     }
 

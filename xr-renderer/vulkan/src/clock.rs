@@ -80,9 +80,9 @@ pub struct HostClock {
     known: Option<Sample>,
 }
 
-/// A picture's stamps on the host's clock.
+/// The device's timestamps on the host's clock.
 #[derive(Debug, Clone, Copy)]
-pub struct Placed<const POINTS: usize> {
+pub struct HostTimes<const POINTS: usize> {
     /// When the device passed each point.
     pub at: [Instant; POINTS],
     /// How far off all of them may be.
@@ -103,11 +103,11 @@ impl HostClock {
     ///
     /// # Errors
     /// A device that fails.
-    pub fn place<const POINTS: usize>(
+    pub fn to_host<const POINTS: usize>(
         &mut self,
         ticks: [u64; POINTS],
         [submitted, finished]: [Instant; 2],
-    ) -> Result<Placed<POINTS>, VulkanError> {
+    ) -> Result<HostTimes<POINTS>, VulkanError> {
         let gpu = &self.gpu;
         let first = ticks.first().copied().unwrap_or_default();
         let last = ticks.last().copied().unwrap_or_default();
@@ -139,7 +139,7 @@ impl HostClock {
             let after = Duration::from_secs_f64(gpu.nanoseconds(first, tick) * 1e-9);
             (begin + after).min(finished)
         });
-        Ok(Placed { at, within: half })
+        Ok(HostTimes { at, within: half })
     }
 }
 
@@ -210,7 +210,7 @@ mod tests {
             let ticks = timestamps.read().expect("two stamps");
             let run = commands.last_run();
             let [one, other] = [&mut compared, &mut enclosed].map(|clock| {
-                let placed = clock.place(ticks, run).expect("a placed picture");
+                let placed = clock.to_host(ticks, run).expect("a placed picture");
                 let [begin, end] = placed.at;
                 assert!(
                     run[0] <= begin && begin <= end && end <= run[1],

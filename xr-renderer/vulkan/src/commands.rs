@@ -9,7 +9,7 @@ use crate::error::{VkContext, VulkanError};
 use crate::gpu::Gpu;
 
 /// Longer than any picture on a software driver, short enough that a hung driver becomes an error.
-const PATIENCE: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// One command buffer that is recorded anew for each use.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ pub struct Commands {
     in_flight: Option<&'static str>,
     /// When work was last handed to the queue, and seen to end.
     last_run: [Instant; 2],
-    patience: Duration,
+    timeout: Duration,
 }
 
 impl Commands {
@@ -44,7 +44,7 @@ impl Commands {
             fence: vk::Fence::null(),
             in_flight: None,
             last_run: [Instant::now(); 2],
-            patience: PATIENCE,
+            timeout: TIMEOUT,
         };
         let info = vk::CommandBufferAllocateInfo::default()
             .command_pool(pool)
@@ -68,20 +68,20 @@ impl Commands {
     ///
     /// # Errors
     /// [`VulkanError::Timeout`] after two minutes, or a device that fails.
-    pub fn settle(&mut self) -> Result<(), VulkanError> {
+    pub fn wait(&mut self) -> Result<(), VulkanError> {
         let Some(what) = self.in_flight else {
             return Ok(());
         };
         let device = self.gpu.device();
         let fences = [self.fence];
-        let nanoseconds = u64::try_from(self.patience.as_nanos()).unwrap_or(u64::MAX);
+        let nanoseconds = u64::try_from(self.timeout.as_nanos()).unwrap_or(u64::MAX);
         // SAFETY: the fence was given to the queue with the work; it is reset only once it is signalled.
         unsafe {
             match device.wait_for_fences(&fences, true, nanoseconds) {
                 Err(vk::Result::TIMEOUT) => {
                     return Err(VulkanError::Timeout {
                         what,
-                        seconds: self.patience.as_secs(),
+                        seconds: self.timeout.as_secs(),
                     });
                 }
                 done => done.during(what)?,
@@ -95,7 +95,7 @@ impl Commands {
     /// Records, submits and waits. `what` names the work in errors.
     ///
     /// # Errors
-    /// As [`Self::settle`].
+    /// As [`Self::wait`].
     pub fn run(
         &mut self,
         what: &'static str,
@@ -107,7 +107,7 @@ impl Commands {
     /// As [`Self::run`]; the device's copies begin after `wait`, if any, and its end signals `signal`.
     ///
     /// # Errors
-    /// As [`Self::settle`].
+    /// As [`Self::wait`].
     pub fn run_between(
         &mut self,
         what: &'static str,
@@ -116,15 +116,15 @@ impl Commands {
         record: impl FnOnce(vk::CommandBuffer),
     ) -> Result<(), VulkanError> {
         let start = self.begin(what, wait, signal, record)?;
-        self.settle()?;
+        self.wait()?;
         self.last_run = [start, Instant::now()];
         Ok(())
     }
 
-    /// Records and submits, without waiting: [`Self::settle`] does, before any of what the work uses is touched again.
+    /// Records and submits, without waiting: [`Self::wait`] does, before any of what the work uses is touched again.
     ///
     /// # Errors
-    /// As [`Self::settle`].
+    /// As [`Self::wait`].
     pub fn submit(
         &mut self,
         what: &'static str,
@@ -141,7 +141,7 @@ impl Commands {
         signal: Option<vk::Semaphore>,
         record: impl FnOnce(vk::CommandBuffer),
     ) -> Result<Instant, VulkanError> {
-        self.settle()?;
+        self.wait()?;
         if self.gpu.is_declared_lost() {
             return Err(VulkanError::DeviceLost(what));
         }
@@ -191,7 +191,7 @@ impl Commands {
 
 impl Drop for Commands {
     fn drop(&mut self) {
-        self.gpu.wait_idle();
+        self.gpu.wait_idle_or_warn();
         // SAFETY: after an error work may still have been under way: it was waited for.
         unsafe {
             self.gpu.device().destroy_fence(self.fence, None);
@@ -242,7 +242,7 @@ mod tests {
         let go = unsafe { device.create_event(&vk::EventCreateInfo::default(), None) }
             .expect("an event");
         let mut commands = Commands::new(&gpu).expect("commands");
-        commands.patience = Duration::from_millis(50);
+        commands.timeout = Duration::from_millis(50);
         let stuck = commands.run("waiting", |buffer| {
             use vk::PipelineStageFlags as Stage;
             let (from, to) = (Stage::HOST, Stage::TRANSFER);
@@ -270,7 +270,7 @@ mod tests {
             );
         }
         assert_eq!(recorded, 0, "recordings over commands in use");
-        commands.patience = PATIENCE;
+        commands.timeout = TIMEOUT;
         commands
             .run("more", |_| recorded += 1)
             .expect("the device is free again");

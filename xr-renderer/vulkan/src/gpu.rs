@@ -1,4 +1,4 @@
-//! The opened Vulkan device: one queue that draws and computes, and what the rest must know of it.
+//! The opened Vulkan device, with one queue for graphics and compute.
 
 use std::ffi::CStr;
 use std::fmt;
@@ -8,11 +8,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use ash::{ext, khr, vk};
 
 use crate::calibration::Calibration;
-use crate::choice::{GpuChoice, first_able, rank};
+use crate::choice::{GpuChoice, first_usable, rank};
 use crate::error::{VkContext, VulkanError};
 use crate::factory::{OwnFactory, VulkanFactory};
 use crate::instance::{Instance, contains};
-use crate::physical::{Ability, Candidate, DeviceInfo, Subgroup};
+use crate::physical::{Candidate, Capabilities, DeviceInfo, Subgroup};
 use crate::validation::Messenger;
 
 /// A Vulkan device, its queue and its instance. Everything drawn with holds an `Arc` of it.
@@ -36,13 +36,12 @@ pub struct Gpu {
     pub(crate) memory_taken: AtomicU64,
     /// Whether work is refused, as by a device that its driver gave up.
     declared_lost: AtomicBool,
-    /// Whether a test says that it is a headset's.
+    /// Whether a test declared it a headset's.
     declared_headsets: AtomicBool,
     /// Whether a headset's runtime made it, with what the runtime itself needs.
     belongs_to_headset: bool,
     /// How it was opened, to open it again.
     choice: GpuChoice,
-    // Vulkan wants submissions to a queue one at a time.
     queue: Mutex<vk::Queue>,
     info: DeviceInfo,
 }
@@ -100,26 +99,26 @@ impl Gpu {
             .then(|| Messenger::new(&instance.entry, &instance.handle))
             .transpose()?;
         let wanted = factory.wanted_device(&instance.handle)?;
-        let (chosen, ability) = match wanted {
+        let (chosen, capabilities) = match wanted {
             Some(handle) => {
                 let candidate = Candidate::read(&instance.handle, handle)?;
-                let ability = candidate.ability(&instance.handle)?;
-                (candidate, ability)
+                let capabilities = candidate.capabilities(&instance.handle)?;
+                (candidate, capabilities)
             }
             None => choose(&instance, choice)?,
         };
-        let ability = Ability {
-            broadcasts: ability.broadcasts && !factory.adds_features(),
-            density_maps: ability.density_maps && wanted.is_some(),
-            ..ability
+        let capabilities = Capabilities {
+            broadcasts: capabilities.broadcasts && !factory.adds_features(),
+            density_maps: capabilities.density_maps && wanted.is_some(),
+            ..capabilities
         };
-        let Ability {
+        let Capabilities {
             subgroup,
             queue_family,
             timestamp_bits,
             broadcasts,
             density_maps,
-        } = ability;
+        } = capabilities;
         let has_swapchain = instance.surface_extensions.contains(&khr::surface::NAME)
             && contains(&chosen.extensions, khr::swapchain::NAME);
         let clock = (timestamp_bits > 0)
@@ -130,7 +129,7 @@ impl Gpu {
             clock,
             density_maps.then_some(ext::fragment_density_map::NAME),
         ];
-        let device = open_device(factory, &instance, &chosen, &ability, optional)?;
+        let device = open_device(factory, &instance, &chosen, &capabilities, optional)?;
         let calibration = clock.map(|name| Calibration::new(&instance, &device.0, name));
         // SAFETY: the family and its first queue were asked for when the device was made.
         let queue = unsafe { device.0.get_device_queue(queue_family, 0) };
@@ -189,7 +188,7 @@ impl Gpu {
         self.belongs_to_headset || self.declared_headsets.load(Ordering::Relaxed)
     }
 
-    /// Makes [`Self::belongs_to_headset`] true, whoever made the device: for tests of what follows from that.
+    /// Makes [`Self::belongs_to_headset`] true for any device: for tests of what follows from that.
     pub fn declare_headsets(&self) {
         self.declared_headsets.store(true, Ordering::Relaxed);
     }
@@ -233,8 +232,8 @@ impl Gpu {
     ///
     /// # Errors
     /// If the device is lost.
-    pub fn rest(&self) -> Result<(), VulkanError> {
-        // SAFETY: the queue is the device's, and nobody else uses it meanwhile.
+    pub fn wait_idle(&self) -> Result<(), VulkanError> {
+        // SAFETY: the queue is the device's, and locked.
         self.with_queue(|queue| unsafe { self.device().queue_wait_idle(queue) })
             .during("vkQueueWaitIdle")
     }
@@ -273,7 +272,6 @@ impl Gpu {
     }
 
     /// The device's limits.
-    #[must_use]
     pub fn limits(&self) -> &vk::PhysicalDeviceLimits {
         &self.limits
     }
@@ -290,15 +288,15 @@ impl Gpu {
         &mut self.features
     }
 
-    /// Runs `use_queue` while no one else uses the queue.
+    /// Locks the queue and runs `use_queue` with it: Vulkan wants submissions to a queue one at a time.
     pub fn with_queue<T>(&self, use_queue: impl FnOnce(vk::Queue) -> T) -> T {
         use_queue(*self.queue.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Waits until the queue has done all that it was given, as must come before what it uses is destroyed after an error.
-    /// A lost device returns at once.
-    pub fn wait_idle(&self) {
-        // SAFETY: no one else uses the queue meanwhile.
+    /// As [`Self::wait_idle`], but logs an error instead of returning it: for destructors, which must wait for the queue before
+    /// they destroy what it uses. A lost device returns at once.
+    pub fn wait_idle_or_warn(&self) {
+        // SAFETY: the queue is locked.
         let waited = unsafe { self.with_queue(|queue| self.device().queue_wait_idle(queue)) };
         if let Err(result) = waited {
             log::warn!("waiting for the Vulkan queue failed: {result}");
@@ -307,7 +305,10 @@ impl Gpu {
 }
 
 /// The best of the devices that the choice allows and that can draw.
-fn choose(instance: &Instance, choice: &GpuChoice) -> Result<(Candidate, Ability), VulkanError> {
+fn choose(
+    instance: &Instance,
+    choice: &GpuChoice,
+) -> Result<(Candidate, Capabilities), VulkanError> {
     // SAFETY: no preconditions.
     let handles = unsafe { instance.handle.enumerate_physical_devices() }
         .during("vkEnumeratePhysicalDevices")?;
@@ -327,10 +328,10 @@ fn choose(instance: &Instance, choice: &GpuChoice) -> Result<(Candidate, Ability
         .into_iter()
         .filter(|candidate| choice.accepts(&candidate.info.name, candidate.driver_id))
         .map(|candidate| {
-            let ability = candidate.ability(&instance.handle)?;
-            Ok((candidate, ability))
+            let capabilities = candidate.capabilities(&instance.handle)?;
+            Ok((candidate, capabilities))
         });
-    first_able(accepted).unwrap_or_else(|| {
+    first_usable(accepted).unwrap_or_else(|| {
         Err(VulkanError::NoSuchDevice {
             wanted: choice.to_string(),
             present,
@@ -342,16 +343,16 @@ fn open_device<F: VulkanFactory>(
     factory: &F,
     instance: &Instance,
     chosen: &Candidate,
-    ability: &Ability,
+    capabilities: &Capabilities,
     optional: [Option<&'static CStr>; 3],
 ) -> Result<Device, F::Error> {
-    let &Ability {
+    let &Capabilities {
         subgroup,
         queue_family,
         broadcasts,
         density_maps,
         ..
-    } = ability;
+    } = capabilities;
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(queue_family)

@@ -9,7 +9,7 @@ use crate::gpu::Gpu;
 
 /// What is particular to a pipeline; the rest is the same for all: no vertices, no culling, one sample.
 #[derive(Debug)]
-pub struct Triangles<'a> {
+pub struct GraphicsPipelineInfo<'a> {
     /// The shaders.
     pub stages: &'a [vk::PipelineShaderStageCreateInfo<'a>],
     /// How each colour attachment takes what is drawn.
@@ -36,7 +36,10 @@ impl GraphicsPipeline {
     ///
     /// # Errors
     /// A device that fails.
-    pub fn new(gpu: &Arc<Gpu>, triangles: &Triangles<'_>) -> Result<Self, VulkanError> {
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        description: &GraphicsPipelineInfo<'_>,
+    ) -> Result<Self, VulkanError> {
         let input = vk::PipelineVertexInputStateCreateInfo::default();
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
             .topology(vk::PrimitiveTopology::TRIANGLE_LIST);
@@ -51,14 +54,15 @@ impl GraphicsPipeline {
             .rasterization_samples(vk::SampleCountFlags::TYPE_1);
         // Vulkan writes no depth that it does not test.
         let depth = vk::PipelineDepthStencilStateCreateInfo::default()
-            .depth_test_enable(triangles.writes_depth)
-            .depth_write_enable(triangles.writes_depth)
+            .depth_test_enable(description.writes_depth)
+            .depth_write_enable(description.writes_depth)
             .depth_compare_op(vk::CompareOp::ALWAYS);
-        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(triangles.blends);
+        let blend =
+            vk::PipelineColorBlendStateCreateInfo::default().attachments(description.blends);
         let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
         let info = [vk::GraphicsPipelineCreateInfo::default()
-            .stages(triangles.stages)
+            .stages(description.stages)
             .vertex_input_state(&input)
             .input_assembly_state(&assembly)
             .viewport_state(&viewport)
@@ -67,9 +71,9 @@ impl GraphicsPipeline {
             .depth_stencil_state(&depth)
             .color_blend_state(&blend)
             .dynamic_state(&dynamic)
-            .layout(triangles.layout)
-            .render_pass(triangles.pass)
-            .subpass(triangles.subpass)];
+            .layout(description.layout)
+            .render_pass(description.pass)
+            .subpass(description.subpass)];
         let device = gpu.device();
         // SAFETY: modules, layout, pass and all structures live until the call returns.
         let made =

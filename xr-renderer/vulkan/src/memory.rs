@@ -1,4 +1,4 @@
-//! Device memory, counted: who runs out of it is told how much was taken, and of how much.
+//! Device memory. Allocations are counted, so that an error can say how much is taken.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;

@@ -43,7 +43,7 @@ pub(crate) struct Candidate {
 
 /// How a device that can draw is used.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Ability {
+pub(crate) struct Capabilities {
     pub(crate) subgroup: Subgroup,
     pub(crate) queue_family: u32,
     /// Bits of a timestamp that count; 0 where the queue has none.
@@ -70,7 +70,7 @@ fn version(packed: u32) -> String {
 }
 
 impl Candidate {
-    /// Reads a device's properties. It may still turn out unable to draw: see [`Self::ability`].
+    /// Reads a device's properties. It may still turn out unable to draw: see [`Self::capabilities`].
     pub(crate) fn read(
         instance: &ash::Instance,
         handle: vk::PhysicalDevice,
@@ -119,10 +119,13 @@ impl Candidate {
     }
 
     /// What to open the device with, or what it lacks.
-    pub(crate) fn ability(&self, instance: &ash::Instance) -> Result<Ability, VulkanError> {
+    pub(crate) fn capabilities(
+        &self,
+        instance: &ash::Instance,
+    ) -> Result<Capabilities, VulkanError> {
         let subgroup = self.subgroup(instance)?;
         let (queue_family, family) = self.queue_family(instance)?;
-        Ok(Ability {
+        Ok(Capabilities {
             subgroup,
             queue_family,
             timestamp_bits: family.timestamp_valid_bits,

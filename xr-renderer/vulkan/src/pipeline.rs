@@ -161,7 +161,6 @@ impl<'a> Constants<'a> {
     }
 
     /// For a pipeline stage.
-    #[must_use]
     pub fn info(&self) -> vk::SpecializationInfo<'_> {
         vk::SpecializationInfo::default()
             .map_entries(&self.entries)

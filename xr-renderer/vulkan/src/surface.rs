@@ -26,7 +26,7 @@ impl std::fmt::Debug for Surface {
 }
 
 /// The error that says why a window cannot be presented to.
-pub fn refused(gpu: &Gpu, why: impl Into<String>) -> VulkanError {
+pub fn no_presentation(gpu: &Gpu, why: impl Into<String>) -> VulkanError {
     VulkanError::NoPresentation {
         device: gpu.info().name.clone(),
         why: why.into(),
@@ -46,17 +46,18 @@ impl Surface {
         let instance = &gpu.instance.handle;
         let display = window
             .display_handle()
-            .map_err(|why| refused(gpu, why.to_string()))?;
+            .map_err(|why| no_presentation(gpu, why.to_string()))?;
         let raw = window
             .window_handle()
-            .map_err(|why| refused(gpu, why.to_string()))?;
-        let needed = ash_window::enumerate_required_extensions(display.as_raw())
-            .map_err(|_| refused(gpu, "no Vulkan extension is known for its windowing system"))?;
+            .map_err(|why| no_presentation(gpu, why.to_string()))?;
+        let needed = ash_window::enumerate_required_extensions(display.as_raw()).map_err(|_| {
+            no_presentation(gpu, "no Vulkan extension is known for its windowing system")
+        })?;
         for name in needed {
             // SAFETY: ash-window gives static, NUL-terminated names.
             let name = unsafe { std::ffi::CStr::from_ptr(*name) };
             if !gpu.instance.surface_extensions.contains(&name) {
-                return Err(refused(
+                return Err(no_presentation(
                     gpu,
                     format!("{} is missing", name.to_string_lossy()),
                 ));
@@ -70,7 +71,7 @@ impl Surface {
         Self::new(gpu, handle, Some(window))
     }
 
-    /// A surface that no one sees.
+    /// A surface without a window (`VK_EXT_headless_surface`).
     ///
     /// # Errors
     /// [`VulkanError::NoPresentation`] without `VK_EXT_headless_surface`.
@@ -80,7 +81,7 @@ impl Surface {
             .surface_extensions
             .contains(&ext::headless_surface::NAME)
         {
-            return Err(refused(gpu, "VK_EXT_headless_surface is missing"));
+            return Err(no_presentation(gpu, "VK_EXT_headless_surface is missing"));
         }
         let loader =
             ext::headless_surface::Instance::new(&gpu.instance.entry, &gpu.instance.handle);
@@ -104,7 +105,7 @@ impl Surface {
             _window: window,
         };
         if !gpu.has_swapchain {
-            return Err(refused(gpu, "it has no swapchains"));
+            return Err(no_presentation(gpu, "it has no swapchains"));
         }
         // SAFETY: family and surface belong to this instance.
         let supported = unsafe {
@@ -118,7 +119,7 @@ impl Surface {
         if supported {
             Ok(surface)
         } else {
-            Err(refused(gpu, "its queue cannot reach the window"))
+            Err(no_presentation(gpu, "its queue cannot reach the window"))
         }
     }
 
@@ -149,7 +150,7 @@ impl Surface {
                 wanted.contains(&offered.format)
                     && offered.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR
             })
-            .ok_or_else(|| refused(&self.gpu, "it offers no 8-bit UNORM format"))
+            .ok_or_else(|| no_presentation(&self.gpu, "it offers no 8-bit UNORM format"))
     }
 }
 

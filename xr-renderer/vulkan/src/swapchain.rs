@@ -6,7 +6,7 @@ use ash::{khr, vk};
 
 use crate::error::{VkContext, VulkanError};
 use crate::gpu::Gpu;
-use crate::surface::{Surface, refused};
+use crate::surface::{Surface, no_presentation};
 
 /// Many frames of any display, yet short enough that a window can be closed while it is hidden: some
 /// drivers hand out no image until it is seen again.
@@ -80,7 +80,7 @@ impl Swapchain {
             .supported_usage_flags
             .contains(vk::ImageUsageFlags::TRANSFER_DST)
         {
-            return Err(refused(gpu, "its images cannot be copied to"));
+            return Err(no_presentation(gpu, "its images cannot be copied to"));
         }
         let format = surface.format()?;
         let most = if can.max_image_count == 0 {
@@ -94,7 +94,7 @@ impl Swapchain {
         ]
         .into_iter()
         .find(|mode| can.supported_composite_alpha.contains(*mode))
-        .ok_or_else(|| refused(gpu, "it offers no opaque composition"))?;
+        .ok_or_else(|| no_presentation(gpu, "it offers no opaque composition"))?;
         let info = vk::SwapchainCreateInfoKHR::default()
             .surface(surface.handle)
             .min_image_count((can.min_image_count + 1).min(most))
@@ -160,6 +160,9 @@ impl Swapchain {
     }
 
     /// An image and the semaphore that its writer signals. The index came from [`Self::acquire`].
+    ///
+    /// # Panics
+    /// On an index beyond the images.
     pub fn image(&self, index: u32) -> (vk::Image, vk::Semaphore) {
         (self.images[index as usize], self.written[index as usize])
     }

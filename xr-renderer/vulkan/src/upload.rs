@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ash::vk;
 use bytemuck::Pod;
 
-use crate::buffer::{Buffer, Place};
+use crate::buffer::{Buffer, MemoryUsage};
 use crate::error::VulkanError;
 use crate::gpu::Gpu;
 
@@ -28,7 +28,7 @@ impl Upload {
     ) -> Result<Self, VulkanError> {
         let bytes = size_of_val(values) as u64;
         let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
-        let mut staging = Buffer::new(gpu, what, bytes, storage, Place::Upload)?;
+        let mut staging = Buffer::new(gpu, what, bytes, storage, MemoryUsage::Upload)?;
         staging.write(values);
         let copy = (!gpu.features().shares_memory)
             .then(|| Buffer::storage(gpu, what, bytes))
@@ -50,7 +50,7 @@ impl Upload {
     }
 
     /// Frees the host's side of what is not written again. The device is idle and has the copy.
-    pub fn keep_copy(&mut self) {
+    pub fn free_staging(&mut self) {
         if let Some(copy) = self.copy.take() {
             self.staging = copy;
         }

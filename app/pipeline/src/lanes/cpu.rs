@@ -13,7 +13,7 @@ use crate::stage::Stage;
 use crate::timeline::Timeline;
 use app_kernels::state::StateChange;
 use app_kernels::{Blend, Detail};
-use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::slot::ForegroundSlot;
 use spmm3::MotionParams;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -79,7 +79,7 @@ pub(super) struct CpuLane {
     pub(super) renewed: Receiver<Writer<Interpolated>>,
     pub(super) bell: WakeSignal,
     pub(super) recorder: Recorder,
-    pub(super) path: ForegroundPath,
+    pub(super) path: MotionBound,
     pub(super) making: Option<Making>,
     /// The picture that is to be made next.
     pub(super) due: Option<Request>,
@@ -216,7 +216,7 @@ impl CpuLane {
         match way {
             Some(way) => self.path.advance(way),
             // Other Gaussians, or a change that is not known.
-            None => self.path = ForegroundPath::new(),
+            None => self.path = MotionBound::new(),
         }
         self.shown = Some((now, request.level));
         let ended = self

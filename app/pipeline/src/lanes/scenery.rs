@@ -3,7 +3,7 @@
 
 use renderer_splat::drawing::{Foreground, Part};
 use renderer_splat::error::RenderError;
-use renderer_splat::motion_bound::{Change, ForegroundPath};
+use renderer_splat::motion_bound::{Change, MotionBound};
 use renderer_splat::renderer::SplatRenderer;
 use renderer_splat::slot::ForegroundSlot;
 use shaders_spirv::PackedGaussian;
@@ -17,7 +17,7 @@ pub(super) struct Scenery {
     /// One slot will do: it is drawn on the thread that writes it.
     slot: ForegroundSlot,
     kept: Vec<PackedGaussian>,
-    path: ForegroundPath,
+    path: MotionBound,
 }
 
 impl Scenery {
@@ -26,7 +26,7 @@ impl Scenery {
         Ok(Self {
             slot: renderer.foreground_slot_for(ROOM)?,
             kept: Vec::with_capacity(ROOM as usize),
-            path: ForegroundPath::new(),
+            path: MotionBound::new(),
         })
     }
 
@@ -50,7 +50,7 @@ impl Scenery {
             let change = (self.kept.iter().zip(gaussians)).map(|(old, new)| change(old, new));
             self.path.advance(change.fold(Change::default(), greater));
         } else {
-            self.path = ForegroundPath::new();
+            self.path = MotionBound::new();
         }
         self.kept.clear();
         self.kept.extend_from_slice(gaussians);

@@ -20,7 +20,7 @@ use crate::stage::Lane;
 use crate::timeline::{LatencyMode, Timeline};
 use app_kernels::Detail;
 use glam::Affine3A;
-use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::renderer::SplatRenderer;
 use spmm3::Avatar;
 use std::sync::Arc;
@@ -115,7 +115,7 @@ impl<S: MotionSource> Person<S> {
                 renewed,
                 bell: cpu_bell.clone(),
                 recorder: collector.recorder(Lane::Cpu),
-                path: ForegroundPath::new(),
+                path: MotionBound::new(),
                 making: None,
                 due: None,
                 lead: cpu::LEAST_LEAD,

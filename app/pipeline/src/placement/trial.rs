@@ -14,7 +14,7 @@ use app_kernels::state::GaussianState;
 use npu_runtime::{Availability, Landing, Origin, Provider, ProviderKind, QnnTarget, Runtime};
 use renderer_splat::camera::Camera;
 use renderer_splat::drawing::{Drawing, Foreground, Part};
-use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::posing::{PosedInput, StateId};
 use renderer_splat::renderer::SplatRenderer;
 use renderer_splat::slot::ForegroundSlot;
@@ -426,7 +426,7 @@ impl Canvas<'_> {
         let gaussians = slot.gaussians_mut().get_mut(..state.len());
         let blend = Blend::new(state, state, 0.5)?;
         blend.pack(0..state.len(), gaussians.unwrap_or_default())?;
-        slot.set(count, ForegroundPath::new())?;
+        slot.set(count, MotionBound::new())?;
         let packed = Instant::now();
         let parts = [Part::here(Foreground::Slot(slot))];
         self.renderer

@@ -7,7 +7,7 @@ use crate::overlay::{NOTICE_WIDTH_METRES, Notice, Panel};
 use app_pipeline::control::Control;
 use glam::Affine3A;
 use renderer_openxr::error::XrError;
-use renderer_openxr::session::{Over, Session, SessionOptions};
+use renderer_openxr::session::{Session, SessionEnd, SessionOptions};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Where a notice is written by one thread, and read by the headset's. Copies are the same one.
@@ -45,7 +45,7 @@ pub fn show_notice(
         let session = until_over(&found, board, control, &is_over);
         control.end_work();
         match session {
-            Ok(Some(Over::Lost)) => log::warn!("the headset is gone; waiting for it"),
+            Ok(Some(SessionEnd::Lost)) => log::warn!("the headset is gone; waiting for it"),
             Err(HeadsetError::Headset(error)) if error.is_loss() => {
                 log::warn!("{error}; waiting for it");
             }
@@ -67,7 +67,7 @@ fn until_over(
     board: &NoticeBoard,
     control: &Control,
     is_over: &dyn Fn() -> bool,
-) -> Result<Option<Over>, HeadsetError> {
+) -> Result<Option<SessionEnd>, HeadsetError> {
     let options = SessionOptions {
         room: true,
         read_back: false,
@@ -80,15 +80,15 @@ fn until_over(
         if happened.recentred {
             shown.floor_from_panel = None;
         }
-        if happened.over.is_some() {
-            return Ok(happened.over);
+        if happened.end.is_some() {
+            return Ok(happened.end);
         }
         let pauses = !control.may_work();
         if pauses {
-            session.rest()?;
+            session.wait_idle()?;
             control.end_work();
         }
-        if pauses || !session.life().is_running() {
+        if pauses || !session.lifecycle().is_running() {
             std::thread::sleep(IDLE);
             continue;
         }
@@ -109,7 +109,7 @@ impl Shown {
     fn frame(&mut self, session: &mut Session, board: &NoticeBoard) -> Result<(), XrError> {
         let frame = session.wait()?;
         let eyes = if frame.should_render {
-            session.look(&frame)?
+            session.locate_views(&frame)?
         } else {
             None
         };

@@ -19,7 +19,7 @@ use renderer_openxr::frame::{Eyes, Frame};
 use renderer_openxr::headset::{Headset, HeadsetOptions};
 use renderer_openxr::input::Controls;
 use renderer_openxr::runtime::Runtime;
-use renderer_openxr::session::{Over, Session, SessionOptions};
+use renderer_openxr::session::{Session, SessionEnd, SessionOptions};
 use renderer_splat::options::RendererOptions;
 use renderer_splat::renderer::SplatRenderer;
 use spmm3::Skeleton;
@@ -216,8 +216,8 @@ impl<S: MotionSource> Frames<'_, S> {
             };
             self.figures.opened += 1;
             match self.stay(&present) {
-                Ok(Over::Left) => return Ok(()),
-                Ok(Over::Lost) => {
+                Ok(SessionEnd::Exited) => return Ok(()),
+                Ok(SessionEnd::Lost) => {
                     log::warn!("the headset is gone; the call goes on and waits for it");
                 }
                 Err(HeadsetError::Headset(error)) if error.is_loss() => {
@@ -235,7 +235,7 @@ impl<S: MotionSource> Frames<'_, S> {
     }
 
     /// One session, from its making to its end.
-    fn stay(&mut self, headset: &Headset) -> Result<Over, HeadsetError> {
+    fn stay(&mut self, headset: &Headset) -> Result<SessionEnd, HeadsetError> {
         self.draw_on(headset)?;
         let mut session = Session::new(headset, self.session_options)?;
         self.pace = Pace::new(session.refresh_hz());
@@ -244,10 +244,10 @@ impl<S: MotionSource> Frames<'_, S> {
         self.describe(headset, &session);
         let outcome = self.until_over(&mut session);
         self.figures.floor = session.floor().to_string();
-        if let Some(way) = session.way() {
+        if let Some(way) = session.render_path() {
             self.figures.way = Some(way.to_string());
         }
-        let passed = session.life().passed();
+        let passed = session.lifecycle().passed();
         (self.figures.states).extend(passed.iter().map(ToString::to_string));
         self.figures.frames.late += self.pace.late();
         outcome
@@ -292,32 +292,36 @@ impl<S: MotionSource> Frames<'_, S> {
         figures.surround = name(surround(session, options)).to_owned();
     }
 
-    fn until_over(&mut self, session: &mut Session) -> Result<Over, HeadsetError> {
+    fn until_over(&mut self, session: &mut Session) -> Result<SessionEnd, HeadsetError> {
         let mut leaving = None;
         loop {
             let happened = session.poll()?;
             if happened.recentred {
                 self.places.recentre();
             }
-            if let Some(over) = happened.over {
-                return Ok(if leaving.is_some() { Over::Left } else { over });
+            if let Some(over) = happened.end {
+                return Ok(if leaving.is_some() {
+                    SessionEnd::Exited
+                } else {
+                    over
+                });
             }
             match leaving {
                 None if self.is_over() => {
-                    if !session.life().is_running() {
-                        return Ok(Over::Left);
+                    if !session.lifecycle().is_running() {
+                        return Ok(SessionEnd::Exited);
                     }
                     session.request_exit()?;
                     leaving = Some(Instant::now());
                 }
                 Some(since) if since.elapsed() > FAREWELL => {
                     log::warn!("the OpenXR runtime does not end the session; leaving it");
-                    return Ok(Over::Left);
+                    return Ok(SessionEnd::Exited);
                 }
                 _ => {}
             }
             // The runtime's events go on in a pause: it ends the session, and begins it again.
-            if self.rests(session)? || !session.life().is_running() {
+            if self.rests(session)? || !session.lifecycle().is_running() {
                 self.pace.pause();
                 self.predicted = None;
                 std::thread::sleep(IDLE);
@@ -334,7 +338,7 @@ impl<S: MotionSource> Frames<'_, S> {
         if self.control.may_work() {
             return Ok(false);
         }
-        session.rest()?;
+        session.wait_idle()?;
         self.control.end_work();
         Ok(true)
     }
@@ -344,12 +348,12 @@ impl<S: MotionSource> Frames<'_, S> {
         &mut self,
         session: &mut Session,
         leaving: bool,
-    ) -> Result<Option<Over>, HeadsetError> {
+    ) -> Result<Option<SessionEnd>, HeadsetError> {
         let frame = session.wait()?;
         let begun = Instant::now();
         let controls = session.controls(&frame)?;
         let eyes = if frame.should_render && !leaving {
-            session.look(&frame)?
+            session.locate_views(&frame)?
         } else {
             None
         };
@@ -375,7 +379,7 @@ impl<S: MotionSource> Frames<'_, S> {
             Ok(Drawn::Picture) => {}
             Ok(Drawn::Renewed(_) | Drawn::Lost) => {
                 session.skip(frame)?;
-                return Ok(Some(Over::Lost));
+                return Ok(Some(SessionEnd::Lost));
             }
             Err(error) => {
                 session.skip(frame)?;
@@ -387,7 +391,7 @@ impl<S: MotionSource> Frames<'_, S> {
         let (seen, in_time) = self.pace.shown(&frame, done);
         let next = self.pace.next(&frame, begun, done);
         self.lanes.displayed_before(seen, next);
-        session.went(&frame, in_time, done.saturating_duration_since(begun));
+        session.frame_completed(&frame, in_time, done.saturating_duration_since(begun));
         if let Some(pictures) = pictures {
             self.watcher.seen(Seen {
                 number: shown,

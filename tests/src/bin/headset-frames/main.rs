@@ -18,7 +18,7 @@ use renderer_openxr::error::XrError;
 use renderer_openxr::frame::{Eyes, Frame};
 use renderer_openxr::headset::{Headset, HeadsetOptions};
 use renderer_openxr::runtime::Runtime;
-use renderer_openxr::session::{Over, Session, SessionOptions};
+use renderer_openxr::session::{Session, SessionEnd, SessionOptions};
 use renderer_splat::drawing::{Drawing, Foreground, Part};
 use renderer_splat::error::RenderError;
 use renderer_splat::gaussian::PackedGaussian;
@@ -144,12 +144,12 @@ impl Program {
             if let Some(steering) = &mut self.steering {
                 steering.listen();
             }
-            match session.poll()?.over {
-                Some(Over::Left) => break,
-                Some(Over::Lost) => return Err(Failure::Pending),
+            match session.poll()?.end {
+                Some(SessionEnd::Exited) => break,
+                Some(SessionEnd::Lost) => return Err(Failure::Pending),
                 None => {}
             }
-            if !session.life().is_running() {
+            if !session.lifecycle().is_running() {
                 std::thread::sleep(Duration::from_millis(5));
                 continue;
             }
@@ -189,7 +189,7 @@ impl Program {
         leaving: bool,
     ) -> Result<(), Failure> {
         let frame = session.wait()?;
-        let eyes = session.look(&frame)?;
+        let eyes = session.locate_views(&frame)?;
         let controls = session.controls(&frame)?;
         self.overlay_toggles += u32::from(controls.overlay_toggled);
         let (true, Some(eyes)) = (frame.should_render && !leaving, eyes) else {
@@ -225,7 +225,7 @@ impl Program {
                 "controls": told_controls(&controls),
                 "overlay_toggles": self.overlay_toggles,
                 "back_end": renderer.back_end().to_string(),
-                "way": session.way().map(|way| way.to_string()),
+                "way": session.render_path().map(|way| way.to_string()),
             }));
         }
         self.note(frame, session);
@@ -237,7 +237,7 @@ impl Program {
         self.periods.push(frame.period);
         self.shown += 1;
         if self.shown.is_multiple_of(5) {
-            let life = session.life().now().to_string();
+            let life = session.lifecycle().now().to_string();
             say(
                 &json!({ "event": "shown", "frames": self.shown, "times": self.opened, "life": life }),
             );
@@ -248,7 +248,7 @@ impl Program {
         let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
         let first = self.predicted.first().copied();
         let since = |time: &Instant| first.map(|first| milliseconds(time.duration_since(first)));
-        let passed = session.life().passed().iter();
+        let passed = session.lifecycle().passed().iter();
         say(&json!({
             "event": "over",
             "opened": self.opened,

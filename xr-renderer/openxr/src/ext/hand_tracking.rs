@@ -180,7 +180,7 @@ mod tests {
             .fake
             .set(|world| world.joints[1] = Some(hand(floor_from_palm(), 0.06, 0.08)));
         let [left, right] = scene.locate();
-        assert!(left.is_none(), "nobody's");
+        assert!(left.is_none(), "not tracked");
         let right = right.expect("seen");
         assert!(
             right.floor_from_grip.abs_diff_eq(floor_from_palm(), 1e-5),

@@ -4,7 +4,6 @@
 //! session: a runtime that is lost is found out by the calls that cannot do without it.
 
 pub mod depth;
-pub mod eye_gaze;
 pub mod foveation;
 pub mod hand_tracking;
 pub mod passthrough;
@@ -19,7 +18,7 @@ use std::fmt;
 use openxr::sys;
 use openxr::{Instance, SystemId};
 
-pub use rate_choice::Held;
+pub use rate_choice::FrameTiming;
 
 /// Why an optional thing is not there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -119,7 +118,6 @@ mod tests {
         let found = [
             ("XR_KHR_composition_layer_depth", depth.is_ok()),
             ("XR_EXT_hand_tracking", input.tracks_hands()),
-            ("XR_EXT_eye_gaze_interaction", input.tracks_gaze()),
             ("XR_FB_passthrough", passthrough.is_ok()),
             ("XR_FB_display_refresh_rate", rate.is_ok()),
             ("XR_FB_foveation", foveation.is_some()),
@@ -130,10 +128,9 @@ mod tests {
         there.map(|(name, _)| *name).collect()
     }
 
-    const ALL: [&str; 8] = [
+    const ALL: [&str; 7] = [
         "XR_KHR_composition_layer_depth",
         "XR_EXT_hand_tracking",
-        "XR_EXT_eye_gaze_interaction",
         "XR_FB_passthrough",
         "XR_FB_display_refresh_rate",
         "XR_FB_foveation",
@@ -142,20 +139,19 @@ mod tests {
     ];
 
     /// Extensions, and what cannot be had without each.
-    const TAKES_AWAY: [(&str, &[&str]); 13] = [
+    const TAKES_AWAY: [(&str, &[&str]); 12] = [
         ("XR_KHR_convert_timespec_time", &[]),
         ("XR_EXT_local_floor", &[]),
         ("XR_KHR_composition_layer_depth", &[ALL[0]]),
         ("XR_EXT_hand_tracking", &[ALL[1]]),
-        ("XR_EXT_eye_gaze_interaction", &[ALL[2]]),
-        ("XR_FB_passthrough", &[ALL[3]]),
-        ("XR_FB_display_refresh_rate", &[ALL[4]]),
-        ("XR_FB_swapchain_update_state", &[ALL[5], ALL[6]]),
-        ("XR_FB_foveation", &[ALL[5], ALL[6]]),
-        ("XR_FB_foveation_configuration", &[ALL[5], ALL[6]]),
-        ("XR_FB_foveation_vulkan", &[ALL[5], ALL[6]]),
-        ("XR_META_foveation_eye_tracked", &[ALL[6]]),
-        ("XR_EXT_performance_settings", &[ALL[7]]),
+        ("XR_FB_passthrough", &[ALL[2]]),
+        ("XR_FB_display_refresh_rate", &[ALL[3]]),
+        ("XR_FB_swapchain_update_state", &[ALL[4], ALL[5]]),
+        ("XR_FB_foveation", &[ALL[4], ALL[5]]),
+        ("XR_FB_foveation_configuration", &[ALL[4], ALL[5]]),
+        ("XR_FB_foveation_vulkan", &[ALL[4], ALL[5]]),
+        ("XR_META_foveation_eye_tracked", &[ALL[5]]),
+        ("XR_EXT_performance_settings", &[ALL[6]]),
     ];
 
     #[test]
@@ -217,7 +213,7 @@ mod tests {
             world.system = Default::default();
             world.rates_hz.clear();
         });
-        let expected = [ALL[0], ALL[5], ALL[7]];
+        let expected = [ALL[0], ALL[4], ALL[6]];
         assert_eq!(had(&fake), expected, "what needs no parts");
         let instance = fake.instance();
         let (session, _, _) = fake.session(&instance);
@@ -230,10 +226,10 @@ mod tests {
     fn whatever_call_of_an_extension_fails_the_rest_is_had() {
         let fails = [
             ("xrCreateHandTrackerEXT", ALL[1]),
-            ("xrCreatePassthroughFB", ALL[3]),
-            ("xrCreatePassthroughLayerFB", ALL[3]),
-            ("xrEnumerateDisplayRefreshRatesFB", ALL[4]),
-            ("xrPerfSettingsSetPerformanceLevelEXT", ALL[7]),
+            ("xrCreatePassthroughFB", ALL[2]),
+            ("xrCreatePassthroughLayerFB", ALL[2]),
+            ("xrEnumerateDisplayRefreshRatesFB", ALL[3]),
+            ("xrPerfSettingsSetPerformanceLevelEXT", ALL[6]),
         ];
         for (call, gone) in fails {
             let fake = FakeRuntime::with_everything();

@@ -16,14 +16,14 @@ const MISSED: usize = 3;
 const MISSED_S: f64 = 1.0;
 
 /// How long the next rate is not tried after the first failure, seconds.
-const SHY_S: f64 = 20.0;
+const BACKOFF_S: f64 = 20.0;
 
 /// The longest that it is not tried, seconds.
-const SHYEST_S: f64 = 320.0;
+const BACKOFF_MOST_S: f64 = 320.0;
 
 /// How one frame went.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Held {
+pub struct FrameTiming {
     /// When it is displayed, seconds of the runtime's clock.
     pub display_s: f64,
     /// Whether it was there for its time: nothing older was shown in its place.
@@ -32,7 +32,7 @@ pub struct Held {
     pub busy_ms: f32,
 }
 
-/// The rates there are, the one there is, and how it goes.
+/// The display's rates, the present one, and how frames kept up with it.
 #[derive(Debug, Clone)]
 pub(super) struct RateChoice {
     /// Rising, Hz. Never empty.
@@ -45,8 +45,8 @@ pub(super) struct RateChoice {
     /// When frames were missed of late, seconds.
     missed: Vec<f64>,
     /// Before this nothing higher is tried, seconds.
-    shy_until: f64,
-    shy_s: f64,
+    backoff_until: f64,
+    backoff_s: f64,
 }
 
 impl RateChoice {
@@ -66,8 +66,8 @@ impl RateChoice {
             now: lowest,
             since: None,
             missed: Vec::new(),
-            shy_until: f64::NEG_INFINITY,
-            shy_s: SHY_S,
+            backoff_until: f64::NEG_INFINITY,
+            backoff_s: BACKOFF_S,
         })
     }
 
@@ -79,7 +79,7 @@ impl RateChoice {
         self.rates[self.now]
     }
 
-    /// The rate is this now, whoever changed it.
+    /// Takes note of the present rate, which the runtime may have changed by itself.
     pub(super) fn is(&mut self, hz: f32) {
         if let Some(now) = nearest(&self.rates, hz)
             && now != self.now
@@ -98,7 +98,7 @@ impl RateChoice {
     }
 
     /// Takes a frame, and tells the rate to ask for, if another.
-    pub(super) fn consider(&mut self, frame: &Held) -> Option<f32> {
+    pub(super) fn consider(&mut self, frame: &FrameTiming) -> Option<f32> {
         let at = frame.display_s;
         if frame.in_time {
             self.rise(at, frame.busy_ms)
@@ -126,7 +126,7 @@ impl RateChoice {
             return None;
         }
         let since = *self.since.get_or_insert(at);
-        if at - since < HELD_S || at < self.shy_until {
+        if at - since < HELD_S || at < self.backoff_until {
             return None;
         }
         self.now += 1;
@@ -142,8 +142,8 @@ impl RateChoice {
             return None;
         }
         self.now -= 1;
-        self.shy_until = at + self.shy_s;
-        self.shy_s = (2.0 * self.shy_s).min(SHYEST_S);
+        self.backoff_until = at + self.backoff_s;
+        self.backoff_s = (2.0 * self.backoff_s).min(BACKOFF_MOST_S);
         self.start_over();
         Some(self.now_hz())
     }
@@ -179,7 +179,7 @@ mod tests {
         let mut at = from_s;
         let mut count = 0;
         while at < from_s + seconds {
-            let frame = Held {
+            let frame = FrameTiming {
                 display_s: at,
                 in_time: in_time(count),
                 busy_ms,

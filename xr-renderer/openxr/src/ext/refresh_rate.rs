@@ -4,7 +4,7 @@
 
 use openxr::{Session, Vulkan};
 
-use super::rate_choice::{Held, RateChoice};
+use super::rate_choice::{FrameTiming, RateChoice};
 use super::{Absent, refused};
 
 const EXTENSION: &str = "XR_FB_display_refresh_rate";
@@ -12,7 +12,7 @@ const EXTENSION: &str = "XR_FB_display_refresh_rate";
 /// The rate to start with: the lowest that every headset of this kind has.
 pub const DEFAULT_HZ: f32 = 72.0;
 
-/// The display's rate, and the way to another.
+/// The display's refresh rate, and requests for another.
 pub struct RefreshRate {
     session: Session<Vulkan>,
     choice: RateChoice,
@@ -84,7 +84,7 @@ impl RefreshRate {
 
     /// Takes how a frame went. Every frame is to be told in the order of display; the rate goes up one step after seconds with
     /// room for it, and down again when frames are missed.
-    pub fn consider(&mut self, frame: &Held) {
+    pub fn consider(&mut self, frame: &FrameTiming) {
         let before = self.now_hz();
         if let Some(hz) = self.choice.consider(frame)
             && !self.request(hz)
@@ -119,7 +119,7 @@ mod tests {
 
     fn run(rate: &mut RefreshRate, from_s: u32, to_s: u32, in_time: bool) {
         for tenth in from_s * 10..to_s * 10 {
-            rate.consider(&Held {
+            rate.consider(&FrameTiming {
                 display_s: f64::from(tenth) * 0.1,
                 in_time,
                 busy_ms: 3.0,

@@ -3,7 +3,7 @@
 
 #![allow(
     clippy::undocumented_unsafe_blocks,
-    reason = "each rests on the same: a session's device outlives it, and its images are used by nobody once they are destroyed"
+    reason = "each rests on the same: a session's device outlives it, and its images are not used once they are destroyed"
 )]
 
 use ash::vk::{self, Handle as _};

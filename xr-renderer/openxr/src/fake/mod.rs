@@ -97,7 +97,6 @@ impl FakeRuntime {
         let fake = Self::new(table::EXTENSIONS);
         fake.set(|world| {
             world.system.hand_tracking = true;
-            world.system.eye_gaze = true;
             world.system.passthrough = true;
             world.system.foveation_around_gaze = true;
         });

@@ -14,7 +14,6 @@ pub(super) const EXTENSIONS: &[&str] = &[
     "XR_EXT_local_floor",
     "XR_KHR_composition_layer_depth",
     HANDS,
-    "XR_EXT_eye_gaze_interaction",
     PASSTHROUGH,
     RATE,
     UPDATE,

@@ -27,7 +27,6 @@ pub(crate) enum Source {
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct System {
     pub(crate) hand_tracking: bool,
-    pub(crate) eye_gaze: bool,
     /// Said in the flags of version 3 of the extension.
     pub(crate) passthrough: bool,
     /// Said in the boolean of version 1.
@@ -262,9 +261,7 @@ impl World {
     /// What of an action's sources is there, of the profile in use. Eyes are no controllers: theirs is always in use.
     pub(super) fn sources_of(&self, action: u64, subaction: u64) -> Vec<Source> {
         let hand = self.path(subaction);
-        let in_use = |profile: &String| {
-            profile.contains("eye_gaze") || Some(profile.as_str()) == self.profile
-        };
+        let in_use = |profile: &String| Some(profile.as_str()) == self.profile;
         self.bindings
             .iter()
             .filter(|(profile, bound, source)| {

@@ -1,5 +1,4 @@
 use super::*;
-use crate::ext::Absent;
 use crate::fake::{FakeRuntime, REQUIRED, hand, posef};
 use glam::Vec3;
 use openxr::ReferenceSpaceType;
@@ -177,16 +176,6 @@ fn the_fingers_of_a_hand_that_holds_a_controller_mean_nothing() {
 }
 
 #[test]
-fn the_gaze_is_there_while_the_eyes_are_tracked() {
-    let mut scene = Scene::new();
-    assert_eq!(scene.sync().gaze, None, "eyes are shut");
-    let source = "/user/eyes_ext/input/gaze_ext/pose";
-    scene.fake.put(source, posef(&at(0.03)));
-    let gaze = scene.sync().gaze.expect("eyes are open");
-    assert!(gaze.abs_diff_eq(at(0.03), 1e-6), "{gaze}");
-}
-
-#[test]
 fn while_another_program_has_the_input_there_is_none() {
     let mut scene = Scene::with(TOUCH);
     scene.press("/user/hand/left/input/squeeze/value", 1.0);
@@ -236,34 +225,4 @@ fn a_runtime_that_refuses_actions_is_an_error_that_names_the_call() {
         let error = Input::new(&session, fake.system()).expect_err("refused");
         assert!(error.to_string().contains(call), "{error}");
     }
-}
-
-#[test]
-fn a_gaze_that_the_runtime_refuses_leaves_the_hands() {
-    for call in [
-        "xrSuggestInteractionProfileBindings",
-        "xrGetSystemProperties",
-    ] {
-        let fake = FakeRuntime::with_everything();
-        fake.fail(call, XrResult::ERROR_FEATURE_UNSUPPORTED);
-        let (session, _, _) = fake.session(&fake.instance());
-        let input = Input::new(&session, fake.system()).expect("the hands");
-        assert!(!input.tracks_gaze(), "where {call} fails");
-    }
-}
-
-#[test]
-fn eyes_that_the_headset_does_not_track_are_told_from_a_runtime_that_cannot() {
-    let fake = FakeRuntime::with_everything();
-    fake.set(|world| world.system.eye_gaze = false);
-    let instance = fake.instance();
-    let set = instance
-        .create_action_set("test", "Test", 0)
-        .expect("a set");
-    let why = GazeAction::new(&instance, fake.system(), &set).err();
-    let extension = "XR_EXT_eye_gaze_interaction";
-    assert_eq!(why, Some(Absent::NotBySystem(extension)), "the headset");
-    let fake = FakeRuntime::new(&[REQUIRED]);
-    let why = GazeAction::new(&fake.instance(), fake.system(), &set).err();
-    assert_eq!(why, Some(Absent::NotGranted(extension)), "the runtime");
 }

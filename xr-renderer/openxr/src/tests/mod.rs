@@ -1,6 +1,7 @@
 //! A headset and its session on the stand-in runtime, with the machine's own Vulkan: what comes of what the runtime says.
 
-use openxr::{ReferenceSpaceType, SessionState, Time, sys};
+use openxr::SessionState as XrSessionState;
+use openxr::{ReferenceSpaceType, Time, sys};
 
 mod pictures;
 
@@ -12,9 +13,9 @@ use crate::fake::{FakeRuntime, REQUIRED};
 use crate::frame::Frame;
 use crate::headset::{Headset, HeadsetOptions};
 use crate::runtime::Runtime;
-use crate::session::{Over, Session, SessionOptions, Tracks};
+use crate::session::{Session, SessionEnd, SessionOptions, Tracks};
 use crate::space::Floor;
-use crate::state::Life;
+use crate::state::SessionState;
 
 /// The headset of a stand-in; nothing where there is no Vulkan and CI does not demand one.
 fn open(fake: &FakeRuntime) -> Option<Headset> {
@@ -57,7 +58,7 @@ fn begun(headset: &Headset) -> Session {
 /// Waits for a frame and ends it without a picture.
 fn frame(session: &mut Session) -> Frame {
     let frame = session.wait().expect("waited");
-    session.look(&frame).expect("looked");
+    session.locate_views(&frame).expect("looked");
     session.skip(frame).expect("ended");
     frame
 }
@@ -71,15 +72,19 @@ fn a_session_goes_from_made_to_exit_and_leaves_nothing_behind() {
     let fake = everything();
     let Some(headset) = open(&fake) else { return };
     let mut session = begun(&headset);
-    assert!(session.life().is_running(), "begun when ready");
+    assert!(session.lifecycle().is_running(), "begun when ready");
     let times: Vec<_> = (0..5)
         .map(|_| frame(&mut session).time.as_nanos())
         .collect();
     assert!(times.is_sorted_by(|a, b| a < b), "{times:?}");
     session.request_exit().expect("asked");
-    let over = session.poll().expect("polled").over;
-    assert_eq!(over, Some(Over::Left), "left");
-    assert_eq!(session.life().now(), Life::Exiting, "the last state");
+    let end = session.poll().expect("polled").end;
+    assert_eq!(end, Some(SessionEnd::Exited), "left");
+    assert_eq!(
+        session.lifecycle().now(),
+        SessionState::Exiting,
+        "the last state"
+    );
     assert_eq!(fake.calls("xrEndSession").len(), 1, "ended once");
     let messages = headset.gpu().validation_messages();
     drop((session, headset));
@@ -109,7 +114,7 @@ fn a_runtime_that_goes_away_is_a_loss_and_can_be_opened_again() {
     let again = open(&fake).expect("the headset is back");
     let mut session = begun(&again);
     frame(&mut session);
-    assert!(session.life().is_running(), "frames again");
+    assert!(session.lifecycle().is_running(), "frames again");
 }
 
 #[test]
@@ -121,7 +126,7 @@ fn a_session_that_is_lost_is_a_loss_wherever_it_is_noticed() {
     let waited = session.wait().expect("waited");
     fake.lose_session();
     assert!(
-        session.look(&waited).expect_err("lost").is_loss(),
+        session.locate_views(&waited).expect_err("lost").is_loss(),
         "looking"
     );
     assert!(
@@ -136,13 +141,13 @@ fn losses_that_are_announced_are_told_before_they_come() {
     let fake = everything();
     let Some(headset) = open(&fake) else { return };
     let mut session = begun(&headset);
-    fake.queue_state(SessionState::LOSS_PENDING);
-    let over = session.poll().expect("polled").over;
-    assert_eq!(over, Some(Over::Lost), "the session");
+    fake.queue_state(XrSessionState::LOSS_PENDING);
+    let end = session.poll().expect("polled").end;
+    assert_eq!(end, Some(SessionEnd::Lost), "the session");
     let mut session = begun(&headset);
     fake.queue_instance_loss();
-    let over = session.poll().expect("polled").over;
-    assert_eq!(over, Some(Over::Lost), "the runtime");
+    let end = session.poll().expect("polled").end;
+    assert_eq!(end, Some(SessionEnd::Lost), "the runtime");
 }
 
 #[test]
@@ -165,8 +170,8 @@ fn the_room_is_shown_while_the_session_is_seen() {
     frame(&mut session);
     let layers = frames(&fake)[0].layers.concat();
     assert!(layers.contains("PASSTHROUGH"), "seen: {layers}");
-    fake.queue_state(SessionState::VISIBLE);
-    fake.queue_state(SessionState::SYNCHRONIZED);
+    fake.queue_state(XrSessionState::VISIBLE);
+    fake.queue_state(XrSessionState::SYNCHRONIZED);
     session.poll().expect("polled");
     frame(&mut session);
     let layers = frames(&fake)[0].layers.concat();

@@ -9,19 +9,19 @@ use renderer_splat::drawing::{Drawing, Foreground, Part};
 use renderer_splat::gaussian::{Gaussian, PackedGaussian};
 use renderer_splat::options::{BackEnd, RendererOptions};
 use renderer_splat::renderer::SplatRenderer;
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::commands::Commands;
 
 use super::*;
-use crate::copies::Layers;
-use crate::eyes::{EyePicture, FAR, NEAR, Surround, Way};
+use crate::copies::ImageLayers;
+use crate::eyes::{EyePicture, FAR, NEAR, RenderPath, Surround};
 use crate::fake::World;
 
 const SIZE: [u32; 2] = [320, 240];
 
 /// A frame that was shown.
 struct Seen {
-    way: Way,
+    way: RenderPath,
     eyes: [EyePicture; 2],
     /// As the compositor was told of it.
     layers: String,
@@ -68,7 +68,7 @@ fn show(change: impl FnOnce(&mut World), made: Made, gaussians: &[PackedGaussian
     let mut eyes = None;
     for _ in 0..3 {
         let frame = session.wait().expect("waited");
-        let seen = session.look(&frame).expect("looked").expect("eyes");
+        let seen = session.locate_views(&frame).expect("looked").expect("eyes");
         let cameras = seen.cameras.map(|camera| camera.scaled(made.share));
         let parts = [Part::here(Foreground::Set)];
         let drawing = Drawing::new(&cameras, &parts);
@@ -77,8 +77,8 @@ fn show(change: impl FnOnce(&mut World), made: Made, gaussians: &[PackedGaussian
         eyes = session.show(frame).expect("shown");
     }
     let layers = fake.set(|world| world.frames.last().map(|frame| frame.layers.concat()));
-    let way = session.way().expect("a way");
-    if let Way::Direct { .. } = way {
+    let way = session.render_path().expect("a way");
+    if let RenderPath::Direct { .. } = way {
         let error = renderer.read_back(0).expect_err("it is not there");
         assert!(matches!(error, RenderError::NotKept), "{error}");
     } else {
@@ -102,8 +102,8 @@ fn depths(headset: &Headset, session: &Session) -> Vec<f32> {
     let count = (images.extent.width * images.extent.height * 2) as usize;
     let usage = vk::BufferUsageFlags::empty();
     let (gpu, bytes) = (headset.gpu(), count as u64 * 4);
-    let buffer = Buffer::new(gpu, "depths", bytes, usage, Place::ReadBack).expect("a buffer");
-    let layers = Layers {
+    let buffer = Buffer::new(gpu, "depths", bytes, usage, MemoryUsage::ReadBack).expect("a buffer");
+    let layers = ImageLayers {
         image: images.images()[2],
         aspect: vk::ImageAspectFlags::DEPTH,
         rest: vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL,
@@ -170,7 +170,7 @@ fn only_copied(world: &mut World) {
     world.refused_usage = Usage::COLOR_ATTACHMENT | Usage::DEPTH_STENCIL_ATTACHMENT;
 }
 
-const DIRECT: Way = Way::Direct { foveated: false };
+const DIRECT: RenderPath = RenderPath::Direct { foveated: false };
 
 #[test]
 fn quads_drawn_straight_into_the_images_are_those_that_are_composed_and_copied() {
@@ -189,7 +189,11 @@ fn quads_drawn_straight_into_the_images_are_those_that_are_composed_and_copied()
                 only_copied(world);
             };
             let copied = show(copied, made, &cloud).expect("Vulkan is there");
-            assert_eq!((direct.way, copied.way), (DIRECT, Way::Copied), "ways");
+            assert_eq!(
+                (direct.way, copied.way),
+                (DIRECT, RenderPath::Copied),
+                "ways"
+            );
             assert_eq!(direct.layers, copied.layers, "what the compositor is told");
             let (db, most) = compared(&direct.eyes, &copied.eyes);
             println!("format {format}, {surround:?}: {db:.1} dB, {most} of 255 at most");
@@ -220,8 +224,8 @@ fn the_compositor_gets_the_distance_of_what_a_pixel_shows_whichever_way_it_came(
     let plain: fn(&mut World) = |_| {};
     for (change, made, way) in [
         (plain, QUADS, DIRECT),
-        (only_copied, QUADS, Way::Copied),
-        (plain, tiles, Way::Copied),
+        (only_copied, QUADS, RenderPath::Copied),
+        (plain, tiles, RenderPath::Copied),
     ] {
         let Some(seen) = show(change, made, &ball) else {
             return;
@@ -255,7 +259,11 @@ fn pictures_of_less_resolution_lie_in_the_upper_left_of_the_images_by_either_way
         return;
     };
     let copied = show(only_copied, half, &cloud).expect("Vulkan is there");
-    assert_eq!((direct.way, copied.way), (DIRECT, Way::Copied), "ways");
+    assert_eq!(
+        (direct.way, copied.way),
+        (DIRECT, RenderPath::Copied),
+        "ways"
+    );
     assert_eq!(direct.layers, copied.layers, "what the compositor is told");
     assert_eq!([direct.eyes[0].width, direct.eyes[0].height], [160, 120]);
     let (db, most) = compared(&direct.eyes, &copied.eyes);
@@ -268,7 +276,7 @@ fn depth_images_that_cannot_be_drawn_into_have_all_of_the_picture_copied() {
     let Some(seen) = show(refused, QUADS, &cloud()) else {
         return;
     };
-    assert_eq!(seen.way, Way::Copied, "the way");
+    assert_eq!(seen.way, RenderPath::Copied, "the way");
     assert!(seen.depths.is_some(), "with depth");
 }
 
@@ -307,12 +315,12 @@ fn a_frame_onto_whose_canvas_nothing_was_drawn_ends_without_a_picture() {
     let mut session = begun(&headset);
     for _ in 0..2 {
         let frame = session.wait().expect("waited");
-        let eyes = session.look(&frame).expect("looked").expect("eyes");
+        let eyes = session.locate_views(&frame).expect("looked").expect("eyes");
         drop(session.canvas(&eyes, Surround::Studio, false));
         let pictures = session.show(frame).expect("ended");
         assert!(pictures.is_none(), "nothing to read");
     }
-    assert_eq!(session.way(), None, "no picture came any way");
+    assert_eq!(session.render_path(), None, "no picture came any way");
     let frames = fake.set(|world| std::mem::take(&mut world.frames));
     for frame in frames {
         let layers = frame.layers.concat();
@@ -328,7 +336,7 @@ fn a_picture_larger_than_the_images_is_refused() {
     let options = RendererOptions::new(10, 128, 128, 2);
     let mut renderer = SplatRenderer::new(Arc::clone(headset.gpu()), &options).expect("renderer");
     let frame = session.wait().expect("waited");
-    let eyes = session.look(&frame).expect("looked").expect("eyes");
+    let eyes = session.locate_views(&frame).expect("looked").expect("eyes");
     let cameras = eyes.cameras.map(|camera| camera.scaled(2.0));
     let mut canvas = session
         .canvas(&eyes, Surround::Room, false)
@@ -359,7 +367,7 @@ fn back_ends_that_were_compared_for_other_pictures_are_compared_anew_for_a_heads
     let (mut trials, mut ways) = (Vec::new(), Vec::new());
     for _ in 0..3 {
         let frame = session.wait().expect("waited");
-        let eyes = session.look(&frame).expect("looked").expect("eyes");
+        let eyes = session.locate_views(&frame).expect("looked").expect("eyes");
         if trials.is_empty() {
             renderer.draw(&eyes.cameras).expect("drawn");
             trials.push(renderer.back_end_trial().expect("compared"));
@@ -372,12 +380,12 @@ fn back_ends_that_were_compared_for_other_pictures_are_compared_anew_for_a_heads
         renderer.draw_onto(&drawing, &mut canvas).expect("drawn");
         session.show(frame).expect("shown");
         trials.push(renderer.back_end_trial().expect("compared"));
-        ways.push(session.way().expect("a way"));
+        ways.push(session.render_path().expect("a way"));
     }
     assert_ne!(trials[0], trials[1], "compared anew");
     assert_eq!(trials[1..], [trials[1]; 3], "and once");
     let way = match trials[1].winner() {
-        BackEnd::Tiles => Way::Copied,
+        BackEnd::Tiles => RenderPath::Copied,
         BackEnd::Quads => DIRECT,
     };
     assert_eq!(ways, [way; 3], "the faster one's");
@@ -400,7 +408,7 @@ fn where_the_device_has_density_maps_pictures_of_full_size_are_drawn_by_them() {
         let seen = show(|_| {}, made, &cloud()).expect("Vulkan is there");
         assert_eq!(
             seen.way,
-            Way::Direct { foveated },
+            RenderPath::Direct { foveated },
             "at {share} of full size"
         );
     }

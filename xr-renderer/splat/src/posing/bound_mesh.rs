@@ -14,6 +14,10 @@ const BOUND_PLANES: usize = 10;
 
 /// What a [`BoundMesh`] is made of, as plain arrays: N_v vertices, N_g Gaussians, C controllers, B bases.
 ///
+/// The names are those of the rig, whatever it is of. A *basis* is a displacement of every Gaussian's attributes. A *controller* is a
+/// control point that scales the bases by one potential each ([`PosedInput`](super::input::PosedInput)). A Gaussian follows three
+/// controllers, weighted by its *masses*.
+///
 /// The 14 attributes are, in this order: offset x, y, z in the triangle's frame (metres), rotation x, y, z, w in it (a
 /// quaternion, normalised in use), natural logarithms of the three scales (metres), the opacity's logit, and the colour's
 /// three spherical-harmonic coefficients of degree 0. The triangle's frame has x from the first to the second corner, z

@@ -1,4 +1,4 @@
-//! One pose's numbers on their way to the device.
+//! One pose's numbers, and how they are laid out for the device.
 
 use super::bound_mesh::BoundMesh;
 use crate::error::RenderError;

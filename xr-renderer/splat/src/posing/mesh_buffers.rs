@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ash::vk;
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::upload::Upload;
@@ -26,7 +26,7 @@ impl MeshBuffers {
     pub(super) fn new(gpu: &Arc<Gpu>, mesh: &BoundMesh) -> Result<Self, VulkanError> {
         let uniform = vk::BufferUsageFlags::UNIFORM_BUFFER;
         let bytes = size_of_val(&mesh.units) as u64;
-        let mut units = Buffer::new(gpu, "attribute units", bytes, uniform, Place::Upload)?;
+        let mut units = Buffer::new(gpu, "attribute units", bytes, uniform, MemoryUsage::Upload)?;
         units.write(&mesh.units);
         Ok(Self {
             units,
@@ -57,7 +57,7 @@ impl MeshBuffers {
     }
 
     /// Frees what only the upload needed. The device is idle and has it all.
-    pub(super) fn keep_copies(&mut self) {
+    pub(super) fn free_staging(&mut self) {
         let uploads = [
             &mut self.skin_joints,
             &mut self.skin_weights,
@@ -67,6 +67,6 @@ impl MeshBuffers {
             &mut self.values,
             &mut self.kept,
         ];
-        uploads.into_iter().for_each(Upload::keep_copy);
+        uploads.into_iter().for_each(Upload::free_staging);
     }
 }

@@ -13,5 +13,5 @@ mod poser;
 
 pub use bound_mesh::{BoundMesh, BoundMeshParts, DetailLevel};
 pub use input::{PosedInput, StateId};
-pub(crate) use passes::{Between, Posing};
+pub(crate) use passes::{Interpolation, Posing};
 pub use poser::{Poser, PosingTimes};

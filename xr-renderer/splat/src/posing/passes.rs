@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use ash::vk;
 use renderer_vulkan::bindings::Resource;
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::commands::barrier;
 use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::pipeline::{ComputePipeline, Specialisation};
@@ -15,7 +15,7 @@ use super::bound_mesh::{BoundMesh, LevelRange};
 use super::input::{PosedInput, SlotLayout, StateId};
 use super::mesh_buffers::MeshBuffers;
 use crate::error::RenderError;
-use crate::motion_bound::{Change, ForegroundPath};
+use crate::motion_bound::{Change, MotionBound};
 
 /// States kept: two to draw between, and two that may come meanwhile.
 const RING: u32 = 4;
@@ -47,13 +47,13 @@ pub(crate) struct Posing {
     inputs_copy: Option<Buffer>,
     posed: Buffer,
     states: Buffer,
-    /// The Gaussians of the present picture.
-    present: Buffer,
+    /// The Gaussians of the current picture.
+    current: Buffer,
     slots: [Slot; RING as usize],
-    /// What the present Gaussians are, and what they are to be.
-    made: Option<Between>,
-    wanted: Option<Between>,
-    path: ForegroundPath,
+    /// What the current Gaussians are, and what they are to be.
+    made: Option<Interpolation>,
+    wanted: Option<Interpolation>,
+    motion: MotionBound,
     /// Unlike that of any other ring, and how many states were pushed here.
     ring: u64,
     pushed: u64,
@@ -63,14 +63,14 @@ pub(crate) struct Posing {
 
 /// A place between two states, or beyond the second.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Between {
+pub(crate) struct Interpolation {
     from: StateId,
     to: StateId,
     share: f32,
     level: usize,
 }
 
-impl Between {
+impl Interpolation {
     /// Held within 0..=2, and at the later state where `share` is no number.
     pub(crate) fn new(from: StateId, to: StateId, share: f32, level: usize) -> Self {
         let share = if share.is_nan() { 1.0 } else { share };
@@ -103,7 +103,7 @@ impl Posing {
         let layout = SlotLayout::of(mesh);
         let input_bytes = u64::from(RING) * (layout.stride() * size_of::<f32>()) as u64;
         let storage = vk::BufferUsageFlags::STORAGE_BUFFER;
-        let inputs = Buffer::new(gpu, "poses", input_bytes, storage, Place::Upload)?;
+        let inputs = Buffer::new(gpu, "poses", input_bytes, storage, MemoryUsage::Upload)?;
         let inputs_copy = (!gpu.features().shares_memory)
             .then(|| Buffer::storage(gpu, "poses", input_bytes))
             .transpose()?;
@@ -111,7 +111,7 @@ impl Posing {
         let posed = Buffer::storage(gpu, "posed vertices", posed)?;
         let bytes = u64::from(mesh.gaussians) * size_of::<PackedGaussian>() as u64;
         let states = Buffer::storage(gpu, "posed Gaussians", u64::from(RING) * bytes)?;
-        let present = Buffer::storage(gpu, "foreground Gaussians", bytes)?;
+        let current = Buffer::storage(gpu, "foreground Gaussians", bytes)?;
         let blocks = mesh.blocks;
         let mesh_buffers = MeshBuffers::new(gpu, mesh)?;
 
@@ -143,7 +143,7 @@ impl Posing {
         ];
         let interpolate = [
             Resource::Storage(&states),
-            Resource::Storage(&present),
+            Resource::Storage(&current),
             Resource::Storage(mesh_buffers.kept.buffer()),
         ];
         Ok(Self {
@@ -166,11 +166,11 @@ impl Posing {
             inputs_copy,
             posed,
             states,
-            present,
+            current,
             slots: [Slot::default(); RING as usize],
             made: None,
             wanted: None,
-            path: ForegroundPath::new(),
+            motion: MotionBound::new(),
             ring: RINGS.fetch_add(1, Ordering::Relaxed),
             pushed: 0,
         })
@@ -183,8 +183,8 @@ impl Posing {
     }
 
     /// Frees what only the mesh's upload needed. The device is idle.
-    pub(crate) fn mesh_is_there(&mut self) {
-        self.mesh.keep_copies();
+    pub(crate) fn mesh_upload_done(&mut self) {
+        self.mesh.free_staging();
     }
 
     /// Writes a pose over the oldest one; the device is not reading it.
@@ -277,14 +277,14 @@ impl Posing {
         barrier(&self.gpu, commands);
     }
 
-    /// Takes what the present Gaussians are to be, of states that are here.
-    pub(crate) fn show(&mut self, between: Between) -> Result<(), RenderError> {
+    /// Takes what the current Gaussians are to be, of states that are here.
+    pub(crate) fn show(&mut self, between: Interpolation) -> Result<(), RenderError> {
         self.check_kept(between.from)?;
         self.check_kept(between.to)?;
         if self.wanted != Some(between) {
             self.wanted = Some(between);
             // How far they moved is known to the device alone.
-            self.path.advance(Change {
+            self.motion.advance(Change {
                 metres: ANYWHERE,
                 ..Change::default()
             });
@@ -292,7 +292,7 @@ impl Posing {
         Ok(())
     }
 
-    /// Records the present Gaussians, unless they are there already.
+    /// Records the current Gaussians, unless they are there already.
     pub(crate) fn record_interpolation(&self, commands: vk::CommandBuffer) {
         let Some(between) = self.wanted.filter(|_| self.made != self.wanted) else {
             return;
@@ -310,25 +310,25 @@ impl Posing {
         barrier(&self.gpu, commands);
     }
 
-    /// Takes note that the device has made the present Gaussians, and so states of all poses.
-    pub(crate) fn picture_is_there(&mut self) {
-        self.states_are_there();
+    /// Takes note that the device has made the current Gaussians, and so states of all poses.
+    pub(crate) fn picture_done(&mut self) {
+        self.states_done();
         self.made = self.wanted;
     }
 
     /// Takes note that the device has made states of all poses.
-    pub(super) fn states_are_there(&mut self) {
+    pub(super) fn states_done(&mut self) {
         for slot in &mut self.slots {
             slot.waits = false;
         }
     }
 
-    /// Where on their path the present Gaussians are.
-    pub(crate) fn path(&self) -> ForegroundPath {
-        self.path
+    /// How far the current Gaussians have moved.
+    pub(crate) fn motion_bound(&self) -> MotionBound {
+        self.motion
     }
 
-    /// Number of Gaussians that are to be present.
+    /// Number of current Gaussians.
     pub(crate) fn count(&self) -> u32 {
         let level = self.wanted.map_or(0, |between| between.level);
         self.level(level).count
@@ -347,9 +347,9 @@ impl Posing {
         }
     }
 
-    /// The Gaussians of the present picture.
-    pub(crate) fn present(&self) -> &Buffer {
-        &self.present
+    /// The Gaussians of the current picture.
+    pub(crate) fn current(&self) -> &Buffer {
+        &self.current
     }
 
     /// A state's posed vertices, as four numbers each, and where they begin.

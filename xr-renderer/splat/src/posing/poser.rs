@@ -1,9 +1,9 @@
-//! The passes by themselves, for whoever wants the Gaussians rather than a picture.
+//! The passes by themselves, for callers that want the Gaussians rather than a picture.
 
 use std::sync::Arc;
 
 use ash::vk;
-use renderer_vulkan::buffer::{Buffer, Place};
+use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::commands::Commands;
 use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::timestamps::Timestamps;
@@ -11,7 +11,7 @@ use shaders_spirv::PackedGaussian;
 
 use super::bound_mesh::BoundMesh;
 use super::input::{PosedInput, StateId};
-use super::passes::{Between, Posing};
+use super::passes::{Interpolation, Posing};
 use crate::error::RenderError;
 
 /// Milliseconds the device took for the passes of the last call; 0 where its queue has no clock.
@@ -27,8 +27,8 @@ pub struct PosingTimes {
     pub interpolate: f64,
 }
 
-/// Poses a [`BoundMesh`] on the device and brings the Gaussians back: for tests and measurements, and for who draws them
-/// otherwise. To draw them, give the mesh to [`crate::options::RendererOptions`].
+/// Poses a [`BoundMesh`] on the device and brings the Gaussians back: for tests, measurements and other
+/// renderers. To draw them here, give the mesh to [`RendererOptions`](crate::options::RendererOptions).
 pub struct Poser {
     // Dropped first: waits for the device.
     commands: Commands,
@@ -60,10 +60,10 @@ impl Poser {
         let bytes = u64::from(mesh.gaussians()) * size_of::<PackedGaussian>() as u64;
         let bytes = bytes.max(u64::from(mesh.vertices()) * size_of::<[f32; 4]>() as u64);
         let usage = vk::BufferUsageFlags::empty();
-        let read_back = Buffer::new(gpu, "posed Gaussians", bytes, usage, Place::ReadBack)?;
+        let read_back = Buffer::new(gpu, "posed Gaussians", bytes, usage, MemoryUsage::ReadBack)?;
         let mut commands = Commands::new(gpu)?;
         commands.run("the mesh's upload", |commands| posing.record_mesh(commands))?;
-        posing.mesh_is_there();
+        posing.mesh_upload_done();
         Ok(Self {
             commands,
             gpu: Arc::clone(gpu),
@@ -81,7 +81,7 @@ impl Poser {
     /// # Errors
     /// [`RenderError::PosedInput`] if its sizes are not the mesh's, or a device that fails.
     pub fn push_state(&mut self, input: &PosedInput<'_>) -> Result<StateId, RenderError> {
-        self.commands.settle()?;
+        self.commands.wait()?;
         self.posing.push(input)
     }
 
@@ -110,9 +110,10 @@ impl Poser {
         share: f32,
         level: usize,
     ) -> Result<Vec<PackedGaussian>, RenderError> {
-        self.posing.show(Between::new(from, to, share, level))?;
-        self.run(true, |posing| (posing.present(), 0))?;
-        self.posing.picture_is_there();
+        self.posing
+            .show(Interpolation::new(from, to, share, level))?;
+        self.run(true, |posing| (posing.current(), 0))?;
+        self.posing.picture_done();
         Ok(self.read_back.read(self.posing.count() as usize))
     }
 
@@ -174,7 +175,7 @@ impl Poser {
             point(commands, 4);
             posing.record_copy(commands, source, offset, read_back);
         })?;
-        self.posing.states_are_there();
+        self.posing.states_done();
         if let Some(timestamps) = &self.timestamps {
             let ticks = timestamps.read()?;
             let pass = |index: usize| self.gpu.nanoseconds(ticks[index], ticks[index + 1]) * 1e-6;

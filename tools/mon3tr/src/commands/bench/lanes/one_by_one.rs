@@ -14,7 +14,7 @@ use app_pipeline::stage::Stage;
 use npu_runtime::Outputs;
 use renderer_splat::camera::Camera;
 use renderer_splat::drawing::{Drawing, Foreground, Part};
-use renderer_splat::motion_bound::ForegroundPath;
+use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::posing::{PosedInput, StateId};
 use renderer_splat::renderer::SplatRenderer;
 use renderer_splat::slot::ForegroundSlot;
@@ -202,7 +202,7 @@ impl Maker {
                 let state = deformer.state();
                 let out = slot.gaussians_mut().get_mut(..state.len());
                 Blend::new(before, state, SHARE)?.pack(0..state.len(), out.unwrap_or_default())?;
-                slot.set(u32::try_from(state.len())?, ForegroundPath::new())?;
+                slot.set(u32::try_from(state.len())?, MotionBound::new())?;
                 samples.interpolate.push(ms(interpolating));
                 let drawing = Instant::now();
                 renderer.draw_with(&Drawing::new(
