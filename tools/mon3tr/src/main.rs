@@ -21,6 +21,7 @@ mod screen;
 mod size;
 mod stills;
 mod until;
+mod up;
 mod viewpoint;
 mod window;
 

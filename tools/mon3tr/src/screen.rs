@@ -84,7 +84,7 @@ impl<'a> Screen<'a> {
         };
         if !self.settled {
             self.settled = true;
-            let scenery = self.scenery.around(moment.floor, moment.heading)?;
+            let scenery = (self.scenery).around(None, moment.floor, moment.heading)?;
             let setting = self.live.setting().clone();
             self.live.set(RenderSettings {
                 background: (scenery.as_ref()).map(|scenery| Arc::clone(&scenery.background)),

@@ -142,9 +142,10 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     };
     let call = call::run(options, &package, Shown::Offscreen { seconds })?;
 
-    let scenery = options
-        .scenery
-        .around(performance.start(&avatar), performance.heading())?;
+    let scenery =
+        options
+            .scenery
+            .around(None, performance.start(&avatar), performance.heading())?;
     let setting = RenderSettings {
         size: options.size,
         views: Views::Mono,
