@@ -18,6 +18,7 @@ mod report;
 mod scenery;
 mod stage;
 mod surroundings;
+mod up;
 mod viewpoint;
 mod window;
 

@@ -3,6 +3,7 @@
 use crate::ground;
 use crate::place::Place;
 use crate::stage::Size;
+use crate::up::{UpChoice, UpFigures};
 use anyhow::{Context, ensure};
 use glam::{Quat, Vec2, Vec3};
 use serde::Serialize;
@@ -18,7 +19,8 @@ use xr_renderer::{Background, Camera, Filter, Fov};
 /// Options that choose a scene for the background.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct SceneryOptions {
-    /// A Gaussian scene to draw behind and around the person: .ply (3DGS or compressed), .splat or .spz
+    /// A Gaussian scene to draw behind and around the person: .ply (3DGS or compressed), .splat, .spz, .sog
+    /// or a SOG scene's meta.json
     #[arg(long, value_name = "FILE")]
     pub(crate) background: Option<PathBuf>,
     /// Where the scene's origin goes, in metres from where the person first stands (x to their left, z ahead of them), how
@@ -31,6 +33,17 @@ pub(crate) struct SceneryOptions {
         allow_hyphen_values = true
     )]
     pub(crate) place: Option<Place>,
+    /// The axis of the scene's file that points up: +x, -x, +y, -y, +z or -z; auto takes what the file states, what its
+    /// cameras (--camera, or the cameras.json beside it) or its ground show, else what is usual for the format: +y for
+    /// .spz, -y for the others
+    #[arg(
+        long,
+        value_name = "AXIS",
+        default_value_t = UpChoice::Auto,
+        requires = "background",
+        allow_hyphen_values = true
+    )]
+    pub(crate) up: UpChoice,
 }
 
 impl SceneryOptions {
@@ -43,6 +56,9 @@ impl SceneryOptions {
         if let Some(place) = self.place {
             arguments.extend(["--place".into(), place.to_string().into()]);
         }
+        if let UpChoice::Axis(axis) = self.up {
+            arguments.push(format!("--up={axis}").into());
+        }
         arguments
     }
 
@@ -54,15 +70,23 @@ impl SceneryOptions {
         }
     }
 
-    /// The scene around a person who first stands at `floor` and faces along `heading`; nothing if none was asked for.
-    pub(crate) fn around(&self, floor: Vec3, heading: Quat) -> anyhow::Result<Option<Scenery>> {
+    /// The scene around a person who first stands at `floor` and faces along `heading`; nothing if none was asked for. The
+    /// scene's `cameras` may tell what is up.
+    pub(crate) fn around(
+        &self,
+        cameras: Option<&Path>,
+        floor: Vec3,
+        heading: Quat,
+    ) -> anyhow::Result<Option<Scenery>> {
         let Some(file) = &self.background else {
             return Ok(None);
         };
         let mut scene = load_drawable(file)?;
-        let mut figures = SceneFigures::of(file, &scene)?;
+        let raised = self.up.raise(&mut scene, file, cameras)?;
+        let mut figures = SceneFigures::of(file, &scene, raised.up)?;
         let place = self.place.unwrap_or_default();
-        let world_from_scene = put(&mut scene, &place, floor, heading)?;
+        let mut world_from_scene = put(&mut scene, &place, floor, heading)?;
+        world_from_scene.turn *= raised.turn;
         let background = Background::pack(&scene);
         figures.gpu_bytes = background.bytes();
         Ok(Some(Scenery {
@@ -96,7 +120,7 @@ fn put(
     })
 }
 
-/// Scaled, then turned, then moved.
+/// Scaled, then turned, then moved, from where the scene's cameras are.
 #[derive(Debug, Clone, Copy)]
 struct WorldFromScene {
     scale: f32,
@@ -144,6 +168,8 @@ pub(crate) struct SceneFigures {
     left_out: String,
     /// Whether the file says that the scene was trained with an anti-aliasing filter.
     pub(crate) antialiased: bool,
+    #[serde(flatten)]
+    pub(crate) up: UpFigures,
     /// What the packed scene takes on the device.
     pub(crate) gpu_bytes: u64,
 }
@@ -159,8 +185,8 @@ pub(crate) struct DroppedFigures {
 }
 
 impl SceneFigures {
-    /// Of a scene as it lies in its file, not packed yet.
-    fn of(file: &Path, scene: &Scene) -> anyhow::Result<Self> {
+    /// Of a scene that was turned up and is not placed or packed yet.
+    fn of(file: &Path, scene: &Scene, up: UpFigures) -> anyhow::Result<Self> {
         let corners = |bounds: Bounds| [bounds.min, bounds.max];
         let dropped = scene.dropped();
         Ok(Self {
@@ -182,6 +208,7 @@ impl SceneFigures {
             },
             left_out: dropped.to_string(),
             antialiased: scene.antialiased(),
+            up,
             gpu_bytes: 0,
         })
     }
@@ -194,6 +221,7 @@ impl SceneFigures {
         println!("file         {} bytes", self.file_bytes);
         println!("Gaussians    {}", self.gaussians);
         println!("SH degree    {}", self.sh_degree);
+        println!("up           {} ({})", self.up.up, self.up.up_from);
         for (name, corners) in [("bounds", self.bounds), ("1 to 99 %", self.robust_bounds)] {
             let Some([low, high]) = corners else {
                 continue;
@@ -214,25 +242,38 @@ impl SceneFigures {
 }
 
 impl Scenery {
-    /// The scene by itself, where it lies in its file; it may be empty.
-    pub(crate) fn alone(file: &Path) -> anyhow::Result<Self> {
-        Self::of(file, load(file)?)
+    /// The scene by itself, turned up and else where it lies in its file; it may be empty.
+    pub(crate) fn alone(file: &Path, up: UpChoice, cameras: Option<&Path>) -> anyhow::Result<Self> {
+        Self::of(file, load(file)?, up, cameras)
     }
 
-    /// The scene by itself, to be drawn.
-    pub(crate) fn drawable(file: &Path) -> anyhow::Result<Self> {
-        Self::of(file, load_drawable(file)?)
+    /// The same of a scene that is to be drawn.
+    pub(crate) fn drawable(
+        file: &Path,
+        up: UpChoice,
+        cameras: Option<&Path>,
+    ) -> anyhow::Result<Self> {
+        Self::of(file, load_drawable(file)?, up, cameras)
     }
 
-    fn of(file: &Path, scene: Scene) -> anyhow::Result<Self> {
-        let mut figures = SceneFigures::of(file, &scene)?;
+    fn of(
+        file: &Path,
+        mut scene: Scene,
+        up: UpChoice,
+        cameras: Option<&Path>,
+    ) -> anyhow::Result<Self> {
+        let raised = up.raise(&mut scene, file, cameras)?;
+        let mut figures = SceneFigures::of(file, &scene, raised.up)?;
         let background = Background::pack(&scene);
         figures.gpu_bytes = background.bytes();
         Ok(Self {
             figures,
             background: Arc::new(background),
             bounds: scene.robust_bounds(),
-            world_from_scene: WorldFromScene::IDENTITY,
+            world_from_scene: WorldFromScene {
+                turn: raised.turn,
+                ..WorldFromScene::IDENTITY
+            },
         })
     }
 
@@ -301,7 +342,7 @@ pub(crate) fn check_file(file: &Path) -> anyhow::Result<()> {
 pub(crate) fn is_scene(file: &Path) -> bool {
     let start = first_bytes(file);
     let by_content = match &start.unwrap_or_default() {
-        b"PK\x03\x04" => Some(false),
+        b"PK\x03\x04" => Some(splat_scene::is_sog(file)),
         b"ply\n" | b"ply\r" | b"NGSP" | [0x1F, 0x8B, ..] => Some(true),
         _ => None,
     };
@@ -312,7 +353,7 @@ pub(crate) fn is_scene(file: &Path) -> bool {
 /// Reads a scene file that is to be drawn, and so must not be empty.
 pub(crate) fn load_drawable(file: &Path) -> anyhow::Result<Scene> {
     ensure!(
-        !is_zip(file),
+        !is_zip(file) || splat_scene::is_sog(file),
         "{} looks like an avatar package: give it by itself, not as a scene",
         file.display()
     );
@@ -429,8 +470,12 @@ mod tests {
         let scene = room();
         let scenery = Scenery {
             background: Arc::new(Background::pack(&scene)),
-            figures: SceneFigures::of(Path::new(env!("CARGO_MANIFEST_PATH")), &scene)
-                .expect("the manifest stands in for a file"),
+            figures: SceneFigures::of(
+                Path::new(env!("CARGO_MANIFEST_PATH")),
+                &scene,
+                UpFigures::default(),
+            )
+            .expect("the manifest stands in for a file"),
             bounds: scene.bounds(),
             world_from_scene: WorldFromScene::IDENTITY,
         };

@@ -3,6 +3,7 @@
 use crate::report::write_json;
 use crate::scenery::{Scenery, check_file, is_scene};
 use crate::stage::load_avatar;
+use crate::up::UpChoice;
 use anyhow::Context;
 use glam::Vec3;
 use profile_report::AvatarFigures;
@@ -13,9 +14,12 @@ use std::path::PathBuf;
 /// Options of `inspect`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Avatar package (.m3a), or Gaussian scene (.ply, .splat, .spz); the content tells which
+    /// Avatar package (.m3a), or Gaussian scene (.ply, .splat, .spz, .sog); the content tells which
     #[arg(value_name = "FILE")]
     file: PathBuf,
+    /// The axis of a scene's file that points up, as for `render`
+    #[arg(long, value_name = "AXIS", default_value_t = UpChoice::Auto, allow_hyphen_values = true)]
+    up: UpChoice,
     /// Write every figure as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -40,7 +44,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         check_file(&options.file)?;
     }
     if is_scene(&options.file) {
-        let scenery = Scenery::alone(&options.file)?;
+        let scenery = Scenery::alone(&options.file, options.up, None)?;
         let figures = scenery.figures;
         figures.print();
         return write_json(options.json.as_deref(), &figures);

@@ -104,6 +104,47 @@ fn inspect_tells_a_scene_by_its_content_and_counts_what_it_leaves_out() {
 }
 
 #[test]
+fn inspect_tells_what_is_up_and_why_and_takes_another_axis() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (file, figures) = (scene(&folder), folder.path().join("figures.json"));
+    let inspect = |arguments: &[&str]| {
+        let fixed = ["inspect", text(&file), "--json", text(&figures)];
+        let shown = mon3tr(&[&fixed[..], arguments].concat()).succeeds();
+        (shown, json(&figures))
+    };
+    let (shown, usual) = inspect(&[]);
+    assert!(shown.contains("up           -y (as is usual"), "{shown}");
+    assert_eq!(usual["up"], "-y", "{usual}");
+    // The floor reaches from -1.45 to 1.45 in x and z, and from there to the side in which it stands upright.
+    let height = |figures: &serde_json::Value| figures["bounds"][1][1].as_f64().expect("a height");
+    assert!(height(&usual).abs() < 1e-4, "a floor: {usual}");
+    let (shown, standing) = inspect(&["--up", "+z"]);
+    assert!(shown.contains("up           +z (as --up says)"), "{shown}");
+    assert!(
+        (height(&standing) - 1.45).abs() < 1e-4,
+        "a wall: {standing}"
+    );
+    let (_, auto) = inspect(&["--up", "auto"]);
+    assert_eq!(auto, usual, "the default");
+    mon3tr(&["inspect", text(&file), "--up", "sideways"]).fails_naming(&["sideways", "+z"]);
+    mon3tr(&["render", "person.m3a", "--up", "+z"]).fails_naming(&["required arguments"]);
+}
+
+#[test]
+fn inspect_reads_the_formats_that_other_programs_write_today() {
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../splat-scene/tests/fixtures");
+    for (name, format) in [
+        ("synthetic-v4.spz", ".spz version 4"),
+        ("synthetic.sog", "SOG version 2"),
+    ] {
+        let shown = mon3tr(&["inspect", text(&fixtures.join(name))]).succeeds();
+        for word in [format, "Gaussians    24", "SH degree    3"] {
+            assert!(shown.contains(word), "`{word}` is missing in:\n{shown}");
+        }
+    }
+}
+
+#[test]
 fn render_shows_a_scene_without_anyone_from_a_side_or_from_its_cameras() {
     if gpu().is_none() {
         return;

@@ -2,6 +2,7 @@
 
 use super::{scene, standard};
 use crate::stage::Size;
+use crate::up::UpChoice;
 use clap::ValueEnum;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,12 +11,21 @@ use xr_renderer::{BackEnd, Gpu};
 /// Options of `bench render`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Time this scene (.ply, .splat, .spz) instead of the made-up person
+    /// Time this scene (.ply, .splat, .spz, .sog) instead of the made-up person
     #[arg(long, value_name = "FILE")]
     pub(crate) scene: Option<PathBuf>,
     /// The scene's cameras, in the cameras.json that 3DGS writes [default: one that sees the whole scene from the front]
     #[arg(long, value_name = "FILE", requires = "scene")]
     pub(crate) camera: Option<PathBuf>,
+    /// The axis of the scene's file that points up, as for `render`
+    #[arg(
+        long,
+        value_name = "AXIS",
+        default_value_t = UpChoice::Auto,
+        requires = "scene",
+        allow_hyphen_values = true
+    )]
+    pub(crate) up: UpChoice,
     /// Which of the cameras [default: the first]
     #[arg(
         long,

@@ -140,9 +140,10 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
     };
     let call = call::run(options, &package, Shown::Offscreen { seconds })?;
 
-    let scenery = options
-        .scenery
-        .around(performance.start(&avatar), performance.heading())?;
+    let scenery =
+        options
+            .scenery
+            .around(None, performance.start(&avatar), performance.heading())?;
     let setting = Setting {
         size: options.size,
         views: Views::Mono,

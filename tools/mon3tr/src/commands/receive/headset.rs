@@ -81,7 +81,7 @@ pub(super) fn run(
         deadline: options.seconds.map(|seconds| Instant::now() + seconds),
     };
     let mut album = Album::new(&until, options.frames, options.out.is_some());
-    let scenery = options.scenery.around(BEFORE, Quat::IDENTITY)?;
+    let scenery = options.scenery.around(None, BEFORE, Quat::IDENTITY)?;
     let wishes = Wishes {
         placement: options.lanes.placement,
         latency: options.lanes.latency.into(),

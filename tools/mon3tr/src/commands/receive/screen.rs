@@ -82,7 +82,7 @@ impl<'a> Screen<'a> {
         };
         if !self.settled {
             self.settled = true;
-            let scenery = (self.options.scenery).around(moment.floor, moment.heading)?;
+            let scenery = (self.options.scenery).around(None, moment.floor, moment.heading)?;
             let setting = self.live.setting().clone();
             self.live.set(Setting {
                 background: (scenery.as_ref()).map(|scenery| Arc::clone(&scenery.background)),

@@ -95,9 +95,16 @@ pub(crate) fn run(options: &Options, surroundings: &Surroundings) -> anyhow::Res
 impl Options {
     /// The scene's own camera, if one was chosen.
     fn scene_camera(&self) -> anyhow::Result<Option<SceneCamera>> {
+        self.camera_file()
+            .map(|file| load_camera(file, self.id))
+            .transpose()
+    }
+
+    /// The scene's cameras, if one of them was chosen.
+    fn camera_file(&self) -> Option<&Path> {
         match &self.camera {
-            CameraChoice::File(file) => load_camera(file, self.id).map(Some),
-            CameraChoice::Named(_) | CameraChoice::Exact(_) => Ok(None),
+            CameraChoice::File(file) => Some(file),
+            CameraChoice::Named(_) | CameraChoice::Exact(_) => None,
         }
     }
 

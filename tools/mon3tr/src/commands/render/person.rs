@@ -22,9 +22,10 @@ pub(super) fn run(
     let (avatar, figures) = load_avatar(package)?;
     let performance = options.motion.load(&avatar)?;
     let heading = performance.heading();
-    let scenery = options
-        .scenery
-        .around(performance.start(&avatar), heading)?;
+    let scenery =
+        options
+            .scenery
+            .around(options.camera_file(), performance.start(&avatar), heading)?;
     let scene_camera = options.scene_camera()?;
     let size = options.size(scene_camera.as_ref())?;
     let fixed = match (&scene_camera, &scenery) {

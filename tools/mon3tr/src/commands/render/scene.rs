@@ -37,7 +37,7 @@ pub(super) fn run(
             "--motion, --bvh-scale, --frames and --place are about a person: give an avatar PACKAGE too"
         );
     }
-    let scenery = Scenery::drawable(file)?;
+    let scenery = Scenery::drawable(file, options.scenery.up, options.camera_file())?;
     let scene_camera = options.scene_camera()?;
     let size = options.size(scene_camera.as_ref())?;
     let camera = match (&options.camera, &scene_camera) {
