@@ -80,7 +80,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn camera_around(bounds: &Bounds, angle: f32) -> Camera {
     let (min, max) = (Vec3::from(bounds.min), Vec3::from(bounds.max));
     let centre = 0.5 * (min + max);
-    let distance = 0.5 * (max - min).length() / (0.5 * FOV).tan();
+    // A little farther than the box needs, which leaves out the outermost Gaussians.
+    let distance = 0.6 * (max - min).length() / (0.5 * FOV).tan();
     let from_centre = Quat::from_rotation_y(angle) * Vec3::new(0.0, 0.2, 1.0).normalize();
     Camera::look_at(
         centre + distance * from_centre,
