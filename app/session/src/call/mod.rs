@@ -1,4 +1,4 @@
-//! The receiver's end of a call: what arrives goes through the jitter buffer and the bridge, and becomes the motion to show now.
+//! The receiver's end of a call: what arrives goes through the jitter buffer and motion concealment, and becomes the motion to show now.
 
 mod figures;
 mod watch;
@@ -39,7 +39,7 @@ pub struct Call {
     announced: Announcement,
     clock: Clock,
     buffer: JitterBuffer,
-    bridge: MotionConcealment,
+    concealment: MotionConcealment,
     log: Log,
     watch: CallWatch,
     /// When it was last told what was counted.
@@ -60,7 +60,7 @@ impl Call {
             announced,
             clock,
             buffer: JitterBuffer::new(),
-            bridge: MotionConcealment::new(skeleton),
+            concealment: MotionConcealment::new(skeleton),
             log: Log::new(clock.now()),
             watch: CallWatch::default(),
             told: Micros(0),
@@ -171,12 +171,12 @@ impl Call {
         }
     }
 
-    /// Gives the bridge all that is due; returns the newest frame's way, if there was any.
+    /// Gives concealment all that is due; returns the newest frame's way, if there was any.
     fn release(&mut self, now: Micros) -> Option<Timing> {
         let mut newest = None;
         for Played { frame, timing } in self.buffer.take(now) {
             self.log.released(&timing);
-            self.bridge.push(&frame);
+            self.concealment.push(&frame);
             newest = Some(timing);
         }
         newest
@@ -184,11 +184,11 @@ impl Call {
 
     /// What to show from `now` on: a frame's pose at its place in time, or one made up for the moment.
     fn pose(&mut self, now: Micros, timing: Option<Timing>) -> Pose {
-        let (motion, source) = self.bridge.sample(now);
+        let (motion, source) = self.concealment.sample(now);
         self.log.shown(source);
         self.resting = source == ConcealmentState::Resting;
         // A frame may be followed at once; what is made up comes as frames did, once one is late.
-        let pause = self.bridge.interval();
+        let pause = self.concealment.interval();
         let pause = if timing.is_some() {
             pause * 3 / 2
         } else {
@@ -218,7 +218,7 @@ impl Call {
 }
 
 impl MotionSource for Call {
-    /// The frames' poses as they are due, and while there are none what the bridge makes up, at the rate that frames came. `None`
+    /// The frames' poses as they are due, and while there are none what concealment makes up, at the rate that frames came. `None`
     /// until the first frame, and while the person stands at ease.
     fn next(&mut self, longest: Duration) -> Option<Pose> {
         let until = self.until(longest);

@@ -2,7 +2,7 @@
 //!
 //! A frame is due at its capture time plus an offset that adapts ([`delay`]). All that is due leaves at once and the newest
 //! is what to show: after an outage nobody wants to see the past replayed. Time is always handed in; what to show while
-//! nothing comes is decided elsewhere (`app_pipeline::concealment::Bridge`).
+//! nothing comes is decided elsewhere (`app_pipeline::concealment::MotionConcealment`).
 
 mod delay;
 
