@@ -3,7 +3,7 @@
 use crate::peer::PeerEvent;
 use crate::session::Session;
 use crate::{Backoff, CallError, part, part_too, raised};
-use link_codec::refusal::RefusalCounts;
+use link_codec::decode_error::DecodeErrorCounts;
 use link_codec::{Micros, MotionFrame};
 use link_http::Client;
 use link_playout::Clock;
@@ -77,7 +77,7 @@ pub struct ViewerStatistics {
     /// Bytes of all messages, without any header.
     pub payload_bytes: u64,
     /// Messages refused, by reason.
-    pub refused: RefusalCounts,
+    pub refused: DecodeErrorCounts,
     /// The sender's clock less this side's, microseconds.
     pub clock_offset_us: Option<i64>,
     /// Shortest round trip of late, microseconds.
