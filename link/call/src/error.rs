@@ -1,4 +1,4 @@
-//! What can go wrong between two ends of a call.
+//! The errors of a call.
 
 use link_http::HttpError;
 use link_protocol::ProtocolError;
@@ -7,39 +7,39 @@ use link_protocol::ProtocolError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CallError {
-    /// The server, or the way to it.
+    /// A request to the server failed.
     #[error(transparent)]
     Http(#[from] HttpError),
     /// The WebRTC connection could not be made or used.
     #[error("the WebRTC connection failed")]
     WebRtc(#[from] webrtc::error::Error),
-    /// The WebRTC library gave no description of a connection.
-    #[error("WebRTC gave no description of the connection")]
+    /// The WebRTC library made no description of a connection.
+    #[error("WebRTC made no description of the connection")]
     NoDescription,
     /// Offer and answer were exchanged, but no channel opened.
     #[error(
-        "no connection came about: sender and viewer must reach each other over UDP, with no NAT or firewall between them"
+        "no connection could be made: sender and viewer must reach each other over UDP, with no NAT or firewall between them"
     )]
     NotConnected,
     /// The sender is not in its room.
     #[error("the sender is not in the room now")]
     SenderAbsent,
-    /// No random number could be had for a session.
+    /// The system gave no random number for a session.
     #[error("the system gives no random numbers ({0})")]
     Random(String),
-    /// A task ended as none should.
+    /// A task panicked.
     #[error("a task of the call failed: {0}")]
     Task(String),
 }
 
 impl CallError {
-    /// Whether trying again later cannot help: the link itself is not good.
+    /// Whether trying again later cannot help, because the link itself is wrong.
     #[must_use]
     pub fn is_final(&self) -> bool {
         matches!(self, Self::Http(error) if error.is_final())
     }
 
-    /// Whether what was asked for does not exist, or not for this token.
+    /// Whether the room or package does not exist for this token.
     #[must_use]
     pub fn is_not_found(&self) -> bool {
         matches!(self, Self::Http(HttpError::NotFound { .. }))

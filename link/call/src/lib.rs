@@ -1,35 +1,67 @@
-//! The call itself: one WebRTC connection with one data channel between a sender and each viewer, kept up by both sides.
+//! A call over WebRTC data channels (`docs/protocol.md`): a [`Sender`] is present in a room and sends motion to every viewer, a
+//! [`Viewer`] joins a room and hands over what arrives. Both keep the call up through outages and restarts, in tasks of a tokio runtime.
+//! The crate draws nothing, and plays nothing out: frames leave a `Viewer` as they arrive, and `link_playout` decides when each is shown.
+//!
+//! A program that joins a room and prints the frames:
+//!
+//! ```no_run
+//! use link_call::{CallEvent, Viewer};
+//! use link_http::Client;
+//! use link_playout::Clock;
+//! use link_protocol::RoomLink;
+//! use std::time::Duration;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let room: RoomLink = std::env::args().nth(1).ok_or("usage: PROGRAM LINK")?.parse()?;
+//! let runtime = tokio::runtime::Runtime::new()?;
+//! let _entered = runtime.enter();
+//! let viewer = Viewer::join(Client::new(None)?, room, Clock::start());
+//! // After the last event there is none: the loop ends with the call.
+//! while let Ok(event) = viewer.next(Duration::MAX) {
+//!     match event {
+//!         CallEvent::Announced(announcement) => println!("avatar {}", announcement.avatar.sha256),
+//!         CallEvent::Joined => println!("connected"),
+//!         CallEvent::Frame { frame, .. } => {
+//!             println!("frame {} at {}", frame.sequence, frame.motion.root_translation);
+//!         }
+//!         CallEvent::HungUp => println!("the sender has hung up"),
+//!         CallEvent::Failed(error) => return Err(error.into()),
+//!     }
+//! }
+//! # Ok(())
+//! # }
+//! ```
 
 mod error;
-pub mod host;
 mod peer;
+pub mod sender;
 mod session;
 pub mod viewer;
 
 pub use error::CallError;
-pub use host::Host;
+pub use sender::Sender;
 pub use viewer::{CallEvent, Viewer};
 
-use link_protocol::message::Message;
+use link_protocol::data_channel::Message;
 use link_protocol::room_link::ServerUrl;
-use peer::{Peer, PeerEvent, Sent};
+use peer::{Peer, PeerEvent, SendOutcome};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 use tokio::sync::watch;
 
-/// How often a goodbye is said until it is answered, and how far apart: in all as long as SCTP takes to send a lost message again.
-const GOODBYES: u32 = 30;
-const BETWEEN_GOODBYES: Duration = Duration::from_millis(50);
+/// How often a bye is sent until it is answered, and how far apart: in all as long as SCTP takes to retransmit a lost message.
+const BYES: u32 = 30;
+const BETWEEN_BYES: Duration = Duration::from_millis(50);
 
-/// Says goodbye until the other side has heard it, or cannot; returns whether it has.
-async fn part(peer: &mut Peer, session: u32) -> bool {
+/// Sends byes until the other side answers or the channel is closed; returns whether it answered.
+async fn send_bye(peer: &mut Peer, session: u32) -> bool {
     let mut bye = Vec::new();
     Message::Bye.write(session, &mut bye);
-    for _ in 0..GOODBYES {
-        if peer.try_send(&bye).await == Sent::Closed {
+    for _ in 0..BYES {
+        if peer.try_send(&bye).await == SendOutcome::Closed {
             return false;
         }
-        let heard = async {
+        let answered = async {
             loop {
                 match peer.next().await {
                     PeerEvent::Closed => return,
@@ -42,22 +74,23 @@ async fn part(peer: &mut Peer, session: u32) -> bool {
                 }
             }
         };
-        if tokio::time::timeout(BETWEEN_GOODBYES, heard).await.is_ok() {
+        if tokio::time::timeout(BETWEEN_BYES, answered).await.is_ok() {
             return true;
         }
     }
     false
 }
 
-/// Answers a goodbye, and lets the answer leave before the connection is closed.
-async fn part_too(peer: &Peer, session: u32) {
+/// Answers a bye, and waits until the answer is sent, for the connection is closed after it.
+async fn answer_bye(peer: &Peer, session: u32) {
     let mut bye = Vec::new();
     Message::Bye.write(session, &mut bye);
     peer.try_send(&bye).await;
-    tokio::time::sleep(BETWEEN_GOODBYES).await;
+    tokio::time::sleep(BETWEEN_BYES).await;
 }
 
-/// The addresses a connection binds: every network of this machine, and loopback where the server is reached by it, for both ends may be here.
+/// The addresses that a connection binds: every network of this machine, and its loopback if the server is reached by it, because then both
+/// ends may be on this machine.
 fn local_addresses(server: &ServerUrl) -> Vec<SocketAddr> {
     let mut addresses = vec![SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0))];
     if server.is_loopback() {
@@ -66,13 +99,13 @@ fn local_addresses(server: &ServerUrl) -> Vec<SocketAddr> {
     addresses
 }
 
-/// Waits until the flag is up, or nobody is left to raise it.
-async fn raised(flag: &mut watch::Receiver<bool>) {
-    // Not in place: what `wait_for` returns holds a lock, which a task must not keep while it waits for something else.
-    let _ = flag.wait_for(|up| *up).await;
+/// Waits until the flag is set or its owner is dropped.
+async fn is_set(flag: &mut watch::Receiver<bool>) {
+    // Not inline in `select!`: what `wait_for` returns holds a lock, which a task must not keep while it waits for something else.
+    let _ = flag.wait_for(|set| *set).await;
 }
 
-/// Longer and longer pauses between attempts.
+/// Pauses between attempts, doubled each time.
 #[derive(Debug)]
 struct Backoff(Duration);
 
@@ -81,7 +114,7 @@ impl Backoff {
     const LONGEST: Duration = Duration::from_secs(1);
 
     fn next(&mut self) -> Duration {
-        // Many who lost the same server must not come back in step.
+        // At random, so that programs that lost the same server do not come back at the same moment.
         let pause = self.0.mul_f64(0.75 + 0.5 * random_share());
         self.0 = (self.0 * 2).min(Self::LONGEST);
         pause
@@ -98,7 +131,7 @@ impl Default for Backoff {
     }
 }
 
-/// A number that another machine would not draw alike.
+/// A random number from 0 to 1.
 fn random_share() -> f64 {
     f64::from(getrandom::u32().unwrap_or(u32::MAX / 2)) / f64::from(u32::MAX)
 }

@@ -1,8 +1,10 @@
-//! One WebRTC connection with one data channel. All that knows the `webrtc` crate is here.
+//! One WebRTC connection with its two data channels. Only this file uses the `webrtc` crate.
 
-use crate::{CallError, raised};
+use crate::{CallError, is_set};
 use bytes::{Bytes, BytesMut};
 use link_protocol::announcement::ChannelMode;
+use link_protocol::data_channel::{Channel, FEEDBACK_CHANNEL, MOTION_CHANNEL, SUBPROTOCOL};
+use link_protocol::limits::MAX_MESSAGE_BYTES;
 use rtc::ice::mdns::MulticastDnsMode;
 use rtc::peer_connection::transport::RTCDtlsRole;
 use std::net::SocketAddr;
@@ -17,66 +19,57 @@ use webrtc::peer_connection::{
     SettingEngineBuilder,
 };
 
-/// There is a channel for each direction, both agreed on beforehand. The library would send reliably, whatever was asked for, on a channel that
-/// the other side opened in-band, and on one that the other side used first.
-const PROTOCOL: &str = "mon3tr.1";
-const MOTION: (u16, &str) = (0, "motion");
-const FEEDBACK: (u16, &str) = (1, "feedback");
-
-/// Bytes that may wait to be sent: some eight motion frames. The default, no limit, lets a slow network put seconds of old
-/// motion before the newest.
+/// Bytes that may wait to be sent: some eight motion frames. The default, no limit, would let seconds of old motion wait before the
+/// newest on a slow network.
 const SEND_BUFFER: usize = 4_000;
 
-/// Largest message of the protocol, with room to spare; larger ones are dropped unread.
-const LARGEST_MESSAGE: usize = 4_096;
+/// Messages that may wait to be read; more are dropped.
+const MAX_WAITING: usize = 256;
 
-/// Messages that may wait to be read. A reader that is that far behind wants the newest, not all.
-const WAITING: usize = 256;
-
-/// ICE: silence until a connection counts as disconnected, until it has failed, and between keep-alives. Motion and feedback tell sooner
-/// that a peer is gone, so these may be slow: at half a second the keep-alives alone take 5 kbit/s each way.
+/// ICE: silence until a connection counts as disconnected, until it has failed, and between keep-alives. The absence of
+/// motion or feedback shows sooner that a peer is gone, so these may be slow: keep-alives every half second take 5 kbit/s each way.
 const ICE_TIMEOUTS: [Duration; 3] = [
     Duration::from_secs(5),
     Duration::from_secs(10),
     Duration::from_secs(2),
 ];
 
-/// The first wherever the other side has it too, as browsers do: its records are 8 bytes shorter, for it sends no nonce.
+/// In order of preference. The first one's records are 8 bytes shorter, because it sends no nonce; browsers have it.
 const CIPHERS: [CipherSuiteId; 2] = [
     CipherSuiteId::Tls_Ecdhe_Ecdsa_With_ChaCha20_Poly1305_Sha256,
     CipherSuiteId::Tls_Ecdhe_Ecdsa_With_Aes_128_Gcm_Sha256,
 ];
 
 /// Candidates are this machine's own addresses, so gathering takes milliseconds.
-const GATHERING: Duration = Duration::from_secs(2);
+const GATHER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// What happens on a connection.
 #[derive(Debug)]
 pub(crate) enum PeerEvent {
     /// The channel is open.
     Open,
-    /// A message came.
+    /// A message arrived.
     Message(Bytes),
     /// The other side closed the channel, or the connection failed.
     Closed,
 }
 
-/// What became of a message.
+/// The outcome of sending a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Sent {
-    /// It is on its way.
+pub(crate) enum SendOutcome {
+    /// It waits to be sent.
     Queued,
     /// Too much is waiting already: skipped.
     Skipped,
-    /// There is no channel (any more).
+    /// The channel is closed.
     Closed,
 }
 
 /// One end of a connection. Dropping it closes it in the background.
 pub(crate) struct Peer {
     connection: Arc<dyn PeerConnection>,
-    /// What this side sends on.
-    own: Arc<dyn DataChannel>,
+    /// The channel that this side sends on.
+    outgoing: Arc<dyn DataChannel>,
     events: mpsc::Receiver<PeerEvent>,
     gathered: mpsc::Receiver<()>,
 }
@@ -87,7 +80,7 @@ impl std::fmt::Debug for Peer {
     }
 }
 
-/// Passes on what the connection's driver calls back with. Never waits: it is the driver's own task.
+/// Receives the callbacks of the connection's driver. Never waits, because it runs in the driver's own task.
 struct Handler {
     failed: watch::Sender<bool>,
     gathered: mpsc::Sender<()>,
@@ -118,7 +111,7 @@ impl Peer {
         local: Vec<SocketAddr>,
         mode: ChannelMode,
     ) -> Result<(Self, String), CallError> {
-        let mut peer = Self::new(local, mode, FEEDBACK, MOTION).await?;
+        let mut peer = Self::new(local, mode, FEEDBACK_CHANNEL, MOTION_CHANNEL).await?;
         let offer = peer.connection.create_offer(None).await?;
         let sdp = peer.describe(offer).await?;
         Ok((peer, sdp))
@@ -130,7 +123,7 @@ impl Peer {
         mode: ChannelMode,
         offer: String,
     ) -> Result<(Self, String), CallError> {
-        let mut peer = Self::new(local, mode, MOTION, FEEDBACK).await?;
+        let mut peer = Self::new(local, mode, MOTION_CHANNEL, FEEDBACK_CHANNEL).await?;
         let offer = RTCSessionDescription::offer(offer)?;
         peer.connection.set_remote_description(offer).await?;
         let answer = peer.connection.create_answer(None).await?;
@@ -147,17 +140,18 @@ impl Peer {
     async fn new(
         local: Vec<SocketAddr>,
         mode: ChannelMode,
-        own: (u16, &str),
-        other: (u16, &str),
+        outgoing: Channel,
+        incoming: Channel,
     ) -> Result<Self, CallError> {
         let [disconnected, failed, keep_alive] = ICE_TIMEOUTS.map(Some);
         let settings = SettingEngineBuilder::new()
-            // It needs port 5353, and a local name tells a viewer elsewhere nothing.
+            // It needs port 5353, and a `.local` name is of no use on another network.
             .with_multicast_dns_mode(MulticastDnsMode::Disabled)
             .with_ice_timeouts(disconnected, failed, keep_alive)
             .with_dtls_cipher_suites(CIPHERS.to_vec())
             .with_host_acceptance_min_wait(None)
-            // Here who begins DTLS begins SCTP too; elsewhere (aiortc) it is who offered. So both are the viewer.
+            // In this library the DTLS client starts SCTP, in others (aiortc) the offering side does. With the answering side as DTLS
+            // server, the viewer is both.
             .with_answering_dtls_role(RTCDtlsRole::Server)
             .build();
         let (fail, failed) = watch::channel(false);
@@ -174,14 +168,14 @@ impl Peer {
             .build()
             .await?;
         let connection: Arc<dyn PeerConnection> = Arc::new(connection);
-        let own = open(&connection, mode, own).await?;
-        let other = open(&connection, mode, other).await?;
-        let (tell, events) = mpsc::channel(WAITING);
-        tokio::spawn(listen(Arc::clone(&own), other, failed, tell));
+        let outgoing = open(&connection, mode, outgoing).await?;
+        let incoming = open(&connection, mode, incoming).await?;
+        let (events, received) = mpsc::channel(MAX_WAITING);
+        tokio::spawn(listen(Arc::clone(&outgoing), incoming, failed, events));
         Ok(Self {
             connection,
-            own,
-            events,
+            outgoing,
+            events: received,
             gathered,
         })
     }
@@ -189,8 +183,8 @@ impl Peer {
     /// Takes `description` for this side's own and returns it with all candidates.
     async fn describe(&mut self, description: RTCSessionDescription) -> Result<String, CallError> {
         self.connection.set_local_description(description).await?;
-        // What has been gathered by then is offered.
-        let _ = tokio::time::timeout(GATHERING, self.gathered.recv()).await;
+        // After the timeout the candidates gathered so far are offered.
+        let _ = tokio::time::timeout(GATHER_TIMEOUT, self.gathered.recv()).await;
         let description = self.connection.local_description().await;
         Ok(description.ok_or(CallError::NoDescription)?.sdp)
     }
@@ -211,18 +205,18 @@ impl Peer {
         self.events.recv().await.unwrap_or(PeerEvent::Closed)
     }
 
-    /// Sends `message` unless too much is waiting.
-    pub(crate) async fn try_send(&self, message: &[u8]) -> Sent {
-        match self.own.try_send(BytesMut::from(message)).await {
-            Ok(()) => Sent::Queued,
-            Err(Error::ErrSendBufferFull) => Sent::Skipped,
-            Err(_) => Sent::Closed,
+    /// Sends `message` unless too many bytes wait to be sent.
+    pub(crate) async fn try_send(&self, message: &[u8]) -> SendOutcome {
+        match self.outgoing.try_send(BytesMut::from(message)).await {
+            Ok(()) => SendOutcome::Queued,
+            Err(Error::ErrSendBufferFull) => SendOutcome::Skipped,
+            Err(_) => SendOutcome::Closed,
         }
     }
 
     /// Closes the connection, telling the other side.
     pub(crate) async fn close(&self) {
-        let _ = self.own.close().await;
+        let _ = self.outgoing.close().await;
         if let Err(error) = self.connection.close().await {
             log::debug!("closing a connection: {error}");
         }
@@ -238,57 +232,60 @@ impl Drop for Peer {
     }
 }
 
-/// Makes one of the channels.
+/// Makes one of the channels. Both are negotiated beforehand: the library would send reliably, whatever was asked for, on a channel that
+/// the other side opened in-band, and on one that the other side used first.
 async fn open(
     connection: &Arc<dyn PeerConnection>,
     mode: ChannelMode,
-    (id, label): (u16, &str),
+    channel: Channel,
 ) -> Result<Arc<dyn DataChannel>, CallError> {
     let unreliable = mode == ChannelMode::Unreliable;
     let init = RTCDataChannelInit {
         ordered: !unreliable,
         max_retransmits: unreliable.then_some(0),
-        protocol: PROTOCOL.to_owned(),
-        negotiated: Some(id),
+        protocol: SUBPROTOCOL.to_owned(),
+        negotiated: Some(channel.id),
         ..RTCDataChannelInit::default()
     };
-    Ok(connection.create_data_channel(label, Some(init)).await?)
+    Ok(connection
+        .create_data_channel(channel.label, Some(init))
+        .await?)
 }
 
-/// Reads the other side's channel, until one of both is closed, the connection fails, or nobody listens any more.
+/// Reads the incoming channel until one of both is closed, the connection fails, or the receiver of events is dropped.
 async fn listen(
-    own: Arc<dyn DataChannel>,
-    other: Arc<dyn DataChannel>,
+    outgoing: Arc<dyn DataChannel>,
+    incoming: Arc<dyn DataChannel>,
     mut failed: watch::Receiver<bool>,
-    tell: mpsc::Sender<PeerEvent>,
+    events: mpsc::Sender<PeerEvent>,
 ) {
     loop {
         let event = tokio::select! {
-            event = own.poll() => event,
-            event = other.poll() => match event {
-                // Only this side's own tells that it may speak.
+            event = outgoing.poll() => event,
+            event = incoming.poll() => match event {
+                // The outgoing channel's opening is the one that allows sending.
                 Some(DataChannelEvent::OnOpen) => continue,
                 event => event,
             },
-            () = raised(&mut failed) => None,
+            () = is_set(&mut failed) => None,
         };
-        let told = match event {
-            Some(DataChannelEvent::OnOpen) => tell.try_send(PeerEvent::Open),
+        let sent = match event {
+            Some(DataChannelEvent::OnOpen) => events.try_send(PeerEvent::Open),
             Some(DataChannelEvent::OnMessage(message)) => {
-                if message.data.len() > LARGEST_MESSAGE {
+                if message.data.len() > MAX_MESSAGE_BYTES {
                     log::debug!("a message of {} bytes is dropped", message.data.len());
                     continue;
                 }
-                tell.try_send(PeerEvent::Message(message.data.freeze()))
+                events.try_send(PeerEvent::Message(message.data.freeze()))
             }
             Some(DataChannelEvent::OnClose | DataChannelEvent::OnClosing) | None => {
-                // Nobody listening is as good.
-                let _ = tell.send(PeerEvent::Closed).await;
+                // A dropped receiver needs no event.
+                let _ = events.send(PeerEvent::Closed).await;
                 return;
             }
             Some(_) => continue,
         };
-        match told {
+        match sent {
             Ok(()) => {}
             Err(mpsc::error::TrySendError::Full(_)) => {
                 log::debug!("a message is dropped: too many wait");
@@ -307,7 +304,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn two_peers_meet_and_part() {
+    async fn two_peers_connect_and_disconnect() {
         for mode in [ChannelMode::Unreliable, ChannelMode::Reliable] {
             let (mut viewer, offer) = Peer::offer(loopback(), mode).await.expect("an offer");
             let (mut sender, answer) = Peer::answer(loopback(), mode, offer)
@@ -317,7 +314,11 @@ mod tests {
             for peer in [&mut viewer, &mut sender] {
                 peer.opened().await.expect("an open channel");
             }
-            assert_eq!(sender.try_send(b"motion").await, Sent::Queued, "{mode}");
+            assert_eq!(
+                sender.try_send(b"motion").await,
+                SendOutcome::Queued,
+                "{mode}"
+            );
             let message = viewer.next().await;
             assert!(
                 matches!(&message, PeerEvent::Message(bytes) if bytes[..] == *b"motion"),

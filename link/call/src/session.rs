@@ -6,43 +6,45 @@ use link_codec::{Decoder, Micros};
 use link_http::Client;
 use link_playout::Clock;
 use link_playout::clock::ClockOffset;
-use link_protocol::message::{Feedback, Message};
-use link_protocol::{Announcement, RoomLink};
+use link_protocol::data_channel::{Feedback, Message};
+use link_protocol::{Announcement, Name, RoomLink};
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Quiet after which every feedback asks for an answer.
+/// Silence of the sender after which every feedback asks for a pong.
 const QUIET: Duration = Duration::from_millis(300);
 
-/// A feedback at least this often, and one for every third frame: more would cost more in SCTP's own acknowledgements than
-/// nearer frames to predict from save.
-const FEEDBACK: Duration = Duration::from_millis(200);
+/// A feedback at least this often, and one for every third frame. More feedback would cost more in SCTP's own acknowledgements than it
+/// saves by frames predicted from newer ones.
+const FEEDBACK_INTERVAL: Duration = Duration::from_millis(200);
 const FRAMES_A_FEEDBACK: u32 = 3;
 
-/// Time between questions for the sender's clock: often at first, then to follow its drift.
-const ASK_AT_FIRST: Duration = Duration::from_millis(50);
-const ASK_LATER: Duration = Duration::from_secs(1);
-const ASKED_AT_FIRST: u32 = 10;
+/// Time between feedbacks that ask for a pong: short at first, to learn the sender's clock, then long, to follow its drift.
+const FIRST_PING_INTERVAL: Duration = Duration::from_millis(50);
+const PING_INTERVAL: Duration = Duration::from_secs(1);
+const FIRST_PINGS: u32 = 10;
 
 /// A connection that is open.
 #[derive(Debug)]
 pub(crate) struct Session {
     pub(crate) peer: Peer,
-    /// Of the messages.
+    /// The session's number in messages.
     pub(crate) id: u32,
-    /// The server's name for it.
-    pub(crate) name: String,
+    /// The session's name on the server.
+    pub(crate) name: Name,
     pub(crate) decoder: Decoder,
     pub(crate) offset: ClockOffset,
+    /// Frames since the last feedback.
     pub(crate) fresh_frames: u32,
     next_feedback: Instant,
-    next_question: Instant,
-    questions: u32,
-    pub(crate) heard: Instant,
+    next_ping: Instant,
+    pings: u32,
+    /// When a message of the sender last arrived.
+    pub(crate) last_heard: Instant,
 }
 
 impl Session {
-    /// Offers, takes the answer and waits for the channel.
+    /// Offers a connection, takes the answer and waits for the open channel.
     pub(crate) async fn open(
         client: &Client,
         room: &RoomLink,
@@ -64,37 +66,42 @@ impl Session {
             offset: ClockOffset::new(),
             fresh_frames: 0,
             next_feedback: now,
-            next_question: now,
-            questions: 0,
-            heard: now,
+            next_ping: now,
+            pings: 0,
+            last_heard: now,
         };
-        session.speak(clock, &mut Vec::new()).await;
+        session.send_feedback(clock, &mut Vec::new()).await;
         Ok(session)
     }
 
-    /// Sends a feedback if it is time for one.
-    pub(crate) async fn speak(&mut self, clock: Clock, out: &mut Vec<u8>) {
+    /// Sends a feedback if one is due.
+    pub(crate) async fn send_feedback(&mut self, clock: Clock, out: &mut Vec<u8>) {
         let now = Instant::now();
-        // A sender that has nothing to send still answers, and is told apart from one that is gone.
-        let quiet = self.heard.elapsed() > QUIET && now >= self.next_feedback;
-        let ask = quiet || now >= self.next_question;
-        if !ask && now < self.next_feedback && self.fresh_frames < FRAMES_A_FEEDBACK {
+        // A sender without motion to send answers with pongs; one that is gone does not.
+        let quiet = self.last_heard.elapsed() > QUIET && now >= self.next_feedback;
+        let ping = quiet || now >= self.next_ping;
+        if !ping && now < self.next_feedback && self.fresh_frames < FRAMES_A_FEEDBACK {
             return;
         }
-        if ask {
-            self.questions += 1;
-            let settled = self.questions >= ASKED_AT_FIRST;
-            self.next_question = now + if settled { ASK_LATER } else { ASK_AT_FIRST };
+        if ping {
+            self.pings += 1;
+            let settled = self.pings >= FIRST_PINGS;
+            self.next_ping = now
+                + if settled {
+                    PING_INTERVAL
+                } else {
+                    FIRST_PING_INTERVAL
+                };
         }
         let (newest, received) = self.decoder.feedback();
         let feedback = Feedback {
             newest,
             received,
-            sent: if ask { clock.now() } else { Micros(0) },
+            sent: if ping { clock.now() } else { Micros(0) },
         };
         Message::Feedback(feedback).write(self.id, out);
         self.peer.try_send(out).await;
         self.fresh_frames = 0;
-        self.next_feedback = now + FEEDBACK;
+        self.next_feedback = now + FEEDBACK_INTERVAL;
     }
 }

@@ -1,14 +1,14 @@
-//! The receiving side of a call: joins a room and hands over what arrives, through outages and restarts, until somebody hangs up.
+//! The receiving side of a call: joins a room and hands over what arrives, through outages and restarts, until either side hangs up.
 
 use crate::peer::PeerEvent;
 use crate::session::Session;
-use crate::{Backoff, CallError, part, part_too, raised};
-use link_codec::refusal::RefusalCounts;
+use crate::{Backoff, CallError, answer_bye, is_set, send_bye};
+use link_codec::decode_error::DecodeErrorCounts;
 use link_codec::{Micros, MotionFrame};
 use link_http::Client;
 use link_playout::Clock;
 use link_playout::clock::Exchange;
-use link_protocol::message::Message;
+use link_protocol::data_channel::Message;
 use link_protocol::{Announcement, RoomLink};
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -19,25 +19,25 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 
-/// Silence after which another connection is made beside the silent one: SCTP alone takes 15 s to come back from an outage of 10 s.
-const SILENT: Duration = Duration::from_secs(1);
+/// Silence after which a second connection is made beside the silent one: SCTP alone takes 15 s to recover from an outage of 10 s.
+const SILENCE: Duration = Duration::from_secs(1);
 
-/// From the offer to the open channel, on a path that nothing is known of yet ...
-const CONNECTING: Duration = Duration::from_secs(10);
+/// From the offer to the open channel, on a path whose round trip is unknown ...
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// ... and on one whose round trip is known, besides that: ICE gives up its checks after 1.4 s, so an attempt that falls into an outage
-/// is lost, and the next must not wait for it.
-const RECONNECTING: Duration = Duration::from_millis(2_500);
+/// ... and on one whose round trip is known, besides ten round trips. ICE gives up its checks after 1.4 s, so an attempt during an outage
+/// fails, and the next one must not wait for it.
+const RECONNECT_TIMEOUT: Duration = Duration::from_millis(2_500);
 
-/// For the server to say who is in the room, and to hear who has left.
-const ASKING: Duration = Duration::from_secs(3);
-const LEAVING: Duration = Duration::from_secs(1);
+/// For the server to return the announcement, and to take the end of a session.
+const ANNOUNCEMENT_TIMEOUT: Duration = Duration::from_secs(3);
+const LEAVE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// How often silence and feedback are looked at.
+/// How often silence and feedback are checked.
 const TICK: Duration = Duration::from_millis(50);
 
-/// Frames that may wait for who draws: 8 s at 60 Hz.
-const WAITING: usize = 512;
+/// Frames that may wait for [`Viewer::next`]: 8 s at 60 Hz.
+const MAX_WAITING: usize = 512;
 
 /// What happens in a call.
 #[derive(Debug)]
@@ -46,11 +46,11 @@ const WAITING: usize = 512;
     reason = "frames are nearly all of them, and a box would be an allocation for each"
 )]
 pub enum CallEvent {
-    /// What the sender announces: once before the first connection, and again whenever it has changed.
+    /// The sender's announcement: once before the first connection, and again after each change.
     Announced(Announcement),
     /// A connection is open; sequences begin anew.
     Joined,
-    /// A frame that passed every check.
+    /// A frame that passed every check of the decoder.
     Frame {
         /// What was captured, its time by the sender's clock.
         frame: MotionFrame,
@@ -59,7 +59,7 @@ pub enum CallEvent {
         /// When it arrived, by this side's clock.
         arrived: Micros,
     },
-    /// The sender said goodbye: the call is over.
+    /// The sender hung up; the last event.
     HungUp,
     /// The call cannot go on; the last event.
     Failed(CallError),
@@ -72,15 +72,15 @@ pub struct ViewerStatistics {
     pub sessions: u32,
     /// Frames that passed every check.
     pub frames: u64,
-    /// Frames that who draws was too slow to take.
+    /// Frames dropped because too many waited for [`Viewer::next`].
     pub overrun: u64,
     /// Bytes of all messages, without any header.
     pub payload_bytes: u64,
     /// Messages refused, by reason.
-    pub refused: RefusalCounts,
+    pub refused: DecodeErrorCounts,
     /// The sender's clock less this side's, microseconds.
     pub clock_offset_us: Option<i64>,
-    /// Shortest round trip of late, microseconds.
+    /// Shortest round trip of the last 16 s, microseconds.
     pub round_trip_us: Option<u64>,
 }
 
@@ -95,10 +95,10 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Joins `room` in tasks of the current tokio runtime, and comes back after every outage until somebody hangs up.
+    /// Joins `room` in tasks of the current tokio runtime, and joins again after every outage until either side hangs up.
     #[must_use]
     pub fn join(client: Client, room: RoomLink, clock: Clock) -> Self {
-        let (tell, events) = channel();
+        let (sender, events) = channel();
         let waiting = Arc::<AtomicUsize>::default();
         let (stop, stopped) = watch::channel(false);
         let statistics = Arc::<Mutex<ViewerStatistics>>::default();
@@ -106,7 +106,7 @@ impl Viewer {
             client,
             room,
             clock,
-            tell,
+            events: sender,
             waiting: Arc::clone(&waiting),
             stop: stopped,
             statistics: Arc::clone(&statistics),
@@ -121,23 +121,23 @@ impl Viewer {
         }
     }
 
-    /// What happens next, if it does within `longest`.
+    /// Waits for the next event for `longest` at most. Blocks: not for an async task.
     ///
     /// # Errors
-    /// [`RecvTimeoutError::Timeout`] if nothing does, [`RecvTimeoutError::Disconnected`] after the last event.
+    /// [`RecvTimeoutError::Timeout`] if there was none, [`RecvTimeoutError::Disconnected`] after the last event.
     pub fn next(&self, longest: Duration) -> Result<CallEvent, RecvTimeoutError> {
         let event = self.events.recv_timeout(longest)?;
         self.waiting.fetch_sub(1, Relaxed);
         Ok(event)
     }
 
-    /// Figures so far.
+    /// What has arrived so far.
     #[must_use]
     pub fn statistics(&self) -> ViewerStatistics {
         locked(&self.statistics).clone()
     }
 
-    /// Says goodbye and leaves the room.
+    /// Hangs up and leaves the room.
     pub async fn hang_up(self) {
         self.stop.send_replace(true);
         if let Err(error) = self.task.await {
@@ -152,17 +152,17 @@ struct Call {
     client: Client,
     room: RoomLink,
     clock: Clock,
-    tell: Sender<CallEvent>,
+    events: Sender<CallEvent>,
     waiting: Arc<AtomicUsize>,
     stop: watch::Receiver<bool>,
     statistics: Arc<Mutex<ViewerStatistics>>,
     announced: Option<Announcement>,
 }
 
-/// What making a connection came to.
+/// The task that makes a connection.
 type Joining = JoinHandle<Result<Box<(Announcement, Session)>, CallError>>;
 
-/// Why [`Call::run`] looks at a session again.
+/// What [`Call::run`] waits for.
 enum Turn {
     Event(PeerEvent),
     Joined(Result<Box<(Announcement, Session)>, CallError>),
@@ -184,17 +184,17 @@ impl Call {
                     let Some(session) = &mut current else {
                         continue;
                     };
-                    session.heard = Instant::now();
+                    session.last_heard = Instant::now();
                     backoff.reset();
-                    if self.take(session, &bytes, &mut out).await {
-                        self.tell(CallEvent::HungUp);
-                        part_too(&session.peer, session.id).await;
+                    if self.handle(session, &bytes, &mut out).await {
+                        self.emit(CallEvent::HungUp);
+                        answer_bye(&session.peer, session.id).await;
                         self.finish(current.as_ref(), joining).await;
                         return;
                     }
-                    // The silent connection has come back by itself.
-                    if let Some(superfluous) = joining.take() {
-                        superfluous.abort();
+                    // The silent connection has recovered: no second one is needed.
+                    if let Some(second) = joining.take() {
+                        second.abort();
                     }
                 }
                 Turn::Event(PeerEvent::Closed) => {
@@ -211,11 +211,11 @@ impl Call {
                     current = Some(session);
                     self.announce(announcement);
                     self.with_statistics(|s| s.sessions += 1);
-                    self.tell(CallEvent::Joined);
+                    self.emit(CallEvent::Joined);
                 }
-                // A connection that is only silent may come back, whatever the server says meanwhile.
+                // A connection that is only silent may recover, whatever the server answers.
                 Turn::Joined(Err(error)) if error.is_final() && current.is_none() => {
-                    self.tell(CallEvent::Failed(error));
+                    self.emit(CallEvent::Failed(error));
                     break;
                 }
                 Turn::Joined(Err(error)) => {
@@ -226,21 +226,21 @@ impl Call {
                     let Some(session) = &mut current else {
                         continue;
                     };
-                    if session.heard.elapsed() > SILENT && joining.is_none() {
-                        log::warn!("nothing comes from the sender: looking for it");
+                    if session.last_heard.elapsed() > SILENCE && joining.is_none() {
+                        log::warn!("the sender is silent: connecting again");
                         joining = Some(self.start_joining(Duration::ZERO));
                     }
-                    session.speak(self.clock, &mut out).await;
+                    session.send_feedback(self.clock, &mut out).await;
                 }
                 Turn::Stop => break,
             }
         }
         if let Some(session) = &mut current
-            && !part(&mut session.peer, session.id).await
+            && !send_bye(&mut session.peer, session.id).await
         {
-            // It was not heard; the server's word is a second way.
-            let told = self.client.leave(&self.room, &session.name);
-            if !matches!(timeout(LEAVING, told).await, Ok(Ok(()))) {
+            // The sender did not answer the bye: the server can tell it.
+            let left = self.client.leave(&self.room, &session.name);
+            if !matches!(timeout(LEAVE_TIMEOUT, left).await, Ok(Ok(()))) {
                 log::debug!("the server was not told that this viewer left");
             }
         }
@@ -256,7 +256,7 @@ impl Call {
         }
     }
 
-    /// Waits for whatever comes first.
+    /// Waits for the first of them.
     async fn turn(
         &mut self,
         current: &mut Option<Session>,
@@ -276,7 +276,7 @@ impl Call {
             }
         };
         tokio::select! {
-            () = raised(&mut self.stop) => Turn::Stop,
+            () = is_set(&mut self.stop) => Turn::Stop,
             event = event => Turn::Event(event),
             joined = joined => Turn::Joined(joined.unwrap_or_else(|error| Err(CallError::Task(error.to_string())))),
             _ = ticks.tick() => Turn::Tick,
@@ -286,14 +286,14 @@ impl Call {
     fn start_joining(&self, after: Duration) -> Joining {
         let (client, room, clock) = (self.client.clone(), self.room.clone(), self.clock);
         let limit = match self.with_statistics(|s| s.round_trip_us) {
-            // Some ten messages go to and fro until the channel is open.
-            Some(us) => RECONNECTING + 10 * Duration::from_micros(us),
-            None => CONNECTING,
+            // Some ten messages cross until the channel is open.
+            Some(us) => RECONNECT_TIMEOUT + 10 * Duration::from_micros(us),
+            None => CONNECT_TIMEOUT,
         };
         tokio::spawn(async move {
             tokio::time::sleep(after).await;
-            // A connection to the server that died unseen must not hold this up for long.
-            let announcement = timeout(ASKING, client.ask(&room))
+            // An idle connection to the server may be dead, which shows in a timeout only.
+            let announcement = timeout(ANNOUNCEMENT_TIMEOUT, client.announcement(&room))
                 .await
                 .map_err(|_| CallError::NotConnected)??
                 .ok_or(CallError::SenderAbsent)?;
@@ -306,12 +306,12 @@ impl Call {
     fn announce(&mut self, announcement: Announcement) {
         if self.announced.as_ref() != Some(&announcement) {
             self.announced = Some(announcement);
-            self.tell(CallEvent::Announced(announcement));
+            self.emit(CallEvent::Announced(announcement));
         }
     }
 
-    /// Takes one message; returns whether it was the goodbye.
-    async fn take(&self, session: &mut Session, bytes: &[u8], out: &mut Vec<u8>) -> bool {
+    /// Handles one message; returns whether it was a bye.
+    async fn handle(&self, session: &mut Session, bytes: &[u8], out: &mut Vec<u8>) -> bool {
         let arrived = self.clock.now();
         self.with_statistics(|s| s.payload_bytes += bytes.len() as u64);
         match Message::read(bytes, session.id) {
@@ -324,7 +324,7 @@ impl Call {
                     returned: arrived,
                 };
                 if let Err(error) = session.offset.observe(&exchange) {
-                    log::debug!("a pong is not believed: {error}");
+                    log::debug!("ignored a pong: {error}");
                 }
                 self.with_statistics(|s| {
                     s.clock_offset_us = session.offset.offset_us();
@@ -334,37 +334,37 @@ impl Call {
                         .and_then(|time| u64::try_from(time.as_micros()).ok());
                 });
             }
-            Some(Message::Feedback(_)) => log::debug!("a feedback from the sender makes no sense"),
+            Some(Message::Feedback(_)) => log::debug!("ignored a feedback from the sender"),
             None => match session.decoder.decode(bytes) {
                 Ok(frame) => {
                     let captured = session.offset.to_local(frame.captured);
                     self.with_statistics(|s| s.frames += 1);
-                    self.tell(CallEvent::Frame {
+                    self.emit(CallEvent::Frame {
                         frame,
                         captured,
                         arrived,
                     });
                     session.fresh_frames += 1;
-                    session.speak(self.clock, out).await;
+                    session.send_feedback(self.clock, out).await;
                 }
-                Err(refusal) => {
-                    self.with_statistics(|s| s.refused.add(refusal));
-                    log::debug!("a message of {} bytes: {refusal}", bytes.len());
+                Err(error) => {
+                    self.with_statistics(|s| s.refused.add(error));
+                    log::debug!("a message of {} bytes: {error}", bytes.len());
                 }
             },
         }
         false
     }
 
-    fn tell(&self, event: CallEvent) {
-        // Frames may be missed by who does not look; what becomes of the call may not.
-        if matches!(event, CallEvent::Frame { .. }) && self.waiting.load(Relaxed) >= WAITING {
+    fn emit(&self, event: CallEvent) {
+        // Frames may be dropped where the caller is slow; other events may not.
+        if matches!(event, CallEvent::Frame { .. }) && self.waiting.load(Relaxed) >= MAX_WAITING {
             self.with_statistics(|s| s.overrun += 1);
             return;
         }
         self.waiting.fetch_add(1, Relaxed);
-        // Whoever does not listen any more will stop this task.
-        let _ = self.tell.send(event);
+        // Without a receiver the viewer is being dropped, which stops this task.
+        let _ = self.events.send(event);
     }
 
     fn with_statistics<T>(&self, look: impl FnOnce(&mut ViewerStatistics) -> T) -> T {
@@ -373,6 +373,6 @@ impl Call {
 }
 
 fn locked(statistics: &Mutex<ViewerStatistics>) -> MutexGuard<'_, ViewerStatistics> {
-    // A panic elsewhere leaves counts that are still counts.
+    // Counts stay valid after a panic elsewhere.
     statistics.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -3,24 +3,25 @@
 //! A rotation's error moves everything that hangs on the joint, so a joint is cut the finer the further its limb reaches.
 //! The pelvis alone turns all the way round: it is kept as a quaternion, which has no jump at the half turn.
 
-use super::{Refusal, limits};
+use crate::decode_error::DecodeError;
+use crate::limits;
 use glam::{Quat, Vec3, Vec4};
 use spmm3::{EXPRESSION, JOINTS, Joint, MotionParams};
 
 /// Values of a frame: the pelvis' quaternion, the root translation, 54 axis-angle vectors, 50 coefficients.
-pub(super) const VALUES: usize = JOINTS_AT + 3 * (JOINTS - 1) + EXPRESSION;
+pub(crate) const VALUES: usize = JOINTS_AT + 3 * (JOINTS - 1) + EXPRESSION;
 const TRANSLATION_AT: usize = 4;
 const JOINTS_AT: usize = 7;
 const EXPRESSION_AT: usize = JOINTS_AT + 3 * (JOINTS - 1);
 
 /// One frame on the grid.
-pub(super) type Grid = [i32; VALUES];
+pub(crate) type Grid = [i32; VALUES];
 
 /// No value of a frame within the limits lies further out.
-pub(super) const FURTHEST: i32 = 1 << 22;
+pub(crate) const MAX_STEPS: i32 = 1 << 22;
 
 /// Values that move together, and are predicted together: (first, how many).
-pub(super) const GROUPS: [(usize, usize); JOINTS + 1 + EXPRESSION / EXPRESSION_GROUP] = groups();
+pub(crate) const GROUPS: [(usize, usize); JOINTS + 1 + EXPRESSION / EXPRESSION_GROUP] = groups();
 const EXPRESSION_GROUP: usize = 10;
 
 const fn groups() -> [(usize, usize); JOINTS + 1 + EXPRESSION / EXPRESSION_GROUP] {
@@ -48,7 +49,7 @@ const PARTS: f32 = 4096.0;
 
 /// The step of `joint`, radians: about 0.8 mm at the far end of what hangs on it, and at most what keeps the rotation
 /// within half a degree (the error is at most sqrt(3)/2 steps).
-pub(super) fn step(joint: Joint) -> f32 {
+pub(crate) fn step(joint: Joint) -> f32 {
     use Joint::*;
     let parts: u8 = match joint {
         Pelvis | LeftHip | RightHip | Spine1 => 3,
@@ -67,7 +68,7 @@ pub(super) fn step(joint: Joint) -> f32 {
 
 /// Puts a frame within the limits on the grid. Of the two quaternions and the two axis-angle vectors of one rotation it takes
 /// the one that continues `near`, so that a rotation past the half turn stays cheap.
-pub(super) fn quantise(motion: &MotionParams, near: Option<&Grid>) -> Grid {
+pub(crate) fn quantise(motion: &MotionParams, near: Option<&Grid>) -> Grid {
     let mut grid = [0; VALUES];
     let root = Vec4::from(motion.rotation(Joint::Pelvis));
     let before = near.map_or(Vec4::W, |near| {
@@ -108,7 +109,7 @@ pub(super) fn quantise(motion: &MotionParams, near: Option<&Grid>) -> Grid {
 ///
 /// # Errors
 /// If the pelvis' quaternion is none, or a value lies outside the limits.
-pub(super) fn restore(grid: &Grid) -> Result<MotionParams, Refusal> {
+pub(crate) fn restore(grid: &Grid) -> Result<MotionParams, DecodeError> {
     let mut motion = MotionParams::default();
     let step_root = quaternion_step();
     let root = Vec4::new(
@@ -119,14 +120,14 @@ pub(super) fn restore(grid: &Grid) -> Result<MotionParams, Refusal> {
     ) * step_root;
     // Each component may be half a step off.
     if (root.length() - 1.0).abs() > 2.0 * step_root {
-        return Err(Refusal::AngleRange);
+        return Err(DecodeError::AngleRange);
     }
     motion.set_rotation(Joint::Pelvis, Quat::from_vec4(root.normalize()));
     motion.root_translation = vector(grid, TRANSLATION_AT) / PER_METRE;
     for (joint, at) in jointed() {
         let stored = vector(grid, at) * step(joint);
-        if stored.length() > limits::LONGEST_ALIAS + 0.02 {
-            return Err(Refusal::AngleRange);
+        if stored.length() > limits::MAX_ALIAS_ANGLE + 0.02 {
+            return Err(DecodeError::AngleRange);
         }
         motion.set_axis_angle(joint, limits::shortest(stored));
     }

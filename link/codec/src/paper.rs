@@ -5,7 +5,8 @@
 //! order: in byte planes real motion takes a tenth more, because LZ4 then finds what repeats (a hand's joints turn about one
 //! axis, what rests is zero) twice in halves instead of once (`cargo run -p link-codec --example codec_sizes` prints both).
 
-use super::{KIND_PAPER, Refusal, limits};
+use crate::decode_error::DecodeError;
+use crate::{KIND_PAPER, limits};
 use crate::{Micros, MotionFrame};
 use glam::Vec3;
 use half::f16;
@@ -18,10 +19,10 @@ const LZ4: u8 = 1;
 /// Bytes of the body.
 const BODY: usize = 2 * PARAMS + 12;
 /// No LZ4 block of a body is longer and still worth sending.
-pub(super) const LONGEST: usize = HEADER + BODY;
+pub(crate) const MAX_BYTES: usize = HEADER + BODY;
 
 /// Writes a frame within the limits.
-pub(super) fn encode(session: u32, frame: &MotionFrame, out: &mut Vec<u8>) {
+pub(crate) fn encode(session: u32, frame: &MotionFrame, out: &mut Vec<u8>) {
     out.extend([KIND_PAPER, VERSION]);
     out.extend(session.to_le_bytes());
     out.extend(frame.sequence.to_le_bytes());
@@ -42,16 +43,16 @@ pub(super) fn encode(session: u32, frame: &MotionFrame, out: &mut Vec<u8>) {
 }
 
 /// Session and frame of a message whose first byte said `paper`.
-pub(super) fn decode(message: &[u8]) -> Result<(u32, MotionFrame), Refusal> {
-    if *message.get(1).ok_or(Refusal::Length)? != VERSION {
-        return Err(Refusal::Version);
+pub(crate) fn decode(message: &[u8]) -> Result<(u32, MotionFrame), DecodeError> {
+    if *message.get(1).ok_or(DecodeError::Length)? != VERSION {
+        return Err(DecodeError::Version);
     }
-    if message.len() > LONGEST {
-        return Err(Refusal::Length);
+    if message.len() > MAX_BYTES {
+        return Err(DecodeError::Length);
     }
     let (header, body) = message
         .split_first_chunk::<HEADER>()
-        .ok_or(Refusal::Length)?;
+        .ok_or(DecodeError::Length)?;
     let [
         _,
         _,
@@ -75,12 +76,12 @@ pub(super) fn decode(message: &[u8]) -> Result<(u32, MotionFrame), Refusal> {
     ] = *header;
     let mut plain = [0; BODY];
     match packing {
-        STORED => plain = body.try_into().map_err(|_| Refusal::Length)?,
+        STORED => plain = body.try_into().map_err(|_| DecodeError::Length)?,
         LZ4 => match lz4_flex::block::decompress_into(body, &mut plain) {
             Ok(BODY) => {}
-            _ => return Err(Refusal::Lz4),
+            _ => return Err(DecodeError::Lz4),
         },
-        _ => return Err(Refusal::Lz4),
+        _ => return Err(DecodeError::Lz4),
     }
     let motion = restore(&plain);
     limits::check(&motion)?;

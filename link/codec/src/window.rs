@@ -1,11 +1,12 @@
-//! Which frames have come: tells new from replayed and late, and keeps the grids that later frames may be predicted from.
+//! The frames that have arrived of late: tells new from replayed and late ones, and keeps the grids that later frames may be predicted
+//! from.
 
-use super::Refusal;
-use super::grid::{Grid, VALUES};
 use crate::Micros;
+use crate::decode_error::DecodeError;
+use crate::grid::{Grid, VALUES};
 
-/// Frames before the newest that may still come, and that feedback tells of.
-pub(super) const WINDOW: u32 = 64;
+/// Frames before the newest that may still arrive, and that feedback reports.
+pub(crate) const WINDOW: u32 = 64;
 /// A late frame may be predicted from another one that is older by as much again.
 const SLOTS: usize = 128;
 
@@ -17,15 +18,15 @@ struct Slot {
     grid: Grid,
 }
 
-/// The frames that have come of late.
+/// The frames that have arrived of late.
 #[derive(Debug)]
-pub(super) struct Window {
+pub(crate) struct Window {
     newest: u32,
     slots: Vec<Slot>,
 }
 
 impl Window {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let empty = Slot {
             sequence: 0,
             captured: Micros(0),
@@ -39,7 +40,7 @@ impl Window {
     }
 
     /// The newest frame's sequence; 0 before any.
-    pub(super) fn newest(&self) -> u32 {
+    pub(crate) fn newest(&self) -> u32 {
         self.newest
     }
 
@@ -49,37 +50,37 @@ impl Window {
     }
 
     /// When a frame that is here was captured, and its grid if it has one.
-    pub(super) fn get(&self, sequence: u32) -> Option<(Micros, &Grid)> {
+    pub(crate) fn get(&self, sequence: u32) -> Option<(Micros, &Grid)> {
         let slot = self.slot(sequence)?;
         slot.has_grid.then_some((slot.captured, &slot.grid))
     }
 
     /// A bit for each of the 64 frames before the newest.
-    pub(super) fn received(&self) -> u64 {
+    pub(crate) fn received(&self) -> u64 {
         (0..WINDOW)
             .filter(|bit| self.slot(self.newest.saturating_sub(bit + 1)).is_some())
             .fold(0, |bits, bit| bits | 1 << bit)
     }
 
-    /// Whether a frame may come now. Capture times grow strictly with the sequence.
-    pub(super) fn admit(&self, sequence: u32, captured: Micros) -> Result<(), Refusal> {
+    /// Refuses a frame that is late, replayed or out of order in time. Capture times grow strictly with the sequence.
+    pub(crate) fn admit(&self, sequence: u32, captured: Micros) -> Result<(), DecodeError> {
         if sequence == 0 || self.newest.saturating_sub(sequence) > WINDOW {
-            return Err(Refusal::Late);
+            return Err(DecodeError::Late);
         }
         if self.slot(sequence).is_some() {
-            return Err(Refusal::Replayed);
+            return Err(DecodeError::Replayed);
         }
         let contradicts = |slot: &Slot| {
             slot.sequence != 0 && (slot.sequence < sequence) != (slot.captured < captured)
         };
         if self.slots.iter().any(contradicts) {
-            return Err(Refusal::TimeBackwards);
+            return Err(DecodeError::TimeBackwards);
         }
         Ok(())
     }
 
-    /// Takes a frame in that was admitted.
-    pub(super) fn insert(&mut self, sequence: u32, captured: Micros, grid: Option<&Grid>) {
+    /// Keeps a frame that was admitted.
+    pub(crate) fn insert(&mut self, sequence: u32, captured: Micros, grid: Option<&Grid>) {
         let slot = &mut self.slots[sequence as usize % SLOTS];
         slot.sequence = sequence;
         slot.captured = captured;

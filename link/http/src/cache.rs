@@ -1,6 +1,6 @@
-//! The folder that keeps packages between calls: `SHA256.m3a` is whole, `SHA256.part` is on its way, `SHA256.lock` is held by whoever
-//! fetches it. Any number of processes may share a folder. A whole file's name is a promise that is checked before each use, so
-//! nothing needs to be flushed to the disk before its rename. A lock that somebody shares keeps a whole package from being removed.
+//! The folder that keeps packages between calls: `SHA256.m3a` is complete, `SHA256.part` is being downloaded, `SHA256.lock` is locked
+//! by the program that downloads it. Any number of processes may share a folder. A complete file's hash is checked before each use, so
+//! it need not be flushed to the disk before its rename. A shared lock keeps a package from being removed.
 
 use std::{
     fs::{self, File},
@@ -13,23 +13,23 @@ use std::{
 use crate::{HttpError, file_lock::FileLock};
 use link_protocol::{PackageId, announcement::AvatarRef};
 
-/// Bytes that a cache keeps unless told otherwise.
-const KEPT: u64 = 4_000_000_000;
+/// Bytes that a cache keeps by default.
+const DEFAULT_LIMIT: u64 = 4_000_000_000;
 
-/// A part that nobody went on with for so long is not worth its place.
+/// An interrupted download that was not resumed for so long is removed.
 const ABANDONED: Duration = Duration::from_secs(7 * 24 * 3600);
 
 /// How often a lock that another process holds is tried.
-const LOCK_EVERY: Duration = Duration::from_millis(100);
+const LOCK_POLL: Duration = Duration::from_millis(100);
 
-/// A folder of packages. When it grows over its bound, 4 GB unless told otherwise, those go that were not used for longest.
+/// A folder of packages. When it grows over its limit, 4 GB by default, the least recently used packages are removed.
 #[derive(Debug, Clone)]
 pub struct PackageCache {
     folder: PathBuf,
     limit: u64,
 }
 
-/// The right to write one package's files. The file's lock goes with the last copy, at the latest with the process.
+/// The right to write one package's files, held until the last copy is dropped.
 #[derive(Debug, Clone)]
 pub(crate) struct Lock(#[expect(dead_code, reason = "held, never read")] Arc<FileLock>);
 
@@ -38,10 +38,10 @@ pub(crate) struct Lock(#[expect(dead_code, reason = "held, never read")] Arc<Fil
 pub struct PackageInUse(#[expect(dead_code, reason = "held, never read")] FileLock);
 
 impl PackageCache {
-    /// The cache in this folder, which is made, for this user's eyes only, if it is not there.
+    /// The cache in this folder, which is created, readable by this user only, if it does not exist.
     ///
     /// # Errors
-    /// [`HttpError::Cache`] if it cannot be made.
+    /// [`HttpError::Cache`] if it cannot be created.
     pub fn new(folder: impl Into<PathBuf>) -> Result<Self, HttpError> {
         let folder = folder.into();
         let mut builder = fs::DirBuilder::new();
@@ -55,11 +55,11 @@ impl PackageCache {
         })?;
         Ok(Self {
             folder,
-            limit: KEPT,
+            limit: DEFAULT_LIMIT,
         })
     }
 
-    /// The same with another bound, in bytes. The package fetched last stays, however large.
+    /// The same with another limit, in bytes. The package downloaded last stays, however large.
     #[must_use]
     pub fn with_limit(self, bytes: u64) -> Self {
         Self {
@@ -68,31 +68,31 @@ impl PackageCache {
         }
     }
 
-    /// Where it is.
+    /// The folder.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Says that a package is in use: it stays, however long ago it was fetched, until what this gives is dropped. Nothing if
-    /// somebody is about to write the package at this moment.
+    /// Marks a package as in use: it is not removed until the returned guard is dropped. Nothing if a program is writing the package
+    /// at this moment.
     ///
     /// # Errors
     /// [`HttpError::Cache`] if its lock cannot be had.
     pub fn in_use(&self, package: &PackageId) -> Result<Option<PackageInUse>, HttpError> {
         let (path, file) = self.lock_file(package)?;
-        let lock = FileLock::shared(file).map_err(|why| self.wrong("lock", &path, 0, why))?;
+        let lock = FileLock::shared(file).map_err(|why| self.io_error("lock", &path, 0, why))?;
         Ok(lock.map(PackageInUse))
     }
 
-    /// Brings the folder within its bound now (which may have been larger before), and removes what interrupted downloads left a
-    /// week ago. What is in use or being fetched stays.
+    /// Brings the folder within its limit now, and removes what interrupted downloads left a week ago. Packages that are in use or being
+    /// downloaded stay.
     pub fn tidy(&self) {
         let now = SystemTime::now();
-        for kept in self.kept() {
-            let age = now.duration_since(kept.used).unwrap_or_default();
-            if kept.is_part && age > ABANDONED {
-                self.remove(&kept, "nobody went on fetching it");
+        for file in self.files() {
+            let age = now.duration_since(file.used).unwrap_or_default();
+            if file.is_part && age > ABANDONED {
+                self.remove(&file, "its download was not resumed");
             }
         }
         self.shrink(None);
@@ -106,43 +106,42 @@ impl PackageCache {
         self.folder.join(format!("{package}.part"))
     }
 
-    /// The whole package, if it is there and what its name says. Reads all of it: not for an async task.
+    /// The complete package, if it is there and has its hash. Reads all of it: not for an async task.
     pub(crate) fn look_up(&self, avatar: &AvatarRef) -> Option<PathBuf> {
         let path = self.whole(&avatar.sha256);
-        if path.metadata().ok()?.len() != avatar.bytes
-            || PackageId::of_file(&path).ok()? != avatar.sha256
+        if path.metadata().ok()?.len() != avatar.bytes || AvatarRef::of_file(&path).ok()? != *avatar
         {
-            log::warn!("{} is damaged and will be fetched anew", path.display());
+            log::warn!("{} is damaged and will be downloaded again", path.display());
             return None;
         }
-        // For `evict`. A cache that cannot be written to is still good for reading.
+        // The time of use, for `evict`. A cache that cannot be written to can still be read.
         if let Ok(file) = File::options().append(true).open(&path) {
             let _ = file.set_modified(SystemTime::now());
         }
         Some(path)
     }
 
-    /// Waits until no other process, and nothing else in this one, writes this package.
+    /// Waits until no other download, of this or another process, writes this package.
     pub(crate) async fn lock(&self, package: &PackageId) -> Result<Lock, HttpError> {
-        let mut told = false;
+        let mut logged = false;
         loop {
             if let Some(lock) = self.try_lock(package)? {
                 return Ok(lock);
             }
-            if !std::mem::replace(&mut told, true) {
-                log::info!("another program is fetching package {package}: waiting for it");
+            if !std::mem::replace(&mut logged, true) {
+                log::info!("another program is downloading package {package}: waiting for it");
             }
-            tokio::time::sleep(LOCK_EVERY).await;
+            tokio::time::sleep(LOCK_POLL).await;
         }
     }
 
     fn try_lock(&self, package: &PackageId) -> Result<Option<Lock>, HttpError> {
         let (path, file) = self.lock_file(package)?;
-        let lock = FileLock::exclusive(file).map_err(|why| self.wrong("lock", &path, 0, why))?;
+        let lock = FileLock::exclusive(file).map_err(|why| self.io_error("lock", &path, 0, why))?;
         Ok(lock.map(|lock| Lock(Arc::new(lock))))
     }
 
-    /// Lock files are never removed: somebody may be about to lock the one that is gone while the next one locks a new one.
+    /// Lock files are never removed: one program could lock the removed file while another one locks its successor.
     fn lock_file(&self, package: &PackageId) -> Result<(PathBuf, File), HttpError> {
         let path = self.folder.join(format!("{package}.lock"));
         let file = File::options()
@@ -150,12 +149,12 @@ impl PackageCache {
             .truncate(false)
             .write(true)
             .open(&path)
-            .map_err(|source| self.wrong("lock", &path, 0, source))?;
+            .map_err(|source| self.io_error("lock", &path, 0, source))?;
         Ok((path, file))
     }
 
-    /// What the system says of a file here. `needed`: bytes still to be written.
-    pub(crate) fn wrong(
+    /// The error of the system as one of this cache. `needed`: bytes still to be written.
+    pub(crate) fn io_error(
         &self,
         doing: &'static str,
         path: &Path,
@@ -175,44 +174,44 @@ impl PackageCache {
         }
     }
 
-    /// Removes what was not used for longest until the rest is within the bound. Spares `newest`, what is in use, and parts that
-    /// are being fetched.
+    /// Removes the least recently used files until the rest is within the limit, but not `newest`, packages in use, and downloads under
+    /// way.
     pub(crate) fn evict(&self, newest: &PackageId) {
         self.shrink(Some(newest));
     }
 
     fn shrink(&self, newest: Option<&PackageId>) {
-        let kept = self.kept();
-        let mut total: u64 = kept.iter().map(|one| one.bytes).sum();
-        for one in kept {
+        let files = self.files();
+        let mut total: u64 = files.iter().map(|file| file.bytes).sum();
+        for file in files {
             if total <= self.limit {
                 return;
             }
-            if newest != Some(&one.package) && self.remove(&one, "to keep within its bound") {
-                total -= one.bytes;
+            if newest != Some(&file.package) && self.remove(&file, "to keep within its limit") {
+                total -= file.bytes;
             }
         }
     }
 
-    /// The files that are the cache's, those first that were not used for longest.
-    fn kept(&self) -> Vec<Kept> {
+    /// The cache's files, the least recently used first.
+    fn files(&self) -> Vec<CachedFile> {
         let Ok(folder) = fs::read_dir(&self.folder) else {
             return Vec::new();
         };
-        let mut kept: Vec<Kept> = folder
-            .filter_map(|entry| Kept::of(entry.ok()?.path()))
+        let mut files: Vec<CachedFile> = folder
+            .filter_map(|entry| CachedFile::of(entry.ok()?.path()))
             .collect();
-        kept.sort();
-        kept
+        files.sort();
+        files
     }
 
-    /// Removes a file unless somebody uses or fetches its package; says whether it is gone.
-    fn remove(&self, kept: &Kept, why: &str) -> bool {
-        let Ok(Some(_lock)) = self.try_lock(&kept.package) else {
+    /// Removes a file unless its package is in use or being downloaded; returns whether it did.
+    fn remove(&self, file: &CachedFile, why: &str) -> bool {
+        let Ok(Some(_lock)) = self.try_lock(&file.package) else {
             return false;
         };
-        let path = kept.path.display();
-        match fs::remove_file(&kept.path) {
+        let path = file.path.display();
+        match fs::remove_file(&file.path) {
             Ok(()) => {
                 log::info!("removed {path} from the package cache: {why}");
                 true
@@ -225,9 +224,9 @@ impl PackageCache {
     }
 }
 
-/// A file of the cache. Ordered by when it was used.
+/// A file of the cache, ordered by its last use.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Kept {
+struct CachedFile {
     used: SystemTime,
     bytes: u64,
     path: PathBuf,
@@ -235,8 +234,8 @@ struct Kept {
     is_part: bool,
 }
 
-impl Kept {
-    /// Nothing for a file that is not the cache's.
+impl CachedFile {
+    /// Nothing for a file that is not one of the cache's.
     fn of(path: PathBuf) -> Option<Self> {
         let extension = path.extension()?;
         let is_part = extension == "part";
@@ -244,7 +243,7 @@ impl Kept {
             return None;
         }
         let package = path.file_stem()?.to_str()?.parse().ok()?;
-        // Not through links: what they lead to is not in the folder.
+        // Without following links, which lead out of the folder.
         let metadata = path.symlink_metadata().ok()?;
         Some(Self {
             used: metadata.modified().ok()?,

@@ -1,5 +1,5 @@
-//! One request and its answer: the token in its header, a bound on time and on size, and each refusal as a [`HttpError`]. Which
-//! requests there are is told in the files beside.
+//! One request and its response: the token in its header, a bound on time and on size, and each refusal as an [`HttpError`]. The
+//! requests themselves are in the files beside.
 
 use std::{
     fs,
@@ -19,53 +19,55 @@ use url::Url;
 use crate::{HttpError, error::of_request, roots};
 use link_protocol::{
     ProtocolError,
+    limits::{MAX_SDP_BYTES, PRESENCE_COMMENT_EVERY},
     room_link::{ServerUrl, Token},
+    rooms::ErrorBody,
 };
 
-/// No JSON or SDP of the protocol is larger, in bytes.
-const MAX_ANSWER: usize = 256 << 10;
-/// As much of what a server says for a refusal goes into a message, in characters.
+/// The largest response that is read whole, in bytes: a server may allow larger SDPs than it does by default.
+const MAX_RESPONSE: usize = 4 * MAX_SDP_BYTES;
+/// Characters of a server's own sentence that an error repeats.
 const MAX_SAID: usize = 300;
-/// A connection that has been idle for this long may be dead without anybody knowing.
+/// A connection that has been idle for longer may be dead, and is not used again.
 const IDLE: Duration = Duration::from_secs(20);
 
 /// How long a client waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Patience {
+pub struct Timeouts {
     /// For a connection.
     pub connect: Duration,
-    /// For an answer's head; of a small answer, for all of it.
-    pub answer: Duration,
-    /// For the next byte of what takes its time: a download, an upload, the presence stream.
-    pub silence: Duration,
-    /// For the store to take a package in after its last byte was sent.
+    /// For a response's head; of a small response, for all of it.
+    pub response: Duration,
+    /// For the next byte of a download, an upload or the presence stream.
+    pub idle: Duration,
+    /// For the server to store a package after its last byte was sent.
     pub store: Duration,
-    /// Before trying a broken transfer again; doubled each time that nothing came, up to 4 s.
-    pub pause: Duration,
+    /// Before the first retry of a broken transfer; doubled after each attempt that brought nothing, up to 4 s.
+    pub retry: Duration,
 }
 
-impl Default for Patience {
+impl Default for Timeouts {
     fn default() -> Self {
         Self {
             connect: Duration::from_secs(2),
-            answer: Duration::from_secs(10),
-            silence: Duration::from_secs(15),
+            response: Duration::from_secs(10),
+            idle: 3 * PRESENCE_COMMENT_EVERY,
             store: Duration::from_secs(120),
-            pause: Duration::from_millis(250),
+            retry: Duration::from_millis(250),
         }
     }
 }
 
-/// Speaks to servers. Cheap to clone; clones share their connections.
+/// A client of any number of servers. Cheap to clone; clones share their connections.
 ///
-/// It follows no redirect and uses no proxy that the environment names: either would hand a token to another machine.
+/// It follows no redirect and uses no proxy of the environment's: either would hand a token to another machine.
 #[derive(Debug, Clone)]
 pub struct Client {
     http: reqwest::Client,
-    patience: Patience,
+    timeouts: Timeouts,
 }
 
-/// An answer that came whole.
+/// A response that was read whole.
 #[derive(Debug)]
 pub(crate) struct Reply {
     pub(crate) status: StatusCode,
@@ -77,20 +79,20 @@ impl Client {
     /// A client that trusts what the system trusts, and the certificates in this PEM file.
     ///
     /// # Errors
-    /// [`HttpError::RootCertificate`] if the file is no such file, [`HttpError::Setup`] if TLS cannot be set up.
+    /// [`HttpError::RootCertificate`] if the file cannot be read or holds no certificate, [`HttpError::Setup`] if TLS cannot be set up.
     pub fn new(extra_root_certificate: Option<&Path>) -> Result<Self, HttpError> {
-        Self::with_patience(extra_root_certificate, Patience::default())
+        Self::with_timeouts(extra_root_certificate, Timeouts::default())
     }
 
-    /// As [`Client::new`], with other waits.
+    /// As [`Client::new`], with other timeouts.
     ///
     /// # Errors
     /// As [`Client::new`].
-    pub fn with_patience(
+    pub fn with_timeouts(
         extra_root_certificate: Option<&Path>,
-        patience: Patience,
+        timeouts: Timeouts,
     ) -> Result<Self, HttpError> {
-        // An error says that somebody installed one before us; whichever it is will do.
+        // An error says that the program has installed a provider before; any will do.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let extra = extra_root_certificate
             .map(root_certificates)
@@ -98,7 +100,7 @@ impl Client {
             .unwrap_or_default();
         let builder = || {
             reqwest::Client::builder()
-                .connect_timeout(patience.connect)
+                .connect_timeout(timeouts.connect)
                 .pool_idle_timeout(IDLE)
                 .redirect(redirect::Policy::none())
                 .no_proxy()
@@ -110,7 +112,7 @@ impl Client {
             None => builder().tls_certs_merge(extra.clone()),
         };
         let http = usual.build().or_else(|error| {
-            // A machine without any certificate authority (a bare container) can still call by http.
+            // A machine without any certificate authority (a bare container) can still use http.
             log::warn!(
                 "only http and servers with a given root certificate can be reached: {}",
                 error_text(&error)
@@ -119,12 +121,12 @@ impl Client {
         });
         Ok(Self {
             http: http.map_err(HttpError::Setup)?,
-            patience,
+            timeouts,
         })
     }
 
-    pub(crate) fn patience(&self) -> &Patience {
-        &self.patience
+    pub(crate) fn timeouts(&self) -> &Timeouts {
+        &self.timeouts
     }
 
     /// A request to a route below `/v1/`.
@@ -141,14 +143,14 @@ impl Client {
             .header(AUTHORIZATION, bearer(token)?))
     }
 
-    /// Sends, and waits for the answer's head.
+    /// Sends, and waits for the response's head.
     pub(crate) async fn open(
         &self,
         server: &ServerUrl,
         what: &'static str,
         request: RequestBuilder,
     ) -> Result<Response, HttpError> {
-        let limit = self.patience.answer;
+        let limit = self.timeouts.response;
         match tokio::time::timeout(limit, request.send()).await {
             Ok(answer) => answer.map_err(|error| of_request(server, error)),
             Err(_) => Err(HttpError::TimedOut {
@@ -159,14 +161,14 @@ impl Client {
         }
     }
 
-    /// Sends, and waits for the whole answer.
+    /// Sends, and waits for the whole response.
     pub(crate) async fn exchange(
         &self,
         server: &ServerUrl,
         what: &'static str,
         request: RequestBuilder,
     ) -> Result<Reply, HttpError> {
-        let limit = self.patience.answer;
+        let limit = self.timeouts.response;
         let begun = Instant::now();
         let answer = self.open(server, what, request).await?;
         let left = limit.saturating_sub(begun.elapsed());
@@ -180,7 +182,7 @@ impl Client {
         }
     }
 
-    /// The refusal that an answer is, if its body comes in time.
+    /// The error that a refusing response is, with the server's sentence if the body arrives in time.
     pub(crate) async fn refusal(
         &self,
         server: &ServerUrl,
@@ -189,16 +191,14 @@ impl Client {
         answer: Response,
     ) -> HttpError {
         let (status, headers) = (answer.status(), answer.headers().clone());
-        let body = match tokio::time::timeout(
-            self.patience.answer,
-            read_whole(server, what, answer),
-        )
-        .await
-        {
-            Ok(Ok(reply)) => reply.body,
-            // The status alone says enough.
-            Ok(Err(_)) | Err(_) => Vec::new(),
-        };
+        let body =
+            match tokio::time::timeout(self.timeouts.response, read_whole(server, what, answer))
+                .await
+            {
+                Ok(Ok(reply)) => reply.body,
+                // The status alone is enough.
+                Ok(Err(_)) | Err(_) => Vec::new(),
+            };
         Reply {
             status,
             headers,
@@ -222,7 +222,7 @@ fn bearer(token: &Token) -> Result<HeaderValue, HttpError> {
     Ok(value)
 }
 
-/// The whole of an answer, if it is small.
+/// The whole of a response, if it is small.
 pub(crate) async fn read_whole(
     server: &ServerUrl,
     what: &'static str,
@@ -230,11 +230,11 @@ pub(crate) async fn read_whole(
 ) -> Result<Reply, HttpError> {
     let mut body = Vec::new();
     while let Some(piece) = next_piece(server, &mut answer).await? {
-        if body.len() + piece.len() > MAX_ANSWER {
-            return Err(unintelligible(
+        if body.len() + piece.len() > MAX_RESPONSE {
+            return Err(invalid_response(
                 server,
                 what,
-                format!("more than {MAX_ANSWER} bytes"),
+                format!("more than {MAX_RESPONSE} bytes"),
             ));
         }
         body.extend_from_slice(&piece);
@@ -256,12 +256,12 @@ pub(crate) async fn next_piece(
         .map_err(|error| of_request(server, error))
 }
 
-pub(crate) fn unintelligible(
+pub(crate) fn invalid_response(
     server: &ServerUrl,
     what: &'static str,
     why: impl Into<String>,
 ) -> HttpError {
-    HttpError::Unintelligible {
+    HttpError::InvalidResponse {
         server: server.clone(),
         what,
         why: why.into(),
@@ -276,12 +276,12 @@ impl Reply {
         token: &Token,
         what: &'static str,
     ) -> Result<T, HttpError> {
-        // serde_json cites wrong values.
+        // serde_json repeats wrong values, and one may be the token.
         serde_json::from_slice(&self.body)
-            .map_err(|error| unintelligible(server, what, token.struck_from(&error.to_string())))
+            .map_err(|error| invalid_response(server, what, token.redact(&error.to_string())))
     }
 
-    /// What this status means where it is no success.
+    /// The error of a status that is no success.
     pub(crate) fn refusal(
         &self,
         server: &ServerUrl,
@@ -291,7 +291,7 @@ impl Reply {
         let (status, server) = (self.status.as_u16(), server.clone());
         let retry_after = self.retry_after();
         match status {
-            401 => HttpError::NotAccepted { server },
+            401 => HttpError::Unauthorized { server },
             404 => HttpError::NotFound {
                 server,
                 what,
@@ -327,7 +327,7 @@ impl Reply {
         }
     }
 
-    /// Whole seconds, as the protocol's server says them; a date is left unread.
+    /// Whole seconds; a date is ignored, as the protocol has none.
     pub(crate) fn retry_after(&self) -> Option<Duration> {
         let seconds = self
             .headers
@@ -347,12 +347,8 @@ impl Reply {
         Some(to.origin().ascii_serialization())
     }
 
-    /// The server's own sentence, fit to be shown: short, on one line, without the token.
+    /// The server's own sentence: short, on one line, without the token.
     fn said(&self, token: &Token) -> String {
-        #[derive(serde::Deserialize)]
-        struct Said {
-            error: String,
-        }
         let text = serde_json::from_slice(&self.body).map_or_else(
             |_| {
                 let is_text = self
@@ -365,10 +361,10 @@ impl Reply {
                     "no reason given".to_owned()
                 }
             },
-            |said: Said| said.error,
+            |body: ErrorBody| body.error,
         );
         token
-            .struck_from(&text)
+            .redact(&text)
             .chars()
             .map(|c| if c.is_control() { ' ' } else { c })
             .take(MAX_SAID)
@@ -379,15 +375,15 @@ impl Reply {
 fn advice(what: &'static str) -> &'static str {
     match what {
         ROOM | PRESENCE | OFFER => {
-            "the room is gone or the link is for another; ask for a new link"
+            "the room is gone or the link is another room's; ask for a new link"
         }
         PACKAGE | HAS_PACKAGE => "have the sender upload it again",
-        ANSWER => "the viewer no longer waits",
-        _ => "check that the token is meant for this",
+        ANSWER => "the viewer does not wait for it any more",
+        _ => "check that the token allows this",
     }
 }
 
-/// What is asked of a server, as messages name it.
+/// The requests, as error messages name them: `SERVER did not answer within 10 s to {what}`.
 pub(crate) const OPEN_ROOM: &str = "open a room";
 pub(crate) const ROOM: &str = "tell about the room";
 pub(crate) const OFFER: &str = "pass on an offer";

@@ -1,20 +1,20 @@
-//! What can go wrong between a program and the server, each with what to do about it. No message holds a token.
+//! The errors of the HTTP client, each with what to do about it. No message holds a token.
 
 use std::{error::Error, fmt::Write, io, path::PathBuf, time::Duration};
 
 use link_protocol::{PackageId, ProtocolError, room_link::ServerUrl};
 
-/// Why a request, a download or the text of a link came to nothing.
+/// Why a request or a download failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HttpError {
-    /// A text or a value that is none of the protocol's.
+    /// A text or a value that is not one of the protocol's.
     #[error(transparent)]
     Protocol(#[from] ProtocolError),
     /// The HTTP client could not be made.
     #[error("the HTTP client could not be set up")]
     Setup(#[source] reqwest::Error),
-    /// A file with an additional root certificate is none.
+    /// A file with an additional root certificate cannot be used.
     #[error("{} holds no root certificate ({why}): give a PEM file", path.display())]
     RootCertificate {
         /// The file.
@@ -22,7 +22,7 @@ pub enum HttpError {
         /// What is wrong with it.
         why: String,
     },
-    /// Nobody answers at the server's address.
+    /// No server answers at the address.
     #[error(
         "cannot reach {server}: check the address, and that the server runs and no firewall is in between"
     )]
@@ -35,7 +35,7 @@ pub enum HttpError {
     },
     /// The server's certificate is not one this machine trusts.
     #[error(
-        "{server} does not prove who it is: if it is your own server, give the certificate of the authority that signed its own"
+        "{server} has a certificate that this machine does not trust: if it is your own server, give the certificate of the authority that signed it"
     )]
     Untrusted {
         /// The server.
@@ -54,25 +54,25 @@ pub enum HttpError {
         /// How long it had.
         limit: Duration,
     },
-    /// The connection broke in mid-answer.
+    /// The connection broke during the response.
     #[error("the connection to {server} broke: try again")]
-    Broken {
+    ConnectionLost {
         /// The server.
         server: ServerUrl,
-        /// What the network says; nothing where the answer just ended early.
+        /// What the network says; nothing where the response ended early.
         #[source]
         source: Option<reqwest::Error>,
     },
     /// 401: the token is not genuine, or has expired.
     #[error(
-        "{server} does not accept this token: it has expired, is incomplete, or is another server's; ask whoever gave it to you for a new one"
+        "{server} does not accept this token: it has expired, is incomplete, or is another server's; ask for a new one where you got it"
     )]
-    NotAccepted {
+    Unauthorized {
         /// The server.
         server: ServerUrl,
     },
     /// 404: what was asked for does not exist, or this token has no right to it.
-    #[error("{server} has nothing like that for this token ({what}): {advice}")]
+    #[error("{server} has nothing for this token there ({what}): {advice}")]
     NotFound {
         /// The server.
         server: ServerUrl,
@@ -81,15 +81,15 @@ pub enum HttpError {
         /// What to do.
         advice: &'static str,
     },
-    /// 503 to an offer: the sender is not there now.
-    #[error("the sender is not in the room now: wait, or ask it to come")]
+    /// 503 to an offer: the sender is absent.
+    #[error("the sender is not in the room now: wait until it is")]
     SenderAbsent {
         /// How long the server says to wait.
         retry_after: Option<Duration>,
     },
-    /// 504 to an offer: the sender is there but did not answer.
+    /// 504 to an offer: the sender is in the room but did not answer in time.
     #[error("the sender is in the room but did not answer the call: try again")]
-    SenderSilent,
+    SenderTimedOut,
     /// 429: too many requests.
     #[error("{server} has had too many requests from here: wait{}", waiting(*retry_after))]
     RateLimited {
@@ -98,9 +98,9 @@ pub enum HttpError {
         /// How long the server says to wait.
         retry_after: Option<Duration>,
     },
-    /// The server points elsewhere, where a token is not taken to.
+    /// The server redirects to another address, which the token is not sent to.
     #[error(
-        "{server} says to ask {to} instead, where this token is not sent unasked: if that is the server, use its address"
+        "{server} redirects to {to}, and the token is not sent there: if that is the server, use its address"
     )]
     Redirected {
         /// The server.
@@ -150,11 +150,11 @@ pub enum HttpError {
         /// What the server says.
         said: String,
     },
-    /// An answer that no server of this protocol gives.
+    /// A response that is not one of the protocol's.
     #[error(
         "{server} answered {what} with something else ({why}): check that the address is a Mon3tr server's, of this program's version"
     )]
-    Unintelligible {
+    InvalidResponse {
         /// The server.
         server: ServerUrl,
         /// What was asked of it.
@@ -162,8 +162,8 @@ pub enum HttpError {
         /// What is wrong with the answer.
         why: String,
     },
-    /// The presence stream has been silent for longer than a living server is.
-    #[error("{server} has said nothing for {} s: be present again", limit.as_secs_f32())]
+    /// The presence stream has been silent for longer than a running server is.
+    #[error("{server} has sent nothing for {} s: enter the room again", limit.as_secs_f32())]
     PresenceSilent {
         /// The server.
         server: ServerUrl,
@@ -172,23 +172,23 @@ pub enum HttpError {
     },
     /// The presence stream has ended.
     #[error(
-        "{server} has ended this presence: be present again, unless another sender has taken the room"
+        "{server} has ended this presence: enter the room again, unless another sender has replaced this one"
     )]
     PresenceEnded {
         /// The server.
         server: ServerUrl,
     },
-    /// A package arrives compressed, though nobody asked for that.
+    /// A package arrives compressed, which was not asked for.
     #[error(
-        "{server} or a proxy before it compresses packages ({encoding}): switch that off for /v1/packages, it gains nothing and breaks resuming"
+        "{server} or a proxy before it compresses packages ({encoding}): switch that off for /v1/packages: packages do not get smaller, and downloads cannot be resumed"
     )]
-    Encoded {
+    CompressedPackage {
         /// The server.
         server: ServerUrl,
         /// The encoding it names.
         encoding: String,
     },
-    /// The package is not as long as the announcement says.
+    /// The package has another size than the announcement says.
     #[error(
         "package {package} should have {announced} bytes but the server sends {sent}: the sender must announce it anew"
     )]
@@ -197,12 +197,12 @@ pub enum HttpError {
         package: PackageId,
         /// Bytes by the announcement.
         announced: u64,
-        /// Bytes by the server; where it does not say, as many as had come when it was cut off.
+        /// Bytes by the server; without a `Content-Length`, those received until the download was stopped.
         sent: u64,
     },
     /// The package arrived damaged, twice.
     #[error(
-        "package {package} arrived damaged twice from {server}: its copy there is bad or something in between alters it; have it uploaded anew, or use https"
+        "package {package} arrived damaged twice from {server}: the server's copy is bad or a proxy alters it; upload it again, or use https"
     )]
     Damaged {
         /// The server.
@@ -212,14 +212,14 @@ pub enum HttpError {
     },
     /// The connection broke too often in a row.
     #[error(
-        "gave up on package {package} after {attempts} attempts in a row, at {have} of {total} bytes; what has come is kept for the next time"
+        "gave up on package {package} after {attempts} attempts in a row, at {have} of {total} bytes; these are kept for the next download"
     )]
     GaveUp {
         /// The package.
         package: PackageId,
-        /// Attempts since bytes last came.
+        /// Attempts since bytes last arrived.
         attempts: u32,
-        /// Bytes that lie in the cache.
+        /// Bytes in the cache.
         have: u64,
         /// Bytes of the whole package.
         total: u64,
@@ -236,7 +236,7 @@ pub enum HttpError {
         needed: u64,
     },
     /// The package cache's folder or a file in it cannot be used.
-    #[error("cannot {doing} {}: choose another cache folder or mend its permissions", path.display())]
+    #[error("cannot {doing} {}: choose another cache folder or change its permissions", path.display())]
     Cache {
         /// What was tried.
         doing: &'static str,
@@ -246,28 +246,19 @@ pub enum HttpError {
         #[source]
         source: io::Error,
     },
-    /// A package file that should be sent cannot be read.
-    #[error("cannot read package {}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        #[source]
-        source: io::Error,
-    },
 }
 
 impl HttpError {
-    /// Whether trying again later cannot help: link, token or address are not good.
+    /// Whether trying again later cannot help: link, token or address are wrong.
     #[must_use]
     pub fn is_final(&self) -> bool {
         matches!(
             self,
-            Self::NotAccepted { .. }
+            Self::Unauthorized { .. }
                 | Self::NotFound { .. }
                 | Self::Untrusted { .. }
                 | Self::Redirected { .. }
-                | Self::Unintelligible { .. }
+                | Self::InvalidResponse { .. }
                 | Self::Protocol(ProtocolError::Address(_) | ProtocolError::Link(_))
         )
     }
@@ -282,7 +273,7 @@ pub(crate) fn of_request(server: &ServerUrl, error: reqwest::Error) -> HttpError
     let source = error.without_url();
     let server = server.clone();
     if !source.is_connect() {
-        HttpError::Broken {
+        HttpError::ConnectionLost {
             server,
             source: Some(source),
         }

@@ -8,8 +8,8 @@ use rustix::{
     io::Errno,
 };
 
-/// A lock that is held until this is dropped, at the latest until the process ends. It binds those who ask for it alone: what is in
-/// the file may be read and written as before.
+/// A lock that is held until this is dropped, at the latest until the process ends. It is advisory: the file can still be read and
+/// written without it.
 #[derive(Debug)]
 pub(crate) struct FileLock(#[expect(dead_code, reason = "held, never read")] File);
 
@@ -51,7 +51,7 @@ mod tests {
         };
         let exclusive = || FileLock::exclusive(open()).expect("the system can lock");
         let shared = || FileLock::shared(open()).expect("the system can lock");
-        let only = exclusive().expect("nobody has it");
+        let only = exclusive().expect("it is free");
         assert!(exclusive().is_none(), "there is one already");
         assert!(shared().is_none(), "nor beside it");
         drop(only);

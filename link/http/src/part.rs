@@ -1,4 +1,4 @@
-//! Writes a package's part and hashes it on the way, on a thread of its own, so that neither holds up the network.
+//! Writes a package's part file and hashes it, on a thread of its own, so that the disk does not delay the network.
 
 use std::{
     fs::File,
@@ -12,10 +12,10 @@ use tokio::{sync::mpsc, task::JoinHandle};
 use crate::cache::Lock;
 use link_protocol::{PackageId, package_id::PackageHasher};
 
-/// Pieces on their way to the disk: a piece is what one read of the socket gave, at most some 400 KB.
+/// Pieces that may wait for the disk; a piece is one read of the socket, at most some 400 KB.
 const QUEUE: usize = 32;
 
-/// A part that is being written.
+/// A part file that is being written.
 #[derive(Debug)]
 pub(crate) struct PartWriter {
     pieces: mpsc::Sender<Bytes>,
@@ -23,8 +23,8 @@ pub(crate) struct PartWriter {
 }
 
 impl PartWriter {
-    /// Goes on after the first `kept` bytes of `path`. The thread holds the lock until it has written its last byte, also where
-    /// nobody waits for it any more.
+    /// Writes after the first `kept` bytes of `path`. The thread holds the lock until its last byte is written, even after the download
+    /// was cancelled.
     pub(crate) fn begin(path: &Path, kept: u64, lock: Lock) -> Self {
         let (pieces, queue) = mpsc::channel(QUEUE);
         let path = path.to_owned();
@@ -36,12 +36,12 @@ impl PartWriter {
         Self { pieces, thread }
     }
 
-    /// Takes a piece; false if the writer has failed, as [`PartWriter::finish`] will tell.
+    /// Adds a piece; false if the writer has failed, with the error that [`PartWriter::finish`] returns.
     pub(crate) async fn push(&self, piece: Bytes) -> bool {
         self.pieces.send(piece).await.is_ok()
     }
 
-    /// Waits until all is written, and gives the hash of the whole part.
+    /// Waits until all is written, and returns the hash of the whole file.
     pub(crate) async fn finish(self) -> io::Result<PackageId> {
         drop(self.pieces);
         self.thread.await.map_err(io::Error::other)?
@@ -62,7 +62,7 @@ fn write(path: &Path, kept: u64, mut queue: mpsc::Receiver<Bytes>) -> io::Result
     if hasher.read_from(&mut (&mut file).take(kept))? != kept {
         return Err(io::ErrorKind::UnexpectedEof.into());
     }
-    // A reader may have stopped anywhere.
+    // The hasher's reads may have stopped anywhere.
     if kept > 0 {
         file.seek(SeekFrom::Start(kept))?;
     }

@@ -1,4 +1,4 @@
-//! Rooms: opening one, asking about it, and the one offer and one answer that begin a call.
+//! Rooms: opening one, reading the sender's announcement, and the offer and the answer that begin a call.
 
 use std::{
     fmt,
@@ -9,25 +9,23 @@ use reqwest::{
     Method, StatusCode,
     header::{ACCEPT, CONTENT_TYPE, LOCATION},
 };
-use serde::{Deserialize, Serialize};
 
 use crate::{
     Client, HttpError,
-    client::{ANSWER, LEAVE, OFFER, OPEN_ROOM, ROOM, unintelligible},
+    client::{ANSWER, LEAVE, OFFER, OPEN_ROOM, ROOM, invalid_response},
 };
 use link_protocol::{
-    Announcement, RoomLink,
-    room_link::{ServerUrl, Token, is_name},
+    Announcement, Name, RoomLink,
+    room_link::{ServerUrl, Token},
+    rooms::{OpenRoom, OpenedRoom, SDP_MEDIA_TYPE},
 };
-
-const SDP: &str = "application/sdp";
 
 /// A room that was opened.
 #[derive(Debug, Clone)]
 pub struct Room {
-    /// The link of the one who sends.
+    /// The sender's link.
     pub sender: RoomLink,
-    /// The link of those who watch.
+    /// The viewers' link.
     pub viewer: RoomLink,
     /// When both end, by the server's clock.
     pub expires: SystemTime,
@@ -39,7 +37,7 @@ pub struct Answer {
     /// The SDP, with all its candidates.
     pub sdp: String,
     /// The session's name on the server, for [`Client::leave`].
-    pub session: String,
+    pub session: Name,
 }
 
 // An SDP holds addresses and a password.
@@ -51,25 +49,11 @@ impl fmt::Debug for Answer {
     }
 }
 
-#[derive(Serialize)]
-struct Wish {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    lifetime_s: Option<u64>,
-}
-
-#[derive(Deserialize)]
-struct Opened {
-    room: String,
-    sender_token: String,
-    viewer_token: String,
-    expires: u64,
-}
-
 impl Client {
-    /// Opens a room; the server chooses how long it lasts where nothing is said.
+    /// Opens a room. Without a `lifetime` the server chooses one.
     ///
     /// # Errors
-    /// [`HttpError::NotAccepted`] if this is no owner's token of that server, and those of any request.
+    /// [`HttpError::Unauthorized`] if this is no owner's token of that server, and those of any request.
     pub async fn open_room(
         &self,
         server: &ServerUrl,
@@ -77,28 +61,21 @@ impl Client {
         lifetime: Option<Duration>,
     ) -> Result<Room, HttpError> {
         let token = Token::new(owner_token)?;
-        let wish = Wish {
+        let order = OpenRoom {
             lifetime_s: lifetime.map(|lifetime| lifetime.as_secs()),
         };
         let request = self
             .request(Method::POST, server, &token, &["rooms"])?
-            .json(&wish);
+            .json(&order);
         let reply = self.exchange(server, OPEN_ROOM, request).await?;
         if reply.status != StatusCode::CREATED {
             return Err(reply.refusal(server, &token, OPEN_ROOM));
         }
-        let opened: Opened = reply.json(server, &token, OPEN_ROOM)?;
-        if !is_name(&opened.room) {
-            return Err(unintelligible(
-                server,
-                OPEN_ROOM,
-                "a room's name that cannot be",
-            ));
-        }
-        let link = |token: &str| RoomLink::of(server.clone(), &opened.room, token);
+        let opened: OpenedRoom = reply.json(server, &token, OPEN_ROOM)?;
+        let link = |token: &str| RoomLink::of(server.clone(), opened.room.as_str(), token);
         let expires = SystemTime::UNIX_EPOCH
             .checked_add(Duration::from_secs(opened.expires))
-            .ok_or_else(|| unintelligible(server, OPEN_ROOM, "a time that cannot be"))?;
+            .ok_or_else(|| invalid_response(server, OPEN_ROOM, "a time that is out of range"))?;
         Ok(Room {
             sender: link(&opened.sender_token)?,
             viewer: link(&opened.viewer_token)?,
@@ -106,17 +83,17 @@ impl Client {
         })
     }
 
-    /// What the sender announces; nothing while it is not there.
+    /// What the room's sender announces; nothing while it is absent.
     ///
     /// # Errors
-    /// [`HttpError::NotAccepted`] or [`HttpError::NotFound`] if the link is not, or no longer, good, and those of any request.
-    pub async fn ask(&self, viewer: &RoomLink) -> Result<Option<Announcement>, HttpError> {
+    /// [`HttpError::Unauthorized`] or [`HttpError::NotFound`] if the link is wrong or has expired, and those of any request.
+    pub async fn announcement(&self, viewer: &RoomLink) -> Result<Option<Announcement>, HttpError> {
         let server = viewer.server();
         let request = self.request(
             Method::GET,
             server,
             viewer.token(),
-            &["rooms", viewer.room()],
+            &["rooms", viewer.room().as_str()],
         )?;
         let reply = self.exchange(server, ROOM, request).await?;
         match reply.status {
@@ -129,7 +106,7 @@ impl Client {
     /// Offers a connection to the sender: an SDP with all its candidates.
     ///
     /// # Errors
-    /// [`HttpError::SenderAbsent`], [`HttpError::SenderSilent`], and as [`Client::ask`].
+    /// [`HttpError::SenderAbsent`], [`HttpError::SenderTimedOut`], and as [`Client::announcement`].
     pub async fn offer(&self, viewer: &RoomLink, sdp: &str) -> Result<Answer, HttpError> {
         let server = viewer.server();
         let request = self
@@ -137,10 +114,10 @@ impl Client {
                 Method::POST,
                 server,
                 viewer.token(),
-                &["rooms", viewer.room(), "whep"],
+                &["rooms", viewer.room().as_str(), "whep"],
             )?
-            .header(CONTENT_TYPE, SDP)
-            .header(ACCEPT, SDP)
+            .header(CONTENT_TYPE, SDP_MEDIA_TYPE)
+            .header(ACCEPT, SDP_MEDIA_TYPE)
             .body(sdp.to_owned());
         let reply = self.exchange(server, OFFER, request).await?;
         match reply.status {
@@ -150,7 +127,7 @@ impl Client {
                     retry_after: reply.retry_after(),
                 });
             }
-            StatusCode::GATEWAY_TIMEOUT => return Err(HttpError::SenderSilent),
+            StatusCode::GATEWAY_TIMEOUT => return Err(HttpError::SenderTimedOut),
             _ => return Err(reply.refusal(server, viewer.token(), OFFER)),
         }
         let session = reply
@@ -158,23 +135,25 @@ impl Client {
             .get(LOCATION)
             .and_then(|location| location.to_str().ok())
             .and_then(|location| location.rsplit_once("/sessions/"))
-            .map(|(_, session)| session)
-            .filter(|session| is_name(session))
-            .ok_or_else(|| unintelligible(server, OFFER, "no session in its Location header"))?
-            .to_owned();
+            .and_then(|(_, session)| session.parse().ok())
+            .ok_or_else(|| invalid_response(server, OFFER, "no session in its Location header"))?;
         let sdp = String::from_utf8(reply.body)
-            .map_err(|_| unintelligible(server, OFFER, "an answer that is no text"))?;
+            .map_err(|_| invalid_response(server, OFFER, "an answer that is no text"))?;
         Ok(Answer { sdp, session })
     }
 
-    /// Ends a session, so that the sender need not find out by itself. One that is gone already is no error.
+    /// Ends a session: the server tells the sender. One that has ended already is no error.
     ///
     /// # Errors
-    /// As [`Client::ask`], without [`HttpError::NotFound`].
-    pub async fn leave(&self, viewer: &RoomLink, session: &str) -> Result<(), HttpError> {
+    /// As [`Client::announcement`], without [`HttpError::NotFound`].
+    pub async fn leave(&self, viewer: &RoomLink, session: &Name) -> Result<(), HttpError> {
         let server = viewer.server();
-        let session = checked_session(server, LEAVE, session)?;
-        let segments = ["rooms", viewer.room(), "sessions", session];
+        let segments = [
+            "rooms",
+            viewer.room().as_str(),
+            "sessions",
+            session.as_str(),
+        ];
         let request = self.request(Method::DELETE, server, viewer.token(), &segments)?;
         let reply = self.exchange(server, LEAVE, request).await?;
         match reply.status {
@@ -186,41 +165,29 @@ impl Client {
     /// Answers a viewer's offer: an SDP with all its candidates.
     ///
     /// # Errors
-    /// [`HttpError::NotFound`] if that viewer no longer waits, and those of any request.
+    /// [`HttpError::NotFound`] if that viewer does not wait any more, and those of any request.
     pub async fn answer(
         &self,
         sender: &RoomLink,
-        session: &str,
+        session: &Name,
         sdp: &str,
     ) -> Result<(), HttpError> {
         let server = sender.server();
-        let session = checked_session(server, ANSWER, session)?;
-        let segments = ["rooms", sender.room(), "sessions", session, "answer"];
+        let segments = [
+            "rooms",
+            sender.room().as_str(),
+            "sessions",
+            session.as_str(),
+            "answer",
+        ];
         let request = self
             .request(Method::PUT, server, sender.token(), &segments)?
-            .header(CONTENT_TYPE, SDP)
+            .header(CONTENT_TYPE, SDP_MEDIA_TYPE)
             .body(sdp.to_owned());
         let reply = self.exchange(server, ANSWER, request).await?;
         match reply.status {
             StatusCode::NO_CONTENT | StatusCode::OK => Ok(()),
             _ => Err(reply.refusal(server, sender.token(), ANSWER)),
         }
-    }
-}
-
-/// A session's name stands in a path.
-fn checked_session<'a>(
-    server: &ServerUrl,
-    what: &'static str,
-    session: &'a str,
-) -> Result<&'a str, HttpError> {
-    if is_name(session) {
-        Ok(session)
-    } else {
-        Err(unintelligible(
-            server,
-            what,
-            "a session's name that cannot be",
-        ))
     }
 }

@@ -1,5 +1,5 @@
-//! The authorities that Android trusts, read from its own folder. The verifier that serves elsewhere asks Android through Java code
-//! that an app has to bring along; a native activity brings none, and would end at its first word over https.
+//! The certificate authorities that Android trusts, read from its own folder. The verifier used elsewhere asks Android through Java code
+//! of the app; a native activity has none, and the process would end at its first https request.
 
 use reqwest::Certificate;
 use rustls::RootCertStore;
@@ -8,13 +8,13 @@ use rustls::pki_types::pem::PemObject;
 use std::fs;
 use std::path::Path;
 
-/// Where Android keeps them: since 14 in a module that is updated by itself, before that in the system.
+/// Where Android keeps them: since version 14 in a module with its own updates, before that in the system.
 const FOLDERS: [&str; 2] = [
     "/apex/com.android.conscrypt/cacerts",
     "/system/etc/security/cacerts",
 ];
 
-/// The system's certificates, from the first folder that has any; nothing on a machine that is no Android.
+/// The system's certificates, from the first folder that has any; nothing on other systems.
 pub(crate) fn of_android() -> Option<Vec<Certificate>> {
     if !cfg!(target_os = "android") {
         return None;
@@ -26,7 +26,7 @@ pub(crate) fn of_android() -> Option<Vec<Certificate>> {
     Some(found.unwrap_or_default())
 }
 
-/// All usable certificates in the files of a folder, each PEM with any text around. One that cannot be used costs no other.
+/// All usable certificates in the files of a folder, each PEM with any text around. Unusable ones are left out.
 fn of_folder(folder: &Path) -> Vec<Certificate> {
     let Ok(files) = fs::read_dir(folder) else {
         return Vec::new();

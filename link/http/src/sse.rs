@@ -1,11 +1,16 @@
 //! Reads `text/event-stream` as the WHATWG specification says ("Interpreting an event stream"): any of CR, LF and CRLF ends a line,
-//! wherever chunks are cut. `id` and `retry` are read over: whoever is present again begins anew. What is held is bounded.
+//! wherever chunks are cut. `id` and `retry` are ignored: a new presence resumes nothing.
+//!
+//! Written here because the crates for it (sse-stream 0.3, eventsource-stream 0.2, sseer 0.3) hold a line or an event of any length in
+//! memory; this one refuses what is longer than an offer can be.
 
+use link_protocol::limits::MAX_SDP_BYTES;
 use std::collections::VecDeque;
 
-/// An offer's SDP is a few KB.
-const MAX_LINE: usize = 128 << 10;
-const MAX_EVENT: usize = 256 << 10;
+/// Bytes of a line: an SDP as JSON, whose escapes at most double it.
+const MAX_LINE: usize = 2 * MAX_SDP_BYTES;
+/// Bytes of an event's data.
+const MAX_EVENT: usize = 4 * MAX_SDP_BYTES;
 
 /// One event.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -16,7 +21,7 @@ pub(crate) struct Event {
     pub(crate) data: String,
 }
 
-/// A line or an event is longer than any of ours.
+/// A line or an event is longer than any of the protocol's.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct TooLong;
 
@@ -28,12 +33,12 @@ pub(crate) struct Parser {
     data: String,
     /// The last byte was a CR: an LF now belongs to it.
     after_cr: bool,
-    /// The first line, which alone may bear a byte order mark, is over.
+    /// The first line, the only one that may begin with a byte order mark, is over.
     begun: bool,
 }
 
 impl Parser {
-    /// Takes what has come; complete events go to `events`.
+    /// Takes the next chunk; complete events go to `events`.
     pub(crate) fn push(
         &mut self,
         mut bytes: &[u8],
@@ -76,7 +81,7 @@ impl Parser {
         if line.is_empty() {
             let kind = std::mem::take(&mut self.kind);
             let mut data = std::mem::take(&mut self.data);
-            // Each data line left an LF behind, so that only an event without any has none.
+            // Each data line added an LF: without one there was no data line.
             if data.pop().is_some() {
                 events.push_back(Event {
                     kind: if kind.is_empty() {

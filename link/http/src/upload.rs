@@ -1,4 +1,4 @@
-//! Puts an owner's package into the server's store, unless it is there.
+//! Uploads an owner's package to the server's store, unless the store has it.
 
 use std::{
     fs::File,
@@ -26,8 +26,8 @@ use tokio::{
 use crate::{
     Client, HttpError,
     client::{HAS_PACKAGE, PUT_PACKAGE},
+    download::{jittered, retry_delay},
     error::of_request,
-    fetch::{may_be_tried_again, spread},
 };
 use link_protocol::{
     PackageId, ProtocolError,
@@ -38,14 +38,14 @@ use link_protocol::{
 const ATTEMPTS: u32 = 3;
 const PIECE: usize = 256 << 10;
 const QUEUE: usize = 4;
-/// How often progress is told.
+/// How often progress is reported.
 const TICK: Duration = Duration::from_millis(100);
 
 impl Client {
     /// Whether the owner's store has this package.
     ///
     /// # Errors
-    /// [`HttpError::NotAccepted`] if this is no owner's token of that server, and those of any request.
+    /// [`HttpError::Unauthorized`] if this is no owner's token of that server, and those of any request.
     pub async fn has_package(
         &self,
         server: &ServerUrl,
@@ -67,10 +67,10 @@ impl Client {
         }
     }
 
-    /// Uploads a package unless the store has it, and says what to announce. `progress` gets bytes sent and bytes in all.
+    /// Uploads a package unless the store has it, and returns what to announce. `progress` gets the bytes sent and the package's bytes.
     ///
     /// # Errors
-    /// [`ProtocolError::File`] if it cannot be read, [`ProtocolError::Announcement`] if it is empty or too large for any call,
+    /// [`ProtocolError::File`] if it cannot be read, [`ProtocolError::Announcement`] if it is empty or larger than [`MAX_PACKAGE_BYTES`](link_protocol::limits::MAX_PACKAGE_BYTES),
     /// [`HttpError::TooLarge`], [`HttpError::StoreFull`], and as [`Client::has_package`].
     pub async fn put_package(
         &self,
@@ -89,10 +89,10 @@ impl Client {
             .await
             .map_err(|error| unread(io::Error::other(error)))??;
         avatar.checked()?;
-        let mut pause = self.patience().pause;
+        let mut pause = self.timeouts().retry;
         let mut attempt = 1;
         loop {
-            // Also before a second attempt: the first may have arrived.
+            // Also before a retry: the attempt before may have succeeded without its response arriving.
             let tried = match self.has_package(server, owner_token, &avatar.sha256).await {
                 Ok(true) => return Ok(avatar),
                 Ok(false) => self.upload(server, &token, path, &avatar, &progress).await,
@@ -102,11 +102,11 @@ impl Client {
                 Ok(()) => return Ok(avatar),
                 Err(error) => error,
             };
-            let Some(wait) = may_be_tried_again(&error).filter(|_| attempt < ATTEMPTS) else {
+            let Some(wait) = retry_delay(&error).filter(|_| attempt < ATTEMPTS) else {
                 return Err(error);
             };
             attempt += 1;
-            tokio::time::sleep(wait.max(spread(pause))).await;
+            tokio::time::sleep(wait.max(jittered(pause))).await;
             pause *= 2;
         }
     }
@@ -137,7 +137,7 @@ impl Client {
         match answer {
             Ok(answer) if matches!(answer.status(), StatusCode::OK | StatusCode::CREATED) => Ok(()),
             Ok(answer) => Err(self.refusal(server, token, PUT_PACKAGE, answer).await),
-            // The body has been dropped with the request, so the reader is done; its error is the cause of ours.
+            // The body was dropped with the request, so the reader has ended; its error is the cause.
             Err(error) => match reader.await {
                 Ok(Err(source)) => Err(ProtocolError::File {
                     path: path.to_owned(),
@@ -149,7 +149,7 @@ impl Client {
         }
     }
 
-    /// Waits for the answer as long as bytes leave.
+    /// Waits for the response as long as bytes are sent.
     async fn watch(
         &self,
         server: &ServerUrl,
@@ -174,7 +174,7 @@ impl Client {
                         (last, moved) = (now, Instant::now());
                         progress(now, total);
                     }
-                    let limit = if now == total { self.patience().store } else { self.patience().silence };
+                    let limit = if now == total { self.timeouts().store } else { self.timeouts().idle };
                     if moved.elapsed() > limit {
                         return Err(HttpError::TimedOut { server: server.clone(), what: PUT_PACKAGE, limit });
                     }
@@ -184,7 +184,7 @@ impl Client {
     }
 }
 
-/// A request's body that is a file of this many bytes; `sent` counts what has been handed to the connection.
+/// A request's body that is a file of this many bytes; `sent` counts the bytes that the connection has taken.
 fn stream_file(
     path: &Path,
     bytes: u64,
@@ -195,7 +195,7 @@ fn stream_file(
     let reader = tokio::task::spawn_blocking(move || {
         let result = read_pieces(&path, bytes, &pieces);
         if result.is_err() {
-            // Without it the body would end early as if that were all.
+            // Without this error the body would end as if it were complete.
             let _ = pieces.blocking_send(Err(io::ErrorKind::UnexpectedEof.into()));
         }
         result

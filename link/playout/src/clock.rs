@@ -1,7 +1,7 @@
-//! Two programs' clocks: how far the sender's is from ours, from the four times of feedback and pong (`docs/protocol.md`).
+//! Two programs' clocks: the offset of the sender's from this program's, from the four times of feedback and pong (`docs/protocol.md`).
 //!
-//! Only arithmetic on times that are handed in; [`Clock`] alone asks the system. An asymmetry of the path that is always
-//! there cannot be told from an offset by anybody: [`ClockOffset::uncertainty`] is the honest bound.
+//! Only [`Clock`] reads the system's clock; the rest is arithmetic on its arguments. A constant asymmetry of the path cannot be
+//! distinguished from an offset: [`ClockOffset::uncertainty`] bounds the error.
 
 use link_codec::Micros;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -14,13 +14,13 @@ const BUCKETS: usize = 64;
 const DRIFT_PPM: i64 = 60;
 /// How far the two directions' shortest delays may add up to less than nothing, by rounding and jumps of a scheduler's tick.
 const TOLERANCE_US: i64 = 500;
-/// A pong later than this tells nothing of use.
+/// A pong later than this is ignored.
 const OLDEST_US: i64 = 10_000_000;
-/// Times beyond this (146 000 years) are noise.
+/// Times beyond this (146 000 years) are refused.
 const LATEST_US: u64 = 1 << 62;
-/// So many exchanges in a row that contradict the window mean that the sender has another clock than before.
+/// After so many exchanges in a row that contradict the window, the sender's clock counts as replaced.
 const CONTRADICTIONS: u32 = 8;
-/// Until so many exchanges have come nothing is slewed: the first one may have met a spike.
+/// Nothing is slewed for this many exchanges: the first one may have met a spike of delay.
 const ACQUIRING: u32 = 4;
 /// The mapping moves towards a new estimate by this share of the time between exchanges at most ...
 const SLEW: f64 = 0.05;
@@ -37,8 +37,8 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// Anchors the clock at the system's time. A program makes one, at its start, and hands copies on: two clocks made
-    /// apart differ by whatever the system's time was corrected in between.
+    /// Anchors the clock at the system's time. A program makes one, at its start, and copies it: clocks made at
+    /// different times differ by the corrections of the system's time in between.
     #[must_use]
     pub fn start() -> Self {
         let unix = SystemTime::now()
@@ -86,18 +86,18 @@ pub struct Exchange {
     pub arrived: Micros,
     /// t3: the pong left, by the sender's clock.
     pub left: Micros,
-    /// t4: the pong was here, by the viewer's clock.
+    /// t4: the pong reached the viewer, by the viewer's clock.
     pub returned: Micros,
 }
 
-/// Why an exchange was not believed. Nothing changes by it.
+/// Why an exchange was refused. The estimate stays as it was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExchangeError {
-    /// A time is beyond what any clock shows.
-    #[error("a time beyond {LATEST_US} us is no clock's")]
+    /// A time is out of range.
+    #[error("a time is beyond {LATEST_US} us")]
     Range,
-    /// The pong was here before the feedback it answers was sent, or left before that feedback came.
+    /// The pong arrived before its feedback was sent, or was sent before its feedback arrived.
     #[error("a pong cannot come before its feedback")]
     Backwards,
     /// The sender claims to have held the feedback longer than the whole exchange took.
@@ -105,13 +105,13 @@ pub enum ExchangeError {
     Held {
         /// How long the sender says it held it.
         held_us: i64,
-        /// How long the exchange took by our clock.
+        /// How long the exchange took by the viewer's clock.
         took_us: i64,
     },
-    /// The exchange took too long to tell anything.
-    #[error("the exchange took {took_us} us; more than {OLDEST_US} us tell nothing")]
+    /// The exchange took too long to be of use.
+    #[error("the exchange took {took_us} us, more than {OLDEST_US} us")]
     Old {
-        /// How long it took by our clock.
+        /// How long it took by the viewer's clock.
         took_us: i64,
     },
     /// Together with the exchanges before, a message would have arrived before it left.
@@ -162,7 +162,7 @@ impl ClockOffset {
     /// than this stay in order when they are mapped with an exchange in between.
     pub const MAX_STEP_US: i64 = 5_000;
 
-    /// Knows nothing yet.
+    /// Without an estimate.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -179,8 +179,8 @@ impl ClockOffset {
     /// Takes one exchange.
     ///
     /// # Errors
-    /// If its times cannot be true; then nothing has changed. Eight contradictions in a row are believed: the sender has
-    /// another clock than before ([`Self::restarts`] counts it), and the estimate begins again.
+    /// If its times contradict each other or the exchanges before; then nothing has changed. After eight contradictions in a row the
+    /// sender's clock counts as replaced ([`Self::restarts`]), and the estimate begins again.
     pub fn observe(&mut self, exchange: &Exchange) -> Result<(), ExchangeError> {
         let [sent, arrived, left, returned] = [
             exchange.sent,
@@ -275,13 +275,13 @@ impl ClockOffset {
         self.accepted = self.accepted.saturating_add(1);
     }
 
-    /// The sender's clock minus ours as it is used now, microseconds; `None` before the first exchange.
+    /// The sender's clock minus the viewer's as it is used now, microseconds; `None` before the first exchange.
     #[must_use]
     pub fn offset_us(&self) -> Option<i64> {
         self.estimate.map(|_| whole(self.used))
     }
 
-    /// A time of the sender's clock by ours; `None` before the first exchange.
+    /// A time of the sender's clock by the viewer's; `None` before the first exchange.
     #[must_use]
     pub fn to_local(&self, sender: Micros) -> Option<Micros> {
         let offset = self.offset_us()?;
@@ -309,7 +309,7 @@ impl ClockOffset {
         })
     }
 
-    /// How often the sender's clock turned out to be another one.
+    /// How often the sender's clock was replaced.
     #[must_use]
     pub fn restarts(&self) -> u32 {
         self.restarts

@@ -1,14 +1,13 @@
-//! What a sender says of itself before the first frame: its avatar package and how it will speak.
+//! The announcement: what a sender tells viewers before the first frame, its avatar package and how motion will be sent.
 
-use std::{fmt, path::Path, str::FromStr};
+use std::{fmt, fs::File, path::Path, str::FromStr};
 
 use serde::{Deserialize, Serialize};
 
+use crate::limits::{FRAME_RATE_HZ, MAX_PACKAGE_BYTES};
+use crate::package_id::PackageHasher;
 use crate::{PackageId, ProtocolError};
 use link_codec::Codec;
-
-/// No package is larger, in bytes: a bound on what a stranger's announcement can make this machine store.
-pub const MAX_PACKAGE_BYTES: u64 = 1 << 30;
 
 /// A package by hash and size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -20,22 +19,26 @@ pub struct AvatarRef {
 }
 
 impl AvatarRef {
-    /// What a package file is. Reads all of it: not for an async task.
+    /// Hash and size of a package file. Reads all of it: not for an async task.
     ///
     /// # Errors
     /// [`ProtocolError::File`] if it cannot be read.
     pub fn of_file(path: &Path) -> Result<Self, ProtocolError> {
-        let metadata = path.metadata().map_err(|source| ProtocolError::File {
+        let hash = || {
+            let mut hasher = PackageHasher::default();
+            let bytes = hasher.read_from(&mut File::open(path)?)?;
+            Ok(Self {
+                sha256: hasher.finish(),
+                bytes,
+            })
+        };
+        hash().map_err(|source| ProtocolError::File {
             path: path.to_owned(),
             source,
-        })?;
-        Ok(Self {
-            sha256: PackageId::of_file(path)?,
-            bytes: metadata.len(),
         })
     }
 
-    /// Nothing if a package can have this size.
+    /// Checks the size.
     ///
     /// # Errors
     /// [`ProtocolError::Announcement`] if it is empty or over [`MAX_PACKAGE_BYTES`].
@@ -44,20 +47,20 @@ impl AvatarRef {
             return Ok(());
         }
         Err(ProtocolError::Announcement(format!(
-            "a package of {} bytes, where 1 to {MAX_PACKAGE_BYTES} can be",
+            "a package of {} bytes, and packages have 1 to {MAX_PACKAGE_BYTES}",
             self.bytes
         )))
     }
 }
 
-/// How the data channel delivers.
+/// How the data channels deliver messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ChannelMode {
-    /// Unordered, nothing is sent twice.
+    /// Unordered, without retransmission.
     #[default]
     Unreliable,
-    /// Ordered and complete: the paper's.
+    /// Ordered and complete, as in the paper.
     Reliable,
 }
 
@@ -77,22 +80,18 @@ impl FromStr for ChannelMode {
         match word {
             "unreliable" => Ok(Self::Unreliable),
             "reliable" => Ok(Self::Reliable),
-            _ => Err(ProtocolError::NoSuchChoice {
-                what: "channel",
-                word: word.to_owned(),
-                choices: "unreliable or reliable",
-            }),
+            _ => Err(ProtocolError::ChannelMode(word.to_owned())),
         }
     }
 }
 
-/// What a sender announces. One that was read or made by [`Announcement::checked`] is within bounds.
+/// What a sender announces. One that was deserialised or returned by [`Announcement::checked`] is within bounds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Unchecked")]
 pub struct Announcement {
     /// The package that viewers must have.
     pub avatar: AvatarRef,
-    /// How the data channel must be opened.
+    /// How the data channels must be opened.
     pub channel: ChannelMode,
     /// The codec of the frames.
     pub codec: Codec,
@@ -101,16 +100,18 @@ pub struct Announcement {
 }
 
 impl Announcement {
-    /// This announcement, if a call can be so.
+    /// This announcement, if its values are within bounds.
     ///
     /// # Errors
     /// [`ProtocolError::Announcement`] if the rate is not within 1 to 240 Hz or the package empty or over [`MAX_PACKAGE_BYTES`].
     pub fn checked(self) -> Result<Self, ProtocolError> {
         // NaN is in no range.
-        if !(1.0..=240.0).contains(&self.rate_hz) {
+        if !FRAME_RATE_HZ.contains(&self.rate_hz) {
             return Err(ProtocolError::Announcement(format!(
-                "{} frames a second, where 1 to 240 can be",
-                self.rate_hz
+                "rate_hz is {}, and it is {} to {}",
+                self.rate_hz,
+                FRAME_RATE_HZ.start(),
+                FRAME_RATE_HZ.end()
             )));
         }
         self.avatar.checked()?;
@@ -118,7 +119,7 @@ impl Announcement {
     }
 }
 
-/// An announcement as it came.
+/// An announcement as it was received.
 #[derive(Deserialize)]
 struct Unchecked {
     avatar: AvatarRef,

@@ -1,4 +1,4 @@
-//! Why a text or a value is none of the protocol's, with what to do about it. No message holds a token.
+//! Why a text or a value is not one of the protocol's, with what to do about it. No message holds a token.
 
 use std::io;
 use std::path::PathBuf;
@@ -21,19 +21,15 @@ pub enum ProtocolError {
     /// This text is no package's hash.
     #[error("this is no package's hash: it must be 64 hexadecimal digits in lower case")]
     PackageId,
-    /// An announcement has a value that no call can have.
-    #[error("this announcement cannot be: {0}")]
+    /// This text is no room's or session's name.
+    #[error("this is no name of a room or a session: it must be 1 to 128 letters, digits and -._~")]
+    Name,
+    /// An announcement has a value out of bounds.
+    #[error("this announcement is out of bounds: {0}")]
     Announcement(String),
-    /// A word that names none of the choices there are.
-    #[error("there is no {what} `{word}`: choose {choices}")]
-    NoSuchChoice {
-        /// What was to be chosen.
-        what: &'static str,
-        /// The word.
-        word: String,
-        /// The words there are.
-        choices: &'static str,
-    },
+    /// This word is no channel mode.
+    #[error("there is no channel `{0}`: choose unreliable or reliable")]
+    ChannelMode(String),
     /// A package file that should be sent cannot be read.
     #[error("cannot read package {}", path.display())]
     File {

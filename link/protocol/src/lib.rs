@@ -1,14 +1,37 @@
-//! What the programs of a call say to each other (`docs/protocol.md`), as types that the server, senders and viewers share: the
-//! announcement, packages by hash, rooms' links and the messages beside motion frames. It opens no connection; the motion frames are
-//! the codec's.
+//! What the programs of a call send each other (`docs/protocol.md`), as types that the server, senders and viewers share. Each wire type
+//! and each bound that both ends keep is written here once. The crate opens no connection; motion frames are the codec's
+//! ([`link_codec`]).
+//!
+//! A viewer's way through a call reads, in these types: a [`RoomLink`] names the room, the [`Announcement`] tells which avatar package
+//! ([`PackageId`]) and which codec, offer and answer are SDP, and on the data channels the viewer answers motion with
+//! [`Feedback`](data_channel::Feedback).
+//!
+//! ```
+//! use link_protocol::{Announcement, RoomLink};
+//!
+//! let link: RoomLink = "https://call.example/rooms/r7#TOKEN".parse()?;
+//! assert_eq!(link.room().as_str(), "r7");
+//! assert_eq!(format!("{link:?}"), "https://call.example/rooms/r7#...", "a log shows no token");
+//!
+//! let announced = r#"{"avatar": {"sha256": "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad", "bytes": 3},
+//!     "channel": "unreliable", "codec": "compact", "rate_hz": 30.0}"#;
+//! let announcement: Announcement = serde_json::from_str(announced)?;
+//! println!("the sender's avatar is package {}", announcement.avatar.sha256);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod announcement;
+pub mod data_channel;
 mod error;
-pub mod message;
+pub mod limits;
+mod name;
 pub mod package_id;
+pub mod presence;
 pub mod room_link;
+pub mod rooms;
 
 pub use announcement::Announcement;
 pub use error::ProtocolError;
+pub use name::Name;
 pub use package_id::PackageId;
 pub use room_link::RoomLink;

@@ -1,12 +1,14 @@
-//! What a package is called: the SHA-256 of its bytes.
+//! A package's name: the SHA-256 of its bytes.
 
-use std::{fmt, fs::File, io, io::Read, path::Path, str::FromStr};
+use std::{fmt, io, io::Read, str::FromStr};
 
+use data_encoding::HEXLOWER;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::ProtocolError;
 
+/// Bytes read at once.
 const READ: usize = 1 << 20;
 
 /// A package's SHA-256, written as 64 hexadecimal digits in lower case.
@@ -21,22 +23,6 @@ impl PackageId {
         Self(Sha256::digest(bytes).into())
     }
 
-    /// The hash of a file. Reads all of it: not for an async task.
-    ///
-    /// # Errors
-    /// [`ProtocolError::File`] if it cannot be read.
-    pub fn of_file(path: &Path) -> Result<Self, ProtocolError> {
-        let hash = || {
-            let mut hasher = PackageHasher::default();
-            hasher.read_from(&mut File::open(path)?)?;
-            Ok(hasher.finish())
-        };
-        hash().map_err(|source| ProtocolError::File {
-            path: path.to_owned(),
-            source,
-        })
-    }
-
     /// The 32 bytes.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8; 32] {
@@ -49,15 +35,15 @@ impl PackageId {
 pub struct PackageHasher(Sha256);
 
 impl PackageHasher {
-    /// Takes the next piece.
+    /// Adds the next piece.
     pub fn update(&mut self, piece: &[u8]) {
         self.0.update(piece);
     }
 
-    /// Takes all that is left of a reader, and counts its bytes. Blocks: not for an async task.
+    /// Adds the rest of a reader and returns how many bytes that was. Blocks: not for an async task.
     ///
     /// # Errors
-    /// Those of the reader; what it gave before is hashed.
+    /// Those of the reader; the bytes before are added.
     pub fn read_from(&mut self, reader: &mut impl Read) -> io::Result<u64> {
         let mut buffer = vec![0; READ];
         let mut total = 0;
@@ -73,7 +59,7 @@ impl PackageHasher {
         }
     }
 
-    /// The hash of all that was taken.
+    /// The hash of all pieces.
     #[must_use]
     pub fn finish(self) -> PackageId {
         PackageId(self.0.finalize().into())
@@ -82,7 +68,7 @@ impl PackageHasher {
 
 impl fmt::Display for PackageId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+        HEXLOWER.encode_display(&self.0).fmt(f)
     }
 }
 
@@ -96,19 +82,13 @@ impl FromStr for PackageId {
     type Err = ProtocolError;
 
     fn from_str(text: &str) -> Result<Self, ProtocolError> {
-        let digit = |byte: u8| match byte {
-            b'0'..=b'9' => Ok(byte - b'0'),
-            b'a'..=b'f' => Ok(byte - b'a' + 10),
-            _ => Err(ProtocolError::PackageId),
-        };
-        let (pairs, []) = text.as_bytes().as_chunks::<2>() else {
-            return Err(ProtocolError::PackageId);
-        };
-        let pairs: &[[u8; 2]; 32] = pairs.try_into().map_err(|_| ProtocolError::PackageId)?;
         let mut id = [0; 32];
-        for (byte, &[high, low]) in id.iter_mut().zip(pairs) {
-            *byte = digit(high)? << 4 | digit(low)?;
+        if text.len() != 2 * id.len() {
+            return Err(ProtocolError::PackageId);
         }
+        HEXLOWER
+            .decode_mut(text.as_bytes(), &mut id)
+            .map_err(|_| ProtocolError::PackageId)?;
         Ok(Self(id))
     }
 }

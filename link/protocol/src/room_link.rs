@@ -1,5 +1,5 @@
-//! Server addresses and room links (`docs/protocol.md`, "Tokens and links"). A link is a secret: its token shows only where the
-//! whole link is printed on purpose.
+//! Servers' addresses, tokens and room links (`docs/protocol.md`, "Tokens and links"). A link is a secret: only [`RoomLink`]'s
+//! `Display` prints its token.
 
 use std::{
     fmt,
@@ -9,21 +9,18 @@ use std::{
 
 use url::Url;
 
-use crate::ProtocolError;
-
-const MAX_LINK: usize = 8192;
-const MAX_TOKEN: usize = 4096;
-const MAX_NAME: usize = 128;
+use crate::limits::{MAX_LINK, MAX_TOKEN};
+use crate::{Name, ProtocolError};
 
 /// A server's base address: http or https, a host, maybe a port and a path before `/v1`.
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub struct ServerUrl {
-    // Without a slash at its end.
+    /// Without a slash at its end.
     base: String,
 }
 
 impl ServerUrl {
-    /// Whether it is this machine's own, by its loopback.
+    /// Whether the host is this machine's loopback.
     #[must_use]
     pub fn is_loopback(&self) -> bool {
         let Ok(url) = Url::parse(&self.base) else {
@@ -37,7 +34,7 @@ impl ServerUrl {
         }
     }
 
-    /// Whether it is an address of this machine.
+    /// Whether the host is an address of this machine.
     #[must_use]
     pub fn is_here(&self) -> bool {
         let url = Url::parse(&self.base).ok();
@@ -46,7 +43,7 @@ impl ServerUrl {
             Some(url::Host::Ipv6(ip)) => IpAddr::V6(ip),
             _ => return self.is_loopback(),
         };
-        // Only an address of its own can be bound.
+        // A machine can bind its own addresses only.
         UdpSocket::bind((ip, 0)).is_ok()
     }
 }
@@ -107,7 +104,7 @@ impl fmt::Debug for ServerUrl {
 #[derive(Clone, PartialEq, Eq)]
 pub struct RoomLink {
     server: ServerUrl,
-    room: String,
+    room: Name,
     token: Token,
 }
 
@@ -115,16 +112,15 @@ impl RoomLink {
     /// The room of this name on a server, with a token for it.
     ///
     /// # Errors
-    /// [`ProtocolError::Link`] for a name that no room has, [`ProtocolError::Token`] for what is no token.
+    /// [`ProtocolError::Link`] if `room` is no [`Name`], [`ProtocolError::Token`] if `token` is no [`Token`].
     pub fn of(server: ServerUrl, room: &str, token: &str) -> Result<Self, ProtocolError> {
-        if !is_name(room) {
-            return Err(ProtocolError::Link(
-                "the room's name is missing or has a character that none has".to_owned(),
-            ));
-        }
+        let room = room.parse().map_err(|_| {
+            let why = "the room's name is missing or has a character that none has";
+            ProtocolError::Link(why.to_owned())
+        })?;
         Ok(Self {
             server,
-            room: room.to_owned(),
+            room,
             token: Token::new(token)?,
         })
     }
@@ -135,7 +131,7 @@ impl RoomLink {
         &self.server
     }
 
-    /// The same room, reached at another address: through a proxy, say.
+    /// The same room at another address of its server, such as a proxy's.
     #[must_use]
     pub fn at(&self, server: ServerUrl) -> Self {
         Self {
@@ -144,13 +140,13 @@ impl RoomLink {
         }
     }
 
-    /// The room's name there.
+    /// The room's name.
     #[must_use]
-    pub fn room(&self) -> &str {
+    pub fn room(&self) -> &Name {
         &self.room
     }
 
-    /// The right to be in the room.
+    /// The token.
     #[must_use]
     pub fn token(&self) -> &Token {
         &self.token
@@ -194,12 +190,12 @@ impl fmt::Debug for RoomLink {
     }
 }
 
-/// A token that can stand in a header. It has no `Display` and its `Debug` hides it.
+/// A bearer token, RFC 6750's `b64token`. It has no `Display` and its `Debug` hides it.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Token(String);
 
 impl Token {
-    /// Refuses what is not RFC 6750's `b64token`.
+    /// The token that this text is, without blanks around.
     ///
     /// # Errors
     /// [`ProtocolError::Token`] with the reason.
@@ -220,15 +216,15 @@ impl Token {
         Ok(Self(text.to_owned()))
     }
 
-    /// The token itself, for the header that carries it: a secret, for no log and no message.
+    /// The token's text, for the `Authorization` header. It must not appear in a log or a message.
     #[must_use]
     pub fn secret(&self) -> &str {
         &self.0
     }
 
-    /// `text` without this token, for what a server says back.
+    /// `text` with this token replaced, for a server's answer that may repeat it.
     #[must_use]
-    pub fn struck_from(&self, text: &str) -> String {
+    pub fn redact(&self, text: &str) -> String {
         text.replace(&self.0, "[token]")
     }
 }
@@ -237,14 +233,4 @@ impl fmt::Debug for Token {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("...")
     }
-}
-
-/// Whether this may be a room's or session's name: it stands in paths, so it must not be able to lead out of one.
-#[must_use]
-pub fn is_name(text: &str) -> bool {
-    (1..=MAX_NAME).contains(&text.len())
-        && text
-            .bytes()
-            .all(|byte| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte))
-        && text.bytes().any(|byte| byte != b'.')
 }

@@ -3,7 +3,7 @@
 use std::fs;
 
 use link_codec::Codec;
-use link_protocol::announcement::ChannelMode;
+use link_protocol::announcement::{AvatarRef, ChannelMode};
 use link_protocol::room_link::ServerUrl;
 use link_protocol::{Announcement, PackageId, ProtocolError, RoomLink};
 
@@ -30,7 +30,7 @@ fn a_link_is_printed_as_it_was_read() {
     }
     let link: RoomLink = "https://h/pre/rooms/R7#secret".parse().expect("a link");
     assert_eq!(
-        (link.server().to_string(), link.room()),
+        (link.server().to_string(), link.room().as_str()),
         ("https://h/pre".to_owned(), "R7"),
         "its parts"
     );
@@ -120,14 +120,15 @@ fn a_package_is_called_by_its_sha256() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("abc");
     fs::write(&path, b"abc").expect("written");
+    let of_file = AvatarRef::of_file(&path).expect("read");
     assert_eq!(
-        PackageId::of_file(&path).expect("read").to_string(),
-        ID,
+        (of_file.sha256.to_string().as_str(), of_file.bytes),
+        (ID, 3),
         "of a file"
     );
     assert!(
         matches!(
-            PackageId::of_file(folder.path()),
+            AvatarRef::of_file(folder.path()),
             Err(ProtocolError::File { .. })
         ),
         "a folder is no file"

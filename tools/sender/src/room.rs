@@ -1,7 +1,7 @@
 //! Into the room: the avatar is put into the store if it is not there, and a room is opened if none was given.
 
 use crate::SendError;
-use link_call::{CallError, Host};
+use link_call::{CallError, Sender};
 use link_codec::Codec;
 use link_http::Client;
 use link_playout::Clock;
@@ -66,7 +66,7 @@ impl Place {
 #[derive(Debug)]
 pub struct Entered {
     /// Takes motion from here to the viewers.
-    pub host: Host,
+    pub host: Sender,
     /// The sender's own link, with which to come back.
     pub sender: RoomLink,
     /// The viewers' link, where the room was opened here.
@@ -121,7 +121,7 @@ pub async fn enter(
         codec: desk.codec,
         rate_hz: desk.rate_hz,
     };
-    let entered = Host::enter(client.clone(), sender.clone(), announcement, clock).await;
+    let entered = Sender::enter(client.clone(), sender.clone(), announcement, clock).await;
     let host = match entered {
         // The room is there, for its token is good: it is the avatar that the store lacks.
         Err(error) if error.is_not_found() => {

@@ -1,7 +1,7 @@
 //! From the capture to the host, one motion at a time.
 
 use crate::{Capture, SendError};
-use link_call::Host;
+use link_call::Sender;
 use link_playout::Clock;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 /// # Errors
 /// If the capture fails.
 pub fn send(
-    host: &Host,
+    host: &Sender,
     capture: &mut dyn Capture,
     clock: Clock,
     stop: &AtomicBool,

@@ -1,6 +1,7 @@
 //! How a server is set up, and every bound it keeps.
 
 use crate::Secret;
+use link_protocol::limits::{ANSWER_WITHIN, MAX_SDP_BYTES};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -14,8 +15,8 @@ pub struct Config {
     pub store: StoreConfig,
     /// What tokens are authenticated by.
     pub secret: Secret,
-    /// The address of a NATS server through which several instances share their rooms, `nats://HOST:PORT`. Whoever may
-    /// write there may answer for any sender: it stands inside, with the instances.
+    /// The address of a NATS server through which several instances share their rooms, `nats://HOST:PORT`. A program that may
+    /// write there may answer for any sender: keep it in the instances' own network.
     pub nats: Option<String>,
     /// Certificate chain and private key, PEM files; without them the server speaks plain HTTP.
     pub tls: Option<(PathBuf, PathBuf)>,
@@ -99,9 +100,9 @@ impl Default for Limits {
             rooms: 1024,
             rooms_per_owner: 64,
             waiting_per_room: 32,
-            sdp_bytes: 64 << 10,
+            sdp_bytes: MAX_SDP_BYTES,
             room_lifetime: Duration::from_secs(30 * 86400),
-            answer_within: Duration::from_secs(5),
+            answer_within: ANSWER_WITHIN,
             head_within: Duration::from_secs(10),
             request_within: Duration::from_secs(15),
             pause: Duration::from_secs(20),

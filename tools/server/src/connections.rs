@@ -50,9 +50,9 @@ impl Gate {
     }
 
     fn enter(&self, stream: TcpStream) -> io::Result<Guarded> {
-        let address = neighbourhood(stream.peer_addr()?.ip());
+        let address = network_prefix(stream.peer_addr()?.ip());
         stream.set_nodelay(true)?;
-        // A sender whose machine vanished leaves a connection that nothing ends; only its silence tells.
+        // A machine that vanished never closes its connection; only the missing acknowledgements show it.
         #[cfg(target_os = "linux")]
         socket2::SockRef::from(&stream).set_tcp_user_timeout(Some(self.inner.stall))?;
         let mut open = self
@@ -75,7 +75,7 @@ impl Gate {
         Ok(Guarded {
             stream,
             stalled: None,
-            _place: Place {
+            _guard: ConnectionGuard {
                 gate: Arc::clone(&self.inner),
                 address,
             },
@@ -94,22 +94,22 @@ impl<S> Accept<TcpStream, S> for Gate {
     }
 }
 
-/// Whoever has one address of an IPv6 /64 has all of them.
-pub(crate) fn neighbourhood(address: IpAddr) -> IpAddr {
+/// The address that limits count by: an IPv6 address's /64, all of which belong to one client.
+pub(crate) fn network_prefix(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(v6) => IpAddr::V6(Ipv6Addr::from_bits(v6.to_bits() & !u128::from(u64::MAX))),
         v4 => v4,
     }
 }
 
-/// A connection's place at the gate.
+/// Counts a connection until it is dropped.
 #[derive(Debug)]
-struct Place {
+struct ConnectionGuard {
     gate: Arc<Inner>,
     address: IpAddr,
 }
 
-impl Drop for Place {
+impl Drop for ConnectionGuard {
     fn drop(&mut self) {
         let mut open = self
             .gate
@@ -132,7 +132,7 @@ pub(crate) struct Guarded {
     stream: TcpStream,
     stall: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
-    _place: Place,
+    _guard: ConnectionGuard,
 }
 
 impl Guarded {

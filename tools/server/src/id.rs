@@ -1,9 +1,11 @@
-//! The 128-bit names of rooms, sessions and owners, and the SHA-256 that names a package.
+//! The 128-bit names that this server gives to rooms, sessions and owners.
 //!
-//! Whatever comes from a path is parsed into one of these first, so nothing a client wrote reaches a file name, a
+//! A name from a path is parsed into one of these, or into a `PackageId`, before use: no text of a client's reaches a file name, a
 //! subject or a log.
 
 use crate::ServerError;
+use data_encoding::HEXLOWER;
+use link_protocol::Name;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fmt;
@@ -13,7 +15,7 @@ use std::fmt;
 pub struct Id([u8; 16]);
 
 impl Id {
-    /// One that nobody can guess.
+    /// A random one, which cannot be guessed.
     ///
     /// # Errors
     /// If the system gives no random numbers.
@@ -48,67 +50,37 @@ impl Id {
 
 impl fmt::Display for Id {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write_hex(&self.0, f)
+        HEXLOWER.encode_display(&self.0).fmt(f)
     }
 }
 
 impl fmt::Debug for Id {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write_hex(&self.0, f)
+        fmt::Display::fmt(self, f)
     }
 }
 
-/// The SHA-256 of a package's bytes, which is its name: 64 lower-case hexadecimal digits.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) struct PackageHash([u8; 32]);
-
-impl PackageHash {
-    pub(crate) fn from_bytes(bytes: [u8; 32]) -> Self {
-        Self(bytes)
-    }
-
-    pub(crate) fn parse(text: &str) -> Option<Self> {
-        from_hex(text).map(Self)
-    }
-
-    /// A number below `count` that depends on the hash alone.
-    pub(crate) fn stripe(&self, count: usize) -> usize {
-        usize::from(self.0[0]) % count
+impl From<Id> for Name {
+    fn from(id: Id) -> Self {
+        Self::of_id(id.0)
     }
 }
 
-impl fmt::Display for PackageHash {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write_hex(&self.0, f)
+impl Serialize for Id {
+    fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
     }
 }
 
-impl fmt::Debug for PackageHash {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write_hex(&self.0, f)
+impl<'de> Deserialize<'de> for Id {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let text = std::borrow::Cow::<'de, str>::deserialize(from)?;
+        Self::parse(&text)
+            .ok_or_else(|| serde::de::Error::custom("not 32 lower-case hexadecimal digits"))
     }
 }
 
-/// Both travel as text.
-macro_rules! serde_as_hex {
-    ($name:ident, $expected:literal) => {
-        impl Serialize for $name {
-            fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-                to.collect_str(self)
-            }
-        }
-        impl<'de> Deserialize<'de> for $name {
-            fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-                let text = std::borrow::Cow::<'de, str>::deserialize(from)?;
-                Self::parse(&text).ok_or_else(|| serde::de::Error::custom($expected))
-            }
-        }
-    };
-}
-serde_as_hex!(Id, "not 32 lower-case hexadecimal digits");
-serde_as_hex!(PackageHash, "not 64 lower-case hexadecimal digits");
-
-/// Bytes that nobody can guess.
+/// Random bytes of the system's.
 pub(crate) fn random_bytes<const N: usize>() -> Result<[u8; N], ServerError> {
     let mut bytes = [0; N];
     getrandom::fill(&mut bytes).map_err(|e| ServerError::Random {
@@ -119,25 +91,12 @@ pub(crate) fn random_bytes<const N: usize>() -> Result<[u8; N], ServerError> {
 
 /// Reads exactly `2 * N` lower-case hexadecimal digits.
 pub(crate) fn from_hex<const N: usize>(text: &str) -> Option<[u8; N]> {
-    let digits = text.as_bytes();
-    if digits.len() != 2 * N {
+    if text.len() != 2 * N {
         return None;
     }
-    let value = |digit: u8| match digit {
-        b'0'..=b'9' => Some(digit - b'0'),
-        b'a'..=b'f' => Some(digit - b'a' + 10),
-        _ => None,
-    };
     let mut bytes = [0; N];
-    for (byte, pair) in bytes.iter_mut().zip(digits.chunks_exact(2)) {
-        *byte = value(pair[0])? << 4 | value(pair[1])?;
-    }
+    HEXLOWER.decode_mut(text.as_bytes(), &mut bytes).ok()?;
     Some(bytes)
-}
-
-/// Writes lower-case hexadecimal digits.
-pub(crate) fn write_hex(bytes: &[u8], to: &mut impl fmt::Write) -> fmt::Result {
-    bytes.iter().try_for_each(|byte| write!(to, "{byte:02x}"))
 }
 
 #[cfg(test)]

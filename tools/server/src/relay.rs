@@ -1,8 +1,8 @@
-//! How instances share their rooms: by NATS, and only its core. The instance that has a room's sender listens on the
-//! room's subject, any other asks there; where nobody listens, NATS says so at once. Nothing is stored anywhere, so an
-//! instance or a NATS server that dies takes no room with it: the sender connects again.
+//! How instances share their rooms: by NATS, and only its core. The instance that a room's sender is connected to subscribes to
+//! the room's subject, the others send requests there; without a subscriber NATS answers at once. Nothing is stored, so no room is lost with
+//! an instance or a NATS server: the sender connects again.
 
-use crate::rooms::{Ask, Presence, Reply};
+use crate::rooms::{Presence, RoomReply, RoomRequest};
 use crate::{Id, ServerError};
 use async_nats::connection::State;
 use async_nats::{Client, ConnectOptions, Event, RequestErrorKind, Subscriber};
@@ -14,22 +14,22 @@ use tokio::sync::Semaphore;
 /// How long NATS may take for what concerns no sender.
 const NATS_WITHIN: Duration = Duration::from_secs(2);
 
-/// The way to other instances.
+/// The connection to the other instances.
 #[derive(Debug)]
 pub(crate) struct Relay {
     client: Client,
-    /// How long another instance may take: a sender's time to answer and some for the way.
+    /// How long another instance may take: a sender's time to answer and NATS's own.
     reply_within: Duration,
-    /// Asks under way for one room.
-    asks_per_room: usize,
+    /// Requests at once for one room.
+    requests_per_room: usize,
 }
 
 impl Relay {
-    /// Starts to connect, and goes on trying: a NATS server that is down delays nothing but what needs it.
+    /// Starts to connect, and goes on trying: a NATS server that is down does not delay the start.
     pub(crate) async fn connect(
         address: &str,
         answer_within: Duration,
-        asks_per_room: usize,
+        requests_per_room: usize,
     ) -> Result<Self, ServerError> {
         let reply_within = answer_within + NATS_WITHIN;
         let options = ConnectOptions::new()
@@ -51,7 +51,7 @@ impl Relay {
                     other => log::warn!("NATS: {other}"),
                 }
             });
-        // What the client says may repeat the address, and with it a password.
+        // The client's own message may repeat the address, and with it a password.
         let client = options
             .connect(address)
             .await
@@ -61,7 +61,7 @@ impl Relay {
         Ok(Self {
             client,
             reply_within,
-            asks_per_room,
+            requests_per_room,
         })
     }
 
@@ -70,87 +70,90 @@ impl Relay {
         self.client.connection_state() == State::Connected
     }
 
-    /// Asks whichever instance has the room's sender.
-    pub(crate) async fn ask(&self, room: Id, ask: &Ask) -> Reply {
+    /// Asks the instance that the room's sender is connected to.
+    pub(crate) async fn ask(&self, room: Id, request: &RoomRequest) -> RoomReply {
         if !self.is_connected() {
-            return Reply::Unreachable;
+            return RoomReply::Unreachable;
         }
-        let Ok(payload) = serde_json::to_vec(ask) else {
-            return Reply::Unreachable;
+        let Ok(payload) = serde_json::to_vec(request) else {
+            return RoomReply::Unreachable;
         };
         let asked = self.client.request(ask_subject(room), payload.into());
         match tokio::time::timeout(self.reply_within, asked).await {
             Ok(Ok(message)) => serde_json::from_slice(&message.payload).unwrap_or_else(|e| {
-                log::warn!("an instance answers in another version's way: {e}");
-                Reply::Unreachable
+                log::warn!("the reply of an instance of another version cannot be read: {e}");
+                RoomReply::Unreachable
             }),
-            Ok(Err(e)) if e.kind() == RequestErrorKind::NoResponders => Reply::Absent,
-            Ok(Err(e)) if e.kind() == RequestErrorKind::TimedOut => Reply::Unanswered,
+            Ok(Err(e)) if e.kind() == RequestErrorKind::NoResponders => RoomReply::Absent,
+            Ok(Err(e)) if e.kind() == RequestErrorKind::TimedOut => RoomReply::Unanswered,
             Ok(Err(e)) => {
                 log::warn!("NATS: {e}");
-                Reply::Unreachable
+                RoomReply::Unreachable
             }
-            Err(_) => Reply::Unanswered,
+            Err(_) => RoomReply::Unanswered,
         }
     }
 
-    /// Answers what other instances ask about a room for as long as its sender is here, and tells them that it is:
-    /// where it was before, it is replaced.
+    /// Answers other instances' requests for a room while its sender is connected here, and tells them that it is: a presence on another
+    /// instance is replaced.
     pub(crate) async fn hold(&self, room: Id, presence: Arc<Presence>) {
         let held = async {
-            let asks = self.client.subscribe(ask_subject(room)).await.ok()?;
+            let requests = self.client.subscribe(ask_subject(room)).await.ok()?;
             let others = self.client.subscribe(present_subject(room)).await.ok()?;
-            Some((asks, others))
+            Some((requests, others))
         };
-        let Ok(Some((asks, others))) = tokio::time::timeout(NATS_WITHIN, held).await else {
+        let Ok(Some((requests, others))) = tokio::time::timeout(NATS_WITHIN, held).await else {
             log::error!(
                 "NATS does not take the subscriptions of a room: only this instance serves it"
             );
             return;
         };
-        // Until the subscription stands nobody else can ask; the wait is bounded because NATS may be down.
-        let stay = present_id(&presence).into();
-        let stands = async {
+        // Without the subscription no other instance can ask; the wait is bounded because NATS may be down.
+        let connection = present_id(&presence).into();
+        let subscribed = async {
             self.client.flush().await.ok()?;
-            self.client.publish(present_subject(room), stay).await.ok()
+            self.client
+                .publish(present_subject(room), connection)
+                .await
+                .ok()
         };
-        if self.is_connected() && tokio::time::timeout(NATS_WITHIN, stands).await.is_err() {
+        if self.is_connected() && tokio::time::timeout(NATS_WITHIN, subscribed).await.is_err() {
             log::warn!("NATS is slow to take the subscriptions of a room");
         }
-        let relay = (self.client.clone(), self.asks_per_room);
-        tokio::spawn(listen(relay, asks, others, presence));
+        let relay = (self.client.clone(), self.requests_per_room);
+        tokio::spawn(listen(relay, requests, others, presence));
     }
 }
 
 async fn listen(
-    (client, asks_at_once): (Client, usize),
-    mut asks: Subscriber,
+    (client, requests_at_once): (Client, usize),
+    mut requests: Subscriber,
     mut others: Subscriber,
     presence: Arc<Presence>,
 ) {
     let gone = presence.gone();
-    let places = Arc::new(Semaphore::new(asks_at_once.max(1)));
+    let places = Arc::new(Semaphore::new(requests_at_once.max(1)));
     loop {
         tokio::select! {
             () = gone.cancelled() => break,
             Some(message) = others.next() => {
-                // Its own message comes back, too.
+                // Its own message comes back as well.
                 if message.payload != present_id(&presence) {
                     presence.replace();
                 }
             }
-            Some(message) = asks.next() => {
+            Some(message) = requests.next() => {
                 let Some(reply_to) = message.reply else { continue };
-                let Ok(ask) = serde_json::from_slice::<Ask>(&message.payload) else {
-                    log::warn!("an instance asks in another version's way");
+                let Ok(request) = serde_json::from_slice::<RoomRequest>(&message.payload) else {
+                    log::warn!("the request of an instance of another version cannot be read");
                     continue;
                 };
                 let place = Arc::clone(&places).try_acquire_owned();
                 let (client, presence) = (client.clone(), Arc::clone(&presence));
                 tokio::spawn(async move {
                     let reply = match place {
-                        Ok(_) => presence.ask(ask).await,
-                        Err(_) => Reply::Busy,
+                        Ok(_) => presence.ask(request).await,
+                        Err(_) => RoomReply::Busy,
                     };
                     let Ok(payload) = serde_json::to_vec(&reply) else { return };
                     if let Err(e) = client.publish(reply_to, payload.into()).await {
@@ -171,7 +174,7 @@ fn present_subject(room: Id) -> String {
     format!("mon3tr.1.room.{room}.present")
 }
 
-/// What tells one stay of a sender from another.
+/// What distinguishes a sender's connections.
 fn present_id(presence: &Presence) -> Vec<u8> {
-    presence.stay().to_string().into_bytes()
+    presence.connection().to_string().into_bytes()
 }

@@ -1,9 +1,10 @@
-//! Rooms as this instance knows them: a room is wherever its sender's presence stream is connected, and nowhere when
-//! it is not. Nothing is kept of rooms besides; tokens say who may enter.
+//! The rooms whose senders are connected to this instance. A room exists while its sender's presence stream is open, and nothing else is
+//! kept of rooms: tokens say who may enter.
 
 use crate::Id;
-use crate::id::PackageHash;
 use crate::metrics::Metrics;
+use link_protocol::Announcement;
+use link_protocol::presence::PresenceEvent;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -12,104 +13,67 @@ use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
 
-/// What a sender says of itself to those who may join.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Announcement {
-    pub(crate) avatar: AvatarName,
-    channel: Channel,
-    codec: Codec,
-    pub(crate) rate_hz: f64,
-}
-
-/// A package's name and length.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct AvatarName {
-    pub(crate) sha256: PackageHash,
-    pub(crate) bytes: u64,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Channel {
-    Unreliable,
-    Reliable,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Codec {
-    Compact,
-    Paper,
-}
-
-/// What is asked of a room, here or by another instance.
+/// A request to a room's sender, from this instance or another one.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "ask", rename_all = "lowercase")]
-pub(crate) enum Ask {
-    /// What does the sender say of itself?
+pub(crate) enum RoomRequest {
+    /// For the sender's announcement.
     Announcement,
-    /// A viewer's offer; the sender's answer is waited for.
+    /// A viewer's offer; the reply is the sender's answer.
     Offer { session: Id, sdp: String },
-    /// The sender's answer to the viewer who waits for it.
+    /// The sender's answer to a viewer's offer.
     Answer { session: Id, sdp: String },
     /// The viewer of this session leaves.
     Leave { session: Id },
 }
 
-/// What comes back.
+/// The reply to a [`RoomRequest`].
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "reply", rename_all = "lowercase")]
-pub(crate) enum Reply {
-    /// What the sender says of itself.
+pub(crate) enum RoomReply {
+    /// The sender's announcement.
     Announcement { announcement: Announcement },
     /// The sender's answer.
     Answer { sdp: String },
-    /// It was passed on.
+    /// The request was passed on.
     Done,
-    /// Nobody waits for that.
+    /// No viewer waits for this answer.
     Unknown,
     /// The sender did not answer in time.
     Unanswered,
-    /// Too many wait already.
+    /// Too many viewers wait already.
     Busy,
-    /// The sender is not there.
+    /// The sender is absent.
     Absent,
-    /// Whether the sender is there cannot be told: instances do not reach each other.
+    /// The other instances cannot be reached, and the sender may be connected to one of them.
     Unreachable,
 }
 
-/// What a sender is told.
-#[derive(Debug)]
-pub(crate) enum Event {
-    Offer { session: Id, sdp: String },
-    Leave { session: Id },
-}
-
-/// A sender that is there.
+/// A connected sender.
 #[derive(Debug)]
 pub(crate) struct Presence {
-    /// What tells this stay from the same sender's others.
-    stay: Id,
+    /// A random number of this connection: the same sender's next one has another.
+    connection: Id,
     owner: Id,
     announcement: Announcement,
-    events: mpsc::Sender<Event>,
+    events: mpsc::Sender<PresenceEvent>,
     waiting: Mutex<HashMap<Id, oneshot::Sender<String>>>,
     waiting_limit: usize,
     answer_within: Duration,
-    /// Another has taken its place.
+    /// Another sender has replaced it.
     replaced: CancellationToken,
     /// Its stream has ended.
     gone: CancellationToken,
 }
 
 impl Presence {
-    /// Ends this presence because another has come.
+    /// Ends this presence because another sender has entered the room.
     pub(crate) fn replace(&self) {
         self.replaced.cancel();
     }
 
-    pub(crate) fn stay(&self) -> Id {
-        self.stay
+    pub(crate) fn connection(&self) -> Id {
+        self.connection
     }
 
     pub(crate) fn replaced(&self) -> CancellationToken {
@@ -121,64 +85,69 @@ impl Presence {
     }
 
     /// Answers for the sender, or asks it.
-    pub(crate) async fn ask(&self, ask: Ask) -> Reply {
-        match ask {
-            Ask::Announcement => Reply::Announcement {
-                announcement: self.announcement.clone(),
+    pub(crate) async fn ask(&self, request: RoomRequest) -> RoomReply {
+        match request {
+            RoomRequest::Announcement => RoomReply::Announcement {
+                announcement: self.announcement,
             },
-            Ask::Offer { session, sdp } => self.offer(session, sdp).await,
-            Ask::Answer { session, sdp } => {
+            RoomRequest::Offer { session, sdp } => self.offer(session, sdp).await,
+            RoomRequest::Answer { session, sdp } => {
                 let waiting = lock(&self.waiting).remove(&session);
                 // A viewer that has just hung up no longer waits either.
                 match waiting.map(|waiting| waiting.send(sdp)) {
-                    Some(Ok(())) => Reply::Done,
-                    _ => Reply::Unknown,
+                    Some(Ok(())) => RoomReply::Done,
+                    _ => RoomReply::Unknown,
                 }
             }
-            Ask::Leave { session } => self.tell(Event::Leave { session }),
+            RoomRequest::Leave { session } => self.notify(PresenceEvent::Leave {
+                session: session.into(),
+            }),
         }
     }
 
-    async fn offer(&self, session: Id, sdp: String) -> Reply {
+    async fn offer(&self, session: Id, sdp: String) -> RoomReply {
         let (answer, answered) = oneshot::channel();
         {
             let mut waiting = lock(&self.waiting);
             if waiting.len() >= self.waiting_limit {
-                return Reply::Busy;
+                return RoomReply::Busy;
             }
             waiting.insert(session, answer);
         }
-        let _forget = Forget {
+        let _waiting = WaitingGuard {
             presence: self,
             session,
         };
-        match self.tell(Event::Offer { session, sdp }) {
-            Reply::Done => {}
+        match self.notify(PresenceEvent::Offer {
+            session: session.into(),
+            sdp,
+        }) {
+            RoomReply::Done => {}
             other => return other,
         }
         tokio::select! {
-            sdp = answered => sdp.map_or(Reply::Absent, |sdp| Reply::Answer { sdp }),
-            () = self.gone.cancelled() => Reply::Absent,
-            () = tokio::time::sleep(self.answer_within) => Reply::Unanswered,
+            sdp = answered => sdp.map_or(RoomReply::Absent, |sdp| RoomReply::Answer { sdp }),
+            () = self.gone.cancelled() => RoomReply::Absent,
+            () = tokio::time::sleep(self.answer_within) => RoomReply::Unanswered,
         }
     }
 
-    fn tell(&self, event: Event) -> Reply {
+    fn notify(&self, event: PresenceEvent) -> RoomReply {
         match self.events.try_send(event) {
-            Ok(()) => Reply::Done,
-            Err(mpsc::error::TrySendError::Full(_)) => Reply::Busy,
-            Err(mpsc::error::TrySendError::Closed(_)) => Reply::Absent,
+            Ok(()) => RoomReply::Done,
+            Err(mpsc::error::TrySendError::Full(_)) => RoomReply::Busy,
+            Err(mpsc::error::TrySendError::Closed(_)) => RoomReply::Absent,
         }
     }
 }
 
-/// Takes a viewer off the list when it no longer waits, for whatever reason.
-struct Forget<'a> {
+/// Removes a viewer from those that wait when its request ends in any way.
+struct WaitingGuard<'a> {
     presence: &'a Presence,
     session: Id,
 }
 
-impl Drop for Forget<'_> {
+impl Drop for WaitingGuard<'_> {
     fn drop(&mut self) {
         lock(&self.presence.waiting).remove(&self.session);
     }
@@ -192,7 +161,7 @@ pub(crate) struct Rooms {
     metrics: Arc<Metrics>,
 }
 
-/// The bounds that concern rooms.
+/// The bounds on rooms.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RoomLimits {
     pub(crate) rooms: usize,
@@ -201,7 +170,7 @@ pub(crate) struct RoomLimits {
     pub(crate) answer_within: Duration,
 }
 
-/// A sender cannot enter: there are too many rooms, of this owner or of all.
+/// The error of a sender that cannot enter: there are too many rooms, of its owner or of all.
 #[derive(Debug)]
 pub(crate) struct TooManyRooms;
 
@@ -214,18 +183,18 @@ impl Rooms {
         }
     }
 
-    /// Lets a sender in. Whoever was there before is replaced.
+    /// Lets a sender in. The room's sender before is replaced.
     pub(crate) fn enter(
         self: &Arc<Self>,
         room: Id,
-        stay: Id,
+        connection: Id,
         owner: Id,
         announcement: Announcement,
-    ) -> Result<(Stay, mpsc::Receiver<Event>), TooManyRooms> {
-        // An offer and a leave for everyone who may wait at once.
-        let (events, told) = mpsc::channel(2 * self.limits.waiting_per_room.max(1));
+    ) -> Result<(PresenceGuard, mpsc::Receiver<PresenceEvent>), TooManyRooms> {
+        // An offer and a leave for each viewer that may wait at once.
+        let (events, received) = mpsc::channel(2 * self.limits.waiting_per_room.max(1));
         let presence = Arc::new(Presence {
-            stay,
+            connection,
             owner,
             announcement,
             events,
@@ -247,12 +216,12 @@ impl Rooms {
         }
         self.count(&present);
         drop(present);
-        let stay = Stay {
+        let guard = PresenceGuard {
             rooms: Arc::clone(self),
             room,
             presence,
         };
-        Ok((stay, told))
+        Ok((guard, received))
     }
 
     /// The room's sender, if it is connected here.
@@ -267,19 +236,19 @@ impl Rooms {
     }
 }
 
-/// A sender's stay in its room, which ends when this is dropped.
+/// Ends a sender's presence when it is dropped.
 #[derive(Debug)]
-pub(crate) struct Stay {
+pub(crate) struct PresenceGuard {
     rooms: Arc<Rooms>,
     room: Id,
     pub(crate) presence: Arc<Presence>,
 }
 
-impl Drop for Stay {
+impl Drop for PresenceGuard {
     fn drop(&mut self) {
         self.presence.gone.cancel();
         let mut present = lock(&self.rooms.present);
-        // Whoever replaced it stays.
+        // A sender that replaced this one stays.
         if let Entry::Occupied(entry) = present.entry(self.room)
             && Arc::ptr_eq(entry.get(), &self.presence)
         {
@@ -289,7 +258,7 @@ impl Drop for Stay {
     }
 }
 
-/// None of these maps is ever left half-changed, so a panic elsewhere does not spoil them.
+/// A panic while the lock was held is ignored: no map is ever left half-changed.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

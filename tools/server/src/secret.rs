@@ -1,7 +1,8 @@
 //! The server's secret: what its tokens are authenticated by. Instances behind one balancer share one.
 
 use crate::ServerError;
-use crate::id::{from_hex, random_bytes, write_hex};
+use crate::id::{from_hex, random_bytes};
+use data_encoding::HEXLOWER;
 use std::fmt;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
@@ -45,10 +46,7 @@ impl Secret {
             Err(e) => return Err(failed("read")(e)),
         }
         let secret = Self::random()?;
-        let mut text = String::new();
-        // Writing to a String cannot fail.
-        let _ = write_hex(&secret.0, &mut text);
-        text.push('\n');
+        let text = HEXLOWER.encode(&secret.0) + "\n";
         let folder = match path.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),

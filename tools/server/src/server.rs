@@ -49,8 +49,8 @@ impl Server {
         let packages = Packages::open(&config, Arc::clone(&metrics)).await?;
         let relay = match &config.nats {
             Some(address) => {
-                let asks = limits.waiting_per_room + 16;
-                Some(Relay::connect(address, limits.answer_within, asks).await?)
+                let requests = limits.waiting_per_room + 16;
+                Some(Relay::connect(address, limits.answer_within, requests).await?)
             }
             None => None,
         };
@@ -162,7 +162,7 @@ fn ended(result: Result<std::io::Result<()>, JoinError>) -> Result<(), ServerErr
         .map_err(|source| ServerError::Stopped { source })
 }
 
-/// What has to be done now and then, for as long as anybody is served.
+/// The server's regular work, until it stops.
 async fn housekeep(app: std::sync::Weak<App>, stopping: CancellationToken) {
     let sweep = async {
         let app = app.upgrade()?;
@@ -170,7 +170,7 @@ async fn housekeep(app: std::sync::Weak<App>, stopping: CancellationToken) {
     };
     match sweep.await {
         Some(Ok(count)) if count > 0 => {
-            log::info!("removed {count} packages that nobody owns");
+            log::info!("removed {count} packages without an owner");
         }
         Some(Err(e)) => log::error!("the package store cannot be swept: {e}"),
         _ => {}

@@ -51,7 +51,7 @@ pub async fn wait_for_sender(
     let asking = async {
         let mut last = None;
         loop {
-            let waiting = match client.ask(room).await {
+            let waiting = match client.announcement(room).await {
                 Ok(Some(announced)) => return Ok(announced),
                 Ok(None) => Waiting::ForSender,
                 Err(error) if error.is_final() => return Err(error),

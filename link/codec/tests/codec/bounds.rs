@@ -76,13 +76,13 @@ fn what_is_no_number_or_out_of_range_is_mended_and_counted() {
         );
         let shown = decoder
             .decode(&message)
-            .expect("what was mended decodes")
+            .expect("what was corrected decodes")
             .motion;
         let mut expected = MotionParams::new([0.0; PARAMS], Vec3::new(1000.0, -1000.0, 1.0));
         expected.expression_mut()[0] = -8.0;
         assert_within_bounds(codec, &expected, &shown);
         assert_eq!(
-            encoder.mended(),
+            encoder.corrected(),
             55 + 50 + 2,
             "joints, coefficients and coordinates were counted"
         );

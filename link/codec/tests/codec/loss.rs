@@ -1,5 +1,5 @@
 use crate::motions::{SESSION, assert_within_bounds, lively};
-use link_codec::refusal::Refusal;
+use link_codec::decode_error::DecodeError;
 use link_codec::{Codec, Decoder, Encoder};
 use std::collections::VecDeque;
 
@@ -39,15 +39,15 @@ fn call(codec: Codec, loss: f64, seed: u64) {
                     assert_within_bounds(codec, &sent.motion, &shown.motion);
                     shown_frames += 1;
                 }
-                Err(refusal) => {
+                Err(error) => {
                     let expected = [
-                        Refusal::Replayed,
-                        Refusal::Late,
-                        Refusal::Reference,
-                        Refusal::Corrupt,
-                        Refusal::TimeBackwards,
+                        DecodeError::Replayed,
+                        DecodeError::Late,
+                        DecodeError::Reference,
+                        DecodeError::Corrupt,
+                        DecodeError::TimeBackwards,
                     ];
-                    assert!(expected.contains(&refusal), "{refusal}");
+                    assert!(expected.contains(&error), "{error}");
                     assert_eq!(
                         decoder.feedback(),
                         before,
@@ -74,9 +74,9 @@ fn call(codec: Codec, loss: f64, seed: u64) {
         }
     }
     assert_eq!(
-        decoder.refusals().total(),
+        decoder.errors().total(),
         refused,
-        "each refusal is counted once"
+        "each error is counted once"
     );
     let least = f64::from(last - 110) * (1.0 - loss) * 0.9;
     assert!(

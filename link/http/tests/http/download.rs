@@ -1,6 +1,6 @@
 use std::{path::Path, time::Duration};
 
-use link_http::{HttpError, PackageCache, fetch::Progress};
+use link_http::{HttpError, PackageCache, download::Progress};
 use link_protocol::{PackageId, announcement::AvatarRef};
 
 use crate::{
@@ -288,13 +288,13 @@ async fn a_package_that_does_not_end_is_cut_off() {
 async fn an_answer_that_lies_about_itself_is_refused() {
     let outcome = download([Fault::CallsItGzip]).await;
     assert!(
-        matches!(outcome.error(), HttpError::Encoded { encoding, .. } if encoding == "gzip"),
+        matches!(outcome.error(), HttpError::CompressedPackage { encoding, .. } if encoding == "gzip"),
         "{:?}",
         outcome.error()
     );
     let outcome = download([Fault::Cut(1_000_000), Fault::OtherRange]).await;
     assert!(
-        matches!(outcome.error(), HttpError::Unintelligible { .. }),
+        matches!(outcome.error(), HttpError::InvalidResponse { .. }),
         "{:?}",
         outcome.error()
     );
@@ -305,7 +305,7 @@ async fn a_refusal_is_not_asked_again() {
     for code in [401, 404, 403] {
         let outcome = download([Fault::Status(code, "no")]).await;
         let right = match (code, outcome.error()) {
-            (401, HttpError::NotAccepted { .. }) | (404, HttpError::NotFound { .. }) => true,
+            (401, HttpError::Unauthorized { .. }) | (404, HttpError::NotFound { .. }) => true,
             (403, HttpError::Refused { status, said, .. }) => *status == 403 && said == "no",
             _ => false,
         };
@@ -326,7 +326,10 @@ async fn a_server_that_is_gone_is_named() {
         .replace(&server.address.to_string(), &gone.to_string())
         .parse()
         .expect("a link");
-    let error = client().ask(&link).await.expect_err("nobody there");
+    let error = client()
+        .announcement(&link)
+        .await
+        .expect_err("nobody there");
     assert!(
         matches!(error, HttpError::Unreachable { .. })
             && error.to_string().contains(&gone.to_string()),

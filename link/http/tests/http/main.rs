@@ -12,16 +12,16 @@ mod upload;
 
 use std::time::Duration;
 
-use link_http::{Client, client::Patience};
+use link_http::{Client, client::Timeouts};
 
-/// A client that loses its patience within a test's time.
+/// A client whose timeouts end within a test's time.
 fn client() -> Client {
-    let patience = Patience {
+    let timeouts = Timeouts {
         connect: Duration::from_secs(2),
-        answer: Duration::from_secs(2),
-        silence: Duration::from_millis(500),
+        response: Duration::from_secs(2),
+        idle: Duration::from_millis(500),
         store: Duration::from_secs(5),
-        pause: Duration::from_millis(5),
+        retry: Duration::from_millis(5),
     };
-    Client::with_patience(None, patience).expect("a client")
+    Client::with_timeouts(None, timeouts).expect("a client")
 }

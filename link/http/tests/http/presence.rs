@@ -11,13 +11,11 @@ use axum::{
 };
 use futures_util::stream;
 use link_codec::Codec;
-use link_http::{
-    HttpError,
-    presence::{Presence, PresenceEvent},
-};
+use link_http::{HttpError, presence::Presence};
 use link_protocol::{
-    Announcement, PackageId, RoomLink,
+    Announcement, Name, PackageId, RoomLink,
     announcement::{AvatarRef, ChannelMode},
+    presence::PresenceEvent,
 };
 use tokio::sync::mpsc;
 
@@ -73,24 +71,27 @@ async fn present() -> (Presence, mpsc::Sender<Bytes>) {
     tokio::spawn(async move { axum::serve(listener, router).await });
     (
         client()
-            .present(&link, &announcement())
+            .open_presence(&link, &announcement())
             .await
             .expect("present"),
         say,
     )
 }
 
+/// The session's name in [`STREAM`].
+fn s1() -> Name {
+    "S1".parse().expect("a name")
+}
+
 async fn all(presence: &mut Presence) {
     let offer = PresenceEvent::Offer {
-        session: "S1".to_owned(),
+        session: s1(),
         sdp: "v=0\r\n".to_owned(),
     };
     assert_eq!(presence.next().await.expect("an event"), offer, "first");
     assert_eq!(
         presence.next().await.expect("an event"),
-        PresenceEvent::Leave {
-            session: "S1".to_owned()
-        },
+        PresenceEvent::Leave { session: s1() },
         "second"
     );
     assert_eq!(
@@ -167,7 +168,7 @@ async fn a_stream_that_ends_or_makes_no_sense_is_an_error() {
         say.send(text.clone().into()).await.expect("said");
         let event = presence.next().await;
         assert!(
-            matches!(event, Err(HttpError::Unintelligible { .. })),
+            matches!(event, Err(HttpError::InvalidResponse { .. })),
             "{}: {event:?}",
             &text[..20]
         );
@@ -179,7 +180,7 @@ async fn a_refused_presence_says_why() {
     for (code, right) in [(401_u16, "accept"), (404, "link"), (500, "log")] {
         let server = Server::without_package([Fault::Status(code, "no")]).await;
         let error = client()
-            .present(&server.link(), &announcement())
+            .open_presence(&server.link(), &announcement())
             .await
             .expect_err("refused")
             .to_string();
@@ -187,11 +188,11 @@ async fn a_refused_presence_says_why() {
     }
     let server = Server::without_package([Fault::Status(200, "not a stream")]).await;
     let error = client()
-        .present(&server.link(), &announcement())
+        .open_presence(&server.link(), &announcement())
         .await
         .expect_err("no stream");
     assert!(
-        matches!(error, HttpError::Unintelligible { .. }),
+        matches!(error, HttpError::InvalidResponse { .. }),
         "{error:?}"
     );
 }

@@ -8,7 +8,7 @@ use std::{
 };
 
 use link_http::PackageCache;
-use link_protocol::{PackageId, RoomLink, announcement::AvatarRef};
+use link_protocol::{RoomLink, announcement::AvatarRef};
 
 use crate::{
     client,
@@ -49,7 +49,7 @@ async fn is_child() -> bool {
         .await
         .expect("fetched");
     assert_eq!(
-        PackageId::of_file(&path).expect("read"),
+        AvatarRef::of_file(&path).expect("read").sha256,
         avatar.sha256,
         "the package"
     );
@@ -111,7 +111,7 @@ async fn what_a_killed_process_left_is_gone_on_from() {
         .await
         .expect("fetched");
     assert_eq!(
-        PackageId::of_file(&path).expect("read"),
+        AvatarRef::of_file(&path).expect("read").sha256,
         avatar.sha256,
         "the package"
     );

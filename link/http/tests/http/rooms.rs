@@ -2,7 +2,7 @@ use std::time::{Duration, SystemTime};
 
 use axum::http::{Method, header};
 use link_http::HttpError;
-use link_protocol::{ProtocolError, RoomLink, announcement::ChannelMode};
+use link_protocol::{Name, ProtocolError, RoomLink, announcement::ChannelMode};
 
 use crate::{
     client,
@@ -105,7 +105,7 @@ async fn a_room_that_cannot_be_is_refused() {
         assert!(
             matches!(
                 error,
-                HttpError::Unintelligible { .. } | HttpError::Protocol(ProtocolError::Token(_))
+                HttpError::InvalidResponse { .. } | HttpError::Protocol(ProtocolError::Token(_))
             ),
             "{body}: {error:?}"
         );
@@ -128,7 +128,11 @@ async fn asking_tells_the_announcement_or_that_nobody_is_there() {
         r#"{{"avatar":{{"sha256":"{id}","bytes":16800000}},"channel":"unreliable","codec":"compact","rate_hz":30.0}}"#
     );
     let (link, asked) = raw(http("200 OK", "content-type: application/json\r\n", &body)).await;
-    let told = client().ask(&link).await.expect("told").expect("there");
+    let told = client()
+        .announcement(&link)
+        .await
+        .expect("told")
+        .expect("there");
     assert_eq!(
         (told.avatar.bytes, told.channel, told.rate_hz),
         (16_800_000, ChannelMode::Unreliable, 30.0),
@@ -141,23 +145,23 @@ async fn asking_tells_the_announcement_or_that_nobody_is_there() {
     );
     let (link, _) = raw(http("503 Service Unavailable", "retry-after: 2\r\n", "")).await;
     assert_eq!(
-        client().ask(&link).await.expect("told"),
+        client().announcement(&link).await.expect("told"),
         None,
         "nobody there"
     );
     let (link, _) = raw(http("200 OK", "", &body.replace("30.0", "1e9"))).await;
     assert!(
         matches!(
-            client().ask(&link).await,
-            Err(HttpError::Unintelligible { .. })
+            client().announcement(&link).await,
+            Err(HttpError::InvalidResponse { .. })
         ),
         "out of bounds"
     );
     let (link, _) = raw(http("200 OK", "", &" ".repeat(1 << 20))).await;
     assert!(
         matches!(
-            client().ask(&link).await,
-            Err(HttpError::Unintelligible { .. })
+            client().announcement(&link).await,
+            Err(HttpError::InvalidResponse { .. })
         ),
         "endless"
     );
@@ -195,7 +199,7 @@ async fn an_offer_is_answered_with_an_sdp_and_a_session() {
         let (link, _) = raw(http("201 Created", headers, "v=0")).await;
         let error = client().offer(&link, "v=0").await.expect_err("no session");
         assert!(
-            matches!(error, HttpError::Unintelligible { .. }),
+            matches!(error, HttpError::InvalidResponse { .. }),
             "{headers:?}: {error:?}"
         );
     }
@@ -215,14 +219,14 @@ async fn an_offer_that_nobody_answers_says_why() {
     assert!(
         matches!(
             offer("504 Gateway Timeout", "").await,
-            HttpError::SenderSilent
+            HttpError::SenderTimedOut
         ),
         "504"
     );
     assert!(
         matches!(
             offer("401 Unauthorized", "").await,
-            HttpError::NotAccepted { .. }
+            HttpError::Unauthorized { .. }
         ),
         "401"
     );
@@ -255,15 +259,13 @@ async fn answering_and_leaving_name_the_session_and_no_other_path() {
     ])
     .await;
     let link = server.link();
-    client().answer(&link, "S9", "v=0").await.expect("answered");
-    client().leave(&link, "S9").await.expect("left");
-    client().leave(&link, "S9").await.expect("gone already");
-    for session in ["", "..", "a/b", "a?b", "a#b", "a%2fb"] {
-        client()
-            .answer(&link, session, "v=0")
-            .await
-            .expect_err(session);
-        client().leave(&link, session).await.expect_err(session);
+    let session: Name = "S9".parse().expect("a name");
+    let answered = client().answer(&link, &session, "v=0").await;
+    answered.expect("answered");
+    client().leave(&link, &session).await.expect("left");
+    client().leave(&link, &session).await.expect("gone already");
+    for other in ["", "..", "a/b", "a?b", "a#b", "a%2fb"] {
+        other.parse::<Name>().expect_err(other);
     }
     let asked: Vec<(Method, String)> = server
         .requests()
@@ -295,6 +297,6 @@ async fn a_server_that_does_not_answer_is_not_waited_for_without_end() {
     let link: RoomLink = format!("http://{}/rooms/R#t", listener.local_addr().expect("bound"))
         .parse()
         .expect("a link");
-    let error = client().ask(&link).await.expect_err("silence");
+    let error = client().announcement(&link).await.expect_err("silence");
     assert!(matches!(error, HttpError::TimedOut { .. }), "{error:?}");
 }

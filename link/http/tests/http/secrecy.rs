@@ -119,7 +119,10 @@ async fn a_redirect_is_not_followed_to_another_host_or_anywhere() {
 #[tokio::test]
 async fn what_a_server_says_is_shown_on_one_line() {
     let server = Server::without_package([Fault::Echo]).await;
-    let error = client().ask(&server.link()).await.expect_err("a refusal");
+    let error = client()
+        .announcement(&server.link())
+        .await
+        .expect_err("a refusal");
     let HttpError::Refused {
         said, status: 418, ..
     } = &error

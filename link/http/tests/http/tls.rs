@@ -40,7 +40,7 @@ async fn a_server_is_trusted_with_its_authoritys_certificate_and_not_without() {
     let (link, authority) = start().await;
     let error = Client::new(None)
         .expect("a client")
-        .ask(&link)
+        .announcement(&link)
         .await
         .expect_err("a stranger");
     assert!(matches!(error, HttpError::Untrusted { .. }), "{error:?}");
@@ -48,7 +48,11 @@ async fn a_server_is_trusted_with_its_authoritys_certificate_and_not_without() {
     let file = folder.path().join("authority.pem");
     fs::write(&file, authority).expect("written");
     let client = Client::new(Some(&file)).expect("a client");
-    assert_eq!(client.ask(&link).await.expect("trusted"), None, "an answer");
+    assert_eq!(
+        client.announcement(&link).await.expect("trusted"),
+        None,
+        "an answer"
+    );
 }
 
 #[test]

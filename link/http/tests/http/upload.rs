@@ -108,7 +108,7 @@ async fn a_refused_upload_says_why() {
         let (result, server, _) = upload([Fault::None, Fault::Status(code, "no")]).await;
         let right = matches!(
             (code, &result),
-            (401, Err(HttpError::NotAccepted { .. }))
+            (401, Err(HttpError::Unauthorized { .. }))
                 | (413, Err(HttpError::TooLarge { .. }))
                 | (507, Err(HttpError::StoreFull { .. }))
         );

@@ -1,7 +1,7 @@
-//! How long frames wait: between capture by the sender's clock and display by ours, adapted to the jitter that is seen.
+//! The playout delay: the time from capture by the sender's clock to display by the viewer's, adapted to the jitter.
 //!
-//! Works on *transit*, arrival by our clock minus capture by the sender's. Whatever the clocks' offset is, it is in every
-//! transit and in the least of them, so nothing here needs to know it. After WebRTC's NetEq (a percentile of the relative
+//! Works on *transit*, arrival by the viewer's clock minus capture by the sender's. The clocks' offset is in every transit and in the
+//! least of them alike, so it need not be known. After WebRTC's NetEq (a percentile of the relative
 //! delay over a window; quickly up, slowly down).
 
 use std::collections::VecDeque;
@@ -11,16 +11,16 @@ pub(super) const MOST_US: i64 = 200_000;
 /// The window of transits: this long, and this many frames at most.
 const WINDOW_US: i64 = 5_000_000;
 const WINDOW_FRAMES: usize = 512;
-/// Share of frames that shall come in time.
+/// Share of frames that shall arrive in time.
 const IN_TIME: f64 = 0.98;
 /// The delay grows by at most this share of the time that passes: motion runs at half its speed until it fits.
 const RISE: f64 = 0.5;
-/// It falls by this share of what is too much a second, and at least by [`FALL_LEAST`] microseconds a second.
+/// Each second it falls by this share of the excess, and at least by [`FALL_LEAST`] microseconds a second.
 const FALL: f64 = 0.25;
 const FALL_LEAST: f64 = 10_000.0;
-/// Steps between two frames count no more than this.
+/// Longer steps between two frames count as this.
 const SPAN_US: i64 = 100_000;
-/// Late by more than [`MOST_US`] for so long: not a stall, the path has become longer.
+/// Frames late by more than [`MOST_US`] for this long are no stall: the path has become longer.
 const STALL_US: i64 = 1_000_000;
 
 #[derive(Debug, Clone)]
@@ -28,7 +28,7 @@ pub(super) struct PlayoutDelay {
     /// (arrived, transit), oldest first.
     window: VecDeque<(i64, i64)>,
     scratch: Vec<i64>,
-    /// Display by our clock minus capture by the sender's; `None` before the first frame.
+    /// Display by the viewer's clock minus capture by the sender's; `None` before the first frame.
     offset: Option<i64>,
     /// Arrival of the first frame of a stall that still lasts.
     stalled_since: Option<i64>,
@@ -67,7 +67,7 @@ impl PlayoutDelay {
         }
     }
 
-    /// When a frame is due by our clock.
+    /// When a frame is due, by the viewer's clock.
     pub(super) fn due(&self, captured: i64, arrived: i64) -> i64 {
         let offset = self.offset.unwrap_or(arrived - captured);
         (captured + offset).min(arrived + MOST_US)
@@ -83,7 +83,7 @@ impl PlayoutDelay {
         })
     }
 
-    /// Learns from one frame's arrival; `newest` if none captured later has come.
+    /// Adapts to one frame's arrival; `newest` if no frame captured later has arrived.
     pub(super) fn observe(&mut self, captured: i64, arrived: i64, newest: bool) {
         let transit = arrived - captured;
         while self.window.len() >= WINDOW_FRAMES
@@ -101,8 +101,8 @@ impl PlayoutDelay {
         self.follow(transit, arrived);
     }
 
-    /// Whether a frame belongs to what piled up behind an outage. No delay within bounds would have saved it, and a pile
-    /// of them must not make the next seconds late as well: only the newest of the pile is of use.
+    /// Whether a frame was held up by an outage. No delay within bounds would have been long enough for it, and many of them must not
+    /// raise the delay of the next seconds: only the newest of them is of use.
     fn is_stall(&mut self, captured: i64, arrived: i64, newest: bool) -> bool {
         let Some(base) = self.base() else {
             self.stalled_since = None;
@@ -111,7 +111,7 @@ impl PlayoutDelay {
         let in_time = arrived <= self.due(captured, arrived) + super::LATE_US;
         let hopeless = arrived - captured - base > MOST_US;
         match self.stalled_since {
-            // Overtaken: a stray, or the last of a longer path.
+            // Overtaken: reordered by the network, or the last of a longer path.
             None if hopeless && !newest => true,
             None if hopeless => {
                 self.stalls += 1;

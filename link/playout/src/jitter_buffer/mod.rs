@@ -1,8 +1,8 @@
-//! The jitter buffer: frames that arrive when they please leave in order, each when it is due.
+//! The jitter buffer: frames arrive at any time and leave in order, each when it is due.
 //!
-//! A frame is due at its capture time plus an offset that adapts ([`delay`]). All that is due leaves at once and the newest
-//! is what to show: after an outage nobody wants to see the past replayed. Time is always handed in; what to show while
-//! nothing comes is decided elsewhere (`app_pipeline::concealment::MotionConcealment`).
+//! A frame is due at its capture time plus an offset that adapts ([`delay`]). All frames that are due leave together
+//! and the newest is the one to show: after an outage the past is not replayed. Time is an argument of every method; concealment while
+//! no frame arrives is the receiver's.
 
 mod delay;
 
@@ -10,38 +10,38 @@ use delay::PlayoutDelay;
 use link_codec::{Micros, MotionFrame};
 use std::{collections::VecDeque, time::Duration};
 
-/// Frames kept at most: twice what [`JitterBuffer::MAX_DELAY`] holds at 120 Hz, and more.
+/// Frames kept at most: more than twice what [`JitterBuffer::MAX_DELAY`] holds at 120 Hz.
 const WAITING: usize = 64;
-/// Times beyond this (146 000 years) are noise.
+/// Times beyond this (146 000 years) are refused.
 const LATEST_US: u64 = 1 << 62;
-/// A frame that misses its time by no more than this is shown with the same picture anyway.
+/// A frame that is late by no more than this is still shown in the same picture.
 const LATE_US: i64 = 1_000;
 
-/// What became of a frame that was handed in.
+/// What [`JitterBuffer::push`] did with a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Arrival {
     /// It waits for its time.
     InTime,
-    /// Its time was over, but nothing newer has been shown: it leaves with the next [`JitterBuffer::take`].
+    /// It was due before it arrived, but nothing newer has been shown: it leaves with the next [`JitterBuffer::take`].
     Late,
     /// Something newer has been shown: dropped.
     Passed,
-    /// It was here before: dropped.
+    /// It has arrived before: dropped.
     Duplicate,
-    /// Its sequence or its time is none: dropped.
+    /// Its sequence or a time is out of range: dropped.
     Refused,
 }
 
-/// When things happened to a frame that is to be shown. All by our clock but `captured`.
+/// The times of a frame that is to be shown, by the viewer's clock but for `captured`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timing {
     /// Capture, by the sender's clock.
     pub captured: Micros,
-    /// Capture by our clock, as far as the offset was known when it arrived.
+    /// Capture by the viewer's clock, if the offset was known when the frame arrived.
     pub captured_local: Option<Micros>,
     /// Arrival from the network.
     pub arrived: Micros,
-    /// When it was meant to be shown.
+    /// When it was due.
     pub due: Micros,
     /// When it left the buffer.
     pub released: Micros,
@@ -62,37 +62,37 @@ impl Timing {
     }
 }
 
-/// A frame whose time has come.
+/// A frame that left the buffer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Played {
-    /// What to show.
+    /// The frame.
     pub frame: MotionFrame,
-    /// Its way so far.
+    /// Its times.
     pub timing: Timing,
 }
 
-/// What a buffer has seen, since it was made; the delay and the jitter are of the last 5 s.
+/// Counts since the buffer was made; delay and jitter of the last 5 s.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PlayoutStatistics {
-    /// Frames handed in, duplicates and refused ones among them.
+    /// Frames pushed, with duplicates and refused ones.
     pub received: u64,
-    /// Frames that came more than 1 ms after their time and were shown all the same.
+    /// Frames that arrived more than 1 ms after they were due and were shown.
     pub late: u64,
-    /// Frames that came after a newer one had been shown.
+    /// Frames that arrived after a newer one had been shown.
     pub passed: u64,
-    /// Frames that came after a newer one had come.
+    /// Frames that arrived after a newer one had arrived.
     pub reordered: u64,
-    /// Frames that came again.
+    /// Frames that arrived again.
     pub duplicate: u64,
-    /// Frames that never came, by gaps in the sequence. One that is on its way counts until it is here.
+    /// Frames missing by gaps in the sequence; one that is still under way counts until it arrives.
     pub lost: u64,
-    /// Frames thrown out because too many waited.
+    /// Frames dropped because too many waited.
     pub overflowed: u64,
-    /// Frames without a sequence or a possible time.
+    /// Frames whose sequence or time is out of range.
     pub refused: u64,
-    /// Outages after which frames came that no delay could have saved.
+    /// Outages after which frames arrived too late for any delay.
     pub stalls: u64,
-    /// What is added to the shortest transit so that frames come in time.
+    /// What is added to the shortest transit so that frames arrive in time.
     pub delay: Duration,
     /// Median, 95th and 99th percentile of transit beyond the shortest.
     pub jitter: [Duration; 3],
@@ -105,12 +105,12 @@ struct Waiting {
     arrived: Micros,
 }
 
-/// Which sequences have come, as RTP receivers know it (RFC 3550, appendix A).
+/// Which sequences have arrived, as in RTP receivers (RFC 3550, appendix A).
 #[derive(Debug, Clone, Copy, Default)]
 struct Sequences {
     first: u32,
     highest: u32,
-    /// Bit k: highest - k has come.
+    /// Bit k: highest - k has arrived.
     seen: u128,
     /// Different ones.
     count: u64,
@@ -126,7 +126,7 @@ impl Sequences {
         expected.saturating_sub(self.count)
     }
 
-    /// Notes a sequence; whether it is the highest so far, or `None` if it has come before.
+    /// Notes a sequence; whether it is the highest so far, or `None` if it has arrived before.
     fn note(&mut self, sequence: u32) -> Option<bool> {
         if self.count == 0 {
             (self.first, self.highest, self.seen) = (sequence, sequence, 1);
@@ -137,7 +137,7 @@ impl Sequences {
         } else {
             let bit = 1u128
                 .checked_shl(self.highest - sequence)
-                // Too old to tell; it has been passed long since and must not count twice.
+                // Older than the bits: it was overtaken long ago and must not count twice.
                 .filter(|bit| self.seen & bit == 0)?;
             self.seen |= bit;
             self.first = self.first.min(sequence);
@@ -183,8 +183,7 @@ impl JitterBuffer {
         }
     }
 
-    /// Begins again with a sender that counts and measures anew (another session): forgets frames, sequences and delays,
-    /// keeps the counts.
+    /// Begins another session, whose sequences and times begin anew: forgets frames, sequences and delays, keeps the counts.
     pub fn reset(&mut self) {
         self.counts.lost += self.sequences.lost();
         self.waiting.clear();
@@ -193,8 +192,8 @@ impl JitterBuffer {
         self.shown = None;
     }
 
-    /// Takes a frame that arrived at `arrived`. `captured_local` is its capture time by our clock, if the offset is known;
-    /// it is only handed on for reports, the delay rests on differences of transit.
+    /// Takes a frame that arrived at `arrived`. `captured_local` is its capture time by the viewer's clock, if the offset
+    /// is known; it is passed through for reports, and the delay is computed from differences of transit.
     pub fn push(
         &mut self,
         frame: MotionFrame,
@@ -249,8 +248,8 @@ impl JitterBuffer {
         Micros(due.max(0).unsigned_abs())
     }
 
-    /// Hands out all frames that are due at `now`, oldest first: the last is the one to show, those before it are of use
-    /// for velocities and interpolation. Does not allocate.
+    /// Removes and returns all frames that are due at `now`, oldest first: the last is the one to show, those before it serve velocities and
+    /// interpolation. Does not allocate.
     pub fn take(
         &mut self,
         now: Micros,
@@ -313,7 +312,7 @@ impl JitterBuffer {
     }
 }
 
-/// Times are checked against [`LATEST_US`] where they come in.
+/// Times are checked against [`LATEST_US`] in [`JitterBuffer::push`].
 fn signed(time: Micros) -> i64 {
     i64::try_from(time.0).unwrap_or(i64::MAX)
 }

@@ -79,7 +79,7 @@ struct Report {
     rate_hz: f64,
     seconds: f64,
     #[serde(flatten)]
-    sent: link_call::host::HostStatistics,
+    sent: link_call::sender::SenderStatistics,
 }
 
 /// Runs `send`.

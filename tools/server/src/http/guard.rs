@@ -1,7 +1,7 @@
-//! What every request passes before its handler: counting, the rate limit, the token, the timeout.
+//! What every request passes before its handler: counters, the rate limit, the token, the timeout.
 
-use super::{App, Refusal};
-use crate::connections::neighbourhood;
+use super::{App, ErrorResponse};
+use crate::connections::network_prefix;
 use crate::token::{Claims, now};
 use axum::body::Body;
 use axum::extract::{ConnectInfo, MatchedPath, Request, State};
@@ -16,7 +16,7 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Bytes and time that a refused request may still send, so that it reads the refusal instead of a broken connection.
+/// Bytes and time that a refused request may go on sending, so that its client reads the refusal instead of a broken connection.
 const DISCARDED_BYTES: usize = 4 << 20;
 const DISCARDED_WITHIN: Duration = Duration::from_secs(5);
 
@@ -41,10 +41,12 @@ impl RateLimit {
         let Some(limiter) = &self.limiter else {
             return Ok(());
         };
-        limiter.check_key(&neighbourhood(address)).map_err(|until| {
-            let wait = until.wait_time_from(DefaultClock::default().now());
-            u32::try_from(wait.as_secs()).unwrap_or(u32::MAX - 1) + 1
-        })
+        limiter
+            .check_key(&network_prefix(address))
+            .map_err(|until| {
+                let wait = until.wait_time_from(DefaultClock::default().now());
+                u32::try_from(wait.as_secs()).unwrap_or(u32::MAX - 1) + 1
+            })
     }
 
     /// Forgets addresses that have been quiet.
@@ -74,7 +76,7 @@ pub(super) async fn limit_rate(
         Ok(()) => next.run(request).await,
         Err(seconds) => {
             app.metrics.rate_limited.inc();
-            Refusal::new(
+            ErrorResponse::new(
                 StatusCode::TOO_MANY_REQUESTS,
                 "too many requests from this address",
             )
@@ -100,7 +102,7 @@ pub(super) async fn authenticate(
         }
         None => {
             discard(request.into_body());
-            Refusal::unauthorized().into_response()
+            ErrorResponse::unauthorized().into_response()
         }
     }
 }
@@ -117,14 +119,13 @@ fn bearer(headers: &HeaderMap) -> Option<&str> {
 pub(super) async fn within(limit: Duration, request: Request, next: Next) -> Response {
     match tokio::time::timeout(limit, next.run(request)).await {
         Ok(response) => response,
-        Err(_) => {
-            Refusal::new(StatusCode::REQUEST_TIMEOUT, "this request took too long").into_response()
-        }
+        Err(_) => ErrorResponse::new(StatusCode::REQUEST_TIMEOUT, "this request took too long")
+            .into_response(),
     }
 }
 
-/// Reads on in a body that nobody wants, for a while. A connection closed on unread bytes is reset, and the answer that
-/// says why may be lost with it.
+/// Reads a refused request's body for a while. A connection that is closed with unread bytes is reset, and the response may be lost with
+/// it.
 pub(super) fn discard(body: Body) {
     let mut body = body.into_data_stream();
     let read_on = async move {

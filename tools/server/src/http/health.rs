@@ -1,6 +1,6 @@
 //! Whether the server is well, and its counters.
 
-use super::{App, Refusal};
+use super::{App, ErrorResponse};
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
@@ -16,8 +16,9 @@ const PROBE_WITHIN: Duration = Duration::from_secs(3);
 #[derive(Debug, Default)]
 pub(crate) struct Cached(Mutex<Option<(Instant, bool)>>);
 
-pub(super) async fn check(State(app): State<Arc<App>>) -> Result<&'static str, Refusal> {
-    let unwell = |error: &str| Refusal::new(StatusCode::SERVICE_UNAVAILABLE, error).retry_after(2);
+pub(super) async fn check(State(app): State<Arc<App>>) -> Result<&'static str, ErrorResponse> {
+    let unwell =
+        |error: &str| ErrorResponse::new(StatusCode::SERVICE_UNAVAILABLE, error).retry_after(2);
     if app.stopping.is_cancelled() {
         return Err(unwell("the server is stopping"));
     }

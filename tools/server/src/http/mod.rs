@@ -1,32 +1,30 @@
 //! The routes. Every request passes, from outside in: CORS, the counters, the rate limit, its token, its timeout.
 
+mod error_response;
 mod guard;
 mod health;
 mod packages;
 mod presence;
-mod refusal;
 mod rooms;
 
 use crate::metrics::Metrics;
 use crate::packages::Packages;
 use crate::relay::Relay;
-use crate::rooms::{Reply, Rooms};
+use crate::rooms::{RoomReply, RoomRequest, Rooms};
 use crate::{Id, Limits, Secret};
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::{Method, StatusCode, header};
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::{get, post, put};
+use error_response::ErrorResponse;
 pub(crate) use guard::RateLimit;
 pub(crate) use health::Cached;
-use refusal::Refusal;
+use link_protocol::limits::MAX_JSON_BYTES;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 use tower_http::cors::{Any, CorsLayer};
-
-/// Bytes of an announcement or an order for a room.
-const SMALL_BODY: usize = 4 << 10;
 
 /// What the handlers share.
 #[derive(Debug)]
@@ -44,17 +42,17 @@ pub(crate) struct App {
 }
 
 impl App {
-    /// Asks the room's sender, wherever it is connected.
-    async fn ask(&self, room: Id, ask: crate::rooms::Ask) -> Reply {
+    /// Asks the room's sender, on whichever instance it is connected.
+    async fn ask(&self, room: Id, request: RoomRequest) -> RoomReply {
         match (self.rooms.presence(room), &self.relay) {
-            (Some(presence), _) => presence.ask(ask).await,
-            (None, Some(relay)) => relay.ask(room, &ask).await,
-            (None, None) => Reply::Absent,
+            (Some(presence), _) => presence.ask(request).await,
+            (None, Some(relay)) => relay.ask(room, &request).await,
+            (None, None) => RoomReply::Absent,
         }
     }
 }
 
-/// The whole of it.
+/// All routes with their layers.
 pub(crate) fn router(app: Arc<App>) -> Router {
     let within = app.limits.request_within;
     let sdp = app.limits.sdp_bytes;
@@ -65,7 +63,7 @@ pub(crate) fn router(app: Arc<App>) -> Router {
             "/v1/rooms/{room}/sessions/{session}",
             axum::routing::delete(rooms::leave),
         )
-        .layer(DefaultBodyLimit::max(SMALL_BODY));
+        .layer(DefaultBodyLimit::max(MAX_JSON_BYTES));
     let offers = Router::new()
         .route("/v1/rooms/{room}/whep", post(rooms::join))
         .route(
@@ -77,7 +75,7 @@ pub(crate) fn router(app: Arc<App>) -> Router {
     let long = Router::new()
         .route(
             "/v1/rooms/{room}/presence",
-            post(presence::enter).layer(DefaultBodyLimit::max(SMALL_BODY)),
+            post(presence::enter).layer(DefaultBodyLimit::max(MAX_JSON_BYTES)),
         )
         .route(
             "/v1/packages/{hash}",
@@ -93,9 +91,9 @@ pub(crate) fn router(app: Arc<App>) -> Router {
         .merge(long)
         .route("/healthz", get(health::check))
         .route("/metrics", get(health::metrics))
-        .fallback(async || Refusal::not_found())
+        .fallback(async || ErrorResponse::not_found())
         .method_not_allowed_fallback(async || {
-            Refusal::new(
+            ErrorResponse::new(
                 StatusCode::METHOD_NOT_ALLOWED,
                 "there is no such method here",
             )

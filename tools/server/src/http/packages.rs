@@ -1,15 +1,15 @@
 //! Putting, reading and removing packages.
 
 use super::guard::discard;
-use super::{App, Refusal};
-use crate::id::PackageHash;
-use crate::packages::{Conditions, Part, UploadError};
+use super::{App, ErrorResponse};
+use crate::packages::{ByteRange, Conditions, UploadError};
 use crate::token::{Claims, Role};
 use axum::body::Body;
 use axum::extract::{Extension, Path, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::TryStreamExt;
+use link_protocol::PackageId;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -21,11 +21,14 @@ pub(super) async fn store(
     Extension(claims): Extension<Claims>,
     Path(hash): Path<String>,
     request: Request,
-) -> Result<StatusCode, Refusal> {
-    let hash = PackageHash::parse(&hash).filter(|_| claims.role == Role::Owner);
+) -> Result<StatusCode, ErrorResponse> {
+    let hash = hash
+        .parse::<PackageId>()
+        .ok()
+        .filter(|_| claims.role == Role::Owner);
     let Some(hash) = hash else {
         discard(request.into_body());
-        return Err(Refusal::not_found());
+        return Err(ErrorResponse::not_found());
     };
     let declared = request.headers().get(header::CONTENT_LENGTH);
     let declared = declared.and_then(|value| value.to_str().ok()?.parse().ok());
@@ -65,7 +68,7 @@ pub(super) async fn store(
     }
 }
 
-fn refused(error: &UploadError) -> Refusal {
+fn refused(error: &UploadError) -> ErrorResponse {
     let status = match error {
         UploadError::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
         UploadError::Truncated => StatusCode::BAD_REQUEST,
@@ -75,17 +78,19 @@ fn refused(error: &UploadError) -> Refusal {
             log::error!("an upload is refused because the disk is full");
             StatusCode::INSUFFICIENT_STORAGE
         }
-        UploadError::Busy => return Refusal::busy("too many uploads are under way; try again"),
+        UploadError::Busy => {
+            return ErrorResponse::busy("too many uploads are under way; try again");
+        }
         UploadError::Spool(cause) => {
             log::error!("an upload cannot be stored: {cause}");
-            return Refusal::busy(&error.to_string());
+            return ErrorResponse::busy(&error.to_string());
         }
         UploadError::Store(cause) => {
             log::error!("an upload cannot be stored: {cause}");
-            return Refusal::busy(&error.to_string());
+            return ErrorResponse::busy(&error.to_string());
         }
     };
-    Refusal::new(status, error.to_string())
+    ErrorResponse::new(status, error.to_string())
 }
 
 /// `GET` and `HEAD`.
@@ -95,22 +100,25 @@ pub(super) async fn read(
     Path(hash): Path<String>,
     method: Method,
     headers: HeaderMap,
-) -> Result<Response, Refusal> {
-    let hash = PackageHash::parse(&hash).ok_or_else(Refusal::not_found)?;
+) -> Result<Response, ErrorResponse> {
+    let hash = hash
+        .parse::<PackageId>()
+        .ok()
+        .ok_or_else(ErrorResponse::not_found)?;
     let size = in_time(app.packages.size(claims.owner, hash))
         .await?
-        .ok_or_else(Refusal::not_found)?;
-    let whole = Part {
+        .ok_or_else(ErrorResponse::not_found)?;
+    let whole = ByteRange {
         first: 0,
         count: size,
     };
     let (status, part) = match Conditions::of(&headers, hash, size) {
         Conditions::NotModified => (StatusCode::NOT_MODIFIED, None),
         Conditions::Whole => (StatusCode::OK, Some(whole)),
-        Conditions::Part(part) => (StatusCode::PARTIAL_CONTENT, Some(part)),
+        Conditions::Range(part) => (StatusCode::PARTIAL_CONTENT, Some(part)),
         Conditions::Unsatisfiable => {
             let error = format!("the package has {size} bytes");
-            let refusal = Refusal::new(StatusCode::RANGE_NOT_SATISFIABLE, error);
+            let refusal = ErrorResponse::new(StatusCode::RANGE_NOT_SATISFIABLE, error);
             let range = [(header::CONTENT_RANGE, format!("bytes */{size}"))];
             return Ok((range, refusal).into_response());
         }
@@ -137,7 +145,7 @@ pub(super) async fn read(
     // Only for the one who has a token; but the bytes of a hash never change.
     let immutable = "private, max-age=31536000, immutable";
     set(header::CACHE_CONTROL, immutable.into());
-    if let Some(Part { first, count }) = part {
+    if let Some(ByteRange { first, count }) = part {
         set(header::CONTENT_LENGTH, count.to_string());
         set(header::CONTENT_TYPE, "application/octet-stream".into());
         if status == StatusCode::PARTIAL_CONTENT {
@@ -155,23 +163,25 @@ pub(super) async fn remove(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
     Path(hash): Path<String>,
-) -> Result<StatusCode, Refusal> {
-    let hash = PackageHash::parse(&hash)
+) -> Result<StatusCode, ErrorResponse> {
+    let hash = hash
+        .parse::<PackageId>()
+        .ok()
         .filter(|_| claims.role == Role::Owner)
-        .ok_or_else(Refusal::not_found)?;
+        .ok_or_else(ErrorResponse::not_found)?;
     if in_time(app.packages.remove(claims.owner, hash)).await? {
         log::info!("package {hash} is removed for one owner");
         Ok(StatusCode::NO_CONTENT)
     } else {
-        Err(Refusal::not_found())
+        Err(ErrorResponse::not_found())
     }
 }
 
 async fn in_time<T>(
     asked: impl Future<Output = Result<T, object_store::Error>>,
-) -> Result<T, Refusal> {
+) -> Result<T, ErrorResponse> {
     match tokio::time::timeout(STORE_WITHIN, asked).await {
-        Ok(answer) => answer.map_err(|e| Refusal::store(&e)),
-        Err(_) => Err(Refusal::busy("the server's package store is slow")),
+        Ok(answer) => answer.map_err(|e| ErrorResponse::store(&e)),
+        Err(_) => Err(ErrorResponse::busy("the server's package store is slow")),
     }
 }

@@ -1,7 +1,7 @@
 //! The avatar store: packages by their hash, and records of who put them.
 //!
-//! `packages/HASH` are the bytes, `records/HASH/OWNER` says that this owner put them. An avatar is somebody's likeness:
-//! it is there for an owner only through a record. The record is written before the bytes and removed before
+//! `packages/HASH` are the bytes, `records/HASH/OWNER` says that this owner put them. An avatar is a person's likeness:
+//! an owner can read it only through a record. The record is written before the bytes and removed before
 //! them, so bytes without a record are always left over from something that died, and are swept at start; a record
 //! without bytes is nothing, until its owner puts the package again.
 
@@ -9,13 +9,13 @@ mod backend;
 mod range;
 mod upload;
 
-pub(crate) use range::{Conditions, Part};
+pub(crate) use range::{ByteRange, Conditions};
 pub(crate) use upload::UploadError;
 
-use crate::id::PackageHash;
 use crate::metrics::Metrics;
 use crate::{Config, Id, Limits, ServerError, StoreConfig};
 use futures_util::{StreamExt, TryStreamExt};
+use link_protocol::PackageId;
 use object_store::path::Path;
 use object_store::{GetOptions, GetResult, ObjectStore, ObjectStoreExt};
 use std::collections::HashSet;
@@ -38,7 +38,7 @@ pub(crate) struct Packages {
     limit: u64,
     pause: Duration,
     metrics: Arc<Metrics>,
-    /// Whoever changes what is kept of a hash holds its stripe, so that putting and removing do not cross.
+    /// Locks, one for each 64th of the hashes: held while a package is put or removed, so that these do not interleave.
     stripes: [Mutex<()>; 64],
     /// A local folder is one server's alone as long as this is open.
     _folder: Option<File>,
@@ -82,7 +82,7 @@ impl Packages {
     pub(crate) async fn size(
         &self,
         owner: Id,
-        hash: PackageHash,
+        hash: PackageId,
     ) -> Result<Option<u64>, object_store::Error> {
         if absent(self.store.head(&record(hash, owner)).await)?.is_none() {
             return Ok(None);
@@ -93,8 +93,8 @@ impl Packages {
     /// The bytes `part` of a package that [`Self::size`] found.
     pub(crate) async fn read(
         &self,
-        hash: PackageHash,
-        part: Part,
+        hash: PackageId,
+        part: ByteRange,
     ) -> Result<GetResult, object_store::Error> {
         let options = GetOptions {
             range: Some((part.first..part.first + part.count).into()),
@@ -103,11 +103,11 @@ impl Packages {
         self.store.get_opts(&package(hash), options).await
     }
 
-    /// Removes the owner's record, and the bytes if nobody else's is left. False if there was no record.
+    /// Removes the owner's record, and the bytes if no other owner's record is left. False if there was no record.
     pub(crate) async fn remove(
         &self,
         owner: Id,
-        hash: PackageHash,
+        hash: PackageId,
     ) -> Result<bool, object_store::Error> {
         let _stripe = self.stripe(hash).await;
         let record = record(hash, owner);
@@ -125,21 +125,18 @@ impl Packages {
         absent(self.store.head(&nothing).await).map(drop)
     }
 
-    /// Removes bytes that nobody owns: what an earlier process left when it died.
+    /// Removes packages without an owner, which an earlier process left when it died.
     pub(crate) async fn sweep(&self) -> Result<usize, object_store::Error> {
-        let kept: Vec<PackageHash> = self
+        let kept: Vec<PackageId> = self
             .names(PACKAGES)
-            .try_filter_map(|path| async move { Ok(path.filename().and_then(PackageHash::parse)) })
+            .try_filter_map(|path| async move { Ok(path.filename().and_then(id)) })
             .try_collect()
             .await?;
         // Listed after the packages, so that one put meanwhile has its record here.
-        let owned: HashSet<PackageHash> = self
+        let owned: HashSet<PackageId> = self
             .names(RECORDS)
             .try_filter_map(|path| async move {
-                Ok(path
-                    .parts()
-                    .nth(1)
-                    .and_then(|p| PackageHash::parse(p.as_ref())))
+                Ok(path.parts().nth(1).and_then(|part| id(part.as_ref())))
             })
             .try_collect()
             .await?;
@@ -161,7 +158,7 @@ impl Packages {
     }
 
     /// The hash's stripe is held by the caller.
-    async fn remove_unowned(&self, hash: PackageHash) -> Result<bool, object_store::Error> {
+    async fn remove_unowned(&self, hash: PackageId) -> Result<bool, object_store::Error> {
         let records = Path::from_iter([RECORDS.to_owned(), hash.to_string()]);
         match self.store.list(Some(&records)).next().await {
             Some(Ok(_)) => Ok(false),
@@ -173,16 +170,22 @@ impl Packages {
         }
     }
 
-    async fn stripe(&self, hash: PackageHash) -> tokio::sync::MutexGuard<'_, ()> {
-        self.stripes[hash.stripe(self.stripes.len())].lock().await
+    async fn stripe(&self, hash: PackageId) -> tokio::sync::MutexGuard<'_, ()> {
+        let stripe = usize::from(hash.as_bytes()[0]) % self.stripes.len();
+        self.stripes[stripe].lock().await
     }
 }
 
-fn package(hash: PackageHash) -> Path {
+/// The package that this part of a path names.
+fn id(name: &str) -> Option<PackageId> {
+    name.parse().ok()
+}
+
+fn package(hash: PackageId) -> Path {
     Path::from_iter([PACKAGES.to_owned(), hash.to_string()])
 }
 
-fn record(hash: PackageHash, owner: Id) -> Path {
+fn record(hash: PackageId, owner: Id) -> Path {
     Path::from_iter([RECORDS.to_owned(), hash.to_string(), owner.to_string()])
 }
 

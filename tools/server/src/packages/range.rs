@@ -1,11 +1,11 @@
 //! Which bytes a request for a package is after (RFC 9110, 13 and 14): one range, or all.
 
-use crate::id::PackageHash;
 use axum::http::{HeaderMap, HeaderName, header};
+use link_protocol::PackageId;
 
 /// Consecutive bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Part {
+pub(crate) struct ByteRange {
     pub(crate) first: u64,
     pub(crate) count: u64,
 }
@@ -18,14 +18,14 @@ pub(crate) enum Conditions {
     /// All of it: 200.
     Whole,
     /// One range: 206.
-    Part(Part),
+    Range(ByteRange),
     /// A range beyond the end: 416.
     Unsatisfiable,
 }
 
 impl Conditions {
     /// Reads the headers of a request for the package of this hash and size.
-    pub(crate) fn of(headers: &HeaderMap, hash: PackageHash, size: u64) -> Self {
+    pub(crate) fn of(headers: &HeaderMap, hash: PackageId, size: u64) -> Self {
         let tag = format!("\"{hash}\"");
         let none_match = headers.get_all(header::IF_NONE_MATCH);
         let mut tags = none_match
@@ -86,7 +86,7 @@ fn parse(range: &str, size: u64) -> Conditions {
                 Conditions::Unsatisfiable
             } else {
                 let end = last.saturating_add(1).min(size);
-                Conditions::Part(Part {
+                Conditions::Range(ByteRange {
                     first,
                     count: end - first,
                 })
@@ -97,7 +97,7 @@ fn parse(range: &str, size: u64) -> Conditions {
                 return Conditions::Unsatisfiable;
             }
             let count = count.min(size);
-            Conditions::Part(Part {
+            Conditions::Range(ByteRange {
                 first: size - count,
                 count,
             })
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     fn part(first: u64, count: u64) -> Conditions {
-        Conditions::Part(Part { first, count })
+        Conditions::Range(ByteRange { first, count })
     }
 
     #[test]

@@ -1,15 +1,15 @@
-//! An upload's way into the store: to a file without a name, checked there, then copied to its place in one step.
+//! Uploads: received into a file without a name, checked there, then copied into the store in one step.
 //!
-//! The spool file has no name (`O_TMPFILE`), so whatever kills the process leaves nothing of it.
+//! The spool file has no name (`O_TMPFILE`), so nothing of it is left when the process dies.
 
 use super::{Packages, absent, package, record};
 use crate::Id;
-use crate::id::PackageHash;
 use crate::metrics::UploadRefusal;
 use bytes::Bytes;
 use futures_util::{Stream, StreamExt};
+use link_protocol::PackageId;
+use link_protocol::package_id::PackageHasher;
 use object_store::{MultipartUpload, ObjectStoreExt, PutPayload};
-use sha2::{Digest, Sha256};
 use spmm3::{Avatar, PackageError};
 use std::io::{BufReader, ErrorKind, Seek};
 use std::sync::Arc;
@@ -29,7 +29,7 @@ pub(crate) enum UploadError {
     #[error("the upload paused for too long; nothing of it was kept")]
     Paused,
     #[error("the bytes have the SHA-256 {found}, not the one in the request's path")]
-    Hash { found: PackageHash },
+    Hash { found: PackageId },
     #[error("{}", chain(.0))]
     Package(PackageError),
     #[error("the server's disk is full; nothing of the upload was kept")]
@@ -78,15 +78,15 @@ impl UploadError {
 pub(crate) struct Spooled {
     file: std::fs::File,
     bytes: u64,
-    hash: PackageHash,
+    hash: PackageId,
     _place: OwnedSemaphorePermit,
 }
 
 impl Packages {
-    /// Receives an upload of which `declared` bytes are to come, if the client said so.
+    /// Receives an upload of `declared` bytes, if the client declared a length.
     pub(crate) async fn receive<E>(
         &self,
-        hash: PackageHash,
+        hash: PackageId,
         declared: Option<u64>,
         mut body: impl Stream<Item = Result<Bytes, E>> + Unpin,
     ) -> Result<Spooled, UploadError> {
@@ -99,7 +99,7 @@ impl Packages {
             .map_err(|_| UploadError::Busy)?;
         let file = tempfile::tempfile_in(&self.spool).map_err(UploadError::spool)?;
         let mut file = tokio::fs::File::from_std(file);
-        let mut digest = Sha256::new();
+        let mut hasher = PackageHasher::default();
         let mut bytes = 0u64;
         while let Some(chunk) = tokio::time::timeout(self.pause, body.next())
             .await
@@ -111,11 +111,11 @@ impl Packages {
             if bytes > limit {
                 return Err(UploadError::TooLarge { limit });
             }
-            digest.update(&chunk);
+            hasher.update(&chunk);
             file.write_all(&chunk).await.map_err(UploadError::spool)?;
         }
         file.flush().await.map_err(UploadError::spool)?;
-        let found = PackageHash::from_bytes(digest.finalize().into());
+        let found = hasher.finish();
         if found != hash {
             return Err(UploadError::Hash { found });
         }

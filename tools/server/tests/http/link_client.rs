@@ -2,9 +2,9 @@
 
 use crate::support::{ANSWER, OFFER, Outcome, TestServer, package};
 use link_codec::Codec;
-use link_http::presence::PresenceEvent;
 use link_http::{Client, HttpError, PackageCache};
 use link_protocol::announcement::{AvatarRef, ChannelMode};
+use link_protocol::presence::PresenceEvent;
 use link_protocol::room_link::ServerUrl;
 use link_protocol::{Announcement, PackageId};
 use std::fs;
@@ -29,7 +29,11 @@ async fn our_client_puts_opens_enters_joins_fetches_and_leaves() -> Outcome {
     );
 
     let room = client.open_room(&url, &owner, None).await?;
-    assert_eq!(client.ask(&room.viewer).await?, None, "nobody is there");
+    assert_eq!(
+        client.announcement(&room.viewer).await?,
+        None,
+        "nobody is there"
+    );
     let early = client.offer(&room.viewer, OFFER).await;
     assert!(
         matches!(early, Err(HttpError::SenderAbsent { .. })),
@@ -41,9 +45,9 @@ async fn our_client_puts_opens_enters_joins_fetches_and_leaves() -> Outcome {
         codec: Codec::Compact,
         rate_hz: 30.0,
     };
-    let mut presence = client.present(&room.sender, &announcement).await?;
+    let mut presence = client.open_presence(&room.sender, &announcement).await?;
     assert_eq!(
-        client.ask(&room.viewer).await?,
+        client.announcement(&room.viewer).await?,
         Some(announcement),
         "announced"
     );
@@ -97,7 +101,7 @@ async fn our_client_reads_the_server_s_refusals() -> Outcome {
     );
     let forged = client.open_room(&url, "forged", None).await;
     assert!(
-        matches!(forged, Err(HttpError::NotAccepted { .. })),
+        matches!(forged, Err(HttpError::Unauthorized { .. })),
         "{forged:?}"
     );
     let room = client.open_room(&url, &owner, None).await?;

@@ -1,7 +1,32 @@
-//! The small messages beside motion frames: feedback, pong, bye (`docs/protocol.md`, "The data channels").
+//! The data channels and the messages on them beside motion frames: feedback, pong, bye (`docs/protocol.md`, "The data channels").
 
 use link_codec::Micros;
 
+/// The subprotocol of both channels.
+pub const SUBPROTOCOL: &str = "mon3tr.1";
+
+/// A data channel that both sides negotiated beforehand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Channel {
+    /// Its number.
+    pub id: u16,
+    /// Its label.
+    pub label: &'static str,
+}
+
+/// From the sender to the viewer.
+pub const MOTION_CHANNEL: Channel = Channel {
+    id: 0,
+    label: "motion",
+};
+
+/// From the viewer to the sender.
+pub const FEEDBACK_CHANNEL: Channel = Channel {
+    id: 1,
+    label: "feedback",
+};
+
+/// The first byte of each message; those of motion frames are the codec's.
 const FEEDBACK: u8 = 16;
 const PONG: u8 = 17;
 const BYE: u8 = 31;
@@ -9,22 +34,22 @@ const BYE: u8 = 31;
 /// A message that is no motion frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Message {
-    /// A viewer tells what has come.
+    /// A viewer reports what it has received.
     Feedback(Feedback),
-    /// A sender answers a feedback that carried a time.
+    /// A sender answers a feedback that has a time.
     Pong(Pong),
-    /// Whoever says it leaves the call.
+    /// The side that sends it leaves the call.
     Bye,
 }
 
 /// What a viewer has received so far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Feedback {
-    /// The newest sequence that came; 0 before any.
+    /// The newest sequence received; 0 before any.
     pub newest: u32,
     /// A bit for each of the 64 sequences before it, bit 0 the one just before.
     pub received: u64,
-    /// When this left, by the viewer's clock; zero asks for no pong.
+    /// When this was sent, by the viewer's clock; zero asks for no pong.
     pub sent: Micros,
 }
 
@@ -35,7 +60,7 @@ pub struct Pong {
     pub asked: Micros,
     /// When the feedback arrived, by the sender's clock.
     pub arrived: Micros,
-    /// When this left, by the sender's clock.
+    /// When this was sent, by the sender's clock.
     pub left: Micros,
 }
 
@@ -64,7 +89,7 @@ impl Message {
         }
     }
 
-    /// The session of a viewer's feedback, by which a sender learns it.
+    /// The session of a viewer's feedback: the first one tells it to the sender.
     pub fn session_of_feedback(bytes: &[u8]) -> Option<u32> {
         let session = bytes.get(1..5)?.try_into().ok().map(u32::from_le_bytes)?;
         let is_feedback = matches!(Self::read(bytes, session), Some(Self::Feedback(_)));

@@ -1,19 +1,20 @@
-//! What a client is told when its request comes to nothing: a status and one sentence as JSON.
+//! The response to a request that fails: a status and one sentence as JSON.
 
 use axum::Json;
 use axum::extract::rejection::BytesRejection;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use link_protocol::rooms::ErrorBody;
 
-/// An answer that is no success.
+/// A response that is no success.
 #[derive(Debug)]
-pub(crate) struct Refusal {
+pub(crate) struct ErrorResponse {
     status: StatusCode,
     error: String,
     retry_after_s: Option<u32>,
 }
 
-impl Refusal {
+impl ErrorResponse {
     pub(crate) fn new(status: StatusCode, error: impl Into<String>) -> Self {
         Self {
             status,
@@ -28,12 +29,9 @@ impl Refusal {
         self
     }
 
-    /// The same for whatever the bearer has no right to and whatever does not exist.
+    /// For what does not exist and for what the token does not allow: the same, so that neither can be distinguished.
     pub(crate) fn not_found() -> Self {
-        Self::new(
-            StatusCode::NOT_FOUND,
-            "there is no such thing for this token",
-        )
+        Self::new(StatusCode::NOT_FOUND, "it does not exist for this token")
     }
 
     pub(crate) fn unauthorized() -> Self {
@@ -46,7 +44,7 @@ impl Refusal {
     pub(crate) fn absent() -> Self {
         Self::new(
             StatusCode::SERVICE_UNAVAILABLE,
-            "the sender is not there; try again",
+            "the sender is absent; try again",
         )
         .retry_after(1)
     }
@@ -55,14 +53,14 @@ impl Refusal {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, error).retry_after(2)
     }
 
-    /// The store failed; the client learns that, the log why.
+    /// The store failed. The reason goes to the log only.
     pub(crate) fn store(error: &object_store::Error) -> Self {
         log::error!("the package store fails: {error}");
         Self::busy("the server's package store does not answer")
     }
 }
 
-impl From<BytesRejection> for Refusal {
+impl From<BytesRejection> for ErrorResponse {
     fn from(rejection: BytesRejection) -> Self {
         match rejection.status() {
             StatusCode::PAYLOAD_TOO_LARGE => Self::new(
@@ -74,9 +72,9 @@ impl From<BytesRejection> for Refusal {
     }
 }
 
-impl IntoResponse for Refusal {
+impl IntoResponse for ErrorResponse {
     fn into_response(self) -> Response {
-        let body = Json(serde_json::json!({ "error": self.error }));
+        let body = Json(ErrorBody { error: self.error });
         let mut response = (self.status, body).into_response();
         let headers = response.headers_mut();
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));

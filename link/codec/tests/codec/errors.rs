@@ -1,5 +1,5 @@
 use crate::motions::{SESSION, lively};
-use link_codec::refusal::Refusal;
+use link_codec::decode_error::DecodeError;
 use link_codec::{Codec, Decoder, Encoder, Micros, MotionFrame};
 use spmm3::PARAMS;
 
@@ -21,12 +21,12 @@ fn stored(index: usize, bits: u16, x: f32) -> Vec<u8> {
     message
 }
 
-fn refused(message: &[u8]) -> Refusal {
+fn refused(message: &[u8]) -> DecodeError {
     let mut decoder = Decoder::new(SESSION);
-    let refusal = decoder.decode(message).expect_err("this must be refused");
-    assert_eq!(decoder.refusals().of(refusal), 1, "{refusal} is counted");
-    assert_eq!(decoder.feedback(), (0, 0), "{refusal} leaves no trace");
-    refusal
+    let error = decoder.decode(message).expect_err("this must be refused");
+    assert_eq!(decoder.errors().of(error), 1, "{error} is counted");
+    assert_eq!(decoder.feedback(), (0, 0), "{error} leaves no trace");
+    error
 }
 
 #[test]
@@ -38,73 +38,77 @@ fn every_damage_is_refused_by_its_own_reason() {
         message[at] = byte;
         message
     };
-    assert_eq!(refused(&[]), Refusal::Length, "an empty message");
+    assert_eq!(refused(&[]), DecodeError::Length, "an empty message");
     assert_eq!(
         refused(&with(&paper, 0, 16)),
-        Refusal::Kind,
+        DecodeError::Kind,
         "feedback is no motion"
     );
     assert_eq!(
         refused(&with(&paper, 1, 9)),
-        Refusal::Version,
+        DecodeError::Version,
         "paper of the future"
     );
     assert_eq!(
         refused(&with(&compact, 3, 0x90)),
-        Refusal::Version,
+        DecodeError::Version,
         "compact of the future"
     );
-    assert_eq!(refused(&paper[..12]), Refusal::Length, "half a header");
-    assert_eq!(refused(&compact[..5]), Refusal::Length, "half a header");
+    assert_eq!(refused(&paper[..12]), DecodeError::Length, "half a header");
+    assert_eq!(refused(&compact[..5]), DecodeError::Length, "half a header");
     assert_eq!(
         refused(&[&compact[..], &[7; 40]].concat()),
-        Refusal::Length,
+        DecodeError::Length,
         "a tail"
     );
     assert_eq!(
         refused(&[&compact[..], &[0]].concat()),
-        Refusal::Length,
+        DecodeError::Length,
         "a zero that says nothing"
     );
     assert_eq!(
         refused(&with(&paper, 18, 1)[..40]),
-        Refusal::Lz4,
+        DecodeError::Lz4,
         "half a block"
     );
-    assert_eq!(refused(&stored(3, 0x7e00, 0.0)), Refusal::NotFinite, "NaN");
+    assert_eq!(
+        refused(&stored(3, 0x7e00, 0.0)),
+        DecodeError::NotFinite,
+        "NaN"
+    );
     assert_eq!(
         refused(&stored(3, 0x7c00, 0.0)),
-        Refusal::NotFinite,
+        DecodeError::NotFinite,
         "infinity"
     );
     assert_eq!(
         refused(&stored(3, 0x4400, 0.0)),
-        Refusal::AngleRange,
+        DecodeError::AngleRange,
         "four radians"
     );
     assert_eq!(
         refused(&stored(80, 0x4c00, 0.0)),
-        Refusal::ExpressionRange,
+        DecodeError::ExpressionRange,
         "sixteen units"
     );
     assert_eq!(
         refused(&stored(3, 0, 1001.0)),
-        Refusal::TranslationRange,
+        DecodeError::TranslationRange,
         "a kilometre away"
     );
     assert_eq!(
         refused(&with(&paper, 2, !paper[2])),
-        Refusal::ForeignSession,
+        DecodeError::ForeignSession,
         "paper of another session"
     );
     assert_eq!(
         refused(&with(&compact, 1, !compact[1])),
-        Refusal::ForeignSession,
+        DecodeError::ForeignSession,
         "compact of another session"
     );
     assert_eq!(
         refused(&with(&compact, 40, !compact[40])),
-        Refusal::Corrupt,
+        DecodeError::Corrupt,
         "a damaged number"
     );
 }
@@ -135,7 +139,7 @@ fn order_is_judged_by_sequence_and_time() {
         assert_eq!(send(&lively(100)), Ok(100), "{codec}: the first");
         assert_eq!(
             send(&lively(100)),
-            Err(Refusal::Replayed),
+            Err(DecodeError::Replayed),
             "{codec}: the first again"
         );
         assert_eq!(
@@ -145,26 +149,26 @@ fn order_is_judged_by_sequence_and_time() {
         );
         assert_eq!(
             send(&lively(35)),
-            Err(Refusal::Late),
+            Err(DecodeError::Late),
             "{codec}: older than the window"
         );
         assert_eq!(
             send(&lively(0)),
-            Err(Refusal::Late),
+            Err(DecodeError::Late),
             "{codec}: no frame has sequence 0"
         );
         let mut early = lively(101);
         early.captured = Micros(lively(99).captured.0);
         assert_eq!(
             send(&early),
-            Err(Refusal::TimeBackwards),
+            Err(DecodeError::TimeBackwards),
             "{codec}: newer, yet captured before"
         );
         let mut late = lively(99);
         late.captured = Micros(lively(102).captured.0);
         assert_eq!(
             send(&late),
-            Err(Refusal::TimeBackwards),
+            Err(DecodeError::TimeBackwards),
             "{codec}: older, yet captured after"
         );
         assert_eq!(send(&lively(99)), Ok(99), "{codec}: out of order, but new");
@@ -179,7 +183,11 @@ fn a_prediction_from_a_frame_that_is_not_here_is_refused() {
     encoder.encode(&lively(1), &mut message);
     encoder.acknowledge(1, 0);
     encoder.encode(&lively(2), &mut message);
-    assert_eq!(refused(&message), Refusal::Reference, "frame 1 never came");
+    assert_eq!(
+        refused(&message),
+        DecodeError::Reference,
+        "frame 1 never came"
+    );
 }
 
 #[test]

@@ -1,16 +1,17 @@
-//! The sending side of a call: present in a room, it answers every viewer who comes and sends each of them the newest motion.
+//! The sending side of a call: present in a room, it answers every viewer's offer and sends each viewer the newest motion.
 //!
-//! A viewer has a task, a connection and an encoder of its own, so one with a bad network costs nobody else anything.
+//! Each viewer has a task, a connection and an encoder of its own, so that a viewer's bad network does not affect the others.
 
-use crate::peer::{Peer, PeerEvent, Sent};
-use crate::{Backoff, CallError, local_addresses, part, part_too, raised};
+use crate::peer::{Peer, PeerEvent, SendOutcome};
+use crate::{Backoff, CallError, answer_bye, is_set, local_addresses, send_bye};
 use link_codec::{Codec, Encoder, Micros, MotionFrame};
-use link_http::presence::{Presence, PresenceEvent};
+use link_http::presence::Presence;
 use link_http::{Client, HttpError};
 use link_playout::Clock;
 use link_protocol::announcement::ChannelMode;
-use link_protocol::message::{Message, Pong};
-use link_protocol::{Announcement, RoomLink};
+use link_protocol::data_channel::{Message, Pong};
+use link_protocol::presence::PresenceEvent;
+use link_protocol::{Announcement, Name, RoomLink};
 use serde::Serialize;
 use spmm3::MotionParams;
 use std::collections::HashMap;
@@ -22,17 +23,17 @@ use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep_until, timeout};
 
 /// Viewers at once: what a home's uplink carries easily.
-const MOST_VIEWERS: usize = 32;
+const MAX_VIEWERS: usize = 32;
 
 /// From an offer to the open channel.
-const OPENING: Duration = Duration::from_secs(10);
+const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// A viewer speaks at least five times a second; after this long it is gone.
-const GONE: Duration = Duration::from_secs(4);
+/// A viewer sends feedback at least five times a second; after a silence this long it is dropped.
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(4);
 
 /// A sender's presence in a room, and its viewers.
 #[derive(Debug)]
-pub struct Host {
+pub struct Sender {
     frames: watch::Sender<Arc<MotionFrame>>,
     stop: watch::Sender<bool>,
     task: tokio::task::JoinHandle<()>,
@@ -41,22 +42,22 @@ pub struct Host {
 
 /// What has been sent so far, to all viewers together.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct HostStatistics {
+pub struct SenderStatistics {
     /// Frames captured.
     pub captured: u32,
-    /// Viewers who are there now.
+    /// Viewers connected now.
     pub viewers: usize,
-    /// Viewers who ever came; one that comes back counts again.
+    /// Viewers that connected so far; one that comes back counts again.
     pub joined: u64,
     /// Frames handed to the network.
     pub sent: u64,
-    /// Frames left out because too much was waiting for the network, or because the next one was there already.
+    /// Frames left out because too much was waiting for the network, or because the next one had been captured already.
     pub skipped: u64,
     /// Bytes of the frames sent, without any header.
     pub payload_bytes: u64,
-    /// Frames encoded, for each viewer anew.
+    /// Frames encoded, counted for each viewer.
     pub encoded: u64,
-    /// What encoding them took, all together, nanoseconds.
+    /// The time that encoding them took together, nanoseconds.
     pub encode_ns: u64,
 }
 
@@ -84,9 +85,9 @@ struct Shared {
     counts: Arc<Counts>,
 }
 
-impl Host {
-    /// Enters `room` and answers viewers from then on, in tasks of the current tokio runtime. If the server goes away, the
-    /// calls go on and presence is taken up again when it is back.
+impl Sender {
+    /// Enters `room` and answers viewers from then on, in tasks of the current tokio runtime. If the server goes away, calls go on, and
+    /// the room is entered again when the server is back.
     ///
     /// # Errors
     /// If the server cannot be reached or refuses the link or the announcement.
@@ -96,7 +97,7 @@ impl Host {
         announcement: Announcement,
         clock: Clock,
     ) -> Result<Self, CallError> {
-        let presence = client.present(&room, &announcement).await?;
+        let presence = client.open_presence(&room, &announcement).await?;
         let (frames, newest) = watch::channel(Arc::default());
         let (stop, stopped) = watch::channel(false);
         let counts = Arc::<Counts>::default();
@@ -119,8 +120,8 @@ impl Host {
         })
     }
 
-    /// Sends `motion`, captured at `captured` by the host's clock, to every viewer. Never waits: a viewer that has not sent the
-    /// one before skips it.
+    /// Sends `motion`, captured at `captured` by the sender's clock, to every viewer. Never waits: a viewer's task that is still busy with
+    /// the frame before skips it.
     pub fn publish(&self, captured: Micros, motion: &MotionParams) {
         let sequence = self.frames.borrow().sequence + 1;
         self.frames.send_replace(Arc::new(MotionFrame {
@@ -130,11 +131,11 @@ impl Host {
         }));
     }
 
-    /// Figures so far.
+    /// What has been sent so far.
     #[must_use]
-    pub fn statistics(&self) -> HostStatistics {
+    pub fn statistics(&self) -> SenderStatistics {
         let counts = &self.counts;
-        HostStatistics {
+        SenderStatistics {
             captured: self.frames.borrow().sequence,
             viewers: counts.viewers.load(Relaxed),
             joined: counts.joined.load(Relaxed),
@@ -146,30 +147,30 @@ impl Host {
         }
     }
 
-    /// Says goodbye to every viewer and leaves the room. Returns the last figures, with the viewers who were there until then.
-    pub async fn hang_up(mut self) -> HostStatistics {
-        let HostStatistics { viewers, .. } = self.statistics();
+    /// Hangs up on every viewer and leaves the room. Returns the last statistics, with the viewers connected until then.
+    pub async fn hang_up(mut self) -> SenderStatistics {
+        let SenderStatistics { viewers, .. } = self.statistics();
         self.stop.send_replace(true);
         if let Err(error) = (&mut self.task).await {
             log::error!("a task of the call failed: {error}");
         }
-        HostStatistics {
+        SenderStatistics {
             viewers,
             ..self.statistics()
         }
     }
 }
 
-/// Keeps up the presence and starts a task for every viewer who comes.
+/// Keeps up the presence and starts a task for every viewer's offer.
 async fn answer_viewers(shared: Shared, announcement: Announcement, presence: Presence) {
     let mut stop = shared.stop.clone();
     let mut presence = Some(presence);
     let mut viewers = JoinSet::new();
-    let mut leaving: HashMap<String, watch::Sender<bool>> = HashMap::new();
+    let mut leaving: HashMap<Name, watch::Sender<bool>> = HashMap::new();
     let mut backoff = Backoff::default();
     loop {
         let event = tokio::select! {
-            () = raised(&mut stop) => break,
+            () = is_set(&mut stop) => break,
             event = next_event(&shared, &announcement, &mut presence, &mut backoff) => event,
             Some(_) = viewers.join_next(), if !viewers.is_empty() => {
                 leaving.retain(|_, leave| !leave.is_closed());
@@ -178,8 +179,8 @@ async fn answer_viewers(shared: Shared, announcement: Announcement, presence: Pr
         };
         match event {
             PresenceEvent::Offer { session, sdp } => {
-                if viewers.len() >= MOST_VIEWERS {
-                    log::warn!("a viewer is turned away: there are {MOST_VIEWERS} already");
+                if viewers.len() >= MAX_VIEWERS {
+                    log::warn!("a viewer is refused: there are {MAX_VIEWERS} already");
                     continue;
                 }
                 let (leave, left) = watch::channel(false);
@@ -197,9 +198,9 @@ async fn answer_viewers(shared: Shared, announcement: Announcement, presence: Pr
                 }
             }
             PresenceEvent::Replaced => {
-                log::warn!("another sender has entered the room: nobody new comes here any more");
-                // Who is here may stay.
-                raised(&mut stop).await;
+                log::warn!("another sender has entered the room: new viewers go there");
+                // The viewers of this sender may stay.
+                is_set(&mut stop).await;
                 break;
             }
         }
@@ -220,21 +221,25 @@ async fn next_event(
             match open.next().await {
                 Ok(event) => return event,
                 Err(error) => {
-                    log::warn!("the server is gone ({error}); calls go on, trying again");
+                    log::warn!("the server cannot be reached ({error}): calls go on, trying again");
                     *presence = None;
                 }
             }
         }
         tokio::time::sleep(backoff.next()).await;
-        match shared.client.present(&shared.room, announcement).await {
+        match shared
+            .client
+            .open_presence(&shared.room, announcement)
+            .await
+        {
             Ok(open) => {
                 log::info!("in the room again");
                 backoff.reset();
                 *presence = Some(open);
             }
-            Err(HttpError::NotAccepted { .. }) => {
+            Err(HttpError::Unauthorized { .. }) => {
                 log::warn!(
-                    "the room has expired: calls go on, but nobody new gets in; open another room"
+                    "the room has expired: calls go on, but no other viewer can join; open another room"
                 );
                 return std::future::pending().await;
             }
@@ -246,14 +251,14 @@ async fn next_event(
 /// One viewer from its offer to its end.
 async fn serve_viewer(
     mut shared: Shared,
-    session: &str,
+    session: &Name,
     offer: String,
     mut left: watch::Receiver<bool>,
 ) -> Result<(), CallError> {
     let local = local_addresses(shared.room.server());
     let (mut peer, answer) = Peer::answer(local, shared.channel, offer).await?;
-    // The first feedback names the session.
-    let introduced = timeout(OPENING, async {
+    // The viewer's first feedback tells the session's number.
+    let introduced = timeout(OPEN_TIMEOUT, async {
         shared.client.answer(&shared.room, session, &answer).await?;
         peer.opened().await?;
         loop {
@@ -271,10 +276,10 @@ async fn serve_viewer(
     let mut stop = shared.stop.clone();
     let session = tokio::select! {
         session = introduced => session.map_err(|_| CallError::NotConnected)??,
-        () = raised(&mut left) => return Ok(()),
-        () = raised(&mut stop) => return Ok(()),
+        () = is_set(&mut left) => return Ok(()),
+        () = is_set(&mut stop) => return Ok(()),
     };
-    // Before anybody learns of this viewer: every frame captured for it is its own, from sequence 1 on.
+    // Before the viewer is counted: its sequences begin at 1 with the first frame captured from now on.
     let before = shared.frames.borrow_and_update().sequence;
     let counts = Arc::clone(&shared.counts);
     counts.viewers.fetch_add(1, Relaxed);
@@ -297,19 +302,19 @@ async fn send_motion(
 ) -> &'static str {
     let mut encoder = Encoder::new(shared.codec, session);
     let mut out = Vec::with_capacity(1024);
-    let mut gone = Instant::now() + GONE;
+    let mut silent_at = Instant::now() + SILENCE_TIMEOUT;
     let mut last = before;
     loop {
         tokio::select! {
-            // In this order: the last frame before the goodbye, the goodbye whatever a viewer floods this with, and what it said
-            // before it counts as gone.
+            // In this order: the last frame before the bye, the bye before any flood of the viewer's, and its messages before the
+            // silence timeout.
             biased;
             changed = shared.frames.changed() => {
                 if changed.is_err() {
                     return "the sender has ended";
                 }
                 let captured = Arc::clone(&shared.frames.borrow_and_update());
-                // Frames that came faster than this task took them.
+                // Frames captured faster than this task took them.
                 let passed_over = captured.sequence.saturating_sub(last.saturating_add(1));
                 shared.counts.skipped.fetch_add(passed_over.into(), Relaxed);
                 last = captured.sequence;
@@ -323,19 +328,19 @@ async fn send_motion(
                 shared.counts.encoded.fetch_add(1, Relaxed);
                 shared.counts.encode_ns.fetch_add(took, Relaxed);
                 match peer.try_send(&out).await {
-                    Sent::Queued => {
+                    SendOutcome::Queued => {
                         shared.counts.sent.fetch_add(1, Relaxed);
                         shared.counts.payload_bytes.fetch_add(out.len() as u64, Relaxed);
                     }
-                    Sent::Skipped => {
+                    SendOutcome::Skipped => {
                         shared.counts.skipped.fetch_add(1, Relaxed);
                     }
-                    Sent::Closed => return "its channel is closed",
+                    SendOutcome::Closed => return "its channel is closed",
                 }
             }
-            () = raised(left) => return "it left",
-            () = raised(&mut shared.stop) => {
-                part(peer, session).await;
+            () = is_set(left) => return "it left",
+            () = is_set(&mut shared.stop) => {
+                send_bye(peer, session).await;
                 return "the sender hung up";
             }
             event = peer.next() => {
@@ -347,7 +352,7 @@ async fn send_motion(
                 };
                 match Message::read(&bytes, session) {
                     Some(Message::Feedback(feedback)) => {
-                        gone = Instant::now() + GONE;
+                        silent_at = Instant::now() + SILENCE_TIMEOUT;
                         encoder.acknowledge(feedback.newest, feedback.received);
                         if feedback.sent != Micros(0) {
                             let pong = Pong { asked: feedback.sent, arrived, left: shared.clock.now() };
@@ -356,13 +361,13 @@ async fn send_motion(
                         }
                     }
                     Some(Message::Bye) => {
-                        part_too(peer, session).await;
-                        return "it said goodbye";
+                        answer_bye(peer, session).await;
+                        return "it hung up";
                     }
-                    Some(Message::Pong(_)) | None => log::debug!("a message of {} bytes makes no sense", bytes.len()),
+                    Some(Message::Pong(_)) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
                 }
             }
-            () = sleep_until(gone) => return "nothing came from it for 4 s",
+            () = sleep_until(silent_at) => return "it sent nothing for 4 s",
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Fetches a package into the cache: one streaming request where all goes well, resumed where the connection breaks, and nothing is
-//! called whole whose hash is not its name.
+//! Downloads a package into the cache: one streaming request, resumed where the connection breaks. A file gets its final name only after
+//! its hash was checked.
 
 use std::{
     fs, io,
@@ -15,39 +15,40 @@ use reqwest::{
 use crate::{
     Client, HttpError, PackageCache,
     cache::Lock,
-    client::{PACKAGE, next_piece, unintelligible},
+    client::{PACKAGE, invalid_response, next_piece},
     error::with_causes,
     part::PartWriter,
 };
 use link_protocol::{PackageId, RoomLink, announcement::AvatarRef};
 
-/// Attempts in a row that bring nothing to speak of.
+/// Attempts in a row that bring less than [`MIN_PROGRESS`].
 const ATTEMPTS: u32 = 6;
-/// Bytes that make an attempt count as a success: it bounds how often a server that cuts every connection is asked.
-const WORTH: u64 = 64 << 10;
-const LONGEST_PAUSE: Duration = Duration::from_secs(4);
-const LONGEST_WAIT: Duration = Duration::from_secs(30);
+/// Bytes that an attempt must bring to count as progress: this bounds the requests to a server that cuts every connection.
+const MIN_PROGRESS: u64 = 64 << 10;
+/// Bounds of the waits before a retry: the client's own, and the server's `Retry-After`.
+const MAX_RETRY_PAUSE: Duration = Duration::from_secs(4);
+const MAX_RETRY_AFTER: Duration = Duration::from_secs(30);
 
-/// How far a download is.
+/// The progress of a download.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Bytes that are here, with those of the part that was here before.
+    /// Bytes in the cache, with those of an interrupted download before.
     pub done: u64,
-    /// Bytes in all.
+    /// Bytes of the package.
     pub total: u64,
-    /// Bytes that crossed the network for it now.
+    /// Bytes received by this call.
     pub downloaded: u64,
 }
 
 /// How an attempt ended where it did not fail.
 enum Outcome {
     Whole,
-    /// All the bytes, and not the package.
+    /// As many bytes as announced, with another hash.
     Damaged,
 }
 
-/// One package on its way.
-struct Fetch<'a> {
+/// The download of one package.
+struct Download<'a> {
     client: &'a Client,
     link: &'a RoomLink,
     avatar: &'a AvatarRef,
@@ -57,11 +58,11 @@ struct Fetch<'a> {
 }
 
 impl Client {
-    /// The path of the whole package, hash-checked. It is fetched only if the cache lacks it; what an interrupted download left is
-    /// gone on from; who else fetches the same package into the same cache is waited for. May be cancelled at any time.
+    /// The path of the package in the cache, hash-checked. It is downloaded only if the cache lacks it, from where an interrupted download
+    /// ended. If another program is downloading it into the same cache, waits for that. May be cancelled at any time.
     ///
     /// # Errors
-    /// [`HttpError::NotFound`], [`HttpError::NotAccepted`], [`HttpError::WrongSize`], [`HttpError::Damaged`],
+    /// [`HttpError::NotFound`], [`HttpError::Unauthorized`], [`HttpError::WrongSize`], [`HttpError::Damaged`],
     /// [`HttpError::GaveUp`], [`HttpError::DiskFull`], [`HttpError::Cache`], and those of any request.
     pub async fn fetch_package(
         &self,
@@ -75,12 +76,12 @@ impl Client {
             return Ok(path);
         }
         let lock = cache.lock(&avatar.sha256).await?;
-        // Who held the lock may have fetched it.
+        // The lock's last holder may have downloaded it.
         if let Some(path) = look_up(cache, avatar).await? {
             return Ok(path);
         }
         let part = cache.part(&avatar.sha256);
-        Fetch {
+        Download {
             client: self,
             link,
             avatar,
@@ -105,10 +106,10 @@ async fn look_up(cache: &PackageCache, avatar: &AvatarRef) -> Result<Option<Path
         })
 }
 
-impl Fetch<'_> {
+impl Download<'_> {
     async fn run(self, progress: &mut impl FnMut(Progress)) -> Result<PathBuf, HttpError> {
-        let (mut fruitless, mut damaged, mut downloaded) = (0, false, 0);
-        let mut pause = self.client.patience().pause;
+        let (mut failures, mut damaged, mut downloaded) = (0, false, 0);
+        let mut pause = self.client.timeouts().retry;
         loop {
             let had = self.part_bytes()?;
             match self.attempt(had, &mut downloaded, progress).await {
@@ -123,38 +124,38 @@ impl Fetch<'_> {
                     }
                     damaged = true;
                     log::warn!(
-                        "package {} arrived damaged; fetching it once more",
+                        "package {} arrived damaged; downloading it once more",
                         self.avatar.sha256
                     );
                 }
                 Err(error) => {
-                    let Some(wait) = may_be_tried_again(&error) else {
+                    let Some(wait) = retry_delay(&error) else {
                         return Err(error);
                     };
                     let have = self.part_bytes()?;
-                    if have >= had.saturating_add(WORTH) {
-                        (fruitless, pause) = (0, self.client.patience().pause);
+                    if have >= had.saturating_add(MIN_PROGRESS) {
+                        (failures, pause) = (0, self.client.timeouts().retry);
                     }
-                    fruitless += 1;
-                    if fruitless >= ATTEMPTS {
+                    failures += 1;
+                    if failures >= ATTEMPTS {
                         return Err(HttpError::GaveUp {
                             package: self.avatar.sha256,
-                            attempts: fruitless,
+                            attempts: failures,
                             have,
                             total: self.avatar.bytes,
                             last: Box::new(error),
                         });
                     }
-                    let after = wait.max(spread(pause));
+                    let after = wait.max(jittered(pause));
                     log::info!("{}; going on from byte {have}", with_causes(&error));
                     tokio::time::sleep(after).await;
-                    pause = (pause * 2).min(LONGEST_PAUSE);
+                    pause = (pause * 2).min(MAX_RETRY_PAUSE);
                 }
             }
         }
     }
 
-    /// One request, and its body to the part.
+    /// One request, and its body into the part file.
     async fn attempt(
         &self,
         had: u64,
@@ -163,11 +164,11 @@ impl Fetch<'_> {
     ) -> Result<Outcome, HttpError> {
         let total = self.avatar.bytes;
         if had >= total {
-            // Whoever wrote it was stopped between its last byte and its rename; or it is nonsense, as its hash will tell.
+            // A program was stopped between its last byte and the rename; or the file is damaged, as the hash will show.
             let writer = PartWriter::begin(&self.part, had, self.lock.clone());
-            return self.judge(had, writer).await;
+            return self.verify(had, writer).await;
         }
-        let (mut answer, kept) = self.ask_for(had).await?;
+        let (mut answer, kept) = self.request_from(had).await?;
         let writer = PartWriter::begin(&self.part, kept, self.lock.clone());
         let mut bytes = kept;
         progress(Progress {
@@ -198,7 +199,7 @@ impl Fetch<'_> {
             }
         };
         match ended {
-            Ok(()) => self.judge(bytes, writer).await,
+            Ok(()) => self.verify(bytes, writer).await,
             Err(error) => {
                 self.written(bytes, writer).await?;
                 if matches!(error, HttpError::WrongSize { .. }) {
@@ -209,8 +210,8 @@ impl Fetch<'_> {
         }
     }
 
-    /// The answer's head, and how many bytes of the part it goes on from.
-    async fn ask_for(&self, had: u64) -> Result<(Response, u64), HttpError> {
+    /// The response's head, and the byte of the package that its body begins with.
+    async fn request_from(&self, had: u64) -> Result<(Response, u64), HttpError> {
         let (server, token) = (self.link.server(), self.link.token());
         let name = self.avatar.sha256.to_string();
         let mut request = self
@@ -224,12 +225,12 @@ impl Fetch<'_> {
         }
         let answer = self.client.open(server, PACKAGE, request).await?;
         let kept = match answer.status() {
-            // No range: from the beginning, whatever we have.
+            // The server ignored the range: its body is the whole package.
             StatusCode::OK => 0,
             StatusCode::PARTIAL_CONTENT if had > 0 => had,
             StatusCode::RANGE_NOT_SATISFIABLE if had > 0 => {
                 self.discard()?;
-                return Err(HttpError::Broken {
+                return Err(HttpError::ConnectionLost {
                     server: server.clone(),
                     source: None,
                 });
@@ -241,8 +242,8 @@ impl Fetch<'_> {
             .get(CONTENT_ENCODING)
             .filter(|encoding| *encoding != "identity")
         {
-            let encoding = token.struck_from(&String::from_utf8_lossy(encoding.as_bytes()));
-            return Err(HttpError::Encoded {
+            let encoding = token.redact(&String::from_utf8_lossy(encoding.as_bytes()));
+            return Err(HttpError::CompressedPackage {
                 server: server.clone(),
                 encoding,
             });
@@ -253,20 +254,20 @@ impl Fetch<'_> {
                 .and_then(|range| range.to_str().ok())
                 .unwrap_or_default();
             let (first, size) = read_range(range)
-                .ok_or_else(|| unintelligible(server, PACKAGE, "a part without saying which"))?;
+                .ok_or_else(|| invalid_response(server, PACKAGE, "a part without Content-Range"))?;
             if size.is_some_and(|size| size != self.avatar.bytes) {
                 return Err(self.wrong_size(size.unwrap_or_default()));
             }
             if first != kept {
-                return Err(unintelligible(
+                return Err(invalid_response(
                     server,
                     PACKAGE,
-                    "another part than was asked for",
+                    "another range than was asked for",
                 ));
             }
         }
         if let Some(length) = answer.content_length() {
-            // A range may end early; more than the whole never comes.
+            // A range may end before the package does; more than the package is an error.
             let sent = kept.saturating_add(length);
             if sent > self.avatar.bytes || kept == 0 && sent != self.avatar.bytes {
                 return Err(self.wrong_size(sent));
@@ -276,7 +277,7 @@ impl Fetch<'_> {
     }
 
     async fn next_piece(&self, answer: &mut Response) -> Result<Option<bytes::Bytes>, HttpError> {
-        let limit = self.client.patience().silence;
+        let limit = self.client.timeouts().idle;
         let server = self.link.server();
         tokio::time::timeout(limit, next_piece(server, answer))
             .await
@@ -287,11 +288,11 @@ impl Fetch<'_> {
             })?
     }
 
-    /// What the part is now that no more comes.
-    async fn judge(&self, bytes: u64, writer: PartWriter) -> Result<Outcome, HttpError> {
+    /// Whether the part file is the package, after its last byte.
+    async fn verify(&self, bytes: u64, writer: PartWriter) -> Result<Outcome, HttpError> {
         let hash = self.written(bytes, writer).await?;
         if bytes < self.avatar.bytes {
-            return Err(HttpError::Broken {
+            return Err(HttpError::ConnectionLost {
                 server: self.link.server().clone(),
                 source: None,
             });
@@ -311,7 +312,7 @@ impl Fetch<'_> {
         writer
             .finish()
             .await
-            .map_err(|source| self.cache.wrong("write", &self.part, needed, source))
+            .map_err(|source| self.cache.io_error("write", &self.part, needed, source))
     }
 
     fn wrong_size(&self, sent: u64) -> HttpError {
@@ -326,19 +327,19 @@ impl Fetch<'_> {
         match self.part.metadata() {
             Ok(metadata) => Ok(metadata.len()),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
-            Err(source) => Err(self.cache.wrong("read", &self.part, 0, source)),
+            Err(source) => Err(self.cache.io_error("read", &self.part, 0, source)),
         }
     }
 
     fn discard(&self) -> Result<(), HttpError> {
-        remove(&self.part).map_err(|source| self.cache.wrong("remove", &self.part, 0, source))
+        remove(&self.part).map_err(|source| self.cache.io_error("remove", &self.part, 0, source))
     }
 
-    /// Gives the part its name.
+    /// Renames the part file to its final name.
     fn keep(self) -> Result<PathBuf, HttpError> {
         let whole = self.cache.whole(&self.avatar.sha256);
         fs::rename(&self.part, &whole)
-            .map_err(|source| self.cache.wrong("rename", &self.part, 0, source))?;
+            .map_err(|source| self.cache.io_error("rename", &self.part, 0, source))?;
         self.cache.evict(&self.avatar.sha256);
         Ok(whole)
     }
@@ -351,7 +352,7 @@ fn remove(path: &Path) -> io::Result<()> {
     }
 }
 
-/// `bytes FIRST-LAST/SIZE`: the first byte, and the whole's size where it is told.
+/// `bytes FIRST-LAST/SIZE`: the first byte, and the whole's size unless it is `*`.
 fn read_range(text: &str) -> Option<(u64, Option<u64>)> {
     let (range, size) = text.strip_prefix("bytes ")?.split_once('/')?;
     let (first, _) = range.split_once('-')?;
@@ -363,21 +364,21 @@ fn read_range(text: &str) -> Option<(u64, Option<u64>)> {
     Some((first.parse().ok()?, size))
 }
 
-/// How long to wait at least before trying once more, where that may help.
-pub(crate) fn may_be_tried_again(error: &HttpError) -> Option<Duration> {
+/// The shortest wait before a retry, if a retry may help.
+pub(crate) fn retry_delay(error: &HttpError) -> Option<Duration> {
     match error {
-        HttpError::Broken { .. } | HttpError::TimedOut { .. } | HttpError::Unreachable { .. } => {
-            Some(Duration::ZERO)
-        }
+        HttpError::ConnectionLost { .. }
+        | HttpError::TimedOut { .. }
+        | HttpError::Unreachable { .. } => Some(Duration::ZERO),
         HttpError::Unavailable { retry_after, .. } | HttpError::RateLimited { retry_after, .. } => {
-            Some(retry_after.unwrap_or_default().min(LONGEST_WAIT))
+            Some(retry_after.unwrap_or_default().min(MAX_RETRY_AFTER))
         }
         _ => None,
     }
 }
 
-/// Half to all of a pause, at random: a room full of viewers does not come back at once.
-pub(crate) fn spread(pause: Duration) -> Duration {
+/// A random half to whole of a pause, so that the viewers of a room do not retry at the same moment.
+pub(crate) fn jittered(pause: Duration) -> Duration {
     let random = getrandom::u32().unwrap_or(u32::MAX);
     pause.mul_f64(0.5 + 0.5 * f64::from(random) / f64::from(u32::MAX))
 }

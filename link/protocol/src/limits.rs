@@ -1,0 +1,37 @@
+//! The bounds that the programs of a call keep, each written once for both ends.
+
+use std::ops::RangeInclusive;
+use std::time::Duration;
+
+/// The largest avatar package, in bytes: what an announcement may make a viewer store. A server may allow less.
+pub const MAX_PACKAGE_BYTES: u64 = 1 << 30;
+
+/// The largest body of a request that is neither SDP nor a package, in bytes.
+pub const MAX_JSON_BYTES: usize = 4 << 10;
+
+/// The largest SDP that a server takes by default, in bytes; a few KB are usual.
+pub const MAX_SDP_BYTES: usize = 64 << 10;
+
+/// The largest message on a data channel, in bytes; larger ones are dropped unread.
+pub const MAX_MESSAGE_BYTES: usize = 4 << 10;
+
+/// Characters of a room's or a session's name.
+pub const MAX_NAME: usize = 128;
+
+/// Characters of a token.
+pub const MAX_TOKEN: usize = 4096;
+
+/// Characters of a room link or a server's address.
+pub const MAX_LINK: usize = 8192;
+
+/// Motion frames a second.
+pub const FRAME_RATE_HZ: RangeInclusive<f64> = 1.0..=240.0;
+
+/// How long a room's tokens are valid where the owner asks for no lifetime.
+pub const DEFAULT_ROOM_LIFETIME: Duration = Duration::from_secs(86_400);
+
+/// How long the sender may take to answer an offer.
+pub const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+
+/// The longest time between two lines of a presence stream: a server writes a comment where there is no event.
+pub const PRESENCE_COMMENT_EVERY: Duration = Duration::from_secs(5);

@@ -1,0 +1,119 @@
+//! The events of a sender's presence stream.
+
+use crate::Name;
+use serde::Deserialize;
+use serde_json::json;
+use std::fmt;
+
+/// What a server tells the sender in a room. On the wire it is a server-sent event: a name and JSON.
+#[derive(Clone, PartialEq, Eq)]
+pub enum PresenceEvent {
+    /// A viewer offers a connection and waits for the answer.
+    Offer {
+        /// The session's name on the server.
+        session: Name,
+        /// The viewer's SDP, with all its candidates.
+        sdp: String,
+    },
+    /// A viewer has left.
+    Leave {
+        /// The session's name on the server.
+        session: Name,
+    },
+    /// Another sender has entered with the same token. It is the last event.
+    Replaced,
+}
+
+#[derive(Deserialize)]
+struct OfferData {
+    session: Name,
+    sdp: String,
+}
+
+#[derive(Deserialize)]
+struct LeaveData {
+    session: Name,
+}
+
+impl PresenceEvent {
+    /// The event of this name with this data; nothing for a name of a later version.
+    ///
+    /// # Errors
+    /// If the data is not what the name asks for.
+    pub fn read(name: &str, data: &str) -> Result<Option<Self>, serde_json::Error> {
+        Ok(Some(match name {
+            "offer" => {
+                let OfferData { session, sdp } = serde_json::from_str(data)?;
+                Self::Offer { session, sdp }
+            }
+            "leave" => {
+                let LeaveData { session } = serde_json::from_str(data)?;
+                Self::Leave { session }
+            }
+            "replaced" => Self::Replaced,
+            _ => return Ok(None),
+        }))
+    }
+
+    /// The event's name and its data.
+    #[must_use]
+    pub fn write(&self) -> (&'static str, String) {
+        let (name, data) = match self {
+            Self::Offer { session, sdp } => ("offer", json!({ "session": session, "sdp": sdp })),
+            Self::Leave { session } => ("leave", json!({ "session": session })),
+            Self::Replaced => ("replaced", json!({})),
+        };
+        (name, data.to_string())
+    }
+}
+
+// An SDP holds addresses and a password.
+impl fmt::Debug for PresenceEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Offer { session, .. } => f
+                .debug_struct("Offer")
+                .field("session", session)
+                .finish_non_exhaustive(),
+            Self::Leave { session } => f.debug_struct("Leave").field("session", session).finish(),
+            Self::Replaced => f.write_str("Replaced"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn events_are_the_protocols_and_come_back_as_they_were() {
+        let session: Name = "S1".parse().expect("a name");
+        let offer = PresenceEvent::Offer {
+            session: session.clone(),
+            sdp: "v=0\r\n".to_owned(),
+        };
+        let written = [
+            (offer, "offer", r#"{"sdp":"v=0\r\n","session":"S1"}"#),
+            (
+                PresenceEvent::Leave { session },
+                "leave",
+                r#"{"session":"S1"}"#,
+            ),
+            (PresenceEvent::Replaced, "replaced", "{}"),
+        ];
+        for (event, name, data) in written {
+            assert_eq!(event.write(), (name, data.to_owned()), "{event:?}");
+            let read = PresenceEvent::read(name, data).expect("as it was written");
+            assert_eq!(read, Some(event), "{name}");
+        }
+        let later = PresenceEvent::read("later", "1").expect("nothing is read");
+        assert_eq!(later, None, "a later version's");
+        for (name, data) in [
+            ("offer", r#"{"session":"S1"}"#),
+            ("leave", r#"{"session":"../S1"}"#),
+            ("leave", "nonsense"),
+        ] {
+            assert!(PresenceEvent::read(name, data).is_err(), "{name} {data}");
+        }
+    }
+}
