@@ -21,7 +21,10 @@ has_sdk() {
 	local sdk
 	machine_has_java || return 1
 	for sdk in "${ANDROID_HOME:-}" "${ANDROID_SDK_ROOT:-}"; do
-		if [ -n "$sdk" ] && ls "$sdk"/build-tools/*/lib/apksigner.jar "$sdk"/platforms/*/android.jar >/dev/null 2>&1; then return; fi
+		[ -n "$sdk" ] || continue
+		# Releases only: their names are numbers.
+		if find "$sdk"/build-tools -mindepth 1 -maxdepth 1 -regex '.*/[0-9.]+' -exec test -e {}/lib/apksigner.jar -a -e {}/aapt2 \; -print 2>/dev/null | grep -q . &&
+			find "$sdk"/platforms -mindepth 1 -maxdepth 1 -regex '.*/android-[0-9.]+' -exec test -e {}/android.jar \; -print 2>/dev/null | grep -q .; then return; fi
 	done
 	return 1
 }

@@ -6,7 +6,7 @@
 # and commits that file with the change; where that was forgotten, CI does it.
 
 rehearsed=$repo/tests/android-rehearsal/rehearsed
-rehearsal_paths=(android app link npu-runtime shaders-spirv spmm3 tests/android-rehearsal tools/android-native tools/profile-report xr-renderer
+rehearsal_paths=(android app link npu-runtime shaders-spirv splat-scene spmm3 tests/android-rehearsal tests/person tests/support tools/android-native tools/profile-report xr-renderer
 	Cargo.lock Cargo.toml)
 
 # rehearsal_state: a line a path

@@ -1,5 +1,5 @@
 //! Writes the Gaussians of an avatar in one pose of the built-in motion as a standard 3DGS PLY, so that other people's
-//! renderers can be shown the same person: `cargo run --release -p app --example posed_ply -- AVATAR.m3a SECONDS OUT.ply`.
+//! renderers can be shown the same person: `cargo run --release -p app-pipeline --example posed_ply -- AVATAR.m3a SECONDS OUT.ply`.
 //!
 //! As captured scenes have it, y points down and the person faces -z: the world turned by half a turn about x.
 

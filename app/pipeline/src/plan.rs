@@ -151,7 +151,7 @@ mod tests {
                 assert_eq!(request.to_string().parse(), Ok(request), "{request}");
             }
         }
-        for wrong in ["", "card", "npu=gpu", "gpu=npu", "card;npu=cpu", "fast"] {
+        for wrong in ["", "card", "npu=gpu", "gpu=npu", "npu;npu=cpu", "fast"] {
             let error = wrong.parse::<PlacementRequest>().expect_err(wrong);
             assert!(error.contains("npu,npu=qnn"), "{error}");
         }

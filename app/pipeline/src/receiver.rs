@@ -66,7 +66,7 @@ impl Receiver {
         Ok(())
     }
 
-    /// Opens the device again after [`renderer_splat::error::RenderError::DeviceLost`] and goes on there: avatar and background are
+    /// Opens the device again after [an error that is a device's loss](renderer_splat::error::RenderError::is_device_lost) and goes on there: avatar and background are
     /// kept on this side of the device, and the next frame is drawn as the lost one would have been. Returns the new
     /// device.
     ///

@@ -2,7 +2,7 @@
 //! beyond what it may have.
 
 use std::fs::File;
-use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use zip::ZipArchive;
@@ -30,10 +30,10 @@ pub fn is_sog(path: &Path) -> bool {
     let mut end = [0; END_RECORD];
     let read = file
         .seek(SeekFrom::End(-22))
-        .and_then(|_| file.read_exact(&mut end));
-    read.is_ok()
-        && check_end(&end).is_ok()
-        && ZipArchive::new(file).is_ok_and(|zip| zip.index_for_name(meta::NAME).is_some())
+        .and_then(|place| file.read_exact(&mut end).map(|()| place));
+    read.is_ok_and(|place| check_end(&end, place).is_ok())
+        && ZipArchive::new(BufReader::new(file))
+            .is_ok_and(|zip| zip.index_for_name(meta::NAME).is_some())
 }
 
 /// An opened zip.
@@ -45,7 +45,8 @@ pub(super) struct Bundle<'a> {
 impl<'a> Bundle<'a> {
     pub(super) fn open(source: &'a Source<'a>) -> Result<Self, SceneError> {
         let end = source.bytes.last_chunk().copied().unwrap_or_default();
-        check_end(&end).map_err(|why| source.damaged(FORMAT, why))?;
+        let place = source.bytes.len().saturating_sub(END_RECORD) as u64;
+        check_end(&end, place).map_err(|why| source.damaged(FORMAT, why))?;
         let zip = ZipArchive::new(Cursor::new(source.bytes))
             .map_err(|error| source.damaged(FORMAT, format!("its zip cannot be read ({error})")))?;
         if zip.index_for_name(meta::NAME).is_none() {
@@ -76,10 +77,19 @@ impl<'a> Bundle<'a> {
     }
 }
 
-/// The zip reader makes room for as many members as the end record states, which this looks at first.
-fn check_end(end: &[u8; END_RECORD]) -> Result<(), String> {
-    if !end.starts_with(END_MAGIC) {
+/// The zip reader makes room for as many members as the end record states, which this looks at first: the record at `place`, the file's
+/// end, has no comment, is of one volume, and follows the directory that it states. So the reader takes neither an earlier
+/// record nor one of 64 bits instead.
+fn check_end(end: &[u8; END_RECORD], place: u64) -> Result<(), String> {
+    let volumes: [u8; 4] = bytes_at(end, 4);
+    let comment = u16::from_le_bytes(bytes_at(end, 20));
+    if !end.starts_with(END_MAGIC) || volumes != [0; 4] || comment != 0 {
         return Err("its zip has no directory at its end".to_owned());
+    }
+    let size = u32::from_le_bytes(bytes_at(end, 12));
+    let start = u32::from_le_bytes(bytes_at(end, 16));
+    if u64::from(start) + u64::from(size) != place {
+        return Err("its zip's directory is not where the end of the file says".to_owned());
     }
     let members = u16::from_le_bytes(bytes_at(end, 10));
     let directory = u32::from_le_bytes(bytes_at(end, 12));

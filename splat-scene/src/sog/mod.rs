@@ -51,7 +51,12 @@ pub(crate) fn read_folder(source: &Source<'_>, path: &Path) -> Result<Scene, Sce
         return Err(meta::not_one(source));
     }
     read(source, source.bytes, &mut |name, limit| {
-        read_bounded(&folder.join(name), limit)
+        let image = folder.join(name);
+        // A pipe would keep the reader waiting for ever.
+        if image.metadata().is_ok_and(|about| !about.is_file()) {
+            return Err(source.damaged(Format::Sog { version: 0 }, format!("{name} is not a file")));
+        }
+        read_bounded(&image, limit)
     })
 }
 

@@ -17,7 +17,7 @@ pub(super) fn stated_axes(
     format: Format,
     mut records: &[u8],
 ) -> Result<Option<Axes>, SceneError> {
-    let mut axes = None;
+    let (mut axes, mut unknown) = (None, 0usize);
     while !records.is_empty() {
         let (kind, length) = (u32_at(records, 0), u32_at(records, 4) as usize);
         let whole = records
@@ -35,11 +35,14 @@ pub(super) fn stated_axes(
                 return Err(source.damaged(format, what));
             }
             SAFE_ORBIT_CAMERA => {}
-            _ => log::warn!(
-                "{}: its extension {kind:#010x} is not known and is passed over",
-                source.name
-            ),
+            _ => unknown += 1,
         }
+    }
+    if unknown > 0 {
+        log::warn!(
+            "{}: {unknown} of its extensions are not known and are passed over",
+            source.name
+        );
     }
     Ok(axes)
 }

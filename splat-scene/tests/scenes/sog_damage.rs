@@ -183,6 +183,18 @@ fn zips_that_lie_are_refused() {
         message(&trailing, "x.sog").contains("no directory at its end"),
         "bytes after it"
     );
+    // The directory's place is left to a record of 64 bits, which states any number of members.
+    let mut wide = file.clone();
+    wide[end + 16..end + 20].fill(0xff);
+    let text = message(&wide, "wide.sog");
+    assert!(text.contains("directory is not where"), "{text}");
+    // The last record has a comment that is not there, so that a reader would take an earlier one.
+    let mut earlier = file.clone();
+    let mut record = file[end..].to_vec();
+    record[20] = 1;
+    earlier.extend(record);
+    let text = message(&earlier, "earlier.sog");
+    assert!(text.contains("no directory at its end"), "{text}");
     // A member's content changed: the zip has a checksum of it.
     let mut flipped = file.clone();
     let at = file.windows(4).position(|bytes| bytes == b"RIFF").unwrap() + 20;

@@ -10,12 +10,12 @@
 
 mod controller;
 mod figures;
-mod quality;
+mod ladder;
 mod recent;
 #[cfg(test)]
 mod tests;
 
 pub use controller::{MOST_CHANGES_A_MINUTE, QualityController};
 pub use figures::{Change, QualityFigures, Reason, StepFigures};
-pub use quality::{KEPT_SHARES, LADDER, Quality, QualityMode};
+pub use ladder::{KEPT_SHARES, LADDER, Quality, QualityMode};
 pub use recent::PictureCost;

@@ -40,7 +40,7 @@ impl Key {
         let output = run(keytool.args(["-list", "-v", "-keystore"]).arg(store))?;
         let said = printed(&output);
         if !output.status.success() {
-            if said.contains("password") {
+            if said.contains("password was incorrect") {
                 bail!("{shown}: the password is wrong, or the key store was changed");
             }
             bail!("{shown} cannot be read as a key store: {}", reason(&said));
@@ -106,8 +106,12 @@ fn make_debug_key(tools: &Tools, store: &Path) -> anyhow::Result<()> {
         use std::os::unix::fs::PermissionsExt as _;
         fs::set_permissions(&new, fs::Permissions::from_mode(0o600))?;
     }
-    fs::rename(&new, store)?;
-    log::info!("made a debug key: {}", store.display());
+    match fs::hard_link(&new, store) {
+        Ok(()) => log::info!("made a debug key: {}", store.display()),
+        // Another process made one meanwhile: both sign with that one.
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+        Err(error) => return Err(error.into()),
+    }
     Ok(())
 }
 
