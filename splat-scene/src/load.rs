@@ -12,8 +12,8 @@ impl Scene {
     /// `meta.json`; the images are read from the same folder.
     ///
     /// # Errors
-    /// [`SceneError`] where the file cannot be read, is no scene, is damaged, or is larger than [`MAX_FILE_BYTES`] or
-    /// [`MAX_GAUSSIANS`].
+    /// [`SceneError`] where the file cannot be read, is no scene, is damaged, or is larger than [`crate::MAX_FILE_BYTES`] or
+    /// [`crate::MAX_GAUSSIANS`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
         let bytes = read_bounded(path, MAX_FILE_BYTES)?;

@@ -44,7 +44,7 @@ impl WakeSignal {
     }
 }
 
-/// The writing end of a [`triple_buffer`].
+/// The writing end of a [`triple_buffer()`].
 #[derive(Debug)]
 pub struct Writer<T: Send> {
     input: Input<Option<T>>,
@@ -73,7 +73,7 @@ impl Overwritten {
     }
 }
 
-/// The reading end of a [`triple_buffer`].
+/// The reading end of a [`triple_buffer()`].
 #[derive(Debug)]
 pub struct Reader<T: Send> {
     output: Output<Option<T>>,

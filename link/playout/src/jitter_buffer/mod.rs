@@ -1,6 +1,6 @@
 //! The jitter buffer: frames arrive at any time and leave in order, each when it is due.
 //!
-//! A frame is due at its capture time plus an offset that adapts ([`delay`]). All frames that are due leave together
+//! A frame is due at its capture time plus an offset that adapts (`delay.rs`). All frames that are due leave together
 //! and the newest is the one to show: after an outage the past is not replayed. Time is an argument of every method; concealment while
 //! no frame arrives is the receiver's.
 
