@@ -49,14 +49,14 @@ fn a_viewer_who_hangs_up_is_gone_at_once_and_the_sender_goes_on() {
     let receiver = joined(&house, &lab, &link, "viewer");
     let seen = receiver.ends();
     assert!(count(&seen["call"], "released") > 0, "{seen:#}");
-    sender.program.says("it said goodbye", 1);
+    sender.program.says("it hung up", 1);
     assert!(sender.program.is_running(), "others may come");
     // One who leaves when its own time is up.
     let limited = house
         .receiver(&link, "viewer", &["--seconds", "2"])
         .report();
     assert!(count(&limited["call"], "released") > 0, "{limited:#}");
-    sender.program.says("it said goodbye", 2);
+    sender.program.says("it hung up", 2);
     let sent = sender.program.ends();
     assert_eq!(count(&sent, "viewers"), 0, "{sent:#}");
     assert_eq!(count(&sent, "joined"), 2, "{sent:#}");
