@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Checks the order of crates and modules: every crate of the workspace states its floor (`[package.metadata.mon3tr] floor = N`) and
-depends, also in its tests, on crates of lower floors only; and within a crate no two modules import one another, neither directly nor
+depends, also in its tests, on crates of lower floors only; and within a crate no two sibling modules import one another, neither directly nor
 around a circle. Prints what breaks that, and ends with 1."""
 
 import json
