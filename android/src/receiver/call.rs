@@ -1,5 +1,5 @@
-//! A call, over and over: waiting for everybody with a notice of what is waited for, seeing them, and waiting again when they have
-//! hung up, until the viewer leaves.
+//! Sessions, one after the other: a notice while the senders are waited for, then the session, then waiting again when they have hung up,
+//! until the viewer leaves.
 
 use super::Stage;
 use super::network::Network;
@@ -9,12 +9,15 @@ use anyhow::Context;
 use app_pipeline::placement::InferenceBackends;
 use app_pipeline::pool::in_own_pool;
 use app_pipeline::quality::QualityMode;
+use app_session::arrival::{Waiting, unless_over, wait_for_sender};
 use app_session::call::CallEnd;
-use app_session::headset::{FrameObserver, NoticeBoard, Seen, Wishes, show_notice};
-use app_session::overlay::Notice;
-use app_session::visit::{
-    Ended, Guest, NetworkContext, Visited, Waiting, unless_over, visit, wait_for_sender,
+use app_session::headset::{
+    FrameCapture, FrameObserver, HeadsetDisplay, HeadsetFigures, NoticeBoard, PresentOptions,
+    show_notice,
 };
+use app_session::overlay::Notice;
+use app_session::participant::{CallReport, NetworkContext, Origin, Participant};
+use app_session::session::{Session, SessionConfig, SessionReport};
 use link_http::cache::PackageInUse;
 use link_http::{Client, PackageCache};
 use link_playout::Clock;
@@ -23,18 +26,17 @@ use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::available_parallelism;
-use tokio::runtime::Handle;
 
-/// Shows who is in `rooms`.
+/// Shows the people in `rooms`.
 pub(super) fn run(
     stage: &Stage<'_>,
     settings: &Settings,
     rooms: &[RoomLink],
 ) -> anyhow::Result<()> {
     let runtime = stage.onnx_runtime()?;
-    let network = Network::start()?;
-    let ways = NetworkContext {
-        network: network.handle().clone(),
+    let threads = Network::start()?;
+    let network = NetworkContext {
+        network: threads.handle().clone(),
         client: Client::new(None)?,
         clock: Clock::start(),
     };
@@ -45,47 +47,51 @@ pub(super) fn run(
         threads: available_parallelism().map_or(1, usize::from),
         cache: Some(&compiled),
     };
-    let wishes = wishes(settings);
     let packages = folders.packages(settings.cache_bytes.value)?;
     let board = NoticeBoard::default();
     loop {
-        let Some(gathered) = gather(stage, settings, rooms, &ways, &packages, &board)? else {
+        let Some(gathered) = gather(stage, settings, rooms, &network, &packages, &board)? else {
             return Ok(());
         };
-        let Some(found) = stage.find()? else {
+        let Some(headset) = stage.find()? else {
             return Ok(());
         };
-        let guests: Vec<_> = (gathered.iter())
-            .map(|gathered| gathered.guest.clone())
+        let participants = (gathered.iter())
+            .map(|gathered| gathered.participant.clone())
             .collect();
-        let visited = visit(
-            found,
-            &backends,
-            &wishes,
-            &guests,
-            &ways,
-            stage.control,
-            &mut Counter(stage.frames),
-        )?;
-        if !told(visited)? {
+        let config = config(settings, backends);
+        let mut counter = Counter(stage.frames);
+        let mut display = HeadsetDisplay::new(headset, present(settings), &mut counter);
+        let session = Session::new(config, participants, stage.control.clone());
+        let report = session.run(&mut display)?;
+        if !finish(report, &display.into_figures())? {
             return Ok(());
         }
     }
 }
 
-/// As the settings want people shown.
-pub(super) fn wishes(settings: &Settings) -> Wishes {
-    Wishes {
+/// Sessions as the settings want them.
+pub(super) fn config<'a>(
+    settings: &Settings,
+    backends: InferenceBackends<'a>,
+) -> SessionConfig<'a> {
+    SessionConfig {
+        backends,
         placement: settings.placement.value,
         latency: settings.latency.value,
-        hold: QualityMode::Adapt,
-        scene: None,
-        read_back: false,
-        display_hz: settings.rate.value.map(|rate| f32::from(rate.hz())),
+        quality: QualityMode::Adapt,
     }
 }
 
-/// Counts frames for whoever reads along.
+/// The headset's frames as the settings want them.
+pub(super) fn present(settings: &Settings) -> PresentOptions {
+    PresentOptions {
+        display_hz: settings.rate.value.map(|rate| f32::from(rate.hz())),
+        ..PresentOptions::default()
+    }
+}
+
+/// Counts the frames with people in them, for other threads.
 struct Counter<'a>(&'a AtomicU64);
 
 impl FrameObserver for Counter<'_> {
@@ -93,30 +99,30 @@ impl FrameObserver for Counter<'_> {
         false
     }
 
-    fn wants(&mut self, _shown: u64, somebody: bool) -> bool {
-        self.0.fetch_add(u64::from(somebody), Relaxed);
+    fn wants_pictures(&mut self, _shown: u64, has_people: bool) -> bool {
+        self.0.fetch_add(u64::from(has_people), Relaxed);
         false
     }
 
-    fn seen(&mut self, _seen: Seen<'_>) {}
+    fn captured(&mut self, _frame: FrameCapture<'_>) {}
 }
 
-/// Somebody who is there, and the hold on their package in the cache.
+/// A person who is in the room, and the hold on their package in the cache.
 struct Gathered {
-    guest: Guest,
+    participant: Participant,
     _package: Option<PackageInUse>,
 }
 
-/// Waits in the headset until everybody is there and their packages are here; nothing if the viewer leaves before.
+/// Waits in the headset until all people are there and their packages are here; nothing if the viewer leaves before.
 fn gather(
     stage: &Stage<'_>,
     settings: &Settings,
     rooms: &[RoomLink],
-    ways: &NetworkContext,
+    network: &NetworkContext,
     packages: &PackageCache,
     board: &NoticeBoard,
 ) -> anyhow::Result<Option<Vec<Gathered>>> {
-    let Some(found) = stage.find()? else {
+    let Some(headset) = stage.find()? else {
         return Ok(None);
     };
     let (done, closed) = (AtomicBool::new(false), AtomicBool::new(false));
@@ -124,13 +130,13 @@ fn gather(
     std::thread::scope(|scope| {
         let waiting = scope.spawn(|| {
             let arriving = (rooms.iter())
-                .map(|room| arrive(room, settings.seat.value, ways, packages, board, &is_over));
+                .map(|room| arrive(room, settings.seat.value, network, packages, board, &is_over));
             let outcome: anyhow::Result<Option<Vec<_>>> = arriving.collect();
             done.store(true, Relaxed);
             outcome
         });
-        let shown = show_notice(found, board, stage.control, || done.load(Relaxed));
-        // Also where it failed: nobody is to wait on.
+        let shown = show_notice(headset, board, stage.control, || done.load(Relaxed));
+        // Also where it failed: the other thread is not to wait on.
         closed.store(!done.load(Relaxed), Relaxed);
         let outcome = waiting
             .join()
@@ -144,12 +150,12 @@ fn gather(
 fn arrive(
     room: &RoomLink,
     sits: bool,
-    ways: &NetworkContext,
+    network: &NetworkContext,
     packages: &PackageCache,
     board: &NoticeBoard,
     is_over: &dyn Fn() -> bool,
 ) -> anyhow::Result<Option<Gathered>> {
-    let network: &Handle = &ways.network;
+    let threads = &network.network;
     let server = room.server();
     let asking = [format!("Asking {server} ...")];
     notice(board, "One moment", asking);
@@ -170,17 +176,17 @@ fn arrive(
             notice(board, "Waiting for the server", lines);
         }
     };
-    let waited = wait_for_sender(&ways.client, room, is_over, told);
-    let Some(announced) = network.block_on(waited).context("cannot join the room")? else {
+    let waited = wait_for_sender(&network.client, room, is_over, told);
+    let Some(announced) = threads.block_on(waited).context("cannot join the room")? else {
         return Ok(None);
     };
-    let fetching = (ways.client).fetch_package(room, &announced.avatar, packages, |step| {
+    let fetching = (network.client).fetch_package(room, &announced.avatar, packages, |step| {
         let share = step.done as f64 * 100.0 / step.total.max(1) as f64;
         let megabytes = step.total as f64 / 1e6;
         let line = format!("{share:.0} % of {megabytes:.0} MB. It is kept for the next call.");
         notice(board, "Fetching the other person's double", [line]);
     });
-    let Some(path) = network.block_on(unless_over(is_over, fetching)) else {
+    let Some(path) = threads.block_on(unless_over(is_over, fetching)) else {
         return Ok(None);
     };
     let path = path.context("cannot fetch the avatar")?;
@@ -189,11 +195,14 @@ fn arrive(
     let avatar = in_own_pool("package", || Avatar::load(&path))?
         .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
     Ok(Some(Gathered {
-        guest: Guest {
-            room: room.clone(),
-            announced,
+        participant: Participant {
             avatar: Arc::new(avatar),
             sits,
+            origin: Origin::Room {
+                link: room.clone(),
+                announced,
+                network: network.clone(),
+            },
         },
         _package: package,
     }))
@@ -207,17 +216,18 @@ fn notice(board: &NoticeBoard, title: &str, lines: impl Into<Vec<String>>) {
 }
 
 /// Tells the log how the calls went. Returns whether to wait for the next ones: the others ended these.
-fn told(visited: Visited) -> anyhow::Result<bool> {
-    let frames = &visited.party.headset.frames;
+fn finish(session: SessionReport, headset: &HeadsetFigures) -> anyhow::Result<bool> {
+    let frames = &headset.frames;
     log::info!(
         "{} frames shown, {} refreshes late",
         frames.shown,
         frames.late
     );
     let (mut ended, mut failed) = (false, Vec::new());
-    for call in visited.calls {
-        let Ended { figures, end } = match call {
-            Ok(call) => call,
+    for person in session.people {
+        let CallReport { figures, end } = match person.call {
+            Ok(Some(call)) => call,
+            Ok(None) => continue,
             Err(error) => {
                 failed.push(anyhow::Error::from(error));
                 continue;

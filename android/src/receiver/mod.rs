@@ -14,7 +14,8 @@ use crate::launch::Launch;
 use crate::lifecycle::{Receiver, Trim};
 use crate::settings::{Settings, Task};
 use app_pipeline::control::Control;
-use app_session::headset::{HeadsetError, HeadsetHandle};
+use app_session::display::SessionError;
+use app_session::headset::HeadsetHandle;
 use missing::show_until_closed;
 use renderer_openxr::error::XrError;
 use renderer_openxr::headset::HeadsetOptions;
@@ -146,7 +147,7 @@ struct Stage<'a> {
 
 /// Whether it is no failure, but the activity's end before anything was shown.
 fn has_left(error: &anyhow::Error) -> bool {
-    matches!(error.downcast_ref(), Some(HeadsetError::Left))
+    matches!(error.downcast_ref(), Some(SessionError::Left))
 }
 
 /// Does what the app was launched for. Trouble is shown in the headset, as long as there is one.
@@ -178,7 +179,7 @@ fn run(
     match stage.perform(settings) {
         Ok(()) => Ok(()),
         // Nothing can be shown there.
-        Err(error) if error.is::<XrError>() || error.is::<HeadsetError>() => Err(error),
+        Err(error) if error.is::<XrError>() || error.is::<SessionError>() => Err(error),
         Err(error) => {
             log::error!("{error:#}");
             show_until_closed(

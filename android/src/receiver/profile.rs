@@ -1,19 +1,17 @@
-//! A measurement without a call: the demo person performs, this device shows them, and writes where its milliseconds went, as
+//! A measurement without a call: the demo avatar performs, this device shows them, and writes where its milliseconds went, as
 //! `mon3tr profile` does on a desktop. `android/profile.sh` puts the avatar there, waits for the end and fetches the files.
 
 use super::Stage;
-use super::call::wishes;
+use super::call::{config, present};
 use crate::settings::Settings;
 use anyhow::{Context, ensure};
 use app_pipeline::placement::InferenceBackends;
 use app_pipeline::pool::in_own_pool;
-use app_pipeline::profile::{Recording, Summary, Terms};
-use app_pipeline::timeline::LatencyMode;
-use app_session::headset::{FrameObserver, Gathered, Party, Seen, show_party};
-use app_session::visit::Rehearsal;
-use npu_runtime::Runtime;
+use app_session::headset::{FrameCapture, FrameObserver, HeadsetDisplay};
+use app_session::participant::{Origin, Participant};
+use app_session::session::Session;
 use profile_report::machine::{EVERY, Sysfs, Watch};
-use profile_report::{AvatarFigures, Conditions, Folder, Measured, Memory, Report};
+use profile_report::{AvatarFigures, Conditions, Folder, Measured, Memory, Report, SessionTerms};
 use renderer_vulkan::gpu::Gpu;
 use serde_json::Value;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip};
@@ -31,7 +29,7 @@ pub(super) fn run(stage: &Stage<'_>, settings: &Settings, seconds: Duration) -> 
     let folder = Folder::begin(&stage.launch.folders.profile())?;
     let outcome = measure(stage, settings, seconds, &folder);
     if let Err(error) = &outcome {
-        // Whoever waits for it is not to wait in vain.
+        // android/profile.sh waits for it, and is not to wait in vain.
         folder.failed(&format!("{error:#}"))?;
     }
     outcome
@@ -65,58 +63,62 @@ fn measure(
         threads: cores(),
         cache: Some(&compiled),
     };
-    let found = stage.find()?.context("the app was closed")?;
-    let gpu = Arc::clone(found.headset().gpu());
+    let headset = stage.find()?.context("the app was closed")?;
+    let gpu = Arc::clone(headset.headset().gpu());
     let machine = Watch::start(vec![Box::new(Sysfs::new(Path::new("/sys")))], EVERY)
         .context("cannot watch the device's heat and clocks")?;
-    let join = || Gathered {
-        sources: vec![Rehearsal::new(performance.frames, MOTION_HZ)],
-        watch: None,
-    };
     let mut clock = Clock {
         seconds,
         begin: None,
         device_bytes: 0,
         gpu: Arc::clone(&gpu),
     };
-    let wishes = wishes(settings);
-    let avatars = [Arc::clone(&avatar)];
-    let party = show_party(
-        found,
-        &backends,
-        &wishes,
-        &avatars,
-        join,
-        stage.control,
-        &mut clock,
-    )?;
-    let begin = clock.begin.context("the headset showed no picture")?;
-    let end = (begin + seconds).min(Instant::now());
-    let memory = Memory::now(clock.device_bytes, None);
-    let recording = Recording::new(&party.collector, begin, end);
-    let terms = Terms {
-        display_period: party.display_period(),
-        motion_hz: MOTION_HZ,
-        units: party.placement.units(),
-        encode: None,
-        lost_events: party.collector.lost(),
+    let participant = Participant {
+        avatar: Arc::clone(&avatar),
+        sits: false,
+        origin: Origin::Clip {
+            frames: performance.frames,
+            rate_hz: MOTION_HZ,
+        },
     };
-    let latency = settings.latency.value;
+    let config = config(settings, backends);
+    let mut display = HeadsetDisplay::new(headset, present(settings), &mut clock);
+    let session = Session::new(config, vec![participant], stage.control.clone());
+    let session = session.run(&mut display)?;
+    let headset = display.into_figures();
+    let person = session.people.first().context("there was no person")?;
+    let begin = clock.begin.context("the headset showed no picture")?;
+    let time = [begin, (begin + seconds).min(session.ended)];
+    let memory = Memory::now(clock.device_bytes, None);
+    let terms = SessionTerms {
+        time,
+        display_period: headset.display_period(),
+        motion_hz: MOTION_HZ,
+        encode: None,
+    };
+    let [width, height] = headset.eye_size;
     let report = Report {
         avatar: AvatarFigures::of(&avatar, &path)
             .with_context(|| format!("cannot read {}", path.display()))?,
-        conditions: conditions(&party, &gpu, &runtime, latency),
+        conditions: Conditions {
+            motion: "built-in".to_owned(),
+            vulkan_device: gpu.info().name.clone(),
+            vulkan_driver: gpu.info().driver.clone(),
+            onnx_runtime: runtime.version().to_owned(),
+            provider: person.placement.provider.to_string(),
+            width,
+            height,
+            views: 2,
+            latency: format!("{:?}", settings.latency.value).to_lowercase(),
+            cores: cores(),
+        },
         memory,
-        machine: machine.finish(begin, end),
+        machine: machine.finish(time[0], time[1]),
         call: None,
         sent: Value::Null,
-        shown: Measured {
-            measured: Summary::new(&recording, &terms),
-            placement: party.placement,
-            skipped: party.skipped,
-            hold: party.hold,
-        },
+        shown: Measured::of(&session, person, &terms),
     };
+    let (recording, terms) = terms.recording(person);
     folder.write(&report, &recording, &terms)?;
     log::info!("the profile is written");
     Ok(())
@@ -136,36 +138,15 @@ impl FrameObserver for Clock {
             .is_some_and(|begin| Instant::now() >= begin + self.seconds)
     }
 
-    fn wants(&mut self, _shown: u64, somebody: bool) -> bool {
-        if somebody && self.begin.is_none() {
+    fn wants_pictures(&mut self, _shown: u64, has_people: bool) -> bool {
+        if has_people && self.begin.is_none() {
             self.begin = Some(Instant::now() + WARM_UP);
             self.device_bytes = self.gpu.memory_taken();
         }
         false
     }
 
-    fn seen(&mut self, _seen: Seen<'_>) {}
-}
-
-fn conditions<S>(
-    party: &Party<S>,
-    gpu: &Gpu,
-    runtime: &Runtime,
-    latency: LatencyMode,
-) -> Conditions {
-    let [width, height] = party.headset.eye_size;
-    Conditions {
-        motion: "built-in".to_owned(),
-        vulkan_device: gpu.info().name.clone(),
-        vulkan_driver: gpu.info().driver.clone(),
-        onnx_runtime: runtime.version().to_owned(),
-        provider: party.placement.provider.to_string(),
-        width,
-        height,
-        views: 2,
-        latency: format!("{latency:?}").to_lowercase(),
-        cores: cores(),
-    }
+    fn captured(&mut self, _frame: FrameCapture<'_>) {}
 }
 
 /// Threads this device runs at once.

@@ -1,7 +1,10 @@
 //! What can be chosen about the lanes that show a call.
 
+use app_pipeline::placement::InferenceBackends;
 use app_pipeline::plan::PlacementRequest;
+use app_pipeline::quality::QualityMode;
 use app_pipeline::timeline::LatencyMode;
+use app_session::session::SessionConfig;
 use clap::ValueEnum;
 
 /// Options of commands that show a call.
@@ -15,6 +18,22 @@ pub(crate) struct LaneChoices {
     /// motion turns)
     #[arg(long, value_name = "HOW", default_value = "interpolate")]
     pub(crate) latency: Latency,
+}
+
+impl LaneChoices {
+    /// A session as they say, on what this machine has.
+    pub(crate) fn session<'a>(
+        &self,
+        backends: InferenceBackends<'a>,
+        quality: QualityMode,
+    ) -> SessionConfig<'a> {
+        SessionConfig {
+            backends,
+            placement: self.placement,
+            latency: self.latency.into(),
+            quality,
+        }
+    }
 }
 
 /// [`LatencyMode`] by its name.

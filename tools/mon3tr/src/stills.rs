@@ -11,7 +11,7 @@ use app_pipeline::error::ReceiverError;
 use app_pipeline::inference::Inference;
 use app_pipeline::plan::Plan;
 use app_pipeline::receiver::Receiver;
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use image::RgbImage;
 use npu_runtime::{Provider, Runtime};
 use profile_report::AvatarFigures;
@@ -111,13 +111,10 @@ impl StillRenderer {
             }
             splatted => splatted?,
         };
-        compose_views(
-            &splatted,
-            cameras,
-            self.receiver.deformer().skeleton(),
-            motion,
-            &self.setting,
-        )
+        let has_scene = self.setting.background.is_some();
+        let skeleton = self.receiver.deformer().skeleton();
+        let people = [(skeleton, motion, Affine3A::IDENTITY)];
+        compose_views(&splatted, cameras, people, has_scene)
     }
 
     fn splat(
@@ -142,27 +139,27 @@ impl StillRenderer {
     }
 }
 
-/// Views as pictures: within the scene, if they have one, else in the studio.
-pub(crate) fn compose_views(
+/// Views as pictures: within their scene, if they have one, else in the studio with the shadows of `people`, each with a rigid place in
+/// the world.
+pub(crate) fn compose_views<'a>(
     splatted: &[Image],
     cameras: &[Camera],
-    skeleton: &Skeleton,
-    motion: &MotionParams,
-    setting: &RenderSettings,
+    people: impl IntoIterator<Item = (&'a Skeleton, &'a MotionParams, Affine3A)>,
+    has_scene: bool,
 ) -> anyhow::Result<Vec<RgbImage>> {
-    if setting.background.is_some() {
+    if has_scene {
         return splatted
             .iter()
             .map(|picture| to_rgb(picture, picture.over(DUSK)))
             .collect();
     }
-    let joints = skeleton.pose(motion);
-    // Without the 30 finger joints, which would make hands cast most of the shadow.
-    let body: Vec<Vec3> = spmm3::Joint::ALL
-        .into_iter()
-        .take(BODY_JOINTS)
-        .map(|j| joints.position(j) + motion.root_translation)
-        .collect();
+    let bodies = people.into_iter().flat_map(|(skeleton, motion, place)| {
+        let joints = skeleton.pose(motion);
+        // Without the 30 finger joints, which would make hands cast most of the shadow.
+        let body = spmm3::Joint::ALL.into_iter().take(BODY_JOINTS);
+        body.map(move |j| place.transform_point3(joints.position(j) + motion.root_translation))
+    });
+    let body: Vec<Vec3> = bodies.collect();
     let shadow = Shadow::of(&body);
     splatted
         .iter()

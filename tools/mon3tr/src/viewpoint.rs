@@ -152,6 +152,15 @@ impl Viewpoint {
     }
 }
 
+impl Viewpoint {
+    /// Moves the eye away from its target until so many metres beside one another fit a square picture there.
+    pub(crate) fn back_off(&mut self, metres: f32) {
+        let arm = self.eye - self.target;
+        let seen = 2.0 * arm.length() * (self.fov_degrees.to_radians() / 2.0).tan();
+        self.eye = self.target + arm * (metres / seen.max(f32::MIN_POSITIVE)).max(1.0);
+    }
+}
+
 impl std::fmt::Display for Viewpoint {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let (e, t) = (self.eye, self.target);
@@ -263,6 +272,15 @@ mod tests {
             "high up, but not at the pole: {}",
             view.eye
         );
+    }
+
+    #[test]
+    fn backing_off_makes_room_and_never_comes_closer() {
+        let mut view = Viewpoint::new([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], 90.0);
+        view.back_off(3.0);
+        assert_eq!(view.eye, Vec3::new(0.0, 1.0, 2.0), "4 m are seen at 2 m");
+        view.back_off(6.0);
+        assert!(view.eye.abs_diff_eq(Vec3::new(0.0, 1.0, 3.0), 1e-5), "{}", view.eye);
     }
 
     #[test]

@@ -1,13 +1,16 @@
-//! `receive --display window`: the call live in a window. Drag to orbit, scroll to come closer, Escape to leave.
+//! A window: people live. Drag to orbit, scroll to come closer, Escape to leave.
 
 use crate::backdrop::DUSK;
-use crate::screen::Screen;
-use crate::size::Size;
-use crate::stills::RenderSettings;
+use crate::flat::{self, display_error};
+use crate::gaze::Gaze;
+use crate::size::{Size, Views};
 use crate::until::Until;
-use crate::viewpoint::Viewpoint;
+use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::{Context, anyhow};
 use app_pipeline::lanes::Drawn;
+use app_session::display::{
+    Display, DisplayNeeds, FlatView, LiveSession, LoadBackground, SessionError,
+};
 use renderer_splat::picture::Backdrop;
 use renderer_splat::window::{PresentOutcome, WindowTarget};
 use renderer_vulkan::gpu::Gpu;
@@ -47,28 +50,46 @@ pub(crate) fn events(instead: &str) -> anyhow::Result<EventLoop<()>> {
     })
 }
 
-/// Shows the call until it is over or the window is closed.
-pub(crate) fn show(
-    events: EventLoop<()>,
-    screen: &mut Screen<'_>,
-    viewpoint: Viewpoint,
-    until: &Until,
-) -> anyhow::Result<()> {
-    let Size { width, height } = screen.live.setting().size;
-    let mut view = View {
-        screen,
-        until,
-        viewpoint,
-        size: (width, height),
-        open: None,
-        drag: None,
-        cursor: PhysicalPosition::default(),
-        outcome: Ok(()),
-    };
-    events
-        .run_app(&mut view)
-        .context("the window system ended the window")?;
-    view.outcome
+/// The window as a session's display, until the session is over or the window is closed.
+pub(crate) struct WindowDisplay<'a> {
+    /// Until it is shown.
+    pub(crate) events: Option<EventLoop<()>>,
+    pub(crate) needs: DisplayNeeds,
+    pub(crate) background: Option<LoadBackground<'a>>,
+    pub(crate) views: Views,
+    pub(crate) viewpoint: Viewpoint,
+    /// Moves the camera, if there is one.
+    pub(crate) gaze: Option<Gaze>,
+    pub(crate) until: &'a Until,
+    /// Size of the last picture, pixels.
+    pub(crate) size: Size,
+    /// When the first picture with people in it was begun.
+    pub(crate) first: Option<Instant>,
+}
+
+impl Display for WindowDisplay<'_> {
+    fn needs(&mut self) -> Result<DisplayNeeds, SessionError> {
+        Ok(self.needs.clone())
+    }
+
+    fn show(&mut self, session: LiveSession<'_>) -> Result<(), SessionError> {
+        let events = self.events.take().ok_or(SessionError::Left)?;
+        let people = session.avatars.len();
+        let hertz = self.needs.period.as_secs_f64().recip();
+        let mut view = View {
+            flat: FlatView::new(people, hertz, self.background.take()),
+            session,
+            display: self,
+            open: None,
+            drag: None,
+            cursor: PhysicalPosition::default(),
+            outcome: Ok(()),
+        };
+        let ended = (events.run_app(&mut view)).context("the window system ended the window");
+        let View { flat, outcome, .. } = view;
+        self.first = flat.first();
+        ended.and(outcome).map_err(display_error)
+    }
 }
 
 /// The window while it is open.
@@ -92,12 +113,11 @@ impl Open {
     }
 }
 
-/// A call in its window.
-struct View<'a, 'o> {
-    screen: &'a mut Screen<'o>,
-    until: &'a Until,
-    viewpoint: Viewpoint,
-    size: (u32, u32),
+/// A session in its window.
+struct View<'a, 'd> {
+    session: LiveSession<'a>,
+    flat: FlatView<'d>,
+    display: &'a mut WindowDisplay<'d>,
     open: Option<Open>,
     /// Where the cursor was when the last part of a drag was taken.
     drag: Option<PhysicalPosition<f64>>,
@@ -137,13 +157,14 @@ impl ApplicationHandler for View<'_, '_> {
                 self.cursor = position;
                 self.orbit();
                 // A drag turns the camera itself.
-                if let (Some(gaze), None) = (&mut self.screen.gaze, self.drag) {
-                    gaze.pointed([position.x, position.y], self.size);
+                let Size { width, height } = self.display.size;
+                if let (Some(gaze), None) = (&mut self.display.gaze, self.drag) {
+                    gaze.pointed([position.x, position.y], (width, height));
                 }
                 Ok(())
             }
             WindowEvent::CursorLeft { .. } => {
-                if let Some(gaze) = &mut self.screen.gaze {
+                if let Some(gaze) = &mut self.display.gaze {
                     gaze.left(Instant::now());
                 }
                 Ok(())
@@ -171,7 +192,7 @@ impl View<'_, '_> {
         if self.open.is_some() {
             return Ok(());
         }
-        let (width, height) = self.size;
+        let Size { width, height } = self.display.size;
         let attributes = Window::default_attributes()
             .with_title("Mon3tr")
             .with_inner_size(PhysicalSize::new(width, height));
@@ -188,7 +209,7 @@ impl View<'_, '_> {
             target: None,
             counted: (now, 0),
         };
-        let gpu = Arc::clone(self.screen.live.lanes.renderer().gpu());
+        let gpu = Arc::clone(self.session.lanes.renderer().gpu());
         open.renew(&gpu)?;
         self.open = Some(open);
         self.resize(size)
@@ -202,8 +223,11 @@ impl View<'_, '_> {
             target.resize(size.width, size.height);
         }
         // A minimised window has no area: keep what there is until it comes back.
-        if size.width > 0 && size.height > 0 && (size.width, size.height) != self.size {
-            self.size = (size.width, size.height);
+        if size.width > 0 && size.height > 0 {
+            self.display.size = Size {
+                width: size.width,
+                height: size.height,
+            };
         }
         Ok(())
     }
@@ -213,47 +237,60 @@ impl View<'_, '_> {
             return Ok(());
         };
         open.window.request_redraw();
-        if self.screen.live.lanes.is_over() || self.until.is_over() {
+        let session = &mut self.session;
+        let is_over = session.lanes.is_over()
+            || session.control.is_leaving()
+            || self.display.until.is_over(self.flat.shown());
+        if is_over {
             events.exit();
             return Ok(());
         }
-        let Some(moment) = self.screen.begin()? else {
+        let Some(people) = self.flat.begin(session)? else {
             std::thread::sleep(WAITING);
             return Ok(());
         };
-        let viewpoint = self.screen.seen_from(self.viewpoint);
-        let live = &mut self.screen.live;
-        let (width, height) = self.size;
-        let size = Size { width, height };
-        if live.setting().size != size {
+        let WindowDisplay {
+            size,
+            views,
+            viewpoint,
+            gaze,
+            ..
+        } = &mut *self.display;
+        let Size { width, height } = *size;
+        let viewpoint = flat::around(*viewpoint, &people, *size);
+        let viewpoint = match gaze {
+            Some(gaze) => gaze.follow(viewpoint, Instant::now()),
+            None => viewpoint,
+        };
+        let present = session.lanes.renderer().options();
+        if (present.width, present.height) != (width, height) {
             // Once for a picture, not for every step of a drag.
-            let setting = live.setting().clone();
-            live.set(RenderSettings { size, ..setting })?;
+            session.resize(width, height)?;
         }
-        let backdrop = if live.setting().background.is_some() {
+        let backdrop = if session.lanes.renderer().options().background.is_some() {
             DUSK
         } else {
             STUDIO
         };
-        let camera = viewpoint.camera(moment.floor, moment.heading, width, height);
-        if let Drawn::Renewed(gpu) = live.draw(camera)? {
+        let camera = viewpoint.camera(people.floor, people.heading, width, height);
+        if let Drawn::Renewed(gpu) = session.lanes.draw(&eyes(camera, *views))? {
             return open.renew(&gpu);
         }
         let shown = match &mut open.target {
-            Some(target) => match target.present(live.lanes.renderer(), backdrop) {
+            Some(target) => match target.present(session.lanes.renderer(), backdrop) {
                 // The next picture finds that out again, and opens another.
                 Err(error) if error.is_device_lost() => PresentOutcome::NotNow,
                 shown => shown?,
             },
             None => PresentOutcome::NotNow,
         };
-        live.displayed();
+        self.flat.displayed(session);
         open.counted.1 += 1;
         if open.counted.1 == TITLE_FRAMES {
             let rate = f64::from(TITLE_FRAMES) / open.counted.0.elapsed().as_secs_f64().max(1e-6);
             open.window.set_title(&format!(
                 "Mon3tr: {rate:.0} frames/s on {}",
-                live.lanes.renderer().gpu().info().name
+                session.lanes.renderer().gpu().info().name
             ));
             open.counted = (Instant::now(), 0);
         }
@@ -272,7 +309,8 @@ impl View<'_, '_> {
                 (self.cursor.y - from.y) as f32,
             );
             *from = self.cursor;
-            self.viewpoint
+            self.display
+                .viewpoint
                 .orbit((-x * DRAG).to_radians(), (y * DRAG).to_radians());
         }
     }
@@ -283,6 +321,6 @@ impl View<'_, '_> {
             #[allow(clippy::cast_possible_truncation, reason = "pixels of one scroll")]
             MouseScrollDelta::PixelDelta(pixels) => pixels.y as f32 / 40.0,
         };
-        self.viewpoint.approach(0.9f32.powf(notches));
+        self.display.viewpoint.approach(0.9f32.powf(notches));
     }
 }

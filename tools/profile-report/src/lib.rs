@@ -16,6 +16,6 @@ mod tests;
 mod trace;
 
 pub use files::{FINISHED, Files, Folder, WriteError};
-pub use measured::Measured;
+pub use measured::{Measured, SessionTerms};
 pub use memory::{Memory, resident_bytes};
 pub use report::{AvatarFigures, Conditions, Report};

@@ -537,12 +537,12 @@ function overTime() {
     if (quality.some((one) => one.scale !== quality[0].scale)) chart("drawn part of the full width and height", "%", quality.map((one) => [Math.max(begin, one.at_s), one.scale * 100]), 0, null, true);
     if (quality.some((one) => one.gaussians !== quality[0].gaussians)) chart("Gaussians drawn", "count", quality.map((one) => [Math.max(begin, one.at_s), one.gaussians]), 0, null, true);
   } else if (quality.length === 1) at.append(element("p", { class: "note" }, `The quality did not change: ${whole(quality[0].gaussians)} Gaussians at ${(quality[0].scale * 100).toFixed(0)} % of the full width and height all the time.`));
-  const hold = report.hold;
-  if (!hold || hold.change_count === 0) return;
+  const quality = report.quality;
+  if (!quality || quality.change_count === 0) return;
   const qualityOf = (one) => `${(one.resolution_scale * 100).toFixed(0)} % of width and height, detail ${one.level}${one.sort_every > 1 ? `, a sort every ${one.sort_every} pictures` : ""}`;
-  at.append(element("h3", {}, "Quality given up to hold the rate, since the call began"), table(["step", element("th", { class: "left" }, "drawn"), "Gaussians kept", "seconds", "pictures"], hold.steps.filter((one) => one.pictures > 0).map((one) => [
+  at.append(element("h3", {}, "Quality given up to hold the rate, since the call began"), table(["step", element("th", { class: "left" }, "drawn"), "Gaussians kept", "seconds", "pictures"], quality.steps.filter((one) => one.pictures > 0).map((one) => [
     String(one.quality.step), element("td", { class: "left" }, qualityOf(one.quality)), percent(one.kept_share), one.seconds.toFixed(1), whole(one.pictures)])));
-  at.append(table(["at", element("th", { class: "left" }, "why"), "from step", "to step", "load then", "load expected"], hold.changes.map((one) => [
+  at.append(table(["at", element("th", { class: "left" }, "why"), "from step", "to step", "load then", "load expected"], quality.changes.map((one) => [
     `${one.at_seconds.toFixed(1)} s`, element("td", { class: "left" }, one.reason.why === "overload" ? "pictures took too long" : "there was time to spare"), String(one.from_step), String(one.to_step), percent(one.reason.load), percent(one.reason.predicted_load)])));
 }
 

@@ -230,7 +230,7 @@ fn report(recording: &Recording, terms: &Terms) -> Report {
         shown: Measured {
             placement: placement(),
             skipped: app_pipeline::lanes::Skipped::default(),
-            hold: QualityController::new(terms.display_period, QualityMode::Fixed(0)).figures(),
+            quality: QualityController::new(terms.display_period, QualityMode::Fixed(0)).figures(),
             measured: Summary::new(recording, terms),
         },
         memory: Memory {

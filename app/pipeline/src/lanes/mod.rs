@@ -8,7 +8,7 @@
 //! leaves the rest out, and what is left out is counted. Each person has their own motion, NPU and CPU lane (`person.rs`). The
 //! GPU's lane is the thread that calls [`Lanes`], which is the display's, and draws all of them in one sort (`picture.rs`); it
 //! asks for the next picture's Gaussians before it draws this one's, so that the CPU makes them meanwhile. What is told of
-//! pictures (`shown.rs`) follows the first person.
+//! pictures (`shown.rs`) is recorded for each person.
 
 mod cpu;
 mod device;
@@ -30,10 +30,11 @@ mod triple_buffer;
 pub use display::{DisplayClock, Next, Tick};
 pub use motion::{MotionSource, Pose};
 pub use pausable::PausableSource;
+pub use people::FinishedPerson;
 pub use triple_buffer::{Reader, WakeSignal, Writer, triple_buffer};
 
 use crate::plan::Plan;
-use crate::profile::{Collector, Recorder};
+use crate::profile::Collector;
 use crate::quality::{Quality, QualityController, QualityFigures, QualityMode};
 use crate::timeline::LatencyMode;
 use people::People;
@@ -51,7 +52,7 @@ pub struct LaneOptions {
     /// What is done about the time from one motion frame to the next.
     pub latency: LatencyMode,
     /// What is done when the GPU cannot hold the display's rate.
-    pub hold: QualityMode,
+    pub quality: QualityMode,
     /// From one vertical blank of the display to the next.
     pub display_period: Duration,
 }
@@ -86,12 +87,11 @@ pub enum Drawn {
 pub struct Lanes<S: MotionSource> {
     people: People<S>,
     latency: LatencyMode,
-    recorder: Recorder,
     renderer: SplatRenderer,
     /// The renderer's device was lost, and the next one has not come yet.
     is_lost: bool,
     scenery: Scenery,
-    hold: QualityController,
+    controller: QualityController,
     /// What the picture being made is drawn with.
     quality: Quality,
     displayed: Option<Instant>,
@@ -111,11 +111,11 @@ struct Progress {
 impl<S: MotionSource> Lanes<S> {
     /// What was done to hold the display's rate so far.
     #[must_use]
-    pub fn hold(&self) -> QualityFigures {
-        self.hold.figures()
+    pub fn quality_figures(&self) -> QualityFigures {
+        self.controller.figures()
     }
 
-    /// What the first person's lanes and the GPU's told of themselves.
+    /// What the first person's lanes and the GPU's recorded.
     pub fn collector(&mut self) -> &mut Collector {
         let collector = &mut self.people.first.collector;
         collector.collect();

@@ -17,6 +17,17 @@ use std::sync::Arc;
 /// One part of a picture is the scenery's.
 const MOST_PEOPLE: usize = MOST_PARTS - 1;
 
+/// What is left of a person whose lanes were stopped.
+#[derive(Debug)]
+pub struct FinishedPerson<S> {
+    /// Where the poses came from, or the error that ended a lane before.
+    pub source: Result<S, ReceiverError>,
+    /// What the lanes recorded, and the GPU's of pictures with this person.
+    pub collector: Collector,
+    /// Providers that were given up, and for what.
+    pub provider_changes: Vec<ProviderChange>,
+}
+
 /// One person, and those who joined, in the order in which they did.
 #[derive(Debug)]
 pub(super) struct People<S: MotionSource> {
@@ -81,12 +92,19 @@ impl<S: MotionSource> People<S> {
         Ok(())
     }
 
-    /// Stops everybody's lanes: their sources in the order in which they joined, and what the first one's lanes told.
-    pub(super) fn finish(mut self) -> (Vec<Result<S, ReceiverError>>, Collector) {
-        let sources = (self.iter_mut()).map(|person| person.threads.finish());
-        let sources = sources.collect();
-        self.first.collector.collect();
-        (sources, self.first.collector)
+    /// Stops all lanes; what is left of each person, in the order in which they joined.
+    pub(super) fn finish(self) -> Vec<FinishedPerson<S>> {
+        let finish = |mut person: Person<S>| {
+            let source = person.threads.finish();
+            person.collector.collect();
+            FinishedPerson {
+                source,
+                provider_changes: person.changes.all(),
+                collector: person.collector,
+            }
+        };
+        let people = std::iter::once(self.first).chain(self.others);
+        people.map(finish).collect()
     }
 }
 
@@ -113,10 +131,8 @@ impl<S: MotionSource> Lanes<S> {
         }
         let count = u32::try_from(avatar.gaussians.len()).unwrap_or(u32::MAX);
         check_room(&self.renderer, self.room_taken().saturating_add(count))?;
-        // What they tell is not looked at: latencies are of the first person's states.
-        let told = Collector::of_little();
         let (renderer, latency) = (&self.renderer, self.latency);
-        let person = Person::start(avatar, inference, renderer, source, plan, latency, told)?;
+        let person = Person::start(avatar, inference, renderer, source, plan, latency)?;
         self.people.others.push(person);
         Ok(number)
     }
@@ -177,13 +193,6 @@ impl<S: MotionSource> Lanes<S> {
         self.people.first.changes.all()
     }
 
-    /// As [`Self::provider_changes`], of any person; none of one who has not joined.
-    #[must_use]
-    pub fn provider_changes_of(&self, person: usize) -> Vec<ProviderChange> {
-        let person = self.people.get(person);
-        person.map_or_else(Vec::new, |person| person.changes.all())
-    }
-
     /// A way to make the first person's inference fail.
     #[must_use]
     pub fn fault(&self) -> Fault {
@@ -196,19 +205,8 @@ impl<S: MotionSource> Lanes<S> {
         self.people.get(person).map(|person| person.fault.clone())
     }
 
-    /// Stops the lanes and gives back where the first person's poses came from, and what was recorded.
-    ///
-    /// # Errors
-    /// What ended a lane of theirs before.
-    pub fn finish(self) -> Result<(S, Collector), ReceiverError> {
-        let (sources, collector) = self.finish_all();
-        let first = sources.into_iter().next();
-        Ok((first.unwrap_or(Err(ReceiverError::LaneEnded))?, collector))
-    }
-
-    /// Stops the lanes and gives back where poses came from, for each person in the order in which they joined, or what ended a
-    /// lane of theirs; and what was recorded of the first one.
-    pub fn finish_all(self) -> (Vec<Result<S, ReceiverError>>, Collector) {
+    /// Stops the lanes; what is left of each person, in the order in which they joined.
+    pub fn finish(self) -> Vec<FinishedPerson<S>> {
         self.people.finish()
     }
 }

@@ -9,7 +9,7 @@ use super::threads::Threads;
 use super::triple_buffer::{Overwritten, Reader, WakeSignal, Writer, triple_buffer};
 use crate::error::ReceiverError;
 use crate::inference::{Fault, ProviderChanges};
-use crate::profile::Collector;
+use crate::profile::{Collector, Recorder};
 use glam::Affine3A;
 use renderer_splat::drawing::{Foreground, Part};
 use renderer_splat::renderer::SplatRenderer;
@@ -20,8 +20,9 @@ use std::time::Instant;
 #[derive(Debug)]
 pub(super) struct Person<S: MotionSource> {
     pub(super) threads: Threads<S>,
-    /// What these lanes tell.
+    /// What these lanes record, and the GPU's of this person's pictures.
     pub(super) collector: Collector,
+    pub(super) recorder: Recorder,
     pub(super) supply: Supply,
     pub(super) fault: Fault,
     pub(super) changes: ProviderChanges,

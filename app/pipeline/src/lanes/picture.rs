@@ -19,7 +19,7 @@ impl<S: MotionSource> Lanes<S> {
     pub fn begin(&mut self, tick: Tick) -> Result<Option<&MotionParams>, ReceiverError> {
         self.people.check()?;
         let begun = Instant::now();
-        self.quality = self.hold.quality();
+        self.quality = self.controller.quality();
         let level = self.quality.level;
         let at_once = |number| Request {
             number,
@@ -114,7 +114,7 @@ impl<S: MotionSource> Lanes<S> {
             Err(error) if error.is_device_lost() => return self.lose(&error),
             Err(error) => return Err(error.into()),
         }
-        self.tell_stages();
+        self.record_stages();
         Ok(Drawn::Picture)
     }
 }

@@ -8,8 +8,8 @@ use crate::stage::Stage;
 use std::time::{Duration, Instant};
 
 impl<S: MotionSource> Lanes<S> {
-    /// Takes note of when the picture is displayed: the end of its way, which is told of the first person while they are
-    /// there. The next one is begun then.
+    /// Takes note of when the picture is displayed: the end of its way, which is recorded for each person in it. The next one is begun
+    /// then.
     pub fn displayed(&mut self, at: Instant) {
         if self.record_displayed(at) {
             for person in self.people.iter_mut() {
@@ -42,11 +42,15 @@ impl<S: MotionSource> Lanes<S> {
         let gaussians = people.fold(scenery, |sum, person| {
             sum.saturating_add(person.gaussians(&self.renderer, level))
         });
-        let first = &self.people.first;
-        if let Some(view) = first.view() {
+        let number = self.number;
+        for person in self.people.iter_mut() {
+            let repeated = person.repeated;
+            let Some(view) = person.view() else {
+                continue;
+            };
             let [from, to] = view.states;
-            self.recorder.picture(PictureTimes {
-                number: self.number,
+            let picture = PictureTimes {
+                number,
                 from,
                 to,
                 alpha: view.alpha,
@@ -57,10 +61,11 @@ impl<S: MotionSource> Lanes<S> {
                 drawn: progress.drawn,
                 displayed: at,
                 predicted: progress.tick.predicted,
-                repeated: first.repeated,
+                repeated,
                 gaussians,
                 scale: resolution_scale,
-            });
+            };
+            person.recorder.picture(picture);
         }
         let views = || self.people.iter().filter_map(Person::view);
         // Somebody with another level's Gaussians says nothing about this one.
@@ -83,8 +88,8 @@ impl<S: MotionSource> Lanes<S> {
         let late_periods = (periods.round() as u32).saturating_sub(1);
         let times = self.renderer.stage_times();
         let posing = times.skin + times.attributes + times.interpolate;
-        self.hold.set_period(period);
-        let next = self.hold.picture(&PictureCost {
+        self.controller.set_period(period);
+        let next = self.controller.picture(&PictureCost {
             step: self.quality.step,
             pixels_ms: times.raster,
             gaussians_ms: times.upload + posing + times.project + times.bin,
@@ -96,8 +101,8 @@ impl<S: MotionSource> Lanes<S> {
         }
     }
 
-    /// Records what the device did for the picture just drawn.
-    pub(super) fn tell_stages(&mut self) {
+    /// Records, for each person, what the device did for the picture just drawn with all of them.
+    pub(super) fn record_stages(&mut self) {
         let (Some(progress), Some(time)) = (&mut self.drawing, self.renderer.picture_time()) else {
             return;
         };
@@ -107,28 +112,30 @@ impl<S: MotionSource> Lanes<S> {
             return;
         };
         progress.sorted = spans.sort[1];
-        let first = &mut self.people.first;
-        if let (Supply::Device(_), Some(view)) = (&first.supply, &mut first.view) {
-            view.interpolation = spans.interpolate;
-            let state = view.states[1].number;
-            for (stage, [begin, end]) in
-                [(Stage::Skin, spans.skin), (Stage::Bind, spans.attributes)]
-            {
-                if end > begin {
-                    self.recorder.span(stage, state, begin, end);
+        let number = self.number;
+        for person in self.people.iter_mut().filter(|person| !person.is_gone) {
+            if let (Supply::Device(_), Some(view)) = (&person.supply, &mut person.view) {
+                view.interpolation = spans.interpolate;
+                let state = view.states[1].number;
+                for (stage, [begin, end]) in
+                    [(Stage::Skin, spans.skin), (Stage::Bind, spans.attributes)]
+                {
+                    if end > begin {
+                        person.recorder.span(stage, state, begin, end);
+                    }
                 }
             }
-        }
-        for (stage, [begin, end]) in [
-            (Stage::Upload, spans.upload),
-            (Stage::Interpolate, spans.interpolate),
-            (Stage::Project, spans.project),
-            (Stage::Sort, spans.sort),
-            (Stage::Bin, spans.bin),
-            (Stage::Raster, spans.raster),
-        ] {
-            if end > begin {
-                self.recorder.span(stage, self.number, begin, end);
+            for (stage, [begin, end]) in [
+                (Stage::Upload, spans.upload),
+                (Stage::Interpolate, spans.interpolate),
+                (Stage::Project, spans.project),
+                (Stage::Sort, spans.sort),
+                (Stage::Bin, spans.bin),
+                (Stage::Raster, spans.raster),
+            ] {
+                if end > begin {
+                    person.recorder.span(stage, number, begin, end);
+                }
             }
         }
     }

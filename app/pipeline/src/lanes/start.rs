@@ -40,19 +40,17 @@ impl<S: MotionSource> Lanes<S> {
         options: &LaneOptions,
     ) -> Result<Self, ReceiverError> {
         let LaneOptions { plan, latency, .. } = *options;
-        let told = Collector::default();
         let scenery = Scenery::new(&renderer)?;
-        let mut first = Person::start(avatar, inference, &renderer, source, plan, latency, told)?;
+        let first = Person::start(avatar, inference, &renderer, source, plan, latency)?;
         check_room(&renderer, first.room())?;
         Ok(Self {
-            recorder: first.collector.recorder(Lane::Gpu),
             people: People::new(first),
             latency,
             renderer,
             is_lost: false,
             scenery,
             quality: Quality::of_step(0),
-            hold: QualityController::new(options.display_period, options.hold),
+            controller: QualityController::new(options.display_period, options.quality),
             displayed: None,
             number: 0,
             drawing: None,
@@ -61,7 +59,7 @@ impl<S: MotionSource> Lanes<S> {
 }
 
 impl<S: MotionSource> Person<S> {
-    /// Starts the lanes of one person, which tell `collector`.
+    /// Starts the lanes of one person.
     ///
     /// # Errors
     /// As [`Lanes::start`].
@@ -72,8 +70,8 @@ impl<S: MotionSource> Person<S> {
         source: S,
         plan: Plan,
         latency: LatencyMode,
-        mut collector: Collector,
     ) -> Result<Self, ReceiverError> {
+        let mut collector = Collector::default();
         let [npu_bell, cpu_bell] = [WakeSignal::default(), WakeSignal::default()];
         let none = motion::Posed::none;
         let (posed, posed_reader) = triple_buffer([none(), none(), none()], &npu_bell);
@@ -146,6 +144,7 @@ impl<S: MotionSource> Person<S> {
         threads.spawn("npu lane", move |stop| npu.run(stop))?;
         Ok(Self {
             threads,
+            recorder: collector.recorder(Lane::Gpu),
             collector,
             supply,
             fault,

@@ -156,26 +156,17 @@ pub struct Collector {
 
 impl Default for Collector {
     fn default() -> Self {
-        Self::with_room(SPANS, PICTURES)
+        Self {
+            queues: Vec::with_capacity(Lane::ALL.len()),
+            lost: Arc::default(),
+            spans: VecDeque::with_capacity(SPANS),
+            pictures: VecDeque::with_capacity(PICTURES),
+            known_since: None,
+        }
     }
 }
 
 impl Collector {
-    /// One that nobody reads, and that is there so that queues are emptied: it keeps next to nothing.
-    pub(crate) fn of_little() -> Self {
-        Self::with_room(1, 1)
-    }
-
-    fn with_room(spans: usize, pictures: usize) -> Self {
-        Self {
-            queues: Vec::with_capacity(Lane::ALL.len()),
-            lost: Arc::default(),
-            spans: VecDeque::with_capacity(spans),
-            pictures: VecDeque::with_capacity(pictures),
-            known_since: None,
-        }
-    }
-
     /// Another lane's recorder.
     pub fn recorder(&mut self, lane: Lane) -> Recorder {
         let (queue, consumer) = RingBuffer::new(QUEUE);

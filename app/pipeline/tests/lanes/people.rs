@@ -7,7 +7,9 @@ use app_pipeline::inference::Inference;
 use app_pipeline::lanes::MotionSource;
 use app_pipeline::plan::Plan;
 use app_pipeline::profile::Profile;
+use app_pipeline::profile::Collector;
 use app_pipeline::quality::QualityMode;
+use app_pipeline::stage::Stage as Work;
 use glam::{Affine3A, Quat, Vec3};
 use renderer_splat::camera::Camera;
 use renderer_splat::error::RenderError;
@@ -171,10 +173,21 @@ fn who_leaves_goes_out_of_the_picture_and_the_others_stay() {
         let seen: Vec<bool> = stage.lanes.poses().map(|pose| pose.is_some()).collect();
         assert_eq!(seen, [leaves != 0, leaves != 1], "who is there");
         assert!(!stage.lanes.is_over(), "one goes on");
-        let (sources, _) = stage.lanes.finish_all();
-        let over = (sources.iter()).map(|source| source.as_ref().expect("a source").is_over());
+        let finished = stage.lanes.finish();
+        let over = (finished.iter()).map(|one| one.source.as_ref().expect("a source").is_over());
         let over: Vec<bool> = over.collect();
         assert_eq!(over, [leaves == 0, leaves == 1], "both come back");
+        let [stayed, left] = [1 - leaves, leaves].map(|one| &finished[one].collector);
+        let last = |collector: &Collector| collector.pictures().last().map(|one| one.number);
+        assert!(last(left).is_some(), "pictures of each are recorded");
+        assert!(last(left) < last(stayed), "while they are in them");
+        for stage in [Work::Inference, Work::Project] {
+            let is_recorded = |collector: &Collector| {
+                let mut spans = collector.spans();
+                spans.any(|span| span.stage == stage)
+            };
+            assert!(is_recorded(left) && is_recorded(stayed), "{stage:?} of each");
+        }
     }
 }
 
@@ -252,10 +265,10 @@ fn two_people_lose_quality_together() {
     let few = loop {
         stage.picture();
         let last = *stage.lanes.collector().pictures().last().expect("one");
-        if stage.lanes.hold().quality.level == 3 && last.gaussians < 2_000 {
+        if stage.lanes.quality_figures().quality.level == 3 && last.gaussians < 2_000 {
             break last.gaussians;
         }
-        assert!(Instant::now() < until, "{:?}", stage.lanes.hold());
+        assert!(Instant::now() < until, "{:?}", stage.lanes.quality_figures());
     };
     assert_eq!(few, 2 * 700, "35 % of each");
 }

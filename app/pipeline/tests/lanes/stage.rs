@@ -139,7 +139,7 @@ impl Stage {
         plan: Plan,
         providers: &[Provider],
         swing: Swing,
-        (hertz, hold): (f64, QualityMode),
+        (hertz, quality): (f64, QualityMode),
     ) -> Option<Self> {
         static ALONE: Mutex<()> = Mutex::new(());
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -159,7 +159,7 @@ impl Stage {
         let options = LaneOptions {
             plan,
             latency: LatencyMode::Interpolate,
-            hold,
+            quality,
             display_period: Duration::from_secs_f64(1.0 / hertz),
         };
         let lanes =

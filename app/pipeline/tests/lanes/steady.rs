@@ -2,7 +2,7 @@
 
 use crate::people::{places, plate};
 use crate::stage::{BLACK, CPU, SIDE, Stage, Swing};
-use app_pipeline::lanes::{Next, Tick};
+use app_pipeline::lanes::{FinishedPerson, Next, Tick};
 use app_pipeline::plan::Plan;
 use app_pipeline::quality::QualityMode;
 use glam::{Affine3A, Vec3};
@@ -110,7 +110,10 @@ fn motion_that_comes_faster_than_it_can_be_shown_is_left_out_and_never_waited_fo
         "poses queue up: {waited:?} before the NPU lane takes one"
     );
     let newest = last.to.number;
-    let (swing, collector) = stage.lanes.finish().expect("the lanes end");
+    let FinishedPerson {
+        source, collector, ..
+    } = stage.lanes.finish().swap_remove(0);
+    let swing = source.expect("the lanes end");
     let frames = 4000 - swing.left;
     let inferred = collector
         .spans()
@@ -137,7 +140,7 @@ fn quality_is_given_up_for_a_rate_that_cannot_be_held_and_nothing_is_hidden() {
             return;
         };
         stage.run(Duration::from_secs(3));
-        let figures = stage.lanes.hold();
+        let figures = stage.lanes.quality_figures();
         assert!(figures.quality.step > 0, "{plan}: {figures:?}");
         assert!(figures.missed_periods > 0, "{plan}: misses are counted");
         let last = *stage.lanes.collector().pictures().last().expect("pictures");

@@ -2,6 +2,10 @@
 
 use app_pipeline::profile::Percentiles;
 use serde::Serialize;
+use std::time::Duration;
+
+/// Until a headset says its rate, Hz.
+pub(super) const REFRESH_HZ: f32 = 72.0;
 
 /// A headset's sessions.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -38,6 +42,14 @@ pub struct HeadsetFigures {
     pub opened: u32,
     /// Frames.
     pub frames: FrameFigures,
+}
+
+impl HeadsetFigures {
+    /// The display's period, as far as it is known.
+    #[must_use]
+    pub fn display_period(&self) -> Duration {
+        Duration::from_secs_f32(1.0 / self.display_hz.unwrap_or(REFRESH_HZ).max(1.0))
+    }
 }
 
 /// What became of a headset's frames.

@@ -1,18 +1,19 @@
-//! People in a headset: the loop that has everybody drawn for each of its frames, and comes back by itself when the runtime went.
+//! The headset as a display: the loop that has all people drawn for each of its frames, and comes back by itself when the runtime went.
 //!
-//! Which moment is drawn is the lanes' business, where people stand [`crate::presence`]'s, what the runtime is told
-//! `renderer_openxr`'s. The loop has a thread of its own, which is the lanes' GPU lane.
+//! Which moment is drawn is decided by the lanes, where people stand by [`crate::presence`], what the runtime is given by
+//! `renderer_openxr`. The loop has a thread of its own, which is the lanes' GPU lane.
 
+mod display;
 mod figures;
+mod frames;
+mod handle;
 mod hanging;
 mod notice;
 mod pace;
 mod panel;
-mod party;
-mod show;
 mod surroundings;
 
+pub use display::{FrameCapture, FrameObserver, HeadsetDisplay, PresentOptions};
 pub use figures::{FrameFigures, HeadsetFigures};
+pub use handle::HeadsetHandle;
 pub use notice::{NoticeBoard, show_notice};
-pub use party::{Gathered, HeadsetHandle, Party, Wishes, show_party};
-pub use show::{FrameObserver, HeadsetError, PresentConfig, Seen, show};

@@ -1,8 +1,9 @@
-//! A notice in the headset while there is nobody to see yet: who is waited for, what is being fetched, what is missing.
+//! A notice in the headset while there are no people to see yet: which sender is waited for, what is being fetched, what is missing.
 
 use super::hanging::{Spot, image};
-use super::party::{HeadsetHandle, close};
-use super::show::{HeadsetError, IDLE};
+use super::frames::IDLE;
+use super::handle::{HeadsetHandle, close};
+use crate::display::SessionError;
 use crate::overlay::{NOTICE_WIDTH_METRES, Notice, Panel};
 use app_pipeline::control::Control;
 use glam::Affine3A;
@@ -37,7 +38,7 @@ pub fn show_notice(
     board: &NoticeBoard,
     control: &Control,
     is_over: impl Fn() -> bool,
-) -> Result<(), HeadsetError> {
+) -> Result<(), SessionError> {
     let is_over = || is_over() || control.is_leaving();
     let mut present = Some(found);
     let mut outcome = Ok(());
@@ -46,7 +47,7 @@ pub fn show_notice(
         control.end_work();
         match session {
             Ok(Some(SessionEnd::Lost)) => log::warn!("the headset is gone; waiting for it"),
-            Err(HeadsetError::Headset(error)) if error.is_loss() => {
+            Err(SessionError::Headset(error)) if error.is_loss() => {
                 log::warn!("{error}; waiting for it");
             }
             ended => {
@@ -67,7 +68,7 @@ fn until_over(
     board: &NoticeBoard,
     control: &Control,
     is_over: &dyn Fn() -> bool,
-) -> Result<Option<SessionEnd>, HeadsetError> {
+) -> Result<Option<SessionEnd>, SessionError> {
     let options = SessionOptions {
         room: true,
         read_back: false,

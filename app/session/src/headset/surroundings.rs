@@ -1,11 +1,10 @@
 //! What is around the people: the viewer's room, a studio or a scene; where they stand in it; their shadows.
 
+use crate::display::LiveSession;
 use crate::presence::{Presence, Standing, Viewer, contact_shadow};
 use app_pipeline::error::ReceiverError;
-use app_pipeline::lanes::{Lanes, MotionSource};
 use renderer_openxr::eyes::Surround;
 use renderer_splat::gaussian::PackedGaussian;
-use spmm3::Skeleton;
 use std::time::{Duration, Instant};
 
 /// How a surrounding is called in reports.
@@ -17,7 +16,7 @@ pub(super) fn name(surround: Surround) -> &'static str {
     }
 }
 
-/// Everybody's place.
+/// Each person's place.
 #[derive(Debug, Default)]
 pub(super) struct Places {
     presence: Presence,
@@ -27,35 +26,34 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Puts everybody before the viewer again.
+    /// Puts all people before the viewer again.
     pub(super) fn recentre(&mut self) {
         self.presence.recentre();
     }
 
-    /// Puts everybody in their places for the picture that was begun, and their shadows below them.
-    pub(super) fn update<S: MotionSource>(
+    /// Puts all people in their places for the picture that was begun, and their shadows below them.
+    pub(super) fn update(
         &mut self,
-        lanes: &mut Lanes<S>,
-        skeletons: &[Skeleton],
+        people: &mut LiveSession<'_>,
         viewer: &Viewer,
     ) -> Result<(), ReceiverError> {
         let now = Instant::now();
         let elapsed = (self.updated.replace(now))
             .map_or(Duration::ZERO, |last| now.saturating_duration_since(last));
         self.standing.clear();
-        let poses = lanes.poses().zip(skeletons);
+        let poses = people.lanes.poses().zip(people.avatars);
         self.standing
-            .extend(poses.map(|(motion, skeleton)| Standing::of(skeleton, motion?)));
+            .extend(poses.map(|(motion, avatar)| Standing::of(&avatar.skeleton, motion?)));
         let places = self.presence.update(viewer, &self.standing, elapsed);
         self.shadows.clear();
         for (person, (floor_from_person, standing)) in places.iter().zip(&self.standing).enumerate()
         {
-            lanes.place(person, *floor_from_person);
+            people.lanes.place(person, *floor_from_person);
             if let Some(standing) = standing {
                 let shadow = contact_shadow(standing, floor_from_person);
                 self.shadows.extend_from_slice(shadow.gaussians());
             }
         }
-        lanes.set_scenery(&self.shadows)
+        people.lanes.set_scenery(&self.shadows)
     }
 }

@@ -57,15 +57,15 @@ impl OverlayWatch {
         period: Duration,
     ) -> OverlayFigures {
         self.placement.follow(lanes.provider_changes());
-        let hold = lanes.hold();
-        self.figures(lanes.collector(), &hold, period, Instant::now())
+        let quality = lanes.quality_figures();
+        self.figures(lanes.collector(), &quality, period, Instant::now())
     }
 
     /// The same of what lanes have told until `now`.
     pub(super) fn figures(
         &mut self,
         collector: &Collector,
-        hold: &QualityFigures,
+        quality: &QualityFigures,
         period: Duration,
         now: Instant,
     ) -> OverlayFigures {
@@ -76,7 +76,7 @@ impl OverlayWatch {
         let figures = PictureFigures::new(&recording, period);
         let occupancy = Occupancy::new(&recording, |stage| units[stage as usize]);
         let latency = LatencyBreakdown::new(pictures, None);
-        let has_begun = hold.pictures > 0;
+        let has_begun = quality.pictures > 0;
         let (kbit_s, loss) = self.network(now);
         OverlayFigures {
             shown_hz: has_begun.then_some(figures.per_second),
@@ -95,7 +95,7 @@ impl OverlayWatch {
                     }
                 })
                 .collect(),
-            late_in_all: has_begun.then_some(hold.late_pictures),
+            late_in_all: has_begun.then_some(quality.late_pictures),
             units: Unit::ALL.map(|unit| {
                 let share = occupancy.units.iter().find(|busy| busy.who == unit)?.share;
                 let is_placed = units.contains(&unit) && !pictures.is_empty();
@@ -116,7 +116,7 @@ impl OverlayWatch {
                 self.placement.plan, self.placement.provider
             )),
             gaussians: pictures.last().map(|one| one.gaussians),
-            quality: Some(hold.quality),
+            quality: Some(quality.quality),
         }
     }
 

@@ -8,9 +8,11 @@ pub(crate) use placement::headed;
 
 use app_pipeline::lanes::Skipped;
 use app_pipeline::placement::PlacementReport;
-use app_pipeline::profile::{Occupancy, PictureFigures, StageSummary, Summary};
+use app_pipeline::profile::{Occupancy, PictureFigures, Recording, StageSummary, Summary, Terms};
 use app_pipeline::quality::QualityFigures;
+use app_session::session::{PersonReport, SessionReport};
 use serde::Serialize;
+use std::time::{Duration, Instant};
 
 /// Columns that lines have at most.
 const COLUMNS: usize = 110;
@@ -25,12 +27,53 @@ pub struct Measured {
     /// What lanes left out because something newer had come, since the call began.
     pub skipped: Skipped,
     /// What was done to hold the display's rate.
-    pub hold: QualityFigures,
+    pub quality: QualityFigures,
     /// Of the measured time, or of its last half minute.
     pub measured: Summary,
 }
 
+/// What is known of a session beside what its lanes recorded.
+#[derive(Debug, Clone, Copy)]
+pub struct SessionTerms {
+    /// When measuring began and ended.
+    pub time: [Instant; 2],
+    /// From one refresh of the display to the next.
+    pub display_period: Duration,
+    /// Motion frames a second.
+    pub motion_hz: f64,
+    /// What the sender needed to encode a frame, if that is known.
+    pub encode: Option<Duration>,
+}
+
+impl SessionTerms {
+    /// One person's recording, and what its figures are of.
+    #[must_use]
+    pub fn recording(&self, person: &PersonReport) -> (Recording, Terms) {
+        let [begin, end] = self.time;
+        let terms = Terms {
+            display_period: self.display_period,
+            motion_hz: self.motion_hz,
+            units: person.placement.units(),
+            encode: self.encode,
+            lost_events: person.collector.lost(),
+        };
+        (Recording::new(&person.collector, begin, end), terms)
+    }
+}
+
 impl Measured {
+    /// What the lanes of one person of a session measured.
+    #[must_use]
+    pub fn of(session: &SessionReport, person: &PersonReport, terms: &SessionTerms) -> Self {
+        let (recording, terms) = terms.recording(person);
+        Self {
+            placement: person.placement.clone(),
+            skipped: session.skipped,
+            quality: session.quality.clone(),
+            measured: Summary::new(&recording, &terms),
+        }
+    }
+
     /// Where stages run and what else was tried, what each takes, how lanes overlap, and latency in parts.
     #[must_use]
     pub fn tables(&self) -> Vec<String> {
@@ -55,7 +98,7 @@ impl Measured {
     pub fn totals(&self) -> Vec<String> {
         let of = &self.measured;
         let mut lines = vec![pictures(&of.pictures, of.display_hz)];
-        lines.extend(quality(&self.hold));
+        lines.extend(quality(&self.quality));
         let s = &self.skipped;
         lines.push(format!(
             "{:<HEADING$}{} poses, {} inferences, {} requests for pictures, {} interpolations: something newer had come",
@@ -111,23 +154,23 @@ fn pictures(p: &PictureFigures, display_hz: f64) -> String {
 const CHANGES: usize = 4;
 
 /// Which quality was drawn for how long, and why it changed last; nothing where it did not.
-fn quality(hold: &QualityFigures) -> Vec<String> {
-    if hold.change_count == 0 {
+fn quality(figures: &QualityFigures) -> Vec<String> {
+    if figures.change_count == 0 {
         return Vec::new();
     }
     let mut lines = vec![format!(
         "{:<HEADING$}changed {} times to hold the rate",
-        "quality", hold.change_count
+        "quality", figures.change_count
     )];
-    let drawn = hold.steps.iter().filter(|step| step.pictures > 0);
+    let drawn = figures.steps.iter().filter(|step| step.pictures > 0);
     lines.extend(drawn.map(|step| {
         format!(
             "{:<HEADING$}{:6.1} s, {:>5} pictures: {}",
             "", step.seconds, step.pictures, step.quality
         )
     }));
-    let last = hold.changes.len().saturating_sub(CHANGES);
-    let changes = hold.changes.iter().skip(last);
+    let last = figures.changes.len().saturating_sub(CHANGES);
+    let changes = figures.changes.iter().skip(last);
     lines.extend(changes.map(|change| format!("{:<HEADING$}{change}", "")));
     lines
 }

@@ -5,24 +5,23 @@ use crate::children::{LocalServer, Process};
 use crate::commands::receive::wait_for_sender;
 use crate::network::Network;
 use anyhow::Context;
-use app_session::call::Call;
-use link_call::Viewer;
+use app_session::participant::{NetworkContext, Origin, Participant};
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::{Announcement, RoomLink};
 use serde_json::Value;
-use spmm3::Skeleton;
+use spmm3::Avatar;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use tempfile::TempDir;
 
-/// A room with a sender in it, which begins to perform when somebody joins.
+/// A room with a sender in it, which begins to perform when a viewer joins.
 pub(super) struct Room {
-    network: Network,
-    client: Client,
-    clock: Clock,
+    // Before the threads end that hang up on it.
+    _network: Network,
+    context: NetworkContext,
     link: RoomLink,
     announced: Announcement,
     /// Becomes true on Ctrl-C.
@@ -41,7 +40,6 @@ impl Room {
         let server = LocalServer::start(folder.path())?;
         let network = Network::start()?;
         let client = Client::new(None)?;
-        let clock = Clock::start();
         let stop = network.stop_on_signal();
         let (sender_link, link) = network.block_on(server.open_room(&client))?;
         let sent = folder.path().join("sent.json");
@@ -59,9 +57,12 @@ impl Room {
         let sender = Process::start_sender(arguments, &server.owner_token)?;
         let announced = network.block_on(wait_for_sender(&client, &link, &stop))?;
         Ok(announced.map(|announced| Self {
-            network,
-            client,
-            clock,
+            context: NetworkContext {
+                network: network.handle(),
+                client,
+                clock: Clock::start(),
+            },
+            _network: network,
             link,
             announced,
             stop,
@@ -72,18 +73,21 @@ impl Room {
         }))
     }
 
-    /// Joins as a viewer of a person with this `skeleton`: the performance begins.
-    pub(super) fn join(&self, skeleton: &Skeleton) -> Call {
-        let (client, link) = (self.client.clone(), self.link.clone());
-        let viewer = self
-            .network
-            .block_on(async { Viewer::join(client, link, self.clock) });
-        Call::new(viewer, self.announced, skeleton, self.clock)
+    /// The sender, as a session takes it: the performance begins when the session joins.
+    pub(super) fn participant(&self, avatar: &Arc<Avatar>) -> Participant {
+        Participant {
+            avatar: Arc::clone(avatar),
+            sits: false,
+            origin: Origin::Room {
+                link: self.link.clone(),
+                announced: self.announced,
+                network: self.context.clone(),
+            },
+        }
     }
 
-    /// Ends the call and everybody in it, and returns what the sender measured.
-    pub(super) fn close(self, call: Call) -> anyhow::Result<Value> {
-        self.network.block_on(call.hang_up());
+    /// Ends the sender and the server, and returns what the sender measured.
+    pub(super) fn close(self) -> anyhow::Result<Value> {
         self.sender.stop()?;
         self.server.stop()?;
         let text = std::fs::read(&self.sent).context("cannot read the sender's figures")?;

@@ -1,27 +1,31 @@
 //! `mon3tr profile`: a real call on this machine, and where its milliseconds go: a table, JSON, a trace and a page.
 
 mod call;
-mod drive;
+mod watch;
 
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::commands::send;
-use crate::device_options::{DeviceOptions, make_folder};
+use crate::device_options::{DeviceOptions, compiled, inference_backends, make_folder};
+use crate::flat;
 use crate::lanes::LaneChoices;
-use crate::live::ViewReport;
 use crate::network;
 use crate::performance::MotionOptions;
 use crate::report::check_writable;
 use crate::size::{DEFAULT_SIZE, Size, Views};
 use crate::stills::load_avatar;
-use anyhow::{Context, ensure};
-use app_pipeline::profile::{Recording, Summary, Terms};
+use anyhow::{Context, bail, ensure};
+use app_pipeline::control::Control;
+use app_pipeline::error::in_full;
+use app_pipeline::quality::QualityMode;
+use app_session::display::OffscreenDisplay;
+use app_session::session::Session;
 use call::Room;
-use drive::{Driven, Wanted, drive};
-use profile_report::machine::{EVERY, Sysfs, Watch};
-use profile_report::{Conditions, Files, Measured, Memory, Report};
+use profile_report::machine::{self, EVERY, Sysfs};
+use profile_report::{Conditions, Files, Measured, Memory, Report, SessionTerms};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use watch::Watch;
 
 /// Where the person is seen from.
 const CAMERA: &str = "front";
@@ -109,40 +113,36 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let Some(room) = Room::open(options, &package)? else {
         return Ok(());
     };
-    let watch = Watch::start(vec![Box::new(Sysfs::new(Path::new("/sys")))], EVERY)
+    let machine = machine::Watch::start(vec![Box::new(Sysfs::new(Path::new("/sys")))], EVERY)
         .context("cannot watch the machine's heat and clocks")?;
-    let Driven {
-        shown:
-            ViewReport {
-                call,
-                collector,
-                placement,
-                skipped,
-                hold,
-            },
-        begin,
-        end,
-        onnx_runtime_bytes,
-        device_bytes,
-    } = drive(&Wanted {
-        options,
-        gpu: &gpu,
-        runtime: &runtime,
-        avatar: &avatar,
-        room: &room,
-    })?;
+    let mut watch = Watch::new(options, &gpu, &room.stop)?;
+    let compiled = compiled()?;
+    let quality = if options.hold {
+        QualityMode::Adapt
+    } else {
+        QualityMode::Fixed(0)
+    };
+    let config = (options.lanes).session(inference_backends(&runtime, &compiled), quality);
+    let participants = vec![room.participant(&avatar)];
+    let viewpoint = CAMERA.parse()?;
+    let needs = flat::needs(&gpu, options.size, options.views(), &viewpoint, options.display_hz);
+    let session = Session::new(config, participants, Control::default())
+        .run(&mut OffscreenDisplay::new(needs, None, &mut watch))?;
+    let time = watch.time(session.ended)?;
     // Before anything is made of it: that takes memory too.
-    let memory = Memory::now(device_bytes, onnx_runtime_bytes);
-    let machine = watch.finish(begin, end);
-    let call_figures = call.figures();
-    let sent = room.close(call)?;
-    let recording = Recording::new(&collector, begin, end);
-    let terms = Terms {
+    let memory = Memory::now(watch.device_bytes, watch.onnx_runtime_bytes);
+    let machine = machine.finish(time[0], time[1]);
+    let sent = room.close()?;
+    let person = session.people.first().context("there was no person")?;
+    let call = match &person.call {
+        Ok(call) => call.as_ref().map(|call| call.figures.clone()),
+        Err(error) => bail!("the call ended: {}", in_full(error)),
+    };
+    let terms = SessionTerms {
+        time,
         display_period: Duration::from_secs_f64(1.0 / options.display_hz),
         motion_hz: options.rate,
-        units: placement.units(),
         encode: mean_encode(&sent),
-        lost_events: collector.lost(),
     };
     let Size { width, height } = options.size;
     let report = Report {
@@ -152,24 +152,20 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             vulkan_device: gpu.info().name.clone(),
             vulkan_driver: gpu.info().driver.clone(),
             onnx_runtime: runtime.version().to_owned(),
-            provider: placement.provider.to_string(),
+            provider: person.placement.provider.to_string(),
             width,
             height,
             views: options.views().count(),
             latency: format!("{:?}", options.lanes.latency).to_lowercase(),
             cores: cores(),
         },
-        shown: Measured {
-            placement,
-            skipped,
-            hold,
-            measured: Summary::new(&recording, &terms),
-        },
+        shown: Measured::of(&session, person, &terms),
         memory,
         machine,
-        call: Some(call_figures),
+        call,
         sent,
     };
+    let (recording, terms) = terms.recording(person);
     print!("{}", report.table());
     let files = Files {
         json: options.json.clone(),

@@ -1,9 +1,9 @@
-//! Pictures of what both eyes got, kept while somebody wears the headset.
+//! Pictures of what both eyes got, kept while the session is shown in a headset.
 
 use crate::film::write_png;
 use crate::moments::Moments;
 use crate::until::Until;
-use app_session::headset::{FrameObserver, Seen};
+use app_session::headset::{FrameCapture, FrameObserver};
 use image::{RgbImage, imageops};
 use renderer_openxr::eyes::EyePicture;
 use std::path::{Path, PathBuf};
@@ -20,11 +20,9 @@ const GREY: f32 = 0.45;
 /// Decides when to leave, and keeps some of the pictures.
 #[derive(Debug)]
 pub(super) struct Album<'a> {
-    pub(super) until: &'a Until,
-    /// Leave after so many.
-    pub(super) frames: Option<u64>,
+    until: &'a Until,
     /// Whether pictures are kept at all.
-    pub(super) keeps: bool,
+    keeps: bool,
     /// Frames from one that is looked at to the next.
     apart: u64,
     moments: Moments,
@@ -32,12 +30,11 @@ pub(super) struct Album<'a> {
 }
 
 impl<'a> Album<'a> {
-    pub(super) fn new(until: &'a Until, frames: Option<u64>, keeps: bool) -> Self {
+    pub(super) fn new(until: &'a Until, keeps: bool) -> Self {
         Self {
             until,
-            frames,
             keeps,
-            apart: frames.map_or(APART, |all| (all / LOOKED_AT).clamp(1, APART)),
+            apart: (until.frames).map_or(APART, |all| (all / LOOKED_AT).clamp(1, APART)),
             moments: Moments::default(),
             last: None,
         }
@@ -69,18 +66,18 @@ impl<'a> Album<'a> {
 
 impl FrameObserver for Album<'_> {
     fn is_over(&self, shown: u64) -> bool {
-        self.until.is_over() || self.frames.is_some_and(|frames| shown >= frames)
+        self.until.is_over(shown)
     }
 
-    fn wants(&mut self, shown: u64, somebody: bool) -> bool {
-        let is_last = self.frames == Some(shown + 1);
+    fn wants_pictures(&mut self, shown: u64, has_people: bool) -> bool {
+        let is_last = self.until.frames == Some(shown + 1);
         self.keeps
-            && somebody
+            && has_people
             && (is_last || self.last.is_none() || shown.is_multiple_of(self.apart))
     }
 
-    fn seen(&mut self, seen: Seen<'_>) {
-        let [Some(left), Some(right)] = seen.pictures.map(opaque) else {
+    fn captured(&mut self, frame: FrameCapture<'_>) {
+        let [Some(left), Some(right)] = frame.pictures.map(opaque) else {
             return;
         };
         self.moments.offer(&left);
@@ -88,7 +85,7 @@ impl FrameObserver for Album<'_> {
     }
 }
 
-/// A picture as somebody sees it who stands before something grey.
+/// A picture as it is seen before something grey.
 fn opaque(picture: EyePicture) -> Option<RgbImage> {
     let behind = GREY * 255.0;
     let rgb = (picture.rgba.as_chunks::<4>().0.iter())

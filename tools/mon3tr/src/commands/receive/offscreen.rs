@@ -1,81 +1,126 @@
-//! `--display offscreen`: the call as pictures on disk, as a display of 60 Hz would show it.
+//! `--display offscreen`: the session as pictures on disk, as a display of 60 Hz would show it.
 
 use super::Options;
 use crate::film::{Film, write_png};
-use crate::live::{LiveView, Moment};
+use crate::flat::{self, display_error};
+use crate::gaze::Gaze;
 use crate::moments::Moments;
-use crate::screen::Screen;
+use crate::size::{Size, Views};
 use crate::stills::{compose_views, read_views};
 use crate::until::Until;
 use crate::viewpoint::{Viewpoint, eyes};
-use app_pipeline::lanes::Drawn;
+use app_session::display::{
+    DrawnPicture, LiveSession, PictureObserver, SessionError, Standpoint,
+};
 use image::{RgbImage, imageops};
-use std::time::{Duration, Instant};
+use renderer_splat::camera::Camera;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-/// Pause before looking again whether there is somebody to be seen.
-const WAITING: Duration = Duration::from_millis(5);
-
-/// Draws the call until it is over.
-pub(super) fn run(screen: &mut Screen<'_>, options: &Options, until: &Until) -> anyhow::Result<()> {
-    let folder = options.folder();
-    let mut film = Film::start(folder.join("animation.webp"));
-    let mut moments = Moments::default();
-    let mut first = None;
-    let mut last = None;
-    while !until.is_over() && !screen.live.lanes.is_over() {
-        screen.live.display.wait();
-        let begun = Instant::now();
-        let Some(moment) = screen.begin()? else {
-            std::thread::sleep(WAITING);
-            continue;
-        };
-        let viewpoint = screen.seen_from(options.camera);
-        let Some(picture) = draw(&mut screen.live, &viewpoint, &moment)? else {
-            continue;
-        };
-        moments.offer(&picture);
-        film.offer(&picture, begun - *first.get_or_insert(begun));
-        last = Some(picture);
-    }
-    let Some(last) = last else {
-        return Ok(());
-    };
-    screen.pictures.push(film.finish()?);
-    for (name, picture) in [("moments.png", &moments.sheet()), ("last.png", &last)] {
-        let file = folder.join(name);
-        write_png(&file, picture)?;
-        screen.pictures.push(file);
-    }
-    Ok(())
+/// Keeps pictures of a session.
+pub(super) struct Pictures<'a> {
+    until: &'a Until,
+    viewpoint: Viewpoint,
+    size: Size,
+    views: Views,
+    /// Moves the camera, if there is one.
+    pub(super) gaze: Option<Gaze>,
+    film: Film,
+    moments: Moments,
+    last: Option<RgbImage>,
+    first: Option<Instant>,
+    shown: u64,
 }
 
-/// One picture of the moment; both eyes' side by side. Nothing if the device was lost meanwhile.
-fn draw(
-    live: &mut LiveView,
-    viewpoint: &Viewpoint,
-    moment: &Moment,
-) -> anyhow::Result<Option<RgbImage>> {
-    let setting = live.setting().clone();
-    let size = setting.size;
-    let camera = viewpoint.camera(moment.floor, moment.heading, size.width, size.height);
-    if let Drawn::Renewed(_) = live.draw(camera)? {
-        return Ok(None);
+impl<'a> Pictures<'a> {
+    pub(super) fn new(
+        options: &Options,
+        size: Size,
+        folder: &Path,
+        gaze: Option<Gaze>,
+        until: &'a Until,
+    ) -> Self {
+        Self {
+            until,
+            viewpoint: options.camera,
+            size,
+            views: options.views(),
+            gaze,
+            film: Film::start(folder.join("animation.webp")),
+            moments: Moments::default(),
+            last: None,
+            first: None,
+            shown: 0,
+        }
     }
-    let splatted = match read_views(live.lanes.renderer()) {
-        // The next picture finds that out again, and opens another.
-        Err(error) if error.is_device_lost() => return Ok(None),
-        views => views?,
-    };
-    live.displayed();
-    let skeleton = &live.avatar().skeleton;
-    let cameras = eyes(camera, setting.views);
-    let mut drawn = compose_views(&splatted, &cameras, skeleton, &moment.motion, &setting)?;
-    if drawn.len() == 1 {
-        return Ok(Some(drawn.swap_remove(0)));
+
+    /// Writes an animation of all of it, moments on one sheet, and the last picture. None if there was none.
+    pub(super) fn write(self, folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+        let Some(last) = self.last else {
+            return Ok(Vec::new());
+        };
+        let mut written = vec![self.film.finish()?];
+        for (name, picture) in [("moments.png", &self.moments.sheet()), ("last.png", &last)] {
+            let file = folder.join(name);
+            write_png(&file, picture)?;
+            written.push(file);
+        }
+        Ok(written)
     }
-    let mut both = RgbImage::new(size.width * setting.views.count(), size.height);
-    for (picture, x) in drawn.iter().zip([0, i64::from(size.width)]) {
-        imageops::replace(&mut both, picture, x, 0);
+
+    fn keep(&mut self, picture: DrawnPicture<'_>) -> anyhow::Result<()> {
+        let splatted = match read_views(picture.renderer) {
+            // The next picture finds that out again, and opens another.
+            Err(error) if error.is_device_lost() => return Ok(()),
+            views => views?,
+        };
+        let people = (picture.people.iter())
+            .map(|(avatar, motion, place)| (&avatar.skeleton, motion, *place));
+        let has_scene = picture.renderer.options().background.is_some();
+        let drawn = compose_views(&splatted, picture.cameras, people, has_scene)?;
+        let picture_of_all = beside(&drawn);
+        let since_first = picture.begun - *self.first.get_or_insert(picture.begun);
+        self.moments.offer(&picture_of_all);
+        self.film.offer(&picture_of_all, since_first);
+        self.last = Some(picture_of_all);
+        self.shown += 1;
+        Ok(())
     }
-    Ok(Some(both))
+}
+
+impl PictureObserver for Pictures<'_> {
+    fn is_over(
+        &mut self,
+        _session: &LiveSession<'_>,
+        _first: Option<Instant>,
+    ) -> Result<bool, SessionError> {
+        Ok(self.until.is_over(self.shown))
+    }
+
+    fn cameras(&mut self, people: &Standpoint) -> Vec<Camera> {
+        let mut viewpoint = flat::around(self.viewpoint, people, self.size);
+        if let Some(gaze) = &mut self.gaze {
+            viewpoint = gaze.follow(viewpoint, Instant::now());
+        }
+        let Size { width, height } = self.size;
+        let camera = viewpoint.camera(people.floor, people.heading, width, height);
+        eyes(camera, self.views)
+    }
+
+    fn drawn(&mut self, picture: DrawnPicture<'_>) -> Result<(), SessionError> {
+        self.keep(picture).map_err(display_error)
+    }
+}
+
+/// Views side by side.
+fn beside(views: &[RgbImage]) -> RgbImage {
+    let width = views.iter().map(RgbImage::width).sum();
+    let height = views.iter().map(RgbImage::height).max().unwrap_or(0);
+    let mut all = RgbImage::new(width, height);
+    let mut x = 0;
+    for view in views {
+        imageops::replace(&mut all, view, x, 0);
+        x += i64::from(view.width());
+    }
+    all
 }

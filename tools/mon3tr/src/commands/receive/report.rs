@@ -1,11 +1,17 @@
 //! What a call came to, as a table for people and as JSON for programs.
 
-use super::Fetched;
-use crate::screen::Watched;
+use super::people::{Download, Person};
+use super::screen::{Drawn, Shown};
+use crate::gaze::GazeFigures;
+use crate::report::Splatting;
+use crate::size::Size;
+use anyhow::anyhow;
+use app_pipeline::error::ReceiverError;
 use app_pipeline::profile::Percentiles;
-use app_session::call::CallFigures;
+use app_session::call::{CallEnd, CallFigures};
 use app_session::headset::HeadsetFigures;
-use profile_report::AvatarFigures;
+use app_session::participant::CallReport;
+use profile_report::{AvatarFigures, Measured, SessionTerms};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -16,52 +22,130 @@ pub(super) struct Report {
     download: Download,
     call: CallFigures,
     #[serde(skip_serializing_if = "Option::is_none")]
-    drawing: Option<Watched>,
+    drawing: Option<Drawing>,
     /// The headset that showed it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) headset: Option<HeadsetFigures>,
-    /// Who else was there.
+    headset: Option<HeadsetFigures>,
+    /// The people beside the first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) others: Vec<Other>,
+    others: Vec<Other>,
     pictures: Vec<PathBuf>,
 }
 
-/// Another person in the same room.
+/// Another person in the same session.
 #[derive(Debug, Serialize)]
-pub(super) struct Other {
-    pub(super) avatar: AvatarFigures,
-    pub(super) call: CallFigures,
+struct Other {
+    avatar: AvatarFigures,
+    download: Download,
+    call: CallFigures,
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    shown: Option<Measured>,
 }
 
-/// How the avatar came here.
+/// What pictures came to.
 #[derive(Debug, Serialize)]
-struct Download {
-    /// Bytes that crossed the network: none where the cache had it.
-    bytes: u64,
-    seconds: f64,
+struct Drawing {
+    views: u32,
+    width: u32,
+    height: u32,
+    splatting: Splatting,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gaze: Option<GazeFigures>,
+    /// Of the first person.
+    #[serde(flatten)]
+    shown: Measured,
+}
+
+impl Drawing {
+    /// The tables that `profile` prints.
+    fn print(&self) {
+        let of = &self.shown.measured;
+        let eyes = if self.views == 2 { "2 x " } else { "" };
+        println!(
+            "\npictures   {eyes}{} x {} pixels for a display of {:.0} Hz, the last {:.1} s",
+            self.width, self.height, of.display_hz, of.seconds
+        );
+        println!("splatting  {}", self.splatting);
+        print_measured(&self.shown);
+    }
+}
+
+fn print_measured(measured: &Measured) {
+    for line in measured.tables() {
+        println!("{line}");
+    }
+    println!();
+    for line in measured.totals() {
+        println!("{line}");
+    }
 }
 
 impl Report {
+    /// Of these people, and whether it came to a good end: if all people's calls failed, the last one's trouble is an error.
     pub(super) fn new(
-        avatar: AvatarFigures,
-        package: &Fetched,
-        call: CallFigures,
-        shown: Option<Watched>,
-    ) -> Self {
-        Self {
-            avatar,
-            download: Download {
-                bytes: package.downloaded,
-                seconds: package.seconds,
-            },
-            call,
-            pictures: shown
-                .as_ref()
-                .map_or_else(Vec::new, |shown| shown.pictures.clone()),
-            drawing: shown,
-            headset: None,
-            others: Vec::new(),
+        people: Vec<Person>,
+        shown: Shown,
+    ) -> anyhow::Result<(Self, anyhow::Result<()>)> {
+        let (drawn, calls) = match shown {
+            Shown::Undrawn(call) => (None, vec![(Ok(Some(*call)), None)]),
+            Shown::Drawn(drawn) => split(*drawn),
+        };
+        let count = people.len();
+        let (mut told, mut failed) = (Vec::new(), Vec::new());
+        for (number, (person, (call, measured))) in people.into_iter().zip(calls).enumerate() {
+            match call {
+                Ok(Some(CallReport { figures, end })) => {
+                    match end {
+                        Some(CallEnd::Failed(error)) => failed.push((number, error.into())),
+                        Some(CallEnd::AnotherAvatar(_)) => log::warn!(
+                            "a sender has come back as somebody else: join again to see them"
+                        ),
+                        Some(CallEnd::HungUp) | None => {}
+                    }
+                    told.push((person, figures, measured));
+                }
+                Ok(None) => {}
+                Err(error) => failed.push((number, anyhow::Error::from(error))),
+            }
         }
+        let all_failed = failed.len() == count;
+        let last = failed.pop_if(|_| all_failed);
+        let last = last.map(|(_, error): (_, anyhow::Error)| error.context("the call ended"));
+        for (number, error) in failed {
+            log::warn!("person {number}'s call ended: {error:#}");
+        }
+        let mut told = told.into_iter();
+        let Some((first, call, measured)) = told.next() else {
+            return Err(last.unwrap_or_else(|| anyhow!("there were no people to show")));
+        };
+        let others = told.map(|(person, call, shown)| Other {
+            avatar: person.figures,
+            download: person.download,
+            call,
+            shown,
+        });
+        let mut report = Self {
+            avatar: first.figures,
+            download: first.download,
+            call,
+            drawing: None,
+            headset: None,
+            others: others.collect(),
+            pictures: Vec::new(),
+        };
+        if let Some((drawn, shown)) = drawn.zip(measured) {
+            report.pictures = drawn.pictures;
+            report.headset = drawn.headset;
+            report.drawing = Some(Drawing {
+                views: drawn.views,
+                width: drawn.size.width,
+                height: drawn.size.height,
+                splatting: drawn.splatting,
+                gaze: drawn.gaze,
+                shown,
+            });
+        }
+        Ok((report, last.map_or(Ok(()), Err)))
     }
 
     pub(super) fn print(&self) {
@@ -135,17 +219,26 @@ impl Report {
                 gap.at_s
             );
         }
-        for Other { avatar, call } in &self.others {
-            println!(
-                "also     {}: {} Gaussians; {:.1} s, {} frames taken, {} lost",
-                avatar.name, avatar.gaussians, call.live_seconds, call.released, call.lost
-            );
-        }
         if let Some(headset) = &self.headset {
             print_headset(headset);
         }
         if let Some(drawing) = &self.drawing {
             drawing.print();
+        }
+        for Other {
+            avatar,
+            call,
+            shown,
+            ..
+        } in &self.others
+        {
+            println!(
+                "\nalso     {}: {} Gaussians; {:.1} s, {} frames taken, {} lost",
+                avatar.name, avatar.gaussians, call.live_seconds, call.released, call.lost
+            );
+            if let Some(shown) = shown {
+                print_measured(shown);
+            }
         }
         if !self.pictures.is_empty() {
             println!("\npictures");
@@ -154,6 +247,45 @@ impl Report {
             }
         }
     }
+}
+
+/// What pictures came to beside what each person's lanes measured.
+struct Pictures {
+    pictures: Vec<PathBuf>,
+    headset: Option<HeadsetFigures>,
+    gaze: Option<GazeFigures>,
+    views: u32,
+    size: Size,
+    splatting: Splatting,
+}
+
+/// A person's call, and what their lanes measured, if a picture was drawn.
+type Call = (Result<Option<CallReport>, ReceiverError>, Option<Measured>);
+
+fn split(drawn: Drawn) -> (Option<Pictures>, Vec<Call>) {
+    let session = drawn.session;
+    let measured: Vec<_> = (session.people.iter())
+        .map(|person| {
+            let call = person.call.as_ref().ok()?.as_ref()?;
+            let terms = SessionTerms {
+                time: [drawn.first?, session.ended],
+                display_period: drawn.display_period,
+                motion_hz: call.figures.announced.rate_hz,
+                encode: None,
+            };
+            Some(Measured::of(&session, person, &terms))
+        })
+        .collect();
+    let pictures = Pictures {
+        pictures: drawn.pictures,
+        headset: drawn.headset,
+        gaze: drawn.gaze,
+        views: drawn.views,
+        size: drawn.size,
+        splatting: Splatting::new(session.back_end, session.back_end_trial),
+    };
+    let calls = session.people.into_iter().map(|person| person.call);
+    (Some(pictures), calls.zip(measured).collect())
 }
 
 fn print_headset(headset: &HeadsetFigures) {

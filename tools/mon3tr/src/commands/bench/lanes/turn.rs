@@ -7,7 +7,7 @@ use crate::stills::RenderSettings;
 use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::{Context, ensure};
 use app_pipeline::inference::Inference;
-use app_pipeline::lanes::{DisplayClock, Drawn, LaneOptions, Lanes, Skipped};
+use app_pipeline::lanes::{DisplayClock, Drawn, FinishedPerson, LaneOptions, Lanes, Skipped};
 use app_pipeline::plan::Plan;
 use app_pipeline::profile::{Recording, Summary, Terms};
 use app_pipeline::quality::QualityMode;
@@ -94,7 +94,7 @@ impl Scene<'_> {
             plan: self.plan,
             latency: LatencyMode::Interpolate,
             // Every picture as good as the first, however long it takes.
-            hold: QualityMode::Fixed(0),
+            quality: QualityMode::Fixed(0),
             display_period: display.period(),
         };
         let clip = Clip::new(self.frames);
@@ -119,7 +119,10 @@ impl Scene<'_> {
         }
         let [begin, end] = measured.context("nothing was drawn")?;
         let skipped = lanes.skipped();
-        let (_, collector) = lanes.finish()?;
+        let FinishedPerson {
+            source, collector, ..
+        } = lanes.finish().swap_remove(0);
+        source?;
         let terms = Terms {
             display_period: display.period(),
             motion_hz: MOTION_RATE,

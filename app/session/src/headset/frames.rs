@@ -1,20 +1,21 @@
-//! The loop: a headset's frames, each with everybody in it, until the call or the session is over.
+//! The loop: a headset's frames, each with all people in it, until the session is over.
 //!
 //! When the runtime goes away (its service is restarted, the headset unplugged) the people stay: the headset is opened again, as
-//! often as it takes, and the call goes on meanwhile.
+//! often as it takes, and the calls go on meanwhile.
 
 use super::figures::HeadsetFigures;
 use super::pace::Pace;
 use super::panel::FiguresPanel;
 use super::surroundings::{Places, name};
+use super::display::{FrameCapture, FrameObserver};
+use crate::display::{LiveSession, SessionError};
 use crate::overlay::OverlayWatch;
 use crate::presence::Viewer;
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
-use app_pipeline::lanes::{Drawn, Lanes, MotionSource};
+use app_pipeline::lanes::Drawn;
 use app_pipeline::profile::Percentiles;
-use renderer_openxr::error::XrError;
-use renderer_openxr::eyes::{EyePicture, Surround};
+use renderer_openxr::eyes::Surround;
 use renderer_openxr::frame::{Eyes, Frame};
 use renderer_openxr::headset::{Headset, HeadsetOptions};
 use renderer_openxr::input::Controls;
@@ -22,7 +23,6 @@ use renderer_openxr::runtime::Runtime;
 use renderer_openxr::session::{Session, SessionEnd, SessionOptions};
 use renderer_splat::options::RendererOptions;
 use renderer_splat::renderer::SplatRenderer;
-use spmm3::Skeleton;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -35,124 +35,6 @@ const FAREWELL: Duration = Duration::from_secs(3);
 /// As many samples as percentiles are made of: ten minutes at 90 Hz.
 const MOST_SAMPLES: usize = 54_000;
 
-/// What ended the showing.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum HeadsetError {
-    /// The headset cannot be shown anything.
-    #[error(transparent)]
-    Headset(#[from] XrError),
-    /// Nothing can be drawn any longer.
-    #[error(transparent)]
-    Receiver(ReceiverError),
-    /// No avatars were given.
-    #[error("there is nobody to show")]
-    Nobody,
-    /// It was over before it began.
-    #[error("left before anything was shown")]
-    Left,
-    /// There is no thread for the frames.
-    #[error("cannot start the thread of the headset's frames")]
-    Thread(#[source] std::io::Error),
-    /// The thread of the frames panicked, which it says itself.
-    #[error("the thread of the headset's frames panicked")]
-    Panicked,
-}
-
-impl From<ReceiverError> for HeadsetError {
-    fn from(error: ReceiverError) -> Self {
-        match error {
-            ReceiverError::Left => Self::Left,
-            error => Self::Receiver(error),
-        }
-    }
-}
-
-/// What is shown, and how.
-#[derive(Debug)]
-pub struct PresentConfig {
-    /// To open the headset again.
-    pub runtime: Runtime,
-    /// As the headset was opened.
-    pub options: HeadsetOptions,
-    /// What sessions are made for.
-    pub session: SessionOptions,
-    /// Of the people, in the order in which they joined.
-    pub skeletons: Vec<Skeleton>,
-    /// What the panel of figures tells.
-    pub overlay: OverlayWatch,
-    /// Pauses it, and ends it.
-    pub control: Control,
-}
-
-/// Who looks on, beside the one who wears the headset.
-pub trait FrameObserver: Send {
-    /// Whether it is time to leave. `shown` frames were shown so far.
-    fn is_over(&self, shown: u64) -> bool;
-
-    /// Whether both eyes' pictures of the frame after `shown` others are wanted; `somebody` is in it.
-    fn wants(&mut self, shown: u64, somebody: bool) -> bool;
-
-    /// A frame that was wanted.
-    fn seen(&mut self, seen: Seen<'_>);
-}
-
-/// What the eyes got.
-#[derive(Debug)]
-pub struct Seen<'a> {
-    /// So many frames were shown before.
-    pub number: u64,
-    /// Where the eyes were.
-    pub eyes: &'a Eyes,
-    /// Left and right.
-    pub pictures: [EyePicture; 2],
-}
-
-/// Shows everybody in the headset until the call is over, the viewer leaves, or the watcher says so. Waits for that.
-///
-/// # Errors
-/// What keeps it from going on. That the runtime or the device goes away does not.
-pub fn show<S: MotionSource>(
-    lanes: &mut Lanes<S>,
-    headset: Headset,
-    showing: PresentConfig,
-    watcher: &mut dyn FrameObserver,
-) -> Result<HeadsetFigures, HeadsetError> {
-    let PresentConfig {
-        runtime,
-        options,
-        session,
-        skeletons,
-        overlay,
-        control,
-    } = showing;
-    let mut frames = Frames {
-        lanes,
-        skeletons,
-        watcher,
-        session_options: session,
-        places: Places::default(),
-        panel: FiguresPanel::new(overlay),
-        figures: HeadsetFigures::default(),
-        pace: Pace::new(None),
-        intervals: Vec::new(),
-        periods: Vec::new(),
-        predicted: None,
-        control,
-    };
-    std::thread::scope(|scope| {
-        let thread = std::thread::Builder::new()
-            .name("headset frames".to_owned())
-            .spawn_scoped(scope, move || -> Result<HeadsetFigures, HeadsetError> {
-                let shown = frames.run(headset, &runtime, options);
-                frames.control.end_work();
-                shown.map(|()| frames.into_figures())
-            })
-            .map_err(HeadsetError::Thread)?;
-        thread.join().map_err(|_| HeadsetError::Panicked)?
-    })
-}
-
 /// Opens the headset again, as often as it takes; nothing if it is time to leave before.
 pub(super) fn open_again(
     runtime: &Runtime,
@@ -160,15 +42,15 @@ pub(super) fn open_again(
     control: &Control,
     is_over: &dyn Fn() -> bool,
 ) -> Option<Headset> {
-    let mut told = None;
+    let mut logged = None;
     while !is_over() && control.begin_work() {
         match Headset::open(runtime, options) {
             Ok(headset) => return Some(headset),
             Err(error) => {
                 let text = error.to_string();
-                if told.as_ref() != Some(&text) {
+                if logged.as_ref() != Some(&text) {
                     log::info!("not yet: {text}");
-                    told = Some(text);
+                    logged = Some(text);
                 }
             }
         }
@@ -178,11 +60,10 @@ pub(super) fn open_again(
     None
 }
 
-/// The loop's state, which outlives sessions.
-struct Frames<'a, S: MotionSource> {
-    lanes: &'a mut Lanes<S>,
-    skeletons: Vec<Skeleton>,
-    watcher: &'a mut dyn FrameObserver,
+/// The loop's state, which outlives sessions of OpenXR.
+pub(super) struct Frames<'a> {
+    people: LiveSession<'a>,
+    observer: &'a mut dyn FrameObserver,
     session_options: SessionOptions,
     places: Places,
     panel: FiguresPanel,
@@ -192,24 +73,45 @@ struct Frames<'a, S: MotionSource> {
     intervals: Vec<f64>,
     periods: Vec<f64>,
     predicted: Option<Instant>,
-    control: Control,
 }
 
-impl<S: MotionSource> Frames<'_, S> {
-    fn run(
+impl<'a> Frames<'a> {
+    pub(super) fn new(
+        people: LiveSession<'a>,
+        session_options: SessionOptions,
+        observer: &'a mut dyn FrameObserver,
+    ) -> Result<Self, SessionError> {
+        let placement = people.placements.first().ok_or(SessionError::NoParticipants)?;
+        let overlay = OverlayWatch::new(placement.clone(), people.call.clone());
+        Ok(Self {
+            people,
+            observer,
+            session_options,
+            places: Places::default(),
+            panel: FiguresPanel::new(overlay),
+            figures: HeadsetFigures::default(),
+            pace: Pace::new(None),
+            intervals: Vec::new(),
+            periods: Vec::new(),
+            predicted: None,
+        })
+    }
+
+    /// Shows frames until the session is over.
+    pub(super) fn run(
         &mut self,
         headset: Headset,
         runtime: &Runtime,
         options: HeadsetOptions,
-    ) -> Result<(), HeadsetError> {
+    ) -> Result<(), SessionError> {
         let mut headset = Some(headset);
         loop {
-            if !self.control.begin_work() {
+            if !self.people.control.begin_work() {
                 return Ok(());
             }
             let present = match headset.take() {
                 Some(headset) => headset,
-                None => match open_again(runtime, options, &self.control, &|| self.is_over()) {
+                None => match open_again(runtime, options, self.people.control, &|| self.is_over()) {
                     Some(headset) => headset,
                     None => return Ok(()),
                 },
@@ -220,7 +122,7 @@ impl<S: MotionSource> Frames<'_, S> {
                 Ok(SessionEnd::Lost) => {
                     log::warn!("the headset is gone; the call goes on and waits for it");
                 }
-                Err(HeadsetError::Headset(error)) if error.is_loss() => {
+                Err(SessionError::Headset(error)) if error.is_loss() => {
                     log::warn!("{error}; the call goes on and waits for it");
                 }
                 Err(error) => return Err(error),
@@ -229,13 +131,13 @@ impl<S: MotionSource> Frames<'_, S> {
     }
 
     fn is_over(&self) -> bool {
-        self.control.is_leaving()
-            || self.lanes.is_over()
-            || self.watcher.is_over(self.figures.frames.shown)
+        self.people.control.is_leaving()
+            || self.people.lanes.is_over()
+            || self.observer.is_over(self.figures.frames.shown)
     }
 
     /// One session, from its making to its end.
-    fn stay(&mut self, headset: &Headset) -> Result<SessionEnd, HeadsetError> {
+    fn stay(&mut self, headset: &Headset) -> Result<SessionEnd, SessionError> {
         self.draw_on(headset)?;
         let mut session = Session::new(headset, self.session_options)?;
         self.pace = Pace::new(session.refresh_hz());
@@ -254,13 +156,13 @@ impl<S: MotionSource> Frames<'_, S> {
     }
 
     /// Has the renderer draw on the headset's device, pictures of its eyes' size.
-    fn draw_on(&mut self, headset: &Headset) -> Result<(), HeadsetError> {
+    fn draw_on(&mut self, headset: &Headset) -> Result<(), SessionError> {
         let gpu = headset.gpu();
-        if !Arc::ptr_eq(self.lanes.renderer().gpu(), gpu) {
-            self.lanes.move_to(Arc::clone(gpu))?;
+        if !Arc::ptr_eq(self.people.lanes.renderer().gpu(), gpu) {
+            self.people.lanes.move_to(Arc::clone(gpu))?;
         }
         let [width, height] = headset.info().eye_size;
-        let present = self.lanes.renderer().options();
+        let present = self.people.lanes.renderer().options();
         if (present.width, present.height, present.views) != (width, height, 2) {
             let options = RendererOptions {
                 width,
@@ -270,7 +172,7 @@ impl<S: MotionSource> Frames<'_, S> {
             };
             let renderer =
                 SplatRenderer::new(Arc::clone(gpu), &options).map_err(ReceiverError::from)?;
-            self.lanes.replace_renderer(renderer)?;
+            self.people.lanes.replace_renderer(renderer)?;
         }
         Ok(())
     }
@@ -287,12 +189,12 @@ impl<S: MotionSource> Frames<'_, S> {
         figures.granted = names(headset.extensions().granted());
         figures.missing = names(headset.extensions().missing());
         figures.display_hz = session.refresh_hz();
-        let options = self.lanes.renderer().options();
+        let options = self.people.lanes.renderer().options();
         figures.depth = session.takes_depth() && options.depth;
         figures.surround = name(surround(session, options)).to_owned();
     }
 
-    fn until_over(&mut self, session: &mut Session) -> Result<SessionEnd, HeadsetError> {
+    fn until_over(&mut self, session: &mut Session) -> Result<SessionEnd, SessionError> {
         let mut leaving = None;
         loop {
             let happened = session.poll()?;
@@ -334,12 +236,12 @@ impl<S: MotionSource> Frames<'_, S> {
     }
 
     /// Whether a pause was asked for; the GPU is at rest then.
-    fn rests(&self, session: &Session) -> Result<bool, HeadsetError> {
-        if self.control.may_work() {
+    fn rests(&self, session: &Session) -> Result<bool, SessionError> {
+        if self.people.control.may_work() {
             return Ok(false);
         }
         session.wait_idle()?;
-        self.control.end_work();
+        self.people.control.end_work();
         Ok(true)
     }
 
@@ -348,7 +250,7 @@ impl<S: MotionSource> Frames<'_, S> {
         &mut self,
         session: &mut Session,
         leaving: bool,
-    ) -> Result<Option<SessionEnd>, HeadsetError> {
+    ) -> Result<Option<SessionEnd>, SessionError> {
         let frame = session.wait()?;
         let begun = Instant::now();
         let controls = session.controls(&frame)?;
@@ -366,7 +268,7 @@ impl<S: MotionSource> Frames<'_, S> {
         };
         self.note(&frame);
         let tick = self.pace.tick(&frame, begun);
-        let somebody = match self.lanes.begin(tick) {
+        let has_people = match self.people.lanes.begin(tick) {
             Ok(pose) => pose.is_some(),
             Err(error) => {
                 session.skip(frame)?;
@@ -374,7 +276,7 @@ impl<S: MotionSource> Frames<'_, S> {
             }
         };
         let shown = self.figures.frames.shown;
-        let reads = self.watcher.wants(shown, somebody);
+        let reads = self.observer.wants_pictures(shown, has_people);
         match self.draw(session, &eyes, &controls, reads) {
             Ok(Drawn::Picture) => {}
             Ok(Drawn::Renewed(_) | Drawn::Lost) => {
@@ -390,41 +292,41 @@ impl<S: MotionSource> Frames<'_, S> {
         let done = Instant::now();
         let (seen, in_time) = self.pace.shown(&frame, done);
         let next = self.pace.next(&frame, begun, done);
-        self.lanes.displayed_before(seen, next);
+        self.people.lanes.displayed_before(seen, next);
         session.frame_completed(&frame, in_time, done.saturating_duration_since(begun));
         if let Some(pictures) = pictures {
-            self.watcher.seen(Seen {
+            self.observer.captured(FrameCapture {
                 number: shown,
                 eyes: &eyes,
                 pictures,
             });
         }
         self.figures.frames.shown += 1;
-        self.figures.frames.empty += u64::from(!somebody);
+        self.figures.frames.empty += u64::from(!has_people);
         Ok(None)
     }
 
-    /// Puts everybody in their places and draws them into the headset's next images, which may be read back.
+    /// Puts all people in their places and draws them into the headset's next images, which may be read back.
     fn draw(
         &mut self,
         session: &mut Session,
         eyes: &Eyes,
         controls: &Controls,
         reads: bool,
-    ) -> Result<Drawn, HeadsetError> {
+    ) -> Result<Drawn, SessionError> {
         let viewer = Viewer {
             floor_from_head: Some(eyes.floor_from_head),
             hands: controls.hands,
         };
-        self.places.update(self.lanes, &self.skeletons, &viewer)?;
+        self.places.update(&mut self.people, &viewer)?;
         if controls.overlay_toggled {
             self.panel.toggle(session, eyes.floor_from_head)?;
         }
         let period = Duration::from_secs_f32(1.0 / session.refresh_hz().unwrap_or(60.0).max(1.0));
-        self.panel.update(session, self.lanes, period)?;
-        let behind = surround(session, self.lanes.renderer().options());
+        self.panel.update(session, self.people.lanes, period)?;
+        let behind = surround(session, self.people.lanes.renderer().options());
         let mut canvas = session.canvas(eyes, behind, reads)?;
-        Ok(self.lanes.draw_onto(&eyes.cameras, &mut canvas)?)
+        Ok(self.people.lanes.draw_onto(&eyes.cameras, &mut canvas)?)
     }
 
     fn note(&mut self, frame: &Frame) {
@@ -437,7 +339,7 @@ impl<S: MotionSource> Frames<'_, S> {
         }
     }
 
-    fn into_figures(mut self) -> HeadsetFigures {
+    pub(super) fn into_figures(mut self) -> HeadsetFigures {
         self.figures.frames.interval = Percentiles::of(&self.intervals);
         self.figures.frames.period = Percentiles::of(&self.periods);
         self.figures

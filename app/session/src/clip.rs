@@ -1,21 +1,22 @@
-//! A performance without a network: motions at their own rate, each as if it had been captured and had arrived just now.
+//! A motion clip as a source of poses, without a network: its frames at their rate, each as if it had been captured and had arrived just
+//! now.
 
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::lanes::{MotionSource, Pose};
 use spmm3::MotionParams;
 use std::time::{Duration, Instant};
 
-/// Motions, over and over.
+/// A clip that repeats.
 #[derive(Debug, Clone)]
-pub struct Rehearsal {
+pub struct ClipSource {
     frames: Vec<MotionParams>,
     interval: Duration,
     next: usize,
     due: Option<Instant>,
 }
 
-impl Rehearsal {
-    /// These motions, `rate_hz` of them a second, beginning with the first pose that is asked for. Without any it is over at once.
+impl ClipSource {
+    /// Of these frames, `rate_hz` a second, from the first pose that is asked for. Without any frame it is over at once.
     #[must_use]
     pub fn new(frames: Vec<MotionParams>, rate_hz: f64) -> Self {
         Self {
@@ -27,7 +28,7 @@ impl Rehearsal {
     }
 }
 
-impl MotionSource for Rehearsal {
+impl MotionSource for ClipSource {
     fn next(&mut self, longest: Duration) -> Option<Pose> {
         let motion = self.frames.get(self.next)?;
         let now = Instant::now();
@@ -66,15 +67,15 @@ mod tests {
     use glam::Vec3;
 
     #[test]
-    fn motions_come_in_order_at_their_rate_and_begin_again() {
+    fn frames_come_in_order_at_their_rate_and_begin_again() {
         let at = |x| {
             let mut motion = MotionParams::default();
             motion.root_translation = Vec3::X * x;
             motion
         };
-        let mut rehearsal = Rehearsal::new(vec![at(1.0), at(2.0), at(3.0)], 200.0);
+        let mut clip = ClipSource::new(vec![at(1.0), at(2.0), at(3.0)], 200.0);
         let poses: Vec<_> = (0..7)
-            .map(|_| rehearsal.next(Duration::from_secs(1)).expect("a pose"))
+            .map(|_| clip.next(Duration::from_secs(1)).expect("a pose"))
             .collect();
         let seen: Vec<_> = (poses.iter())
             .map(|pose| pose.motion.root_translation.x)
@@ -86,16 +87,16 @@ mod tests {
                 "never sooner than they should"
             );
         }
-        assert!(!rehearsal.is_over(), "no end");
-        assert!(Rehearsal::new(Vec::new(), 30.0).is_over(), "of nothing");
+        assert!(!clip.is_over(), "no end");
+        assert!(ClipSource::new(Vec::new(), 30.0).is_over(), "of nothing");
     }
 
     #[test]
-    fn who_waits_less_than_an_interval_gets_nothing_yet() {
-        let mut rehearsal = Rehearsal::new(vec![MotionParams::default()], 1.0);
-        assert!(rehearsal.next(Duration::ZERO).is_some(), "the first");
+    fn there_is_no_pose_before_the_next_frame_is_due() {
+        let mut clip = ClipSource::new(vec![MotionParams::default()], 1.0);
+        assert!(clip.next(Duration::ZERO).is_some(), "the first");
         assert!(
-            rehearsal.next(Duration::from_millis(1)).is_none(),
+            clip.next(Duration::from_millis(1)).is_none(),
             "not yet"
         );
     }

@@ -1,0 +1,110 @@
+//! Where a session is shown: what every display has in common, and the displays that need no headset.
+//!
+//! A [`Display`] says what pictures it takes, then shows the people of a [`LiveSession`] until the session is over. The headset's is
+//! [`crate::headset::HeadsetDisplay`]; [`OffscreenDisplay`] draws for pictures on disk and for measurements; a program with a window
+//! of its own has its own, with [`FlatView`] for where people and camera are.
+
+mod flat;
+mod offscreen;
+
+pub use flat::{FlatView, LoadBackground, Standpoint};
+pub use offscreen::{DrawnPicture, OffscreenDisplay, PictureObserver};
+
+use crate::call::CallWatch;
+use crate::participant::PersonSource;
+use app_pipeline::control::Control;
+use app_pipeline::error::ReceiverError;
+use app_pipeline::lanes::Lanes;
+use app_pipeline::placement::PlacementReport;
+use renderer_openxr::error::XrError;
+use renderer_splat::camera::Camera;
+use renderer_splat::options::RendererOptions;
+use renderer_vulkan::gpu::Gpu;
+use spmm3::Avatar;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Gaussians that a picture has room for beside the people's: their shadows.
+pub(crate) const SCENERY_GAUSSIANS: u32 = 256;
+
+/// Where a session is shown.
+pub trait Display {
+    /// What pictures it takes. Asked once, before anything is prepared.
+    ///
+    /// # Errors
+    /// If it cannot take any.
+    fn needs(&mut self) -> Result<DisplayNeeds, SessionError>;
+
+    /// Everything is ready to be shown; the people's motion begins after this.
+    fn prepared(&mut self) {}
+
+    /// Shows the people until the session is over.
+    ///
+    /// # Errors
+    /// What keeps it from going on.
+    fn show(&mut self, session: LiveSession<'_>) -> Result<(), SessionError>;
+}
+
+/// What a display needs to be prepared for it.
+#[derive(Debug, Clone)]
+pub struct DisplayNeeds {
+    /// The device that draws.
+    pub gpu: Arc<Gpu>,
+    /// Size and kind of the pictures; room for the people's Gaussians is the session's to add.
+    pub renderer: RendererOptions,
+    /// One camera a view, about as the people will be seen, to find out what is fastest.
+    pub cameras: Vec<Camera>,
+    /// From one refresh to the next.
+    pub period: Duration,
+}
+
+/// A session while it is shown.
+#[derive(Debug)]
+pub struct LiveSession<'a> {
+    /// Makes the pictures, of all people.
+    pub lanes: &'a mut Lanes<PersonSource>,
+    /// Each person's avatar.
+    pub avatars: &'a [Arc<Avatar>],
+    /// What runs where, for each person.
+    pub placements: &'a [PlacementReport],
+    /// What the first person's call counts, if it is one.
+    pub call: Option<CallWatch>,
+    /// Pauses and ends the session.
+    pub control: &'a Control,
+}
+
+/// What ended a session.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SessionError {
+    /// The headset cannot show anything.
+    #[error(transparent)]
+    Headset(#[from] XrError),
+    /// Nothing can be drawn any longer.
+    #[error(transparent)]
+    Receiver(ReceiverError),
+    /// There are no people.
+    #[error("the session has no people to show")]
+    NoParticipants,
+    /// It was over before it began.
+    #[error("left before anything was shown")]
+    Left,
+    /// There is no thread for the headset's frames.
+    #[error("cannot start the thread of the headset's frames")]
+    Thread(#[source] std::io::Error),
+    /// The thread of the headset's frames panicked, which it says itself.
+    #[error("the thread of the headset's frames panicked")]
+    Panicked,
+    /// A display that this crate does not have cannot go on.
+    #[error(transparent)]
+    Display(Box<dyn std::error::Error + Send + Sync>),
+}
+
+impl From<ReceiverError> for SessionError {
+    fn from(error: ReceiverError) -> Self {
+        match error {
+            ReceiverError::Left => Self::Left,
+            error => Self::Receiver(error),
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! The people of a session: what they look like, where their motion comes from, and the call that each of them is in.
+
+use crate::call::{Call, CallEnd, CallFigures, CallWatch};
+use crate::clip::ClipSource;
+use crate::presence::Seated;
+use app_pipeline::control::Control;
+use app_pipeline::lanes::{MotionSource, PausableSource, Pose};
+use link_call::Viewer;
+use link_http::Client;
+use link_playout::Clock;
+use link_protocol::{Announcement, RoomLink};
+use spmm3::{Avatar, MotionParams};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::runtime::Handle;
+
+/// A person to be shown.
+#[derive(Debug, Clone)]
+pub struct Participant {
+    /// What they look like.
+    pub avatar: Arc<Avatar>,
+    /// Whether they are to sit, on a chair.
+    pub sits: bool,
+    /// Where their motion comes from.
+    pub origin: Origin,
+}
+
+/// Where a person's motion comes from.
+#[derive(Debug, Clone)]
+#[expect(clippy::large_enum_variant, reason = "a session has one for each of its few people")]
+pub enum Origin {
+    /// A sender in a room, which is joined as a viewer once everything is ready to be shown.
+    Room {
+        /// The viewers' link.
+        link: RoomLink,
+        /// What the sender announced there.
+        announced: Announcement,
+        /// The way to the room.
+        network: NetworkContext,
+    },
+    /// A clip, again and again.
+    Clip {
+        /// Its frames.
+        frames: Vec<MotionParams>,
+        /// Frames a second.
+        rate_hz: f64,
+    },
+}
+
+/// What a call needs of the network.
+#[derive(Debug, Clone)]
+pub struct NetworkContext {
+    /// The network's threads.
+    pub network: Handle,
+    /// Asks servers.
+    pub client: Client,
+    /// The clock of frames' times.
+    pub clock: Clock,
+}
+
+/// A call that is over.
+#[derive(Debug)]
+pub struct CallReport {
+    /// What was measured.
+    pub figures: CallFigures,
+    /// Why it is over; nothing where this side left.
+    pub end: Option<CallEnd>,
+}
+
+/// A person's poses, as the lanes take them: dropped in a pause, seated if asked for.
+pub type PersonSource = PausableSource<Seated<PersonMotion>>;
+
+/// A person's motion.
+#[derive(Debug)]
+pub enum PersonMotion {
+    /// From a sender.
+    Call {
+        /// The viewer's end.
+        call: Box<Call>,
+        /// The threads that it ends on.
+        network: Handle,
+    },
+    /// From a clip.
+    Clip(ClipSource),
+}
+
+impl MotionSource for PersonMotion {
+    fn next(&mut self, longest: Duration) -> Option<Pose> {
+        match self {
+            Self::Call { call, .. } => call.next(longest),
+            Self::Clip(clip) => clip.next(longest),
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        match self {
+            Self::Call { call, .. } => call.is_over(),
+            Self::Clip(clip) => clip.is_over(),
+        }
+    }
+}
+
+impl PersonMotion {
+    /// What the call counts, if there is one.
+    pub(crate) fn watch(&self) -> Option<CallWatch> {
+        match self {
+            Self::Call { call, .. } => Some(call.watch()),
+            Self::Clip(_) => None,
+        }
+    }
+
+    /// Says goodbye; what the call came to, if there was one.
+    pub(crate) fn end(self) -> Option<CallReport> {
+        let Self::Call { mut call, network } = self else {
+            return None;
+        };
+        let report = CallReport {
+            end: call.end(),
+            figures: call.figures(),
+        };
+        network.block_on(call.hang_up());
+        Some(report)
+    }
+}
+
+impl Participant {
+    /// Joins the sender's room, or begins the clip.
+    pub(crate) fn join(&self, control: &Control) -> PersonSource {
+        let skeleton = &self.avatar.skeleton;
+        let motion = match &self.origin {
+            Origin::Room {
+                link,
+                announced,
+                network,
+            } => {
+                let viewer = {
+                    // Its tasks run on the network's threads.
+                    let _network = network.network.enter();
+                    Viewer::join(network.client.clone(), link.clone(), network.clock)
+                };
+                let call = Call::new(viewer, *announced, skeleton, network.clock);
+                PersonMotion::Call {
+                    call: Box::new(call),
+                    network: network.network.clone(),
+                }
+            }
+            Origin::Clip { frames, rate_hz } => {
+                PersonMotion::Clip(ClipSource::new(frames.clone(), *rate_hz))
+            }
+        };
+        let seated = if self.sits {
+            Seated::new(motion, skeleton)
+        } else {
+            Seated::as_sent(motion)
+        };
+        PausableSource::new(seated, control.clone())
+    }
+}

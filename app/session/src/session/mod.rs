@@ -1,0 +1,211 @@
+//! One session: people are prepared, joined, shown on a display, and said goodbye to.
+
+mod report;
+
+pub use report::{PersonReport, SessionReport};
+
+use crate::display::{Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError};
+use crate::participant::{Participant, PersonSource};
+use app_pipeline::control::Control;
+use app_pipeline::lanes::{FinishedPerson, LaneOptions, Lanes, PausableSource};
+use app_pipeline::placement::{InferenceBackends, Placed, PlacementReport, place, place_first};
+use app_pipeline::plan::{PlacementRequest, Plan};
+use app_pipeline::quality::QualityMode;
+use app_pipeline::timeline::LatencyMode;
+use renderer_splat::options::RendererOptions;
+use renderer_splat::renderer::SplatRenderer;
+use spmm3::Avatar;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// How people are to be shown.
+#[derive(Debug, Clone, Copy)]
+pub struct SessionConfig<'a> {
+    /// What this machine runs graphs with.
+    pub backends: InferenceBackends<'a>,
+    /// What runs where.
+    pub placement: PlacementRequest,
+    /// What is done about the time from one motion frame to the next.
+    pub latency: LatencyMode,
+    /// What is done when the GPU cannot hold the display's rate.
+    pub quality: QualityMode,
+}
+
+/// People who are to be shown together.
+#[derive(Debug)]
+pub struct Session<'a> {
+    config: SessionConfig<'a>,
+    participants: Vec<Participant>,
+    control: Control,
+}
+
+/// What was made ready before the people's motion begins.
+struct Prepared {
+    placed: Vec<Placed>,
+    renderer: SplatRenderer,
+}
+
+impl<'a> Session<'a> {
+    /// Of these people. `control` pauses and ends it from any thread, its preparations between any two steps.
+    #[must_use]
+    pub fn new(
+        config: SessionConfig<'a>,
+        participants: Vec<Participant>,
+        control: Control,
+    ) -> Self {
+        Self {
+            config,
+            participants,
+            control,
+        }
+    }
+
+    /// Prepares all people for `display`, joins them only then (no call waits for preparations), shows them until all calls are over,
+    /// the control leaves or the display says so, and says goodbye to each.
+    ///
+    /// # Errors
+    /// If nothing can run or draw them, or the display cannot go on. [`SessionError::Left`] where the control ends it before anyone is
+    /// joined. That one of several people cannot be shown any longer is no error of all: [`PersonReport::call`] tells.
+    pub fn run(self, display: &mut dyn Display) -> Result<SessionReport, SessionError> {
+        let control = &self.control;
+        let needs = display.needs()?;
+        let avatars: Vec<Arc<Avatar>> = (self.participants.iter())
+            .map(|person| Arc::clone(&person.avatar))
+            .collect();
+        let Prepared { placed, renderer } = self.prepare(&needs, &avatars)?;
+        control.checkpoint()?;
+        display.prepared();
+        let sources: Vec<PersonSource> = (self.participants.iter())
+            .map(|person| person.join(control))
+            .collect();
+        let call = (sources.first()).and_then(|first| first.source().source().watch());
+        let placements: Vec<PlacementReport> = (placed.iter())
+            .map(|placed| placed.report.clone())
+            .collect();
+        // Also when it is time to leave: the calls that were joined say goodbye at their end.
+        let step = control.step();
+        let mut lanes = self.start(&needs, &avatars, placed, renderer, sources)?;
+        drop(step);
+        let began = Instant::now();
+        let shown = display.show(LiveSession {
+            lanes: &mut lanes,
+            avatars: &avatars,
+            placements: &placements,
+            call,
+            control,
+        });
+        let ended = Instant::now();
+        // All that is on the device is freed now.
+        let step = control.step();
+        let renderer = lanes.renderer();
+        let (back_end, back_end_trial) = (renderer.back_end(), renderer.back_end_trial());
+        let (skipped, quality) = (lanes.skipped(), lanes.quality_figures());
+        let finished = lanes.finish();
+        drop(step);
+        let people = (finished.into_iter().zip(placements))
+            .map(|(person, placement)| farewell(person, placement))
+            .collect();
+        shown?;
+        Ok(SessionReport {
+            people,
+            skipped,
+            quality,
+            back_end,
+            back_end_trial,
+            began,
+            ended,
+        })
+    }
+
+    /// Places each person's stages, with the renderer that is to draw all of them.
+    fn prepare(
+        &self,
+        needs: &DisplayNeeds,
+        avatars: &[Arc<Avatar>],
+    ) -> Result<Prepared, SessionError> {
+        let (first, others) = avatars.split_first().ok_or(SessionError::NoParticipants)?;
+        let SessionConfig {
+            backends,
+            placement,
+            ..
+        } = &self.config;
+        let gaussians = (avatars.iter()).fold(SCENERY_GAUSSIANS, |sum, avatar| {
+            sum.saturating_add(u32::try_from(avatar.gaussians.len()).unwrap_or(u32::MAX))
+        });
+        let options = RendererOptions {
+            max_foreground: gaussians,
+            ..needs.renderer.clone()
+        };
+        let (placed, mut renderer) = place_first(
+            backends,
+            first,
+            &needs.gpu,
+            options,
+            &needs.cameras,
+            *placement,
+            &self.control,
+        )?;
+        // Only one person's Gaussians can stay on the device.
+        let for_others = PlacementRequest {
+            plan: Some(if placed.plan == Plan::Gpu {
+                Plan::Cpu
+            } else {
+                placed.plan
+            }),
+            ..*placement
+        };
+        let mut all = vec![placed];
+        for avatar in others {
+            all.push(place(
+                backends,
+                avatar,
+                &mut renderer,
+                &needs.cameras,
+                for_others,
+                &self.control,
+            )?);
+        }
+        Ok(Prepared {
+            placed: all,
+            renderer,
+        })
+    }
+
+    fn start(
+        &self,
+        needs: &DisplayNeeds,
+        avatars: &[Arc<Avatar>],
+        placed: Vec<Placed>,
+        renderer: SplatRenderer,
+        sources: Vec<PersonSource>,
+    ) -> Result<Lanes<PersonSource>, SessionError> {
+        let mut people = avatars.iter().zip(placed).zip(sources);
+        let ((avatar, placed), source) = people.next().ok_or(SessionError::NoParticipants)?;
+        let options = LaneOptions {
+            plan: placed.plan,
+            latency: self.config.latency,
+            quality: self.config.quality,
+            display_period: needs.period,
+        };
+        let mut lanes = Lanes::start(avatar, placed.inference, renderer, source, &options)?;
+        for ((avatar, placed), source) in people {
+            lanes.join(avatar, placed.inference, source, placed.plan)?;
+        }
+        Ok(lanes)
+    }
+}
+
+/// Says goodbye to a person whose lanes were stopped.
+fn farewell(
+    finished: FinishedPerson<PersonSource>,
+    mut placement: PlacementReport,
+) -> PersonReport {
+    placement.follow(finished.provider_changes);
+    let motion = |source: PersonSource| PausableSource::into_source(source).into_source();
+    PersonReport {
+        call: (finished.source).map(|source| motion(source).end()),
+        placement,
+        collector: finished.collector,
+    }
+}
+

@@ -1,0 +1,41 @@
+//! What is left of a session.
+
+use crate::participant::CallReport;
+use app_pipeline::error::ReceiverError;
+use app_pipeline::lanes::Skipped;
+use app_pipeline::placement::PlacementReport;
+use app_pipeline::profile::Collector;
+use app_pipeline::quality::QualityFigures;
+use renderer_splat::back_ends::BackEndTrial;
+use renderer_splat::options::BackEnd;
+use std::time::Instant;
+
+/// What a session came to.
+#[derive(Debug)]
+pub struct SessionReport {
+    /// Each person, in the order of the participants.
+    pub people: Vec<PersonReport>,
+    /// What was left out, of all people together.
+    pub skipped: Skipped,
+    /// What was given up to hold the display's rate.
+    pub quality: QualityFigures,
+    /// What drew ...
+    pub back_end: BackEnd,
+    /// ... and why.
+    pub back_end_trial: Option<BackEndTrial>,
+    /// When showing began ...
+    pub began: Instant,
+    /// ... and ended.
+    pub ended: Instant,
+}
+
+/// What a session came to for one person.
+#[derive(Debug)]
+pub struct PersonReport {
+    /// The call, where their motion came from one; `Err` where a lane of theirs failed and took it along.
+    pub call: Result<Option<CallReport>, ReceiverError>,
+    /// What ran where.
+    pub placement: PlacementReport,
+    /// What the person's lanes recorded, and the GPU's of pictures with them.
+    pub collector: Collector,
+}

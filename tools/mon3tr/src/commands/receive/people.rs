@@ -1,0 +1,119 @@
+//! The people of the rooms: waited for, and their avatars fetched once.
+
+use super::Options;
+use crate::device_options::cache;
+use crate::network::Network;
+use crate::progress;
+use crate::stills::load_avatar;
+use anyhow::Context;
+use app_session::arrival::{self, Waiting};
+use app_session::participant::{NetworkContext, Origin, Participant};
+use link_http::{Client, PackageCache};
+use link_protocol::{Announcement, RoomLink};
+use profile_report::AvatarFigures;
+use spmm3::Avatar;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Instant;
+
+/// A person who is in a room, with the avatar here.
+#[derive(Debug)]
+pub(super) struct Person {
+    pub(super) room: RoomLink,
+    pub(super) announced: Announcement,
+    pub(super) avatar: Arc<Avatar>,
+    pub(super) figures: AvatarFigures,
+    pub(super) download: Download,
+}
+
+/// How an avatar came here.
+#[derive(Debug, Clone, Copy, serde::Serialize)]
+pub(super) struct Download {
+    /// Bytes that crossed the network: none where the cache had it.
+    pub(super) bytes: u64,
+    pub(super) seconds: f64,
+}
+
+impl Person {
+    /// For a session.
+    pub(super) fn participant(&self, sits: bool, network: &NetworkContext) -> Participant {
+        Participant {
+            avatar: Arc::clone(&self.avatar),
+            sits,
+            origin: Origin::Room {
+                link: self.room.clone(),
+                announced: self.announced,
+                network: network.clone(),
+            },
+        }
+    }
+}
+
+/// Waits for all senders, one after the other, and fetches their avatars; nothing if it is time to leave before. Of a sender who has
+/// come back, `again` is known what was announced.
+pub(super) fn gather(
+    options: &Options,
+    network: &Network,
+    client: &Client,
+    stop: &AtomicBool,
+    again: Option<Announcement>,
+) -> anyhow::Result<Option<Vec<Person>>> {
+    let mut people = Vec::new();
+    for room in &options.rooms {
+        let announced = match again {
+            Some(announced) => announced,
+            None => match network.block_on(wait_for_sender(client, room, stop))? {
+                Some(announced) => announced,
+                None => return Ok(None),
+            },
+        };
+        let (path, download) = fetch(network, client, room, &announced)?;
+        let (avatar, figures) = load_avatar(&path)?;
+        people.push(Person {
+            room: room.clone(),
+            announced,
+            avatar,
+            figures,
+            download,
+        });
+    }
+    Ok(Some(people))
+}
+
+/// Asks until the sender is in the room, and says what it waits for; nothing if it is time to leave before.
+pub(crate) async fn wait_for_sender(
+    client: &Client,
+    room: &RoomLink,
+    stop: &AtomicBool,
+) -> anyhow::Result<Option<Announcement>> {
+    let told = |waiting: &Waiting| match waiting {
+        Waiting::ForSender => println!("waiting for the sender"),
+        Waiting::Trouble(why) => log::warn!("{why}; trying again until Ctrl-C"),
+    };
+    arrival::wait_for_sender(client, room, || stop.load(Relaxed), told)
+        .await
+        .context("cannot join the room")
+}
+
+fn fetch(
+    network: &Network,
+    client: &Client,
+    room: &RoomLink,
+    announced: &Announcement,
+) -> anyhow::Result<(PathBuf, Download)> {
+    let begun = Instant::now();
+    let packages = PackageCache::new(cache()?.join("packages"))?;
+    let bar = progress::bytes("fetching the avatar");
+    let mut bytes = 0;
+    let path = network.block_on(
+        client.fetch_package(room, &announced.avatar, &packages, |step| {
+            bytes = step.downloaded;
+            bar.show(step.done, step.total);
+        }),
+    );
+    bar.finish();
+    let seconds = begun.elapsed().as_secs_f64();
+    let path = path.context("cannot fetch the avatar")?;
+    Ok((path, Download { bytes, seconds }))
+}
