@@ -129,8 +129,16 @@ fn gather(
     let is_over = || closed.load(Relaxed) || stage.control.is_leaving();
     std::thread::scope(|scope| {
         let waiting = scope.spawn(|| {
-            let arriving = (rooms.iter())
-                .map(|room| arrive(room, settings.seat.value, network, packages, board, &is_over));
+            let arriving = (rooms.iter()).map(|room| {
+                arrive(
+                    room,
+                    settings.seat.value,
+                    network,
+                    packages,
+                    board,
+                    &is_over,
+                )
+            });
             let outcome: anyhow::Result<Option<Vec<_>>> = arriving.collect();
             done.store(true, Relaxed);
             outcome

@@ -1,35 +1,58 @@
-//! The receiver: an avatar and motion parameters in, pictures and per-stage times out.
+//! The receiver's lanes: avatars and motion parameters in, pictures and per-stage times out.
 //!
-//! A call's frames go through [`lanes::Lanes`], a thread for each unit; stills go the same way step by step through a
-//! [`receiver::Receiver`]. Which unit does what is decided in [`placement`], what each step took is told to a
-//! [`profile::Collector`].
-//!
-//! A still of an avatar, on the CPU's provider and the best Vulkan device:
+//! People go through [`lanes::Lanes`], a thread for each unit. Which unit does what is decided in [`placement`], what each step took is
+//! recorded by a [`profile::Collector`]. `app-session` runs lanes for whole calls and for stills; by themselves they want a source of
+//! poses and, for each picture, the time at which it is displayed:
 //!
 //! ```no_run
-//! use app_pipeline::{deform::Deformer, inference::Inference, plan::Plan, receiver::Receiver};
+//! use app_pipeline::{concealment::ConcealmentState, inference::Inference, plan::Plan};
+//! use app_pipeline::lanes::{DisplayClock, LaneOptions, Lanes, MotionSource, Pose};
 //! use glam::Vec3;
 //! use npu_runtime::{Provider, Runtime};
 //! use renderer_splat::{camera::Camera, options::RendererOptions, renderer::SplatRenderer};
 //! use renderer_vulkan::gpu::Gpu;
 //! use spmm3::{Avatar, MotionParams};
-//! use std::sync::Arc;
+//! use std::{sync::Arc, time::{Duration, Instant}};
+//!
+//! /// Stands still.
+//! struct Still;
+//!
+//! impl MotionSource for Still {
+//!     fn next(&mut self, longest: Duration) -> Option<Pose> {
+//!         std::thread::sleep(longest.min(Duration::from_millis(33)));
+//!         let now = Instant::now();
+//!         let (motion, source) = (MotionParams::default(), ConcealmentState::Live);
+//!         Some(Pose { motion, source, captured: None, arrived: now, due: now, released: now })
+//!     }
+//!     fn is_over(&self) -> bool {
+//!         false
+//!     }
+//! }
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let avatar = Arc::new(Avatar::load("me.m3a".as_ref())?);
 //! let (runtime, plan) = (Runtime::open(None)?, Plan::CpuTail);
 //! let provider = Provider::Cpu { threads: 2 };
 //! let inference = Inference::open(&runtime, &avatar, plan.graph(), &[provider], None)?;
-//! let deformer = Deformer::new(&avatar, inference, plan)?;
+//! let gaussians = u32::try_from(avatar.gaussians.len())?;
 //! let gpu = Gpu::open(&Default::default(), false)?;
-//! let gaussians = u32::try_from(deformer.gaussians())?;
 //! let renderer = SplatRenderer::new(gpu, &RendererOptions::new(gaussians, 1024, 1024, 1))?;
-//! let mut receiver = Receiver::new(deformer, renderer)?;
+//! let mut display = DisplayClock::new(60.0);
+//! let (latency, quality) = Default::default();
+//! let options = LaneOptions { plan, latency, quality, display_period: display.period() };
+//! let mut lanes = Lanes::start(&avatar, inference, renderer, Still, &options)?;
 //! let (eye, target) = (Vec3::new(0.0, 1.4, 3.0), Vec3::new(0.0, 1.0, 0.0));
 //! let camera = Camera::look_at(eye, target, Vec3::Y, 0.7, 1024, 1024);
-//! receiver.frame(&MotionParams::default(), &[camera])?;
-//! let picture = receiver.renderer().read_back(0)?;
-//! println!("{} x {} pixels", picture.width(), picture.height());
+//! loop {
+//!     display.wait();
+//!     let begun = Instant::now();
+//!     if lanes.begin(display.tick(begun))?.is_some() {
+//!         lanes.draw(&[camera])?;
+//!         lanes.displayed(display.drawn(begun, Instant::now()));
+//!         break;
+//!     }
+//! }
+//! println!("{} pixels wide", lanes.renderer().read_back(0)?.width());
 //! # Ok(())
 //! # }
 //! ```
@@ -46,6 +69,5 @@ pub mod pool;
 pub mod posing;
 pub mod profile;
 pub mod quality;
-pub mod receiver;
 pub mod stage;
 pub mod timeline;

@@ -31,6 +31,8 @@ pub enum LatencyMode {
     Interpolate,
     /// Pictures go on from the newest state by up to one motion period: not late, and wrong where motion turns.
     Extrapolate,
+    /// Pictures show the newest state as it is, whenever that was: for stills, which have no time.
+    Newest,
 }
 
 /// How far beyond the newest state [`LatencyMode::Extrapolate`] goes, in motion periods.
@@ -103,6 +105,7 @@ impl Timeline {
         let wanted = match self.mode {
             LatencyMode::Interpolate => *oldest,
             LatencyMode::Extrapolate => (*oldest - self.period).max(0.0),
+            LatencyMode::Newest => 0.0,
         };
         let elapsed = self.last.map_or(0.0, |(last, _)| {
             displayed.saturating_duration_since(last).as_secs_f64()
@@ -133,11 +136,11 @@ impl Timeline {
         let after_end = moment.saturating_duration_since(to).as_secs_f64();
         #[expect(clippy::cast_possible_truncation, reason = "a fraction")]
         let alpha = (1.0 + (after_end - before_end) / apart) as f32;
-        let most = match self.mode {
-            LatencyMode::Interpolate => 1.0,
-            LatencyMode::Extrapolate => 1.0 + BOUND,
-        };
-        alpha.clamp(0.0, most)
+        match self.mode {
+            LatencyMode::Interpolate => alpha.clamp(0.0, 1.0),
+            LatencyMode::Extrapolate => alpha.clamp(0.0, 1.0 + BOUND),
+            LatencyMode::Newest => 1.0,
+        }
     }
 }
 
@@ -209,6 +212,19 @@ mod tests {
             let most = behind.iter().copied().fold(f64::MIN, f64::max);
             let least = behind.iter().copied().fold(f64::MAX, f64::min);
             assert!(most - least < 1.5, "{hertz} Hz: {least}..{most} ms behind");
+        }
+    }
+
+    #[test]
+    fn stills_show_the_newest_state_whenever_it_came() {
+        for hertz in [10, 60] {
+            let (work, lead) = (Duration::from_millis(25), Duration::from_millis(20));
+            let stills = shown(LatencyMode::Newest, hertz, work, lead);
+            assert!(
+                stills
+                    .iter()
+                    .all(|(behind, alpha)| (*behind, *alpha) == (0.0, 1.0))
+            );
         }
     }
 

@@ -95,9 +95,6 @@ mod tests {
     fn there_is_no_pose_before_the_next_frame_is_due() {
         let mut clip = ClipSource::new(vec![MotionParams::default()], 1.0);
         assert!(clip.next(Duration::ZERO).is_some(), "the first");
-        assert!(
-            clip.next(Duration::from_millis(1)).is_none(),
-            "not yet"
-        );
+        assert!(clip.next(Duration::from_millis(1)).is_none(), "not yet");
     }
 }

@@ -72,3 +72,4 @@ pub mod overlay;
 pub mod participant;
 pub mod presence;
 pub mod session;
+pub mod steps;

@@ -3,6 +3,7 @@
 use crate::call::{Call, CallEnd, CallFigures, CallWatch};
 use crate::clip::ClipSource;
 use crate::presence::Seated;
+use crate::steps::Steps;
 use app_pipeline::control::Control;
 use app_pipeline::lanes::{MotionSource, PausableSource, Pose};
 use link_call::Viewer;
@@ -27,7 +28,10 @@ pub struct Participant {
 
 /// Where a person's motion comes from.
 #[derive(Debug, Clone)]
-#[expect(clippy::large_enum_variant, reason = "a session has one for each of its few people")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a session has one for each of its few people"
+)]
 pub enum Origin {
     /// A sender in a room, which is joined as a viewer once everything is ready to be shown.
     Room {
@@ -45,6 +49,8 @@ pub enum Origin {
         /// Frames a second.
         rate_hz: f64,
     },
+    /// Poses that are handed to them one at a time.
+    Steps(Steps),
 }
 
 /// What a call needs of the network.
@@ -82,6 +88,8 @@ pub enum PersonMotion {
     },
     /// From a clip.
     Clip(ClipSource),
+    /// One pose at a time.
+    Steps(Steps),
 }
 
 impl MotionSource for PersonMotion {
@@ -89,6 +97,7 @@ impl MotionSource for PersonMotion {
         match self {
             Self::Call { call, .. } => call.next(longest),
             Self::Clip(clip) => clip.next(longest),
+            Self::Steps(steps) => steps.next(longest),
         }
     }
 
@@ -96,6 +105,7 @@ impl MotionSource for PersonMotion {
         match self {
             Self::Call { call, .. } => call.is_over(),
             Self::Clip(clip) => clip.is_over(),
+            Self::Steps(steps) => steps.is_over(),
         }
     }
 }
@@ -105,7 +115,7 @@ impl PersonMotion {
     pub(crate) fn watch(&self) -> Option<CallWatch> {
         match self {
             Self::Call { call, .. } => Some(call.watch()),
-            Self::Clip(_) => None,
+            Self::Clip(_) | Self::Steps(_) => None,
         }
     }
 
@@ -147,6 +157,7 @@ impl Participant {
             Origin::Clip { frames, rate_hz } => {
                 PersonMotion::Clip(ClipSource::new(frames.clone(), *rate_hz))
             }
+            Origin::Steps(steps) => PersonMotion::Steps(steps.clone()),
         };
         let seated = if self.sits {
             Seated::new(motion, skeleton)

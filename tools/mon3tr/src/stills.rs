@@ -1,19 +1,25 @@
-//! Stills of an avatar: the receiver on one thread, its cameras and the studio around it.
+//! Stills of an avatar: a session that waits for each, and the studio around it.
 
 use crate::backdrop::{DUSK, Shadow, compose};
 use crate::device_options::DeviceOptions;
+use crate::flat::display_error;
 use crate::report::{Splatting, StageTable};
 use crate::scenery::is_scene;
 use crate::size::{Size, Views};
 use anyhow::{Context, anyhow, ensure};
-use app_pipeline::deform::Deformer;
-use app_pipeline::error::ReceiverError;
-use app_pipeline::inference::Inference;
-use app_pipeline::plan::Plan;
-use app_pipeline::receiver::Receiver;
+use app_pipeline::control::Control;
+use app_pipeline::placement::InferenceBackends;
+use app_pipeline::plan::{PlacementRequest, Plan};
+use app_pipeline::profile::{Profile, Recording};
+use app_pipeline::quality::QualityMode;
+use app_pipeline::timeline::LatencyMode;
+use app_session::display::{DisplayNeeds, DrawnPicture, Still, StillsDisplay};
+use app_session::participant::{Origin, Participant};
+use app_session::session::{Session, SessionConfig};
+use app_session::steps::Steps;
 use glam::{Affine3A, Vec3};
 use image::RgbImage;
-use npu_runtime::{Provider, Runtime};
+use npu_runtime::{ProviderKind, Runtime};
 use profile_report::AvatarFigures;
 use renderer_splat::background::Background;
 use renderer_splat::camera::Camera;
@@ -25,6 +31,7 @@ use renderer_vulkan::gpu::Gpu;
 use spmm3::{Avatar, MotionParams, Skeleton};
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// What pictures are made: their size, their number of views, and what they show beside a person.
 #[derive(Debug, Clone)]
@@ -48,17 +55,30 @@ impl RenderSettings {
     }
 }
 
-/// Stills need no lanes: stages run one after the other, each where it is fastest without a GPU's help.
-const PLAN: Plan = Plan::CpuTail;
+/// What stills run on: with one pose after the other, each stage where it is fastest without a GPU's help.
+const PLACEMENT: PlacementRequest = PlacementRequest {
+    plan: Some(Plan::CpuTail),
+    provider: Some(ProviderKind::Cpu),
+};
 
 /// Joints before the jaw, the eyes and the fingers.
 const BODY_JOINTS: usize = 22;
 
-/// A receiver with its runtime and device, for pictures of one size.
+/// What stills are drawn with.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StillRenderer<'a> {
+    pub(crate) gpu: &'a Arc<Gpu>,
+    pub(crate) runtime: &'a Runtime,
+    pub(crate) avatar: &'a Arc<Avatar>,
+}
+
+/// What drawing stills came to.
 #[derive(Debug)]
-pub(crate) struct StillRenderer {
-    receiver: Receiver,
-    setting: RenderSettings,
+pub(crate) struct StillsReport {
+    /// What each stage took.
+    pub(crate) times: StageTable,
+    /// The device that drew the last one: another than at first after a loss.
+    pub(crate) gpu: Arc<Gpu>,
 }
 
 /// Loads a package and tells its sizes.
@@ -75,67 +95,64 @@ pub(crate) fn load_avatar(path: &Path) -> anyhow::Result<(Arc<Avatar>, AvatarFig
     Ok((Arc::new(avatar), figures))
 }
 
-impl StillRenderer {
-    /// Prepares the receiver for `avatar`.
-    pub(crate) fn new(
-        gpu: &Arc<Gpu>,
-        runtime: &Runtime,
-        avatar: &Arc<Avatar>,
-        setting: RenderSettings,
-    ) -> anyhow::Result<Self> {
-        let provider = Provider::Cpu {
+impl StillRenderer<'_> {
+    /// Draws stills, before the studio or within the scene, and hands each one's views to `drawn` with its number.
+    pub(crate) fn draw(
+        &self,
+        setting: &RenderSettings,
+        stills: Vec<Still>,
+        mut drawn: impl FnMut(usize, Vec<RgbImage>) -> anyhow::Result<()>,
+    ) -> anyhow::Result<StillsReport> {
+        let steps = Steps::default();
+        let participant = Participant {
+            avatar: Arc::clone(self.avatar),
+            sits: false,
+            origin: Origin::Steps(steps.clone()),
+        };
+        let backends = InferenceBackends {
+            runtime: self.runtime,
             threads: DeviceOptions::threads(),
+            cache: None,
         };
-        let inference = Inference::open(runtime, avatar, PLAN.graph(), &[provider], None)?;
-        let deformer = Deformer::new(avatar, inference, PLAN)?;
-        let options = setting.renderer(deformer.gaussians())?;
-        let renderer =
-            SplatRenderer::new(Arc::clone(gpu), &options).context("cannot prepare the renderer")?;
-        Ok(Self {
-            receiver: Receiver::new(deformer, renderer)?,
-            setting,
+        let config = SessionConfig {
+            backends,
+            placement: PLACEMENT,
+            latency: LatencyMode::Newest,
+            quality: QualityMode::Fixed(0),
+        };
+        let needs = DisplayNeeds {
+            gpu: Arc::clone(self.gpu),
+            renderer: setting.renderer(0)?,
+            cameras: (stills.first()).map_or_else(Vec::new, |still| still.cameras.clone()),
+            // There is no rate to hold.
+            period: Duration::from_secs(1),
+        };
+        let has_scene = setting.background.is_some();
+        let mut gpu = Arc::clone(self.gpu);
+        let mut compose = |number: usize, picture: DrawnPicture<'_>| -> anyhow::Result<()> {
+            gpu = Arc::clone(picture.renderer.gpu());
+            let splatted = read_views(picture.renderer)?;
+            let people = (picture.people.iter())
+                .map(|(avatar, motion, place)| (&avatar.skeleton, motion, *place));
+            let views = compose_views(&splatted, picture.cameras, people, has_scene)?;
+            drawn(number, views)
+        };
+        let mut display = StillsDisplay::new(needs, steps, stills, |number, picture| {
+            compose(number, picture).map_err(display_error)
+        });
+        let session = Session::new(config, vec![participant], Control::default());
+        let report = session.run(&mut display)?;
+        drop(display);
+        let person = report.people.first().context("there was no person")?;
+        let recording = Recording::new(&person.collector, report.began, report.ended);
+        let units = person.placement.units();
+        let stages = Profile::of(&recording).summary(|stage| units[stage as usize]);
+        let RenderSettings { size, views, .. } = *setting;
+        let splatting = Splatting::new(report.back_end, report.back_end_trial);
+        Ok(StillsReport {
+            times: StageTable::new(views, size, stages, splatting),
+            gpu,
         })
-    }
-
-    /// Draws one frame and returns its pictures, one for each camera, before the studio, or within the scene.
-    pub(crate) fn picture(
-        &mut self,
-        motion: &MotionParams,
-        cameras: &[Camera],
-    ) -> anyhow::Result<Vec<RgbImage>> {
-        let splatted = match self.splat(motion, cameras) {
-            Err(ReceiverError::Render(error)) if error.is_device_lost() => {
-                log::warn!("{error}; this is done once");
-                self.receiver.recover()?;
-                self.splat(motion, cameras)?
-            }
-            splatted => splatted?,
-        };
-        let has_scene = self.setting.background.is_some();
-        let skeleton = self.receiver.deformer().skeleton();
-        let people = [(skeleton, motion, Affine3A::IDENTITY)];
-        compose_views(&splatted, cameras, people, has_scene)
-    }
-
-    fn splat(
-        &mut self,
-        motion: &MotionParams,
-        cameras: &[Camera],
-    ) -> Result<Vec<Image>, ReceiverError> {
-        self.receiver.frame(motion, cameras)?;
-        Ok(read_views(self.receiver.renderer())?)
-    }
-
-    /// The device that draws: another than at first after a loss.
-    pub(crate) fn gpu(&mut self) -> Arc<Gpu> {
-        Arc::clone(self.receiver.renderer().gpu())
-    }
-
-    /// StillRenderer times of all frames so far.
-    pub(crate) fn times(&self) -> StageTable {
-        let RenderSettings { size, views, .. } = self.setting;
-        let splatting = Splatting::new(self.receiver.back_end(), self.receiver.back_end_trial());
-        StageTable::new(views, size, self.receiver.stage_times(), splatting)
     }
 }
 
@@ -213,11 +230,30 @@ mod tests {
             filter: Filter::Dilation,
         };
         let avatar = Arc::new(puppet());
-        let mut stage = StillRenderer::new(&gpu, &runtime, &avatar, setting).expect("a stage");
         let (eye, target) = (Vec3::new(0.0, 1.0, 4.0), Vec3::Y * 0.9);
         let camera = Camera::look_at(eye, target, Vec3::Y, 0.6, 96, 96);
-        let motion = MotionParams::default();
-        let before = stage.picture(&motion, &[camera]).expect("a picture");
+        let still = Still {
+            motion: MotionParams::default(),
+            cameras: vec![camera],
+        };
+        let renderer = StillRenderer {
+            gpu: &gpu,
+            runtime: &runtime,
+            avatar: &avatar,
+        };
+        let mut pictures = Vec::new();
+        let report = renderer.draw(&setting, vec![still.clone(), still], |number, picture| {
+            pictures.push(picture);
+            if number == 0 {
+                gpu.declare_lost();
+            }
+            Ok(())
+        });
+        let report = report.expect("stills");
+        assert!(!Arc::ptr_eq(&report.gpu, &gpu), "another device");
+        let [before, after] = &pictures[..] else {
+            panic!("{} pictures", pictures.len());
+        };
         let row = before[0]
             .rows()
             .nth(48)
@@ -226,8 +262,6 @@ mod tests {
             row.is_some_and(|row| row.iter().any(|pixel| *pixel != row[0])),
             "there is someone in the picture"
         );
-        gpu.declare_lost();
-        let after = stage.picture(&motion, &[camera]).expect("a picture again");
         assert_eq!(before, after, "the same picture from another device");
     }
 }

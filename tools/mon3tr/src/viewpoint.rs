@@ -280,7 +280,11 @@ mod tests {
         view.back_off(3.0);
         assert_eq!(view.eye, Vec3::new(0.0, 1.0, 2.0), "4 m are seen at 2 m");
         view.back_off(6.0);
-        assert!(view.eye.abs_diff_eq(Vec3::new(0.0, 1.0, 3.0), 1e-5), "{}", view.eye);
+        assert!(
+            view.eye.abs_diff_eq(Vec3::new(0.0, 1.0, 3.0), 1e-5),
+            "{}",
+            view.eye
+        );
     }
 
     #[test]

@@ -150,6 +150,13 @@ impl<S: MotionSource> Lanes<S> {
         (self.people.iter()).map(|person| person.view().map(|view| &view.motion))
     }
 
+    /// The number of the newest motion frame that goes into the picture that was begun, of a person who is in it. Motion frames are
+    /// numbered from 1 as the person's source hands them out.
+    #[must_use]
+    pub fn motion_frame(&self, person: usize) -> Option<u64> {
+        Some(self.people.get(person)?.view()?.states[1].number)
+    }
+
     /// Draws these with the people from now on (world space, 256 at most): shadows, say. The same ones again cost nothing,
     /// others no memory.
     ///
@@ -178,6 +185,14 @@ impl<S: MotionSource> Lanes<S> {
             sum.interpolations += counts.interpolations.count();
         }
         sum
+    }
+
+    /// Looks after the lanes, which [`Self::begin`] does for each picture too.
+    ///
+    /// # Errors
+    /// What ended a lane that cannot be replaced, if no other person stays.
+    pub fn check(&mut self) -> Result<(), ReceiverError> {
+        self.people.check()
     }
 
     /// Whether no source has any more poses.

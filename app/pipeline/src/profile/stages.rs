@@ -1,6 +1,7 @@
 //! How long each stage takes: one sample per stage and frame, and one row of a table per stage.
 
-use crate::profile::Percentiles;
+use super::recorded::{ms, nanoseconds};
+use crate::profile::{Percentiles, Recording};
 use crate::stage::{Stage, Unit};
 use renderer_splat::times::StageTimes;
 use serde::Serialize;
@@ -29,6 +30,22 @@ pub struct StageSummary {
 }
 
 impl Profile {
+    /// One sample per stage and frame of a recording: a stage done in slices takes as long as all of them.
+    #[must_use]
+    pub fn of(recording: &Recording) -> Self {
+        let mut slices: Vec<(Stage, u64, i64)> = (recording.spans.iter())
+            .map(|span| (span.stage, span.frame, nanoseconds(span.begin, span.end)))
+            .collect();
+        slices.sort_unstable();
+        let mut profile = Self::default();
+        for frame in slices.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            if let Some((stage, ..)) = frame.first() {
+                profile.record_ms(*stage, ms(frame.iter().map(|(.., time)| time).sum()));
+            }
+        }
+        profile
+    }
+
     /// Adds one sample measured on this side of the device.
     pub fn record(&mut self, stage: Stage, time: Duration) {
         self.record_ms(stage, time.as_secs_f64() * 1e3);

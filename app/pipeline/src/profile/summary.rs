@@ -1,6 +1,5 @@
 //! A measured interval in figures: what tables, JSON, the page and an overlay show.
 
-use super::recorded::{ms, nanoseconds};
 use crate::profile::{
     LatencyBreakdown, Occupancy, PictureFigures, Profile, Recording, StageSummary,
 };
@@ -57,7 +56,7 @@ impl Summary {
     #[must_use]
     pub fn new(recording: &Recording, terms: &Terms) -> Self {
         let display_hz = 1.0 / terms.display_period.as_secs_f64().max(1e-6);
-        let mut stages = profile(recording).summary(|stage| terms.unit_of(stage));
+        let mut stages = Profile::of(recording).summary(|stage| terms.unit_of(stage));
         for row in &mut stages {
             let rate = if row.stage.is_per_picture() {
                 display_hz
@@ -77,21 +76,4 @@ impl Summary {
             lost_events: terms.lost_events,
         }
     }
-}
-
-/// One sample per stage and frame: a stage done in slices takes as long as all of them.
-fn profile(recording: &Recording) -> Profile {
-    let mut slices: Vec<(Stage, u64, i64)> = recording
-        .spans
-        .iter()
-        .map(|span| (span.stage, span.frame, nanoseconds(span.begin, span.end)))
-        .collect();
-    slices.sort_unstable();
-    let mut profile = Profile::default();
-    for frame in slices.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        if let Some((stage, ..)) = frame.first() {
-            profile.record_ms(*stage, ms(frame.iter().map(|(.., time)| time).sum()));
-        }
-    }
-    profile
 }

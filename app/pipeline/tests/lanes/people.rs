@@ -6,8 +6,8 @@ use app_pipeline::error::ReceiverError;
 use app_pipeline::inference::Inference;
 use app_pipeline::lanes::MotionSource;
 use app_pipeline::plan::Plan;
-use app_pipeline::profile::Profile;
 use app_pipeline::profile::Collector;
+use app_pipeline::profile::Profile;
 use app_pipeline::quality::QualityMode;
 use app_pipeline::stage::Stage as Work;
 use glam::{Affine3A, Quat, Vec3};
@@ -186,7 +186,10 @@ fn who_leaves_goes_out_of_the_picture_and_the_others_stay() {
                 let mut spans = collector.spans();
                 spans.any(|span| span.stage == stage)
             };
-            assert!(is_recorded(left) && is_recorded(stayed), "{stage:?} of each");
+            assert!(
+                is_recorded(left) && is_recorded(stayed),
+                "{stage:?} of each"
+            );
         }
     }
 }
@@ -268,7 +271,11 @@ fn two_people_lose_quality_together() {
         if stage.lanes.quality_figures().quality.level == 3 && last.gaussians < 2_000 {
             break last.gaussians;
         }
-        assert!(Instant::now() < until, "{:?}", stage.lanes.quality_figures());
+        assert!(
+            Instant::now() < until,
+            "{:?}",
+            stage.lanes.quality_figures()
+        );
     };
     assert_eq!(few, 2 * 700, "35 % of each");
 }

@@ -1,14 +1,16 @@
 //! Where a session is shown: what every display has in common, and the displays that need no headset.
 //!
 //! A [`Display`] says what pictures it takes, then shows the people of a [`LiveSession`] until the session is over. The headset's is
-//! [`crate::headset::HeadsetDisplay`]; [`OffscreenDisplay`] draws for pictures on disk and for measurements; a program with a window
+//! [`crate::headset::HeadsetDisplay`]; [`OffscreenDisplay`] draws for pictures on disk and for measurements, [`StillsDisplay`] pose by pose; a program with a window
 //! of its own has its own, with [`FlatView`] for where people and camera are.
 
 mod flat;
 mod offscreen;
+mod stills;
 
 pub use flat::{FlatView, LoadBackground, Standpoint};
 pub use offscreen::{DrawnPicture, OffscreenDisplay, PictureObserver};
+pub use stills::{Still, StillsDisplay};
 
 use crate::call::CallWatch;
 use crate::participant::PersonSource;

@@ -1,7 +1,9 @@
 //! A display that nobody sees: the session drawn at a display's rate, each picture handed to an observer.
 
 use super::flat::WAITING;
-use super::{Display, DisplayNeeds, FlatView, LiveSession, LoadBackground, SessionError, Standpoint};
+use super::{
+    Display, DisplayNeeds, FlatView, LiveSession, LoadBackground, SessionError, Standpoint,
+};
 use app_pipeline::lanes::Drawn;
 use glam::Affine3A;
 use renderer_splat::camera::Camera;

@@ -3,11 +3,11 @@
 //! When the runtime goes away (its service is restarted, the headset unplugged) the people stay: the headset is opened again, as
 //! often as it takes, and the calls go on meanwhile.
 
+use super::display::{FrameCapture, FrameObserver};
 use super::figures::HeadsetFigures;
 use super::pace::Pace;
 use super::panel::FiguresPanel;
 use super::surroundings::{Places, name};
-use super::display::{FrameCapture, FrameObserver};
 use crate::display::{LiveSession, SessionError};
 use crate::overlay::OverlayWatch;
 use crate::presence::Viewer;
@@ -81,7 +81,10 @@ impl<'a> Frames<'a> {
         session_options: SessionOptions,
         observer: &'a mut dyn FrameObserver,
     ) -> Result<Self, SessionError> {
-        let placement = people.placements.first().ok_or(SessionError::NoParticipants)?;
+        let placement = people
+            .placements
+            .first()
+            .ok_or(SessionError::NoParticipants)?;
         let overlay = OverlayWatch::new(placement.clone(), people.call.clone());
         Ok(Self {
             people,
@@ -111,7 +114,8 @@ impl<'a> Frames<'a> {
             }
             let present = match headset.take() {
                 Some(headset) => headset,
-                None => match open_again(runtime, options, self.people.control, &|| self.is_over()) {
+                None => match open_again(runtime, options, self.people.control, &|| self.is_over())
+                {
                     Some(headset) => headset,
                     None => return Ok(()),
                 },

@@ -1,8 +1,8 @@
 //! A notice in the headset while there are no people to see yet: which sender is waited for, what is being fetched, what is missing.
 
-use super::hanging::{Spot, image};
 use super::frames::IDLE;
 use super::handle::{HeadsetHandle, close};
+use super::hanging::{Spot, image};
 use crate::display::SessionError;
 use crate::overlay::{NOTICE_WIDTH_METRES, Notice, Panel};
 use app_pipeline::control::Control;

@@ -208,4 +208,3 @@ fn farewell(
         collector: finished.collector,
     }
 }
-

@@ -1,24 +1,20 @@
 //! The program under test: a puppet that dances, shown in the headset that the environment names, and what that came to.
 
-use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::control::Control;
-use app_pipeline::lanes::{LaneOptions, Lanes, MotionSource, Pose};
-use app_pipeline::placement::{InferenceBackends, Placed, place};
+use app_pipeline::placement::InferenceBackends;
 use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::profile::PictureTimes;
 use app_pipeline::quality::QualityMode;
 use app_pipeline::timeline::LatencyMode;
-use app_session::headset::{FrameObserver, PresentConfig, Seen, show};
-use app_session::overlay::OverlayWatch;
-use glam::Vec3;
+use app_session::headset::{
+    FrameCapture, FrameObserver, HeadsetDisplay, HeadsetHandle, PresentOptions,
+};
+use app_session::participant::{Origin, Participant};
+use app_session::session::{Session, SessionConfig};
 use renderer_openxr::error::XrError;
-use renderer_openxr::headset::{Headset, HeadsetOptions};
+use renderer_openxr::headset::HeadsetOptions;
 use renderer_openxr::runtime::Runtime;
-use renderer_openxr::session::SessionOptions;
-use renderer_splat::camera::Camera;
 use renderer_splat::error::RenderError;
-use renderer_splat::options::RendererOptions;
-use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use serde::{Deserialize, Serialize};
@@ -47,9 +43,6 @@ pub(crate) const ALIVE: &str = "alive";
 
 /// Motion frames a second.
 const MOTION_HZ: f64 = 30.0;
-
-/// Gaussians beside the puppet's: its shadow.
-const BESIDE: u32 = 256;
 
 /// Between two looks at the memory.
 const LOOK: Duration = Duration::from_millis(500);
@@ -107,29 +100,36 @@ fn the_program_that_the_tests_here_start() {
 
 fn obey(orders: &Orders) -> serde_json::Value {
     let runtime = Runtime::load().expect("a loader");
-    let (options, headset) = open(&runtime);
-    let validated = options.validation;
-    let gpu = Arc::clone(headset.gpu());
+    let (validated, headset) = open(&runtime);
+    let gpu = Arc::clone(headset.headset().gpu());
     let bytes = Puppet::small().avatar().to_bytes().expect("a package");
     let avatar = Avatar::read(std::io::Cursor::new(bytes)).expect("the package is sound");
-    let avatar = Arc::new(avatar);
-    let (mut lanes, overlay) = lanes(&headset, &avatar);
-    let mut witness = Witness::new(orders, Arc::clone(&gpu));
-    let showing = PresentConfig {
-        runtime,
-        options,
-        session: SessionOptions {
-            room: false,
-            read_back: true,
-            display_hz: None,
+    let onnx = onnx::runtime().expect("the test that starts this has looked");
+    let config = SessionConfig {
+        backends: InferenceBackends {
+            runtime: &onnx,
+            threads: 1,
+            cache: None,
         },
-        skeletons: vec![avatar.skeleton.clone()],
-        overlay,
-        control: Control::default(),
+        placement: PlacementRequest {
+            plan: Some(Plan::CpuTail),
+            provider: None,
+        },
+        latency: LatencyMode::Interpolate,
+        quality: QualityMode::Fixed(0),
     };
-    let figures = show(&mut lanes, headset, showing, &mut witness).expect("it is shown");
-    let pictures = lanes.collector().pictures().copied().collect();
-    drop(lanes);
+    let mut witness = Witness::new(orders, Arc::clone(&gpu));
+    let present = PresentOptions {
+        scene: None,
+        read_back: true,
+        display_hz: None,
+    };
+    let mut display = HeadsetDisplay::new(headset, present, &mut witness);
+    let session = Session::new(config, vec![dance(avatar)], Control::default());
+    let session = session.run(&mut display).expect("it is shown");
+    let figures = display.into_figures();
+    let pictures = session.people[0].collector.pictures().copied().collect();
+    drop(session);
     json!({
         "figures": figures,
         "validated": validated,
@@ -139,115 +139,48 @@ fn obey(orders: &Orders) -> serde_json::Value {
     })
 }
 
-/// With Vulkan's validation layer, where there is one.
-fn open(runtime: &Runtime) -> (HeadsetOptions, Headset) {
-    let mut options = HeadsetOptions {
-        eye_size: None,
-        validation: true,
-    };
-    let headset = match Headset::open(runtime, options) {
-        Err(XrError::Render(RenderError::Vulkan(VulkanError::NoValidationLayer))) => {
-            options.validation = false;
-            Headset::open(runtime, options)
-        }
-        opened => opened,
-    };
-    (options, headset.expect("a headset"))
-}
-
-/// Lanes for the headset, and what tells of them on the panel.
-fn lanes(headset: &Headset, avatar: &Arc<Avatar>) -> (Lanes<Dance>, OverlayWatch) {
-    let [width, height] = headset.info().eye_size;
-    let gaussians = u32::try_from(avatar.gaussians.len()).expect("few");
-    let options = RendererOptions {
-        depth: headset.extensions().has("XR_KHR_composition_layer_depth"),
-        ..RendererOptions::new(gaussians + BESIDE, width, height, 2)
-    };
-    let mut renderer = SplatRenderer::new(Arc::clone(headset.gpu()), &options).expect("a renderer");
-    let onnx = onnx::runtime().expect("the test that starts this has looked");
-    let backends = InferenceBackends {
-        runtime: &onnx,
-        threads: 1,
-        cache: None,
-    };
-    let cameras = [-0.03, 0.03].map(|x| {
-        let eye = Vec3::new(x, 1.6, 1.6);
-        Camera::look_at(eye, eye - Vec3::Z, Vec3::Y, 1.5, width, height)
-    });
-    let request = PlacementRequest {
-        plan: Some(Plan::CpuTail),
-        provider: None,
-    };
-    let placed = place(
-        &backends,
-        avatar,
-        &mut renderer,
-        &cameras,
-        request,
-        &Control::default(),
-    );
-    let Placed {
-        plan,
-        inference,
-        report,
-    } = placed.expect("a placement");
-    let options = LaneOptions {
-        plan,
-        latency: LatencyMode::Interpolate,
-        hold: QualityMode::Fixed(0),
-        display_period: Duration::from_millis(50),
-    };
-    let dance = Dance::new(avatar);
-    let lanes = Lanes::start(avatar, inference, renderer, dance, &options).expect("lanes start");
-    (lanes, OverlayWatch::new(report, None))
-}
-
 /// The built-in performance, again and again.
-#[derive(Debug)]
-struct Dance {
-    clip: MotionClip,
-    start: Instant,
-    sent: u32,
-}
-
-impl Dance {
-    fn new(avatar: &Avatar) -> Self {
-        let clip = MotionClip::built_in(
-            &avatar.skeleton,
-            &avatar.expressions,
-            LOOP_SECONDS,
-            MOTION_HZ,
-        );
-        Self {
-            clip: clip.expect("a motion"),
-            start: Instant::now(),
-            sent: 0,
-        }
+fn dance(avatar: Avatar) -> Participant {
+    let clip = MotionClip::built_in(
+        &avatar.skeleton,
+        &avatar.expressions,
+        LOOP_SECONDS,
+        MOTION_HZ,
+    );
+    let clip = clip.expect("a motion");
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a few hundred"
+    )]
+    let count = (LOOP_SECONDS * MOTION_HZ).round() as u32;
+    let frames = (0..count)
+        .map(|frame| clip.sample(f64::from(frame) / MOTION_HZ, Playback::Loop))
+        .collect();
+    Participant {
+        avatar: Arc::new(avatar),
+        sits: false,
+        origin: Origin::Clip {
+            frames,
+            rate_hz: MOTION_HZ,
+        },
     }
 }
 
-impl MotionSource for Dance {
-    fn next(&mut self, longest: Duration) -> Option<Pose> {
-        let seconds = f64::from(self.sent) / MOTION_HZ;
-        let due = self.start + Duration::from_secs_f64(seconds);
-        let wait = due.saturating_duration_since(Instant::now());
-        std::thread::sleep(wait.min(longest));
-        if wait > longest {
-            return None;
+/// With Vulkan's validation layer, where there is one.
+fn open(runtime: &Runtime) -> (bool, HeadsetHandle) {
+    let open = |validation| {
+        let options = HeadsetOptions {
+            eye_size: None,
+            validation,
+        };
+        HeadsetHandle::open(runtime.clone(), options)
+    };
+    match open(true) {
+        Err(XrError::Render(RenderError::Vulkan(VulkanError::NoValidationLayer))) => {
+            (false, open(false).expect("a headset"))
         }
-        self.sent += 1;
-        Some(Pose {
-            motion: self.clip.sample(seconds, Playback::Loop),
-            source: ConcealmentState::Live,
-            captured: Some(due),
-            arrived: due,
-            due,
-            released: Instant::now(),
-        })
-    }
-
-    fn is_over(&self) -> bool {
-        false
+        opened => (true, opened.expect("a headset")),
     }
 }
 
@@ -299,14 +232,14 @@ impl FrameObserver for Witness {
             .is_some_and(|first| first.elapsed() >= self.seconds)
     }
 
-    fn wants(&mut self, shown: u64, _somebody: bool) -> bool {
+    fn wants_pictures(&mut self, shown: u64, _has_people: bool) -> bool {
         self.look();
-        // One for all, once somebody is there: reading takes time.
+        // One for all, once the puppet is there: reading takes time.
         shown == 60
     }
 
-    fn seen(&mut self, seen: Seen<'_>) {
-        for (eye, picture) in ["left", "right"].iter().zip(seen.pictures) {
+    fn captured(&mut self, frame: FrameCapture<'_>) {
+        for (eye, picture) in ["left", "right"].iter().zip(frame.pictures) {
             let file = self.folder.join(format!("{eye}.png"));
             let (width, height) = (picture.width, picture.height);
             let colour = image::ColorType::Rgba8;

@@ -17,18 +17,20 @@ use crate::stills::{RenderSettings, StillRenderer, load_avatar};
 use crate::viewpoint::{Viewpoint, eyes};
 use crate::window;
 use anyhow::{Context, bail};
+use app_session::display::Still;
 use call::{Length, Shown};
 use clap::ValueEnum;
 use image::{RgbImage, imageops};
-use npu_runtime::Runtime;
 use renderer_splat::options::Filter;
 use renderer_vulkan::gpu::Gpu;
-use spmm3::Avatar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Longest call of the demo, seconds: as long as an animation may be.
 const LONGEST_CALL: f64 = 20.0;
+
+/// Places that the middle of the motion is seen from.
+const VIEWS: [&str; 6] = ["front", "side", "back", "waist-up", "face", "hands"];
 
 /// Frames drawn to measure stereo.
 const STEREO_FRAMES: usize = 30;
@@ -79,8 +81,7 @@ enum Display {
 
 /// What all pictures of one demo share.
 struct Show<'a> {
-    runtime: &'a Runtime,
-    avatar: &'a Arc<Avatar>,
+    renderer: StillRenderer<'a>,
     performance: &'a Performance,
     out: &'a Path,
     setting: &'a RenderSettings,
@@ -153,22 +154,22 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         filter: scenery.as_ref().map_or(Filter::Dilation, Scenery::filter),
     };
     let show = Show {
-        runtime: &runtime,
-        avatar: &avatar,
+        renderer: StillRenderer {
+            gpu: &gpu,
+            runtime: &runtime,
+            avatar: &avatar,
+        },
         performance: &performance,
         out: &options.out,
         setting: &setting,
     };
-    let (stereo, stereo_picture) = show.stereo(&gpu, &options.camera)?;
-    let mut mono = StillRenderer::new(&gpu, &runtime, &avatar, setting.clone())?;
+    let (stereo, stereo_picture) = show.stereo(&options.camera)?;
     let mut pictures = vec![stereo_picture];
-    for view in ["front", "side", "back", "waist-up", "face", "hands"] {
-        pictures.push(show.still(&mut mono, view)?);
-    }
+    let gpu = show.stills(&mut pictures)?;
     let mut report = RunReport::new(
         figures,
         &performance,
-        &mono.gpu(),
+        &gpu,
         &runtime,
         vec![stereo],
         pictures,
@@ -182,47 +183,64 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
 
 impl Show<'_> {
     /// Both eyes: times over some frames, and one picture of left and right side by side.
-    fn stereo(
-        &self,
-        gpu: &Arc<Gpu>,
-        viewpoint: &Viewpoint,
-    ) -> anyhow::Result<(StageTable, PathBuf)> {
+    fn stereo(&self, viewpoint: &Viewpoint) -> anyhow::Result<(StageTable, PathBuf)> {
         let setting = RenderSettings {
             views: Views::Stereo,
             ..self.setting.clone()
         };
         let Size { width, height } = setting.size;
-        let mut stage = StillRenderer::new(gpu, self.runtime, self.avatar, setting)?;
         let heading = self.performance.heading();
         let mut both = RgbImage::new(width * 2, height);
-        let frames: Vec<_> = self.performance.followed(self.avatar).collect();
+        let frames = self.performance.followed(self.renderer.avatar);
         let step = frames.len().div_ceil(STEREO_FRAMES).max(1);
-        let bar = progress::bar("drawing both eyes", frames.len().div_ceil(step));
-        for (motion, floor) in frames.into_iter().step_by(step) {
-            let camera = viewpoint.camera(floor, heading, width, height);
-            let pair = stage.picture(motion, &eyes(camera, Views::Stereo))?;
+        let stills: Vec<Still> = (frames.step_by(step))
+            .map(|(motion, floor)| {
+                let camera = viewpoint.camera(floor, heading, width, height);
+                Still {
+                    motion: motion.clone(),
+                    cameras: eyes(camera, Views::Stereo),
+                }
+            })
+            .collect();
+        let bar = progress::bar("drawing both eyes", stills.len());
+        let drawn = self.renderer.draw(&setting, stills, |_, pair| {
             for (picture, x) in pair.iter().zip([0, i64::from(width)]) {
                 imageops::replace(&mut both, picture, x, 0);
             }
             bar.inc(1);
-        }
+            Ok(())
+        })?;
         bar.finish_and_clear();
         let file = self.out.join("stereo.png");
         write_png(&file, &both)?;
-        Ok((stage.times(), file))
+        Ok((drawn.times, file))
     }
 
-    /// The middle of the motion from one named place.
-    fn still(&self, stage: &mut StillRenderer, view: &str) -> anyhow::Result<PathBuf> {
-        let viewpoint: Viewpoint = view.parse()?;
-        let mut frames = self.performance.followed(self.avatar);
+    /// The middle of the motion from several named places; returns the device that drew them.
+    fn stills(&self, pictures: &mut Vec<PathBuf>) -> anyhow::Result<Arc<Gpu>> {
+        let mut frames = self.performance.followed(self.renderer.avatar);
         let middle = frames.len() / 2;
         let (motion, floor) = frames.nth(middle).context("the motion has no frames")?;
         let Size { width, height } = self.setting.size;
-        let camera = viewpoint.camera(floor, self.performance.heading(), width, height);
-        let picture = stage.picture(motion, &[camera])?.swap_remove(0);
-        let file = self.out.join(format!("{view}.png"));
-        write_png(&file, &picture)?;
-        Ok(file)
+        let still = |view: &str| -> anyhow::Result<Still> {
+            let viewpoint: Viewpoint = view.parse()?;
+            let heading = self.performance.heading();
+            Ok(Still {
+                motion: motion.clone(),
+                cameras: vec![viewpoint.camera(floor, heading, width, height)],
+            })
+        };
+        let stills = VIEWS
+            .into_iter()
+            .map(still)
+            .collect::<anyhow::Result<_>>()?;
+        let drawn = self.renderer.draw(self.setting, stills, |number, views| {
+            let (name, picture) = VIEWS.get(number).zip(views.first()).context("no picture")?;
+            let file = self.out.join(format!("{name}.png"));
+            write_png(&file, picture)?;
+            pictures.push(file);
+            Ok(())
+        })?;
+        Ok(drawn.gpu)
     }
 }

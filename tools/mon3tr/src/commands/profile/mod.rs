@@ -125,7 +125,13 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let config = (options.lanes).session(inference_backends(&runtime, &compiled), quality);
     let participants = vec![room.participant(&avatar)];
     let viewpoint = CAMERA.parse()?;
-    let needs = flat::needs(&gpu, options.size, options.views(), &viewpoint, options.display_hz);
+    let needs = flat::needs(
+        &gpu,
+        options.size,
+        options.views(),
+        &viewpoint,
+        options.display_hz,
+    );
     let session = Session::new(config, participants, Control::default())
         .run(&mut OffscreenDisplay::new(needs, None, &mut watch))?;
     let time = watch.time(session.ended)?;

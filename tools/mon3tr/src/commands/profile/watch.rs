@@ -5,9 +5,7 @@ use crate::flat::display_error;
 use crate::size::Size;
 use crate::viewpoint::{Viewpoint, eyes};
 use anyhow::anyhow;
-use app_session::display::{
-    DrawnPicture, LiveSession, PictureObserver, SessionError, Standpoint,
-};
+use app_session::display::{DrawnPicture, LiveSession, PictureObserver, SessionError, Standpoint};
 use profile_report::resident_bytes;
 use renderer_splat::camera::Camera;
 use renderer_vulkan::gpu::Gpu;
@@ -89,11 +87,7 @@ impl<'a> Watch<'a> {
         (Instant::now(), seconds)
     }
 
-    fn look(
-        &mut self,
-        session: &LiveSession<'_>,
-        first: Option<Instant>,
-    ) -> anyhow::Result<bool> {
+    fn look(&mut self, session: &LiveSession<'_>, first: Option<Instant>) -> anyhow::Result<bool> {
         let (begun, seconds) = match self.begun {
             Some(begun) => begun,
             None => {

@@ -9,9 +9,7 @@ use crate::size::{Size, Views};
 use crate::stills::{compose_views, read_views};
 use crate::until::Until;
 use crate::viewpoint::{Viewpoint, eyes};
-use app_session::display::{
-    DrawnPicture, LiveSession, PictureObserver, SessionError, Standpoint,
-};
+use app_session::display::{DrawnPicture, LiveSession, PictureObserver, SessionError, Standpoint};
 use image::{RgbImage, imageops};
 use renderer_splat::camera::Camera;
 use std::path::{Path, PathBuf};

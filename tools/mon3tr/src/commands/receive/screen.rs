@@ -39,7 +39,7 @@ const BEFORE: Vec3 = Vec3::new(0.0, 0.0, -1.6);
 pub(super) enum Screen {
     Headset {
         /// Until it is shown.
-        headset: Option<HeadsetHandle>,
+        headset: Option<Box<HeadsetHandle>>,
         runtime: Runtime,
     },
     Window {
@@ -117,7 +117,7 @@ impl Screen {
             make_folder(folder)?;
         }
         Ok(Self::Headset {
-            headset: Some(headset),
+            headset: Some(Box::new(headset)),
             runtime: device.runtime()?,
         })
     }
@@ -171,7 +171,9 @@ impl Screen {
         let drawn = match self {
             Self::Undrawn => {
                 let person = people.first().context("there is no link")?;
-                return Ok(Shown::Undrawn(Box::new(undrawn::run(person, network, until))));
+                return Ok(Shown::Undrawn(Box::new(undrawn::run(
+                    person, network, until,
+                ))));
             }
             Self::Offscreen { gaze, gpu, runtime } => {
                 let folder = options.folder();
@@ -237,7 +239,7 @@ impl Screen {
                     QualityMode::Adapt
                 };
                 let mut album = Album::new(until, options.out.is_some());
-                let mut display = HeadsetDisplay::new(headset, present, &mut album);
+                let mut display = HeadsetDisplay::new(*headset, present, &mut album);
                 let session = session(runtime, quality, &mut display)?;
                 let figures = display.into_figures();
                 let [width, height] = figures.eye_size;

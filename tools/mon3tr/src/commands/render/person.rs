@@ -10,6 +10,7 @@ use crate::scenery::Scenery;
 use crate::stills::{RenderSettings, StillRenderer, load_avatar};
 use crate::viewpoint::{CameraChoice, eyes};
 use anyhow::Context;
+use app_session::display::Still;
 use renderer_splat::options::Filter;
 use std::path::Path;
 use std::time::Duration;
@@ -39,18 +40,28 @@ pub(super) fn run(options: &Options, package: &Path, device: &DeviceOptions) -> 
         background: scenery.as_ref().map(|scenery| scenery.background.clone()),
         filter: options.filter.map_or(default_filter, Into::into),
     };
-    let mut stage = StillRenderer::new(&gpu, &runtime, &avatar, setting)?;
-    let mut film = Film::start(options.out.join("animation.webp"));
-    let bar = progress::bar("drawing", performance.frames.len());
-    let mut pictures = Vec::new();
-    for (k, (motion, floor)) in performance.followed(&avatar).enumerate() {
+    let mut stills = Vec::new();
+    for (motion, floor) in performance.followed(&avatar) {
         let camera = match (&options.camera, fixed) {
             (CameraChoice::Named(viewpoint) | CameraChoice::Exact(viewpoint), _) => {
                 viewpoint.camera(floor, heading, size.width, size.height)
             }
             (CameraChoice::File(_), fixed) => fixed.context("the scene's camera is missing")?,
         };
-        let drawn = stage.picture(motion, &eyes(camera, options.views()))?;
+        stills.push(Still {
+            motion: motion.clone(),
+            cameras: eyes(camera, options.views()),
+        });
+    }
+    let renderer = StillRenderer {
+        gpu: &gpu,
+        runtime: &runtime,
+        avatar: &avatar,
+    };
+    let mut film = Film::start(options.out.join("animation.webp"));
+    let bar = progress::bar("drawing", performance.frames.len());
+    let mut pictures = Vec::new();
+    let stills = renderer.draw(&setting, stills, |k, drawn| {
         pictures.extend(write_frame(&options.out, k, &drawn)?);
         film.add(
             drawn
@@ -60,19 +71,13 @@ pub(super) fn run(options: &Options, package: &Path, device: &DeviceOptions) -> 
             Duration::from_secs_f64(k as f64 / MOTION_RATE),
         );
         bar.inc(1);
-    }
+        Ok(())
+    })?;
     bar.finish_and_clear();
     pictures.insert(0, film.finish()?);
 
-    let runs = vec![stage.times()];
-    let mut report = RunReport::new(
-        figures,
-        &performance,
-        &stage.gpu(),
-        &runtime,
-        runs,
-        pictures,
-    );
+    let runs = vec![stills.times];
+    let mut report = RunReport::new(figures, &performance, &stills.gpu, &runtime, runs, pictures);
     report.background = scenery.map(|scenery| scenery.figures);
     report.print();
     write_json(options.json.as_deref(), &report)
