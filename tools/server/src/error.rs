@@ -72,6 +72,7 @@ pub enum ServerError {
         source: object_store::Error,
     },
     /// The certificate or its key cannot be used.
+    #[cfg(feature = "tls")]
     #[error("cannot use {} for TLS: {reason}", path.display())]
     Certificate {
         /// The file at fault.
@@ -80,6 +81,7 @@ pub enum ServerError {
         reason: String,
     },
     /// The NATS address or its credentials are of no use. A server that is merely down is waited for instead.
+    #[cfg(feature = "nats")]
     #[error("cannot use the NATS address that was given: {reason}")]
     Nats {
         /// Why, without the address, which may hold a password.

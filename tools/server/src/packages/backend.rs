@@ -1,12 +1,14 @@
 //! Opening the two kinds of store.
 
 use crate::{ServerError, StoreConfig};
-use object_store::aws::AmazonS3Builder;
+use object_store::ObjectStore;
 use object_store::local::LocalFileSystem;
-use object_store::{ClientOptions, ObjectStore, RetryConfig};
+#[cfg(feature = "s3")]
+use object_store::{ClientOptions, RetryConfig, aws::AmazonS3Builder};
 use std::fs::{File, TryLockError};
 use std::path::Path;
 use std::sync::Arc;
+#[cfg(feature = "s3")]
 use std::time::Duration;
 
 type Opened = (Arc<dyn ObjectStore>, Option<File>);
@@ -14,6 +16,7 @@ type Opened = (Arc<dyn ObjectStore>, Option<File>);
 pub(super) fn open(config: &StoreConfig) -> Result<Opened, ServerError> {
     match config {
         StoreConfig::Local(folder) => local(folder),
+        #[cfg(feature = "s3")]
         StoreConfig::S3 {
             bucket,
             endpoint,
@@ -60,6 +63,7 @@ fn sweep_staged(packages: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
+#[cfg(feature = "s3")]
 fn s3(
     bucket: &str,
     endpoint: Option<&str>,

@@ -58,6 +58,7 @@ impl Packages {
         let spool = match (spool, &config.store) {
             (Some(spool), _) => spool.clone(),
             (None, StoreConfig::Local(folder)) => folder.join("spool"),
+            #[cfg(feature = "s3")]
             (None, StoreConfig::S3 { .. }) => std::env::temp_dir(),
         };
         std::fs::create_dir_all(&spool).map_err(|source| ServerError::Folder {

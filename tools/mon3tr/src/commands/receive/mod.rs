@@ -44,7 +44,7 @@ const HERTZ: f64 = 60.0;
 
 /// Options of `receive`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Options {
+pub struct Options {
     /// The viewers' link, as `send` prints it; of several rooms with `--display xr`, whose people then stand in one
     #[arg(value_name = "LINK", required = true)]
     rooms: Vec<RoomLink>,
