@@ -2,8 +2,7 @@
 
 use crate::floor::{FLOOR, cameras, green, scene};
 use crate::support::{json, mon3tr, puppet, text};
-use std::path::{Path, PathBuf};
-use tempfile::TempDir;
+use std::path::Path;
 use test_support::onnx::runtime;
 use test_support::vulkan::gpu;
 
