@@ -63,6 +63,7 @@ pub enum ServerError {
         path: PathBuf,
     },
     /// The object store refuses its settings.
+    #[cfg(feature = "s3")]
     #[error("cannot open the package store {store}")]
     Store {
         /// Which store.

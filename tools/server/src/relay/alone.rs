@@ -13,12 +13,10 @@ impl Relay {
         match *self {}
     }
 
-    #[expect(clippy::unused_async, reason = "as with NATS")]
     pub(crate) async fn ask(&self, _: Id, _: &RoomRequest) -> RoomReply {
         match *self {}
     }
 
-    #[expect(clippy::unused_async, reason = "as with NATS")]
     pub(crate) async fn hold(&self, _: Id, _: Arc<Presence>) {
         match *self {}
     }
