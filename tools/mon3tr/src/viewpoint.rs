@@ -163,7 +163,7 @@ impl std::fmt::Display for Viewpoint {
 impl FromStr for Viewpoint {
     type Err = anyhow::Error;
 
-    /// A name of [`NAMED`], or `ex,ey,ez:tx,ty,tz[:fov]` (eye and target in metres, field of view in degrees).
+    /// One of the names that the options list, or `ex,ey,ez:tx,ty,tz[:fov]` (eye and target in metres, field of view in degrees).
     fn from_str(text: &str) -> anyhow::Result<Self> {
         if let Some((_, viewpoint)) = NAMED.iter().find(|(name, _)| *name == text) {
             return Ok(*viewpoint);
