@@ -16,7 +16,7 @@ java_oldest=17
 android_tools_pins() { lock_pins "$android_tools_lock" 2; }
 java_pins() { lock_pins "$java_lock" 1; }
 
-# has_sdk: an Android SDK that packages are made with (tools/mon3tr/src/commands/apk/tools.rs), and the Java that it needs.
+# has_sdk: an Android SDK that packages are made with (tools/mon3tr-dev/src/apk/tools.rs), and the Java that it needs.
 has_sdk() {
 	local sdk
 	machine_has_java || return 1

@@ -23,7 +23,7 @@ fi
 
 repo=$(cd "$(dirname "$0")/.." && pwd)
 what=("$@")
-if [ $# = 0 ]; then what=(--package mon3tr --release); fi
+if [ $# = 0 ]; then what=(--package mon3tr --bin mon3tr --release); fi
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 log=$folder/crates

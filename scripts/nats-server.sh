@@ -1,5 +1,5 @@
 # shellcheck shell=bash disable=SC2154 # run and prepare.sh set what is not assigned here
-# The NATS server, through which the tests let several instances of `mon3tr serve` share their rooms: the machine's own, or one
+# The NATS server, through which the tests let several instances of `mon3tr-dev serve` share their rooms: the machine's own, or one
 # unpacked from the Debian packages that nats-server-ARCH.lock pins. Nothing is started. Sourced by ./run.
 
 nats_server_lock=$repo/scripts/nats-server-$debian_arch.lock

@@ -14,14 +14,14 @@ use std::time::{Duration, Instant};
 
 /// A process that is ended when this is dropped.
 #[derive(Debug)]
-pub(crate) struct Process {
+pub struct Process {
     name: &'static str,
     child: Child,
 }
 
 /// What becomes of a process' standard output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Output {
+pub enum Output {
     /// It goes where this process' goes.
     Shown,
     /// Nobody reads it.
@@ -30,7 +30,7 @@ pub(crate) enum Output {
 
 impl Process {
     /// Starts `mon3tr NAME ARGUMENTS`.
-    pub(crate) fn start<A: AsRef<OsStr>>(
+    pub fn start<A: AsRef<OsStr>>(
         name: &'static str,
         arguments: impl IntoIterator<Item = A>,
         output: Output,
@@ -39,7 +39,7 @@ impl Process {
     }
 
     /// The same, with these variables in its environment.
-    pub(crate) fn start_in<A: AsRef<OsStr>>(
+    pub fn start_in<A: AsRef<OsStr>>(
         environment: Vec<(&'static str, OsString)>,
         name: &'static str,
         arguments: impl IntoIterator<Item = A>,
@@ -49,7 +49,7 @@ impl Process {
     }
 
     /// Starts `mon3tr send ARGUMENTS` for the owner of this token, which does not show in the list of processes.
-    pub(crate) fn start_sender(
+    pub fn start_sender(
         arguments: impl IntoIterator<Item = OsString>,
         owner_token: &str,
     ) -> anyhow::Result<Self> {
@@ -78,7 +78,7 @@ impl Process {
     }
 
     /// Waits for its end; an error if it failed or takes longer than `longest`.
-    pub(crate) fn finish(self, longest: Option<Duration>) -> anyhow::Result<()> {
+    pub fn finish(self, longest: Option<Duration>) -> anyhow::Result<()> {
         self.finish_unless(longest, &AtomicBool::new(false))
     }
 
@@ -107,7 +107,7 @@ impl Process {
     }
 
     /// Asks it to end, and makes it end if it does not.
-    pub(crate) fn stop(mut self) -> anyhow::Result<()> {
+    pub fn stop(mut self) -> anyhow::Result<()> {
         #[cfg(unix)]
         if let Err(error) = rustix::process::kill_process(
             rustix::process::Pid::from_child(&self.child),
@@ -194,15 +194,17 @@ pub(crate) fn end_with_this(command: &mut Command) {
 
 /// A server on a free port of this machine alone.
 #[derive(Debug)]
-pub(crate) struct LocalServer {
-    pub(crate) url: ServerUrl,
-    pub(crate) owner_token: String,
+pub struct LocalServer {
+    /// Its address.
+    pub url: ServerUrl,
+    /// What opens rooms there.
+    pub owner_token: String,
     process: Process,
 }
 
 impl LocalServer {
     /// Starts one that keeps everything below `folder`.
-    pub(crate) fn start(folder: &Path) -> anyhow::Result<Self> {
+    pub fn start(folder: &Path) -> anyhow::Result<Self> {
         let mut command = command("serve", ["--listen", "127.0.0.1:0", "--data"])?;
         let mut child = command
             .arg(folder)
@@ -238,7 +240,7 @@ impl LocalServer {
     }
 
     /// Where it listens.
-    pub(crate) fn address(&self) -> anyhow::Result<SocketAddr> {
+    pub fn address(&self) -> anyhow::Result<SocketAddr> {
         let text = self.url.to_string();
         let address = text.trim_start_matches("http://").trim_end_matches('/');
         address
@@ -247,13 +249,13 @@ impl LocalServer {
     }
 
     /// Opens a room: the sender's link and the viewers'.
-    pub(crate) async fn open_room(&self, client: &Client) -> anyhow::Result<(RoomLink, RoomLink)> {
+    pub async fn open_room(&self, client: &Client) -> anyhow::Result<(RoomLink, RoomLink)> {
         let room = client.open_room(&self.url, &self.owner_token, None).await?;
         Ok((room.sender, room.viewer))
     }
 
     /// Ends it.
-    pub(crate) fn stop(self) -> anyhow::Result<()> {
+    pub fn stop(self) -> anyhow::Result<()> {
         self.process.stop()
     }
 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// Options every sub-command that draws or deforms shares.
 #[derive(Debug, Clone, clap::Args)]
-pub(crate) struct DeviceOptions {
+pub struct DeviceOptions {
     /// Vulkan device: auto (the fastest kind there is), lavapipe, or part of a device's name
     #[arg(
         long,
@@ -27,19 +27,19 @@ pub(crate) struct DeviceOptions {
 
 impl DeviceOptions {
     /// Opens the chosen Vulkan device.
-    pub(crate) fn gpu(&self) -> anyhow::Result<Arc<Gpu>> {
+    pub fn gpu(&self) -> anyhow::Result<Arc<Gpu>> {
         let gpu = Gpu::open(&self.gpu, false).context("no usable Vulkan device")?;
         log::info!("drawing on {}", describe(&gpu));
         Ok(gpu)
     }
 
     /// Loads ONNX Runtime.
-    pub(crate) fn runtime(&self) -> anyhow::Result<Runtime> {
+    pub fn runtime(&self) -> anyhow::Result<Runtime> {
         Ok(Runtime::open(self.ort.as_deref())?)
     }
 
     /// Threads for providers that compute on the CPU: one for each core.
-    pub(crate) fn threads() -> usize {
+    pub fn threads() -> usize {
         std::thread::available_parallelism().map_or(1, usize::from)
     }
 }
@@ -62,12 +62,12 @@ pub(crate) fn inference_backends<'a>(
 }
 
 /// Device and driver, as tables and JSON show them.
-pub(crate) fn describe(gpu: &Gpu) -> String {
+pub fn describe(gpu: &Gpu) -> String {
     format!("{} ({})", gpu.info().name, gpu.info().driver)
 }
 
 /// The one folder for what is fetched or baked: `MON3TR_CACHE`, else the user's cache folder.
-pub(crate) fn cache() -> anyhow::Result<PathBuf> {
+pub fn cache() -> anyhow::Result<PathBuf> {
     let from = |name: &str| {
         std::env::var_os(name)
             .filter(|value| !value.is_empty())
@@ -96,7 +96,7 @@ pub(crate) fn makehuman() -> anyhow::Result<PathBuf> {
 }
 
 /// Makes the folder `path` and those above it.
-pub(crate) fn make_folder(path: &Path) -> anyhow::Result<()> {
+pub fn make_folder(path: &Path) -> anyhow::Result<()> {
     if path.as_os_str().is_empty() {
         return Ok(());
     }

@@ -25,7 +25,7 @@ const ANIMATION_FRAMES: usize = 600;
 const WAITING: usize = 3;
 
 /// Writes 8-bit RGB rows as a PNG.
-pub(crate) fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
+pub fn write_png(path: &Path, picture: &RgbImage) -> anyhow::Result<()> {
     let write = || -> anyhow::Result<()> {
         let file = std::io::BufWriter::new(std::fs::File::create(path)?);
         let (width, height) = picture.dimensions();

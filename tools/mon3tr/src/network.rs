@@ -10,11 +10,11 @@ use std::time::Duration;
 
 /// The network's threads: apart from all that draws or deforms, so that neither waits for the other.
 #[derive(Debug)]
-pub(crate) struct Network(tokio::runtime::Runtime);
+pub struct Network(tokio::runtime::Runtime);
 
 impl Network {
     /// Two threads: the connection's own work takes a fraction of one.
-    pub(crate) fn start() -> anyhow::Result<Self> {
+    pub fn start() -> anyhow::Result<Self> {
         tokio::runtime::Builder::new_multi_thread()
             .worker_threads(2)
             .thread_name("network")
@@ -30,7 +30,7 @@ impl Network {
     }
 
     /// Runs `task` to its end.
-    pub(crate) fn block_on<T>(&self, task: impl Future<Output = T>) -> T {
+    pub fn block_on<T>(&self, task: impl Future<Output = T>) -> T {
         self.0.block_on(task)
     }
 
@@ -83,7 +83,7 @@ impl Trust {
 }
 
 /// A number of seconds, up to a day.
-pub(crate) fn parse_seconds(text: &str) -> Result<Duration, String> {
+pub fn parse_seconds(text: &str) -> Result<Duration, String> {
     text.parse::<f64>()
         .ok()
         .filter(|seconds| (0.1..=86_400.0).contains(seconds))

@@ -8,7 +8,7 @@ use std::ffi::OsString;
 use std::path::Path;
 
 /// Motion frames per second that are sent. The paper's receiver deforms at this rate; its sender captures about 58.
-pub(crate) const MOTION_RATE: f64 = 30.0;
+pub const MOTION_RATE: f64 = 30.0;
 
 /// The motion that needs no file.
 const BUILT_IN: &str = "built-in";
@@ -18,7 +18,7 @@ const MOST_FRAMES: usize = 20_000;
 
 /// Options that choose a motion.
 #[derive(Debug, Clone, clap::Args)]
-pub(crate) struct MotionOptions {
+pub struct MotionOptions {
     /// A .bvh or SMPL-X/AMASS .npz file, or built-in
     #[arg(long, value_name = "FILE", default_value = "built-in")]
     motion: String,
@@ -32,9 +32,11 @@ pub(crate) struct MotionOptions {
 
 /// A motion at 30 Hz.
 #[derive(Debug)]
-pub(crate) struct Performance {
-    pub(crate) name: String,
-    pub(crate) frames: Vec<MotionParams>,
+pub struct Performance {
+    /// What it is called.
+    pub name: String,
+    /// One each 30th of a second.
+    pub frames: Vec<MotionParams>,
 }
 
 impl MotionOptions {
@@ -50,12 +52,12 @@ impl MotionOptions {
     }
 
     /// What it is called: a file or built-in.
-    pub(crate) fn name(&self) -> &str {
+    pub fn name(&self) -> &str {
         &self.motion
     }
 
     /// The same choice as arguments for another process.
-    pub(crate) fn arguments(&self) -> Vec<OsString> {
+    pub fn arguments(&self) -> Vec<OsString> {
         let mut arguments = vec!["--motion".into(), (&self.motion).into()];
         if let Some(scale) = self.bvh_scale {
             arguments.extend(["--bvh-scale".into(), scale.to_string().into()]);
@@ -68,7 +70,7 @@ impl MotionOptions {
     }
 
     /// Refuses a motion file that is not there, before anything long begins.
-    pub(crate) fn check(&self) -> anyhow::Result<()> {
+    pub fn check(&self) -> anyhow::Result<()> {
         if self.motion != BUILT_IN && !Path::new(&self.motion).is_file() {
             bail!(
                 "cannot use the motion {}: there is no such file",
@@ -79,7 +81,7 @@ impl MotionOptions {
     }
 
     /// Loads the motion and fits it to `avatar`'s skeleton; what is built in has `built_in_rate` frames a second, a file's motion its own.
-    pub(crate) fn clip(&self, avatar: &Avatar, built_in_rate: f64) -> anyhow::Result<MotionClip> {
+    pub fn clip(&self, avatar: &Avatar, built_in_rate: f64) -> anyhow::Result<MotionClip> {
         let mut clip = if self.motion == BUILT_IN {
             MotionClip::built_in(
                 &avatar.skeleton,
@@ -117,7 +119,7 @@ impl MotionOptions {
     }
 
     /// Loads the motion, fits it to `avatar`'s skeleton and samples it at 30 Hz.
-    pub(crate) fn load(&self, avatar: &Avatar) -> anyhow::Result<Performance> {
+    pub fn load(&self, avatar: &Avatar) -> anyhow::Result<Performance> {
         let clip = self.clip(avatar, MOTION_RATE)?;
         let count = frames_at_motion_rate(&clip);
         if count > MOST_FRAMES {
@@ -172,12 +174,12 @@ impl Performance {
     }
 
     /// Where the person first stands, on the floor.
-    pub(crate) fn start(&self, avatar: &Avatar) -> Vec3 {
+    pub fn start(&self, avatar: &Avatar) -> Vec3 {
         self.path(avatar).first().copied().unwrap_or_default()
     }
 
     /// Which way the person faces on average, as a turn about y from +z.
-    pub(crate) fn heading(&self) -> Quat {
+    pub fn heading(&self) -> Quat {
         let forward: Vec3 = self
             .frames
             .iter()

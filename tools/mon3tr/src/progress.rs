@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 /// A bar of `steps` steps labelled `what`. Where standard error is no terminal, one line says what begins.
-pub(crate) fn bar(what: &str, steps: usize) -> ProgressBar {
+pub fn bar(what: &str, steps: usize) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         eprintln!("{what} ...");
     }

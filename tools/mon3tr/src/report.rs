@@ -209,7 +209,7 @@ fn call_line(call: &serde_json::Value) -> Option<String> {
 }
 
 /// Makes sure, before minutes of work, that a file can be written to `path`.
-pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
+pub fn check_writable(path: &Path) -> anyhow::Result<()> {
     if path.is_dir() {
         bail!(
             "cannot write {}: it is a folder; name a file",
@@ -229,7 +229,7 @@ pub(crate) fn check_writable(path: &Path) -> anyhow::Result<()> {
 }
 
 /// Writes `figures` to `path` as indented JSON, if there is one.
-pub(crate) fn write_json(path: Option<&Path>, figures: &impl Serialize) -> anyhow::Result<()> {
+pub fn write_json(path: Option<&Path>, figures: &impl Serialize) -> anyhow::Result<()> {
     let Some(path) = path else {
         return Ok(());
     };

@@ -24,7 +24,7 @@ pub(crate) struct SceneryOptions {
     /// A Gaussian scene to draw behind and around the person: .ply (3DGS or compressed), .splat, .spz, .sog
     /// or a SOG scene's meta.json
     #[arg(long, value_name = "FILE")]
-    pub(crate) background: Option<PathBuf>,
+    pub background: Option<PathBuf>,
     /// Where the scene's origin goes, in metres from where the person first stands (x to their left, z ahead of them), how
     /// far it is turned, and how large its unit is. Its ground is put under the person's feet by itself; y raises it
     /// [default: 0,0,0,0,1]
@@ -144,9 +144,11 @@ impl WorldFromScene {
 
 /// A scene, packed for the renderer.
 #[derive(Debug)]
-pub(crate) struct Scenery {
-    pub(crate) background: Arc<Background>,
-    pub(crate) figures: SceneFigures,
+pub struct Scenery {
+    /// As the renderer takes it.
+    pub background: Arc<Background>,
+    /// What is told of it.
+    pub figures: SceneFigures,
     /// The box that most of it lies in, in the world.
     bounds: Option<Bounds>,
     world_from_scene: WorldFromScene,
@@ -154,11 +156,12 @@ pub(crate) struct Scenery {
 
 /// What a scene file holds.
 #[derive(Debug, Clone, Serialize)]
-pub(crate) struct SceneFigures {
+pub struct SceneFigures {
     pub(crate) file: PathBuf,
     pub(crate) file_bytes: u64,
     pub(crate) format: String,
-    pub(crate) gaussians: usize,
+    /// Those that are drawn.
+    pub gaussians: usize,
     pub(crate) sh_degree: u8,
     /// Corners of the box around all centres, in the scene's units, y up.
     pub(crate) bounds: Option<[[f32; 3]; 2]>,
@@ -250,11 +253,7 @@ impl Scenery {
     }
 
     /// The same of a scene that is to be drawn.
-    pub(crate) fn drawable(
-        file: &Path,
-        up: UpChoice,
-        cameras: Option<&Path>,
-    ) -> anyhow::Result<Self> {
+    pub fn drawable(file: &Path, up: UpChoice, cameras: Option<&Path>) -> anyhow::Result<Self> {
         Self::of(file, load_drawable(file)?, up, cameras)
     }
 
@@ -289,7 +288,7 @@ impl Scenery {
     }
 
     /// A camera that belongs to the scene, in the world.
-    pub(crate) fn camera(&self, chosen: &SceneCamera, Size { width, height }: Size) -> Camera {
+    pub fn camera(&self, chosen: &SceneCamera, Size { width, height }: Size) -> Camera {
         let mut placed = chosen.clone();
         placed.position = self.world_from_scene.point(chosen.position).to_array();
         placed.world_from_camera = self.world_from_scene.turn * chosen.world_from_camera;
@@ -297,7 +296,7 @@ impl Scenery {
     }
 
     /// A camera that sees most of the scene, looking along `direction` with a field of view of `fov_degrees` (vertical).
-    pub(crate) fn overview(
+    pub fn overview(
         &self,
         direction: Vec3,
         fov_degrees: f32,
@@ -393,7 +392,7 @@ fn load(file: &Path) -> anyhow::Result<Scene> {
 }
 
 /// A camera of a cameras.json: that with the number `id`, else the first.
-pub(crate) fn load_camera(file: &Path, id: Option<i64>) -> anyhow::Result<SceneCamera> {
+pub fn load_camera(file: &Path, id: Option<i64>) -> anyhow::Result<SceneCamera> {
     let cameras = Cameras::load(file)?;
     let chosen = match id {
         Some(id) => cameras.get(id)?,
@@ -408,7 +407,7 @@ pub(crate) fn load_camera(file: &Path, id: Option<i64>) -> anyhow::Result<SceneC
 }
 
 /// A scene's camera for pictures of another size: the field of view stays, as in 3DGS.
-pub(crate) fn camera(camera: &SceneCamera, width: u32, height: u32) -> Camera {
+pub fn camera(camera: &SceneCamera, width: u32, height: u32) -> Camera {
     let half = |pixels: u32, focal: f32| (0.5 * pixels as f32 / focal).atan();
     let right = half(camera.width, camera.fx);
     let up = half(camera.height, camera.fy);

@@ -4,9 +4,11 @@ use clap::ValueEnum;
 
 /// Width and height in pixels, written WxH.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Size {
-    pub(crate) width: u32,
-    pub(crate) height: u32,
+pub struct Size {
+    /// In pixels.
+    pub width: u32,
+    /// In pixels.
+    pub height: u32,
 }
 
 impl Size {
@@ -25,7 +27,7 @@ impl Size {
 }
 
 /// Of pictures for which no other size was asked for.
-pub(crate) const DEFAULT_SIZE: Size = Size {
+pub const DEFAULT_SIZE: Size = Size {
     width: 1024,
     height: 1024,
 };
@@ -56,13 +58,16 @@ impl std::fmt::Display for Size {
 
 /// One eye or two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Views {
+pub enum Views {
+    /// One view.
     Mono,
+    /// One view for each eye, the left one first.
     Stereo,
 }
 
 impl Views {
-    pub(crate) fn count(self) -> u32 {
+    /// Views of a frame.
+    pub fn count(self) -> u32 {
         match self {
             Self::Mono => 1,
             Self::Stereo => 2,

@@ -35,16 +35,20 @@ use std::time::Duration;
 
 /// What pictures are made: their size, their number of views, and what they show beside a person.
 #[derive(Debug, Clone)]
-pub(crate) struct RenderSettings {
-    pub(crate) size: Size,
-    pub(crate) views: Views,
-    pub(crate) background: Option<Arc<Background>>,
-    pub(crate) filter: Filter,
+pub struct RenderSettings {
+    /// Of each view, in pixels.
+    pub size: Size,
+    /// How many views.
+    pub views: Views,
+    /// The scene around the person.
+    pub background: Option<Arc<Background>>,
+    /// Against aliasing.
+    pub filter: Filter,
 }
 
 impl RenderSettings {
     /// What a renderer for them and for that many Gaussians of a person is made for.
-    pub(crate) fn renderer(&self, max_foreground: usize) -> anyhow::Result<RendererOptions> {
+    pub fn renderer(&self, max_foreground: usize) -> anyhow::Result<RendererOptions> {
         let gaussians = u32::try_from(max_foreground).context("too many Gaussians")?;
         let Size { width, height } = self.size;
         Ok(RendererOptions {
@@ -82,7 +86,7 @@ pub(crate) struct StillsReport {
 }
 
 /// Loads a package and tells its sizes.
-pub(crate) fn load_avatar(path: &Path) -> anyhow::Result<(Arc<Avatar>, AvatarFigures)> {
+pub fn load_avatar(path: &Path) -> anyhow::Result<(Arc<Avatar>, AvatarFigures)> {
     ensure!(
         !is_scene(path),
         "{} looks like a Gaussian scene, not an avatar package: give it with --background",

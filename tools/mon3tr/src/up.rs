@@ -10,9 +10,11 @@ use std::str::FromStr;
 
 /// An axis of the scene's file, or what can be found out.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) enum UpChoice {
+pub enum UpChoice {
+    /// What the file states, its cameras or its ground show, or its format usually has.
     #[default]
     Auto,
+    /// This one.
     Axis(UpAxis),
 }
 

@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Distance between the eyes in metres (the adult mean).
-pub(crate) const EYE_SPACING: f32 = 0.063;
+pub const EYE_SPACING: f32 = 0.063;
 
 /// A place to look from, relative to where the person stands and faces.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Viewpoint {
+pub struct Viewpoint {
     /// Metres, relative to the floor point below the person, who faces +z.
     eye: Vec3,
     /// Metres, same frame.
@@ -63,7 +63,7 @@ impl Viewpoint {
     }
 
     /// The place as a camera of `width` x `height` pixels, for a person at `floor` (metres) who faces along `heading`.
-    pub(crate) fn camera(&self, floor: Vec3, heading: Quat, width: u32, height: u32) -> Camera {
+    pub fn camera(&self, floor: Vec3, heading: Quat, width: u32, height: u32) -> Camera {
         let place = |p: Vec3| floor + heading * p;
         let fov = self.fov_degrees.to_radians();
         Camera::look_at(
@@ -88,7 +88,7 @@ impl Viewpoint {
 }
 
 /// The camera alone, or for stereo the eyes to its left and right.
-pub(crate) fn eyes(camera: Camera, views: Views) -> Vec<Camera> {
+pub fn eyes(camera: Camera, views: Views) -> Vec<Camera> {
     let moved = |metres: f32| {
         let mut world_from_camera = camera.camera_from_world.inverse();
         world_from_camera.translation += world_from_camera.matrix3.x_axis * metres;
@@ -172,7 +172,7 @@ impl std::fmt::Display for Viewpoint {
 impl FromStr for Viewpoint {
     type Err = anyhow::Error;
 
-    /// A name of [`NAMED`], or `ex,ey,ez:tx,ty,tz[:fov]` (eye and target in metres, field of view in degrees).
+    /// One of the names that the options list, or `ex,ey,ez:tx,ty,tz[:fov]` (eye and target in metres, field of view in degrees).
     fn from_str(text: &str) -> anyhow::Result<Self> {
         if let Some((_, viewpoint)) = NAMED.iter().find(|(name, _)| *name == text) {
             return Ok(*viewpoint);

@@ -17,11 +17,30 @@ pub struct Config {
     pub secret: Secret,
     /// The address of a NATS server through which several instances share their rooms, `nats://HOST:PORT`. A program that may
     /// write there may answer for any sender: keep it in the instances' own network.
+    #[cfg(feature = "nats")]
     pub nats: Option<String>,
     /// Certificate chain and private key, PEM files; without them the server speaks plain HTTP.
+    #[cfg(feature = "tls")]
     pub tls: Option<(PathBuf, PathBuf)>,
     /// Bounds.
     pub limits: Limits,
+}
+
+impl Config {
+    /// One server alone, which speaks plain HTTP and keeps the default bounds.
+    #[must_use]
+    pub fn new(listen: SocketAddr, store: StoreConfig, secret: Secret) -> Self {
+        Self {
+            listen,
+            store,
+            secret,
+            #[cfg(feature = "nats")]
+            nats: None,
+            #[cfg(feature = "tls")]
+            tls: None,
+            limits: Limits::default(),
+        }
+    }
 }
 
 /// Where packages are kept.
@@ -32,6 +51,7 @@ pub enum StoreConfig {
     /// A bucket of an S3-compatible store, for any number of servers. What an upload leaves there when its server dies
     /// is invisible, but a rule of the bucket's should remove incomplete multipart uploads. Credentials come from the environment's `AWS_ACCESS_KEY_ID`,
     /// `AWS_SECRET_ACCESS_KEY` and their kin.
+    #[cfg(feature = "s3")]
     S3 {
         /// The bucket, which must exist.
         bucket: String,

@@ -27,8 +27,15 @@ struct Inner {
     total: usize,
     per_address: usize,
     stall: Duration,
-    open: Mutex<HashMap<IpAddr, usize>>,
+    open: Mutex<Open>,
     metrics: Arc<Metrics>,
+}
+
+/// The connections that are open.
+#[derive(Debug, Default)]
+struct Open {
+    total: usize,
+    by_address: HashMap<IpAddr, usize>,
 }
 
 impl Gate {
@@ -60,17 +67,16 @@ impl Gate {
             .open
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
-        let total: i64 = self.inner.metrics.connections.get();
-        let here = open.get(&address).copied().unwrap_or(0);
-        if usize::try_from(total).unwrap_or(0) >= self.inner.total || here >= self.inner.per_address
-        {
+        let here = open.by_address.get(&address).copied().unwrap_or(0);
+        if open.total >= self.inner.total || here >= self.inner.per_address {
             self.inner.metrics.connections_refused.inc();
             return Err(io::Error::new(
                 ErrorKind::ConnectionRefused,
                 "too many connections",
             ));
         }
-        open.insert(address, here + 1);
+        open.total += 1;
+        open.by_address.insert(address, here + 1);
         self.inner.metrics.connections.inc();
         Ok(Guarded {
             stream,
@@ -117,10 +123,11 @@ impl Drop for ConnectionGuard {
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
         self.gate.metrics.connections.dec();
-        if let Some(count) = open.get_mut(&self.address) {
+        open.total -= 1;
+        if let Some(count) = open.by_address.get_mut(&self.address) {
             *count -= 1;
             if *count == 0 {
-                open.remove(&self.address);
+                open.by_address.remove(&self.address);
             }
         }
     }

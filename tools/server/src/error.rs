@@ -63,6 +63,7 @@ pub enum ServerError {
         path: PathBuf,
     },
     /// The object store refuses its settings.
+    #[cfg(feature = "s3")]
     #[error("cannot open the package store {store}")]
     Store {
         /// Which store.
@@ -72,6 +73,7 @@ pub enum ServerError {
         source: object_store::Error,
     },
     /// The certificate or its key cannot be used.
+    #[cfg(feature = "tls")]
     #[error("cannot use {} for TLS: {reason}", path.display())]
     Certificate {
         /// The file at fault.
@@ -80,6 +82,7 @@ pub enum ServerError {
         reason: String,
     },
     /// The NATS address or its credentials are of no use. A server that is merely down is waited for instead.
+    #[cfg(feature = "nats")]
     #[error("cannot use the NATS address that was given: {reason}")]
     Nats {
         /// Why, without the address, which may hold a password.

@@ -15,6 +15,7 @@ mod relay;
 mod rooms;
 mod secret;
 mod server;
+#[cfg(feature = "tls")]
 mod tls;
 mod token;
 

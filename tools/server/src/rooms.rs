@@ -53,6 +53,10 @@ pub(crate) enum RoomReply {
 #[derive(Debug)]
 pub(crate) struct Presence {
     /// A random number of this connection: the same sender's next one has another.
+    #[cfg_attr(
+        not(feature = "nats"),
+        expect(dead_code, reason = "only other instances are told")
+    )]
     connection: Id,
     owner: Id,
     announcement: Announcement,
@@ -72,6 +76,7 @@ impl Presence {
         self.replaced.cancel();
     }
 
+    #[cfg(feature = "nats")]
     pub(crate) fn connection(&self) -> Id {
         self.connection
     }
@@ -80,6 +85,7 @@ impl Presence {
         self.replaced.clone()
     }
 
+    #[cfg(feature = "nats")]
     pub(crate) fn gone(&self) -> CancellationToken {
         self.gone.clone()
     }

@@ -4,10 +4,12 @@ use crate::connections::Gate;
 use crate::http::{App, Cached, RateLimit, router};
 use crate::metrics::Metrics;
 use crate::packages::Packages;
+#[cfg(feature = "nats")]
 use crate::relay::Relay;
 use crate::rooms::{RoomLimits, Rooms};
-use crate::{Config, ServerError, tls};
+use crate::{Config, ServerError};
 use axum_server::Handle;
+#[cfg(feature = "tls")]
 use axum_server::tls_rustls::{RustlsAcceptor, RustlsConfig};
 use hyper_util::rt::TokioTimer;
 use std::net::{SocketAddr, TcpListener};
@@ -39,14 +41,19 @@ impl Server {
     /// says so until it is back.
     pub async fn start(config: Config) -> Result<Self, ServerError> {
         // For TLS towards S3 and NATS; an application that has chosen a provider keeps its choice.
+        #[cfg(any(feature = "nats", feature = "s3"))]
         let _ = rustls::crypto::ring::default_provider().install_default();
+        #[cfg(feature = "tls")]
         let tls = match &config.tls {
-            Some((certificate, key)) => Some(tls::load(certificate, key)?),
+            Some((certificate, key)) => Some(crate::tls::load(certificate, key)?),
             None => None,
         };
         let limits = config.limits.clone();
         let metrics = Arc::new(Metrics::new());
         let packages = Packages::open(&config, Arc::clone(&metrics)).await?;
+        #[cfg(not(feature = "nats"))]
+        let relay = None;
+        #[cfg(feature = "nats")]
         let relay = match &config.nats {
             Some(address) => {
                 let requests = limits.waiting_per_room + 16;
@@ -92,6 +99,9 @@ impl Server {
         let server = axum_server::from_tcp(listener)
             .map_err(failed)?
             .handle(handle.clone());
+        #[cfg(not(feature = "tls"))]
+        let serving = tokio::spawn(bounded(server.acceptor(gate), head_within).serve(service));
+        #[cfg(feature = "tls")]
         let serving = match tls {
             None => tokio::spawn(bounded(server.acceptor(gate), head_within).serve(service)),
             Some(tls) => {

@@ -123,7 +123,7 @@ pub(super) fn cargo(repo: &Path) -> Command {
 
 fn linker_script(lld: &Path, folder: &Path) -> String {
     format!(
-        "#!/bin/sh\n# Written by mon3tr apk: links for Android without an NDK.\nexec {} -flavor gnu \"$@\" -L{} \
+        "#!/bin/sh\n# Written by mon3tr-dev apk: links for Android without an NDK.\nexec {} -flavor gnu \"$@\" -L{} \
          -zmax-page-size=16384 --no-undefined --build-id=sha1\n",
         quoted(lld),
         quoted(folder)

@@ -25,7 +25,7 @@ use std::time::Instant;
 
 /// Options of `bake`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Options {
+pub struct Options {
     #[command(flatten)]
     choices: BakeChoices,
     /// Also compile the deform graph for this NPU (sxr2230p: the Quest 3's). The package is for headsets with it: it keeps the
@@ -50,7 +50,7 @@ pub(crate) struct Options {
 
 /// What a bake may differ in; `demo` takes it too.
 #[derive(Debug, Clone, clap::Args)]
-pub(crate) struct BakeChoices {
+pub struct BakeChoices {
     /// Gaussians of the demo avatar, 20k to 400k
     #[arg(long, value_name = "COUNT", default_value = "60k", value_parser = parse_count)]
     gaussians: usize,
@@ -147,10 +147,7 @@ fn save(avatar: &Avatar, out: &Path) -> anyhow::Result<u64> {
 }
 
 /// The demo avatar's package from the cache; baked first if there is none of this kind yet.
-pub(crate) fn baked_demo_avatar(
-    choices: &BakeChoices,
-    device: &DeviceOptions,
-) -> anyhow::Result<PathBuf> {
+pub fn baked_demo_avatar(choices: &BakeChoices, device: &DeviceOptions) -> anyhow::Result<PathBuf> {
     let file = format!("demo-{}-v{BAKE_VERSION}.m3a", choices.gaussians);
     let package = cache()?.join("avatars").join(file);
     if !package.is_file() {

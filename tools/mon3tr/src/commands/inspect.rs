@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 /// Options of `inspect`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Options {
+pub struct Options {
     /// Avatar package (.m3a), or Gaussian scene (.ply, .splat, .spz, .sog); the content tells which
     #[arg(value_name = "FILE")]
     file: PathBuf,

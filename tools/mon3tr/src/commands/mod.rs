@@ -1,13 +1,52 @@
 //! One file per sub-command.
 
-pub(crate) mod apk;
-pub(crate) mod bake;
-pub(crate) mod bench;
+pub mod bake;
 pub(crate) mod demo;
 pub(crate) mod inspect;
-pub(crate) mod netlab;
 pub(crate) mod profile;
 pub(crate) mod receive;
 pub(crate) mod render;
-pub(crate) mod send;
+pub mod send;
 pub(crate) mod serve;
+
+use crate::device_options::DeviceOptions;
+
+/// A sub-command and its options.
+#[derive(Debug, clap::Subcommand)]
+pub enum Command {
+    /// Bake the demo avatar, move it, and leave pictures and per-stage times
+    Demo(demo::Options),
+    /// Build the demo avatar's package from MakeHuman's data
+    Bake(bake::Options),
+    /// Show what is in an avatar package or a Gaussian scene
+    Inspect(inspect::Options),
+    /// Draw an avatar that follows a motion, a Gaussian scene, or both together
+    Render(render::Options),
+    /// Run the server that introduces callers and keeps avatars
+    Serve(serve::Options),
+    /// Send a motion, as if it were captured now, to everyone who joins
+    Send(send::Options),
+    /// Join a call and show who is there
+    Receive(receive::Options),
+    /// Show where a call's milliseconds go: what each unit does, and each picture's way from capture to display
+    Profile(profile::Options),
+}
+
+impl Command {
+    /// Runs it.
+    ///
+    /// # Errors
+    /// What failed, why, and what to do.
+    pub fn run(&self, device: &DeviceOptions) -> anyhow::Result<()> {
+        match self {
+            Self::Demo(options) => demo::run(options, device),
+            Self::Bake(options) => bake::run(options, device),
+            Self::Inspect(options) => inspect::run(options),
+            Self::Render(options) => render::run(options, device),
+            Self::Serve(options) => serve::run(options),
+            Self::Send(options) => send::run(options),
+            Self::Receive(options) => receive::run(options, device),
+            Self::Profile(options) => profile::run(options, device),
+        }
+    }
+}

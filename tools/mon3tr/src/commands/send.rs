@@ -26,7 +26,7 @@ const LOOK: Duration = Duration::from_millis(5);
 
 /// Options of `send`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Options {
+pub struct Options {
     /// The avatar's package; put into the server's store if it is not there
     #[arg(long, value_name = "PACKAGE")]
     avatar: PathBuf,
@@ -186,7 +186,11 @@ impl Report {
     }
 }
 
-pub(crate) fn parse_rate(text: &str) -> Result<f64, String> {
+/// A rate in Hz.
+///
+/// # Errors
+/// If it is none that motion may be sent at.
+pub fn parse_rate(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(|rate| RATES.contains(rate))

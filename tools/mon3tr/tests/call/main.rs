@@ -12,3 +12,5 @@ mod network;
 mod outage;
 mod restart;
 mod room;
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_mon3tr");

@@ -17,7 +17,7 @@ fn folder_with_package() -> (TempDir, PathBuf) {
 #[test]
 fn help_names_every_sub_command() {
     let help = mon3tr(&["--help"]).succeeds();
-    for name in ["demo", "bake", "inspect", "render", "bench", "profile"] {
+    for name in ["demo", "bake", "inspect", "render", "serve", "profile"] {
         assert!(help.contains(name), "{name} is missing in:\n{help}");
     }
 }

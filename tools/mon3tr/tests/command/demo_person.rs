@@ -1,8 +1,8 @@
 //! The demo person end to end: baked from MakeHuman's data, moved, drawn by the command, and drawn as the f64 reference
 //! says.
 
+use crate::floor::scene;
 use crate::placements::every_placement_poses_it_alike;
-use crate::scenes::scene;
 use crate::support::{Outcome, command, json, mon3tr};
 use app_kernels::state::plane;
 use app_pipeline::deform::Deformer;

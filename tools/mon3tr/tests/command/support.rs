@@ -1,4 +1,4 @@
-//! Running the command from a test.
+//! Running the command from a test. Which program it is, the test says in its root: `PROGRAM`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,7 +14,7 @@ pub(crate) struct Outcome {
 
 /// `mon3tr` with `arguments`, through `MON3TR_RUNNER` where the machine's C library is too old for the Vulkan driver.
 pub(crate) fn command(arguments: &[&str]) -> Command {
-    let program = env!("CARGO_BIN_EXE_mon3tr");
+    let program = crate::PROGRAM;
     let mut command = match std::env::var_os("MON3TR_RUNNER") {
         Some(runner) if !runner.is_empty() => {
             let mut command = Command::new(runner);

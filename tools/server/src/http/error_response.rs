@@ -54,7 +54,7 @@ impl ErrorResponse {
     }
 
     /// The store failed. The reason goes to the log only.
-    pub(crate) fn store(error: &object_store::Error) -> Self {
+    pub(crate) fn store(error: &crate::packages::StoreError) -> Self {
         log::error!("the package store fails: {error}");
         Self::busy("the server's package store does not answer")
     }

@@ -1,7 +1,6 @@
 //! What every request passes before its handler: counters, the rate limit, the token, the timeout.
 
 use super::{App, ErrorResponse};
-use crate::connections::network_prefix;
 use crate::token::{Claims, now};
 use axum::body::Body;
 use axum::extract::{ConnectInfo, MatchedPath, Request, State};
@@ -9,54 +8,13 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
-use governor::clock::{Clock, DefaultClock};
-use governor::{DefaultKeyedRateLimiter, Quota};
-use std::net::{IpAddr, SocketAddr};
-use std::num::NonZeroU32;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 /// Bytes and time that a refused request may go on sending, so that its client reads the refusal instead of a broken connection.
 const DISCARDED_BYTES: usize = 4 << 20;
 const DISCARDED_WITHIN: Duration = Duration::from_secs(5);
-
-/// Requests a second by address.
-#[derive(Debug)]
-pub(crate) struct RateLimit {
-    limiter: Option<DefaultKeyedRateLimiter<IpAddr>>,
-}
-
-impl RateLimit {
-    /// `per_second` of 0 is no limit.
-    pub(crate) fn new(per_second: u32, burst: u32) -> Self {
-        let limiter = NonZeroU32::new(per_second).map(|per_second| {
-            let burst = NonZeroU32::new(burst).unwrap_or(per_second);
-            DefaultKeyedRateLimiter::keyed(Quota::per_second(per_second).allow_burst(burst))
-        });
-        Self { limiter }
-    }
-
-    /// Seconds to wait, if this address asks too fast.
-    fn check(&self, address: IpAddr) -> Result<(), u32> {
-        let Some(limiter) = &self.limiter else {
-            return Ok(());
-        };
-        limiter
-            .check_key(&network_prefix(address))
-            .map_err(|until| {
-                let wait = until.wait_time_from(DefaultClock::default().now());
-                u32::try_from(wait.as_secs()).unwrap_or(u32::MAX - 1) + 1
-            })
-    }
-
-    /// Forgets addresses that have been quiet.
-    pub(crate) fn forget_quiet(&self) {
-        if let Some(limiter) = &self.limiter {
-            limiter.retain_recent();
-            limiter.shrink_to_fit();
-        }
-    }
-}
 
 pub(super) async fn count(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>().cloned();

@@ -2,8 +2,7 @@
 
 use super::{App, ErrorResponse};
 use axum::extract::State;
-use axum::http::{StatusCode, header};
-use axum::response::IntoResponse;
+use axum::http::StatusCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::Mutex;
@@ -56,7 +55,11 @@ async fn store_answers(app: &App) -> bool {
     well
 }
 
-pub(super) async fn metrics(State(app): State<Arc<App>>) -> impl IntoResponse {
+#[cfg(feature = "metrics")]
+pub(super) async fn metrics(State(app): State<Arc<App>>) -> impl axum::response::IntoResponse {
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-    ([(header::CONTENT_TYPE, kind)], app.metrics.text())
+    (
+        [(axum::http::header::CONTENT_TYPE, kind)],
+        app.metrics.text(),
+    )
 }

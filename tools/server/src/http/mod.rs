@@ -5,6 +5,7 @@ mod guard;
 mod health;
 mod packages;
 mod presence;
+mod rate_limit;
 mod rooms;
 
 use crate::metrics::Metrics;
@@ -18,9 +19,9 @@ use axum::http::{Method, StatusCode, header};
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::{get, post, put};
 use error_response::ErrorResponse;
-pub(crate) use guard::RateLimit;
 pub(crate) use health::Cached;
 use link_protocol::limits::MAX_JSON_BYTES;
+pub(crate) use rate_limit::RateLimit;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
@@ -83,14 +84,16 @@ pub(crate) fn router(app: Arc<App>) -> Router {
                 .put(packages::store)
                 .delete(packages::remove),
         );
-    short
+    let router = short
         .merge(offers)
         .layer(from_fn(move |request, next| {
             guard::within(within, request, next)
         }))
         .merge(long)
-        .route("/healthz", get(health::check))
-        .route("/metrics", get(health::metrics))
+        .route("/healthz", get(health::check));
+    #[cfg(feature = "metrics")]
+    let router = router.route("/metrics", get(health::metrics));
+    router
         .fallback(async || ErrorResponse::not_found())
         .method_not_allowed_fallback(async || {
             ErrorResponse::new(

@@ -127,7 +127,7 @@ pub(super) async fn read(
         Some(part) if method != Method::HEAD && part.count > 0 => {
             let found = in_time(app.packages.read(hash, part)).await?;
             let metrics = Arc::clone(&app.metrics);
-            Body::from_stream(found.into_stream().inspect_ok(move |chunk| {
+            Body::from_stream(found.inspect_ok(move |chunk| {
                 metrics.bytes_down.inc_by(chunk.len() as u64);
             }))
         }
@@ -178,7 +178,7 @@ pub(super) async fn remove(
 }
 
 async fn in_time<T>(
-    asked: impl Future<Output = Result<T, object_store::Error>>,
+    asked: impl Future<Output = Result<T, crate::packages::StoreError>>,
 ) -> Result<T, ErrorResponse> {
     match tokio::time::timeout(STORE_WITHIN, asked).await {
         Ok(answer) => answer.map_err(|e| ErrorResponse::store(&e)),

@@ -5,24 +5,22 @@
 //! them, so bytes without a record are always left over from something that died, and are swept at start; a record
 //! without bytes is nothing, until its owner puts the package again.
 
-mod backend;
 mod range;
+mod store;
 mod upload;
 
 pub(crate) use range::{ByteRange, Conditions};
+pub(crate) use store::{Content, StoreError};
 pub(crate) use upload::UploadError;
 
 use crate::metrics::Metrics;
 use crate::{Config, Id, Limits, ServerError, StoreConfig};
-use futures_util::{StreamExt, TryStreamExt};
 use link_protocol::PackageId;
-use object_store::path::Path;
-use object_store::{GetOptions, GetResult, ObjectStore, ObjectStoreExt};
 use std::collections::HashSet;
-use std::fs::File;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
+use store::Store;
 use tokio::sync::{Mutex, Semaphore};
 
 const PACKAGES: &str = "packages";
@@ -31,7 +29,7 @@ const RECORDS: &str = "records";
 /// The store.
 #[derive(Debug)]
 pub(crate) struct Packages {
-    store: Arc<dyn ObjectStore>,
+    store: Store,
     spool: PathBuf,
     uploads: Arc<Semaphore>,
     checks: Semaphore,
@@ -40,8 +38,6 @@ pub(crate) struct Packages {
     metrics: Arc<Metrics>,
     /// Locks, one for each 64th of the hashes: held while a package is put or removed, so that these do not interleave.
     stripes: [Mutex<()>; 64],
-    /// A local folder is one server's alone as long as this is open.
-    _folder: Option<File>,
 }
 
 impl Packages {
@@ -54,10 +50,11 @@ impl Packages {
             pause,
             ..
         } = &config.limits;
-        let (store, folder) = backend::open(&config.store)?;
+        let store = Store::open(&config.store)?;
         let spool = match (spool, &config.store) {
             (Some(spool), _) => spool.clone(),
             (None, StoreConfig::Local(folder)) => folder.join("spool"),
+            #[cfg(feature = "s3")]
             (None, StoreConfig::S3 { .. }) => std::env::temp_dir(),
         };
         std::fs::create_dir_all(&spool).map_err(|source| ServerError::Folder {
@@ -74,20 +71,15 @@ impl Packages {
             pause: *pause,
             metrics,
             stripes: std::array::from_fn(|_| Mutex::default()),
-            _folder: folder,
         })
     }
 
     /// Bytes of the package, if `owner` put it.
-    pub(crate) async fn size(
-        &self,
-        owner: Id,
-        hash: PackageId,
-    ) -> Result<Option<u64>, object_store::Error> {
-        if absent(self.store.head(&record(hash, owner)).await)?.is_none() {
+    pub(crate) async fn size(&self, owner: Id, hash: PackageId) -> Result<Option<u64>, StoreError> {
+        if self.store.size(&record(hash, owner)).await?.is_none() {
             return Ok(None);
         }
-        Ok(absent(self.store.head(&package(hash)).await)?.map(|meta| meta.size))
+        self.store.size(&package(hash)).await
     }
 
     /// The bytes `part` of a package that [`Self::size`] found.
@@ -95,51 +87,33 @@ impl Packages {
         &self,
         hash: PackageId,
         part: ByteRange,
-    ) -> Result<GetResult, object_store::Error> {
-        let options = GetOptions {
-            range: Some((part.first..part.first + part.count).into()),
-            ..GetOptions::default()
-        };
-        self.store.get_opts(&package(hash), options).await
+    ) -> Result<Content, StoreError> {
+        self.store.read(&package(hash), part).await
     }
 
     /// Removes the owner's record, and the bytes if no other owner's record is left. False if there was no record.
-    pub(crate) async fn remove(
-        &self,
-        owner: Id,
-        hash: PackageId,
-    ) -> Result<bool, object_store::Error> {
+    pub(crate) async fn remove(&self, owner: Id, hash: PackageId) -> Result<bool, StoreError> {
         let _stripe = self.stripe(hash).await;
         let record = record(hash, owner);
-        if absent(self.store.head(&record).await)?.is_none() {
+        if self.store.size(&record).await?.is_none() {
             return Ok(false);
         }
-        absent(self.store.delete(&record).await)?;
+        self.store.delete(&record).await?;
         self.remove_unowned(hash).await?;
         Ok(true)
     }
 
     /// Whether the store answers at all.
-    pub(crate) async fn probe(&self) -> Result<(), object_store::Error> {
-        let nothing = Path::from_iter([RECORDS, "probe"]);
-        absent(self.store.head(&nothing).await).map(drop)
+    pub(crate) async fn probe(&self) -> Result<(), StoreError> {
+        let nothing = format!("{RECORDS}/probe");
+        self.store.size(&nothing).await.map(drop)
     }
 
     /// Removes packages without an owner, which an earlier process left when it died.
-    pub(crate) async fn sweep(&self) -> Result<usize, object_store::Error> {
-        let kept: Vec<PackageId> = self
-            .names(PACKAGES)
-            .try_filter_map(|path| async move { Ok(path.filename().and_then(id)) })
-            .try_collect()
-            .await?;
+    pub(crate) async fn sweep(&self) -> Result<usize, StoreError> {
+        let kept = self.hashes(PACKAGES).await?;
         // Listed after the packages, so that one put meanwhile has its record here.
-        let owned: HashSet<PackageId> = self
-            .names(RECORDS)
-            .try_filter_map(|path| async move {
-                Ok(path.parts().nth(1).and_then(|part| id(part.as_ref())))
-            })
-            .try_collect()
-            .await?;
+        let owned: HashSet<PackageId> = self.hashes(RECORDS).await?.into_iter().collect();
         let mut removed = 0;
         for hash in kept.into_iter().filter(|hash| !owned.contains(hash)) {
             let _stripe = self.stripe(hash).await;
@@ -148,26 +122,20 @@ impl Packages {
         Ok(removed)
     }
 
-    fn names(
-        &self,
-        below: &'static str,
-    ) -> impl futures_util::Stream<Item = Result<Path, object_store::Error>> {
-        self.store
-            .list(Some(&Path::from(below)))
-            .map_ok(|meta| meta.location)
+    /// The hashes that names below `folder` begin with.
+    async fn hashes(&self, folder: &str) -> Result<Vec<PackageId>, StoreError> {
+        let names = self.store.names(folder).await?;
+        let hashes = names.iter().filter_map(|name| name.split('/').nth(1));
+        Ok(hashes.filter_map(|hash| hash.parse().ok()).collect())
     }
 
     /// The hash's stripe is held by the caller.
-    async fn remove_unowned(&self, hash: PackageId) -> Result<bool, object_store::Error> {
-        let records = Path::from_iter([RECORDS.to_owned(), hash.to_string()]);
-        match self.store.list(Some(&records)).next().await {
-            Some(Ok(_)) => Ok(false),
-            Some(Err(e)) => Err(e),
-            None => {
-                absent(self.store.delete(&package(hash)).await)?;
-                Ok(true)
-            }
+    async fn remove_unowned(&self, hash: PackageId) -> Result<bool, StoreError> {
+        let owners = self.store.names(&format!("{RECORDS}/{hash}")).await?;
+        if owners.is_empty() {
+            self.store.delete(&package(hash)).await?;
         }
+        Ok(owners.is_empty())
     }
 
     async fn stripe(&self, hash: PackageId) -> tokio::sync::MutexGuard<'_, ()> {
@@ -176,24 +144,10 @@ impl Packages {
     }
 }
 
-/// The package that this part of a path names.
-fn id(name: &str) -> Option<PackageId> {
-    name.parse().ok()
+fn package(hash: PackageId) -> String {
+    format!("{PACKAGES}/{hash}")
 }
 
-fn package(hash: PackageId) -> Path {
-    Path::from_iter([PACKAGES.to_owned(), hash.to_string()])
-}
-
-fn record(hash: PackageId, owner: Id) -> Path {
-    Path::from_iter([RECORDS.to_owned(), hash.to_string(), owner.to_string()])
-}
-
-/// What is not there is no error.
-fn absent<T>(result: Result<T, object_store::Error>) -> Result<Option<T>, object_store::Error> {
-    match result {
-        Ok(found) => Ok(Some(found)),
-        Err(object_store::Error::NotFound { .. }) => Ok(None),
-        Err(e) => Err(e),
-    }
+fn record(hash: PackageId, owner: Id) -> String {
+    format!("{RECORDS}/{hash}/{owner}")
 }

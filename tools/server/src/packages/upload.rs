@@ -2,22 +2,18 @@
 //!
 //! The spool file has no name (`O_TMPFILE`), so nothing of it is left when the process dies.
 
-use super::{Packages, absent, package, record};
+use super::{Packages, StoreError, package, record};
 use crate::Id;
 use crate::metrics::UploadRefusal;
 use bytes::Bytes;
 use futures_util::{Stream, StreamExt};
 use link_protocol::PackageId;
 use link_protocol::package_id::PackageHasher;
-use object_store::{MultipartUpload, ObjectStoreExt, PutPayload};
 use spmm3::{Avatar, PackageError};
 use std::io::{BufReader, ErrorKind, Seek};
 use std::sync::Arc;
-use tokio::io::{AsyncReadExt, AsyncSeekExt, AsyncWriteExt};
+use tokio::io::AsyncWriteExt;
 use tokio::sync::{OwnedSemaphorePermit, SemaphorePermit};
-
-/// Bytes held of an upload on its way to the store; also an S3 part's size, which has to be 5 MiB at least.
-const PART: usize = 5 << 20;
 
 /// Why an upload is refused.
 #[derive(Debug, thiserror::Error)]
@@ -39,7 +35,7 @@ pub(crate) enum UploadError {
     #[error("the server cannot store it at this moment; nothing of the upload was kept")]
     Spool(#[source] std::io::Error),
     #[error("the server cannot store it at this moment; nothing of the upload was kept")]
-    Store(#[source] object_store::Error),
+    Store(#[source] StoreError),
 }
 
 impl UploadError {
@@ -64,7 +60,7 @@ impl UploadError {
         }
     }
 
-    fn store(error: object_store::Error) -> Self {
+    fn store(error: StoreError) -> Self {
         if is_full(&error) {
             Self::DiskFull
         } else {
@@ -134,10 +130,10 @@ impl Packages {
         let hash = upload.hash;
         let _stripe = self.stripe(hash).await;
         let record = record(hash, owner);
-        let head = absent(self.store.head(&record).await).map_err(UploadError::store)?;
-        let known = head.is_some();
+        let head = self.store.size(&record).await;
+        let known = head.map_err(UploadError::store)?.is_some();
         if !known {
-            let put = self.store.put(&record, PutPayload::default()).await;
+            let put = self.store.put_name(&record).await;
             put.map_err(UploadError::store)?;
         }
         let stored = self.keep_bytes(upload).await;
@@ -156,24 +152,14 @@ impl Packages {
 
     async fn keep_bytes(&self, upload: Spooled) -> Result<(), UploadError> {
         let to = package(upload.hash);
-        let size = |head: Option<object_store::ObjectMeta>| head.map(|meta| meta.size);
-        let head = absent(self.store.head(&to).await).map_err(UploadError::store)?;
-        if size(head) == Some(upload.bytes) {
+        let size = self.store.size(&to).await.map_err(UploadError::store)?;
+        if size == Some(upload.bytes) {
             return Ok(());
         }
-        let mut from = tokio::fs::File::from_std(upload.file);
-        from.rewind().await.map_err(UploadError::spool)?;
-        // The package appears under its name when it is complete, not before.
-        let put = self.store.put_multipart(&to).await;
-        let mut put = put.map_err(UploadError::store)?;
-        if let Err(e) = copy(&mut from, put.as_mut()).await {
-            if let Err(left) = put.abort().await {
-                log::warn!("an upload that could not be stored is not undone: {left}");
-            }
-            return Err(e);
-        }
-        let head = absent(self.store.head(&to).await).map_err(UploadError::store)?;
-        if size(head) == Some(upload.bytes) {
+        let put = self.store.put(&to, upload.file).await;
+        put.map_err(UploadError::store)?;
+        let size = self.store.size(&to).await.map_err(UploadError::store)?;
+        if size == Some(upload.bytes) {
             Ok(())
         } else {
             // Another instance removed it, for its last owner there, in just this moment.
@@ -181,22 +167,6 @@ impl Packages {
             Err(UploadError::Spool(gone))
         }
     }
-}
-
-/// Copies a file part by part, and completes it.
-async fn copy(from: &mut tokio::fs::File, to: &mut dyn MultipartUpload) -> Result<(), UploadError> {
-    loop {
-        let mut part = Vec::with_capacity(PART);
-        let mut rest = (&mut *from).take(PART as u64);
-        let read = rest.read_to_end(&mut part).await;
-        if read.map_err(UploadError::spool)? == 0 {
-            break;
-        }
-        let part = PutPayload::from(part);
-        to.put_part(part).await.map_err(UploadError::store)?;
-    }
-    to.complete().await.map_err(UploadError::store)?;
-    Ok(())
 }
 
 /// Reads the package as a receiver would. It takes memory in proportion to the package, so `place` bounds how many are

@@ -37,7 +37,7 @@ const STEREO_FRAMES: usize = 30;
 
 /// Options of `demo`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Options {
+pub struct Options {
     #[command(flatten)]
     motion: MotionOptions,
     #[command(flatten)]

@@ -32,7 +32,7 @@ const CAMERA: &str = "front";
 
 /// Options of `profile`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Options {
+pub struct Options {
     /// The avatar's package [default: the demo avatar, baked if the cache has none]
     #[arg(value_name = "PKG")]
     package: Option<PathBuf>,

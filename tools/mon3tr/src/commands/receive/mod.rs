@@ -30,7 +30,7 @@ use std::time::{Duration, Instant};
 
 /// Options of `receive`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Options {
+pub struct Options {
     /// The viewers' link, as `send` prints it; of several rooms the people are shown together
     #[arg(value_name = "LINK", required = true)]
     rooms: Vec<RoomLink>,

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 /// Options of `render`.
 #[derive(Debug, clap::Args)]
-pub(crate) struct Options {
+pub struct Options {
     /// Avatar package (.m3a), as `bake` writes it; may be left out where there is a --background
     #[arg(value_name = "PACKAGE")]
     package: Option<PathBuf>,

@@ -1,0 +1,43 @@
+//! The `mon3tr-dev` command: every sub-command of `mon3tr`, `serve` with all that an operator may want of it, and what only developers
+//! need. A program of its own, so that the first picture does not wait for what it is built from.
+
+mod apk;
+mod bench;
+mod netlab;
+
+use clap::{Parser, Subcommand};
+use mon3tr::program::{self, SharedOptions};
+use std::process::ExitCode;
+
+/// Telepresence with pre-built Gaussian avatars: `mon3tr` with what developers and operators need besides.
+#[derive(Debug, Parser)]
+#[command(version, propagate_version = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    shared: SharedOptions,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    #[command(flatten)]
+    Shared(mon3tr::commands::Command),
+    /// Build the receiver as a package for Meta Quest 3
+    Apk(apk::Options),
+    /// Time drawing and sorting on this machine
+    Bench(bench::Options),
+    /// Measure calls over networks of any quality, all on this machine
+    Netlab(netlab::Options),
+}
+
+fn main() -> ExitCode {
+    let arguments: Arguments = program::start(|arguments: &Arguments| &arguments.shared);
+    let device = &arguments.shared.device;
+    program::end(match &arguments.command {
+        Command::Shared(command) => command.run(device),
+        Command::Apk(options) => apk::run(options),
+        Command::Bench(options) => bench::run(options, device),
+        Command::Netlab(options) => netlab::run(options),
+    })
+}

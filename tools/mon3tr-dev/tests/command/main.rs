@@ -1,0 +1,11 @@
+//! The command as developers and operators meet it.
+
+mod bench;
+mod cli;
+#[path = "../../../mon3tr/tests/command/floor.rs"]
+mod floor;
+#[path = "../../../mon3tr/tests/command/support.rs"]
+#[allow(dead_code, reason = "shared with the tests of mon3tr")]
+mod support;
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_mon3tr-dev");

@@ -1,0 +1,129 @@
+//! `mon3tr serve`: signaling and avatar store for calls.
+
+#[cfg(feature = "operator")]
+mod operator;
+
+use crate::device_options::{cache, make_folder};
+use crate::network::{Network, asked_to_end};
+use anyhow::Context;
+use server::{Config, Secret, Server, StoreConfig};
+use std::io::Write;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
+use std::path::{Path, PathBuf};
+
+/// Owner of the rooms and packages of whoever runs the server.
+const HOST: &str = "host";
+
+/// An owner's token is good until the secret changes.
+const FOREVER: u64 = u64::MAX;
+
+/// Options of `serve`.
+#[derive(Debug, clap::Args)]
+#[cfg_attr(
+    not(feature = "operator"),
+    command(
+        after_help = "S3, NATS, TLS and counters at /metrics: `mon3tr-dev serve`, which is `./run serve`"
+    )
+)]
+pub struct Options {
+    /// Address and port to listen on; port 0 takes a free one
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "0.0.0.0:8080")]
+    listen: SocketAddr,
+    /// Folder for the server's secret, the owner's token, and packages [default: `server` in the cache folder]
+    #[arg(long, value_name = "FOLDER")]
+    data: Option<PathBuf>,
+    #[cfg(feature = "operator")]
+    #[command(flatten)]
+    operator: operator::Options,
+    /// Print a token for another owner of rooms and packages, and end
+    #[arg(long, value_name = "NAME")]
+    new_owner: Option<String>,
+}
+
+/// Where the token of whoever runs the server is kept, below the data folder; `send` on the same machine finds it there.
+pub(crate) fn owner_token_file(data: Option<&Path>) -> anyhow::Result<PathBuf> {
+    Ok(folder(data)?.join("owner-token"))
+}
+
+fn folder(data: Option<&Path>) -> anyhow::Result<PathBuf> {
+    match data {
+        Some(folder) => Ok(folder.to_path_buf()),
+        None => Ok(cache()?.join("server")),
+    }
+}
+
+/// Runs `serve`.
+pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    let folder = folder(options.data.as_deref())?;
+    make_folder(&folder)?;
+    let secret = Secret::load_or_create(&folder.join("secret"))?;
+    if let Some(name) = &options.new_owner {
+        println!("{}", secret.owner_token(name, FOREVER));
+        return Ok(());
+    }
+    let token = secret.owner_token(HOST, FOREVER);
+    let token_file = folder.join("owner-token");
+    write_private(&folder, &token_file, &token)
+        .with_context(|| format!("cannot write {}", token_file.display()))?;
+    #[allow(unused_mut, reason = "an operator's options change it")]
+    let mut config = Config::new(
+        options.listen,
+        StoreConfig::Local(folder.join("packages")),
+        secret,
+    );
+    #[cfg(feature = "operator")]
+    options.operator.set(&mut config);
+    #[cfg(feature = "operator")]
+    let scheme = options.operator.scheme();
+    #[cfg(not(feature = "operator"))]
+    let scheme = "http";
+    let network = Network::start()?;
+    network.block_on(async {
+        let mut server = Server::start(config).await.context("cannot serve")?;
+        let address = SocketAddr::new(reachable(options.listen.ip()), server.address().port());
+        println!("serving on {scheme}://{address}");
+        println!(
+            "the owner's token, which opens rooms and puts avatars, is in {}: keep it to yourself",
+            token_file.display()
+        );
+        println!(
+            "now let somebody in:\n  mon3tr send --server {scheme}://{address} --avatar PACKAGE.m3a"
+        );
+        std::io::stdout()
+            .flush()
+            .context("cannot say where this serves")?;
+        tokio::select! {
+            asked = asked_to_end() => asked.context("cannot wait for Ctrl-C")?,
+            // It does not end by itself unless something is wrong.
+            ended = server.wait() => return ended.context("the server ended"),
+        }
+        tokio::select! {
+            () = server.stop() => {}
+            _ = asked_to_end() => {}
+        }
+        Ok(())
+    })
+}
+
+/// The address under which others find a server that listens on `ip`: where it listens on all, the one that packets to the world leave from.
+fn reachable(ip: IpAddr) -> IpAddr {
+    if !ip.is_unspecified() {
+        return ip;
+    }
+    // Nothing is sent: connecting a UDP socket only chooses the address. 192.0.2.1 is reserved for documentation.
+    UdpSocket::bind((ip, 0))
+        .and_then(|socket| {
+            socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9))?;
+            socket.local_addr()
+        })
+        .map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |address| address.ip())
+}
+
+/// Writes a file of `folder` that only this user may read, whatever was there before.
+fn write_private(folder: &Path, path: &Path, text: &str) -> std::io::Result<()> {
+    // Temporary files are their owner's alone.
+    let mut file = tempfile::NamedTempFile::new_in(folder)?;
+    file.write_all(text.as_bytes())?;
+    file.persist(path)?;
+    Ok(())
+}

@@ -1,0 +1,27 @@
+//! What the `mon3tr` command is made of: its sub-commands, the start that its programs share, and what `mon3tr-dev` builds on for
+//! developers' and operators' own.
+
+mod backdrop;
+pub mod children;
+pub mod commands;
+pub mod device_options;
+pub mod film;
+mod flat;
+mod gaze;
+mod ground;
+mod lanes;
+mod moments;
+mod monado;
+pub mod network;
+pub mod performance;
+mod place;
+pub mod program;
+pub mod progress;
+pub mod report;
+pub mod scenery;
+pub mod size;
+pub mod stills;
+mod until;
+pub mod up;
+pub mod viewpoint;
+mod window;

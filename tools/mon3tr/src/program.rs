@@ -1,0 +1,65 @@
+//! How a program with these sub-commands starts and ends.
+
+use crate::device_options::DeviceOptions;
+use clap::Parser;
+use std::process::ExitCode;
+
+/// Options that every sub-command takes.
+#[derive(Debug, clap::Args)]
+pub struct SharedOptions {
+    /// What draws and deforms.
+    #[command(flatten)]
+    pub device: DeviceOptions,
+    /// Say more: -v for what is chosen and why, -vv for everything
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    verbose: u8,
+}
+
+/// Reads the command line and starts to log as `shared` of it says. To be called first in `main`, before there is another thread.
+pub fn start<A: Parser>(shared: impl FnOnce(&A) -> &SharedOptions) -> A {
+    // `mon3tr inspect PACKAGE | head` must end quietly, as other commands do, instead of panicking at the closed pipe.
+    sigpipe::reset();
+    let arguments = A::parse();
+    let verbose = shared(&arguments).verbose;
+    if verbose == 0 {
+        quieten_openxrs_loader();
+    }
+    let level = match verbose {
+        0 => log::LevelFilter::Warn,
+        1 => log::LevelFilter::Info,
+        _ => log::LevelFilter::Debug,
+    };
+    // What the WebRTC library warns of is the ordinary course of a connection being made.
+    let of_webrtc = match verbose {
+        0 | 1 => log::LevelFilter::Error,
+        2 => log::LevelFilter::Info,
+        _ => log::LevelFilter::Debug,
+    };
+    let mut logger = env_logger::Builder::new();
+    for library in ["rtc", "webrtc"] {
+        logger.filter_module(library, of_webrtc);
+    }
+    logger.filter_level(level).parse_default_env().init();
+    arguments
+}
+
+/// The exit status of a sub-command, once its error has been told.
+pub fn end(outcome: anyhow::Result<()>) -> ExitCode {
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // One line with the whole chain of causes: what failed, why, what to do.
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// `OpenXR`'s loader says what it lacks on standard error, in several lines for each thing; a user who wants a headset is told in one.
+fn quieten_openxrs_loader() {
+    const LEVEL: &str = "XR_LOADER_DEBUG";
+    if std::env::var_os(LEVEL).is_none() {
+        // SAFETY: nothing else reads or writes the environment: there is no other thread yet.
+        unsafe { std::env::set_var(LEVEL, "none") };
+    }
+}

@@ -1,0 +1,123 @@
+//! Counters by Prometheus' own library.
+
+use super::UploadRefusal;
+use prometheus_client::encoding::{EncodeLabelSet, text};
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::registry::Registry;
+
+/// A request's route (its pattern, not its path) and the answer's status.
+#[derive(Clone, Debug, Hash, PartialEq, Eq, EncodeLabelSet)]
+struct Request {
+    route: String,
+    status: u16,
+}
+
+#[derive(Clone, Debug, Hash, PartialEq, Eq, EncodeLabelSet)]
+struct Refused {
+    reason: UploadRefusal,
+}
+
+/// The counters.
+#[derive(Debug)]
+pub(crate) struct Metrics {
+    registry: Registry,
+    requests: Family<Request, Counter>,
+    uploads_refused: Family<Refused, Counter>,
+    /// Senders connected to this instance.
+    pub(crate) rooms: Gauge,
+    /// Connections open.
+    pub(crate) connections: Gauge,
+    /// Connections closed at once because there were too many.
+    pub(crate) connections_refused: Counter,
+    /// Viewers given an answer by this instance.
+    pub(crate) viewers_joined: Counter,
+    /// Requests refused for coming too fast.
+    pub(crate) rate_limited: Counter,
+    /// Bytes of packages received.
+    pub(crate) bytes_up: Counter,
+    /// Bytes of packages sent.
+    pub(crate) bytes_down: Counter,
+    /// Packages stored.
+    pub(crate) packages_stored: Counter,
+}
+
+impl Metrics {
+    pub(crate) fn new() -> Self {
+        let mut registry = Registry::with_prefix("mon3tr");
+        let requests = Family::default();
+        let uploads_refused = Family::default();
+        let (rooms, connections) = (Gauge::default(), Gauge::default());
+        let counter = |registry: &mut Registry, name: &str, help: &str| {
+            let counter = Counter::default();
+            registry.register(name, help, counter.clone());
+            counter
+        };
+        registry.register(
+            "requests",
+            "Requests answered, by route and status",
+            requests.clone(),
+        );
+        registry.register(
+            "uploads_refused",
+            "Uploads refused, by reason",
+            uploads_refused.clone(),
+        );
+        registry.register(
+            "rooms",
+            "Rooms whose sender is connected here",
+            rooms.clone(),
+        );
+        registry.register("connections", "Connections open", connections.clone());
+        let (r, new) = (&mut registry, counter);
+        let connections_refused = new(
+            r,
+            "connections_refused",
+            "Connections closed because there were too many",
+        );
+        let viewers_joined = new(r, "viewers_joined", "Viewers given a sender's answer");
+        let rate_limited = new(r, "rate_limited", "Requests refused for coming too fast");
+        let bytes_up = new(r, "package_bytes_received", "Bytes of packages received");
+        let bytes_down = new(r, "package_bytes_sent", "Bytes of packages sent");
+        let packages_stored = new(r, "packages_stored", "Packages put into the store");
+        Self {
+            registry,
+            requests,
+            uploads_refused,
+            rooms,
+            connections,
+            connections_refused,
+            viewers_joined,
+            rate_limited,
+            bytes_up,
+            bytes_down,
+            packages_stored,
+        }
+    }
+
+    /// Counts a request; `route` is a pattern of the router's.
+    pub(crate) fn request(&self, route: &str, status: u16) {
+        let labels = Request {
+            route: route.to_owned(),
+            status,
+        };
+        self.requests.get_or_create(&labels).inc();
+    }
+
+    pub(crate) fn upload_refused(&self, reason: UploadRefusal) {
+        self.uploads_refused
+            .get_or_create(&Refused { reason })
+            .inc();
+    }
+
+    /// All of it as OpenMetrics text.
+    pub(crate) fn text(&self) -> String {
+        let mut text = String::new();
+        if text::encode(&mut text, &self.registry).is_err() {
+            // Writing to a String cannot fail.
+            text.clear();
+        }
+        text
+    }
+}
