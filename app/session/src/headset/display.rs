@@ -3,10 +3,9 @@
 use super::figures::{HeadsetFigures, REFRESH_HZ};
 use super::frames::Frames;
 use super::handle::HeadsetHandle;
+use super::observer::FrameObserver;
 use crate::display::{Display, DisplayNeeds, LiveSession, SessionError};
 use glam::Vec3;
-use renderer_openxr::eyes::EyePicture;
-use renderer_openxr::frame::Eyes;
 use renderer_openxr::session::SessionOptions;
 use renderer_splat::background::Background;
 use renderer_splat::camera::Camera;
@@ -23,29 +22,6 @@ pub struct PresentOptions {
     pub read_back: bool,
     /// The display's rate that is asked for, and kept, Hz; without it 72, and more where frames keep up.
     pub display_hz: Option<f32>,
-}
-
-/// Looks on, beside the viewer who wears the headset.
-pub trait FrameObserver: Send {
-    /// Whether to end the session. `shown` frames were shown so far.
-    fn is_over(&self, shown: u64) -> bool;
-
-    /// Whether both eyes' pictures of the frame after `shown` others are wanted; `has_people` says whether there are people in it.
-    fn wants_pictures(&mut self, shown: u64, has_people: bool) -> bool;
-
-    /// A frame whose pictures were wanted.
-    fn captured(&mut self, frame: FrameCapture<'_>);
-}
-
-/// What the eyes got.
-#[derive(Debug)]
-pub struct FrameCapture<'a> {
-    /// So many frames were shown before.
-    pub number: u64,
-    /// Where the eyes were.
-    pub eyes: &'a Eyes,
-    /// Left and right.
-    pub pictures: [EyePicture; 2],
 }
 
 /// Shows a session in a headset.

@@ -3,8 +3,9 @@
 //! When the runtime goes away (its service is restarted, the headset unplugged) the people stay: the headset is opened again, as
 //! often as it takes, and the calls go on meanwhile.
 
-use super::display::{FrameCapture, FrameObserver};
 use super::figures::HeadsetFigures;
+use super::handle::open_again;
+use super::observer::{FrameCapture, FrameObserver};
 use super::pace::Pace;
 use super::panel::FiguresPanel;
 use super::surroundings::{Places, name};
@@ -28,37 +29,10 @@ use std::time::{Duration, Instant};
 
 /// Between two looks for the runtime's events while the session does not run.
 pub(super) const IDLE: Duration = Duration::from_millis(10);
-/// Between two attempts to open the headset again.
-const AGAIN: Duration = Duration::from_millis(500);
 /// How long a runtime may take to end the session when it is asked to.
 const FAREWELL: Duration = Duration::from_secs(3);
 /// As many samples as percentiles are made of: ten minutes at 90 Hz.
 const MOST_SAMPLES: usize = 54_000;
-
-/// Opens the headset again, as often as it takes; nothing if it is time to leave before.
-pub(super) fn open_again(
-    runtime: &Runtime,
-    options: HeadsetOptions,
-    control: &Control,
-    is_over: &dyn Fn() -> bool,
-) -> Option<Headset> {
-    let mut logged = None;
-    while !is_over() && control.begin_work() {
-        match Headset::open(runtime, options) {
-            Ok(headset) => return Some(headset),
-            Err(error) => {
-                let text = error.to_string();
-                if logged.as_ref() != Some(&text) {
-                    log::info!("not yet: {text}");
-                    logged = Some(text);
-                }
-            }
-        }
-        control.end_work();
-        control.sleep(AGAIN);
-    }
-    None
-}
 
 /// The loop's state, which outlives sessions of OpenXR.
 pub(super) struct Frames<'a> {

@@ -1,10 +1,13 @@
 //! A headset that is there, and how to have it again.
 
-use super::frames::open_again;
 use app_pipeline::control::Control;
 use renderer_openxr::error::XrError;
 use renderer_openxr::headset::{Headset, HeadsetOptions};
 use renderer_openxr::runtime::Runtime;
+use std::time::Duration;
+
+/// Between two attempts to open the headset again.
+const AGAIN: Duration = Duration::from_millis(500);
 
 /// A headset that is there, and how to have it again when it went.
 #[derive(Debug)]
@@ -50,6 +53,31 @@ impl HeadsetHandle {
             options,
         })
     }
+}
+
+/// Opens the headset again, as often as it takes; nothing if it is time to leave before.
+pub(super) fn open_again(
+    runtime: &Runtime,
+    options: HeadsetOptions,
+    control: &Control,
+    is_over: &dyn Fn() -> bool,
+) -> Option<Headset> {
+    let mut logged = None;
+    while !is_over() && control.begin_work() {
+        match Headset::open(runtime, options) {
+            Ok(headset) => return Some(headset),
+            Err(error) => {
+                let text = error.to_string();
+                if logged.as_ref() != Some(&text) {
+                    log::info!("not yet: {text}");
+                    logged = Some(text);
+                }
+            }
+        }
+        control.end_work();
+        control.sleep(AGAIN);
+    }
+    None
 }
 
 /// Frees a headset, and with it its device, in a step of the GPU's.

@@ -9,11 +9,13 @@ mod frames;
 mod handle;
 mod hanging;
 mod notice;
+mod observer;
 mod pace;
 mod panel;
 mod surroundings;
 
-pub use display::{FrameCapture, FrameObserver, HeadsetDisplay, PresentOptions};
+pub use display::{HeadsetDisplay, PresentOptions};
 pub use figures::{FrameFigures, HeadsetFigures};
 pub use handle::HeadsetHandle;
 pub use notice::{NoticeBoard, show_notice};
+pub use observer::{FrameCapture, FrameObserver};
