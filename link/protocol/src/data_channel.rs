@@ -89,7 +89,7 @@ impl Message {
         }
     }
 
-    /// The session of a viewer's feedback: the first one tells it to the sender.
+    /// The session of a viewer's feedback: the sender learns it from the first one.
     pub fn session_of_feedback(bytes: &[u8]) -> Option<u32> {
         let session = bytes.get(1..5)?.try_into().ok().map(u32::from_le_bytes)?;
         let is_feedback = matches!(Self::read(bytes, session), Some(Self::Feedback(_)));

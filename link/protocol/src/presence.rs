@@ -5,7 +5,7 @@ use serde::Deserialize;
 use serde_json::json;
 use std::fmt;
 
-/// What a server tells the sender in a room. On the wire it is a server-sent event: a name and JSON.
+/// An event from the server to the sender in a room. On the wire it is a server-sent event: a name and JSON.
 #[derive(Clone, PartialEq, Eq)]
 pub enum PresenceEvent {
     /// A viewer offers a connection and waits for the answer.
