@@ -1,4 +1,4 @@
-//! A Gaussian as callers state it, and as it is uploaded each frame.
+//! A Gaussian in plain numbers, and packed for the upload of each frame.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -181,7 +181,7 @@ fn half_bits(value: f32) -> u32 {
     (value.min(HALF_MOST).to_bits() + HALF_STEP - HALF_REBIAS) >> 13
 }
 
-/// What a half that [`half_bits`] made stands for.
+/// The value of a half that [`half_bits`] made.
 fn half_value(bits: u32) -> f32 {
     const REBIAS: u32 = 112 << 23;
     if bits == 0 {
