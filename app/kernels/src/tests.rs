@@ -11,7 +11,7 @@ use spmm3::{ATTRIBUTES, GaussianSet, MotionParams, PlanarVertices, SH_C0, Skinni
 use synthetic_person::reference;
 use synthetic_person::{Puppet, PuppetSize, Random};
 
-/// What this processor can do, from the least on.
+/// This processor's SIMD levels, the narrowest first.
 pub(super) fn levels() -> Vec<Level> {
     let new = Level::new();
     #[cfg(target_arch = "x86_64")]
@@ -43,7 +43,7 @@ fn on_arm64_the_kernels_run_on_neon() {
 
 const ROOT: Vec3 = Vec3::new(0.4, -0.2, 1.3);
 
-/// A puppet in some pose, by the f64 reference, and what the deform graph would say of it.
+/// A puppet in some pose, by the f64 reference, with the deform graph's results for it.
 struct Posed {
     puppet: Puppet,
     wanted: Vec<reference::ReferenceGaussian>,
