@@ -1,4 +1,4 @@
-//! What every request passes before its handler: counters, the rate limit, the token, the timeout.
+//! The layers that every request passes before its handler: counters, the rate limit, the token, the timeout.
 
 use super::{App, ErrorResponse};
 use crate::connections::network_prefix;
@@ -36,7 +36,7 @@ impl RateLimit {
         Self { limiter }
     }
 
-    /// Seconds to wait, if this address asks too fast.
+    /// Seconds to wait, if this address sends requests too fast.
     fn check(&self, address: IpAddr) -> Result<(), u32> {
         let Some(limiter) = &self.limiter else {
             return Ok(());

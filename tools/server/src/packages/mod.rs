@@ -1,4 +1,4 @@
-//! The avatar store: packages by their hash, and records of who put them.
+//! The avatar store: packages by their hash, and records of the owners that put them.
 //!
 //! `packages/HASH` are the bytes, `records/HASH/OWNER` says that this owner put them. An avatar is a person's likeness:
 //! an owner can read it only through a record. The record is written before the bytes and removed before
@@ -119,7 +119,7 @@ impl Packages {
         Ok(true)
     }
 
-    /// Whether the store answers at all.
+    /// Whether the store answers.
     pub(crate) async fn probe(&self) -> Result<(), object_store::Error> {
         let nothing = Path::from_iter([RECORDS, "probe"]);
         absent(self.store.head(&nothing).await).map(drop)
@@ -189,7 +189,7 @@ fn record(hash: PackageId, owner: Id) -> Path {
     Path::from_iter([RECORDS.to_owned(), hash.to_string(), owner.to_string()])
 }
 
-/// What is not there is no error.
+/// A missing object is no error.
 fn absent<T>(result: Result<T, object_store::Error>) -> Result<Option<T>, object_store::Error> {
     match result {
         Ok(found) => Ok(Some(found)),

@@ -1,4 +1,4 @@
-//! What only shows from outside a process: its death, its memory, its disk.
+//! What can be tested only from outside a process: its death, its memory, its disk.
 
 use crate::child::{Orders, ServerProcess};
 use crate::support::{Outcome, PATIENCE, Package, files_below, package};
