@@ -283,7 +283,7 @@ impl<S: MotionSource> Frames<'_, S> {
         figures.device.clone_from(&headset.gpu().info().name);
         figures.eye_size = headset.info().eye_size;
         figures.hands = session.tracks().hands;
-        figures.gaze = session.tracks().gaze;
+        figures.gaze = session.tracks().foveation_follows_gaze;
         figures.granted = names(headset.extensions().granted());
         figures.missing = names(headset.extensions().missing());
         figures.display_hz = session.refresh_hz();
