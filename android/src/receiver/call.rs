@@ -1,7 +1,7 @@
-//! A call, over and over: waiting for everybody with a notice of what is waited for, seeing them, and waiting again when they have
+//! A loop of calls: waits for every sender with a notice in the headset, shows the people, and waits again when the senders have
 //! hung up, until the viewer leaves.
 
-use super::Stage;
+use super::TaskContext;
 use super::network::Network;
 use crate::first_run;
 use crate::settings::Settings;
@@ -25,20 +25,20 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::available_parallelism;
 use tokio::runtime::Handle;
 
-/// Shows who is in `rooms`.
+/// Shows the people of `rooms`.
 pub(super) fn run(
-    stage: &Stage<'_>,
+    task: &TaskContext<'_>,
     settings: &Settings,
     rooms: &[RoomLink],
 ) -> anyhow::Result<()> {
-    let runtime = stage.onnx_runtime()?;
-    let network = Network::start()?;
-    let ways = NetworkContext {
-        network: network.handle().clone(),
+    let runtime = task.onnx_runtime()?;
+    let threads = Network::start()?;
+    let network = NetworkContext {
+        network: threads.handle().clone(),
         client: Client::new(None)?,
         clock: Clock::start(),
     };
-    let folders = &stage.launch.folders;
+    let folders = &task.launch.folders;
     let compiled = folders.compiled();
     let backends = InferenceBackends {
         runtime: &runtime,
@@ -49,31 +49,29 @@ pub(super) fn run(
     let packages = folders.packages(settings.cache_bytes.value)?;
     let board = NoticeBoard::default();
     loop {
-        let Some(gathered) = gather(stage, settings, rooms, &ways, &packages, &board)? else {
+        let Some(people) = wait_for_all(task, settings, rooms, &network, &packages, &board)? else {
             return Ok(());
         };
-        let Some(found) = stage.find()? else {
+        let Some(found) = task.find()? else {
             return Ok(());
         };
-        let guests: Vec<_> = (gathered.iter())
-            .map(|gathered| gathered.guest.clone())
-            .collect();
+        let guests: Vec<_> = (people.iter()).map(|person| person.guest.clone()).collect();
         let visited = visit(
             found,
             &backends,
             &wishes,
             &guests,
-            &ways,
-            stage.control,
-            &mut Counter(stage.frames),
+            &network,
+            task.control,
+            &mut Counter(task.frames),
         )?;
-        if !told(visited)? {
+        if !log_calls(visited)? {
             return Ok(());
         }
     }
 }
 
-/// As the settings want people shown.
+/// The session's settings, from the app's.
 pub(super) fn wishes(settings: &Settings) -> Wishes {
     Wishes {
         placement: settings.placement.value,
@@ -85,7 +83,7 @@ pub(super) fn wishes(settings: &Settings) -> Wishes {
     }
 }
 
-/// Counts frames for whoever reads along.
+/// Counts the frames that show a person, for [`TaskContext::frames`].
 struct Counter<'a>(&'a AtomicU64);
 
 impl FrameObserver for Counter<'_> {
@@ -93,44 +91,52 @@ impl FrameObserver for Counter<'_> {
         false
     }
 
-    fn wants(&mut self, _shown: u64, somebody: bool) -> bool {
-        self.0.fetch_add(u64::from(somebody), Relaxed);
+    fn wants(&mut self, _shown: u64, person_is_shown: bool) -> bool {
+        self.0.fetch_add(u64::from(person_is_shown), Relaxed);
         false
     }
 
     fn seen(&mut self, _seen: Seen<'_>) {}
 }
 
-/// Somebody who is there, and the hold on their package in the cache.
-struct Gathered {
+/// A person whose sender is in the room, and the guard that keeps their package in the cache.
+struct FetchedPerson {
     guest: Guest,
     _package: Option<PackageInUse>,
 }
 
-/// Waits in the headset until everybody is there and their packages are here; nothing if the viewer leaves before.
-fn gather(
-    stage: &Stage<'_>,
+/// Waits, with a notice in the headset, until every sender is there and every package is fetched; nothing if the viewer leaves before.
+fn wait_for_all(
+    task: &TaskContext<'_>,
     settings: &Settings,
     rooms: &[RoomLink],
-    ways: &NetworkContext,
+    network: &NetworkContext,
     packages: &PackageCache,
     board: &NoticeBoard,
-) -> anyhow::Result<Option<Vec<Gathered>>> {
-    let Some(found) = stage.find()? else {
+) -> anyhow::Result<Option<Vec<FetchedPerson>>> {
+    let Some(found) = task.find()? else {
         return Ok(None);
     };
     let (done, closed) = (AtomicBool::new(false), AtomicBool::new(false));
-    let is_over = || closed.load(Relaxed) || stage.control.is_leaving();
+    let is_over = || closed.load(Relaxed) || task.control.is_leaving();
     std::thread::scope(|scope| {
         let waiting = scope.spawn(|| {
-            let arriving = (rooms.iter())
-                .map(|room| arrive(room, settings.seat.value, ways, packages, board, &is_over));
+            let arriving = (rooms.iter()).map(|room| {
+                wait_and_fetch(
+                    room,
+                    settings.seat.value,
+                    network,
+                    packages,
+                    board,
+                    &is_over,
+                )
+            });
             let outcome: anyhow::Result<Option<Vec<_>>> = arriving.collect();
             done.store(true, Relaxed);
             outcome
         });
-        let shown = show_notice(found, board, stage.control, || done.load(Relaxed));
-        // Also where it failed: nobody is to wait on.
+        let shown = show_notice(found, board, task.control, || done.load(Relaxed));
+        // Also where showing failed: the other thread must stop waiting.
         closed.store(!done.load(Relaxed), Relaxed);
         let outcome = waiting
             .join()
@@ -140,20 +146,20 @@ fn gather(
     })
 }
 
-/// Waits for one sender, and fetches their package.
-fn arrive(
+/// Waits for one sender, and fetches its avatar's package.
+fn wait_and_fetch(
     room: &RoomLink,
     sits: bool,
-    ways: &NetworkContext,
+    network: &NetworkContext,
     packages: &PackageCache,
     board: &NoticeBoard,
     is_over: &dyn Fn() -> bool,
-) -> anyhow::Result<Option<Gathered>> {
-    let network: &Handle = &ways.network;
+) -> anyhow::Result<Option<FetchedPerson>> {
+    let threads: &Handle = &network.network;
     let server = room.server();
     let asking = [format!("Asking {server} ...")];
     notice(board, "One moment", asking);
-    let told = |waiting: &Waiting| match waiting {
+    let show_waiting = |waiting: &Waiting| match waiting {
         Waiting::ForSender => {
             log::info!("waiting for the sender");
             let text = "They are not in the room yet. You will see them as soon as they are.";
@@ -170,17 +176,17 @@ fn arrive(
             notice(board, "Waiting for the server", lines);
         }
     };
-    let waited = wait_for_sender(&ways.client, room, is_over, told);
-    let Some(announced) = network.block_on(waited).context("cannot join the room")? else {
+    let waited = wait_for_sender(&network.client, room, is_over, show_waiting);
+    let Some(announced) = threads.block_on(waited).context("cannot join the room")? else {
         return Ok(None);
     };
-    let fetching = (ways.client).fetch_package(room, &announced.avatar, packages, |step| {
+    let fetching = (network.client).fetch_package(room, &announced.avatar, packages, |step| {
         let share = step.done as f64 * 100.0 / step.total.max(1) as f64;
         let megabytes = step.total as f64 / 1e6;
         let line = format!("{share:.0} % of {megabytes:.0} MB. It is kept for the next call.");
-        notice(board, "Fetching the other person's double", [line]);
+        notice(board, "Fetching the other person's avatar", [line]);
     });
-    let Some(path) = network.block_on(unless_over(is_over, fetching)) else {
+    let Some(path) = threads.block_on(unless_over(is_over, fetching)) else {
         return Ok(None);
     };
     let path = path.context("cannot fetch the avatar")?;
@@ -188,7 +194,7 @@ fn arrive(
     notice(board, "One moment", ["Getting ready ...".to_owned()]);
     let avatar = in_own_pool("package", || Avatar::load(&path))?
         .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
-    Ok(Some(Gathered {
+    Ok(Some(FetchedPerson {
         guest: Guest {
             room: room.clone(),
             announced,
@@ -206,8 +212,8 @@ fn notice(board: &NoticeBoard, title: &str, lines: impl Into<Vec<String>>) {
     });
 }
 
-/// Tells the log how the calls went. Returns whether to wait for the next ones: the others ended these.
-fn told(visited: Visited) -> anyhow::Result<bool> {
+/// Logs how the calls ended. Returns whether to wait for the next ones, because the senders ended these.
+fn log_calls(visited: Visited) -> anyhow::Result<bool> {
     let frames = &visited.party.headset.frames;
     log::info!(
         "{} frames shown, {} refreshes late",

@@ -1,7 +1,7 @@
-//! A measurement without a call: the demo person performs, this device shows them, and writes where its milliseconds went, as
+//! A measurement without a call: the demo person performs, this device shows them, and writes how long each task took, as
 //! `mon3tr profile` does on a desktop. `android/profile.sh` puts the avatar there, waits for the end and fetches the files.
 
-use super::Stage;
+use super::TaskContext;
 use super::call::wishes;
 use crate::settings::Settings;
 use anyhow::{Context, ensure};
@@ -26,24 +26,28 @@ const MOTION_HZ: f64 = 30.0;
 /// From the first picture until measuring begins: buffers find their size, clocks settle.
 const WARM_UP: Duration = Duration::from_secs(2);
 
-/// Measures for `seconds`, and says in the folder how it went.
-pub(super) fn run(stage: &Stage<'_>, settings: &Settings, seconds: Duration) -> anyhow::Result<()> {
-    let folder = Folder::begin(&stage.launch.folders.profile())?;
-    let outcome = measure(stage, settings, seconds, &folder);
+/// Measures for `seconds`, and writes the result into the folder.
+pub(super) fn run(
+    task: &TaskContext<'_>,
+    settings: &Settings,
+    seconds: Duration,
+) -> anyhow::Result<()> {
+    let folder = Folder::begin(&task.launch.folders.profile())?;
+    let outcome = measure(task, settings, seconds, &folder);
     if let Err(error) = &outcome {
-        // Whoever waits for it is not to wait in vain.
+        // So that the script does not wait for a profile that failed.
         folder.failed(&format!("{error:#}"))?;
     }
     outcome
 }
 
 fn measure(
-    stage: &Stage<'_>,
+    task: &TaskContext<'_>,
     settings: &Settings,
     seconds: Duration,
     folder: &Folder,
 ) -> anyhow::Result<()> {
-    let path = stage.launch.folders.demo_avatar();
+    let path = task.launch.folders.demo_avatar();
     ensure!(
         path.is_file(),
         "there is no avatar {}: android/profile.sh puts one there",
@@ -58,14 +62,14 @@ fn measure(
         LOOP_SECONDS,
         MOTION_HZ,
     )?;
-    let runtime = stage.onnx_runtime()?;
-    let compiled = stage.launch.folders.compiled();
+    let runtime = task.onnx_runtime()?;
+    let compiled = task.launch.folders.compiled();
     let backends = InferenceBackends {
         runtime: &runtime,
         threads: cores(),
         cache: Some(&compiled),
     };
-    let found = stage.find()?.context("the app was closed")?;
+    let found = task.find()?.context("the app was closed")?;
     let gpu = Arc::clone(found.headset().gpu());
     let machine = Watch::start(vec![Box::new(Sysfs::new(Path::new("/sys")))], EVERY)
         .context("cannot watch the device's heat and clocks")?;
@@ -87,7 +91,7 @@ fn measure(
         &wishes,
         &avatars,
         join,
-        stage.control,
+        task.control,
         &mut clock,
     )?;
     let begin = clock.begin.context("the headset showed no picture")?;
@@ -122,7 +126,7 @@ fn measure(
     Ok(())
 }
 
-/// Says when it is over, and looks at the memory before.
+/// Decides when it is over, and reads the memory use before.
 struct Clock {
     seconds: Duration,
     begin: Option<Instant>,
@@ -136,8 +140,8 @@ impl FrameObserver for Clock {
             .is_some_and(|begin| Instant::now() >= begin + self.seconds)
     }
 
-    fn wants(&mut self, _shown: u64, somebody: bool) -> bool {
-        if somebody && self.begin.is_none() {
+    fn wants(&mut self, _shown: u64, person_is_shown: bool) -> bool {
+        if person_is_shown && self.begin.is_none() {
             self.begin = Some(Instant::now() + WARM_UP);
             self.device_bytes = self.gpu.memory_taken();
         }
