@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn slerp_is_the_formulas_to_a_millionth_at_any_angle_and_time() {
+    fn slerp_agrees_with_the_formula_to_a_millionth_at_any_angle_and_time() {
         let pairs = pairs();
         for t in [0.0, 0.25, 0.5, 0.731, 1.0, 1.5, 2.0] {
             let weights = SlerpWeights::at(t);
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_rotations_stay_what_they_are_to_the_bit() {
+    fn equal_rotations_stay_equal_to_the_bit() {
         let mut random = Random::new(6);
         for t in [0.0, 0.3, 1.0, 1.7, 2.0] {
             let weights = SlerpWeights::at(t);
