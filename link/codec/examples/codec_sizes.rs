@@ -1,5 +1,6 @@
 //! Sizes, errors and times of the codecs on real motion:
-//! `cargo run -p link-codec --example codec_sizes -- PACKAGE.m3a FILE..` prints them for each file and for the built-in performance. Feedback arrives 40 ms late and reports every third frame.
+//! `cargo run -p link-codec --example codec_sizes -- PACKAGE.m3a FILE..` prints them for each file and for the
+//! built-in performance. Feedback arrives 40 ms late and reports every third frame.
 
 use link_codec::{Codec, Decoder, Encoder, Micros, MotionFrame};
 use spmm3::{Avatar, Joint, LoadOptions, MotionClip, MotionParams, Playback, Skeleton};

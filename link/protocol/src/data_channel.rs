@@ -148,7 +148,7 @@ mod tests {
     ];
 
     #[test]
-    fn messages_come_back_as_they_were_and_only_whole_and_to_their_session() {
+    fn messages_are_read_as_written_only_whole_and_by_their_session() {
         let mut bytes = Vec::new();
         for message in ALL {
             message.write(0xdead_beef, &mut bytes);

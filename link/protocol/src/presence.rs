@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn events_are_the_protocols_and_come_back_as_they_were() {
+    fn events_are_written_by_the_protocol_and_read_back() {
         let session: Name = "S1".parse().expect("a name");
         let offer = PresenceEvent::Offer {
             session: session.clone(),
