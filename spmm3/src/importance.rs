@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn only_permutations_whose_heirs_outlast_them_are_orders() {
+    fn an_order_is_a_permutation_whose_heirs_are_more_important() {
         let order = |order: &[u32], heirs: Option<&[u32]>| {
             Importance::new(order.to_vec(), heirs.map(<[u32]>::to_vec), 3)
                 .map_err(|e| e.to_string())
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_level_holds_the_most_important_ascending_and_the_fewer_the_larger() {
+    fn a_level_holds_the_most_important_in_ascending_order_and_grows_them() {
         let all_alike = gaussians(&[([0.01; 3], 3.0); 8]);
         let order = vec![4, 7, 1, 0, 6, 2, 5, 3];
         let importance = Importance::new(order, None, 8).expect("an order");
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn each_grows_by_the_area_of_those_it_stands_for() {
+    fn each_grows_by_the_area_of_those_it_replaces() {
         let sizes = [0.01, 0.01, 0.02, 0.01];
         let set = gaussians(&sizes.map(|s| ([s, s, 0.001], 3.0)));
         // 3 hands on to 2, which hands on to 0; 1 has no heir.
