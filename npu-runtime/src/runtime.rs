@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_library_that_does_not_answer_is_known_by_its_build_or_its_name() {
+    fn the_version_is_else_read_from_the_build_string_or_file_name() {
         let nothing = Path::new("/nowhere/libonnxruntime.so");
         assert!(said_version(nothing).is_err(), "it is not there");
         let info = "ORT Build Info: git-branch=rel-1.31.1, git-commit-id=abc";
