@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn vectors_pack_to_the_very_bits_that_one_gaussian_is_packed_to() {
+    fn vectors_pack_to_the_same_bits_as_single_gaussians() {
         let mut state = 0x3D65_u64;
         let mut random = move || {
             state = state
