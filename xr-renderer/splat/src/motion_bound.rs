@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn an_order_serves_a_foreground_that_trembles_grows_or_fades_in_by_next_to_nothing() {
+    fn an_order_is_kept_for_tiny_motion_growth_or_fading() {
         let start = MotionBound::new();
         let none = Change::default();
         for (change, expected) in [
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn other_gaussians_and_those_that_changed_no_one_knows_how_are_sorted() {
+    fn other_gaussians_and_changes_of_unknown_size_are_sorted() {
         let start = MotionBound::new();
         assert!(!MotionBound::new().is_of(&start), "another sequence");
         for metres in [f32::NAN, f32::INFINITY, -1.0] {

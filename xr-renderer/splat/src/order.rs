@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_that_come_go_or_change_places_are_sorted_anew() {
+    fn parts_that_come_go_or_change_places_are_sorted_again() {
         let [first, second] =
             [2, 2].map(|count| SortedPart::new(count, MotionBound::new(), Affine3A::IDENTITY));
         let cameras = [camera(0.0, 0.0)];

@@ -280,7 +280,7 @@ mod tests {
     use shaders_spirv::Gaussian;
 
     #[test]
-    fn a_comparison_that_is_interrupted_goes_on_picture_by_picture() {
+    fn an_interrupted_comparison_continues_picture_by_picture() {
         let Some(gpu) = open_gpu() else { return };
         let interrupt = Interrupt::default();
         let options = RendererOptions {
