@@ -156,7 +156,7 @@ mod tests {
     const MICROSECOND: Duration = Duration::from_micros(1);
 
     #[test]
-    fn windows_narrow_one_another_and_widen_with_time_and_a_contradiction_starts_anew() {
+    fn windows_intersect_widen_with_time_and_restart_on_a_contradiction() {
         let start = Instant::now() + Duration::from_secs(10);
         let window = |tick, from: u32, to: u32| Sample {
             tick,
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_are_placed_alike_with_the_drivers_comparison_of_clocks_and_without() {
+    fn timestamps_agree_with_and_without_calibrated_timestamps() {
         let Some(gpu) = open_gpu() else { return };
         let mut compared = HostClock::new(&gpu);
         let mut enclosed = HostClock::new(&gpu);

@@ -235,7 +235,7 @@ mod tests {
     use crate::testing::open_gpu;
 
     #[test]
-    fn work_that_outlasts_our_patience_is_waited_for_before_its_commands_are_used_again() {
+    fn work_that_timed_out_is_waited_for_before_its_commands_are_used_again() {
         let Some(gpu) = open_gpu() else { return };
         let device = gpu.device();
         // SAFETY: no preconditions.

@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn out_of_memory_tells_how_much_is_needed_taken_and_there_and_what_to_lower() {
+    fn the_out_of_memory_error_has_the_sizes_and_what_to_lower() {
         let error = VulkanError::OutOfMemory {
             what: "background colours",
             bytes: 96 << 20,
