@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spill_fails_whatever_is_written_of_it() {
+    fn a_spill_fails_even_with_a_reason() {
         let said = said(
             &[row("raster", 12, 3)],
             "raster compute 64: it has much to remember",
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_for_a_shader_that_is_no_more_fails() {
+    fn a_reason_for_a_removed_shader_fails() {
         let said = said(&[row("raster", 16, 0)], "rooster compute 64: it crows");
         assert!(said.contains("there is no rooster compute 64"), "{said}");
     }
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_that_differ_from_the_committed_table_are_told_from_both_sides() {
+    fn lines_that_differ_from_the_committed_table_are_printed_from_both() {
         let why = check_table("same\nold\n", "same\nnew\n")
             .expect_err("they differ")
             .to_string();

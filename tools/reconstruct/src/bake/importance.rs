@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn every_one_stands_once_and_its_place_is_taken_by_one_more_important() {
+    fn every_gaussian_is_listed_once_and_its_heir_is_more_important() {
         let (mut set, _) = cloth();
         // Two in one place, and one far from all others.
         set.positions[7] = set.positions[8];
