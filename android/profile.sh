@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Where a headset's milliseconds go: installs the app there, lets it measure the demo avatar, and brings what it wrote here.
+# Profiles the app on a headset: installs it, lets it measure the demo avatar, and fetches the files that it wrote.
 # docs/profile.md says what the files mean. Needs adb and a headset in developer mode; nothing else of this repository.
 set -euo pipefail
 
@@ -20,7 +20,7 @@ profile.html, trace.json (for ui.perfetto.dev), profile.json and profile.txt, th
 the sensor between its lenses: it draws nothing while it is not worn.
 
   --seconds N        how long to measure, 5 to 3600 [default: 60]
-  --avatar FILE      whom to show [default: the demo avatar, which ./run demo or ./run bake leaves in .cache]
+  --avatar FILE      the avatar to show [default: the demo avatar, which ./run demo or ./run bake leaves in .cache]
   --out FOLDER       where the files go [default: out/profile-quest]
   --device SERIAL    which headset, where there are several (adb devices lists them)
   --no-install       measure with the app that is installed
@@ -126,9 +126,9 @@ elif [[ $(ask "pm path $package") != package:* ]]; then
 	die "$package is not installed on $serial: leave --no-install out"
 fi
 
-# An earlier profile's end must not be taken for this one's.
+# An earlier profile's file must not end this one.
 device shell "am force-stop $package; rm -f $folder/finished" </dev/null >/dev/null || die "$serial does not answer"
-device shell "mkdir -p ${folder%/*}" </dev/null >/dev/null || die "$serial lets nobody write to ${folder%/*}"
+device shell "mkdir -p ${folder%/*}" </dev/null >/dev/null || die "$serial lets adb not write to ${folder%/*}"
 said=$(device push "$avatar" "${folder%/*}/avatar.m3a" 2>&1) || die "adb could not copy $avatar: ${said##*$'\n'}"
 device logcat -c 2>/dev/null || true
 printf 'Measuring for %s s; keep the headset on\n' "$seconds"

@@ -1,5 +1,5 @@
 # shellcheck shell=bash disable=SC2154 # run and prepare.sh set what is not assigned here
-# The Quest 3's GPU as far as a compiler needs it: Mesa's driver for Adreno, and the shim that pretends to be one, from the Debian
+# A compiler for the Quest 3's GPU: Mesa's driver for Adreno, and the shim that pretends to be one, from the Debian
 # packages that the adreno-*-amd64.lock pin. Shaders are compiled to the GPU's machine code; nothing is executed. Sourced by ./run.
 #
 #   $MON3TR_CACHE/adreno/run          `run PROGRAM ARGS...`: PROGRAM with that GPU as its only Vulkan device
@@ -47,7 +47,7 @@ lib=\$here/$lib
 export FD_CHIP_ID=0x43050b00 FD_GPU_ID=0
 export VK_DRIVER_FILES=\$here/root/usr/share/vulkan/icd.d/freedreno_icd.json
 export VK_ICD_FILENAMES=\$VK_DRIVER_FILES VK_LOADER_LAYERS_DISABLE='*' MESA_SHADER_CACHE_DISABLE=true
-# The shim tells of every question of the driver's that it has no answer to.
+# The shim prints every call of the driver that it does not implement.
 exec "\$libc/$dynamic_linker" --library-path "\$libc:\$lib" --preload "\$here/shim.so" "\$@" 2> >(grep -v '^Unknown DRM_IOCTL_MSM_' >&2)
 WRAPPER
 	chmod +x "$new/run"

@@ -1,5 +1,5 @@
 # shellcheck shell=bash disable=SC2154 # run and prepare.sh set what is not assigned here
-# What the headset's package is made from, besides Rust: the target's standard library, a clang where there is no NDK (one
+# The parts of the headset's package, besides Rust: the target's standard library, a clang where there is no NDK (one
 # dependency has C and assembler in it), and the libraries of others that go into the package. Sourced by ./run.
 #
 #   $MON3TR_CACHE/clang/run                    `run ARGS...` is clang with ARGS, under the same process id
@@ -122,7 +122,7 @@ install_android_set() {
 }
 
 lack_part() {
-	die "$1, which the headset's package needs, is to be had nowhere: $2. Check the network (a proxy is set with https_proxy=..., another mirror of Maven Central with MON3TR_MAVEN_MIRROR=...) and run the command again; what is already here is kept."
+	die "$1, which the headset's package needs, is not available: $2. Check the network (a proxy is set with https_proxy=..., another mirror of Maven Central with MON3TR_MAVEN_MIRROR=...) and run the command again; what is already here is kept."
 }
 
 # unpack_part ARCHIVE MEMBER FOLDER FILE SHA256 VERSION URL FOR_NPU: FOLDER/FILE, and its entry in FOLDER/parts.json.

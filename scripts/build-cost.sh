@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What a cold build costs: the number of crates, CPU seconds in all, and the crates that take most of them.
+# The cost of a cold build: the number of crates, CPU seconds in all, and the crates that take most of them.
 # Usage: scripts/build-cost.sh [ARGS FOR cargo build]   [default: what `./run demo` builds]
 # Builds into a new folder, which is removed afterwards. CPU seconds hardly depend on what else the machine does, wall time does.
 set -euo pipefail

@@ -1,6 +1,6 @@
 # shellcheck shell=bash disable=SC2154,SC2034,SC2094 # callers set what is not assigned here, and read trust; a lock is only read
 # Programs and libraries from Debian packages in a private prefix, without root: a lock file pins every package by version and
-# SHA-256 (scripts/lock-debian.py writes them). Sourced by ./run; what is unpacked for what, others decide.
+# SHA-256 (scripts/lock-debian.py writes them). Sourced by ./run; the callers decide what is unpacked.
 #
 #   PREFIX/root   the packages' files
 #   PREFIX/libc   libc6's files, apart: they are left alone where the machine's own libc is as new
@@ -11,7 +11,7 @@ debian_snapshot=https://snapshot.debian.org/archive/debian
 # lock_megabytes LOCK...: megabytes to fetch
 lock_megabytes() { awk '!/^#/ && NF == 5 { sum += $4 } END { printf "%d", sum / 1e6 }' "$@"; }
 
-# locked_version LOCK PACKAGE: without an epoch, which says nothing
+# locked_version LOCK PACKAGE: without an epoch
 locked_version() { sed -n "s/^$2 \([0-9]*:\)\{0,1\}\([0-9.]*\).*/\2/p" "$1"; }
 
 # debs_are_ready FOLDER PINS: FOLDER holds the locked packages, or the ones that had to be taken instead of some of them, which
@@ -43,7 +43,7 @@ fetch_index() {
 		why="debian-archive-keyring is missing"
 	fi
 	if [ -n "$why" ] && [ "${MON3TR_ALLOW_UNPINNED:-}" != 1 ]; then
-		die "$name is not to be had in its locked version, and the signature of Debian's list of newer ones cannot be checked ($why): apt-get install gpgv debian-archive-keyring, or trust $debian_mirror with MON3TR_ALLOW_UNPINNED=1, and run the command again"
+		die "$name is not available in its locked version, and the signature of Debian's list of newer ones cannot be checked ($why): apt-get install gpgv debian-archive-keyring, or trust $debian_mirror with MON3TR_ALLOW_UNPINNED=1, and run the command again"
 	fi
 	download "$dists/$index" "$debs/Packages.xz"
 	index_is=unsigned
@@ -93,7 +93,7 @@ fetch_moved_package() {
 }
 
 # unpack_lock LOCK NEW: all packages of LOCK below the folder NEW. Adds to the caller's `instead` what is not as locked, and turns
-# its `trust` from `signed` to `unsigned` where nobody vouches for that.
+# its `trust` from `signed` to `unsigned` where no signature covers that.
 unpack_lock() {
 	local lock=$1 new=$2 debs=$MON3TR_CACHE/download/debs name version sha256 path deb list into index_is=""
 	mkdir -p "$debs" "$new/root" "$new/libc"
@@ -151,7 +151,7 @@ WRAPPER
 lock_pins() { echo "$(sha256sum <"$1" | cut -d' ' -f1) layout $2"; }
 
 # install_program NAME LOCK PACKAGE PATH PINS: the program at PATH in the packages of LOCK, with its libraries, below
-# $MON3TR_CACHE/NAME; `run ARGS...` there is the program with ARGS, under the same process id. PACKAGE is the one whose version is told.
+# $MON3TR_CACHE/NAME; `run ARGS...` there is the program with ARGS, under the same process id. The version of PACKAGE is printed.
 install_program() {
 	local name=$1 lock=$2 package=$3 program=$4 pins=$5 prefix=$MON3TR_CACHE/$1 new=$MON3TR_CACHE/$1.new instead="" trust=signed
 	say "Fetching $name $(locked_version "$lock" "$package") from $debian_mirror"

@@ -79,7 +79,7 @@ trim_lavapipe() {
 }
 
 # Vulkan's loader and the validation layer read settings of the user's and of the machine's (Vulkan's configurator leaves them), which
-# may load any layer. No variable keeps them from that: the name they look for is changed to one that nobody has.
+# may load any layer. No variable keeps them from that: the name they look for is changed to one that no file has.
 hide_settings_from_lavapipe() {
 	python3 - "$1/root/usr/lib/$deb_triplet" <<-'PY' || die "Debian's Vulkan loader is not what scripts/lavapipe.sh knows"
 		import pathlib, sys

@@ -128,7 +128,7 @@ PREFIXES = {
 
 @functools.cache
 def index(suite, arch):
-    """The suite's packages by name, and who provides which virtual name."""
+    """The suite's packages by name, and the providers of each virtual name."""
     url = f"{MIRROR}/dists/{suite}/main/binary-{arch}/Packages.xz"
     with urllib.request.urlopen(url) as answer:
         text = lzma.decompress(answer.read()).decode()

@@ -18,7 +18,7 @@ monado_version() { locked_version "$monado_lock" monado-service; }
 
 monado_is_there() { [ -n "${MON3TR_MONADO:-}" ] || debs_are_ready "$MON3TR_CACHE/monado" "$(monado_pins)"; }
 
-# xr_needs_monado: whether a display on OpenXR wants anything of the prefix: not where a runtime is active and a loader finds it.
+# xr_needs_monado: whether a display on OpenXR needs the prefix: not where a runtime is active and a loader finds it.
 xr_needs_monado() {
 	! openxr_is_active || ! python3 -c 'import ctypes; ctypes.CDLL("libopenxr_loader.so.1")' 2>/dev/null
 }
@@ -65,7 +65,7 @@ install_monado() {
 }
 
 # Documentation, and programs and data that none of ours opens. Vulkan's loader is the one that belongs to the Vulkan used. The C++
-# library goes to the C library: where the machine's own is as new, its drivers may want a newer one.
+# library goes to the C library: where the machine's own is as new, its drivers may need a newer one.
 trim_monado() {
 	local root=$1/root lib=$1/root/usr/lib/$deb_triplet
 	mv "$lib"/libstdc++.so.* "$lib"/libgcc_s.so.* "$1/libc/usr/lib/$deb_triplet/"
@@ -144,8 +144,8 @@ write_monado_wrapper() {
 	chmod +x "$1/$2"
 }
 
-# lament_monado: says why tests, or a display on OpenXR, have no runtime from here.
-lament_monado() {
+# explain_no_monado: says why tests, or a display on OpenXR, have no runtime from here.
+explain_no_monado() {
 	say "OpenXR: Monado cannot be unpacked without dpkg-deb: install dpkg, or have a runtime that is active"
 }
 

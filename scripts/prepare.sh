@@ -67,7 +67,7 @@ export MON3TR_CACHE
 # shellcheck source=scripts/android.sh
 . "$repo/scripts/android.sh"
 
-# Tools that this script cannot fetch itself end it here; what Debian packages can mend goes to missing_debs, with the reason
+# Tools that this script cannot fetch itself end it here; what Debian packages can provide goes to missing_debs, with the reason
 # in missing_why.
 check_tools() {
 	local tool
@@ -174,7 +174,7 @@ choose_vulkan() {
 	if vulkan_why=$(python3 "$repo/scripts/probe-vulkan.py" "$wanted" "${@:2}" 2>/dev/null); then return; fi
 	vulkan_good=0
 	vulkan_why=${vulkan_why:-probing its Vulkan failed}
-	# A device asked for by name is the machine's or nobody's: the program then says what there is.
+	# A device asked for by name is the machine's or missing: the program then lists the devices.
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
@@ -234,7 +234,7 @@ find_todo() {
 	if [ "$vulkan_from" = cache ] && ! debs_are_ready "$lavapipe_prefix" "$(lavapipe_pins)"; then
 		todo+=("install_lavapipe|Mesa lavapipe $(lavapipe_version), Vulkan's loader and validation layer, with their libraries, from Debian ($(lock_megabytes "$lavapipe_lock") MB), because this machine's own Vulkan will not do: $vulkan_why")
 	fi
-	# Where packages cannot be unpacked, the test that wants it says so.
+	# Where packages cannot be unpacked, the test that needs it says so.
 	if [ "$with_spirv_val" = 1 ] && ! spirv_val_is_there && command -v dpkg-deb >/dev/null; then
 		todo+=("install_spirv_val|spirv-val $(locked_version "$spirv_val_lock" spirv-tools) with its libraries, from Debian ($(lock_megabytes "$spirv_val_lock") MB): a test runs it over the compiled shaders")
 	fi
@@ -280,7 +280,7 @@ find_todo() {
 	if [ "$with_android_qnn" = 1 ] && ! android_parts_are_there qnn; then
 		todo+=("install_android_parts_qnn|ONNX Runtime's QNN plugin and Qualcomm's libraries for Android, from Maven Central (Qualcomm's own licence): they go into the headset's package for the NPU")
 	fi
-	# Where packages cannot be unpacked, what wants them says so.
+	# Where packages cannot be unpacked, the programs that need them say so.
 	if [ "$with_android_tools" = 1 ] && command -v dpkg-deb >/dev/null; then
 		if ! android_tools_are_there; then
 			todo+=("install_android_tools|Android's aapt2 and apksigner with resources and libraries, from Debian ($(lock_megabytes "$android_tools_lock") MB): they pack and sign the headset's app where there is no Android SDK (ANDROID_HOME), and tests check it with them")
@@ -289,7 +289,7 @@ find_todo() {
 			todo+=("install_java|Java $(locked_version "$java_lock" openjdk-21-jre-headless), from Debian ($(lock_megabytes "$java_lock") MB), because this machine has none of version $java_oldest or newer: apksigner runs on it")
 		fi
 	fi
-	# Where it cannot run, the test that wants it says so.
+	# Where it cannot run, the test that needs it says so.
 	if [ "$with_adreno" = 1 ] && ! adreno_is_there && ! adreno_lacks >/dev/null; then
 		todo+=("install_adreno|Mesa $(adreno_version)'s Adreno driver with its libraries, from Debian ($(lock_megabytes "${adreno_locks[@]}") MB): a test has it compile the shaders as for the Quest 3's GPU")
 	fi
@@ -319,7 +319,7 @@ path_for_lists() {
 		# shellcheck disable=SC2053
 		if [[ $below == $unsafe || $below != /* ]]; then continue; fi
 		(umask 077 && mkdir -p "$below") 2>/dev/null || true
-		# Programs are run through it, so nobody else may have put it there.
+		# Programs are run through it, so no other user may have put it there.
 		if [ ! -d "$below" ] || [ -L "$below" ] || [ ! -O "$below" ]; then continue; fi
 		chmod go-w "$below" 2>/dev/null || continue
 		link=$below/$(printf '%s' "$folder" | sha256sum | cut -c1-16)
@@ -347,10 +347,10 @@ export_environment() {
 	fi
 	if [ "$with_interop" = 1 ]; then
 		if nats_server_is_there; then export_nats_server; fi
-		if python_is_there; then export_python; else lament_python; fi
+		if python_is_there; then export_python; else explain_no_python; fi
 	fi
 	if [ "$with_xr" = 1 ]; then
-		if monado_is_there; then export_monado "${lists:-$MON3TR_CACHE}"; else lament_monado; fi
+		if monado_is_there; then export_monado "${lists:-$MON3TR_CACHE}"; else explain_no_monado; fi
 	fi
 	if [ "$with_adreno" = 1 ] && adreno_is_there; then export_adreno; fi
 	if [ "$with_arm64" = 1 ] && arm64_is_there; then

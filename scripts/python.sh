@@ -35,8 +35,8 @@ find_python() {
 	python_found=""
 }
 
-# python_if_fit NAME: prints `WHAT|PATH` if that interpreter fits, else why it does not. Whoever starts it through a shim gets the
-# interpreter itself, so that a change of the shim's mind does not change what the wheels are loaded into.
+# python_if_fit NAME: prints `WHAT|PATH` if that interpreter fits, else why it does not. A call through a shim gets the
+# interpreter itself, so that the wheels stay with it when the shim's choice changes.
 python_if_fit() {
 	command -v "$1" >/dev/null || { echo "there is no $1" && return 1; }
 	"$1" -I -c '
@@ -63,7 +63,7 @@ python_is_there() {
 }
 
 # Said where no interpreter fits, instead of installing.
-lament_python() {
+explain_no_python() {
 	local why
 	why="${python_why:-python3 does not run}, but the packages that tests of the call need are locked for CPython $(python_oldest) to $(python_newest): install one of these beside it (found as python3.N on PATH), or point MON3TR_PYTHON to a python of your own that has aiortc, moto[s3], flask and flask-cors"
 	if [ "${CI:-}" = true ]; then die "$why"; fi

@@ -2,7 +2,7 @@
 # The headset's app executed on this machine (tests/android-rehearsal). Sourced by ./run.
 #
 # A rehearsal takes ten minutes with its build, so CI performs it where something changed that it executes. What that was when it last
-# passed is kept beside the crate, in `rehearsed`: a line a path, with the hash of its tracked files. Whoever changes the app rehearses it,
+# passed is kept beside the crate, in `rehearsed`: a line a path, with the hash of its tracked files. A developer who changes the app rehearses it,
 # and commits that file with the change; where that was forgotten, CI does it.
 
 rehearsed=$repo/tests/android-rehearsal/rehearsed

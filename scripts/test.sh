@@ -1,7 +1,7 @@
 # shellcheck shell=bash disable=SC2154 # run sets what is not assigned here
 # Runs the workspace's tests and counts them. Sourced by ./run.
 #
-# A test that cannot run for want of a component prints `skipped: why` and passes (with CI=true it fails). Cargo hides what
+# A test that cannot run without a component prints `skipped: why` and passes (with CI=true it fails). Cargo hides what
 # passing tests print, so they are run with --show-output: all of it goes to the log, the screen gets it without, and the
 # skipped ones are listed at the end: none is skipped silently. In the same way tests tell what else of the machine's came between:
 # `started again: why` for a program of others' that died, `too busy: why` for a measurement that others disturbed and that is made

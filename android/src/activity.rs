@@ -1,4 +1,4 @@
-//! The activity's own thread: from Android's events to the driver.
+//! The activity's own thread: hands Android's events to the driver.
 
 use crate::java;
 use crate::launch::Launch;
@@ -11,7 +11,7 @@ use renderer_openxr::runtime::Runtime;
 use std::sync::Once;
 use std::time::Duration;
 
-/// Between two looks whether the call has ended by itself.
+/// How often to check whether the call has ended by itself.
 const LOOK: Duration = Duration::from_millis(250);
 
 /// Where the Hexagon's loader looks for its libraries.
@@ -20,10 +20,10 @@ const HEXAGON_FOLDER: &str = "ADSP_LIBRARY_PATH";
 /// Called by android-activity on a thread of its own for every activity that is made. An activity that is destroyed and made again
 /// may find the same process, and with it everything static.
 ///
-/// It must not return before the activity is destroyed: Android's own thread waits for each of the later events to be taken.
+/// It must not return before the activity is destroyed: Android's main thread waits for each of the later events to be taken.
 #[unsafe(no_mangle)]
 fn android_main(app: AndroidApp) {
-    // Before anything else, and until the end.
+    // Held from the first line to the end.
     let _another_may_come = Unregistered::new(&app);
     logcat::start();
     log::info!("Mon3tr {}", env!("CARGO_PKG_VERSION"));
@@ -101,7 +101,7 @@ fn driver(app: &AndroidApp) -> Option<Driver<HeadsetReceiver>> {
     Some(Driver::new(HeadsetReceiver::new(device(app)), launch))
 }
 
-/// What the package brings along, and the activity that OpenXR's loader wants.
+/// The package's libraries, and the activity that OpenXR's loader needs.
 fn device(app: &AndroidApp) -> Device {
     static FIRST: Once = Once::new();
     let libraries = java::library_folder(app);
@@ -128,7 +128,7 @@ fn discard_input(app: &AndroidApp) {
     }
 }
 
-/// Nothing for events of windows' contents, of which there are none.
+/// No command for events of windows' contents, which the app does not have.
 fn event_of(event: &MainEvent<'_>) -> Option<Event> {
     match event {
         MainEvent::Start => Some(Event::Start),

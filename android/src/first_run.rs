@@ -1,4 +1,4 @@
-//! What a panel in the headset says while something is missing: short lines in plain words, and exactly what to type on the PC.
+//! The panel that the headset shows while a setting is missing: short lines, and exactly what to type on the PC.
 
 use crate::package::{COMPONENT, FILES_FOLDER, SETTINGS_FILE};
 use crate::settings::{DEEP_LINK, Key, Problem};
@@ -6,7 +6,7 @@ use crate::settings::{DEEP_LINK, Key, Problem};
 /// Characters of a line that the panel has room for.
 pub const WIDTH: usize = app_session::overlay::NOTICE_LETTERS as usize;
 
-/// What to show when the app was launched without all that it needs, or with something that it refuses.
+/// The lines to show when the app was launched with a missing or refused setting.
 #[must_use]
 pub fn lines(problems: &[Problem]) -> Vec<String> {
     let mut lines = Vec::new();
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_shown_to_type_is_what_the_settings_take() {
+    fn the_command_shown_to_type_is_read_by_the_settings() {
         let room = "https://call.example/rooms/R7#TOKEN";
         let command = start_command(room).join("\n").replace("\\\n", " ");
         let mut words = command.split_whitespace();
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_comes_first_and_no_token_is_shown() {
+    fn problems_come_first_and_no_token_is_shown() {
         let shown = of(
             &[("server", "https://h"), ("room", "R")],
             None,

@@ -1,6 +1,6 @@
-//! What is asked of the activity's Java side: the intent that started it, with its extras and its data, and to close.
+//! Calls to the activity's Java side: the intent that started it, with its extras and its data, and to close.
 //!
-//! A `NativeActivity` is not told of later intents: one that comes while it lives brings it to the front, and is lost.
+//! A `NativeActivity` gets no later intents: one that comes while it lives brings it to the front, and is lost.
 
 use crate::settings::Key;
 use android_activity::AndroidApp;
@@ -9,20 +9,20 @@ use jni::objects::{JObject, JObjectArray, JString, JValue};
 use jni::{JNIEnv, JavaVM};
 use std::path::PathBuf;
 
-/// Objects that Java keeps for one question asked here. It promises room for 16, and may end the process where there are too many.
+/// Local references that one call here may make. Java guarantees room for 16, and may end the process where there are more.
 const OBJECTS: i32 = 16;
 
-/// Names of extras that are looked at to tell the log of those that are no settings.
+/// Names of extras that are read, to log those that are no settings.
 const MOST_NAMES: usize = 64;
 
-/// What an intent says.
+/// The content of an intent.
 #[derive(Debug, Default)]
 pub(crate) struct Intent {
     /// Names and values, as texts.
     pub(crate) extras: Vec<(String, String)>,
     /// The link that was opened.
     pub(crate) link: Option<String>,
-    /// Why there may have been more.
+    /// Why the content may be incomplete.
     pub(crate) trouble: Option<String>,
 }
 
@@ -118,7 +118,7 @@ fn read_from(env: &mut JNIEnv<'_>, activity: &JObject<'_>, intent: &mut Intent) 
     Ok(())
 }
 
-/// An extra as a text, whatever it was: `--es`, `--ez` and `--ei` are all understood.
+/// An extra of any type as a text: `--es`, `--ez` and `--ei` are all understood.
 fn extra(env: &mut JNIEnv<'_>, extras: &JObject<'_>, name: &str) -> Result<Option<String>> {
     let name = env.new_string(name)?;
     let value = env

@@ -1,4 +1,4 @@
-//! What the app knows when it is launched.
+//! The settings and folders of one launch of the app.
 
 use crate::settings::{Origin, Problem, Settings, Sources};
 use crate::storage::Folders;
@@ -8,11 +8,11 @@ use std::path::Path;
 /// One launch of the app.
 #[derive(Debug, Clone)]
 pub struct Launch {
-    /// What is to be done, or all that keeps it from being done.
+    /// The settings, or every problem with them.
     pub settings: Result<Settings, Vec<Problem>>,
-    /// Where files are.
+    /// The app's folders.
     pub folders: Folders,
-    /// How much to log.
+    /// The log level.
     pub log_level: LevelFilter,
 }
 
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn the_file_in_the_apps_folder_is_read_and_its_absence_is_no_fault() {
+    fn the_file_in_the_apps_folder_is_read_and_may_be_missing() {
         let folder = tempfile::tempdir().expect("a folder");
         let without = launch(folder.path());
         assert_eq!(

@@ -1,5 +1,5 @@
-//! The receiver as an app for Meta Quest: what Android tells it (an intent, a life-cycle, folders, a log), turned into what the
-//! receiver understands. All but the few files that speak to Android itself builds and is tested on any machine.
+//! The receiver as an app for Meta Quest: Android's interface (an intent, a life-cycle, folders, a log), turned into what the
+//! receiver understands. All but the few files that call Android itself builds and is tested on any machine.
 //!
 //! | what | where |
 //! |---|---|
@@ -7,7 +7,7 @@
 //! | Android's life-cycle, as commands for the call | [`lifecycle`] |
 //! | folders, and packages kept in them | [`storage`] |
 //! | logcat, and panics in it | [`logcat`] |
-//! | what a panel says while something is missing | [`first_run`] |
+//! | the panel while a setting is missing | [`first_run`] |
 //! | the call itself, behind [`lifecycle::Receiver`] | [`receiver`] |
 
 #[cfg(target_os = "android")]

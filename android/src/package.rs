@@ -1,4 +1,4 @@
-//! What the app is called on a headset. `AndroidManifest.xml` says the same; a test compares them.
+//! The app's names on a headset. `AndroidManifest.xml` says the same; a test compares them.
 
 /// The package's name.
 pub const PACKAGE: &str = "org.mon3tr.quest";

@@ -114,7 +114,7 @@ fn every_entry_that_quest_needs_is_there() {
                    smallestScreenSize density layoutDirection colorMode fontScale"
         .split_whitespace()
     {
-        assert!(changes.contains(change), "{change} makes the activity anew");
+        assert!(changes.contains(change), "{change} recreates the activity");
     }
 }
 

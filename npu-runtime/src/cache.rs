@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_kept_comes_back_and_a_flipped_byte_deletes_it() {
+    fn a_kept_graph_is_read_back_and_a_flipped_byte_deletes_it() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let entry = entry(folder.path());
         assert_eq!(entry.load(), None, "nothing yet");
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn the_key_depends_on_everything_that_went_in() {
+    fn the_key_depends_on_every_input() {
         let folder = Path::new("x");
         let target = QnnTarget::SXR2230P;
         let paths = [

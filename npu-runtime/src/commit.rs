@@ -1,4 +1,4 @@
-//! From a graph's forms to ONNX Runtime's session on a provider, strictly where the provider is an NPU.
+//! Makes ONNX Runtime's session of a graph on a provider; on an NPU without any node on the CPU.
 
 use crate::cache::Entry;
 use crate::devices::devices;
@@ -33,8 +33,8 @@ pub(crate) fn commit(
     apart(|| commit_here(runtime, graph, provider))
 }
 
-/// Does `work` on a thread of its own: a session leaves the thread that makes it without denormal numbers (`with_flush_to_zero`),
-/// and whoever asks for one may go on to check a package's numbers bit by bit.
+/// Does `work` on a thread of its own: making a session switches its thread to flush denormal numbers (`with_flush_to_zero`),
+/// and the caller may check a package's numbers bit by bit afterwards.
 fn apart<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     std::thread::scope(|scope| {
         let work = scope.spawn(work);
@@ -64,7 +64,7 @@ fn commit_here(
 /// Compiles `onnx` for `target`, into a model of the kind that [`crate::Precompiled`] holds.
 ///
 /// # Errors
-/// If the plugin is not to be had, or refuses some of the graph.
+/// If the plugin is not available, or refuses some of the graph.
 pub fn compile(runtime: &Runtime, onnx: &[u8], target: QnnTarget) -> Result<Vec<u8>, RuntimeError> {
     let plugin = plugin(runtime)?;
     let folder = std::env::temp_dir();
@@ -77,7 +77,7 @@ fn qnn(runtime: &Runtime, graph: &Graph<'_>, target: QnnTarget) -> Result<Commit
     match graph.precompiled.iter().find(|p| p.target == target) {
         Some(ours) => match load(runtime, ours.onnx, target, Origin::Precompiled) {
             Ok(committed) => return Ok(committed),
-            // That nobody wants it any more says nothing against it.
+            // A cancelled load does not mean that the form is bad.
             Err(error @ RuntimeError::Cancelled) => return Err(error),
             Err(error) if graph.onnx.is_empty() => return Err(error),
             Err(error) => log::warn!(
@@ -124,7 +124,7 @@ fn qnn(runtime: &Runtime, graph: &Graph<'_>, target: QnnTarget) -> Result<Commit
     Ok(committed)
 }
 
-/// Makes the folder; nothing if that fails, which is told.
+/// Makes the folder; nothing if that fails, which is logged.
 fn usable(folder: &Path) -> Option<&Path> {
     fs::create_dir_all(folder)
         .map_err(|e| {
@@ -212,7 +212,7 @@ fn open_qnn(
     })
 }
 
-/// Makes a session of `onnx` on `provider`, with what `more` adds to its options, and hears where the nodes landed.
+/// Makes a session of `onnx` on `provider`, with what `more` adds to its options, and reads from its log where the nodes run.
 fn open(
     runtime: &Runtime,
     onnx: &[u8],

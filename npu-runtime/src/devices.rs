@@ -4,7 +4,7 @@ use crate::ProviderKind;
 use ort::environment::Environment;
 use ort::ep::{ExecutionProvider, NNAPI, XNNPACK};
 
-/// What `provider` can run on here.
+/// The devices that `provider` can run on here.
 pub(crate) fn devices(
     environment: &Environment,
     provider: ProviderKind,

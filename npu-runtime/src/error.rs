@@ -3,7 +3,7 @@
 use crate::{ProviderKind, QnnTarget};
 use std::path::PathBuf;
 
-/// What to do where there is no library: nobody can install anything in a headset but the app.
+/// What to do where there is no library: in a headset only the app can be installed.
 const HAVE_A_LIBRARY: &str = if cfg!(target_os = "android") {
     "the app's package lacks it: install the app anew"
 } else {
@@ -26,7 +26,7 @@ pub enum RuntimeError {
         /// Why it did not load.
         reason: String,
     },
-    /// The provider is not to be had here.
+    /// The provider is not available here.
     #[error("the {provider} execution provider cannot be used here: {reason}")]
     Unavailable {
         /// Which one.
@@ -42,7 +42,7 @@ pub enum RuntimeError {
     Refused {
         /// Which one.
         provider: ProviderKind,
-        /// The nodes it refused, as far as it tells.
+        /// The nodes it refused, as far as its log names them.
         nodes: String,
         /// What ONNX Runtime says.
         #[source]

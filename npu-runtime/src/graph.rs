@@ -9,20 +9,20 @@ use std::path::Path;
 /// A graph compiled for one chip: an ONNX model whose only node holds the compiled form.
 #[derive(Debug, Clone, Copy)]
 pub struct Precompiled<'a> {
-    /// The chip, as whoever compiled it says.
+    /// The chip, as the compiled graph's metadata states it.
     pub target: QnnTarget,
     /// The model.
     pub onnx: &'a [u8],
 }
 
-/// The forms in which a graph is at hand.
+/// The available forms of a graph.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Graph<'a> {
     /// The plain ONNX model of static shapes, which every provider takes; empty if there are only compiled forms.
     pub onnx: &'a [u8],
     /// Forms that came with it.
     pub precompiled: &'a [Precompiled<'a>],
-    /// The folder for what is compiled here; without it, QNN compiles for every session.
+    /// The folder for graphs compiled here; without it, QNN compiles for every session.
     pub cache: Option<&'a Path>,
 }
 

@@ -1,4 +1,4 @@
-//! Where ONNX Runtime put a graph's nodes. It tells that only in its log, while a session is made; so each session
+//! Where ONNX Runtime put a graph's nodes. It says so only in its log while a session is made, so each session
 //! listens to its own.
 
 use log::Level;
@@ -43,7 +43,7 @@ struct Heard {
 }
 
 impl Ear {
-    /// An ear, and the logger to give to the session.
+    /// A listener, and the logger to give to the session.
     pub(crate) fn new() -> (Arc<Self>, LoggerFunction) {
         let ear = Arc::new(Self {
             heard: Mutex::new(Some(Heard::default())),
@@ -131,7 +131,7 @@ pub(crate) fn forward_to_log(level: LogLevel, location: &str, message: &str) {
         LogLevel::Verbose => Level::Trace,
         LogLevel::Info => Level::Debug,
         LogLevel::Warning => Level::Warn,
-        // Errors come back from the call that failed; here they would be told twice.
+        // Errors come back from the call that failed; here they would be logged twice.
         LogLevel::Error | LogLevel::Fatal => Level::Debug,
     };
     log::log!(level, "ONNX Runtime: {message} ({location})");

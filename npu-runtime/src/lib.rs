@@ -1,7 +1,7 @@
 //! Runs static ONNX graphs through ONNX Runtime, with preallocated inputs and outputs.
 //!
-//! It knows tensors, not people: what a graph means is its caller's matter. Which execution provider runs a graph is a
-//! parameter of the session; [`Runtime::probe`] tells which there are, and nothing falls back to another by itself.
+//! It knows tensors, not people: the caller knows what a graph means. Which execution provider runs a graph is a
+//! parameter of the session; [`Runtime::probe`] lists the available ones, and no session falls back to another.
 
 mod cache;
 mod cancel;

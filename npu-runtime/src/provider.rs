@@ -1,10 +1,10 @@
-//! Who can run a session, and for which chip: names and settings only.
+//! The execution providers and the chips that graphs are compiled for: names and settings only.
 
 use serde::{Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
-/// Who runs a session.
+/// An execution provider with its settings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Provider {

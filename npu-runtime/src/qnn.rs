@@ -1,4 +1,4 @@
-//! The QNN execution provider: a plugin library beside ONNX Runtime, found, registered once, and always told the chip.
+//! The QNN execution provider: a plugin library beside ONNX Runtime, found, registered once, and always given the chip.
 
 use crate::devices::devices;
 use crate::{ProviderKind, QnnTarget};
@@ -70,7 +70,7 @@ impl Plugin {
             ("soc_model", target.soc_model().to_string()),
             ("htp_arch", target.htp_arch().to_string()),
             ("enable_htp_fp16_precision", "1".to_owned()),
-            // The lane has nothing else to do than to be done in time.
+            // The NPU lane has only this work, and a deadline.
             ("htp_performance_mode", "burst".to_owned()),
         ]
         .map(|(key, value)| (format!("{NAME}.{key}"), value));
@@ -81,7 +81,7 @@ impl Plugin {
     }
 }
 
-/// The plugin's file: what `named` leads to, else beside ONNX Runtime's library.
+/// The plugin's file: at the path `named`, else beside ONNX Runtime's library.
 fn find(named: Option<&Path>, runtime: &Path) -> Result<PathBuf, String> {
     let file = format!(
         "{}onnxruntime_providers_qnn{}",

@@ -22,14 +22,14 @@ pub struct Runtime {
     pub(crate) cancel: Cancel,
 }
 
-/// Whether a provider can be had here.
+/// Whether a provider is available here.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Availability {
     /// Which one.
     pub provider: ProviderKind,
     /// Why not, in words; nothing if it can.
     pub lacking: Option<String>,
-    /// What it comes from: a library's path.
+    /// The library that has it, a path.
     pub library: PathBuf,
 }
 
@@ -42,7 +42,7 @@ impl fmt::Display for Availability {
     }
 }
 
-/// ONNX Runtime allows one environment per process, whoever asks first.
+/// ONNX Runtime allows one environment per process; the first caller makes it.
 static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
 
 impl Runtime {
@@ -72,7 +72,7 @@ impl Runtime {
             ))
             .build()
             .map_err(|e| fail(e.to_string()))?;
-        // Lines that nobody reads are not to be written in every run.
+        // ONNX Runtime is not to format lines that no logger takes, in every run.
         environment.set_log_level(if log::log_enabled!(log::Level::Trace) {
             LogLevel::Verbose
         } else {
@@ -115,7 +115,7 @@ impl Runtime {
         &self.version
     }
 
-    /// Which providers can be had, most preferred first: QNN, NNAPI, XNNPACK, CPU. The first call loads QNN's plugin.
+    /// Which providers are available, most preferred first: QNN, NNAPI, XNNPACK, CPU. The first call loads QNN's plugin.
     #[must_use]
     pub fn probe(&self) -> Vec<Availability> {
         let probe = |provider| Availability {
@@ -129,7 +129,7 @@ impl Runtime {
         ProviderKind::ALL.map(probe).into()
     }
 
-    /// Why `provider` cannot be had; nothing if it can.
+    /// Why `provider` is not available; nothing if it is.
     pub(crate) fn lacks(&self, provider: ProviderKind) -> Option<String> {
         if provider == ProviderKind::Qnn {
             return self.qnn().err().map(str::to_owned);
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_library_that_does_not_answer_is_known_by_its_build_or_its_name() {
+    fn the_version_is_else_read_from_the_build_string_or_file_name() {
         let nothing = Path::new("/nowhere/libonnxruntime.so");
         assert!(said_version(nothing).is_err(), "it is not there");
         let info = "ORT Build Info: git-branch=rel-1.31.1, git-commit-id=abc";

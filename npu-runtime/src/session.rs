@@ -23,7 +23,7 @@ impl Session {
     /// compiles else, which takes seconds.
     ///
     /// # Errors
-    /// [`RuntimeError::Unavailable`] if the provider is not to be had here, [`RuntimeError::Refused`] if a provider that
+    /// [`RuntimeError::Unavailable`] if the provider is not available here, [`RuntimeError::Refused`] if a provider that
     /// must run everything does not take all of the graph, and others if ONNX Runtime refuses the graph or its
     /// signature differs.
     pub fn new<'g>(
@@ -81,13 +81,13 @@ impl Session {
             .map_err(RuntimeError::Run)
     }
 
-    /// Who runs this session.
+    /// The provider that runs this session.
     #[must_use]
     pub fn provider(&self) -> Provider {
         self.provider
     }
 
-    /// Where ONNX Runtime put the graph's nodes.
+    /// Where ONNX Runtime placed the graph's nodes.
     #[must_use]
     pub fn landing(&self) -> &Landing {
         &self.landing

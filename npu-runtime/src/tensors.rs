@@ -1,6 +1,6 @@
-//! What a graph's inputs and outputs look like, and the memory that runs write into.
+//! The shapes of a graph's inputs and outputs, and the memory that runs write into.
 //!
-//! Outputs are apart from the session, so that whoever computes can hand a finished set on and go on with another.
+//! Outputs are apart from the session, so that a lane can hand a finished set on while it computes the next.
 
 use crate::RuntimeError;
 use ort::logging::LogLevel;
@@ -42,7 +42,7 @@ impl TensorSpec {
 }
 
 /// A set of output tensors, allocated once, that any thread may own while no run writes into it. It fits every session
-/// with the outputs of the one that made it, whoever runs that session.
+/// with the outputs of the one that made it, on any provider.
 pub struct Outputs {
     specs: Arc<[TensorSpec]>,
     /// Owns the tensors, and names them to ONNX Runtime.
@@ -58,7 +58,7 @@ impl Outputs {
             selector = selector.preallocate(spec.name.as_str(), spec.allocate()?);
         }
         let mut options = RunOptions::new()?;
-        // A session listens to its log while it is made; runs have nothing to tell.
+        // A session listens to its log while it is made; runs log nothing.
         options.set_log_level(LogLevel::Warning)?;
         Ok(Self {
             specs: Arc::clone(specs),

@@ -3,7 +3,7 @@
 #include "eye.glsl"
 
 // Both eyes' pictures for a headset's compositor, in buffers that are copied to its images: 8 bits a channel, in the sRGB curve
-// where the images are. The way of pictures that compute drew, and of images that cannot be drawn into.
+// where the images are. For pictures that compute drew, and for images that cannot be drawn into.
 
 layout(constant_id = 0) const uint GROUP = 64u;
 layout(local_size_x_id = 0) in;

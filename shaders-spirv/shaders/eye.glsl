@@ -1,4 +1,4 @@
-// What a headset's compositor takes of an eye's premultiplied picture: over what surrounds the person, as light, and its depth
+// Makes a headset compositor's picture of an eye's premultiplied one: over its surroundings, as linear light, and its depth
 // in the compositor's range. Mirrors `EyeParams` in src/eye.rs.
 
 const uint TRANSPARENT = 0u; // the room itself is seen (passthrough)
@@ -65,7 +65,7 @@ vec4 surrounded(vec4 picture, vec2 at, uint view, out float behind_depth) {
     return vec4(min(picture.rgb + (1.0 - picture.a) * behind, 1.0), 1.0);
 }
 
-// Light times alpha of a premultiplied display colour: what the compositor, which blends light, has to find.
+// Light times alpha of a premultiplied display colour: the compositor blends light.
 vec3 light_of(vec4 shown) {
     if (shown.a <= 0.0 || shown.a >= 1.0) return decoded(shown.rgb);
     return decoded(min(shown.rgb / shown.a, 1.0)) * shown.a;

@@ -1,4 +1,4 @@
-// What every stage of one picture shares: cameras, sizes, limits. Mirrors `FrameParams` in src/frame.rs.
+// Shared by every stage of one picture: cameras, sizes, limits. Mirrors `FrameParams` in src/frame.rs.
 #include "numbers.glsl"
 
 const uint TILE = 16u;               // pixels along a tile's side
@@ -24,9 +24,9 @@ layout(set = 0, binding = 0, std140) uniform FrameParams {
     uint tiles_y;
     uint lane_count;
     uint pair_capacity;
-    uint sorts;               // 1 where this picture's order is made anew, 0 where the last one is kept
+    uint sorts;               // 1 where this picture is sorted, 0 where the last order is kept
     float guard_turn;         // how far an order may be kept: turn of the head in radians ...
-    float guard_move;         // ... and its way in metres
+    float guard_move;         // ... and its movement in metres
 } frame;
 
 // A Gaussian as one view sees it. With d = pixel centre - (mean_x, mean_y):

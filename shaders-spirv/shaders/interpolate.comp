@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "packed_gaussian.glsl"
 
-// Gaussians between two states, or a little beyond the second: rotations along the shortest arc, the rest in a line. All,
+// Gaussians between two states, or a little beyond the second: rotations along the shortest arc, the rest linearly. All,
 // or those of a list. One invocation each.
 
 layout(constant_id = 0) const uint GROUP = 64u;
@@ -29,8 +29,8 @@ const float GROWTH_STEPS = 64.0;
 const uint TERMS = 8u;
 
 // sin(t angle) / sin(angle) for two t, as power series in s = sin(angle / 2)^2 <= 1/2 (after Eberly, "A Fast and Accurate
-// Algorithm for Computing SLERP", 2011): no division where the angle is small, and no device's sine. What is cut off is
-// taken for a geometric series.
+// Algorithm for Computing SLERP", 2011): no division where the angle is small, and no device-dependent sine. The rest of the series is
+// approximated by a geometric series.
 vec2 slerp_weights(vec2 t, float s) {
     vec2 sum = vec2(1.0 / (1.0 - s));
     for (uint k = TERMS; k > 0u; --k) {

@@ -1,4 +1,4 @@
-// Which numbers are numbers, and rotations in three numbers.
+// Tests for finite numbers, and rotations in three numbers.
 #ifndef NUMBERS
 #define NUMBERS
 

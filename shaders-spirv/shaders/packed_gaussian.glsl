@@ -35,7 +35,7 @@ PlainGaussian unpacked(PackedGaussian g) {
     return plain;
 }
 
-// Whether it is the one that stands for "never drawn": three numbers of -1/sqrt(2) are no unit quaternion's.
+// Whether it is the one that means "never drawn": three numbers of -1/sqrt(2) are in no unit quaternion.
 bool never_drawn(PackedGaussian g) { return g.high.y == 0u && (g.high.z & 0xFFFFu) == 0u; }
 
 uint quantised(float value, float most) { return uint(clamp(value, 0.0, most) + 0.5); }

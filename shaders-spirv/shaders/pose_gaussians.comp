@@ -133,7 +133,7 @@ void main() {
     PlainGaussian plain;
     vec3 root = vec3(params.root_x, params.root_y, params.root_z);
     plain.position = a + ab * read(3u) + ac * read(4u) + (x * offset.x + y * offset.y + z * offset.z) + root;
-    // A sum of quaternions need not be one.
+    // A sum of quaternions need not have unit length.
     length_2 = dot(turn, turn);
     turn = length_2 > 1e-12 ? turn * inversesqrt(length_2) : vec4(0.0, 0.0, 0.0, 1.0);
     plain.rotation = product(quaternion_of(x, y, z), turn);

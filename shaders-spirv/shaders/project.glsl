@@ -28,7 +28,7 @@ mat3 scaled_axes(vec4 q, vec3 scale) {
     return mat3(x * scale.x, y * scale.y, z * scale.z);
 }
 
-// What one view makes of a Gaussian.
+// A Gaussian projected into one view.
 struct Seen {
     bool kept;  // in the order, which may serve heads that turned and moved a little
     uint rect;  // tiles it may touch now, or EMPTY_RECT

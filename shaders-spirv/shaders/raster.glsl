@@ -4,7 +4,7 @@
 #include "frame.glsl"
 
 layout(constant_id = 0) const uint SUBGROUP = 8u; // invocations of one subgroup: 4, 8, ... 128
-layout(constant_id = 1) const bool DEPTH = true; // whether the depth picture is wanted
+layout(constant_id = 1) const bool DEPTH = true; // whether the depth picture is drawn
 layout(local_size_x_id = 0) in;
 
 layout(set = 0, binding = 1, std430) readonly buffer Splats0 { Splat splats_0[]; };
@@ -51,7 +51,7 @@ float block_peak(Splat s, vec2 low, vec2 high) {
     return s.log2_opacity - least;
 }
 
-// How the others get a lane's splat: by broadcasts, or through shared memory. Mesa's llvmpipe is 1.6 times as fast with
+// How the other lanes get a lane's splat: by broadcasts, or through shared memory. Mesa's llvmpipe is 1.6 times as fast with
 // broadcasts and has room for wider vectors; its turnip needs fewer instructions for shared memory.
 #ifdef BROADCAST
 void hand_out(uint lane, Splat own) {}
@@ -86,7 +86,7 @@ void main() {
     uint list = view * tile_count + tile.y * frame.tiles_x + tile.x;
     uint start = tile_starts[list];
     uint end = tile_starts[list + 1u];
-    // The picture was cleared: nothing to write where there is nothing.
+    // The picture was cleared: nothing to write for an empty block.
     if (start == end) return;
     // The lists did not fit and were not written; the host draws again.
     if (tile_starts[frame.view_count * tile_count] > frame.pair_capacity) return;

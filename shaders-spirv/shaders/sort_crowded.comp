@@ -3,7 +3,7 @@
 #include "sort.glsl"
 
 // One workgroup per crowded bin (many Gaussians at one depth): a merge sort in which all invocations take part in every
-// merge, so that millions of equal keys take a moment and not a watchdog's patience.
+// merge, so that millions of equal keys take a moment and do not run into a watchdog.
 
 const uint MERGERS = 256u;
 const uint RUN = 16u; // items that one invocation sorts before merging begins

@@ -1,4 +1,4 @@
-// What the sort knows of its input, and the counts that later passes are dispatched with. Mirrors `SortState` in
+// The range of the sort's input, and the counts that later passes are dispatched with. Mirrors `SortState` in
 // src/frame.rs. Include after `#define STATE_BINDING`, and
 // `#define STATE_ACCESS readonly` where it is only read (a vertex shader may not do more).
 #ifndef STATE_ACCESS
@@ -9,7 +9,7 @@ layout(set = 0, binding = STATE_BINDING, std430) STATE_ACCESS buffer State {
     // Written while items are collected.
     uint count;               // items to sort
     uint least, greatest;     // values of all items
-    uint fine_least, fine_greatest; // values of those to be told apart finely: the foreground's
+    uint fine_least, fine_greatest; // the range with fine keys: the foreground's
     // Written by sort_plan.comp.
     uint linear_start;        // first key of the fine range
     uint linear_keys;         // keys it has; 0 where there is none

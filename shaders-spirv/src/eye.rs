@@ -1,9 +1,9 @@
-//! What the shaders that hand pictures to a headset's compositor read. Offsets are checked against the compiled shaders in
+//! The parameters of the shaders that make a headset compositor's pictures. Offsets are checked against the compiled shaders in
 //! `tests/layout.rs`.
 
 use bytemuck::{Pod, Zeroable};
 
-/// Where an eye is, and the way through each of its pixels; `EyeView` in `shaders/eye.glsl` (std140).
+/// An eye's pose, and the ray through each of its pixels; `EyeView` in `shaders/eye.glsl` (std140).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct EyeView {
@@ -13,7 +13,7 @@ pub struct EyeView {
     pub slopes: [f32; 4],
 }
 
-/// Both eyes, and how their compositor takes pictures; `EyeParams` in `shaders/eye.glsl` (std140).
+/// Both eyes, and the form in which their compositor takes pictures; `EyeParams` in `shaders/eye.glsl` (std140).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct EyeParams {
@@ -25,7 +25,7 @@ pub struct EyeParams {
     pub height: u32,
     /// Halves in a row of the depths' buffer; 0 without depth.
     pub depth_stride: u32,
-    /// What is behind the people: 0 for the room itself, 1 for a studio, 2 for darkness.
+    /// What surrounds the people: 0 for the viewer's room, 1 for a studio, 2 for darkness.
     pub surround: u32,
     /// 1 where bytes go blue first.
     pub swaps_red: u32,

@@ -1,4 +1,4 @@
-//! What every stage of one picture shares. Offsets are checked against the compiled shaders in
+//! Shared by every stage of one picture. Offsets are checked against the compiled shaders in
 //! `tests/layout.rs`.
 
 use bytemuck::{Pod, Zeroable};
@@ -45,7 +45,7 @@ pub struct FrameParams {
     pub lane_count: u32,
     /// Entries the tile lists have room for.
     pub pair_capacity: u32,
-    /// 1 where the order is made anew, 0 where the last one is kept.
+    /// 1 where the Gaussians are sorted, 0 where the last one is kept.
     pub sorts: u32,
     /// How far the head may turn, radians, while an order is kept.
     pub guard_turn: f32,
@@ -100,9 +100,9 @@ pub struct SortState {
     pub least: u32,
     /// Greatest value of all items.
     pub greatest: u32,
-    /// Least value of the items that are to be told apart finely.
+    /// Least value of the range with fine keys.
     pub fine_least: u32,
-    /// Greatest value of those.
+    /// Greatest value of that range.
     pub fine_greatest: u32,
     /// First key of the fine range.
     pub linear_start: u32,

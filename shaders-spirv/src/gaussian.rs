@@ -1,4 +1,4 @@
-//! A Gaussian as callers state it, and as it is uploaded each frame.
+//! A Gaussian in plain numbers, and packed for the upload of each frame.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -181,7 +181,7 @@ fn half_bits(value: f32) -> u32 {
     (value.min(HALF_MOST).to_bits() + HALF_STEP - HALF_REBIAS) >> 13
 }
 
-/// What a half that [`half_bits`] made stands for.
+/// The value of a half that [`half_bits`] made.
 fn half_value(bits: u32) -> f32 {
     const REBIAS: u32 = 112 << 23;
     if bits == 0 {
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_packed_comes_back_within_the_layouts_steps() {
+    fn packed_gaussians_unpack_within_the_layouts_steps() {
         for seed in 1u16..500 {
             let wave = |k: f32| (f32::from(seed) * k).sin();
             let rotation = [wave(1.1), wave(1.7), wave(2.3), wave(3.1)];
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn values_beyond_what_the_layout_holds_are_held_at_its_ends() {
+    fn values_beyond_the_layouts_range_are_clamped() {
         let flat = Gaussian {
             scale: [0.0, 255.99, 1.0],
             opacity: 7.0,

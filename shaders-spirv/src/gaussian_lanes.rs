@@ -1,7 +1,7 @@
 //! Packing many Gaussians at once: [`PackedGaussian::new`] on vectors, one Gaussian a lane, to the same bits.
 //!
 //! Functions and no closures: what is not `#[inline(always)]` loses the processor's vectors, and a closure in a `let`
-//! cannot say so. The two stand beside one another because they are one layout; a test holds them to it. What calls this has chosen the
+//! cannot say so. The two are side by side because they are one layout; a test compares them. The caller has chosen the
 //! processor's vectors (`fearless_simd::dispatch`).
 
 use crate::gaussian::{
@@ -128,7 +128,7 @@ fn scale_steps<S: Simd>(simd: S, log: S::f32s) -> S::u32s {
 #[inline(always)]
 fn smallest_three<S: Simd>(simd: S, [x, y, z, w]: [S::f32s; 4]) -> (S::u32s, [S::u32s; 3]) {
     let (ax, ay, az, aw) = (x.abs(), y.abs(), z.abs(), w.abs());
-    // Chosen from the last to the first, so that the first that holds stands.
+    // Chosen from the last to the first, so that the first match wins.
     let is_x = ax.simd_ge(ay) & ax.simd_ge(az) & ax.simd_ge(aw);
     let is_y = ay.simd_ge(az) & ay.simd_ge(aw);
     let is_z = az.simd_ge(aw);
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn vectors_pack_to_the_very_bits_that_one_gaussian_is_packed_to() {
+    fn vectors_pack_to_the_same_bits_as_single_gaussians() {
         let mut state = 0x3D65_u64;
         let mut random = move || {
             state = state
@@ -272,7 +272,7 @@ mod tests {
         }
     }
 
-    /// What this processor can do, from the least on.
+    /// This processor's SIMD levels, the narrowest first.
     fn levels() -> Vec<Level> {
         let new = Level::new();
         #[cfg(target_arch = "x86_64")]

@@ -16,7 +16,7 @@ const OP_TYPE_RUNTIME_ARRAY: u32 = 29;
 const OFFSET: u32 = 35;
 const ARRAY_STRIDE: u32 = 6;
 
-/// What a module says of one named struct: offsets by member name, and the stride of a runtime array of it.
+/// A module's description of one named struct: offsets by member name, and the stride of a runtime array of it.
 struct Layout {
     offsets: BTreeMap<String, u32>,
     stride: Option<u32>,
@@ -144,7 +144,7 @@ fn a_parts_push_constants_lie_as_the_shader_reads_them() {
 }
 
 #[test]
-fn what_is_told_of_a_headsets_eyes_lies_as_the_shaders_read_it() {
+fn a_headsets_eye_parameters_lie_as_the_shaders_read_them() {
     for shader in [
         shaders_spirv::COMPOSE_EYE,
         shaders_spirv::SHOW_EYE_FRAG,

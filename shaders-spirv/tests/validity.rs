@@ -1,4 +1,4 @@
-//! The compiled shaders are what their Vulkan version allows, by the Khronos validator.
+//! The Khronos validator accepts the compiled shaders for their Vulkan version.
 
 use std::io::Write;
 use std::process::{Command, Stdio};

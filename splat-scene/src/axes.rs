@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 
-/// Where an axis points, in the house's terms.
+/// Where an axis points, in OpenXR's terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Direction {
     Right,
@@ -23,7 +23,7 @@ impl Direction {
         Self::Front,
     ];
 
-    /// As a unit vector of the house's axes.
+    /// As a unit vector of OpenXR's axes.
     pub(crate) fn unit(self) -> Vec3 {
         match self {
             Self::Right => Vec3::X,
@@ -68,7 +68,7 @@ impl Axes {
         }
     }
 
-    /// The turn by right angles about x or z that brings a direction of the house up.
+    /// The turn by right angles about x or z that brings a direction of OpenXR's axes up.
     pub(crate) fn raising(direction: Direction) -> Self {
         use Direction::{Back, Down, Front, Left, Right, Up};
         Self::new(match direction {
@@ -81,7 +81,7 @@ impl Axes {
         })
     }
 
-    /// First these, then `next`, whose file axes are the house's of these.
+    /// The composition: first these axes, then `next`, whose input is the output of these.
     pub(crate) fn then(self, next: Self) -> Self {
         Self {
             house_from_file: next.house_from_file * self.house_from_file,
@@ -93,7 +93,7 @@ impl Axes {
         self.house_from_file * file
     }
 
-    /// A vector of the house in the file's axes.
+    /// A vector in OpenXR's axes, in the file's.
     pub(crate) fn file(self, house: Vec3) -> Vec3 {
         self.house_from_file.transpose() * house
     }

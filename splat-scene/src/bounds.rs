@@ -1,4 +1,4 @@
-//! How far a scene reaches.
+//! The bounding boxes of a scene.
 
 /// An axis-aligned box in the scene's units.
 #[derive(Debug, Clone, Copy, PartialEq)]

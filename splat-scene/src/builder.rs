@@ -1,5 +1,5 @@
 //! The one way into a [`Scene`]: every Gaussian is checked here, whichever file it comes from. What no renderer could draw
-//! is left out and counted; what has one sensible meaning (a scale of zero, a quaternion that is not unit) is put right.
+//! is left out and counted; values with one sensible reading (a scale of zero, a quaternion that is not unit) are corrected.
 
 use crate::scene::{Arrays, Scene};
 use crate::{Dropped, Format, MAX_GAUSSIANS, MAX_SH_DEGREE, SceneError, rest_coefficients};
@@ -11,7 +11,7 @@ pub const MAX_LOG_SCALE: f32 = 30.0;
 /// An SH coefficient is at most this large: a sum of 16 stays finite.
 pub const MAX_COEFFICIENT: f32 = 1e6;
 
-/// One Gaussian on its way into a scene, in the house's frame (x right, y up, z back).
+/// A Gaussian to add to a scene, in OpenXR's frame (x right, y up, z back).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Splat {
     /// Centre, in the scene's units.

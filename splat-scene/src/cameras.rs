@@ -1,5 +1,5 @@
 //! The cameras a scene was trained from, in the `cameras.json` that 3DGS leaves beside it (`camera_to_JSON`): positions and
-//! rotations in the scene's world, in COLMAP's axes, turned here into the house's as the scene is.
+//! rotations in the scene's world, in COLMAP's axes, turned here into OpenXR's as the scene is.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ pub const MAX_CAMERAS_BYTES: u64 = 1 << 28;
 /// One camera: a pinhole whose axis goes through the middle of the picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneCamera {
-    /// The number it is asked for by.
+    /// Its id in the file.
     pub id: i64,
     /// The photograph it took, without its folder and ending.
     pub name: String,
@@ -85,7 +85,7 @@ impl Cameras {
     /// Reads a camera file's content; `name` is what errors call it.
     ///
     /// # Errors
-    /// [`SceneError::CameraList`] where it is not such a list, [`SceneError::Camera`] for a camera that cannot be.
+    /// [`SceneError::CameraList`] where it is no such list, [`SceneError::Camera`] for an invalid camera.
     pub fn parse(bytes: &[u8], name: &str) -> Result<Self, SceneError> {
         let entries: Vec<Entry> =
             serde_json::from_slice(bytes).map_err(|source| SceneError::CameraList {
@@ -129,7 +129,7 @@ impl Cameras {
             })
     }
 
-    /// The ids in words, neighbours drawn together: `0 to 5, 7`.
+    /// The ids in words, ranges joined: `0 to 5, 7`.
     fn ids(&self) -> String {
         const SHOWN: usize = 20;
         let mut ids: Vec<i64> = self.list.iter().map(|camera| camera.id).collect();

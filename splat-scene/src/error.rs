@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::Format;
 
-/// Why a scene or its cameras could not be had. Each message names the file, what is wrong with it and what to do.
+/// Why a scene or its cameras could not be read. Each message names the file, what is wrong with it and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneError {
@@ -93,7 +93,7 @@ pub enum SceneError {
         "no memory for a scene of {count} Gaussians of SH degree {sh_degree}; prune it or free memory"
     )]
     OutOfMemory {
-        /// The Gaussians there was to be room for.
+        /// The Gaussians of the scene.
         count: usize,
         /// Their SH degree.
         sh_degree: u8,
@@ -131,7 +131,7 @@ pub enum SceneError {
         /// Where and why it could not be read.
         source: serde_json::Error,
     },
-    /// A camera that cannot be: no size, no focal length, a rotation that is none.
+    /// An invalid camera: no size, no focal length, or a matrix that is no rotation.
     #[error("{name}: camera {id}: {what}; correct the camera or write the file again")]
     Camera {
         /// The file.

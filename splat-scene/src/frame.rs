@@ -1,4 +1,4 @@
-//! From a file's axes to the house's (x right, y up, z back). Most files are in COLMAP's (x right, y down, z forward): a turn
+//! From a file's axes to OpenXR's (x right, y up, z back). Most files are in COLMAP's (x right, y down, z forward): a turn
 //! by 180 degrees about x, which is its own inverse, done as each Gaussian is read. Other axes are turned as a whole.
 
 use glam::{Quat, Vec3};
@@ -38,7 +38,7 @@ pub(crate) fn turned_rotation([x, y, z, w]: [f32; 4]) -> [f32; 4] {
 }
 
 impl Scene {
-    /// Turns all Gaussians, which lie in `axes`, into the house's.
+    /// Turns all Gaussians, which lie in `axes`, into OpenXR's.
     pub(crate) fn turn_from(&mut self, axes: Axes) {
         if axes == Axes::HOUSE {
             return;

@@ -1,8 +1,8 @@
 //! Static Gaussian scenes, the background behind a person: read from the files that trainers and editors of 3D Gaussian
-//! splatting write, checked once, and kept as a structure of arrays in the house's frame. Also the cameras such a
+//! splatting write, checked once, and kept as a structure of arrays in OpenXR's frame. Also the cameras such a
 //! scene was trained from. It does not draw, sort or quantise, and knows no device.
 //!
-//! [`Scene::load`] tells the format by the content: PLY as 3DGS writes it, compressed PLY (PlayCanvas, `SuperSplat`),
+//! [`Scene::load`] detects the format by the content: PLY as 3DGS writes it, compressed PLY (PlayCanvas, `SuperSplat`),
 //! `.splat` (antimatter15), `.spz` (Niantic, versions 2 to 4) and SOG (`PlayCanvas`, versions 1 and 2). A file's damage is
 //! an error; single Gaussians that no renderer could draw are left out and counted ([`Scene::dropped`]).
 //!

@@ -8,7 +8,7 @@ use crate::source::{Source, read_bounded};
 use crate::{Scene, SceneError, ply, sog, splat, spz};
 
 impl Scene {
-    /// Reads a scene from a file, whose format is told by its content. Of a SOG scene that is not in a zip, the file is its
+    /// Reads a scene from a file, whose format is detected by its content. Of a SOG scene that is not in a zip, the file is its
     /// `meta.json`; the images are read from the same folder.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! Putting a scene, which has its own units and origin, where the viewer wants it.
+//! Places a scene, which has its own units and origin, in the viewer's space.
 
 use glam::{Quat, Vec3};
 

@@ -15,7 +15,7 @@ pub(crate) struct Arrays {
 }
 
 /// A static scene of up to [`crate::MAX_GAUSSIANS`] Gaussians. All arrays have one length and every value is finite and in
-/// its range: whoever has a scene need not check again.
+/// its range: a user of a scene need not check again.
 ///
 /// Made by [`Scene::load`], [`Scene::read`] or a [`crate::SceneBuilder`].
 #[derive(Debug, Clone, PartialEq)]
@@ -25,7 +25,7 @@ pub struct Scene {
     dropped: Dropped,
     format: Format,
     antialiased: bool,
-    /// How the file's axes lie in the house's.
+    /// How the file's axes lie in OpenXR's.
     pub(crate) axes: Axes,
     /// Whether the file says so.
     pub(crate) axes_stated: bool,

@@ -10,7 +10,7 @@ const RECORD: usize = 32;
 /// Records looked at, spread over the file, to tell whether it is one.
 const SAMPLE: usize = 1024;
 
-/// Whether the content can be records, as there is no mark to go by. A file that is named `.splat` may hold damaged records
+/// Whether the content can be records: the format has no magic number. A file that is named `.splat` may hold damaged records
 /// (up to half); under any other name each record looked at must be as a writer leaves it.
 pub(crate) fn recognise(source: &Source<'_>, named_splat: bool) -> Result<(), SceneError> {
     let bytes = source.bytes;

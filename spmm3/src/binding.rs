@@ -38,7 +38,7 @@ impl<'a> PlanarVertices<'a> {
     }
 }
 
-/// Template Gaussians bound to a mesh: G_template of the paper in local frames, and the map F_m2g.
+/// Template Gaussians bound to a mesh: the paper's G_template in local frames, and the map F_m2g.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BoundGaussians {
     corners: Vec<[u32; 3]>,
@@ -53,7 +53,7 @@ impl BoundGaussians {
     /// attribute planes (row-major [14, N_g], see [`attribute`]) in the triangles' frames.
     ///
     /// # Errors
-    /// If counts differ, an index is out of range, or a number is not finite or absurd for its plane.
+    /// If counts differ, an index is out of range, or a number is not finite or out of its plane's range.
     pub fn new(
         template: &Template,
         triangles: Vec<u32>,
@@ -93,8 +93,8 @@ impl BoundGaussians {
         })
     }
 
-    /// Binds Gaussians given in the template's space: `triangles` and `barycentrics` say where each one hangs, the
-    /// local offset and rotation are what is left over.
+    /// Binds Gaussians given in the template's space: `triangles` and `barycentrics` say which point of the mesh each is bound to, and the
+    /// local offset and rotation are computed.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -161,7 +161,7 @@ impl BoundGaussians {
         self.triangles.is_empty()
     }
 
-    /// `[N_g]` triangle of the template each Gaussian hangs on.
+    /// `[N_g]` triangle of the template each Gaussian is bound to.
     #[must_use]
     pub fn triangles(&self) -> &[u32] {
         &self.triangles
@@ -262,7 +262,7 @@ impl Planes<'_> {
         )
     }
 
-    /// A sum of quaternions need not be one: normalised, and the identity where it vanished.
+    /// A sum of quaternions need not have unit length: it is normalised, and the identity where the sum is zero.
     fn quat(&self, i: usize) -> Quat {
         let p = attribute::ROTATION.start;
         let q = Quat::from_xyzw(
@@ -287,7 +287,7 @@ fn barycentric_point(a: Vec3, b: Vec3, c: Vec3, [v, w]: [f32; 2]) -> Vec3 {
 /// counter-clockwise normal, y = z cross x in the triangle's plane. The origin is whatever the caller puts there: for a
 /// Gaussian its barycentric anchor.
 ///
-/// Offsets, rotations and the network's residuals are all told in this frame, so that whoever fits them must use this
+/// Offsets, rotations and the network's residuals are all in this frame, so a program that fits them must use this
 /// very function. A collapsed triangle gets some orthonormal frame, so that its Gaussians stay finite.
 #[must_use]
 pub fn triangle_frame([a, b, c]: [Vec3; 3]) -> Mat3 {

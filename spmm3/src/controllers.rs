@@ -14,7 +14,7 @@ pub const NEIGHBOURS: usize = 3;
 /// eps of the virtual mass, metres: keeps it finite at a controller. The paper does not state its value.
 const EPSILON: f32 = 1e-3;
 
-/// Where the controllers sit and which of them hold each Gaussian.
+/// Where the controllers sit and which of them move each Gaussian.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Controllers {
     vertices: Vec<u32>,
@@ -68,10 +68,10 @@ impl Controllers {
         })
     }
 
-    /// Ties every Gaussian to its strongest controllers.
+    /// Assigns every Gaussian its strongest controllers.
     ///
     /// `graph` is the template's surface (with bridges between layers, or a Gaussian on an island without controllers
-    /// falls back to the straight distance). Distances run to the Gaussian's triangle's corners and on to its anchor.
+    /// falls back to the straight distance). Distances are measured to the corners of the Gaussian's triangle and on to its anchor.
     ///
     /// # Errors
     /// If there are fewer than three controllers, more than 16 bits can count, or a controller's vertex is out of range.
@@ -147,7 +147,7 @@ impl Controllers {
 struct Seat {
     position: Vec3,
     skin: [f32; crate::JOINTS],
-    /// Distance along the surface to every vertex, metres; infinite where no way leads.
+    /// Distance along the surface to every vertex, metres; infinite where no path leads.
     walked: Vec<f32>,
 }
 

@@ -36,7 +36,7 @@ pub enum PersonError {
         /// The index that is there a second time.
         index: usize,
     },
-    /// A Gaussian's place goes to one that is left out before it.
+    /// A Gaussian's heir is left out before it.
     #[error("the place of Gaussian {gaussian} goes to {heir}, which is less important")]
     Heir {
         /// The Gaussian.

@@ -1,15 +1,15 @@
 //! Which Gaussians to leave out first when a device cannot draw them all in time.
 //!
 //! It keeps the order that the bake found (or a simple one, for packages without), and turns shares of it into lists that
-//! a packing loop walks. It measures no times and decides nothing: that is the receiver's business.
+//! a packing loop walks. It measures no times and decides nothing: the quality controller does.
 
 use crate::{BoundGaussians, PersonError, attribute};
 
-/// Exponent of the area that a kept Gaussian stands for, relative to its own, in its scales: 0.5 would cover all of it as
+/// Exponent of the area that a kept Gaussian covers, relative to its own, in its scales: 0.5 would cover all of it as
 /// densely as before, at the price of blur where Gaussians overlap anyway. Measured with `examples/importance.rs`.
 const GROWTH: f32 = 0.4;
 
-/// The same where nobody knows who stands for whom, of 1 / share.
+/// The same exponent of 1 / share, for packages without heirs.
 const GROWTH_ALIKE: f32 = 0.25;
 
 /// Most growth of one Gaussian, log2.
@@ -27,13 +27,13 @@ pub struct Importance {
 pub struct KeptLevel {
     /// Indices of those to draw, ascending, so that memory is read in order.
     pub kept: Vec<u32>,
-    /// For each of `kept`, what to add to the log2 of all three scales, so that it closes the holes of those it stands for.
+    /// For each of `kept`, what to add to the log2 of all three scales, so that it closes the holes of those it replaces.
     pub log2_growth: Vec<f32>,
 }
 
 impl Importance {
     /// Takes Gaussian indices, the most important first, each of 0..`gaussians` once; and, where known, each Gaussian's
-    /// heir: who takes over its place once it is left out, itself if nobody does.
+    /// heir: the Gaussian that takes over its place once it is left out, itself if none does.
     ///
     /// # Errors
     /// If the order is no permutation of 0..`gaussians`, or a Gaussian's heir is left out before it.
@@ -91,7 +91,7 @@ impl Importance {
         &self.order
     }
 
-    /// `[N_g]` who takes over each one's place, if that is known.
+    /// `[N_g]` each one's heir, if that is known.
     #[must_use]
     pub fn heirs(&self) -> Option<&[u32]> {
         self.heirs.as_deref()
@@ -121,7 +121,7 @@ impl Importance {
             let log2_growth = vec![alike; kept.len()];
             return KeptLevel { kept, log2_growth };
         };
-        // Heirs come before those they inherit from: one pass finds who stands for whom.
+        // Heirs come before those they inherit from: one pass finds the last heir of each.
         let mut stands_for: Vec<u32> = (0u32..).take(self.order.len()).collect();
         let mut areas: Vec<f32> = (0..gaussians.len()).map(|i| area(gaussians, i)).collect();
         let own = areas.clone();
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn only_permutations_whose_heirs_outlast_them_are_orders() {
+    fn an_order_is_a_permutation_whose_heirs_are_more_important() {
         let order = |order: &[u32], heirs: Option<&[u32]>| {
             Importance::new(order.to_vec(), heirs.map(<[u32]>::to_vec), 3)
                 .map_err(|e| e.to_string())
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_level_holds_the_most_important_ascending_and_the_fewer_the_larger() {
+    fn a_level_holds_the_most_important_in_ascending_order_and_grows_them() {
         let all_alike = gaussians(&[([0.01; 3], 3.0); 8]);
         let order = vec![4, 7, 1, 0, 6, 2, 5, 3];
         let importance = Importance::new(order, None, 8).expect("an order");
@@ -221,10 +221,10 @@ mod tests {
     }
 
     #[test]
-    fn each_grows_by_the_area_of_those_it_stands_for() {
+    fn each_grows_by_the_area_of_those_it_replaces() {
         let sizes = [0.01, 0.01, 0.02, 0.01];
         let set = gaussians(&sizes.map(|s| ([s, s, 0.001], 3.0)));
-        // 3 hands on to 2, which hands on to 0; nobody is 1's heir.
+        // 3 hands on to 2, which hands on to 0; 1 has no heir.
         let importance = Importance::new(vec![0, 1, 2, 3], Some(vec![0, 1, 0, 2]), 4);
         let level = importance.expect("an order").level(&set, 0.5);
         assert_eq!(level.kept, [0, 1], "the first two");
@@ -235,7 +235,7 @@ mod tests {
             "{} for {expected}",
             level.log2_growth[0]
         );
-        assert!(level.log2_growth[1] == 0.0, "it stands for itself alone");
+        assert!(level.log2_growth[1] == 0.0, "it replaces no other");
     }
 
     #[test]

@@ -91,7 +91,7 @@ impl Joint {
         Self::NAMES[self.index()]
     }
 
-    /// The joint this one hangs on; `None` for the pelvis. A parent always comes before its children.
+    /// The parent joint; `None` for the pelvis. A parent always comes before its children.
     #[must_use]
     pub const fn parent(self) -> Option<Self> {
         Self::PARENTS[self.index()]
@@ -107,7 +107,7 @@ mod tests {
         for joint in Joint::ALL {
             assert_eq!(Joint::ALL[joint.index()], joint, "{}", joint.name());
             if let Some(parent) = joint.parent() {
-                assert!(parent < joint, "{} hangs on a later joint", joint.name());
+                assert!(parent < joint, "the parent of {} comes later", joint.name());
             }
         }
     }

@@ -1,7 +1,7 @@
-//! SPMM3, the skinned person model of Mon3tr (paper, section IV): what a person is and how 215 motion numbers move
+//! SPMM3, the skinned person model of Mon3tr (paper, section IV): a person's data, and how 215 motion parameters move
 //! them. It holds the data and the arithmetic; it does not run networks, draw pictures or talk to a network.
 //!
-//! A frame's way through this crate: [`MotionParams`] -> [`Skeleton::pose`] -> [`SkinningTransforms`] -> (the deform
+//! A frame's path through this crate: [`MotionParams`] -> [`Skeleton::pose`] -> [`SkinningTransforms`] -> (the deform
 //! graph of [`networks`], run elsewhere) -> posed vertices and residuals -> [`BoundGaussians::pose`] -> [`GaussianSet`].
 //!
 //! Space: metres, y up, the person faces +z and +x is the person's left.

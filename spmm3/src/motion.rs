@@ -1,4 +1,4 @@
-//! The motion parameters of one frame: all that crosses the network during a call (paper, section IV-C).
+//! The motion parameters of one frame: all that a sender sends during a call (paper, section IV-C).
 
 use crate::Joint;
 use glam::{Quat, Vec3};

@@ -1,4 +1,4 @@
-"""aiortc peer connections as the protocol wants them: all candidates in the description, no STUN server asked, one data channel for
+"""aiortc peer connections as the protocol requires: all candidates in the description, no STUN server asked, one data channel for
 each direction, and a sender that waits for the viewer to begin."""
 
 import aioice.ice
@@ -12,7 +12,7 @@ def bind_to(address):
 
 
 def new_peer():
-    """A connection that asks nobody on the internet where it is."""
+    """A connection that asks no server on the internet for its address."""
     return RTCPeerConnection(RTCConfiguration(iceServers=[]))
 
 
@@ -24,7 +24,7 @@ def open_channels(peer, channel):
 
 
 async def answer_passively(peer):
-    """Answers the offer that was set; the other side begins DTLS. aiortc by itself would."""
+    """Answers the offer that was set; the other side begins DTLS. by default aiortc would."""
     answer = await peer.createAnswer()
     sdp = answer.sdp.replace("a=setup:active", "a=setup:passive")
     await peer.setLocalDescription(RTCSessionDescription(sdp, "answer"))

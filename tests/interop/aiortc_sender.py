@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""A sender that is not ours: aiortc and docs/protocol.md. Waves an arm to whoever joins, as `paper` frames.
+"""An independent sender: aiortc and docs/protocol.md. Sends a waving arm to every viewer that joins, as `paper` frames.
 
     $MON3TR_PYTHON aiortc_sender.py LINK --sha256 HASH --bytes N [--rate 30] [--channel unreliable] [--seconds S] [--address 127.0.0.1]
 
-Prints one line `ready` once it is present in the room. Says bye and prints what it did as JSON when it is told to end (SIGTERM,
+Prints one line `ready` once it is present in the room. Sends byes and prints its statistics as JSON when it is asked to end (SIGTERM,
 SIGINT) or its seconds are over. Exits with 1 if its token was refused or it was replaced.
 """
 
@@ -37,7 +37,7 @@ class Viewer:
     """One connection, from its offer on."""
 
     def __init__(self, peer):
-        # Nothing is said to it before it has told its session.
+        # Nothing is sent to it before its session is known.
         self.peer, self.channel, self.session = peer, None, None
         self.sequence, self.heard, self.acknowledged, self.said_bye = 0, wire.now_us(), 0, False
         # It has said bye itself.
@@ -138,7 +138,7 @@ class Sender:
                 viewer.gone = True
                 if not viewer.said_bye:
                     self.say_bye(viewer)
-                    # Once the answer has left.
+                    # After the answer was sent.
                     self.loop.call_later(0.1, lambda: asyncio.ensure_future(self.drop(name)))
             else:
                 raise wire.Refused("kind")

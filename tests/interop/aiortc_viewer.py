@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A viewer that is not ours: aiortc and docs/protocol.md. Joins a room and reads its `paper` frames.
+"""An independent viewer: aiortc and docs/protocol.md. Joins a room and reads its `paper` frames.
 
     $MON3TR_PYTHON aiortc_viewer.py LINK [--frames 90] [--timeout 20] [--keep 1,30,90] [--address 127.0.0.1]
 
@@ -26,7 +26,7 @@ def percentile(values, part):
 
 
 class Call:
-    """What has come, and what the clocks say."""
+    """The frames received, and the clocks' offset."""
 
     def __init__(self, options):
         self.options, self.link = options, wire.Link(options.link)
@@ -156,7 +156,7 @@ class Call:
                 self.say_bye()
                 await asyncio.sleep(0.1)
             self.counts["bye_answered"] = int(self.bye and not said_by_them)
-            # Until what was said last has left.
+            # Until the last message was sent.
             await asyncio.sleep(0.1)
             try:
                 status, _, _ = await asyncio.to_thread(self.link.ask, "DELETE", location)

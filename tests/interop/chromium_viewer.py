@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A viewer that is not ours: headless Chromium on chromium_viewer.html. Counts the `paper` frames of a room.
+"""An independent viewer: headless Chromium on chromium_viewer.html. Counts the `paper` frames of a room.
 
     python3 chromium_viewer.py LINK [--frames 60] [--timeout 30]
 
@@ -31,7 +31,7 @@ FLAGS = [
     "--disable-gpu",
     "--disable-dev-shm-usage",
     "--no-first-run",
-    # The page comes from here and asks the room's server, which need not care for browsers.
+    # The page comes from here and calls the room's server, which need not serve pages.
     "--disable-web-security",
     "--allow-loopback-in-peer-connection",
     "--disable-features=WebRtcHideLocalIpsWithMdns",
@@ -68,7 +68,7 @@ def serve(job, results):
 
 
 def browse(chromium, flags, url, results, timeout):
-    """What the page tells in the end, or why it told nothing; `browser` is then how the browser itself ended, if it did."""
+    """The page's result, or why there is none; `browser` is then how the browser itself ended, if it did."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile, tempfile.TemporaryFile() as log:
         # A group of its own: Chromium is a family of processes.
         browser = subprocess.Popen([chromium, *flags, f"--user-data-dir={profile}", "--remote-debugging-port=0", url],

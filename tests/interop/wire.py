@@ -18,12 +18,12 @@ FEEDBACK_MESSAGE = struct.Struct("<BIIQQ")
 PONG_MESSAGE = struct.Struct("<BIQQQ")
 BYE_MESSAGE = struct.Struct("<BI")
 STORED, LZ4 = 0, 1
-# Whoever leaves says bye until it is answered, but no longer than this.
+# The side that leaves sends byes until one is answered, but no longer than this.
 BYE_PATIENCE_S = 1.5
 
 
 class Refused(Exception):
-    """A message is not what the protocol says; its text is the reason that it is counted under."""
+    """A message does not follow the protocol; its text is the reason that it is counted under."""
 
 
 def now_us():
@@ -170,7 +170,7 @@ def paper_frame(session, sequence, captured, values, translation, packing=LZ4):
 
 
 def read_paper_frame(message, session):
-    """(sequence, capture time, values, translation) of a message whose first byte says `paper`."""
+    """(sequence, capture time, values, translation) of a `paper` message."""
     if len(message) < PAPER_HEADER.size:
         raise Refused("length")
     _, version, of_session, sequence, captured, packing = PAPER_HEADER.unpack_from(message)

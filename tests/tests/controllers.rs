@@ -149,7 +149,7 @@ fn virtual_masses_are_skinning_similarity_over_geodesic_distance() {
 }
 
 #[test]
-fn gaussians_far_from_any_similar_controller_hang_on_the_nearest() {
+fn gaussians_far_from_any_similar_controller_follow_the_nearest() {
     // 16 controllers leave some fingers without one.
     let alone = check_masses(&Puppet::small(), 1000);
     assert!(

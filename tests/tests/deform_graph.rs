@@ -10,7 +10,7 @@ use test_support::bound_person::session;
 use test_support::onnx::runtime;
 
 #[test]
-fn a_session_leaves_its_makers_arithmetic_as_it_was() {
+fn making_a_session_leaves_its_threads_arithmetic_unchanged() {
     let Some(runtime) = runtime() else { return };
     let half = || std::hint::black_box(f32::MIN_POSITIVE) * std::hint::black_box(0.5);
     assert!(half() > 0.0, "subnormal numbers are numbers");
@@ -134,7 +134,7 @@ fn the_networks_can_be_read_back_from_the_graph() {
 }
 
 #[test]
-fn the_graphs_parts_compute_what_stands_inside_the_whole() {
+fn the_graphs_parts_compute_the_same_as_the_whole() {
     let Some(runtime) = runtime() else { return };
     let puppet = Puppet::small();
     let avatar = Avatar::read(Cursor::new(

@@ -1,4 +1,4 @@
-//! A device that its driver gives up, and going on with another: a test program of its own, since it spoils its device.
+//! A lost device, and its replacement by another: a test program of its own, since its device is unusable afterwards.
 
 use renderer_splat::background::Background;
 use renderer_splat::camera::Camera;
@@ -116,7 +116,7 @@ fn a_person_who_is_posed_on_the_device_comes_back_after_it_is_lost() {
     let state = renderer.push_state(&input).expect("a pose");
     let before = posed(&mut renderer, camera, state).expect("a picture");
     let drawn = before.pixels().iter().any(|pixel| pixel[3] > 0.5);
-    assert!(drawn, "somebody is in the picture");
+    assert!(drawn, "a person is in the picture");
     gpu.declare_lost();
     let lost = posed(&mut renderer, camera, state).map(drop);
     assert!(

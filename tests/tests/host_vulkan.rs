@@ -1,4 +1,4 @@
-//! What the machine has of Vulkan beside the set that `./run` pins: layers, drivers, settings. None of it reaches a program that runs on
+//! The machine's own Vulkan beside the set that `./run` pins: layers, drivers, settings. None of it reaches a program that runs on
 //! the pinned set, ours or Monado's service; all of it does where the machine's own Vulkan is used.
 //!
 //! Wherever Vulkan's loader looks, a library lies that writes its name down as soon as it is loaded.
@@ -19,7 +19,7 @@ use test_support::vulkan::or_skip;
 /// The program among this file's tests that opens a device.
 const OPENS: &str = "opens_a_device";
 
-/// By which a library finds the file to write to.
+/// The variable with the file that a library writes to.
 const SAID: &str = "MON3TR_TEST_TRAPS";
 
 /// It says that it was loaded, and by what name.
@@ -42,7 +42,7 @@ __attribute__((constructor)) static void loaded(void) {
 }
 "#;
 
-/// A machine's Vulkan in a folder: a user's home, the folders of everybody's, and what is added to them.
+/// A machine's Vulkan in a folder: a user's home, the system's folders, and those that variables add.
 struct Machine {
     folder: TempDir,
 }
@@ -136,7 +136,7 @@ impl Machine {
         self.put(folder, &manifest);
     }
 
-    /// How a program is told of all this; its libraries write to the file of that name.
+    /// The variables for a program; its libraries write to the file of that name.
     fn environment(&self, said: &str) -> Vec<(OsString, OsString)> {
         let folders = [
             (SAID, said),
@@ -149,11 +149,11 @@ impl Machine {
         ];
         let paths = folders.map(|(name, path)| (name.into(), self.path(path).into()));
         // Beside those where the machine's own driver is.
-        let everybodys = [
+        let systems = [
             ("XDG_DATA_DIRS", "data", "/usr/local/share:/usr/share"),
             ("XDG_CONFIG_DIRS", "config", "/etc/xdg"),
         ];
-        let everybodys = everybodys.map(|(name, path, usual)| {
+        let systems = systems.map(|(name, path, usual)| {
             let path = self.path(path);
             (name.into(), format!("{}:{usual}", path.display()).into())
         });
@@ -161,11 +161,11 @@ impl Machine {
             "VK_INSTANCE_LAYERS".into(),
             "VK_LAYER_MON3TR_explicit".into(),
         );
-        let paths = paths.into_iter().chain(everybodys);
+        let paths = paths.into_iter().chain(systems);
         paths.chain([forced]).collect()
     }
 
-    /// Which libraries were loaded by whom was told that name.
+    /// The libraries that a program with this output name loaded.
     fn loaded(&self, said: &str) -> BTreeSet<String> {
         let text = std::fs::read_to_string(self.path(said)).unwrap_or_default();
         text.lines().map(str::to_owned).collect()
@@ -184,7 +184,7 @@ fn is_pinned() -> bool {
     driver.ends_with("/lavapipe/root/usr/share/vulkan/icd.d/lvp_icd.json")
 }
 
-/// That a program has met what it is to meet of a machine.
+/// Asserts which of a machine's libraries a program loaded.
 fn assert_met(machine: &Machine, said: &str) {
     let loaded = machine.loaded(said);
     println!("{said}: {loaded:?}");
@@ -238,7 +238,7 @@ fn a_program_meets_the_machines_vulkan_only_where_that_is_the_one_used() {
     assert!(said.contains("validated: true") || !is_pinned(), "{said}");
     assert_met(&machine, "ours");
 
-    // The traps are ones: led there, the same program loads them. Older loaders cannot be led, and were not kept from the others.
+    // The traps work: with their variables set the same program loads them. Older loaders ignore these variables.
     if !is_pinned() {
         return;
     }
@@ -250,12 +250,12 @@ fn a_program_meets_the_machines_vulkan_only_where_that_is_the_one_used() {
     assert!(loaded.contains("added-implicit.so"), "no trap: {loaded:?}");
 }
 
-/// Not a test: a program for the one above.
+/// Not a test: the program that the tests above start.
 #[test]
 #[ignore = "it is a program: the tests here start it"]
 fn opens_a_device() {
     if std::env::var_os(SAID).is_none() {
-        println!("skipped: nobody has started it");
+        println!("skipped: no test has started it");
         return;
     }
     let choice: GpuChoice = std::env::var("MON3TR_GPU")
@@ -298,7 +298,7 @@ fn so_do_monados_service_and_its_client() {
 }
 
 #[test]
-fn what_led_to_the_pinned_set_is_forgotten_before_the_machines_vulkan_is_looked_at() {
+fn variables_of_the_pinned_set_are_cleared_before_the_machines_vulkan_is_probed() {
     let repo = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let cache = tempfile::tempdir().expect("a folder");
     let script = r#"

@@ -114,7 +114,7 @@ fn an_avatar_whose_parts_do_not_fit_each_other_is_not_saved() {
 }
 
 #[test]
-fn a_missing_file_and_a_folder_are_told_from_broken_packages() {
+fn a_missing_file_and_a_folder_are_distinguished_from_broken_packages() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let error = Avatar::load(&folder.path().join("puppet.m3a")).expect_err("there is none");
     assert!(matches!(error, PackageError::Missing), "{error:?}");

@@ -1,5 +1,5 @@
-//! Deform graphs compiled for an NPU, in a package: kept beside the plain one, checked as far as they can be, and absent
-//! where nobody made one.
+//! Deform graphs compiled for an NPU, in a package: kept beside the plain one, checked as far as possible, and absent
+//! where none was made.
 
 use npu_runtime::TensorSpec;
 use spmm3::Avatar;
@@ -115,7 +115,7 @@ fn a_compiled_graph_comes_back_as_it_was_and_is_listed_with_its_target_and_versi
     let member = manifest.member(&entry.member).expect("a listed member");
     assert_eq!(member.tensors.len(), 4, "its inputs and outputs");
 
-    // Without one, packages are what they were before there were any.
+    // Without one, packages are the same as before compiled graphs existed.
     let manifest = |bytes: &[u8]| {
         let path = folder.path().join("plain.m3a");
         std::fs::write(&path, bytes).expect("a writable folder");
@@ -133,7 +133,7 @@ fn a_compiled_graph_comes_back_as_it_was_and_is_listed_with_its_target_and_versi
 }
 
 #[test]
-fn what_is_no_compiled_deform_graph_is_refused() {
+fn a_member_that_is_no_compiled_deform_graph_is_refused() {
     let plain = Puppet::small().avatar();
     let (vertices, gaussians) = (plain.template.vertices().len(), plain.gaussians.len());
     let context = |attributes: &[Vec<u8>]| node("EPContext", "com.microsoft", attributes);

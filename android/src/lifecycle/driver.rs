@@ -1,22 +1,22 @@
-//! Has done what the machine decides.
+//! Executes the commands of the state machine.
 
 use super::{Command, Event, Machine, Trim};
 use crate::launch::Launch;
 
-/// The call, as the activity's life sees it. Each function is called from the activity's own thread, in the orders that
+/// The call, as the activity's life-cycle drives it. Each function is called from the activity's own thread, in the orders that
 /// [`Machine`] knows: `start` once and first, then `pause` and `resume` in turns, `leave` once and last.
 pub trait Receiver {
-    /// Begins what the app was launched for, or says in the headset why it cannot. Threads of its own do the work.
+    /// Begins the app's task, or shows in the headset why it cannot. Threads of its own do the work.
     fn start(&mut self, launch: Launch);
 
-    /// Stops the GPU's work: no step of it begins until [`Receiver::resume`], and the one that was begun is waited for, but not so long
-    /// that Android's own thread is held up. No other event is taken before. The call itself, on the network, goes on.
+    /// Stops the GPU's work: no step of it begins until [`Receiver::resume`], and the one that was begun is waited for, but only briefly, so
+    /// that Android's main thread is not held up. No other event is taken before. The call itself, on the network, goes on.
     fn pause(&mut self);
 
     /// Draws again.
     fn resume(&mut self);
 
-    /// The system is short of memory: what can be had again may be freed.
+    /// The system is short of memory: what can be made again may be freed.
     fn trim_memory(&mut self, what: Trim);
 
     /// Hangs up and waits until the receiver's thread has ended, and with it the others. The call is always paused before; what was made
@@ -46,7 +46,7 @@ impl<R: Receiver> Driver<R> {
         }
     }
 
-    /// Takes an event; what follows from it is done when this returns.
+    /// Takes an event; its commands are done when this returns.
     pub fn on(&mut self, event: Event) {
         let step = self.machine.on(event);
         log::debug!("{event}: {:?}", step.commands);

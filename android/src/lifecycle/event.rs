@@ -1,4 +1,4 @@
-//! What Android tells an activity.
+//! The events that Android sends to an activity.
 
 use std::fmt;
 

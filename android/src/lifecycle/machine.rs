@@ -1,26 +1,26 @@
-//! From events to commands. Two things are kept apart: the phase, which is what Android said last, and the call, which is what was
-//! made of it. An order of events that Android promises not to send is told as an [`Oddity`]; what it does is always the careful
+//! From events to commands. It has two states: the phase, which Android's last event gives, and the state of the
+//! call. An order of events that Android promises not to send is reported as an [`Oddity`]; the response is always the careful
 //! choice: it may stop the GPU's work, and starts it only for an activity that is in front.
 
 use super::Event;
 use std::fmt;
 
-/// What the call is to do.
+/// A command to the call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Command {
-    /// Begin. The GPU is the call's from now on.
+    /// Begin. The call may use the GPU from now on.
     Start,
     /// Stop the GPU's work, before another event is taken. The network goes on.
     Pause,
     /// Draw again.
     Resume,
-    /// Free what can be had again.
+    /// Free what can be made again.
     Trim(Trim),
     /// Hang up, and end every thread.
     Leave,
 }
 
-/// What of the memory may be freed now.
+/// The memory that may be freed now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Trim {
     /// The host's, and the device's.
@@ -32,9 +32,9 @@ pub enum Trim {
 /// An order of events that Android promises not to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Oddity {
-    /// What came.
+    /// The event.
     pub event: Event,
-    /// After what.
+    /// The phase before it.
     after: Phase,
 }
 
@@ -55,16 +55,16 @@ impl fmt::Display for Oddity {
     }
 }
 
-/// What one event comes to.
+/// The result of one event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Step {
-    /// To be done in this order, before another event is taken.
+    /// The commands, to be done in this order, before another event is taken.
     pub commands: &'static [Command],
-    /// To be told to the log.
+    /// To be logged.
     pub oddity: Option<Oddity>,
 }
 
-/// What Android said last.
+/// The phase by Android's last event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     Made,
@@ -75,7 +75,7 @@ enum Phase {
     Destroyed,
 }
 
-/// What was made of it.
+/// The state of the call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Call {
     NotBegun,
@@ -115,7 +115,7 @@ impl Machine {
         self.call == Call::Running
     }
 
-    /// Whether nothing can follow.
+    /// Whether no event can follow.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.phase == Phase::Destroyed
@@ -140,7 +140,7 @@ impl Machine {
             Event::Resume => &[Phase::Started],
             Event::Pause => &[Phase::Resumed],
             Event::Stop => &[Phase::Started],
-            // Made: an activity that its own onCreate gave up.
+            // `Made`: an activity whose own onCreate failed.
             Event::Destroy => &[Phase::Made, Phase::Stopped],
             _ => return self.phase != Phase::Destroyed && self.expects_window(event),
         };
@@ -158,7 +158,7 @@ impl Machine {
     fn take(&mut self, event: Event) -> &'static [Command] {
         match event {
             Event::Start => {
-                // Said of one that is in front, it changes nothing.
+                // For one that is in front it changes nothing.
                 if self.phase != Phase::Resumed {
                     self.phase = Phase::Started;
                 }
@@ -205,7 +205,7 @@ impl Machine {
                 self.window = event == Event::WindowMade;
                 &[]
             }
-            // Nothing is saved: intent and file say it all again.
+            // Nothing is saved: intent and file have all of it.
             Event::FocusGained | Event::FocusLost | Event::ConfigChanged | Event::SaveState => &[],
         }
     }

@@ -1,6 +1,6 @@
-//! Android's life-cycle, as commands for the call: begin, stop drawing at once, go on, make room, leave.
+//! Android's life-cycle, as commands for the call: begin, stop drawing at once, continue, free memory, leave.
 //!
-//! [`Machine`] decides and touches nothing; [`Driver`] lets a [`Receiver`] do what was decided. Windows and focus decide nothing: a
+//! [`Machine`] decides; [`Driver`] lets a [`Receiver`] execute the commands. Windows and focus have no effect: a
 //! headset's pictures go to its compositor, not to the activity's window, and whether they are seen is the OpenXR session's state
 //! (`docs/android.md`).
 //!

@@ -73,7 +73,7 @@ fn any_orders() -> impl Strategy<Value = Vec<Event>> {
     prop::collection::vec(prop::sample::select(Event::ALL.to_vec()), 0..60)
 }
 
-/// A legal order into which something illegal is put: an event said twice, left out, or of another time.
+/// A legal order into which something illegal is put: an event repeated, left out, or moved.
 fn spoiled_orders() -> impl Strategy<Value = Vec<Event>> {
     let spoil = (
         any::<prop::sample::Index>(),
@@ -97,7 +97,7 @@ fn spoiled_orders() -> impl Strategy<Value = Vec<Event>> {
     })
 }
 
-/// What a call went through, counted.
+/// The commands that a call got, counted.
 #[derive(Debug, Default)]
 struct Story {
     starts: u32,
@@ -157,7 +157,7 @@ proptest! {
     }
 
     #[test]
-    fn in_every_order_whatsoever_the_call_gets_commands_that_it_can_follow(
+    fn in_any_order_the_call_gets_commands_that_it_can_follow(
         events in prop_oneof![any_orders(), spoiled_orders()],
     ) {
         let (mut machine, mut story) = (Machine::new(), Story::default());
@@ -169,7 +169,7 @@ proptest! {
             }
             if destroyed {
                 prop_assert!(step.commands.is_empty(), "nothing after the end: {:?}", &events);
-                prop_assert!(step.oddity.is_some(), "and it is told: {:?}", &events);
+                prop_assert!(step.oddity.is_some(), "and it is reported: {:?}", &events);
             }
             destroyed |= *event == Event::Destroy;
             if matches!(event, Event::Pause | Event::Stop | Event::Destroy) {
@@ -181,10 +181,10 @@ proptest! {
     }
 
     #[test]
-    fn an_order_that_android_promises_not_to_send_is_told(events in any_orders()) {
+    fn an_order_that_android_promises_not_to_send_is_reported(events in any_orders()) {
         let (mut machine, mut stage, mut window) = (Machine::new(), Stage::Created, false);
         for event in events {
-            let told = machine.on(event).oddity;
+            let reported = machine.on(event).oddity;
             let legal = match event {
                 _ if stage == Stage::Gone => false,
                 Event::WindowMade => !std::mem::replace(&mut window, true),
@@ -196,7 +196,7 @@ proptest! {
                 }
                 _ => true,
             };
-            prop_assert_eq!(told.is_none(), legal, "{:?}", told);
+            prop_assert_eq!(reported.is_none(), legal, "{:?}", reported);
             if !legal {
                 // After the first broken promise nothing is promised.
                 break;
@@ -205,7 +205,7 @@ proptest! {
     }
 }
 
-/// A GPU that counts who touches it, and a call with a thread that never stops touching it but when told to.
+/// A GPU that counts its users, and a call with a thread that uses it all the time unless it is paused.
 #[derive(Debug)]
 struct Drawing {
     gpu: Arc<AtomicU64>,
@@ -396,12 +396,12 @@ fn a_call_goes_on_after_the_headset_was_taken_off_and_ends_with_the_activity() {
 }
 
 #[test]
-fn what_is_odd_is_said_in_one_line() {
+fn an_oddity_is_one_line() {
     let mut machine = Machine::new();
     let odd = |machine: &mut Machine, event| {
-        let told = machine.on(event).oddity.expect("odd").to_string();
-        assert!(!told.contains('\n'), "{told}");
-        told
+        let reported = machine.on(event).oddity.expect("odd").to_string();
+        assert!(!reported.contains('\n'), "{reported}");
+        reported
     };
     assert_eq!(
         odd(&mut machine, Event::Pause),

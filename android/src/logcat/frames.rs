@@ -4,10 +4,10 @@ use std::ffi::{CStr, c_void};
 use std::fmt;
 use std::path::Path;
 
-/// As many frames are told.
+/// The most frames that are logged.
 const MOST: usize = 64;
 
-/// One call on the stack.
+/// One frame of the stack.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Frame {
     /// The library that the code is in, by its file's name; nothing for code of no library.
@@ -28,7 +28,7 @@ impl fmt::Display for Frame {
 pub(super) fn here() -> Vec<Frame> {
     let mut frames = Vec::with_capacity(MOST);
     backtrace::trace(|frame| {
-        // Of the last frame it is the code itself, of all others what follows the call: the call is before that.
+        // In the newest frame it is the instruction itself, in all others the one after the call.
         let at = frame.ip().addr().saturating_sub(1);
         frames.push(of(at));
         frames.len() < MOST
@@ -94,7 +94,7 @@ mod tests {
             .filter(|frame| frame.library.as_ref() == Some(&library));
         let mut names = Vec::new();
         for frame in own {
-            // What `addr2line` finds, found by another way: by the address in memory.
+            // The name that `addr2line` finds, found by the address in memory.
             let at = std::ptr::without_provenance_mut(base + frame.address);
             backtrace::resolve(at, |symbol| {
                 names.extend(symbol.name().map(|name| name.to_string()));
@@ -104,7 +104,7 @@ mod tests {
             names
                 .iter()
                 .any(|name| name.contains("the_addresses_are_those_of_the_symbols")),
-            "this test is on the way: {names:?}"
+            "this test is in the backtrace: {names:?}"
         );
     }
 }

@@ -1,4 +1,4 @@
-//! The log: everything under one tag, `mon3tr`, and panics with their way through the code before the process ends.
+//! The log: everything under one tag, `mon3tr`, and panics with their backtrace before the process ends.
 
 #[cfg(target_os = "android")]
 mod android;

@@ -1,4 +1,4 @@
-//! Panics, in the log before the process ends. The build for Android aborts on a panic, so this is the last that is heard.
+//! Panics, in the log before the process ends. The build for Android aborts on a panic, so this is the last log line.
 
 use super::{frames, lines};
 use std::backtrace::Backtrace;
@@ -7,7 +7,7 @@ use std::sync::Once;
 
 static ONCE: Once = Once::new();
 
-/// Has every panic logged, on every thread, with its backtrace. Once is enough, also where an activity is made again in the same
+/// Logs every panic, on every thread, with its backtrace. Setting it once is enough, also where an activity is made again in the same
 /// process.
 pub fn log_panics() {
     ONCE.call_once(|| {
@@ -37,7 +37,7 @@ fn tell(panic: &PanicHookInfo<'_>) {
         log::error!("#{number:02} {frame}");
     }
     let names = Backtrace::force_capture().to_string();
-    // A packaged library has none: its symbols file makes them of the addresses.
+    // A packaged library has none: its symbols file maps the addresses to names.
     if names.contains(module_path!()) {
         for line in lines(&names) {
             log::error!("{line}");
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_is_logged_once_with_its_place_and_the_way_to_it() {
+    fn a_panic_is_logged_once_with_its_place_and_backtrace() {
         log::set_logger(&Ear).expect("no other logger");
         log::set_max_level(log::LevelFilter::Error);
         log_panics();
@@ -106,8 +106,8 @@ mod tests {
             texts[3]
         );
         let first = format!("#00 {library} 0x");
-        let ways = texts.iter().filter(|line| line.starts_with(&first));
-        assert_eq!(ways.count(), 1, "addresses within it: {texts:?}");
+        let addresses = texts.iter().filter(|line| line.starts_with(&first));
+        assert_eq!(addresses.count(), 1, "addresses within it: {texts:?}");
         let firsts = texts.iter().filter(|line| line.starts_with("panic at"));
         assert_eq!(firsts.count(), 1, "the hook was set once");
     }

@@ -1,7 +1,7 @@
 //! Sessions, one after the other: a notice while the senders are waited for, then the session, then waiting again when they have hung up,
 //! until the viewer leaves.
 
-use super::Stage;
+use super::TaskContext;
 use super::network::Network;
 use crate::first_run;
 use crate::settings::Settings;
@@ -29,18 +29,18 @@ use std::thread::available_parallelism;
 
 /// Shows the people in `rooms`.
 pub(super) fn run(
-    stage: &Stage<'_>,
+    task: &TaskContext<'_>,
     settings: &Settings,
     rooms: &[RoomLink],
 ) -> anyhow::Result<()> {
-    let runtime = stage.onnx_runtime()?;
+    let runtime = task.onnx_runtime()?;
     let threads = Network::start()?;
     let network = NetworkContext {
         network: threads.handle().clone(),
         client: Client::new(None)?,
         clock: Clock::start(),
     };
-    let folders = &stage.launch.folders;
+    let folders = &task.launch.folders;
     let compiled = folders.compiled();
     let backends = InferenceBackends {
         runtime: &runtime,
@@ -50,21 +50,21 @@ pub(super) fn run(
     let packages = folders.packages(settings.cache_bytes.value)?;
     let board = NoticeBoard::default();
     loop {
-        let Some(gathered) = gather(stage, settings, rooms, &network, &packages, &board)? else {
+        let Some(people) = wait_for_all(task, settings, rooms, &network, &packages, &board)? else {
             return Ok(());
         };
-        let Some(headset) = stage.find()? else {
+        let Some(headset) = task.find()? else {
             return Ok(());
         };
-        let participants = (gathered.iter())
-            .map(|gathered| gathered.participant.clone())
+        let participants = (people.iter())
+            .map(|person| person.participant.clone())
             .collect();
         let config = config(settings, backends);
-        let mut counter = Counter(stage.frames);
+        let mut counter = Counter(task.frames);
         let mut display = HeadsetDisplay::new(headset, present(settings), &mut counter);
-        let session = Session::new(config, participants, stage.control.clone());
+        let session = Session::new(config, participants, task.control.clone());
         let report = session.run(&mut display)?;
-        if !finish(report, &display.into_figures())? {
+        if !log_calls(report, &display.into_figures())? {
             return Ok(());
         }
     }
@@ -108,29 +108,29 @@ impl FrameObserver for Counter<'_> {
 }
 
 /// A person who is in the room, and the hold on their package in the cache.
-struct Gathered {
+struct FetchedPerson {
     participant: Participant,
     _package: Option<PackageInUse>,
 }
 
 /// Waits in the headset until all people are there and their packages are here; nothing if the viewer leaves before.
-fn gather(
-    stage: &Stage<'_>,
+fn wait_for_all(
+    task: &TaskContext<'_>,
     settings: &Settings,
     rooms: &[RoomLink],
     network: &NetworkContext,
     packages: &PackageCache,
     board: &NoticeBoard,
-) -> anyhow::Result<Option<Vec<Gathered>>> {
-    let Some(headset) = stage.find()? else {
+) -> anyhow::Result<Option<Vec<FetchedPerson>>> {
+    let Some(headset) = task.find()? else {
         return Ok(None);
     };
     let (done, closed) = (AtomicBool::new(false), AtomicBool::new(false));
-    let is_over = || closed.load(Relaxed) || stage.control.is_leaving();
+    let is_over = || closed.load(Relaxed) || task.control.is_leaving();
     std::thread::scope(|scope| {
         let waiting = scope.spawn(|| {
             let arriving = (rooms.iter()).map(|room| {
-                arrive(
+                wait_and_fetch(
                     room,
                     settings.seat.value,
                     network,
@@ -143,7 +143,7 @@ fn gather(
             done.store(true, Relaxed);
             outcome
         });
-        let shown = show_notice(headset, board, stage.control, || done.load(Relaxed));
+        let shown = show_notice(headset, board, task.control, || done.load(Relaxed));
         // Also where it failed: the other thread is not to wait on.
         closed.store(!done.load(Relaxed), Relaxed);
         let outcome = waiting
@@ -154,20 +154,20 @@ fn gather(
     })
 }
 
-/// Waits for one sender, and fetches their package.
-fn arrive(
+/// Waits for one sender, and fetches its avatar's package.
+fn wait_and_fetch(
     room: &RoomLink,
     sits: bool,
     network: &NetworkContext,
     packages: &PackageCache,
     board: &NoticeBoard,
     is_over: &dyn Fn() -> bool,
-) -> anyhow::Result<Option<Gathered>> {
+) -> anyhow::Result<Option<FetchedPerson>> {
     let threads = &network.network;
     let server = room.server();
     let asking = [format!("Asking {server} ...")];
     notice(board, "One moment", asking);
-    let told = |waiting: &Waiting| match waiting {
+    let show_waiting = |waiting: &Waiting| match waiting {
         Waiting::ForSender => {
             log::info!("waiting for the sender");
             let text = "They are not in the room yet. You will see them as soon as they are.";
@@ -184,7 +184,7 @@ fn arrive(
             notice(board, "Waiting for the server", lines);
         }
     };
-    let waited = wait_for_sender(&network.client, room, is_over, told);
+    let waited = wait_for_sender(&network.client, room, is_over, show_waiting);
     let Some(announced) = threads.block_on(waited).context("cannot join the room")? else {
         return Ok(None);
     };
@@ -192,7 +192,7 @@ fn arrive(
         let share = step.done as f64 * 100.0 / step.total.max(1) as f64;
         let megabytes = step.total as f64 / 1e6;
         let line = format!("{share:.0} % of {megabytes:.0} MB. It is kept for the next call.");
-        notice(board, "Fetching the other person's double", [line]);
+        notice(board, "Fetching the other person's avatar", [line]);
     });
     let Some(path) = threads.block_on(unless_over(is_over, fetching)) else {
         return Ok(None);
@@ -202,7 +202,7 @@ fn arrive(
     notice(board, "One moment", ["Getting ready ...".to_owned()]);
     let avatar = in_own_pool("package", || Avatar::load(&path))?
         .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
-    Ok(Some(Gathered {
+    Ok(Some(FetchedPerson {
         participant: Participant {
             avatar: Arc::new(avatar),
             sits,
@@ -223,8 +223,8 @@ fn notice(board: &NoticeBoard, title: &str, lines: impl Into<Vec<String>>) {
     });
 }
 
-/// Tells the log how the calls went. Returns whether to wait for the next ones: the others ended these.
-fn finish(session: SessionReport, headset: &HeadsetFigures) -> anyhow::Result<bool> {
+/// Logs how the calls ended. Returns whether to wait for the next ones, because the senders ended these.
+fn log_calls(session: SessionReport, headset: &HeadsetFigures) -> anyhow::Result<bool> {
     let frames = &headset.frames;
     log::info!(
         "{} frames shown, {} refreshes late",

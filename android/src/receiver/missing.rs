@@ -1,12 +1,12 @@
-//! What is missing, told in the headset.
+//! Shows missing settings in the headset.
 
-use super::Stage;
+use super::TaskContext;
 use app_session::headset::{NoticeBoard, show_notice};
 use app_session::overlay::Notice;
 
 /// Shows this until the app is closed.
 pub(super) fn show_until_closed(
-    stage: &Stage<'_>,
+    task: &TaskContext<'_>,
     title: &str,
     lines: Vec<String>,
 ) -> anyhow::Result<()> {
@@ -15,8 +15,8 @@ pub(super) fn show_until_closed(
         title: title.to_owned(),
         lines,
     });
-    if let Some(found) = stage.find()? {
-        show_notice(found, &board, stage.control, || false)?;
+    if let Some(found) = task.find()? {
+        show_notice(found, &board, task.control, || false)?;
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
-//! The call in a headset, as the activity's life drives it. This is the one place where the app meets the receiver.
+//! The call in a headset, as the activity's life-cycle drives it. This is the one place where the app meets the receiver.
 //!
-//! A thread of its own finds the headset and shows in it what the app was started for: a call (`call.rs`), a measurement
-//! (`profile.rs`), or what is missing. The activity's thread pauses, resumes and ends it through a [`Control`].
+//! A thread of its own finds the headset and runs the app's task in it: a call (`call.rs`), a measurement
+//! (`profile.rs`), or the panel of missing settings. The activity's thread pauses, resumes and ends it through a [`Control`].
 
 mod call;
 mod missing;
@@ -27,14 +27,14 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use turn::HEADSET;
 
-/// How long a pause waits for the GPU's step that was begun. Android's own thread may wait meanwhile, and must not for long.
+/// How long a pause waits for the GPU's step that was begun. Android's main thread may wait meanwhile, and must not wait long.
 const PATIENCE: Duration = Duration::from_millis(80);
 
-/// What the device gives.
+/// What the device provides.
 pub struct Device {
     /// Loads OpenXR's loader. Called once, from the receiver's own thread.
     pub open_xr: Box<dyn FnOnce() -> Result<Runtime, XrError> + Send>,
-    /// ONNX Runtime's library; nothing for where it is looked for by itself.
+    /// ONNX Runtime's library; nothing for the default search.
     pub onnx_runtime: Option<PathBuf>,
 }
 
@@ -57,7 +57,7 @@ pub struct HeadsetReceiver {
 }
 
 impl HeadsetReceiver {
-    /// One that was not asked for anything yet.
+    /// One without a command yet.
     #[must_use]
     pub fn new(device: Device) -> Self {
         Self {
@@ -69,7 +69,7 @@ impl HeadsetReceiver {
         }
     }
 
-    /// Frames of people that were shown so far, which others may read along.
+    /// Frames with people that were shown so far; other threads may read it.
     #[must_use]
     pub fn frames(&self) -> Arc<AtomicU64> {
         Arc::clone(&self.frames)
@@ -136,8 +136,8 @@ impl Receiver for HeadsetReceiver {
     }
 }
 
-/// What a task needs: the headset's runtime, the device's libraries, and who says when it ends.
-struct Stage<'a> {
+/// What a task needs: the headset's runtime, the device's libraries, and the control that ends it.
+struct TaskContext<'a> {
     open_xr: Runtime,
     onnx_runtime: Option<PathBuf>,
     launch: &'a Launch,
@@ -145,12 +145,12 @@ struct Stage<'a> {
     frames: &'a AtomicU64,
 }
 
-/// Whether it is no failure, but the activity's end before anything was shown.
+/// Whether the error means only that the activity ended before anything was shown.
 fn has_left(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref(), Some(SessionError::Left))
 }
 
-/// Does what the app was launched for. Trouble is shown in the headset, as long as there is one.
+/// Runs the app's task. Errors are shown in the headset, as long as there is one.
 fn run(
     device: Device,
     launch: &Launch,
@@ -160,7 +160,7 @@ fn run(
     let Some(_turn) = HEADSET.wait(control) else {
         return Ok(());
     };
-    let stage = Stage {
+    let task = TaskContext {
         open_xr: (device.open_xr)()?,
         onnx_runtime: device.onnx_runtime,
         launch,
@@ -173,17 +173,17 @@ fn run(
             for problem in problems {
                 log::warn!("{problem}");
             }
-            return show_until_closed(&stage, "Welcome to Mon3tr", first_run::lines(problems));
+            return show_until_closed(&task, "Welcome to Mon3tr", first_run::lines(problems));
         }
     };
-    match stage.perform(settings) {
+    match task.perform(settings) {
         Ok(()) => Ok(()),
         // Nothing can be shown there.
         Err(error) if error.is::<XrError>() || error.is::<SessionError>() => Err(error),
         Err(error) => {
             log::error!("{error:#}");
             show_until_closed(
-                &stage,
+                &task,
                 "This does not work",
                 first_run::wrapped(&format!("{error:#}")),
             )
@@ -191,7 +191,7 @@ fn run(
     }
 }
 
-impl Stage<'_> {
+impl TaskContext<'_> {
     fn perform(&self, settings: &Settings) -> anyhow::Result<()> {
         match &settings.task {
             Task::Call(rooms) => call::run(self, settings, &rooms.value),

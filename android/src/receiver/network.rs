@@ -4,7 +4,7 @@ use anyhow::Context;
 use std::time::Duration;
 use tokio::runtime::{Builder, Handle, Runtime};
 
-/// How long their end is waited for. The system's look-up of a server's name cannot be cancelled and may take many seconds; its thread
+/// How long to wait for their end. The system's look-up of a server's name cannot be cancelled and may take many seconds; its thread
 /// ends by itself.
 const FAREWELL: Duration = Duration::from_millis(200);
 
@@ -25,7 +25,7 @@ impl Network {
         Ok(Self(Some(runtime), handle))
     }
 
-    /// The way to them.
+    /// The handle to spawn tasks on them.
     pub(super) fn handle(&self) -> &Handle {
         &self.1
     }

@@ -1,7 +1,7 @@
 //! A measurement without a call: the demo avatar performs, this device shows them, and writes where its milliseconds went, as
 //! `mon3tr profile` does on a desktop. `android/profile.sh` puts the avatar there, waits for the end and fetches the files.
 
-use super::Stage;
+use super::TaskContext;
 use super::call::{config, present};
 use crate::settings::Settings;
 use anyhow::{Context, ensure};
@@ -24,10 +24,14 @@ const MOTION_HZ: f64 = 30.0;
 /// From the first picture until measuring begins: buffers find their size, clocks settle.
 const WARM_UP: Duration = Duration::from_secs(2);
 
-/// Measures for `seconds`, and says in the folder how it went.
-pub(super) fn run(stage: &Stage<'_>, settings: &Settings, seconds: Duration) -> anyhow::Result<()> {
-    let folder = Folder::begin(&stage.launch.folders.profile())?;
-    let outcome = measure(stage, settings, seconds, &folder);
+/// Measures for `seconds`, and writes the result into the folder.
+pub(super) fn run(
+    task: &TaskContext<'_>,
+    settings: &Settings,
+    seconds: Duration,
+) -> anyhow::Result<()> {
+    let folder = Folder::begin(&task.launch.folders.profile())?;
+    let outcome = measure(task, settings, seconds, &folder);
     if let Err(error) = &outcome {
         // android/profile.sh waits for it, and is not to wait in vain.
         folder.failed(&format!("{error:#}"))?;
@@ -36,12 +40,12 @@ pub(super) fn run(stage: &Stage<'_>, settings: &Settings, seconds: Duration) -> 
 }
 
 fn measure(
-    stage: &Stage<'_>,
+    task: &TaskContext<'_>,
     settings: &Settings,
     seconds: Duration,
     folder: &Folder,
 ) -> anyhow::Result<()> {
-    let path = stage.launch.folders.demo_avatar();
+    let path = task.launch.folders.demo_avatar();
     ensure!(
         path.is_file(),
         "there is no avatar {}: android/profile.sh puts one there",
@@ -56,14 +60,14 @@ fn measure(
         LOOP_SECONDS,
         MOTION_HZ,
     )?;
-    let runtime = stage.onnx_runtime()?;
-    let compiled = stage.launch.folders.compiled();
+    let runtime = task.onnx_runtime()?;
+    let compiled = task.launch.folders.compiled();
     let backends = InferenceBackends {
         runtime: &runtime,
         threads: cores(),
         cache: Some(&compiled),
     };
-    let headset = stage.find()?.context("the app was closed")?;
+    let headset = task.find()?.context("the app was closed")?;
     let gpu = Arc::clone(headset.headset().gpu());
     let machine = Watch::start(vec![Box::new(Sysfs::new(Path::new("/sys")))], EVERY)
         .context("cannot watch the device's heat and clocks")?;
@@ -83,7 +87,7 @@ fn measure(
     };
     let config = config(settings, backends);
     let mut display = HeadsetDisplay::new(headset, present(settings), &mut clock);
-    let session = Session::new(config, vec![participant], stage.control.clone());
+    let session = Session::new(config, vec![participant], task.control.clone());
     let session = session.run(&mut display)?;
     let headset = display.into_figures();
     let person = session.people.first().context("there was no person")?;
@@ -124,7 +128,7 @@ fn measure(
     Ok(())
 }
 
-/// Says when it is over, and looks at the memory before.
+/// Decides when it is over, and reads the memory use before.
 struct Clock {
     seconds: Duration,
     begin: Option<Instant>,

@@ -1,17 +1,17 @@
-//! One receiver at a time: Android may make an activity before it destroys the last one, in the same process, and both want the one
+//! One receiver at a time: Android may make an activity before it destroys the last one, in the same process, and both need the one
 //! headset.
 
 use app_pipeline::control::Control;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Between two looks whether it is time to leave.
+/// How often to check whether it is time to leave.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Of this process's receivers.
+/// The lock of this process's receivers.
 pub(super) static HEADSET: Turns = Turns::new();
 
-/// Whose turn it is.
+/// Whether a receiver holds the turn.
 pub(super) struct Turns {
     is_taken: Mutex<bool>,
     changed: Condvar,
@@ -31,12 +31,12 @@ impl Turns {
     /// Waits until no other receiver has the headset; nothing if it is time to leave before.
     pub(super) fn wait(&self, control: &Control) -> Option<Turn<'_>> {
         let mut is_taken = self.lock();
-        let mut told = false;
+        let mut is_logged = false;
         while *is_taken {
             if control.is_leaving() {
                 return None;
             }
-            if !std::mem::replace(&mut told, true) {
+            if !std::mem::replace(&mut is_logged, true) {
                 log::info!(
                     "the activity before this one has the headset still: waiting for its end"
                 );
@@ -65,10 +65,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_next_one_waits_for_the_one_before_or_leaves() {
+    fn a_receiver_waits_for_the_one_before_it_or_leaves() {
         let turns = Turns::new();
         let first = turns.wait(&Control::default());
-        assert!(first.is_some(), "nobody else");
+        assert!(first.is_some(), "no other receiver");
         std::thread::scope(|scope| {
             let (staying, leaving) = (Control::default(), Control::default());
             let wait = |control: &Control| {
@@ -78,7 +78,7 @@ mod tests {
             };
             let (second, third) = (wait(&staying), wait(&leaving));
             leaving.leave();
-            assert!(!third.join().expect("no panic"), "left in vain");
+            assert!(!third.join().expect("no panic"), "left without a turn");
             assert!(!second.is_finished(), "waits");
             drop(first);
             assert!(second.join().expect("no panic"), "has its turn");

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The token stands behind the `#` here too, so it reaches no server's log. A link says one room on one server and nothing else, and
-//! it is refused if any parser could read another server from it than its reader sees.
+//! it is refused if a parser could read another server from it than a person does.
 
 use super::room::read_room_link;
 use super::{Problem, plain};
@@ -61,7 +61,7 @@ fn read(text: &str) -> Result<RoomLink, String> {
     if url.query().is_some() {
         return Err("it must not have a `?`".to_owned());
     }
-    // What a parser mends (dots, blanks, slashes) somebody else may mend otherwise.
+    // What one parser corrects (dots, blanks, slashes) another may correct differently.
     let rest = (url.as_str() == text)
         .then(|| text.strip_prefix(DEEP_LINK))
         .flatten()

@@ -1,4 +1,4 @@
-//! What one source gives: texts, by setting, not looked into yet.
+//! The settings of one source: unparsed texts, by setting.
 
 use super::{Key, Origin, Problem, plain, read_deep_link};
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use toml::Value;
 /// The longest `mon3tr.toml`.
 pub(crate) const LONGEST_FILE: usize = 262_144;
 
-/// Texts by setting. [`Debug`] shows whose they are, not what they say.
+/// Texts by setting. [`Debug`] shows their source, not their values.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Given {
     origin: Origin,
@@ -22,7 +22,7 @@ impl fmt::Debug for Given {
 }
 
 impl Given {
-    /// What the intent's extras give. Launchers and the system add extras of their own: what is no setting is told to the log.
+    /// The settings in the intent's extras. Launchers and the system add extras of their own: what is no setting is logged.
     #[must_use]
     pub fn by_intent<'a>(extras: impl IntoIterator<Item = (&'a str, &'a str)>) -> Self {
         let mut texts = BTreeMap::new();
@@ -44,7 +44,7 @@ impl Given {
         }
     }
 
-    /// What the link gives that the app was opened with: a room.
+    /// The settings in the link that the app was opened with: a room.
     ///
     /// # Errors
     /// Those of [`read_deep_link`].
@@ -56,10 +56,10 @@ impl Given {
         })
     }
 
-    /// What `mon3tr.toml` gives: `key = value`, a value being a text, a whole number, true or false, or, for `room`, a list of texts.
+    /// The settings in `mon3tr.toml`: `key = value`, a value being a text, a whole number, true or false, or, for `room`, a list of texts.
     ///
     /// # Errors
-    /// All that is wrong with the file's form.
+    /// Every error of the file's form.
     pub fn by_file(text: &str) -> Result<Self, Vec<Problem>> {
         let origin = Origin::File;
         let unreadable = |why| vec![Problem::Unreadable { origin, why }];
@@ -68,7 +68,7 @@ impl Given {
                 "it is longer than {LONGEST_FILE} bytes"
             )));
         }
-        // Not the whole of the error: it shows the line, which may be a token's.
+        // Not the whole error: it shows the line, which may be a token's.
         let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
             let before = error.span().and_then(|span| text.get(..span.start));
             let line = before.map_or(1, |before| before.matches('\n').count() + 1);
@@ -99,13 +99,13 @@ impl Given {
         }
     }
 
-    /// Whose they are.
+    /// Their source.
     #[must_use]
     pub fn origin(&self) -> Origin {
         self.origin
     }
 
-    /// What is given for a setting.
+    /// The text of a setting.
     pub(super) fn text(&self, key: Key) -> Option<&str> {
         self.texts.get(&key).map(String::as_str)
     }

@@ -1,4 +1,4 @@
-//! What can be set, and by whom.
+//! The settings, and their sources.
 
 use std::fmt;
 
@@ -15,11 +15,11 @@ pub enum Key {
     Seat,
     /// The display's rate.
     Rate,
-    /// What runs where.
+    /// The placement.
     Placement,
     /// Pictures between two motion frames.
     Latency,
-    /// How much is logged.
+    /// The log level.
     Log,
     /// For how long the demo person is measured instead of joining a room.
     Profile,
@@ -86,10 +86,10 @@ impl fmt::Display for Key {
     }
 }
 
-/// Who gave a value, the weakest first.
+/// The source of a value, the weakest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Origin {
-    /// Nobody: it is what the app does unless told otherwise.
+    /// No source: the app's default.
     Default,
     /// `mon3tr.toml`.
     File,

@@ -1,6 +1,6 @@
 //! Settings: which room to join and how, read from the launch intent's extras, from a `mon3tr://room/...` link and from
 //! `mon3tr.toml`. The first of these that gives a value wins, value by value; but a token is only sent to a server that its own
-//! source, or a weaker one, named. Whatever comes in is somebody else's text: it is checked here, once, and what comes out is right.
+//! source, or a weaker one, named. Every source is untrusted text: it is checked here, once, and the results are valid.
 
 mod deep_link;
 mod given;

@@ -1,4 +1,4 @@
-//! Texts from outside: which characters they may have, and how much of them is said again.
+//! Texts from outside: which characters they may have, and how much of them a message repeats.
 
 /// How much of a text is repeated in a line.
 const REPEATED: usize = 40;
@@ -37,7 +37,7 @@ pub(super) fn repeated(text: &str) -> String {
     format!("`{short}`")
 }
 
-/// What another library says, on one line.
+/// Another library's message, on one line.
 pub(super) fn one_line(text: &str) -> String {
     let line: Vec<&str> = text
         .split(|c: char| c.is_control())

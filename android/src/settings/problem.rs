@@ -11,7 +11,7 @@ pub enum Problem {
     Value {
         /// Of which setting.
         key: Key,
-        /// Who gave it.
+        /// Its source.
         origin: Origin,
         /// What is wrong with it.
         why: String,
@@ -21,7 +21,7 @@ pub enum Problem {
     Unknown {
         /// Its name, made harmless.
         name: String,
-        /// Who gave it.
+        /// Its source.
         origin: Origin,
     },
     /// A source cannot be read at all.
@@ -32,27 +32,27 @@ pub enum Problem {
         /// Why.
         why: String,
     },
-    /// A setting that is needed was given by nobody.
+    /// A required setting has no source.
     #[error("{0} is missing")]
     Missing(Key),
-    /// A whole room link, and beside it what the link says already.
+    /// A whole room link, and beside it a setting that the link has already.
     #[error(
         "{key} in {origin}: room is a whole link, which says the {key} already; leave one of them away"
     )]
     SaidTwice {
         /// `server` or `token`.
         key: Key,
-        /// Who gave it.
+        /// Its source.
         origin: Origin,
     },
-    /// A token would be sent to a server that somebody else named.
+    /// A token would be sent to a server that another source named.
     #[error(
         "token in {token} is not sent to the server that {server} names: give the token for that server there as well"
     )]
     Crossed {
-        /// Who gave the token.
+        /// The token's source.
         token: Origin,
-        /// Who gave the server.
+        /// The server's source.
         server: Origin,
     },
 }

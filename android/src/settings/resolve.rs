@@ -1,4 +1,4 @@
-//! From what all sources give to settings that can be used.
+//! Combines the settings of all sources, and checks them.
 
 use super::room::{line, read_room_link, read_server};
 use super::values::{self, read};
@@ -15,7 +15,7 @@ const MOST_ROOMS: usize = 7;
 /// Bytes of packages that are kept.
 const CACHE: u64 = 512_000_000;
 
-/// Whatever there is to read settings from.
+/// All sources of settings.
 #[derive(Debug, Clone, Default)]
 pub struct Sources {
     // The strongest first.
@@ -23,31 +23,31 @@ pub struct Sources {
     problems: Vec<Problem>,
 }
 
-/// What the app is to do, and how. All of it is checked.
+/// The app's task and its checked settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// What for it was started.
+    /// The app's task.
     pub task: Task,
     /// Whether people sit.
     pub seat: Sourced<bool>,
     /// The display's rate; nothing for the one that frames keep up with.
     pub rate: Sourced<Option<DisplayRate>>,
-    /// What runs where.
+    /// The placement.
     pub placement: Sourced<PlacementRequest>,
     /// Pictures between two motion frames.
     pub latency: Sourced<LatencyMode>,
-    /// How much is logged.
+    /// The log level.
     pub log: Sourced<LevelFilter>,
     /// Bytes of packages that are kept.
     pub cache_bytes: Sourced<u64>,
 }
 
-/// What the app was started for.
+/// The app's task.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Task {
-    /// To show who is in these rooms, at least one: each a server, a room there, and the right to look. A link can say no more than that.
+    /// Show the people of these rooms, at least one: each a server, a room there, and a viewer's token. A link can hold no more than that.
     Call(Sourced<Vec<RoomLink>>),
-    /// To measure the demo person for so long, and write what came of it.
+    /// Measure the demo person for this long, and write the profile.
     Profile(Sourced<Duration>),
 }
 
@@ -74,24 +74,24 @@ impl Sources {
         sources
     }
 
-    /// The same with one more thing that is wrong: with a file that cannot be opened, say.
+    /// The same with one more problem, such as a file that cannot be opened.
     #[must_use]
     pub fn with_problem(mut self, problem: Problem) -> Self {
         self.problems.push(problem);
         self
     }
 
-    /// How much to log, also where other settings are wrong.
+    /// The log level, also where other settings are wrong.
     #[must_use]
     pub fn log_level(&self) -> LevelFilter {
         self.log().map_or(LevelFilter::Info, |level| level.value)
     }
 
-    /// What is to be done.
+    /// The app's task.
     ///
     /// # Errors
-    /// All that is wrong or missing. Nothing is done on the strength of a part: a source that cannot be read may have been meant to
-    /// say otherwise.
+    /// Every problem. The app does not use only the readable sources: one that cannot be read may have been meant to
+    /// override them.
     pub fn settings(&self) -> Result<Settings, Vec<Problem>> {
         let mut problems = self.problems.clone();
         let task = keep(self.task(), &mut problems);
@@ -131,7 +131,7 @@ impl Sources {
         self.value(Key::Log, LevelFilter::Info, values::log_level)
     }
 
-    /// What the strongest source says about a setting.
+    /// A setting's text in the strongest source that has it.
     fn strongest(&self, key: Key) -> Option<(Origin, &str)> {
         self.given
             .iter()
@@ -151,7 +151,7 @@ impl Sources {
         let room = self.strongest(Key::Room);
         let profile = self.strongest(Key::Profile);
         match (profile, room) {
-            // A room that somebody stronger names is what is meant now.
+            // A room that a stronger source names overrides it.
             (Some((origin, text)), room) if room.is_none_or(|(of_room, _)| of_room <= origin) => {
                 let given = Some((origin, text));
                 read(Key::Profile, given, Duration::ZERO, values::profile).map(Task::Profile)
@@ -190,7 +190,7 @@ impl Sources {
         })
     }
 
-    /// A whole link from `origin` stands alone; what weaker sources say of server and token is overruled with their rooms.
+    /// A whole link from `origin` stands alone; server and token of weaker sources are overridden with their rooms.
     fn check_said_once(&self, origin: Origin) -> Result<(), Problem> {
         for key in [Key::Server, Key::Token] {
             if let Some((other, _)) = self.strongest(key)
@@ -209,7 +209,7 @@ impl Sources {
         let (of_server, server) = missing(Key::Server)?;
         let server = read_server(server).map_err(wrong(Key::Server, of_server))?;
         let (of_token, token) = missing(Key::Token)?;
-        // Whoever can start the app could otherwise have a token sent to a server of theirs.
+        // Any app that can start this one could otherwise have a token sent to its own server.
         if of_token < of_server {
             return Err(Problem::Crossed {
                 token: of_token,

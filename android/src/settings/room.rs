@@ -1,5 +1,5 @@
 //! Servers and rooms, taken exactly as they are named: an address that a parser would understand as another one (`0x7f.1`,
-//! `host/../x`, `%68ost`) is refused with what it would have meant.
+//! `host/../x`, `%68ost`) is refused with the address it would become.
 
 use super::plain;
 use link_protocol::room_link::ServerUrl;

@@ -7,12 +7,12 @@ use log::LevelFilter;
 use std::fmt;
 use std::time::Duration;
 
-/// A value, and who gave it.
+/// A value, and its source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sourced<T> {
     /// The value.
     pub value: T,
-    /// Who gave it.
+    /// Its source.
     pub origin: Origin,
 }
 
@@ -51,7 +51,7 @@ impl fmt::Display for DisplayRate {
     }
 }
 
-/// The value of one setting, or the given default where nobody gave one.
+/// The value of one setting, or the given default where no source has one.
 pub(super) fn read<T>(
     key: Key,
     given: Option<(Origin, &str)>,
@@ -79,7 +79,7 @@ pub(super) fn seat(text: &str) -> Result<bool, String> {
         .map_err(|_| no(text, "answer", "true (people sit) or false"))
 }
 
-/// Nothing is the rate that frames keep up with.
+/// Nothing lets the session choose a rate that frames keep up with.
 pub(super) fn rate(text: &str) -> Result<Option<DisplayRate>, String> {
     if text == "auto" {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! The app's two folders: one that nobody else can look into, one that adb can.
+//! The app's two folders: one that no other app can read, one that adb can.
 
 use crate::package::SETTINGS_FILE;
 use link_http::{HttpError, PackageCache};
@@ -39,20 +39,20 @@ impl Folders {
         self.shared.join("avatar.m3a")
     }
 
-    /// What an NPU's compiler made of networks.
+    /// Networks compiled for the NPU.
     #[must_use]
     pub fn compiled(&self) -> PathBuf {
         self.own.join("compiled")
     }
 
-    /// The folder whose contents nobody else can see.
+    /// The folder whose contents no other app can read.
     #[must_use]
     pub fn own(&self) -> &Path {
         &self.own
     }
 
-    /// The packages, at most so many bytes of them. What is more than that goes now, those first that were not used for longest,
-    /// and so do downloads that nobody came back to.
+    /// The packages, at most so many bytes of them. The least recently used packages over that limit are removed now,
+    /// and so are interrupted downloads that were not resumed.
     ///
     /// # Errors
     /// [`HttpError::Cache`] if the folder cannot be made.

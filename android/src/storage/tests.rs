@@ -29,7 +29,7 @@ fn there(paths: &[&PathBuf]) -> Vec<bool> {
 }
 
 #[test]
-fn packages_that_were_not_used_for_longest_go_first_and_those_in_use_stay() {
+fn the_least_recently_used_packages_are_removed_first_and_those_in_use_stay() {
     let root = tempfile::tempdir().expect("a folder");
     let folders = Folders::new(root.path().join("own"), root.path().join("shared"));
     let folder = root.path().join("own/packages");
@@ -43,7 +43,10 @@ fn packages_that_were_not_used_for_longest_go_first_and_those_in_use_stay() {
         [true; 4],
         "within the bound"
     );
-    let in_use = all.in_use(&oldest).expect("a lock").expect("nobody writes");
+    let in_use = all
+        .in_use(&oldest)
+        .expect("a lock")
+        .expect("no program writes");
     folders.packages(2500).expect("a cache");
     assert_eq!(
         there(&[&used, &older, &newer, &newest]),
@@ -58,7 +61,7 @@ fn packages_that_were_not_used_for_longest_go_first_and_those_in_use_stay() {
 }
 
 #[test]
-fn downloads_that_nobody_came_back_to_go_and_others_stay() {
+fn downloads_that_were_not_resumed_are_removed_and_others_stay() {
     let root = tempfile::tempdir().expect("a folder");
     let folders = Folders::new(root.path(), root.path());
     let folder = root.path().join("packages");
@@ -74,7 +77,7 @@ fn downloads_that_nobody_came_back_to_go_and_others_stay() {
 }
 
 #[test]
-fn nothing_is_removed_that_is_not_the_caches() {
+fn files_that_are_not_the_caches_stay() {
     let root = tempfile::tempdir().expect("a folder");
     let folders = Folders::new(root.path(), root.path());
     let folder = root.path().join("packages");

@@ -13,7 +13,7 @@ use spmm3::{ATTRIBUTES, BoundGaussians, SH_C0, attribute};
 use std::f32::consts::LOG2_E;
 use std::ops::Range;
 
-/// What F_m2g knows of 16 Gaussians.
+/// The tables of F_m2g for 16 Gaussians.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(super) struct Bound {
@@ -32,7 +32,7 @@ pub(super) struct Mesh<'a> {
 }
 
 impl Bound {
-    /// All of an avatar's Gaussians, block after block; those past the last hang on the first vertex.
+    /// All of an avatar's Gaussians, block after block; those past the last are bound to the first vertex.
     pub(super) fn blocks(gaussians: &BoundGaussians) -> Vec<Self> {
         let count = gaussians.len();
         let block = |start: usize| Self {
@@ -84,7 +84,7 @@ impl Bound {
                     posed.store_slice(&mut out[there.clone()]);
                 }
             } else {
-                // Lanes that are not wanted stand still.
+                // Lanes outside the range count as unchanged.
                 let part = wanted.start - from..wanted.end - from;
                 let there = at..at + part.len();
                 if let Some(previous) = previous {
@@ -136,7 +136,7 @@ impl Bound {
         let position = add_scaled::<S>(position, up, local.get(simd, offset + 1));
         let [px, py, pz] = add_scaled::<S>(position, out, local.get(simd, offset + 2));
 
-        // A sum of quaternions need not be one: the identity where it vanished.
+        // A sum of quaternions need not have unit length: the identity where it is zero.
         let turn = attribute::ROTATION.start;
         let (x, y) = (local.get(simd, turn), local.get(simd, turn + 1));
         let (z, w) = (local.get(simd, turn + 2), local.get(simd, turn + 3));
@@ -212,7 +212,7 @@ impl Local<'_> {
     }
 }
 
-/// The greatest differences between `now` and `before`, plane by plane; a difference that is not a number is none.
+/// The greatest differences between `now` and `before`, plane by plane; NaN counts as no difference.
 #[inline(always)]
 fn compare<S: Simd>(
     simd: S,
@@ -237,7 +237,7 @@ fn compare<S: Simd>(
     }
 }
 
-/// The greater of both, `most` where `number` is none.
+/// The greater of both, `most` where `number` is NaN.
 #[inline(always)]
 fn greater<V: SimdBase<S>, S: Simd>(number: V, most: V) -> V {
     number.simd_gt(most).select(number, most)

@@ -1,14 +1,14 @@
-//! Fewer Gaussians than all, by importance, for when not all can be drawn in time.
+//! Levels of detail: the more important part of the Gaussians, for when not all can be drawn in time.
 
 use crate::KernelError;
 use crate::state::MOST_LANES;
 use crate::{check_count, check_range};
 
-/// Which Gaussians are drawn, and by how much each grows to close the holes of those it stands for.
+/// Which Gaussians are drawn, and by how much each grows to close the holes of those it replaces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detail {
     kept: Vec<u32>,
-    /// For every Gaussian, drawn or not, and for a vector's length more.
+    /// For every Gaussian, drawn or not, padded by a vector's length.
     log2_growth: Vec<f32>,
 }
 

@@ -12,7 +12,7 @@ pub enum KernelError {
     /// A list of Gaussians to draw is not in ascending order.
     #[error("the Gaussians to draw must be listed in ascending order, each once")]
     Order,
-    /// F_attr's potentials came to a [`crate::Poser`] that was made for residuals.
+    /// A [`crate::Poser`] that was made for residuals got F_attr's potentials.
     #[error(
         "this poser was made without F_attr's bases: make it with Poser::with_tail to use potentials"
     )]

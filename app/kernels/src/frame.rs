@@ -4,7 +4,7 @@
 
 use fearless_simd::prelude::*;
 
-/// A vector of space in every lane.
+/// A 3D vector in every lane.
 pub(super) type V3<S> = [<S as Simd>::f32s; 3];
 /// A quaternion x, y, z, w in every lane.
 pub(super) type Q<S> = [<S as Simd>::f32s; 4];
@@ -82,7 +82,7 @@ pub(super) fn triangle_frame<S: Simd>(simd: S, ab: V3<S>, ac: V3<S>) -> [V3<S>; 
     [x, cross::<S>(z, x), z]
 }
 
-/// The quaternion of an orthonormal frame, of a length between 2 and 4: whoever multiplies it sets the length afterwards
+/// The quaternion of an orthonormal frame, of a length between 2 and 4: the caller normalises its product
 /// (Mike Day, "Converting a Rotation Matrix to a Quaternion").
 #[inline(always)]
 pub(super) fn frame_quaternion<S: Simd>(

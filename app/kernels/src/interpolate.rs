@@ -16,7 +16,7 @@ use std::ops::Range;
 /// Furthest that a display time may lie beyond the newer state, in periods of the motion.
 pub const MOST_ALPHA: f32 = 2.0;
 
-/// The way from one state to the next at one display time, ready to be packed.
+/// The interpolation between two states at one display time, ready to be packed.
 #[derive(Debug, Clone, Copy)]
 pub struct Blend<'a> {
     from: &'a GaussianState,
@@ -27,7 +27,7 @@ pub struct Blend<'a> {
 }
 
 impl<'a> Blend<'a> {
-    /// `alpha` is 0 at `from` and 1 at `to`; beyond 1 the way is gone on, up to [`MOST_ALPHA`]. It is held within
+    /// `alpha` is 0 at `from` and 1 at `to`; beyond 1 it extrapolates, up to [`MOST_ALPHA`]. It is clamped to
     /// 0..=2, and taken as 1 if it is not a number.
     ///
     /// # Errors
@@ -185,14 +185,14 @@ struct Planes<'a> {
 }
 
 impl Planes<'_> {
-    /// One plane's numbers from `at` on, on the way.
+    /// One plane's numbers from `at` on, interpolated.
     #[inline(always)]
     fn lerp<S: Simd>(&self, simd: S, plane: usize, at: usize) -> S::f32s {
         let (from, to) = (
             load(simd, self.from[plane], at),
             load(simd, self.to[plane], at),
         );
-        // Less the difference, not plus: then -0 stays -0, and equal states come through to the bit.
+        // Subtracts the difference: then -0 stays -0, and equal states give equal bits.
         from - (from - to) * self.alpha
     }
 

@@ -1,7 +1,7 @@
 //! What the CPU computes for every Gaussian: F_attr's tail, F_m2g, skinning, interpolation and packing.
 //!
 //! Planar data, vectors chosen at run time (AVX-512, AVX2, SSE or NEON), rayon's current pool for long ranges, no
-//! allocation and no `unsafe`. `spmm3` has the plain versions of the same formulas, and the tests a third in f64.
+//! allocation and no `unsafe`. `spmm3` has plain versions of the same formulas, and the tests have references in f64.
 
 mod bind;
 mod detail;
@@ -35,7 +35,7 @@ const BLOCK: usize = 16;
 /// One number of every Gaussian of a block.
 type Sixteen = [f32; BLOCK];
 
-/// Does `work` on `range` and on `out`, which has an element for each of it: in halves, side by side, down to [`GRAIN`].
+/// Runs `work` on `range` and the matching elements of `out`, split in halves that run in parallel, down to [`GRAIN`].
 fn in_halves<T: Send>(
     range: Range<usize>,
     out: &mut [T],
@@ -66,7 +66,7 @@ fn check_count(what: &'static str, got: usize, expected: usize) -> Result<(), Ke
     .into())
 }
 
-/// Refuses Gaussians that there are not.
+/// Refuses a range that ends past the Gaussians.
 fn check_range(range: &Range<usize>, count: usize) -> Result<(), KernelError> {
     if range.start <= range.end && range.end <= count {
         return Ok(());

@@ -10,7 +10,7 @@ use glam::Vec3;
 use spmm3::{ATTRIBUTES, Avatar};
 use std::ops::Range;
 
-/// How the deform graph tells attributes.
+/// What the deform graph computes of F_attr.
 #[derive(Debug, Clone, Copy)]
 pub enum Attributes<'a> {
     /// Residuals, row-major [14, N_g]: the graph computed F_attr whole.
@@ -79,7 +79,7 @@ impl Poser {
         })
     }
 
-    /// As it was, on another level of the processor.
+    /// The same on another SIMD level.
     #[cfg(test)]
     pub(super) fn at_level(mut self, level: Level) -> Self {
         self.level = level;
@@ -131,8 +131,8 @@ impl Poser {
         Ok(self.in_halves(&frame, range.clone(), out.range_mut(range)))
     }
 
-    /// F_attr's residuals of all Gaussians, row-major [14, N_g], from potentials: what [`Self::pose`] computes on its
-    /// way, for whoever wants to see it.
+    /// F_attr's residuals of all Gaussians, row-major [14, N_g], from potentials: an intermediate result of [`Self::pose`],
+    /// for tests and tools.
     ///
     /// # Errors
     /// As [`Self::pose`].

@@ -33,7 +33,7 @@ impl Skinner {
         }
     }
 
-    /// As it was, on another level of the processor.
+    /// The same on another SIMD level.
     #[cfg(test)]
     pub(super) fn at_level(mut self, level: Level) -> Self {
         self.level = level;

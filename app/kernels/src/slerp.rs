@@ -1,4 +1,4 @@
-//! Slerp without sines: two polynomials in place of them, made anew for each display time.
+//! Slerp without sines: two polynomials, fitted for each display time.
 //!
 //! All Gaussians of a picture are interpolated at one time t, so that Slerp's two weights are functions of the angle
 //! alone. With theta the angle between the quaternions (as vectors) and x = sin^2(theta/2) = |b - a|^2 / 4,
@@ -15,7 +15,7 @@
 
 use fearless_simd::prelude::*;
 
-/// Numbers of each polynomial.
+/// Coefficients of each polynomial.
 const TERMS: usize = 8;
 /// x at an angle of 90 degrees between quaternions, a rotation by 180: the most on the shortest arc.
 const MOST_X: f64 = 0.5;
@@ -51,7 +51,7 @@ impl SlerpWeights {
         let [ax, ay, az, aw] = a;
         let [bx, by, bz, bw] = b;
         let dot = aw.mul_add(bw, az.mul_add(bz, ay.mul_add(by, ax * bx)));
-        // The other name of b's rotation where that one is nearer.
+        // The other quaternion of b's rotation, -b, where it is nearer.
         let side = S::f32s::splat(simd, 1.0).copysign(dot);
         let (dx, dy) = (bx.mul_sub(side, ax), by.mul_sub(side, ay));
         let (dz, dw) = (bz.mul_sub(side, az), bw.mul_sub(side, aw));
@@ -111,7 +111,7 @@ mod tests {
     use fearless_simd::dispatch;
     use synthetic_person::Random;
 
-    /// Slerp from the formula with sines, in f64: from `a` to `b` where `side` is 1, to its other name where it is -1.
+    /// Slerp from the formula with sines, in f64: from `a` to `b` where `side` is 1, to -b where it is -1.
     fn reference(a: [f64; 4], b: [f64; 4], side: f64, t: f64) -> [f64; 4] {
         let b = b.map(|x| side * x);
         let apart = |sign: f64| {
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn slerp_is_the_formulas_to_a_millionth_at_any_angle_and_time() {
+    fn slerp_agrees_with_the_formula_to_a_millionth_at_any_angle_and_time() {
         let pairs = pairs();
         for t in [0.0, 0.25, 0.5, 0.731, 1.0, 1.5, 2.0] {
             let weights = SlerpWeights::at(t);
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_rotations_stay_what_they_are_to_the_bit() {
+    fn equal_rotations_stay_equal_to_the_bit() {
         let mut random = Random::new(6);
         for t in [0.0, 0.3, 1.0, 1.7, 2.0] {
             let weights = SlerpWeights::at(t);

@@ -1,7 +1,7 @@
 //! A deformed person ready to interpolate: 14 planes of numbers, activated, in world space.
 //!
-//! Allocated once and written over and over by [`crate::Poser`]. It knows neither time nor motion: whoever hands states
-//! from lane to lane attaches those.
+//! Allocated once and written over and over by [`crate::Poser`]. It knows neither time nor motion: the lane that hands states
+//! on attaches those.
 
 use bytemuck::{Pod, Zeroable};
 use shaders_spirv::PackedGaussian;
@@ -26,7 +26,7 @@ pub mod plane {
     pub const COLOUR: Range<usize> = 11..14;
 }
 
-/// The most numbers that a vector of any processor holds.
+/// The widest SIMD vector of any processor, in `f32`.
 pub(crate) const MOST_LANES: usize = 16;
 
 /// A cache line, and the memory that one of the longest vectors covers.
@@ -36,7 +36,7 @@ struct Line([f32; MOST_LANES]);
 
 /// N_g Gaussians as 14 planes of `f32`.
 ///
-/// Every plane starts on a cache line and is followed by at least 15 numbers that nobody needs, so that vectors may read
+/// Every plane starts on a cache line and is followed by at least 15 unused numbers, so that vectors may read
 /// past its end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GaussianState {

@@ -1,7 +1,7 @@
 //! F_attr's tail: controllers' potentials -> a block's 14 residuals, without a round through memory.
 //!
 //! `Delta G_i = sum_b F_i[b] Delta G_i^b`, F_i mixed from three controllers' potentials by virtual mass (paper, section
-//! IV-B). The bases stay in their 8 bits until they meet the force: what is read is what the package holds.
+//! IV-B). The bases stay in 8 bits until they are multiplied by the force, so that no more is read than the package holds.
 
 use super::{BLOCK, Sixteen};
 use fearless_simd::{f32x16, prelude::*};
@@ -12,7 +12,7 @@ use spmm3::{ATTRIBUTES, Controllers, NEIGHBOURS};
 /// A block's 14 residuals.
 pub(super) type Residuals = [Sixteen; ATTRIBUTES];
 
-/// What the tail knows of 16 Gaussians beside their bases.
+/// The tail's tables for 16 Gaussians, without their bases.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 struct Held {
@@ -136,8 +136,8 @@ impl Tail {
         ([a, b, c, d, e, f, g, h], [i, j, k, l, m, n, o, p])
     }
 
-    /// Potentials `start..start + 16` of a controller. Past the row's end lies the next row, whose numbers meet
-    /// bases that are zero; past the last row lies nothing.
+    /// Potentials `start..start + 16` of a controller. Past the row's end lies the next row, whose numbers are multiplied by
+    /// zero bases; past the last row there is nothing.
     #[inline(always)]
     fn row<S: Simd>(
         &self,
@@ -178,7 +178,7 @@ fn widened<S: Simd>(simd: S, values: &[i8; BLOCK]) -> f32x16<S> {
     f32x16::load_array(simd, wide)
 }
 
-/// Rows for columns: four perfect shuffles of the rows laid end to end.
+/// Transposes: four perfect shuffles of the rows laid end to end.
 #[inline(always)]
 fn transposed<S: Simd>(mut rows: [f32x16<S>; BLOCK]) -> [f32x16<S>; BLOCK] {
     for _ in 0..BLOCK.ilog2() {

@@ -11,7 +11,7 @@ use spmm3::{ATTRIBUTES, GaussianSet, MotionParams, PlanarVertices, SH_C0, Skinni
 use synthetic_person::reference;
 use synthetic_person::{Puppet, PuppetSize, Random};
 
-/// What this processor can do, from the least on.
+/// This processor's SIMD levels, the narrowest first.
 pub(super) fn levels() -> Vec<Level> {
     let new = Level::new();
     #[cfg(target_arch = "x86_64")]
@@ -43,7 +43,7 @@ fn on_arm64_the_kernels_run_on_neon() {
 
 const ROOT: Vec3 = Vec3::new(0.4, -0.2, 1.3);
 
-/// A puppet in some pose, by the f64 reference, and what the deform graph would say of it.
+/// A puppet in some pose, by the f64 reference, with the deform graph's results for it.
 struct Posed {
     puppet: Puppet,
     wanted: Vec<reference::ReferenceGaussian>,
@@ -329,7 +329,7 @@ fn ranges_that_split_anywhere_give_the_same_state_and_change() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn inputs_of_the_wrong_size_are_refused() {
     let posed = Posed::new(&MotionParams::default());
     let poser = Poser::new(&posed.puppet.avatar());
     let count = poser.gaussians();
@@ -438,7 +438,7 @@ fn pack(blend: &Blend<'_>, count: usize) -> Vec<PackedGaussian> {
 }
 
 #[test]
-fn two_equal_states_are_packed_as_that_state_whatever_the_time() {
+fn two_equal_states_are_packed_as_that_state_at_any_time() {
     let count = 1_003;
     let mut state = likely_state(count, 1);
     for (i, odd) in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.0, 0.0, 1e30]
@@ -472,7 +472,7 @@ fn two_equal_states_are_packed_as_that_state_whatever_the_time() {
 }
 
 #[test]
-fn between_two_states_each_gaussian_is_where_f64_has_it() {
+fn between_two_states_each_gaussian_is_as_in_f64() {
     let count = 3_001;
     let (from, to) = (likely_state(count, 2), likely_state(count, 3));
     for alpha in [0.0f32, 0.25, 0.9, 1.0, 1.5] {
@@ -592,7 +592,7 @@ fn any_range_and_any_choice_of_gaussians_is_packed_as_in_the_whole() {
 }
 
 #[test]
-fn a_number_that_is_none_in_either_state_is_never_drawn() {
+fn a_gaussian_with_nan_in_either_state_is_never_drawn() {
     let count = 64;
     let good = likely_state(count, 7);
     for p in 0..STATE_PLANES {

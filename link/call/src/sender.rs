@@ -257,7 +257,7 @@ async fn serve_viewer(
 ) -> Result<(), CallError> {
     let local = local_addresses(shared.room.server());
     let (mut peer, answer) = Peer::answer(local, shared.channel, offer).await?;
-    // The viewer's first feedback tells the session's number.
+    // The viewer's first feedback has the session's number.
     let introduced = timeout(OPEN_TIMEOUT, async {
         shared.client.answer(&shared.room, session, &answer).await?;
         peer.opened().await?;

@@ -48,7 +48,7 @@ const MAX_WAITING: usize = 512;
 pub enum CallEvent {
     /// The sender's announcement: once before the first connection, and again after each change.
     Announced(Announcement),
-    /// A connection is open; sequences begin anew.
+    /// A connection is open; sequence numbers begin again.
     Joined,
     /// A frame that passed every check of the decoder.
     Frame {
@@ -159,7 +159,7 @@ struct Call {
     announced: Option<Announcement>,
 }
 
-/// The task that makes a connection.
+/// The task that opens a connection.
 type Joining = JoinHandle<Result<Box<(Announcement, Session)>, CallError>>;
 
 /// What [`Call::run`] waits for.
@@ -238,7 +238,7 @@ impl Call {
         if let Some(session) = &mut current
             && !send_bye(&mut session.peer, session.id).await
         {
-            // The sender did not answer the bye: the server can tell it.
+            // The sender did not answer the bye: so the server is asked to tell the sender.
             let left = self.client.leave(&self.room, &session.name);
             if !matches!(timeout(LEAVE_TIMEOUT, left).await, Ok(Ok(()))) {
                 log::debug!("the server was not told that this viewer left");
@@ -256,7 +256,7 @@ impl Call {
         }
     }
 
-    /// Waits for the first of them.
+    /// Waits for the first [`Wake`].
     async fn turn(
         &mut self,
         current: &mut Option<Session>,

@@ -1,5 +1,6 @@
-//! What the codecs make of real motion: `cargo run -p link-codec --example codec_sizes -- PACKAGE.m3a FILE..` prints, for each file and
-//! for the built-in performance, sizes, errors and times. Feedback arrives 40 ms late and tells of every third frame.
+//! Sizes, errors and times of the codecs on real motion:
+//! `cargo run -p link-codec --example codec_sizes -- PACKAGE.m3a FILE..` prints them for each file and for the
+//! built-in performance. Feedback arrives 40 ms late and reports every third frame.
 
 use link_codec::{Codec, Decoder, Encoder, Micros, MotionFrame};
 use spmm3::{Avatar, Joint, LoadOptions, MotionClip, MotionParams, Playback, Skeleton};
@@ -75,7 +76,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What LZ4 makes of a `paper` body in other arrangements.
+/// The size of a `paper` body under LZ4 in other arrangements.
 fn print_arrangement(clip: &MotionClip) {
     let mut sums = [0; 4];
     for motion in &clip.frames {

@@ -113,7 +113,7 @@ pub(crate) fn encode<'a>(
     grid
 }
 
-/// Reads a message whose first byte said `compact`, with the frames that have come before.
+/// Reads a `compact` message, with the frames that arrived before it.
 pub(crate) fn decode(
     session: u32,
     message: &[u8],

@@ -47,7 +47,7 @@ impl Encoder {
 
     /// Replaces `out` by the message of `frame`, kind and all. Sequences begin at 1 and must grow.
     ///
-    /// What is no number or out of range is sent as rest or as the nearest in range, and counted ([`Self::corrected`]).
+    /// NaN is sent as rest, a value out of range as the nearest one in range; both are counted ([`Self::corrected`]).
     /// Allocates nothing once `out` has grown to its size.
     pub fn encode(&mut self, frame: &MotionFrame, out: &mut Vec<u8>) {
         out.clear();

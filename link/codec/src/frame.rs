@@ -1,4 +1,4 @@
-//! One captured motion with what the receiver needs to place it in time.
+//! One captured motion with its sequence number and capture time.
 
 use spmm3::MotionParams;
 

@@ -1,6 +1,6 @@
-//! The integer grid of the `compact` codec: how finely each motion value is cut, and the way there and back.
+//! The integer grid of the `compact` codec: the step of each motion value, quantisation and its inverse.
 //!
-//! A rotation's error moves everything that hangs on the joint, so a joint is cut the finer the further its limb reaches.
+//! A rotation's error moves the whole limb below the joint, so a joint's step is the finer the longer its limb.
 //! The pelvis alone turns all the way round: it is kept as a quaternion, which has no jump at the half turn.
 
 use crate::decode_error::DecodeError;
@@ -47,7 +47,7 @@ const PER_COEFFICIENT: f32 = 32.0;
 /// A joint's step is a whole number of these parts of a radian.
 const PARTS: f32 = 4096.0;
 
-/// The step of `joint`, radians: about 0.8 mm at the far end of what hangs on it, and at most what keeps the rotation
+/// The step of `joint`, radians: about 0.8 mm at the end of its limb, and small enough to keep the rotation
 /// within half a degree (the error is at most sqrt(3)/2 steps).
 pub(crate) fn step(joint: Joint) -> f32 {
     use Joint::*;
@@ -105,10 +105,10 @@ pub(crate) fn quantise(motion: &MotionParams, near: Option<&Grid>) -> Grid {
     grid
 }
 
-/// Takes a frame off the grid.
+/// The motion of a frame on the grid.
 ///
 /// # Errors
-/// If the pelvis' quaternion is none, or a value lies outside the limits.
+/// If the pelvis' quaternion is not of unit length, or a value lies outside the limits.
 pub(crate) fn restore(grid: &Grid) -> Result<MotionParams, DecodeError> {
     let mut motion = MotionParams::default();
     let step_root = quaternion_step();

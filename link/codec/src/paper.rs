@@ -42,7 +42,7 @@ pub(crate) fn encode(session: u32, frame: &MotionFrame, out: &mut Vec<u8>) {
     }
 }
 
-/// Session and frame of a message whose first byte said `paper`.
+/// Session and frame of a `paper` message.
 pub(crate) fn decode(message: &[u8]) -> Result<(u32, MotionFrame), DecodeError> {
     if *message.get(1).ok_or(DecodeError::Length)? != VERSION {
         return Err(DecodeError::Version);

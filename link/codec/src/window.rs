@@ -1,4 +1,4 @@
-//! The frames that have arrived of late: tells new from replayed and late ones, and keeps the grids that later frames may be predicted
+//! The frames that arrived recently: distinguishes new from replayed and late ones, and keeps the grids that later frames may be predicted
 //! from.
 
 use crate::Micros;
@@ -18,7 +18,7 @@ struct Slot {
     grid: Grid,
 }
 
-/// The frames that have arrived of late.
+/// The frames that arrived recently.
 #[derive(Debug)]
 pub(crate) struct Window {
     newest: u32,

@@ -153,7 +153,7 @@ impl PackageCache {
         Ok((path, file))
     }
 
-    /// The error of the system as one of this cache. `needed`: bytes still to be written.
+    /// The system's error as one of this cache. `needed`: bytes still to be written.
     pub(crate) fn io_error(
         &self,
         doing: &'static str,

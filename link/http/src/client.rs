@@ -92,7 +92,7 @@ impl Client {
         extra_root_certificate: Option<&Path>,
         timeouts: Timeouts,
     ) -> Result<Self, HttpError> {
-        // An error says that the program has installed a provider before; any will do.
+        // An error means that the program has installed a provider already; any provider will do.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let extra = extra_root_certificate
             .map(root_certificates)

@@ -147,7 +147,7 @@ impl Download<'_> {
                         });
                     }
                     let after = wait.max(jittered(pause));
-                    log::info!("{}; going on from byte {have}", with_causes(&error));
+                    log::info!("{}; resuming at byte {have}", with_causes(&error));
                     tokio::time::sleep(after).await;
                     pause = (pause * 2).min(MAX_RETRY_PAUSE);
                 }

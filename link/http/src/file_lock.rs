@@ -41,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_exclusive_lock_keeps_others_out_and_shared_ones_only_it() {
+    fn an_exclusive_lock_excludes_all_others_and_shared_ones_only_it() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("lock");
         let open = || {

@@ -30,7 +30,7 @@ pub struct Presence {
 }
 
 impl Client {
-    /// Enters the sender's room as its sender. One that is there already is replaced, and told so.
+    /// Enters the sender's room as its sender. A sender that is there already is replaced, and gets an event that says so.
     ///
     /// # Errors
     /// [`ProtocolError::Announcement`](link_protocol::ProtocolError::Announcement) if it is out of bounds, [`HttpError::NotFound`] if the room is gone or its owner has no such

@@ -178,7 +178,7 @@ mod tests {
         assert_eq!(
             events,
             [event("message", "a\u{fffd}b"), event("leave", "c")],
-            "a replacement character stands for it"
+            "a replacement character is in its place"
         );
     }
 

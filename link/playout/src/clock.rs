@@ -12,7 +12,7 @@ const BUCKETS: usize = 64;
 /// How fast two quartz clocks may drift apart, by which an older exchange counts for less (NTP's dispersion, RFC 5905
 /// section 11, uses 15 for servers; phones are worse).
 const DRIFT_PPM: i64 = 60;
-/// How far the two directions' shortest delays may add up to less than nothing, by rounding and jumps of a scheduler's tick.
+/// How far below zero the two directions' shortest delays may add up, by rounding and jumps of a scheduler's tick.
 const TOLERANCE_US: i64 = 500;
 /// A pong later than this is ignored.
 const OLDEST_US: i64 = 10_000_000;

@@ -1,4 +1,4 @@
-//! The announcement: what a sender tells viewers before the first frame, its avatar package and how motion will be sent.
+//! The announcement: what viewers get before the first frame, its avatar package and how motion will be sent.
 
 use std::{fmt, fs::File, path::Path, str::FromStr};
 

@@ -89,7 +89,7 @@ impl Message {
         }
     }
 
-    /// The session of a viewer's feedback: the first one tells it to the sender.
+    /// The session of a viewer's feedback: the sender learns it from the first one.
     pub fn session_of_feedback(bytes: &[u8]) -> Option<u32> {
         let session = bytes.get(1..5)?.try_into().ok().map(u32::from_le_bytes)?;
         let is_feedback = matches!(Self::read(bytes, session), Some(Self::Feedback(_)));
@@ -148,7 +148,7 @@ mod tests {
     ];
 
     #[test]
-    fn messages_come_back_as_they_were_and_only_whole_and_to_their_session() {
+    fn messages_are_read_as_written_only_whole_and_by_their_session() {
         let mut bytes = Vec::new();
         for message in ALL {
             message.write(0xdead_beef, &mut bytes);

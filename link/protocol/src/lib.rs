@@ -2,7 +2,7 @@
 //! and each bound that both ends keep is written here once. The crate opens no connection; motion frames are the codec's
 //! ([`link_codec`]).
 //!
-//! A viewer's way through a call reads, in these types: a [`RoomLink`] names the room, the [`Announcement`] tells which avatar package
+//! The course of a viewer's call, in these types: a [`RoomLink`] names the room, the [`Announcement`] names the avatar package
 //! ([`PackageId`]) and which codec, offer and answer are SDP, and on the data channels the viewer answers motion with
 //! [`Feedback`](data_channel::Feedback).
 //!

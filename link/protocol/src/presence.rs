@@ -5,7 +5,7 @@ use serde::Deserialize;
 use serde_json::json;
 use std::fmt;
 
-/// What a server tells the sender in a room. On the wire it is a server-sent event: a name and JSON.
+/// An event from the server to the sender in a room. On the wire it is a server-sent event: a name and JSON.
 #[derive(Clone, PartialEq, Eq)]
 pub enum PresenceEvent {
     /// A viewer offers a connection and waits for the answer.
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn events_are_the_protocols_and_come_back_as_they_were() {
+    fn events_are_written_by_the_protocol_and_read_back() {
         let session: Name = "S1".parse().expect("a name");
         let offer = PresenceEvent::Offer {
             session: session.clone(),

@@ -1,4 +1,4 @@
-//! What rooms' links, packages' hashes and announcements are read from, and what is refused.
+//! Reading room links, package hashes and announcements, and what is refused.
 
 use std::fs;
 
@@ -42,7 +42,7 @@ fn a_link_is_printed_as_it_was_read() {
 }
 
 #[test]
-fn what_is_no_link_is_told_what_is_wrong() {
+fn a_text_that_is_no_link_is_refused_with_the_reason() {
     for (text, why) in [
         ("https://h/rooms/R", "#TOKEN"),
         ("https://h/rooms/R#", "empty"),
@@ -78,7 +78,7 @@ fn what_is_no_link_is_told_what_is_wrong() {
 }
 
 #[test]
-fn a_servers_address_has_no_more_than_a_server() {
+fn a_servers_address_holds_no_token_query_or_user() {
     for (text, printed) in [
         ("https://h/", "https://h"),
         ("http://h:8480/a/b/", "http://h:8480/a/b"),

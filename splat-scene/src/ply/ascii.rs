@@ -7,7 +7,7 @@ use super::header::{Header, Kind};
 use crate::source::Source;
 use crate::{Format, SceneError};
 
-/// More text than this is no file made by hand, and its numbers could take four times the room.
+/// More text than this is no file made by hand; its numbers could take four times as much memory.
 const MOST_TEXT: usize = 1 << 28;
 
 pub(super) fn to_binary(

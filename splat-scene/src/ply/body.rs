@@ -109,12 +109,12 @@ impl Field {
     }
 }
 
-/// The properties that make up a Gaussian, in the order they are wanted.
+/// The properties that make up a Gaussian, in the order of the reader.
 #[derive(Debug)]
 pub(super) struct Columns {
     fields: Vec<Field>,
     /// Where each lies in a row taken as words of 32 bits, if all are `float` on such a word, as trainers write them: then
-    /// no value costs a look at its type, which tells with 59 of them in each of millions of rows.
+    /// no value needs a check of its type, which matters with 59 of them in each of millions of rows.
     words: Option<Vec<usize>>,
 }
 

@@ -4,7 +4,7 @@
 use crate::source::Source;
 use crate::{Format, SceneError};
 
-/// A header longer than this is not looked through; 3DGS writes 1.5 KB.
+/// A longer header is refused; 3DGS writes 1.5 KB.
 const MAX_HEADER_BYTES: usize = 1 << 20;
 const MAX_ELEMENTS: usize = 64;
 const MAX_PROPERTIES: usize = 1024;

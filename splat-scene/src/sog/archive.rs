@@ -22,7 +22,7 @@ const END_MAGIC: &[u8] = b"PK\x05\x06";
 const MAX_MEMBERS: u16 = 256;
 const MAX_DIRECTORY: u32 = 1 << 16;
 
-/// Whether a file is a zip with a `meta.json`, as a SOG scene is. One that cannot be read is none.
+/// Whether a file is a zip with a `meta.json`, as a SOG scene is. An unreadable file is not.
 pub fn is_sog(path: &Path) -> bool {
     let Ok(mut file) = File::open(path) else {
         return false;
@@ -77,9 +77,9 @@ impl<'a> Bundle<'a> {
     }
 }
 
-/// The zip reader makes room for as many members as the end record states, which this looks at first: the record at `place`, the file's
+/// The zip reader allocates for as many members as the end record states. So this checks it first: the record at `place`, the file's
 /// end, has no comment, is of one volume, and follows the directory that it states. So the reader takes neither an earlier
-/// record nor one of 64 bits instead.
+/// record nor a 64-bit one instead.
 fn check_end(end: &[u8; END_RECORD], place: u64) -> Result<(), String> {
     let volumes: [u8; 4] = bytes_at(end, 4);
     let comment = u16::from_le_bytes(bytes_at(end, 20));

@@ -22,7 +22,7 @@ pub use archive::is_sog;
 
 /// A description holds three tables of 256 numbers.
 const MAX_META_BYTES: u64 = 1 << 20;
-/// The quaternion's greatest part is told by this value of the fourth byte and the three above it.
+/// This value of the fourth byte, and the three above it, say which part of the quaternion is the greatest.
 const FIRST_TAG: u8 = 252;
 /// Palette entries in each row of the image of centroids.
 const PALETTE_ROW: usize = 64;
@@ -52,7 +52,7 @@ pub(crate) fn read_folder(source: &Source<'_>, path: &Path) -> Result<Scene, Sce
     }
     read(source, source.bytes, &mut |name, limit| {
         let image = folder.join(name);
-        // A pipe would keep the reader waiting for ever.
+        // A pipe could block the reader for ever.
         if image.metadata().is_ok_and(|about| !about.is_file()) {
             return Err(source.damaged(Format::Sog { version: 0 }, format!("{name} is not a file")));
         }
@@ -121,7 +121,7 @@ fn read(source: &Source<'_>, meta: &[u8], load: Load<'_>) -> Result<Scene, Scene
     Ok(builder.finish_as(format, meta.antialiased))
 }
 
-/// Three parts of a quaternion, in the order w x y z without the greatest, and which one that is. A tag that is none gives
+/// Three parts of a quaternion, in the order w x y z without the greatest, and which one that is. An unknown tag gives
 /// zeros, which no scene takes.
 fn quaternion([a, b, c, tag]: [u8; 4]) -> [f32; 4] {
     let [a, b, c] =

@@ -1,6 +1,6 @@
 //! `.spz`, Niantic's packed format, versions 2 to 4: a header and one block of bytes for each attribute. Versions 2 and 3
 //! keep all of it in one gzip stream, version 4 each block in a Zstandard stream of its own. Version 1 was never released.
-//! By the format's definition its axes are the house's (right, up, back), unless an extension states others. Layout after
+//! By the format's definition its axes are OpenXR's (right, up, back), unless an extension states others. Layout after
 //! nianticlabs/spz, `src/cc/load-spz.cc`.
 
 mod extensions;

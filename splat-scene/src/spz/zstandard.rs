@@ -12,7 +12,7 @@ use crate::{Format, Scene, SceneError};
 const HEADER: usize = 32;
 /// An entry of the table: the sizes of a stream, packed and unpacked.
 const TABLE_ENTRY: usize = 16;
-/// A stream may look back so far at least; Zstandard's specification asks it of every decoder.
+/// The window that Zstandard's specification asks every decoder to support.
 const LEAST_WINDOW: u64 = 8 << 20;
 
 pub(super) fn read(source: &Source<'_>) -> Result<Scene, SceneError> {

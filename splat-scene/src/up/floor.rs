@@ -1,6 +1,6 @@
 //! Which side of a scene is down, by its shape: a level surface at one end that reaches under nearly all of it, with nothing
-//! alike at the other end or on another side. A room, whose walls and ceiling are alike, and an object by itself tell
-//! nothing that way.
+//! alike at the other end or on another side. A room, whose walls and ceiling are alike, and a single object
+//! give no evidence.
 
 use glam::Vec3;
 
@@ -9,21 +9,21 @@ use crate::axes::Direction;
 
 /// Fainter Gaussians are haze.
 const OPAQUE: f32 = 0.5;
-/// Fewer Gaussians have no shape.
+/// Below this number of Gaussians no floor is looked for.
 const FEWEST: usize = 1000;
 /// The ground plan is seen in so many cells along each side.
 const CELLS: usize = 24;
 /// Layers along the axis that is looked along.
 const LAYERS: usize = 40;
-/// So many of them at either end may hold the floor: scenes have strays below it.
+/// The layers at either end that may hold the floor: scenes have strays below it.
 const END_LAYERS: usize = 8;
 /// A floor fills so much of the ground plan within one layer.
 const FLOOR: f32 = 0.75;
-/// What faces it fills at most this.
+/// The opposite end fills at most this share.
 const OPPOSITE: f32 = 0.4;
-/// No other side fills more than this.
+/// Every other side fills at most this share.
 const OTHERS: f32 = 0.6;
-/// Above a floor there is something: a share of the scene's greatest extent. A mere plane has no upper side.
+/// The least height of a scene above its floor, as a share of its greatest extent: a mere plane has no upper side.
 const LEAST_HEIGHT: f32 = 0.03;
 
 /// The direction away from the floor, and the share of the ground plan that the floor fills.

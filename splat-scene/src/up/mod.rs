@@ -52,7 +52,7 @@ impl UpAxis {
         }
     }
 
-    /// The axis of a file in `axes` that points to a direction of the house.
+    /// The axis of a file in `axes` that points in a direction of OpenXR's axes.
     fn towards(axes: Axes, direction: Vec3) -> Self {
         let file = axes.file(direction);
         Self::ALL
@@ -91,7 +91,7 @@ impl FromStr for UpAxis {
     }
 }
 
-/// What an axis was detected by.
+/// The evidence that an axis was detected by.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum UpEvidence {
@@ -144,13 +144,13 @@ pub struct DetectedUp {
 }
 
 impl Scene {
-    /// The axis of the file that points up, to the house's +y, as the scene lies now.
+    /// The axis of the file that points up, to OpenXR's +y, as the scene lies now.
     pub fn up(&self) -> UpAxis {
         UpAxis::towards(self.axes, Vec3::Y)
     }
 
     /// Finds out which axis of the file points up; `cameras` are those that the scene was trained from. A scene without any
-    /// evidence keeps the axis that is usual for its format. To be asked before the scene is placed.
+    /// evidence keeps the axis that is usual for its format. Call it before the scene is placed.
     pub fn detect_up(&self, cameras: Option<&Cameras>) -> DetectedUp {
         let found = |direction: Vec3, evidence| DetectedUp {
             axis: UpAxis::towards(self.axes, direction),
@@ -166,7 +166,7 @@ impl Scene {
         let by_floor = || {
             let (direction, share) = floor::find(self.positions(), self.opacities())?;
             let detected = found(direction.unit(), UpEvidence::Floor { share });
-            // No program leaves others up: there the surface is a wall.
+            // No program makes scenes with another axis up: there the surface is a wall.
             let usual = [UpAxis::PlusY, UpAxis::MinusY, UpAxis::PlusZ];
             usual.contains(&detected.axis).then_some(detected)
         };
@@ -174,7 +174,7 @@ impl Scene {
             let direction = floor::stands_on_origin(self.positions(), self.opacities())?;
             Some(found(direction.unit(), UpEvidence::Origin))
         };
-        // Whether an .spz has its format's axes or those of the PLY that it was made from, its cameras do not tell.
+        // Whether an .spz has its format's axes or those of the PLY that it was made from cannot be inferred from its cameras.
         let detected = if matches!(self.format(), Format::Spz { .. }) {
             by_floor().or_else(by_origin).or_else(by_cameras)
         } else {

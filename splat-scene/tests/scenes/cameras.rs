@@ -44,7 +44,7 @@ fn a_camera_sees_each_point_where_colmap_says() {
         ] {
             // In COLMAP's axes the point lies before the camera at +z and its y goes down the picture.
             let world = world_from_camera * point + position;
-            // In the house's it is before the camera at -z and its y goes up.
+            // In OpenXR's it is before the camera at -z and its y goes up.
             let seen = camera.world_from_camera * (point * house).as_vec3()
                 + Vec3::from_array(camera.position);
             let off = (seen.as_dvec3() - world * house).length();

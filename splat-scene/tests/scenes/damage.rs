@@ -1,4 +1,4 @@
-//! What is wrong in a file is named, with what to do, before memory is taken for what it promises; and single Gaussians that
+//! A damaged file is refused with the reason and the remedy, before memory is allocated by its counts; and single Gaussians that
 //! cannot be drawn are counted.
 
 use splat_scene::{Dropped, MAX_GAUSSIANS, MAX_LOG_SCALE, Scene, SceneError};

@@ -1,4 +1,4 @@
-//! Spherical harmonics and whole scenes, turned, against evaluation in f64 from the definition.
+//! Rotated spherical harmonics and scenes against an evaluation in f64 from the definition.
 
 use glam::{DMat3, DVec3, Quat, Vec3};
 use splat_scene::{Placement, Scene, SceneBuilder, ShRotation, Splat, sh_basis};
@@ -160,7 +160,7 @@ pub(crate) fn raw(random: &mut fastrand::Rng, coefficients: usize, at: f32) -> R
     }
 }
 
-/// A scene made in memory of Gaussians in the house's axes.
+/// A scene made in memory of Gaussians in OpenXR's axes.
 fn scene(raws: &[Raw]) -> Scene {
     let mut builder = SceneBuilder::new(2).unwrap();
     for raw in raws {

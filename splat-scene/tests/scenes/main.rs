@@ -1,4 +1,4 @@
-//! Scenes and cameras read from files: written by other programs, by the writers here, and damaged in every way.
+//! Scenes and cameras read from files: written by other programs, by the writers here, and damaged ones.
 
 mod cameras;
 mod damage;

@@ -52,7 +52,7 @@ proptest! {
         scene.write_ply(&mut written).unwrap();
         prop_assert_eq!(&written, &file);
         difference(&again, &raws, Axes::Colmap).assert_within(&EXACT);
-        // And another reader of the same bytes sees the file's own numbers.
+        // Another program reads the same numbers from these bytes.
         let raws_again = crate::third_party::raws(&file);
         difference(&scene, &raws_again, Axes::Colmap).assert_within(&EXACT);
     }
@@ -115,7 +115,7 @@ proptest! {
     }
 
     #[test]
-    fn spz_in_other_axes_is_turned_into_the_houses(raws in scenes(), system in 1..=16_u32) {
+    fn spz_in_other_axes_is_turned_into_openxrs(raws in scenes(), system in 1..=16_u32) {
         let axes = Axes::SPZ[system as usize - 1];
         let stated = extension(0xADBE_0003, &system.to_le_bytes());
         let unknown = extension(0x1234_0001, b"anything");

@@ -1,4 +1,4 @@
-//! SOG: zips, descriptions and images that lie.
+//! SOG: zips, descriptions and images with false statements.
 
 use serde_json::json;
 use splat_scene::Scene;

@@ -1,4 +1,4 @@
-//! `.spz` version 4: tables, streams and extensions that lie.
+//! `.spz` version 4: tables, streams and extensions with false statements.
 
 use splat_scene::Scene;
 

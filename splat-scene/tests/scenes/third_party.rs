@@ -99,7 +99,7 @@ fn splat_transforms_compressed_ply_is_read_to_its_quantisation() {
 #[test]
 fn antimatter15s_splat_is_read_to_its_quantisation() {
     let scene = load("synthetic.splat").unwrap();
-    assert_eq!(scene.format(), Format::Splat, "told by its content");
+    assert_eq!(scene.format(), Format::Splat, "detected by its content");
     let mut raws = synthetic();
     for raw in &mut raws {
         raw.rest.clear();

@@ -87,7 +87,7 @@ fn each_axis_can_be_turned_up_and_takes_the_whole_scene_along() {
             let height = own.dot(vector(axis).as_dvec3());
             let off = (f64::from(scene.positions()[4][1]) - height).abs();
             assert!(off < 3e-4, "{axis}: height {off} from {height}");
-            // And it is the same scene, turned: back where it was, it is equal.
+            // It is the same scene, turned: turned back, it is equal.
             scene.turn_up(usual);
             for (a, b) in scene.positions().iter().zip(before.positions()) {
                 assert_eq!(a, b, "{axis} and back");
@@ -192,7 +192,7 @@ fn an_spz_that_stands_on_the_origin_is_told_by_that_and_a_ply_is_not() {
         let raws: Vec<Raw> = (0..4000)
             .map(|_| {
                 let mut raw = raw(&mut random, 0, 0.0);
-                // A ball on the ground.
+                // A ball on the floor.
                 let on_ball = Vec3::from_array(std::array::from_fn(|_| random.f32() - 0.5));
                 let place = on_ball.normalize_or(Vec3::X) + Vec3::Y;
                 raw.position = [place.x, file_sign * place.y, place.z];
@@ -311,7 +311,7 @@ fn a_trained_scene_is_found_to_stand_on_its_ground() {
         matches!(detected.evidence, UpEvidence::Floor { .. }),
         "{detected:?}"
     );
-    // The same file with z up, as other trainers write it: file z is the house's y, file y the house's front.
+    // The same file with z up, as other trainers write it: file z is OpenXR's y, file y OpenXR's front.
     let mut lying = scene.clone();
     let quarter = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
     lying.place(&Placement::new(1.0, quarter, Vec3::ZERO).unwrap());

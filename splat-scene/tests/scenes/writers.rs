@@ -248,7 +248,7 @@ pub(crate) fn splat(raws: &[Raw]) -> Vec<u8> {
     file
 }
 
-/// The bytes inside an .spz file's gzip; the Gaussians' numbers go in as they are, in the house's axes.
+/// The bytes inside an .spz file's gzip; the Gaussians' numbers go in as they are, in OpenXR's axes.
 pub(crate) fn spz_payload(raws: &[Raw], version: u32, fractional_bits: u8, flags: u8) -> Vec<u8> {
     let mut file = b"NGSP".to_vec();
     file.extend(version.to_le_bytes());

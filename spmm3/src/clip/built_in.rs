@@ -1,4 +1,4 @@
-//! The built-in performance: the score on this skeleton and this face.
+//! The built-in performance: the motion of `score` applied to this skeleton and this face.
 //!
 //! Arm conventions, for the left arm (the right is its mirror image), all in the T-pose's axes: with the arm along +x and
 //! the palm down, lowering it turns the shoulder about -z, raising it forward from hanging about -x, turning it inward
@@ -65,7 +65,7 @@ pub(super) fn perform(
     })
 }
 
-/// Somebody who stands and does nothing: at the origin, facing +z, soles flat on y = 0, arms hanging as in the built-in
+/// A person standing still: at the origin, facing +z, soles flat on y = 0, arms hanging as in the built-in
 /// performance, hands half open, neutral face.
 #[must_use]
 pub fn at_ease(skeleton: &Skeleton) -> MotionParams {

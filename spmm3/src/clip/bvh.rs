@@ -1,24 +1,24 @@
 //! The BVH text format: a tree of joints with offsets and channels, then one row of numbers a frame.
 //!
-//! This reads what the file says, in the file's own units and axes; which joint is whose knee is `names`' affair, and
-//! making another body do the same is `retarget`'s. Nothing is allocated from a count that the file merely claims.
+//! This reads what the file says, in the file's own units and axes; `names` tells which joint is which part of a person, and
+//! `retarget` applies the motion to another body. No count in the file decides an allocation.
 
 use super::{MAX_FRAMES, MotionError, printable, range};
 use glam::{Quat, Vec3};
 
-/// More joints than any rig of a person; a hostile file stops here.
+/// More joints than any rig of a person has; it bounds a hostile file.
 const MAX_JOINTS: usize = 2048;
 /// Positions and rotations in any order, with room for the odd repeated axis.
 const MAX_CHANNELS: usize = 12;
 
-/// What one number of a frame does to its joint.
+/// What one channel of a frame sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Channel {
     /// Replaces the offset's coordinate on this axis, or adds to it: see [`Bvh::positions_add`].
     Position(usize),
     /// Turns about this axis, degrees, after the channels before it.
     Rotation(usize),
-    /// Read and left alone: bones of a person do not grow.
+    /// Read and ignored: bones of a person do not grow.
     Scale,
 }
 
@@ -45,7 +45,7 @@ pub(super) struct Bvh {
     width: usize,
     values: Vec<f32>,
     /// Exporters disagree about position channels below the root: most write the whole offset, MakeHuman's files write
-    /// what is to be added to it (zeros). Whichever leaves the first frame's bones nearer to their rest length is meant.
+    /// what is to be added to it (zeros). The reading that leaves the first frame's bones nearer to their rest length is taken.
     positions_add: bool,
 }
 

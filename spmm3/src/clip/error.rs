@@ -21,7 +21,7 @@ pub enum MotionError {
         /// The folder.
         path: PathBuf,
     },
-    /// The file is of no kind that this reads.
+    /// The file is of no kind that this module reads.
     #[error(
         "{path} is neither a BVH text (it would begin with HIERARCHY) nor an SMPL-X .npz archive: {hint}"
     )]
@@ -31,7 +31,7 @@ pub enum MotionError {
         /// What to do instead.
         hint: &'static str,
     },
-    /// The file is larger than any honest clip.
+    /// The file is larger than any clip may be.
     #[error(
         "{what} is {size}, above the limit of {limit}: cut the clip into shorter ones or lower its frame rate"
     )]
@@ -44,7 +44,7 @@ pub enum MotionError {
         limit: u64,
     },
     /// The BVH text breaks the format.
-    #[error("BVH line {line}: {reason}; mend that line or export the file again")]
+    #[error("BVH line {line}: {reason}; correct that line or export the file again")]
     Bvh {
         /// Line in the file, from 1.
         line: usize,
@@ -66,14 +66,14 @@ pub enum MotionError {
     #[error("the .npz archive is damaged: export it again with numpy.savez")]
     Archive(#[from] zip::result::ZipError),
     /// An array of the archive is missing, damaged or of the wrong shape.
-    #[error("array `{array}` of the .npz {reason}; mend it and save it again with numpy.savez")]
+    #[error("array `{array}` of the .npz {reason}; correct it and save it again with numpy.savez")]
     Array {
         /// Name of the array.
         array: String,
         /// What is wrong with it.
         reason: String,
     },
-    /// A number of a frame is none that a person's motion has.
+    /// A number of a frame is outside what a person's motion can have.
     #[error(
         "frame {frame}: {what} is {value:e}, beyond the {limit} that are possible: check the file's units or export it again"
     )]
@@ -87,7 +87,7 @@ pub enum MotionError {
         /// The largest possible absolute value.
         limit: f32,
     },
-    /// The caller asked for a clip that cannot be.
+    /// The caller asked for an impossible clip.
     #[error("{0}")]
     Request(String),
 }

@@ -1,4 +1,4 @@
-//! Feet on the floor: where the soles are, how high a clip must stand, and where it begins.
+//! Feet on the floor: the height of the soles, a clip's height over the floor, and its starting point.
 //!
 //! It moves whole frames only. It plants no foot by bending a leg: a captured step keeps its small slide.
 
@@ -9,7 +9,7 @@ use glam::Vec3;
 const HEEL: f32 = 0.055;
 const TOE: f32 = 0.07;
 
-/// Half a window of time in which somebody who stands or walks has stood on a sole, seconds.
+/// Half a window of time within which a standing or walking person has a sole on the floor, seconds.
 const WINDOW: f64 = 0.75;
 /// How far the floor may be from the whole clip's, metres.
 const DRIFT: f32 = 0.08;
@@ -80,8 +80,8 @@ pub(super) fn stand(
 /// Height of the floor at each frame: a low percentile of the lowest soles within the window, smoothed.
 ///
 /// It follows a floor that drifts (CMU's rises by 4 cm over a walk of 3 m: a matter of calibration). A step's or a
-/// jump's flight is shorter than the window and does not lift it, and further than [`DRIFT`] from the whole clip's floor
-/// it does not go, so that stairs and a sofa stay what they are.
+/// jump's flight is shorter than the window and does not lift it, and it stays within [`DRIFT`] of the whole clip's floor,
+/// so that stairs and a sofa keep their height.
 fn floor_under(lowest: &[f32], frame_seconds: f64) -> Vec<f32> {
     let whole = percentile(lowest);
     let half = super::floor_index((WINDOW / frame_seconds).clamp(1.0, 1e6));

@@ -1,9 +1,9 @@
-//! Hands: which joints are fingers, which way a palm faces, and how a hand is at ease.
+//! Hands: which joints are fingers, which way a palm faces, and the pose of a relaxed hand.
 
 use crate::{Joint, MotionParams, Skeleton};
 use glam::{Mat3, Vec3};
 
-/// Curl of each finger joint, radians, when the file says nothing about fingers: a hand at ease.
+/// Curl of each finger joint, radians, where the file has no fingers: a relaxed hand.
 const RELAXED_CURL: f32 = 0.30;
 
 /// Fingers of a hand as (first joint, second, third), left then right.

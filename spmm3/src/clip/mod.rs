@@ -1,4 +1,4 @@
-//! Motion clips: where motion comes from when nobody is calling. A BVH file, an SMPL-X / AMASS archive or a built-in
+//! Motion clips: motion without a live sender. A BVH file, an SMPL-X / AMASS archive or a built-in
 //! performance become a list of [`MotionParams`], retargeted onto this avatar's skeleton.
 //!
 //! Conventions: y up, metres, the captured heading kept. A clip begins with the hips above the origin of the floor
@@ -46,7 +46,7 @@ pub struct MotionClip {
     pub unmapped: Vec<String>,
 }
 
-/// What the caller knows better than the reader.
+/// What the caller may set where the file does not say it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LoadOptions {
     /// Metres per BVH unit. `None`: found from the length of the legs, and the travel is fitted to this avatar's legs.
@@ -54,7 +54,7 @@ pub struct LoadOptions {
     pub bvh_scale: Option<f32>,
 }
 
-/// What [`MotionClip::sample`] does past the ends.
+/// What [`MotionClip::sample`] returns past the ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Playback {
     /// Hold the first and the last frame.
@@ -64,7 +64,7 @@ pub enum Playback {
 }
 
 impl MotionClip {
-    /// Reads a motion file and retargets it onto `skeleton`. The kind is told by the content.
+    /// Reads a motion file and retargets it onto `skeleton`. The format is detected by the content.
     ///
     /// # Errors
     /// If the path is a folder or cannot be read, or the file is of no known kind, is damaged, or shows no person, or
@@ -150,7 +150,7 @@ impl MotionClip {
         smplx::read(bytes, skeleton)
     }
 
-    /// A person who talks, gestures with both arms and fingers, shifts their weight, looks about and turns: a
+    /// A person talking, gesturing with both arms and fingers, shifting their weight, looking about and turning: a
     /// performance of [`LOOP_SECONDS`] that is repeated and stretched to fill `seconds`, so that the clip always loops.
     ///
     /// `expressions` are the avatar's presets; a face without presets still moves its jaw and eyes.
@@ -234,7 +234,7 @@ fn blend(from: &MotionParams, to: &MotionParams, share: f32) -> MotionParams {
     out
 }
 
-/// A name out of a file, fit for one line of a message or a log.
+/// A name from a file, shortened and cleaned for one line of a message or a log.
 fn printable(name: &str) -> String {
     name.chars()
         .map(|c| if c.is_control() { '\u{fffd}' } else { c })

@@ -54,7 +54,7 @@ const LIMBS: &[(Joint, &[&str])] = &[
     (Joint::LeftPinky3, &["handpinky3", "pinky3", "finger53"]),
 ];
 
-/// Names without a side. MakeHuman's special04 hangs on the jaw and carries the chin and lower lip.
+/// Names without a side. MakeHuman's special04 is a child of the jaw and carries the chin and lower lip.
 const MIDDLE: &[(Joint, &[&str])] = &[
     (Joint::Head, &["head"]),
     (Joint::Jaw, &["special04", "jaw"]),
@@ -73,7 +73,7 @@ pub(super) struct Parts {
     pub(super) neck: Vec<usize>,
     /// Left and right: the bone that carries the upper arm.
     pub(super) collars: [Option<usize>; 2],
-    /// CMU's skeleton: a mitten of two bones stands for the hand, and nobody captured it.
+    /// CMU's skeleton: a mitten of two bones stands for the hand, and its motion was not captured.
     pub(super) mitten_hands: bool,
     /// Names of joints that move nothing here.
     pub(super) unmapped: Vec<String>,
@@ -217,7 +217,7 @@ pub(super) fn mirrored(joint: Joint) -> Joint {
         .unwrap_or(joint)
 }
 
-/// Side and bare stem of a joint's name; `None` for the ghosts (`__UpLeg_L`) that older MakeHuman puts between bones.
+/// Side and bare stem of a joint's name; `None` for the helper joints (`__UpLeg_L`) that older MakeHuman puts between bones.
 fn stem(name: &str) -> Option<(Option<Side>, String)> {
     let name = name.rsplit(':').next().unwrap_or(name);
     if name.starts_with("__") {
@@ -261,7 +261,7 @@ fn stem(name: &str) -> Option<(Option<Side>, String)> {
     Some((None, plain(name)))
 }
 
-/// Ways through the tree.
+/// Paths through the tree.
 struct Tree<'a>(&'a [BvhJoint]);
 
 impl Tree<'_> {
@@ -274,7 +274,7 @@ impl Tree<'_> {
         Some(self.above(*child).any(|j| j == *parent))
     }
 
-    /// The lowest joint that both hang on (or are).
+    /// The lowest common ancestor of both (itself included).
     fn common(&self, a: usize, b: usize) -> usize {
         let of_a: Vec<_> = std::iter::once(a).chain(self.above(a)).collect();
         std::iter::once(b)
@@ -283,7 +283,7 @@ impl Tree<'_> {
             .unwrap_or(0)
     }
 
-    /// The joints below `from` down to `to`, both ways of the tree's order: first the nearest to `from`.
+    /// The joints below `from` down to `to`, the nearest to `from` first.
     fn path(&self, from: usize, to: usize) -> Vec<usize> {
         let mut path: Vec<_> = std::iter::once(to)
             .chain(self.above(to))

@@ -1,6 +1,6 @@
 //! NumPy arrays inside an `.npz` archive.
 //!
-//! Own code of a few lines on purpose: the crates for it parse the header's Python literal recursively, so that a
+//! Written here on purpose: the crates for it parse the header's Python literal recursively, so that a
 //! hostile header of nested brackets overflows the stack, and bring an arbitrary-precision integer and a grammar engine.
 //! Here a header is three known keys, and no byte is read beyond what shape and type account for.
 

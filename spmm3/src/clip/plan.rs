@@ -1,4 +1,4 @@
-//! What to do for each target joint, worked out once from the two rest poses: whom it follows, and the constant `C`
+//! How each target joint is computed, found once from the two rest poses: the source joint it follows, and the constant `C`
 //! (`rest_from_t`) that turns our T-pose into the source's rest pose.
 
 use super::{
@@ -9,7 +9,7 @@ use super::{
 use crate::{JOINTS, Joint, Skeleton};
 use glam::{Quat, Vec3};
 
-/// Beyond this lean of a shank at rest nobody's sole stays flat: the ankle is at ease and the sole leans with it.
+/// With a shank that leans more than this at rest no sole is flat: the ankle is relaxed and the sole leans with the shank.
 const STRADDLE: f32 = 0.17;
 
 /// One limb segment: from the first joint to the second, of this body.
@@ -23,7 +23,7 @@ pub(super) const LIMBS: [(Joint, Joint); 8] = [
     (Joint::RightShoulder, Joint::RightElbow),
     (Joint::RightElbow, Joint::RightWrist),
 ];
-/// What to do for each target joint, worked out once from the two rest poses.
+/// How each target joint is computed, found once from the two rest poses.
 pub(super) struct Plan {
     /// `C`: our T-pose to the source's rest pose, per target joint.
     pub(super) rest_from_t: [Quat; JOINTS],

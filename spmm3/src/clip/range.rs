@@ -1,5 +1,5 @@
-//! What a person's motion can be: finite, somewhere near the origin, and over within the hour. Frames are looked at
-//! before anything is computed from them, and once more afterwards.
+//! Bounds of a person's motion: finite, near the origin, at most an hour long. Frames are checked
+//! before anything is computed from them, and again afterwards.
 
 use super::MotionError;
 use crate::{Joint, MotionParams};
@@ -18,7 +18,7 @@ const FRAME_SECONDS: RangeInclusive<f64> = 1e-3..=1.0;
 /// Seconds of the longest clip.
 const MAX_SECONDS: f64 = 3600.0;
 
-/// What is wrong with a file's frame time, if something is; a single frame is a pose, and its time says little.
+/// What is wrong with a file's frame time, if something is; a single frame is a pose, whose time does not matter.
 pub(super) fn time_fault(frame_seconds: f64, frames: usize) -> Option<String> {
     let moves = frames > 1;
     let possible = if moves {
@@ -42,7 +42,7 @@ pub(super) fn time_fault(frame_seconds: f64, frames: usize) -> Option<String> {
     })
 }
 
-/// Refuses frames that hold numbers no person's motion has.
+/// Refuses frames that hold numbers out of these bounds.
 pub(super) fn check(frames: &[MotionParams]) -> Result<(), MotionError> {
     for (at, frame) in frames.iter().enumerate() {
         let place = || "the root's place in metres".to_owned();
@@ -57,7 +57,7 @@ pub(super) fn check(frames: &[MotionParams]) -> Result<(), MotionError> {
     Ok(())
 }
 
-/// Refuses an axis-angle vector as a file has it.
+/// Refuses an axis-angle vector as it stands in a file.
 pub(super) fn check_turn(frame: usize, joint: Joint, turn: &[f32]) -> Result<(), MotionError> {
     beyond(
         frame,
@@ -73,7 +73,7 @@ fn beyond(
     values: &[f32],
     limit: f32,
 ) -> Result<(), MotionError> {
-    // NaN is within no limit.
+    // The comparison is false for NaN.
     let within = |value: &f32| value.abs() <= limit;
     match values.iter().find(|value| !within(value)) {
         None => Ok(()),

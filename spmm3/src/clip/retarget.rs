@@ -4,7 +4,7 @@
 //! T-pose with straddled legs. For each target joint a constant `C` turns our T-pose into the file's rest pose, and the
 //! joint's world rotation is the source's world rotation times `C`. Limbs get `C` by aligning each bone after its
 //! parent's (no twist of their own), and each frame a last swing puts the bone along the line between the source's
-//! joints, so that chains of many bones arrive whole. Torso, head, collars and face take `C` = identity: their joints
+//! joints, so that chains of many bones keep their end points. Torso, head, collars and face take `C` = identity: their joints
 //! sit at other places in every rig, but both rest poses stand upright and look ahead.
 
 use super::{
@@ -66,7 +66,7 @@ impl Plan {
                 world[j] = Some(pose.rotations[follows] * self.rest_from_t[j]);
             }
         }
-        // The chest turns as the source's last spine bone; the joints below it share the way there.
+        // The chest turns as the source's last spine bone; the joints below it share the rotation.
         let spine = [Joint::Spine1, Joint::Spine2, Joint::Spine3];
         for (k, joint) in (1u8..).zip(spine) {
             world[joint.index()] = Some(along_chain(
@@ -92,7 +92,7 @@ impl Plan {
                 *world = Quat::from_rotation_arc((*world * ours).normalize(), line) * *world;
             }
         }
-        // A forearm turns along its whole length: the elbow takes half of what the wrist turns about it.
+        // A forearm turns along its whole length: the elbow takes half of the wrist's turn about the forearm.
         for (elbow, wrist) in [
             (Joint::LeftElbow, Joint::LeftWrist),
             (Joint::RightElbow, Joint::RightWrist),
@@ -127,7 +127,7 @@ impl Plan {
         motion
     }
 
-    /// Rigs bend their backs at other heights than ours: turned alike, bone for bone, a deep bow would end elsewhere.
+    /// Rigs bend their backs at other heights than ours: with the same turn for each bone a deep bow would end elsewhere.
     /// Turns the three spine joints together until hips and neck lie as the source's do, apart from what already
     /// differs at rest.
     fn straighten_torso(
@@ -157,7 +157,7 @@ impl Plan {
                     Some(world[joint.index()]? * skeleton.rest_offset(next))
                 })
                 .sum();
-            // The foot of the back stays with the pelvis: aim the rest of the line.
+            // The lowest spine bone stays with the pelvis: aim the rest of the line.
             let length = (base + back).length();
             let (Some(now), Some(aim)) = (
                 back.try_normalize(),
@@ -179,8 +179,8 @@ impl Plan {
         (at(Joint::LeftHip) + at(Joint::RightHip)) * 0.5
     }
 }
-/// Rotation at a share (0..=1) of the way up a chain of bones: of a bone of the chain where there are at least three,
-/// between two of them where there are fewer.
+/// Rotation at a share (0..=1) of the way up a chain of bones: that of one bone in a chain of at least three,
+/// interpolated between two in a shorter one.
 fn along_chain(pose: &Pose, base: usize, chain: &[usize], share: f32) -> Quat {
     let at = |k: usize| {
         let joint = k.checked_sub(1).and_then(|k| chain.get(k)).unwrap_or(&base);

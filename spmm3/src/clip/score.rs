@@ -1,4 +1,4 @@
-//! The built-in performance as data: who moves what when. Times in seconds of a loop of [`LOOP_SECONDS`], angles in
+//! The built-in performance as data: which quantity has which value when. Times in seconds of a loop of [`LOOP_SECONDS`], angles in
 //! degrees, read by `built_in`.
 //!
 //! The person greets with the right hand, explains with both, turns to the left and presents something there, comes

@@ -1,4 +1,4 @@
-//! SMPL-X and AMASS archives: body+hands are this house's 165 pose values already.
+//! SMPL-X and AMASS archives: body and hands are the 165 pose values of [`MotionParams`] already.
 //!
 //! Read: `poses` with 165 (SMPL-X), 156 (SMPL+H: no face), 75 (body with face), 72 (SMPL), 66 (root and body) or 63
 //! (body) numbers a frame, or the split keys of an SMPL-X fit. Shape (`betas`) is another body's and left out; so are

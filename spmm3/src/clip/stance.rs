@@ -1,4 +1,4 @@
-//! Legs that end where the feet are to be; planted ones carry a moved pelvis over soles that stay where they stand at rest.
+//! Inverse kinematics of the legs; planted legs carry a moved pelvis while the soles stay where they are at rest.
 
 use crate::{Joint, MotionParams, Skeleton};
 use glam::{Mat3, Quat, Vec3};
@@ -9,7 +9,7 @@ pub const LEGS: [[Joint; 3]; 2] = [
     [Joint::RightHip, Joint::RightKnee, Joint::RightAnkle],
 ];
 
-/// How much of a leg's length is always kept in hand, so that a planted leg never has to be straight.
+/// The share of a leg's length that stays unused, so that a planted leg is never straight.
 const SLACK: f32 = 0.006;
 
 /// Puts the pelvis at its rest position plus `shift` (metres) turned by `turn`, and bends hips, knees and ankles so that
@@ -45,8 +45,8 @@ pub(super) fn plant(motion: &mut MotionParams, skeleton: &Skeleton, shift: Vec3,
 }
 
 /// Bends hip, knee and ankle of `leg`, one of [`LEGS`], so that it leads from a pelvis to an ankle, each given by position
-/// (metres) and rotation from rest, both in one space. The knee points as far towards `knee` as the way allows. An ankle
-/// out of reach is reached for.
+/// (metres) and rotation from rest, both in one space. The knee points towards `knee` as far as the leg allows. For an ankle
+/// out of reach the leg is stretched towards it.
 pub fn bend_leg(
     motion: &mut MotionParams,
     skeleton: &Skeleton,

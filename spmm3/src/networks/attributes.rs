@@ -72,7 +72,7 @@ impl QuantisedBases {
         let gaussians = scales.len() / ATTRIBUTES;
         PersonError::check_count("basis scales", scales.len(), ATTRIBUTES * gaussians)?;
         PersonError::check_count("deformation bases", values.len(), scales.len() * bases)?;
-        // As far as quantising goes: 127 steps reach 1000.
+        // The largest step that quantising makes: 127 steps reach 1000.
         PersonError::check_range("basis unit", &units, 0.0, 1000.0 / 127.0, "0..1000 / 127")?;
         check_scales("basis scale", &scales)?;
         Ok(Self {

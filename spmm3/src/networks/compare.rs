@@ -1,7 +1,7 @@
-//! Demands that a graph from a package is the very graph that [`DeformGraph`] writes for that package's person.
+//! Checks that a graph from a package is the very graph that [`DeformGraph`] writes for that package's person.
 //!
 //! Known operators alone bound nothing: two of them make a matrix of any size out of two short vectors, and ONNX Runtime
-//! computes constants when it loads. So the writer itself says, part by part, what must stand there; there is no second
+//! computes constants when it loads. So the graph is compared, part by part, with what the writer would write; there is no second
 //! description of the graph to keep up to date.
 
 use super::graph::{Sink, head};
@@ -21,7 +21,7 @@ use prost::Message;
 const MAX_NUMBERS: usize = 128 << 20;
 
 impl DeformGraph<'_> {
-    /// Refuses `model`, which [`super::GraphSignature::read`] has passed, unless it is the graph that [`Self::to_onnx`] writes for `template`,
+    /// Refuses `model`, which [`super::GraphSignature::read`] has checked, unless it is the graph that [`Self::to_onnx`] writes for `template`,
     /// `controllers` and some networks: the same nodes in the same order, the same stored tensors, and in them this
     /// person's skinning weights, neighbours and masses. The rest shape is stored as a sum with F_mesh's mean offsets,
     /// which must stay within what [`super::QuantisedDecoder::quantise`] takes.
@@ -72,7 +72,7 @@ fn check_head(model: &[u8]) -> Checked<()> {
 /// `ModelProto.graph`.
 const GRAPH_FIELD: u64 = 7;
 
-/// The parts of a graph, held against those that the writer hands in, until one differs.
+/// The parts of a graph, compared with those that the writer writes, until one differs.
 struct Comparison<'a> {
     nodes: std::vec::IntoIter<&'a [u8]>,
     tensors: std::vec::IntoIter<Stored<'a>>,
@@ -146,7 +146,7 @@ impl<'a> Comparison<'a> {
             return Ok(());
         }
         refuse(format!(
-            "stored tensor {wanted:?} is not what the package's template and controllers make it"
+            "stored tensor {wanted:?} does not follow from the package's template and controllers"
         ))
     }
 }

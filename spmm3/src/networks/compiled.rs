@@ -1,5 +1,5 @@
 //! A deform graph compiled for one chip's NPU: an ONNX model whose only node, ONNX Runtime's `EPContext`, holds the
-//! compiled form. It is no substitute for the plain graph: only that chip's runtime can read it, and nobody else can check
+//! compiled form. It is no substitute for the plain graph: only that chip's runtime can read it, and no other program can check
 //! what it computes.
 
 use super::GraphSignature;
@@ -20,7 +20,7 @@ pub struct CompiledGraph {
     pub onnx: Vec<u8>,
 }
 
-/// Attributes of `EPContext` that QNN writes. What may name a file (`ep_cache_context` without embedding) is held to be
+/// Attributes of `EPContext` that QNN writes. What may name a file (`ep_cache_context` without embedding) must be
 /// embedded.
 const ATTRIBUTES: [&[u8]; 10] = [
     b"main_context",
@@ -100,7 +100,7 @@ fn check_node(node: &[u8], expected: &GraphSignature) -> Checked<String> {
     context.finish()
 }
 
-/// What matters of a node's attributes.
+/// The relevant attributes of a node.
 #[derive(Default)]
 struct Context<'a> {
     embedded: bool,

@@ -1,4 +1,4 @@
-//! The deform graph: F_mesh -> LBS and F_attr in one static ONNX graph, or those parts of it that a unit is to compute.
+//! The deform graph: F_mesh -> LBS and F_attr in one static ONNX graph, or those parts of it that one unit computes.
 //!
 //! Shapes are static, rank is at most 4, tensors are planar and inputs and outputs FP32: the form that both the CPU and
 //! the Hexagon NPU run whole. Stored FP16 and 8-bit weights are widened by constant nodes, which ONNX Runtime folds when
@@ -251,7 +251,7 @@ pub(super) fn head() -> Model {
     }
 }
 
-/// Takes the parts of a graph: to keep them, or to hold another graph against them.
+/// Receives the parts of a graph: to write them, or to compare another graph with them.
 pub(super) trait Sink {
     fn node(&mut self, node: Node);
     fn tensor(&mut self, tensor: Tensor);

@@ -1,6 +1,6 @@
-//! Reads what a deform graph promises and contains, without trusting it and without copying it.
+//! Reads the signature and contents of an untrusted deform graph, without copying it.
 //!
-//! ONNX can name files to load, loops to run and custom libraries' operators. A package comes from somebody else, so the
+//! ONNX can name files to load, loops to run and custom libraries' operators. A package is untrusted, so the
 //! graph may only be what a static feed-forward network needs: known operators, numbers inside the file, all finite.
 
 use super::onnx::{Tensor, ValueInfo, data_type};
@@ -28,7 +28,7 @@ const MAX_PARTS: usize = 4096;
 /// Most bytes of one description of an input, an output or a node.
 const MAX_DESCRIPTION: usize = 4096;
 
-/// What a graph declares to the outside.
+/// A graph's declared inputs and outputs.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct GraphSignature {
     /// Inputs in order: name and static shape of a float tensor.
@@ -43,7 +43,7 @@ impl GraphSignature {
     /// Reads `model`, the bytes of an ONNX file, and checks every node and stored tensor in it.
     ///
     /// # Errors
-    /// If it is not an ONNX graph, or holds what a deform graph has no need of.
+    /// If it is not an ONNX graph, or holds what no deform graph needs.
     pub fn read(model: &[u8]) -> Checked<Self> {
         let graph = find_graph(model)?;
         let mut signature = Self::default();

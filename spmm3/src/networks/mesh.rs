@@ -63,7 +63,7 @@ impl QuantisedDecoder {
         PersonError::check_count("decoder unit", unit.len(), 1)?;
         PersonError::check_count("decoder scales", scales.len(), mean.len())?;
         PersonError::check_count("decoder fields", values.len(), rank * mean.len())?;
-        // As far as quantising goes: 127 steps reach 10 m.
+        // The largest step that quantising makes: 127 steps reach 10 m.
         PersonError::check_range("decoder unit", &unit, 0.0, 10.0 / 127.0, "0..10 m / 127")?;
         super::attributes::check_scales("decoder scale", &scales)?;
         Self::check_mean(&mean)?;

@@ -1,6 +1,6 @@
 //! F_mesh and F_attr of the paper: their weights, and the one static ONNX graph that holds both and the LBS between.
 //!
-//! This module describes networks and writes them down; `npu-runtime` runs them and `tools/reconstruct` fits them.
+//! This module describes networks and writes them as ONNX; `npu-runtime` runs them and `tools/reconstruct` fits them.
 
 mod attributes;
 mod compare;

@@ -1,6 +1,6 @@
 //! The part of ONNX's protobuf schema (onnx.proto, IR version 9) that the deform graph needs, with its field numbers.
 //!
-//! Hand-derived so that no protobuf compiler is needed to build the house; ONNX Runtime and the `onnx` checker read the
+//! Hand-derived so that no protobuf compiler is needed to build this workspace; ONNX Runtime and the `onnx` checker read the
 //! result.
 
 use prost::Message;

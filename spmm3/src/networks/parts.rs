@@ -16,7 +16,7 @@ pub enum GraphParts {
 /// An input or output: its name and its static shape, float.
 pub type Port = (&'static str, [usize; 2]);
 
-/// How many of everything there are in a graph.
+/// The sizes of a graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GraphSizes {
     /// Template vertices N_v.

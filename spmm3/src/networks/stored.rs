@@ -1,4 +1,4 @@
-//! Reads F_mesh and F_attr back out of a deform graph that [`super::DeformGraph`] wrote, by the names it gives its
+//! Reads F_mesh and F_attr back out of a deform graph that [`super::DeformGraph`] wrote, by the names of their
 //! tensors: for a unit that runs part of the graph with kernels of its own.
 
 use super::inspect::Stored;

@@ -1,4 +1,4 @@
-//! The zip around the members: deterministic when written, distrusted when read.
+//! The zip around the members: deterministic when written, untrusted when read.
 //!
 //! A package is one plain zip: stored or deflated members at the top level, no comment, no zip64, nothing but what the
 //! manifest lists. Nothing is sized by a number from the file before that number is checked.
@@ -47,7 +47,7 @@ impl<R: Read + Seek> Archive<R> {
         check_end_record(&mut reader)?;
         let refused = |e: zip::result::ZipError| PackageError::archive(e.to_string());
         let config = Config {
-            // Bytes before the archive would be bytes nobody checks.
+            // Bytes before the archive would remain unchecked.
             archive_offset: ArchiveOffset::Known(0),
         };
         let mut zip = ZipArchive::with_config(config, reader).map_err(refused)?;
@@ -127,7 +127,7 @@ pub(super) fn sha256(bytes: &[u8]) -> String {
         .collect()
 }
 
-/// The zip reader trusts the end record's counts while it reads the directory; this looks at them first.
+/// The zip reader trusts the end record's counts while it reads the directory; so this checks them first.
 fn check_end_record<R: Read + Seek>(reader: &mut R) -> Result<(), PackageError> {
     let refused = |reason: &str| Err(PackageError::archive(reason));
     let unreadable = |e: std::io::Error| PackageError::archive(e.to_string());

@@ -1,4 +1,4 @@
-//! An avatar in memory, and its way out of a `.m3a` package.
+//! An avatar in memory, and how it is read from a `.m3a` package.
 
 use super::PackageError;
 use super::archive::Archive;
@@ -14,7 +14,7 @@ use std::path::Path;
 /// The manifest is parsed into a tree, which takes more memory than its text.
 const MAX_MANIFEST: u64 = 1 << 20;
 
-/// A person's double, whole: what a package holds.
+/// A person's avatar: all that a package holds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Avatar {
     /// The avatar's name.

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 /// The member that holds the deform graph.
 pub(super) const GRAPH: &str = "deform.onnx";
 
-/// A package that cannot be written, or that must not be used. The text does not repeat the package's path: whoever
-/// names the file in an error of its own says it.
+/// A package that cannot be written, or that must not be used. The text does not repeat the package's path: the caller
+/// names it in its own error.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PackageError {
@@ -101,7 +101,7 @@ impl PackageError {
     }
 }
 
-/// A reason that may quote the file, without what would command the terminal it is printed on.
+/// A reason that may quote the file, without control characters for the terminal that prints it.
 fn printable(reason: impl Into<String>) -> String {
     let reason = reason.into();
     if reason.chars().any(is_unprintable) {

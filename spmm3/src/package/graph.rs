@@ -1,4 +1,4 @@
-//! An avatar's deform graph and networks, out of its package.
+//! An avatar's deform graph and networks, read from its package.
 
 use super::{Avatar, PackageError};
 use crate::networks::{

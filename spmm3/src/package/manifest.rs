@@ -12,9 +12,9 @@ use std::collections::BTreeMap;
 /// Name of the format in [`Manifest::format`].
 pub const FORMAT: &str = "mon3tr-avatar";
 /// Newest format version this crate reads. It came with compiled graphs and the order of importance, and is written where
-/// there is either.
+/// a package has either.
 pub const VERSION: u32 = 2;
-/// The version of a package with neither, which programs of before them read too.
+/// The version of a package with neither, which older programs read too.
 pub(super) const VERSION_PLAIN: u32 = 1;
 
 /// Name of the manifest's member.
@@ -50,7 +50,7 @@ pub struct Manifest {
     /// What one may do with the avatar.
     #[serde(default)]
     pub licence: String,
-    /// Space, units and orders of the tensors, for whoever reads them with other tools.
+    /// Space, units and orders of the tensors, for readers with other tools.
     #[serde(default)]
     pub conventions: BTreeMap<String, String>,
     /// Sizes that all members agree on.
@@ -168,7 +168,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// These texts are printed: one line each, and nothing in them that a terminal obeys.
+    /// These texts are printed: one line each, without control characters.
     fn check_texts(&self) -> Result<(), PackageError> {
         let texts = [
             ("name", &self.name),
@@ -293,7 +293,7 @@ pub(super) fn conventions() -> BTreeMap<String, String> {
         ),
         (
             "order",
-            "Gaussian indices, the most important first: whoever draws fewer draws the first ones",
+            "Gaussian indices, the most important first: a viewer that draws fewer draws the first ones",
         ),
         (
             "heirs",

@@ -1,6 +1,6 @@
 //! The avatar package, `.m3a`: one plain zip that common tools open, with a manifest, safetensors and an ONNX graph.
 //!
-//! Written deterministically; read as somebody else's file. Every size, hash, type, shape, index and number is checked
+//! Written deterministically; read as an untrusted file. Every size, hash, type, shape, index and number is checked
 //! against the manifest and the limits here before anything uses it. It does not fetch packages and runs no network.
 
 mod archive;

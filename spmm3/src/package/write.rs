@@ -1,4 +1,4 @@
-//! An avatar's way into a `.m3a` package.
+//! Writes an avatar as a `.m3a` package.
 
 use super::archive;
 use super::compiled;
@@ -106,7 +106,7 @@ impl Avatar {
         let mut files = vec![(MANIFEST, text)];
         files.extend(packed.into_iter().map(|(name, (bytes, _))| (name, bytes)));
         let bytes = archive::write(&files)?;
-        // A package that its own reader refuses must not leave the house.
+        // A package that the reader refuses must not be written.
         drop(files);
         Self::read(Cursor::new(&bytes))?;
         Ok(bytes)

@@ -1,5 +1,5 @@
-// libandroid.so: loopers over poll(2), input queues over an eventfd, windows that nothing is drawn into, and a configuration that says one
-// thing always. Functions named rehearsal_... are for the host (src/bin/host/shims.rs).
+// libandroid.so: loopers over poll(2), input queues over an eventfd, windows without contents, and a configuration that never
+// changes. Functions named rehearsal_... are for the host (src/bin/host/shims.rs).
 #define _GNU_SOURCE
 #include <errno.h>
 #include <poll.h>
@@ -87,7 +87,7 @@ int ALooper_addFd(ALooper *looper, int fd, int ident, int events, Callback callb
   return result;
 }
 
-// A change of the set of descriptors wakes the poll, as on Android; that is not told as a wake.
+// A change of the set of descriptors wakes the poll, as on Android; that does not count as a wake.
 int ALooper_pollOnce(int timeout, int *out_fd, int *out_events, void **out_data) {
   ALooper *looper = ALooper_forThread();
   if (!looper) return -4;
@@ -131,7 +131,7 @@ int ALooper_pollAll(int timeout, int *fd, int *events, void **data) {
   }
 }
 
-// Input: events that the host puts in, of which only the number counts.
+// Input: events that the host puts in, which are only counted.
 typedef struct {
   int32_t taken, finished, handled;
 } Figures;

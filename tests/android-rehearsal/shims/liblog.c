@@ -27,7 +27,7 @@ int __android_log_buf_write(int buffer, int priority, const char *tag, const cha
   int length = snprintf(head, sizeof head, "%02d:%02d:%02d.%03ld %5ld %5ld %c %-8s: ", local.tm_hour, local.tm_min, local.tm_sec,
                         now.tv_nsec / 1000000, (long)getpid(), (long)syscall(SYS_gettid),
                         letters[priority >= 0 && priority < 9 ? priority : 0], tag ? tag : "(null)");
-  // What it would have written, had there been room.
+  // The full length, which may be more than fitted.
   if (length >= (int)sizeof head) length = sizeof head - 1;
   size_t size = strlen(text);
   while (size && text[size - 1] == '\n') size--;

@@ -1,5 +1,5 @@
-// libopenxr_loader.so: Linux's loader, made to accept what only Android's does: XR_KHR_loader_init_android,
-// XR_KHR_android_create_instance and XR_KHR_android_thread_settings. What the app says in them is checked and logged.
+// libopenxr_loader.so: Linux's loader, made to accept what only Android's accepts: XR_KHR_loader_init_android,
+// XR_KHR_android_create_instance and XR_KHR_android_thread_settings. The app's arguments are checked and logged.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <stdint.h>
@@ -91,8 +91,8 @@ enum { FIND_CLASS = 6, DELETE_LOCAL_REF = 23, IS_INSTANCE_OF = 32, GET_OBJECT_RE
 enum { JNI_OK = 0, JNI_VERSION_1_6 = 0x00010006, GLOBAL_REFERENCE = 2 };
 
 // Whether this is a Java machine and a global reference to an android.app.Activity, asked as the loader would: from the calling thread.
-static int is_good(const char *who, const void *vm_raw, void *activity) {
-  if (!vm_raw || !activity) return SAY("%s: vm %p, activity %p", who, vm_raw, activity), 0;
+static int is_good(const char *call, const void *vm_raw, void *activity) {
+  if (!vm_raw || !activity) return SAY("%s: vm %p, activity %p", call, vm_raw, activity), 0;
   Machine vm = vm_raw;
   Environment env = NULL;
   int32_t (*get_env)(Machine, Environment *, int32_t) = (*vm)[GET_ENV];
@@ -101,7 +101,7 @@ static int is_good(const char *who, const void *vm_raw, void *activity) {
   void *class = ((void *(*)(Environment, const char *))(*env)[FIND_CLASS])(env, "android/app/Activity");
   int good = ((uint8_t(*)(Environment, void *, void *))(*env)[IS_INSTANCE_OF])(env, activity, class) &&
              ((int32_t(*)(Environment, void *))(*env)[GET_OBJECT_REF_TYPE])(env, activity) == GLOBAL_REFERENCE;
-  SAY("%s: %s", who, good ? "a global reference to an activity" : "WRONG activity");
+  SAY("%s: %s", call, good ? "a global reference to an activity" : "WRONG activity");
   ((void (*)(Environment, void *))(*env)[DELETE_LOCAL_REF])(env, class);
   if (!was_attached) ((int32_t(*)(Machine))(*vm)[DETACH])(vm);
   return good;

@@ -1,17 +1,17 @@
-//! The driver of the rehearsal: builds what is needed, performs the cases one after another, says how each went.
+//! The driver of the rehearsal: builds what is needed, performs the cases one after another, and reports each result.
 
 mod app;
 mod cases;
+mod environment;
 mod process;
 mod report;
 mod screenshot;
-mod stage;
 
 use anyhow::{Context, ensure};
 use cases::{CASES, Case, Figures};
 use clap::Parser;
+use environment::Environment;
 use report::{Performed, Report};
-use stage::Stage;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -20,7 +20,7 @@ use test_support::service::attended;
 /// Execute the headset's app on this machine, without Android, and put it through the cases
 #[derive(Debug, Parser)]
 struct Options {
-    /// Write how the cases went, as JSON
+    /// Write the results of the cases as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// Perform only this case; may be given several times
@@ -41,9 +41,9 @@ fn main() -> anyhow::Result<ExitCode> {
         build_seconds: begun.elapsed().as_secs_f64(),
         cases: Vec::new(),
     };
-    let stage = Stage::new(&repo, app, shims)?;
+    let environment = Environment::new(&repo, app, shims)?;
     for case in chosen {
-        let performed = perform(case, &stage);
+        let performed = perform(case, &environment);
         performed.print();
         report.cases.push(performed);
     }
@@ -53,7 +53,10 @@ fn main() -> anyhow::Result<ExitCode> {
     let failed = report.failed();
     println!("\n{} passed, {failed} failed", report.cases.len() - failed);
     if failed != 0 {
-        println!("logs are in {}, a folder a case", stage.left.display());
+        println!(
+            "logs are in {}, a folder a case",
+            environment.left.display()
+        );
         return Ok(ExitCode::FAILURE);
     }
     Ok(ExitCode::SUCCESS)
@@ -73,10 +76,10 @@ fn chosen(names: &[String]) -> anyhow::Result<Vec<&'static Case>> {
 }
 
 /// Performs a case on a thread of its own: what it starts with is gone afterwards, also where it panics.
-fn perform(case: &'static Case, stage: &Stage) -> Performed {
+fn perform(case: &'static Case, environment: &Environment) -> Performed {
     let begun = Instant::now();
     let outcome = std::thread::scope(|scope| {
-        let thread = scope.spawn(|| attended(|| (case.perform)(stage, case.name)));
+        let thread = scope.spawn(|| attended(|| (case.perform)(environment, case.name)));
         thread.join().unwrap_or_else(|panic| {
             let message = panic.downcast_ref::<String>().map(String::as_str);
             let message = message.or(panic.downcast_ref::<&str>().copied());

@@ -1,4 +1,4 @@
-//! The host process as the driver sees it: requests, answers, and the log that the app writes.
+//! The host process in the driver: requests, answers, and the log that the app writes.
 
 use android_rehearsal::protocol::{
     ActivityIndex, Answer, Callback, Census, InputFigures, Intent, Reply, Request,
@@ -52,7 +52,7 @@ impl Process {
 
     fn request(&mut self, request: &Request) -> anyhow::Result<Reply> {
         let line = serde_json::to_string(request)?;
-        // Where the process has ended, the answer that does not come says how.
+        // Where the process has ended, the missing answer's error says how.
         let _ = writeln!(self.requests, "{line}");
         match self.replies.recv_timeout(LONGEST_WAIT) {
             Ok(reply) => Ok(serde_json::from_str(&reply)?),
@@ -98,19 +98,19 @@ impl Process {
         Ok(())
     }
 
-    /// All that Android says to an activity from a launch until it is in front.
+    /// All events that Android sends to an activity from a launch until it is in front.
     pub(crate) fn launch(&mut self, intent: Intent) -> anyhow::Result<ActivityIndex> {
         let activity = self.create(intent)?;
         self.calls(activity, &LAUNCH)?;
         Ok(activity)
     }
 
-    /// All that Android says to one that is in front until it is gone.
+    /// All events that Android sends to one that is in front until it is gone.
     pub(crate) fn leave(&mut self, activity: ActivityIndex) -> anyhow::Result<()> {
         self.calls(activity, &LEAVE)
     }
 
-    /// What became of `events` that were put into the activity's queue.
+    /// The state of `events` that were put into the activity's queue.
     pub(crate) fn input(
         &mut self,
         activity: ActivityIndex,
@@ -122,7 +122,7 @@ impl Process {
         }
     }
 
-    /// What the process holds now.
+    /// The census of the process now.
     pub(crate) fn census(&mut self) -> anyhow::Result<Census> {
         match self.request(&Request::Census)?.answer {
             Answer::Census(census) => Ok(*census),
@@ -157,7 +157,7 @@ impl Process {
         })
     }
 
-    /// Waits until something is so; not longer than [`LONGEST_WAIT`], nor than the process lives.
+    /// Waits until a condition holds; not longer than [`LONGEST_WAIT`], nor than the process lives.
     pub(crate) fn wait_until(
         &mut self,
         what: &str,
@@ -171,7 +171,7 @@ impl Process {
             if let Some(status) = self.child.try_wait()? {
                 bail!("the process ended ({status}) while {what} was waited for");
             }
-            // A headset's runtime that died by itself is no fault of the app's: it is named, and the case performed again.
+            // The death of a headset's runtime is no fault of the app: it is named, and the case performed again.
             assert_all_live();
             if let Some(trouble) = self.trouble() {
                 bail!("trouble while {what} was waited for:\n{trouble}");
@@ -193,7 +193,7 @@ impl Process {
         }
     }
 
-    /// Ends the process, which must hold nothing that keeps it from that.
+    /// Ends the process, which must be able to end.
     pub(crate) fn quit(mut self) -> anyhow::Result<()> {
         let line = serde_json::to_string(&Request::Quit)?;
         writeln!(self.requests, "{line}").context("the process has ended before")?;

@@ -1,4 +1,4 @@
-//! What the driver asks of the host process, and what it answers: one JSON value a line, one answer a request.
+//! The protocol of driver and host process: one JSON value a line, one answer a request.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -74,22 +74,22 @@ impl fmt::Display for Callback {
     }
 }
 
-/// What the driver asks for.
+/// A request of the driver.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum Request {
     /// Create an activity, as a launch does: `ANativeActivity_onCreate`.
     Create(Intent),
     /// Call an activity back.
     Callback(ActivityIndex, Callback),
-    /// Put events into the activity's input queue, and say a moment later what became of them.
+    /// Put events into the activity's input queue, and return their state a moment later.
     Input(ActivityIndex, u32),
-    /// What the process holds.
+    /// The census of the process.
     Census,
     /// End the process in good order.
     Quit,
 }
 
-/// What the host answers.
+/// An answer of the host.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Reply {
     /// For how long the main thread was in the app's code, milliseconds.
@@ -105,13 +105,13 @@ pub enum Answer {
     Done,
     /// The activity that was created.
     Created(ActivityIndex),
-    /// What became of input events so far.
+    /// The state of the input events so far.
     Input(InputFigures),
-    /// What the process holds.
+    /// The census of the process.
     Census(Box<Census>),
 }
 
-/// What became of an input queue's events.
+/// The state of an input queue's events.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[repr(C)]
 pub struct InputFigures {
@@ -123,7 +123,7 @@ pub struct InputFigures {
     pub handled: i32,
 }
 
-/// What the process holds at a moment.
+/// The census of the process at a moment.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Census {
     /// Names of its threads, sorted.
@@ -152,7 +152,7 @@ pub struct FrameFigures {
     pub others: i32,
 }
 
-/// What native code holds of the Java machine, and what it did that a real one would not forgive.
+/// The Java references that native code holds, and its errors that would crash a real machine.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct JavaCensus {
     /// Live global references.

@@ -1,23 +1,23 @@
-//! How the cases went, for people and as JSON.
+//! The results of the cases, for people and as JSON.
 
 use crate::cases::Figures;
 use anyhow::Context;
 use serde::Serialize;
 use std::path::Path;
 
-/// How one case went.
+/// The result of one case.
 #[derive(Debug, Serialize)]
 pub(crate) struct Performed {
     pub(crate) name: &'static str,
     pub(crate) shows: &'static str,
     pub(crate) passed: bool,
-    /// Why not.
+    /// Why it failed.
     pub(crate) failure: Option<String>,
     pub(crate) seconds: f64,
     pub(crate) figures: Figures,
 }
 
-/// How all went.
+/// The results of all cases.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
     /// Until the app's library was there, seconds.

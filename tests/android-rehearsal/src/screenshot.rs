@@ -1,4 +1,4 @@
-//! What the compositor's mirror window shows: the X server's screen, which it keeps as a file.
+//! A screenshot of the compositor's mirror window: the X server's screen, which it keeps as a file.
 
 use anyhow::{Context, ensure};
 use image::{Rgb, RgbImage};

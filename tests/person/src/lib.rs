@@ -66,7 +66,7 @@ pub struct Puppet {
     pub skeleton: Skeleton,
     /// Tubes and their weights.
     pub template: Template,
-    /// The template's surface with the tubes joined, as the controllers were tied on.
+    /// The template's surface with the tubes joined, as the controllers were assigned on.
     pub surface: EdgeGraph,
     /// Pairs of vertices that join the tubes in [`Self::surface`].
     pub bridges: Vec<(u32, u32)>,
@@ -109,7 +109,7 @@ impl Puppet {
         let (at_rest, triangles, barycentrics) =
             skin::scatter(&template, &colours, size.gaussians, &mut random);
         let gaussians = BoundGaussians::bind(&template, &at_rest, triangles, barycentrics)
-            .expect("the Gaussians hang on the template")
+            .expect("the Gaussians are bound to the template")
             .quantised();
         let surface = EdgeGraph::new(&template, &bridges);
         let seats = skin::spread(template.vertices(), size.controllers);

@@ -1,8 +1,8 @@
-//! The person's arithmetic in f64, written from the formulas and apart from `spmm3`: it reads that crate's data and calls
+//! The person's arithmetic in f64, written from the formulas, independently of `spmm3`: it reads that crate's data and calls
 //! none of its functions that compute.
 //!
-//! Rotations are matrices throughout (Rodrigues' formula, no quaternion products), so that a mistake in either way of
-//! writing them shows.
+//! Rotations are matrices throughout (Rodrigues' formula, no quaternion products), so that a mistake in either form of
+//! them shows.
 
 use spmm3::networks::{AttributeNetwork, Dense, MeshNetwork, QuantisedBases};
 use spmm3::{BoundGaussians, Controllers, Template};

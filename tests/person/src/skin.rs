@@ -1,4 +1,4 @@
-//! What lies on the puppet's surface: Gaussians and controllers.
+//! The Gaussians and controllers on the puppet's surface.
 
 use super::{Random, index};
 use glam::{Mat3, Quat, Vec3};

@@ -1,4 +1,4 @@
-//! A person's parts as the renderer takes them to pose them on the device, and the networks that say how.
+//! A person's parts in the renderer's form for posing on the device, and the networks that drive them.
 
 use npu_runtime::{Outputs, Provider, Runtime, Session, TensorSpec};
 use renderer_splat::posing::{BoundMesh, BoundMeshParts, PosedInput};
@@ -77,7 +77,7 @@ pub fn session(runtime: &Runtime, avatar: &Avatar, parts: GraphParts) -> Session
     .expect("ONNX Runtime takes the parts")
 }
 
-/// An avatar's networks and no more, as the GPU placement runs them.
+/// An avatar's networks alone, as the GPU placement runs them.
 #[derive(Debug)]
 pub struct Networks {
     session: Session,
@@ -100,7 +100,7 @@ impl Networks {
         }
     }
 
-    /// What they and the skeleton say of a motion.
+    /// The results of networks and skeleton for a motion.
     ///
     /// # Panics
     /// If the graph does not run.

@@ -1,5 +1,5 @@
-//! What pictures in a headset have to be, in f64 and written apart from renderer and shaders: poses as the runtime gives them become views, views
-//! become pixels, a splatted colour becomes what a compositor takes.
+//! The reference of a headset's pictures in f64, independent of renderer and shaders: the runtime's poses become views, views
+//! become pixels, a splatted colour becomes a compositor's pixel.
 
 use glam::{Affine3A, DMat3, DQuat, DVec3, Mat3A};
 use image::RgbaImage;
@@ -71,7 +71,7 @@ impl View {
         ]
     }
 
-    /// The way that the eye looks through a pixel's centre, by its own axes; not of length 1.
+    /// The eye's ray through a pixel's centre, by its own axes; not of length 1.
     #[must_use]
     pub fn toward(&self, x: u32, y: u32) -> DVec3 {
         DVec3::new(
@@ -101,7 +101,7 @@ impl View {
         }
     }
 
-    /// Demands that the camera a program drew with is this view: angles, directions and metres to 1e-4.
+    /// Asserts that the camera a program drew with is this view: angles, directions and metres to 1e-4.
     ///
     /// # Panics
     /// If it is another.
@@ -157,7 +157,7 @@ pub fn display(light: f64) -> f64 {
     }
 }
 
-/// What a compositor that blends light takes for a premultiplied display colour: once decoded it is light times alpha.
+/// A premultiplied display colour for a compositor that blends light: once decoded it is light times alpha.
 #[must_use]
 pub fn composed(pixel: [f64; 4]) -> [f64; 4] {
     let [red, green, blue, alpha] = pixel.map(|value| value.clamp(0.0, 1.0));
@@ -192,7 +192,7 @@ const SKY: [f64; 3] = [0.80, 0.83, 0.87];
 const HORIZON: [f64; 3] = [0.90, 0.91, 0.92];
 const FLOOR: [f64; 3] = [0.70, 0.71, 0.73];
 
-/// The display colour that an eye sees along a way in the studio that surrounds a person where there is no room to be seen: a floor
+/// The display colour that an eye sees along a ray in the studio that surrounds a person where the room is not shown: a floor
 /// at y = 0 that melts into the horizon's colour 14 m away by the root of the distance, a wall that reaches the sky's where the way
 /// rises 0.625 of its length.
 #[must_use]

@@ -1,5 +1,5 @@
-//! What tests of pictures, headsets and processes share: slow references in f64, written apart from the code under test, and the
-//! programs of others that tests start. What they need of a person is in `synthetic-person`.
+//! Shared by tests of pictures, headsets and processes: slow references in f64, independent of the code under test, and the
+//! third-party programs that tests start. What they need of a person is in `synthetic-person`.
 
 pub mod allocations;
 pub mod bound_person;
@@ -15,7 +15,7 @@ pub mod splat_scenes;
 pub mod vulkan;
 pub mod walking;
 
-/// Prints a line that `./run test` counts, but for this crate's own tests, which try such lines where nothing is the matter.
+/// Prints a line that `./run test` counts, but for this crate's own tests, which print such lines without a cause.
 fn tell(line: &str) {
     let whose = if cfg!(test) { "tried: " } else { "" };
     println!("{whose}{line}");

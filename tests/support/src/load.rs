@@ -1,7 +1,7 @@
-//! How busy a machine is with other things than what a test measures, and what a measurement is worth then.
+//! How busy a machine is with other processes than a test's, and whether a measurement is valid then.
 //!
-//! The kernel counts the processors' time, by process too. What neither idled nor went to the processes under test went to others:
-//! however slow the program under test is, it cannot make that more.
+//! The kernel counts the processors' time, by process too. Time that was neither idle nor of the processes under test was of others:
+//! a slow program under test cannot increase it.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -12,13 +12,13 @@ use std::time::{Duration, Instant};
 /// The part of all processors' time that others may have had for a measurement to count against the program.
 pub const BUSY: f64 = 0.1;
 
-/// How often something is measured that others disturb.
+/// How often a disturbed measurement is repeated.
 pub const ATTEMPTS: usize = 4;
 
-/// How long the next measurement waits for others to be done.
+/// How long the next measurement waits for a quiet machine.
 const PAUSE: Duration = Duration::from_secs(30);
 
-/// Between two looks at the kernel's counts.
+/// How often the kernel's counts are read.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Counts of the kernel's, in its ticks.
@@ -31,7 +31,7 @@ struct Ticks {
     ours: u64,
 }
 
-/// Looks on while something is measured.
+/// The load of others during a measurement.
 #[derive(Debug)]
 pub struct Load {
     over: Arc<AtomicBool>,
@@ -61,7 +61,7 @@ impl Load {
     /// The part of all processors' time that others had, 0 to 1.
     ///
     /// # Panics
-    /// If the kernel does not tell.
+    /// If the kernel does not report it.
     #[must_use]
     pub fn others(self) -> f64 {
         self.over.store(true, Ordering::Relaxed);
@@ -132,7 +132,7 @@ fn ticks_below(root: u32, processes: &HashMap<u32, (u32, u64)>) -> u64 {
     below.map(|(_, (_, ticks))| ticks).sum()
 }
 
-/// What a measurement came to.
+/// The result of a measurement.
 #[derive(Debug)]
 pub struct Measured {
     /// What is wrong, if anything is.
@@ -141,7 +141,7 @@ pub struct Measured {
     pub others: f64,
 }
 
-/// Judges a measurement, if it can be made here. One that is wrong while others kept the machine busy tells nothing: that is a line `too busy: ..`, which
+/// Asserts that a measurement is right. A wrong one on a machine that others kept busy does not count: that is a line `too busy: ..`, which
 /// `./run test` counts, and it is measured again later. Where the machine is too busy each time, a line `not judged: ..` says so, and
 /// on CI that is a failure.
 ///
@@ -236,8 +236,8 @@ mod tests {
         assert!(as_others >= as_ours + least, "{as_others} and {as_ours}");
     }
 
-    /// Judges measurements, each wrong or not, with so much for others; returns how many were made, and whether it passed.
-    fn judged(measurements: &[(bool, f64)], must: bool) -> (usize, bool) {
+    /// Checks measurements, each wrong or not, with so much for others; returns how many were made, and whether it passed.
+    fn checked(measurements: &[(bool, f64)], must: bool) -> (usize, bool) {
         let mut made = 0;
         let passed = catch_unwind(AssertUnwindSafe(|| {
             let measure = || {
@@ -254,15 +254,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_counts_only_while_others_leave_the_machine_alone() {
-        assert_eq!(judged(&[(true, 0.05)], false), (1, false), "a defect");
-        assert_eq!(judged(&[(false, 0.9)], true), (1, true), "good anyway");
+    fn a_wrong_measurement_counts_only_on_a_quiet_machine() {
+        assert_eq!(checked(&[(true, 0.05)], false), (1, false), "a defect");
+        assert_eq!(checked(&[(false, 0.9)], true), (1, true), "good anyway");
         let later = [(true, 0.5), (true, 0.5), (false, 0.0)];
-        assert_eq!(judged(&later, true), (3, true), "judged later");
+        assert_eq!(checked(&later, true), (3, true), "measured later");
         let later = [(true, 0.5), (true, 0.0)];
-        assert_eq!(judged(&later, false), (2, false), "a defect, seen later");
+        assert_eq!(checked(&later, false), (2, false), "a defect, seen later");
         let never = [(true, 0.5); ATTEMPTS];
-        assert_eq!(judged(&never, false), (ATTEMPTS, true), "told, as skipped");
-        assert_eq!(judged(&never, true), (ATTEMPTS, false), "not on CI");
+        assert_eq!(checked(&never, false), (ATTEMPTS, true), "told, as skipped");
+        assert_eq!(checked(&never, true), (ATTEMPTS, false), "not on CI");
     }
 }

@@ -19,7 +19,7 @@ use crate::service::{self, Death, Service};
 use display::Display;
 pub use head::{Controller, Eye, Head, Pose, Scripted};
 
-/// What the service takes for a headset.
+/// The simulated headset of the service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Driver {
     /// A head that sways by itself, with no hands.
@@ -28,7 +28,7 @@ pub enum Driver {
     Remote,
 }
 
-/// Where the service shows pictures.
+/// The service's display.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Compositor {
     /// Nowhere, 20 times a second.
@@ -40,7 +40,7 @@ pub enum Compositor {
 /// Where the service listens below its runtime directory.
 const SOCKET: &str = "monado_comp_ipc";
 
-/// A place for a service, and the service. It ends with this, and with the process that started it.
+/// A service and its runtime directory. It ends with this, and with the process that started it.
 #[derive(Debug)]
 pub struct Monado {
     prefix: PathBuf,
@@ -56,7 +56,7 @@ pub struct Monado {
 }
 
 impl Monado {
-    /// A place for a service that is yet to be started; nothing, after a line that says why, where there is no Monado. On CI that
+    /// A runtime directory for a service that is not started yet; nothing, after a line that says why, where there is no Monado. On CI that
     /// is a failure.
     #[must_use]
     pub fn place(driver: Driver, compositor: Compositor) -> Option<Self> {
@@ -115,7 +115,7 @@ impl Monado {
             let said = self.log().len();
             let service = service::start(|| self.launch());
             self.service = Some(service);
-            // Somebody else may have taken the port since it was free; then the service goes on without its driver.
+            // Another process may have taken the port since it was free; then the service goes on without its driver.
             if self.driver == Driver::Simulated || !self.log()[said..].contains("bind: -1") {
                 return;
             }
@@ -206,7 +206,7 @@ impl Monado {
         self.place.path().join("run")
     }
 
-    /// The head to be moved; of a service that runs with [`Driver::Remote`].
+    /// The scripted head; of a service that runs with [`Driver::Remote`].
     ///
     /// # Panics
     /// If the service has none, or does not answer.
@@ -230,7 +230,7 @@ impl Monado {
         all.map(Service::id).collect()
     }
 
-    /// What the service said so far.
+    /// The service's output so far.
     #[must_use]
     pub fn log(&self) -> String {
         std::fs::read_to_string(self.log_file()).unwrap_or_default()
@@ -245,12 +245,12 @@ impl Monado {
         self.service = None;
     }
 
-    /// Holds the service as it is.
+    /// Stops the service, as SIGSTOP does.
     pub fn pause(&self) {
         self.signal(Signal::STOP);
     }
 
-    /// Lets a held service go on.
+    /// Continues a stopped service.
     pub fn go_on(&self) {
         self.signal(Signal::CONT);
     }

@@ -49,7 +49,7 @@ pub fn whole_graph(vertices: usize, gaussians: usize) -> ([TensorSpec; 2], [Tens
     )
 }
 
-/// One protobuf field of bytes: ONNX models that the house itself would not write are written by hand.
+/// One protobuf field of bytes: ONNX models that this workspace's writer would not write are written by hand.
 #[must_use]
 pub fn field(number: u8, content: &[u8]) -> Vec<u8> {
     let mut out = vec![number << 3 | 2];

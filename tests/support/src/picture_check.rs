@@ -26,7 +26,7 @@ pub struct Least {
 }
 
 impl Least {
-    /// What this back end must reach.
+    /// The least PSNR of this back end.
     pub fn of(self, back_end: BackEnd) -> f64 {
         match back_end {
             BackEnd::Tiles => self.tiles,
@@ -274,7 +274,7 @@ pub fn keep_pictures(name: &str, got: &Image, expected: &Image) -> String {
     start
 }
 
-/// What stands behind a picture that is saved.
+/// The backdrop of a saved picture.
 pub const BEHIND: Backdrop = Backdrop::Colour([0.1; 3]);
 
 /// Writes a picture over [`BEHIND`].

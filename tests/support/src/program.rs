@@ -1,4 +1,4 @@
-//! A program as a child process: what it says is kept, and it ends with its owner.
+//! A program as a child process: its output is kept, and it ends with its owner.
 
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -19,7 +19,7 @@ pub struct Program {
 }
 
 impl Program {
-    /// Starts it. What it is to read, and all else of its surroundings, is the command's.
+    /// Starts it. Its standard input and its environment are the command's.
     ///
     /// # Panics
     /// If it cannot be started.
@@ -118,7 +118,7 @@ impl Drop for Program {
     }
 }
 
-/// Keeps what a process says, line by line, so that it never waits for a reader.
+/// Keeps a process's output, line by line, so that it never waits for a reader.
 fn listen(stream: impl Read + Send + 'static, said: &Arc<Mutex<String>>) -> JoinHandle<()> {
     let said = Arc::clone(said);
     std::thread::spawn(move || {

@@ -1,5 +1,5 @@
-//! Programs of others that a test runs beside ours: Monado, an X server, NATS. One that dies is noticed at once and named, with how it
-//! ended and what it said last, and is started again, twice at most. Every time is a line `started again: ..`, which `./run test`
+//! Third-party programs that a test runs: Monado, an X server, NATS. One that dies is noticed at once and named, with how it
+//! ended and its last output, and is started again, twice at most. Each restart is a line `started again: ..`, which `./run test`
 //! counts.
 //!
 //! Where one dies in the middle of a test, all of the test is run again: [`attended`].
@@ -19,19 +19,19 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// No test waits longer for anything that gives no sign of life.
+/// The longest wait of a test for a program.
 pub const LONGEST_WAIT: Duration = Duration::from_secs(60);
 
 /// How often a program is started again.
 pub const RESTARTS: usize = 2;
 
-/// Between two looks at a program.
+/// How often a program is checked.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Lines of a log that are told.
+/// Lines of a log in a message.
 const LAST_LINES: usize = 20;
 
-/// How a program ended that was not to end.
+/// How a program ended that should not have ended.
 #[derive(Debug, Clone)]
 pub struct Death {
     name: &'static str,
@@ -40,8 +40,8 @@ pub struct Death {
 }
 
 impl Death {
-    /// Tells, for the summary too, that the program is started once more.
-    pub fn tell_restart(&self) {
+    /// Prints, for the summary too, that the program is started again.
+    pub fn print_restart(&self) {
         let Self { name, status, .. } = self;
         crate::tell(&format!("started again: {name} ended by itself: {status}"));
     }
@@ -62,9 +62,9 @@ struct Inner {
     name: &'static str,
     child: Child,
     log: PathBuf,
-    /// Whether ending well is no death.
+    /// Whether ending with success is allowed.
     may_end: bool,
-    /// Whether it was ended from here.
+    /// Whether the test ended it.
     killed: bool,
 }
 
@@ -105,7 +105,7 @@ fn last_lines(log: &Path) -> String {
 }
 
 impl Service {
-    /// Starts a program that says what it says into a file, after what is in it; its standard output too, unless `told` takes that.
+    /// Starts a program whose output goes into a file, after what is in it; its standard output too, unless `told` takes that.
     ///
     /// # Panics
     /// If it cannot be started.
@@ -174,10 +174,10 @@ impl Service {
             .unwrap_or_else(|why| panic!("signalling {}: {why}", inner.name));
     }
 
-    /// Waits until something of it is there.
+    /// Waits until it has made something.
     ///
     /// # Errors
-    /// How it died instead.
+    /// The program's death.
     ///
     /// # Panics
     /// If it takes too long.
@@ -240,7 +240,7 @@ impl Drop for Service {
     }
 }
 
-/// Fails the test at once if a program died that it has started.
+/// Fails the test at once if a program that it started has died.
 ///
 /// # Panics
 /// If one has.
@@ -257,7 +257,7 @@ fn first_death() -> Option<Death> {
     })
 }
 
-/// Keeps in mind who died, where the test is failing: before its own clearing up ends the others.
+/// Remembers which program died, where the test is failing: before its own clearing up ends the others.
 fn note_deaths() {
     if std::thread::panicking() {
         let death = first_death();
@@ -265,7 +265,7 @@ fn note_deaths() {
     }
 }
 
-/// Runs a test that programs of others take part in; once more where one of them died under it, twice at most.
+/// Runs a test that uses third-party programs; again where one of them died during it, twice at most.
 ///
 /// # Panics
 /// As the test does.
@@ -275,7 +275,7 @@ pub fn attended<T>(mut test: impl FnMut() -> T) -> T {
         match catch_unwind(AssertUnwindSafe(&mut test)) {
             Ok(come_to) => return come_to,
             Err(failure) => match DIED.take() {
-                Some(death) => death.tell_restart(),
+                Some(death) => death.print_restart(),
                 None => resume_unwind(failure),
             },
         }
@@ -291,16 +291,16 @@ pub fn start<T>(mut begin: impl FnMut() -> Result<T, Death>) -> T {
     for _ in 0..RESTARTS {
         match begin() {
             Ok(begun) => return begun,
-            Err(death) => death.tell_restart(),
+            Err(death) => death.print_restart(),
         }
     }
     begin().unwrap_or_else(|death| panic!("{death}"))
 }
 
-/// Runs a program to its end and returns that and what it said.
+/// Runs a program to its end and returns its status and output.
 ///
 /// # Panics
-/// If it neither ends nor says anything for too long.
+/// If it neither ends nor prints anything for too long.
 #[must_use]
 pub fn finish(command: &mut Command) -> Output {
     let folder = tempfile::tempdir().expect("a folder");
@@ -339,13 +339,13 @@ pub fn finish(command: &mut Command) -> Output {
             let _ = child.kill();
             let _ = child.wait();
             let said = files.each_ref().map(|file| last_lines(file)).join("\n");
-            panic!("{command:?} says nothing more; it said last:\n{said}");
+            panic!("{command:?} prints nothing more; its last output:\n{said}");
         }
         sleep(LOOK);
     }
 }
 
-/// The same of a program of others', which is run once more where a signal ended it, twice at most.
+/// The same of a third-party program, which is run again where a signal ended it, twice at most.
 ///
 /// # Panics
 /// If it dies each time.

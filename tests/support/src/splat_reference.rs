@@ -1,4 +1,4 @@
-//! Gaussian splatting on the CPU in f64: slow, plain, and written apart from the renderer.
+//! Gaussian splatting on the CPU in f64: slow, simple, and independent of the renderer.
 //!
 //! No tiles, no early stop, no packing, no keys: every Gaussian is projected as the 3DGS paper and its
 //! public code say, all are sorted by exact depth, and each pixel blends all of them front to back. Only
@@ -23,7 +23,7 @@ use splat_scene::Scene;
 
 use project::{ALPHA_CUT, ALPHA_MOST, Ellipsoid, Projected};
 
-/// All that there is to see.
+/// A scene.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct World<'a> {
     /// Gaussians that may change from picture to picture.

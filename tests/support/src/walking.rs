@@ -1,4 +1,4 @@
-//! Writing foregrounds to a slot as the lanes do: with bounds of how far their Gaussians came since the last time.
+//! Writing foregrounds to a slot as the lanes do: with bounds of their Gaussians' motion since the last time.
 
 use glam::{Affine3A, Vec3};
 use renderer_splat::camera::Camera;
@@ -18,7 +18,7 @@ pub struct Walking {
 }
 
 impl Walking {
-    /// A person that has not come yet.
+    /// A person that is not shown yet.
     pub fn new(renderer: &SplatRenderer) -> Self {
         Self::in_slot(renderer.foreground_slot().expect("memory for a slot"))
     }
@@ -89,7 +89,7 @@ impl Walking {
 /// The most that any Gaussian changed.
 fn change(before: &[Gaussian], after: &[Gaussian]) -> Change {
     let greatest = |gaussian: &Gaussian| gaussian.scale.into_iter().fold(0.0, f32::max);
-    // What is too large to be drawn is as good as transparent.
+    // A Gaussian that is too large to be drawn counts as transparent.
     let opacity = |gaussian: &Gaussian| match greatest(gaussian) < 256.0 {
         true => gaussian.opacity,
         false => 0.0,

@@ -1,4 +1,4 @@
-//! Controllers and bare hands, as they were sent.
+//! Controllers and bare hands arrive as the driver sent them.
 
 use glam::{DVec3, Quat};
 use serde_json::Value;
@@ -8,11 +8,11 @@ use test_support::service::attended;
 
 use crate::program::Program;
 
-/// Frames that something may take from the service's thread to the program: they are counted, for how long one takes is nobody's
-/// business.
+/// Frames that input may take from the service's thread to the program. They are counted, because the time of one is not
+/// bounded.
 const FRAMES: u32 = 100;
 
-/// Asks until the answer is as wished.
+/// Asks until the answer is as expected.
 fn until(program: &mut Program, why: &str, wished: impl Fn(&Value) -> bool) -> Value {
     let mut told = Value::Null;
     for _ in 0..FRAMES {
@@ -37,7 +37,7 @@ fn assert_pose(told: &Value, sent: &Pose, what: &str) {
 }
 
 #[test]
-fn controllers_are_where_they_are_held_and_hold_while_they_are_squeezed() {
+fn controllers_have_their_pose_and_grab_while_they_are_squeezed() {
     attended(|| {
         let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
             return;
@@ -123,7 +123,7 @@ fn the_overlays_button_toggles_once_however_long_it_is_pressed() {
 }
 
 #[test]
-fn bare_hands_take_over_where_controllers_are_laid_down() {
+fn bare_hands_replace_controllers_that_are_laid_down() {
     attended(|| {
         let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
             return;

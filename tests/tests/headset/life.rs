@@ -6,7 +6,7 @@ use test_support::service::attended;
 use crate::program::Program;
 
 #[test]
-fn three_hundred_frames_pass_all_states_and_end_cleanly_beside_a_service_that_lives_on() {
+fn three_hundred_frames_pass_all_states_and_end_cleanly_and_the_service_goes_on() {
     attended(|| {
         let Some(monado) = Monado::start(Driver::Simulated, Compositor::Null) else {
             return;

@@ -1,4 +1,4 @@
-//! What goes away in the middle: the service, its answers, the viewer's eyes.
+//! Losses during a session: the service, its answers, the focus.
 
 use std::thread::sleep;
 use std::time::Duration;
@@ -22,7 +22,7 @@ fn a_service_that_is_killed_is_a_loss_and_the_program_shows_frames_again_when_it
         assert_eq!(lost["is_loss"], true, "{lost}");
         let why = lost["error"].as_str().expect("a text");
         assert!(why.contains("open the headset again"), "advice: {why}");
-        // While there is no service, opening fails in a way that may pass.
+        // While there is no service, opening fails with an error that may pass.
         let absent = program.wait_for("lost", |_| true);
         let why = absent["error"].as_str().expect("a text");
         assert!(why.contains("service is not running"), "meanwhile: {why}");
@@ -88,7 +88,7 @@ fn of_two_programs_at_once_both_end_cleanly_and_at_least_one_is_seen_to_the_end(
         first.wait_for_frames(5);
         let mut second = Program::start(&monado, u64::MAX, &["--steered", "--figure=none"]);
         second.wait_for("opened", |_| true);
-        // Whoever is in front: somebody's frames go on.
+        // At least one program's frames go on.
         let mut seen = 0;
         for _ in 0..200 {
             seen = first.frames().max(second.frames());

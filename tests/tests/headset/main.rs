@@ -1,4 +1,4 @@
-//! `renderer-openxr` on a real runtime: Monado over whatever Vulkan there is, started by each test for itself. The program under
+//! `renderer-openxr` on a real runtime: Monado on the machine's Vulkan, started by each test for itself. The program under
 //! test is `headset-frames`, a process of its own, because a runtime is found by the environment.
 
 mod hands;

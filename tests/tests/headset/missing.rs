@@ -1,4 +1,4 @@
-//! What may be missing on a machine: each has its line, and what to do about it.
+//! Missing parts of a machine: each has its message with what to do.
 
 use std::process::Command;
 
@@ -7,7 +7,7 @@ use test_support::service::attended;
 
 use crate::program::Program;
 
-/// What a program says that cannot begin, and whether that may pass.
+/// The error of a program that cannot begin, and whether waiting may help.
 fn refusal(monado: &Monado, change: impl FnOnce(&mut Command)) -> (String, bool) {
     let program = Program::start_with(monado, 10, &["--figure=none"], change);
     let ended = program.ended();
@@ -69,7 +69,7 @@ fn a_manifest_that_is_not_there_is_no_runtime() {
 }
 
 #[test]
-fn a_service_that_does_not_run_is_told_from_a_missing_runtime() {
+fn a_stopped_service_is_distinguished_from_a_missing_runtime() {
     attended(|| {
         let Some(mut monado) = Monado::place(Driver::Simulated, Compositor::Null) else {
             return;
@@ -79,7 +79,7 @@ fn a_service_that_does_not_run_is_told_from_a_missing_runtime() {
             assert!(text.contains(part), "{part} in: {text}");
         }
         assert!(may_pass, "it may be started: {text}");
-        // Nor is a socket that a killed one left behind a service.
+        // The socket that a killed service left is no service either.
         monado.restart();
         monado.kill();
         let (again, _) = refusal(&monado, |_| {});
@@ -88,12 +88,12 @@ fn a_service_that_does_not_run_is_told_from_a_missing_runtime() {
 }
 
 #[test]
-fn a_headset_without_a_vulkan_device_for_it_is_told() {
+fn a_headset_without_a_vulkan_device_is_reported() {
     attended(|| {
         let Some(monado) = Monado::start(Driver::Simulated, Compositor::Null) else {
             return;
         };
-        // Vulkan's loader leaves all drivers out; where they are is still told, for libraries lie beside them.
+        // Vulkan's loader leaves all drivers out; the folder stays named, because libraries lie there.
         let (text, _) = refusal(&monado, |command| {
             command.env("VK_LOADER_DRIVERS_DISABLE", "*");
         });

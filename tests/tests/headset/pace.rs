@@ -16,14 +16,14 @@ fn from_refreshes(ms: f64) -> (f64, f64) {
     ((ms - whole * REFRESH_MS).abs(), whole)
 }
 
-/// What is wrong with predicted times whose steps were to be whole refreshes, if anything is.
+/// The error of predicted times whose steps should be whole refreshes, if there is one.
 fn wrong(steps: &[f64]) -> Option<String> {
     let regular = |step: &&f64| {
         let (off, whole) = from_refreshes(**step);
         off < 1.0 && whole >= 1.0
     };
     let whole = steps.iter().filter(regular).count();
-    // Two clocks are read one after the other, and somebody else may have the processor between.
+    // Two clocks are read one after the other, and another process may run in between.
     println!("{whole} of {} steps are whole refreshes", steps.len());
     (whole * 10 < steps.len() * 8).then(|| format!("steps, ms: {steps:?}"))
 }

@@ -1,4 +1,4 @@
-//! Both eyes' pictures as the compositor got them, against the reference in f64.
+//! Both eyes' pictures as submitted to the compositor, against the reference in f64.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::program::Program;
 const SIZE: [u32; 2] = [640, 480];
 
 /// Least PSNR over the figure's box, dB. Colours that were not made ready for a compositor are 40 dB off there, for there is little of
-/// a figure that one sees through.
+/// the figure that is translucent.
 const LEAST_DB: f64 = 50.0;
 
 /// Least PSNR where there are fewer pixels: where one sees through the figure, and at the picture's edges.
@@ -61,7 +61,7 @@ fn scenes() -> [Scene; 3] {
     ]
 }
 
-/// `way` is how the pictures come into the headset's images.
+/// `way` is the expected render path.
 fn eyes_show_the_reference(back_end: &str, way: &str) {
     let Some(monado) = Monado::start(Driver::Remote, Compositor::Null) else {
         return;

@@ -1,4 +1,4 @@
-//! The program under test as its tests see it: lines of JSON out, lines of commands in.
+//! The program under test: lines of JSON out, lines of commands in.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use test_support::headset_reference::numbers;
 use test_support::monado::{Head, Monado, Scripted};
 use test_support::service::{LONGEST_WAIT, assert_all_live};
 
-/// Between two looks at the services.
+/// How often the services are checked.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// A program that runs. It is killed where a test forgets it.
@@ -32,7 +32,7 @@ pub(crate) struct Program {
 pub(crate) struct Ended {
     pub(crate) status: ExitStatus,
     pub(crate) lines: Vec<Value>,
-    /// What it said beside.
+    /// Its other output.
     pub(crate) errors: String,
 }
 
@@ -125,7 +125,7 @@ impl Program {
         })
     }
 
-    /// Frames that it has said to have shown by now.
+    /// Frames that it has reported as shown.
     pub(crate) fn frames(&mut self) -> u64 {
         self.seen.extend(self.lines.try_iter());
         let frames = self.seen.iter().filter_map(|line| line["frames"].as_u64());
@@ -141,7 +141,7 @@ impl Program {
         self.wait_for("told", |line| line["name"] == name)
     }
 
-    /// Moves head and hands, and waits until the program's frames have them. How near they are is for tests to tell.
+    /// Moves head and hands, and waits until the program's frames have them. The tests check how near they are.
     pub(crate) fn take_pose(&mut self, head: &mut Head, scripted: &Scripted) {
         head.send(scripted);
         for _ in 0..100 {

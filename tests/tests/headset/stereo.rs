@@ -1,4 +1,4 @@
-//! How far apart things are in both eyes' pictures.
+//! The disparities between both eyes' pictures.
 
 use glam::{DVec3, Quat};
 use image::RgbaImage;
@@ -14,7 +14,7 @@ const SIZE: [u32; 2] = [640, 480];
 /// Pixels that a disparity may be off.
 const MOST_OFF: f64 = 0.5;
 
-/// The middle of what one colour channel shows, pixels from the upper left corner. The markers are pure colours, so that a channel's
+/// The centroid of one colour channel, pixels from the upper left corner. The markers are pure colours, so that a channel's
 /// light is its marker's alpha.
 fn centroid(picture: &RgbaImage, channel: usize) -> [f64; 2] {
     let (mut sum, mut weights) = ([0.0; 2], 0.0);

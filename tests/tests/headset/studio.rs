@@ -1,4 +1,4 @@
-//! The studio that surrounds a person where there is no room to be seen.
+//! The studio that surrounds a person where the room is not shown.
 
 use glam::{DMat3, DVec3, Quat};
 use image::RgbaImage;
@@ -92,11 +92,11 @@ fn floor_and_wall_are_right(back_end: &str) {
 }
 
 #[test]
-fn floor_and_wall_have_their_colours_and_the_horizon_is_level_however_the_head_is_held() {
+fn floor_and_wall_have_their_colours_and_the_horizon_is_level_in_any_pose_of_the_head() {
     attended(|| floor_and_wall_are_right("tiles"));
 }
 
 #[test]
-fn they_are_the_same_behind_quads_drawn_straight_into_the_images() {
+fn they_are_the_same_behind_quads_drawn_directly_into_the_images() {
     attended(|| floor_and_wall_are_right("quads"));
 }

@@ -42,7 +42,7 @@ fn perform() -> MotionClip {
 }
 
 #[test]
-fn a_person_at_ease_stands_on_flat_soles_with_hanging_arms_and_a_neutral_face() {
+fn a_person_standing_still_stands_on_flat_soles_with_hanging_arms_and_a_neutral_face() {
     let (skeleton, motion) = (man(), at_ease(&man()));
     let world = person(&skeleton, &motion);
     let at = |joint: Joint| world[joint.index()].0;

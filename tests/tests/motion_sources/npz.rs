@@ -221,7 +221,7 @@ fn split_keys_of_a_fit_are_read_with_expression_and_one_frame_for_all() {
 }
 
 #[test]
-fn mistakes_are_told_with_the_array() {
+fn mistakes_are_reported_with_the_array() {
     type Members = Vec<(&'static str, Vec<u8>)>;
     let cases: [(&str, Members, &str); 9] = [
         (
@@ -369,7 +369,7 @@ fn amass(width: usize, poses: &[f64], trans: &[f64]) -> Vec<u8> {
 }
 
 #[test]
-fn numbers_far_from_any_person_are_refused_with_frame_and_value() {
+fn impossible_numbers_are_refused_with_frame_and_value() {
     let far = |poses: &[f64], trans: &[f64]| match read(&amass(156, poses, trans)) {
         Err(error @ MotionError::Range { frame, value, .. }) => (frame, value, error.to_string()),
         other => panic!("no range error: {other:?}"),

@@ -185,7 +185,7 @@ fn twist_and_bend(motion: &MotionParams, joint: Joint, along: DVec3, hinge: DVec
     (about(along).to_degrees(), about(hinge).to_degrees())
 }
 
-/// Knees bend backwards only, elbows forwards only, and no joint is wrung about its bone.
+/// Knees bend backwards only, elbows forwards only, and no joint twists about its bone.
 fn no_joint_is_twisted(name: &str) {
     let Some((_, clip)) = load(name) else {
         return;
@@ -375,7 +375,7 @@ fn makehumans_t_pose_is_ours() {
         return;
     };
     // The skeleton of these tests was measured on a body in this very pose. MakeHuman lifts the shoulders for it from
-    // its own rest pose, and collars keep such a lift: no rig says where its collars are at ease.
+    // its own rest pose, and collars keep such a lift: no rig defines its collars' rest.
     for joint in Joint::ALL {
         let angle = clip.frames[0].axis_angle(joint).length().to_degrees();
         let limit = match joint {

@@ -1,4 +1,4 @@
-//! A second BVH reader and forward kinematics in f64, written apart from the library: it trusts its input.
+//! A second BVH reader and forward kinematics in f64, independent of the library: it trusts its input.
 
 use glam::{DMat3, DVec3};
 use spmm3::{Joint, MotionParams, Skeleton};

@@ -162,7 +162,7 @@ fn pose(angles: &[f32]) -> MotionParams {
     motion
 }
 
-/// Numbers that a BVH may hold, mostly far from any person.
+/// Numbers that a BVH may hold, mostly far from a person's.
 fn extreme() -> impl Strategy<Value = f32> {
     prop_oneof![
         4 => -1e3f32..1e3,
@@ -173,7 +173,7 @@ fn extreme() -> impl Strategy<Value = f32> {
 }
 
 #[test]
-fn a_root_beyond_the_horizon_is_refused_with_frame_and_value() {
+fn a_root_too_far_away_is_refused_with_frame_and_value() {
     let skeleton = man();
     let mut frames = vec![MotionParams::default(); 2];
     frames[1].root_translation.x = 2e5;
@@ -297,7 +297,7 @@ fn the_scale_option_takes_travel_as_it_stands() {
 }
 
 #[test]
-fn mistakes_are_told_with_their_line() {
+fn mistakes_are_reported_with_their_line() {
     let good = PLAIN.write(&man(), &[MotionParams::default()]);
     let line_of = |what: &str| 1 + good.lines().position(|l| l.contains(what)).expect("a line");
     let last = good.lines().count();
@@ -449,7 +449,7 @@ fn other_files_are_refused_with_a_hint() {
         matches!(error, MotionError::Read { .. }),
         "a missing file is a reading error: {error:?}"
     );
-    assert_cause_is_told_once(&error);
+    assert_cause_is_printed_once(&error);
     let named_as_a_file = folder.path().join("walks.bvh");
     std::fs::create_dir(&named_as_a_file).expect("a folder");
     for path in [folder.path(), &named_as_a_file] {
@@ -462,11 +462,11 @@ fn other_files_are_refused_with_a_hint() {
     let half = folder.path().join("half.npz");
     std::fs::write(&half, b"PK\x03\x04 and no more").expect("a file");
     let error = MotionClip::load(&half, &man(), &LoadOptions::default()).expect_err("half a file");
-    assert_cause_is_told_once(&error);
+    assert_cause_is_printed_once(&error);
 }
 
-/// Whoever prints the chain of causes would print it twice otherwise.
-fn assert_cause_is_told_once(error: &MotionError) {
+/// A program that prints the chain of causes would print it twice otherwise.
+fn assert_cause_is_printed_once(error: &MotionError) {
     let cause = std::error::Error::source(error)
         .expect("a cause")
         .to_string();

@@ -1,4 +1,4 @@
-//! Lies with true hashes: numbers, indices, shapes and counts.
+//! False contents with true hashes: numbers, indices, shapes and counts.
 
 use crate::Court;
 use crate::parts::{BINDING, CONTROLLERS, GAUSSIANS, MANIFEST, Parts, TEMPLATE, Tensors, pack};
@@ -207,7 +207,7 @@ pub(crate) fn wrong_shapes(court: &mut Court, parts: &Parts) {
                 let mut tensors = Tensors::of(broken.member(member));
                 tensors.header[tensor][key] = value.clone();
                 *broken.member(member) = tensors.bytes();
-                // The manifest tells the same lie, or not.
+                // The manifest has the same false value, or not.
                 if listed && key != "data_offsets" {
                     broken.entry(member)["tensors"][tensor][key] = value.clone();
                 }
@@ -320,7 +320,7 @@ pub(crate) fn wrong_manifests(court: &mut Court, parts: &Parts) {
     ] {
         let mut files = vec![(MANIFEST.to_owned(), text.as_bytes().to_vec())];
         files.extend(parts.members.iter().cloned());
-        court.refuse("a manifest that is none", &pack(&files), MANIFEST);
+        court.refuse("a text that is no manifest", &pack(&files), MANIFEST);
     }
     // A package of an older version is not an error.
     let mut older = parts.clone();
@@ -337,7 +337,7 @@ pub(crate) fn wrong_manifests(court: &mut Court, parts: &Parts) {
     );
 }
 
-/// Texts that the command prints: a terminal would obey the first two, the third shows what follows it backwards.
+/// Texts that the command prints: a terminal would execute the first two, the third shows what follows it backwards.
 pub(crate) fn unprintable_texts(court: &mut Court, parts: &Parts) {
     for text in ["\u{1b}[2J", "two\nlines", "\u{202e}0-1CC"] {
         for key in ["name", "generator", "provenance", "licence"] {

@@ -1,4 +1,4 @@
-//! Deform graphs that want more than a deform graph may.
+//! Deform graphs that do more than a deform graph may.
 
 use crate::Court;
 use crate::parts::{GRAPH, Parts};
@@ -57,7 +57,7 @@ pub(crate) fn wrong_graphs(court: &mut Court, parts: &Parts) {
         "attr.mass2",
     ] {
         for value in [f32::NAN, f32::INFINITY] {
-            change("a number that is none", "not finite", &|graph| {
+            change("a number that is NaN", "not finite", &|graph| {
                 let at = raw_data(graph, tensor);
                 graph[at..at + 4].copy_from_slice(&value.to_le_bytes());
             });
@@ -68,7 +68,7 @@ pub(crate) fn wrong_graphs(court: &mut Court, parts: &Parts) {
         "mesh.first.weights",
         "attr.second.weights",
     ] {
-        change("a half that is none", "not finite", &|graph| {
+        change("a half that is NaN", "not finite", &|graph| {
             let at = raw_data(graph, tensor);
             graph[at..at + 2].copy_from_slice(&half::f16::NAN.to_le_bytes());
         });
@@ -198,7 +198,7 @@ pub(crate) fn graphs_of_their_own(court: &mut Court, parts: &Parts) {
         ));
     });
 
-    // The right graph with numbers of somebody else.
+    // The right graph with another person's numbers.
     let mut edit = |what: &str, reason: &str, tensor: &str, value: [u8; 4]| {
         let mut broken = parts.clone();
         let graph = broken.member(GRAPH);

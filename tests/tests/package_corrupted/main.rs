@@ -13,7 +13,7 @@ use std::io::Cursor;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use synthetic_person::{Puppet, Random};
 
-/// The system's allocator, counting what is held and the most that ever was.
+/// The system's allocator, counting the bytes in use and their maximum.
 struct Counting;
 
 static HELD: AtomicUsize = AtomicUsize::new(0);
@@ -40,7 +40,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Reads broken packages and keeps score.
+/// Reads broken packages and counts the refusals.
 struct Court {
     original: Avatar,
     cases: usize,
@@ -69,7 +69,7 @@ impl Court {
         }
     }
 
-    /// `package` must be refused with words that hold `reason`.
+    /// `package` must be refused with a text that has `reason`.
     fn refuse(&mut self, what: &str, package: &[u8], reason: &str) {
         match self.read(what, package) {
             None => panic!("{what} was accepted"),
@@ -81,7 +81,7 @@ impl Court {
     }
 }
 
-/// The error and its causes, as the command prints them; none may say again what the next one says.
+/// The error and its causes, as the command prints them; none may repeat the next one.
 fn causes(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut next = error.source();

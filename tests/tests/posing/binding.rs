@@ -181,7 +181,7 @@ impl Oddities {
         set(1, [-0.2, 0.3, 0.1, 0.2, 0.3, 0.4]);
         set(2, [0.05; ODD]);
         set(3, [0.0, 0.6, 0.1, 0.2, 0.3, 0.0]);
-        // The first and the last one's rotation is none.
+        // The first and the last one have no valid rotation.
         set(6, [0.0, 0.8, 0.9, 0.8, 0.7, 1e-8]);
         let barycentrics = vec![[0.25, 0.5]; ODD];
         let triangles = (0..6).collect();
@@ -250,7 +250,7 @@ fn collapsed_triangles_and_vanished_rotations_are_posed_as_on_the_cpu() {
 }
 
 #[test]
-fn a_pose_with_numbers_that_are_none_draws_nothing_of_what_they_reach() {
+fn gaussians_that_depend_on_nan_in_a_pose_are_not_drawn() {
     let Some(gpu) = gpu() else { return };
     let puppet = &*PUPPET;
     let mut poser = Poser::new(&gpu, &mesh_of(puppet)).expect("the puppet fits");

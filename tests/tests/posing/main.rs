@@ -1,4 +1,4 @@
-//! Posing on the device against f64 references, and against the CPU's way to the same picture.
+//! Posing on the device against f64 references, and against the same picture posed on the CPU.
 
 mod binding;
 mod interpolation;

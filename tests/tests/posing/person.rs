@@ -20,7 +20,7 @@ pub(crate) fn mesh_of(puppet: &Puppet) -> BoundMesh {
     )
 }
 
-/// What the networks say of one motion, in single precision as they do, by the reference.
+/// The networks' results for one motion, by the reference, rounded to single precision.
 pub(crate) struct Pose {
     pub(crate) canonical: Vec<f32>,
     pub(crate) skinning: SkinningTransforms,

@@ -1,4 +1,4 @@
-//! Pictures of Gaussians that never were on the host against pictures of those that the CPU posed.
+//! Pictures of Gaussians that only the device has, against pictures of those that the CPU posed.
 
 use crate::person::{PUPPET, Pose, mesh_of};
 use glam::{Affine3A, Quat, Vec3};
@@ -29,7 +29,7 @@ fn camera(size: u32) -> Camera {
     Camera::look_at(eye, Vec3::new(0.0, 0.9, 0.0), Vec3::Y, 0.9, size, size)
 }
 
-/// The CPU's way: F_m2g in single precision, with residuals from the reference.
+/// Posing on the CPU: F_m2g in single precision, with residuals from the reference.
 #[allow(
     clippy::cast_possible_truncation,
     reason = "networks give single precision"

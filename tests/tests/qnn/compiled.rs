@@ -56,9 +56,9 @@ fn a_graph_is_compiled_once_and_again_when_its_cache_is_damaged() {
     );
     assert_eq!(open(&model).origin(), Origin::Cached, "and is used");
 
-    // Whole by its own hash, yet nothing that QNN could load.
+    // Valid by its own hash, but QNN cannot load it.
     let mut foreign = kept[..kept.len().min(40)].to_vec();
-    foreign.extend_from_slice(b"somebody else's");
+    foreign.extend_from_slice(b"another program's");
     std::fs::write(&entry, foreign).expect("a writable folder");
     assert_eq!(open(&model).origin(), Origin::Compiled, "a foreign file");
 
@@ -170,7 +170,7 @@ fn replaced(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn compiling_leaves_this_threads_arithmetic_as_it_was() {
+fn compiling_leaves_this_threads_arithmetic_unchanged() {
     let Some(runtime) = runtime_with_qnn() else {
         return;
     };

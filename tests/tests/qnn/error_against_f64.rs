@@ -1,4 +1,4 @@
-//! What half precision on the NPU costs, against the f64 reference.
+//! The error of half precision on the NPU, against the f64 reference.
 
 use super::{QNN, session};
 use npu_runtime::{ProviderKind, Runtime};
@@ -46,7 +46,7 @@ fn compare(runtime: &Runtime, puppet: &Puppet, frames: u64) {
         started.elapsed().as_secs_f64(),
         session.landing()
     );
-    assert_eq!(session.provider(), QNN, "who runs it");
+    assert_eq!(session.provider(), QNN, "the provider");
     assert!(
         session.landing().is_wholly_on(ProviderKind::Qnn),
         "{}",
@@ -98,6 +98,6 @@ fn compare(runtime: &Runtime, puppet: &Puppet, frames: u64) {
     assert!(mean <= VERTEX_MEAN, "vertices are {mean} m off on average");
     assert!(most <= VERTEX_MOST, "a vertex is {most} m off");
     assert!(worst <= RESIDUAL_MOST, "a residual is {worst} off");
-    // In single precision it would agree far better: then the emulator was not told the chip.
+    // In single precision it would agree far better: then the emulator did not get the chip.
     assert!(most > 5e-5, "this was not half precision: {most} m");
 }

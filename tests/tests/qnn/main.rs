@@ -1,6 +1,6 @@
 //! The deform graph on QNN's emulator of the Hexagon V69, the Quest 3's NPU: wholly there, right, and compiled once.
 //!
-//! The emulator computes as the chip does and takes its time: what it takes says nothing about the chip.
+//! The emulator computes as the chip does, but its times say nothing about the chip's.
 
 mod compiled;
 mod error_against_f64;

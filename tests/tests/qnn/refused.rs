@@ -1,4 +1,4 @@
-//! What the NPU does not take is refused as a whole, by name; what is not there is named, with the reason.
+//! A graph that the NPU cannot run whole is refused by the operator's name; a missing provider is named with the reason.
 
 use super::QNN;
 use npu_runtime::{Provider, ProviderKind, RuntimeError, Session, TensorSpec};
@@ -38,7 +38,7 @@ fn an_operator_that_the_npu_lacks_is_named_and_nothing_goes_to_the_cpu() {
 }
 
 #[test]
-fn every_provider_is_there_or_says_why_not() {
+fn every_provider_is_available_or_has_a_reason() {
     let Some(runtime) = runtime() else { return };
     let found = runtime.probe();
     let kinds: Vec<ProviderKind> = found.iter().map(|one| one.provider).collect();

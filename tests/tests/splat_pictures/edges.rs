@@ -49,7 +49,7 @@ fn more_pairs_than_the_device_can_list_are_an_error_that_says_so() {
         // A device with larger buffers may draw them.
         other => assert!(!gpu.info().is_cpu && other.is_ok(), "{other:?}"),
     }
-    // The order of the picture that failed must not be taken for that of the one before.
+    // The order of the picture that failed must not be reused as that of the one before.
     renderer.draw(&[away]).expect("a picture of nothing");
     let image = renderer.read_back(0).expect("a view");
     let drawn = image.pixels().iter().filter(|pixel| pixel[3] > 0.0).count();
@@ -136,7 +136,7 @@ fn the_same_input_gives_the_same_picture_to_the_last_bit() {
 }
 
 #[test]
-fn what_does_not_fit_the_renderer_is_refused_by_name() {
+fn inputs_that_do_not_fit_the_renderer_are_refused_by_name() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = renderer_for(&gpu, BackEnd::Tiles, 10, 64, 64, 1);
     let camera = front_camera(64, 64);

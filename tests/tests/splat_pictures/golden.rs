@@ -1,4 +1,4 @@
-//! Pictures as they were accepted: what changes by accident is seen, also where the reference would allow it.
+//! Pictures against accepted ones: shows unintended changes, also where the reference would allow them.
 //!
 //! Under Mesa's lavapipe only, since every device rounds its own way. `MON3TR_UPDATE_GOLDEN=1` accepts what is drawn now.
 

@@ -1,4 +1,4 @@
-//! Keeping the order: a renderer that sorted a moment ago draws as one that sorts now, and what has not changed stays.
+//! Reusing the order: a renderer that sorted recently draws as one that sorts now, and a static scene stays the same.
 
 use glam::{Affine3A, Quat, Vec3};
 use renderer_splat::camera::Camera;
@@ -128,7 +128,7 @@ fn both_eyes_of_a_head_that_hardly_turns_see_no_popping() {
 }
 
 #[test]
-fn what_enters_at_the_pictures_edge_is_there_before_the_next_sort() {
+fn gaussians_that_enter_at_the_pictures_edge_are_drawn_before_the_next_sort() {
     let Some(gpu) = gpu() else { return };
     let (figure, scene) = (standing_figure(60_000), railing_and_wall());
     let world = World {
@@ -233,7 +233,7 @@ fn the_order_is_kept_below_the_threshold_and_renewed_beyond_it() {
         // To and fro is a way of 0.4 mm, though it ends where it began.
         assert!(
             red_shows(turned(0.03), Some(&pair), false),
-            "{back_end}: sorted anew"
+            "{back_end}: sorted again"
         );
     }
     assert_silent(&gpu);
@@ -354,7 +354,7 @@ fn a_world_at_rest_gives_the_same_picture_again() {
         let mut renderer = renderer_of(&gpu, back_end, &world, &eyes);
         renderer.draw(&eyes).expect("a picture");
         let first = views_of(&mut renderer);
-        for what in ["kept", "sorted anew"] {
+        for what in ["kept", "sorted again"] {
             renderer.draw(&eyes).expect("a picture");
             let again = views_of(&mut renderer);
             assert!(again == first, "{back_end}, {what}: another picture");

@@ -1,4 +1,4 @@
-//! Foregrounds in parts, each turned and shifted: people who share a picture, and what comes to them and goes.
+//! Foregrounds in parts, each turned and shifted: people in one picture, and parts that come and go.
 
 use glam::{Affine3A, Quat, Vec3};
 use renderer_splat::camera::Camera;
@@ -25,7 +25,7 @@ fn placed(turn: f32, x: f32, y: f32, z: f32) -> Affine3A {
     Affine3A::from_rotation_translation(Quat::from_rotation_y(turn), Vec3::new(x, y, z))
 }
 
-/// Slots that hold what they were given.
+/// Slots that hold these Gaussians.
 fn written(renderer: &SplatRenderer, rows: &[&[Gaussian]]) -> Vec<Walking> {
     let filled = rows.iter().map(|row| {
         let count = u32::try_from(row.len()).expect("few");
@@ -72,7 +72,7 @@ fn two_people_who_embrace_look_as_the_reference_says_in_both_eyes() {
         let name = format!("embrace-{back_end}");
         let least = CROWDED.of(back_end);
         assert_pictures_like_reference(&gpu, &name, &world, &eyes, &got, least);
-        // Who is named first does not matter, but for what is equally deep.
+        // The parts' order does not matter, except at equal depth.
         let other = drawn(&mut renderer, &eyes, &[parts[1], parts[0]]);
         let name = format!("embrace-turned-{back_end}");
         assert_pictures_like_reference(&gpu, &name, &world, &eyes, &other, least);
@@ -138,7 +138,7 @@ fn parts_that_stand_where_they_are_make_the_picture_of_all_in_one_to_the_last_bi
 }
 
 #[test]
-fn a_part_carried_less_than_the_bound_keeps_the_order_and_by_more_it_is_sorted_anew() {
+fn a_part_carried_less_than_the_bound_keeps_the_order_and_by_more_it_is_sorted_again() {
     let Some(gpu) = gpu() else { return };
     let disc = |z: f32, colour: [f32; 3]| {
         [Gaussian {
@@ -237,7 +237,7 @@ fn parts_come_go_and_change_places_without_a_trace() {
             );
             seen.push(got);
         }
-        // Who goes with its memory leaves nothing behind either.
+        // A part whose slot is dropped leaves nothing behind either.
         let mut slots = slots;
         let with = drawn(&mut renderer, &camera, &at_places(&slots, &[0, 1]));
         slots.truncate(1);
@@ -251,7 +251,7 @@ fn parts_come_go_and_change_places_without_a_trace() {
 }
 
 #[test]
-fn what_was_set_stands_where_its_part_says() {
+fn the_set_foreground_is_placed_by_its_part() {
     let Some(gpu) = gpu() else { return };
     let (set, slotted) = (random_gaussians(800, 61), random_gaussians(700, 62));
     let camera = [front_camera(128, 128)];

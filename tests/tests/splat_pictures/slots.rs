@@ -26,16 +26,16 @@ fn slots_filled_by_another_thread_while_others_are_drawn_show_what_was_set() {
             let slot = renderer.foreground_slot().expect("memory for a slot");
             give.send(slot).expect("the other end");
         }
-        let (hand_over, written) = channel();
+        let (to_renderer, written) = channel();
         thread::scope(|scope| {
             scope.spawn(|| {
                 for (frame, mut slot) in frames.iter().zip(free) {
                     let gaussians = packed(frame);
                     slot.gaussians_mut()[..gaussians.len()].copy_from_slice(&gaussians);
                     slot.set(4_000, MotionBound::new()).expect("they fit");
-                    hand_over.send(slot).expect("the other end");
+                    to_renderer.send(slot).expect("the other end");
                 }
-                drop(hand_over);
+                drop(to_renderer);
             });
             for frame in &frames {
                 let slot = written.recv().expect("the writer lives");
@@ -57,7 +57,7 @@ fn slots_filled_by_another_thread_while_others_are_drawn_show_what_was_set() {
 }
 
 #[test]
-fn slots_and_what_was_set_take_turns_and_no_foreground_is_none() {
+fn slots_and_the_set_foreground_take_turns_and_no_foreground_is_none() {
     let Some(gpu) = gpu() else { return };
     let camera = front_camera(128, 128);
     let [set, slotted] = [5, 6].map(|seed| random_gaussians(1_000, seed));

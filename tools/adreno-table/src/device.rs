@@ -1,9 +1,9 @@
-//! The pretended Adreno: the first device of Mesa's turnip, opened so that it tells what its compiler made of a shader.
+//! The pretended Adreno: the first device of Mesa's turnip, opened so that it reports its compiler's statistics.
 
 use anyhow::{Context, ensure};
 use ash::{khr, vk};
 
-/// The opened device. Lives as long as the program: there is nothing to give back.
+/// The opened device. It lives as long as the program and is not destroyed.
 pub(crate) struct Device {
     pub(crate) handle: ash::Device,
     pub(crate) executables: khr::pipeline_executable_properties::Device,

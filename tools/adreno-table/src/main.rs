@@ -1,5 +1,5 @@
 //! What every shader costs on the Quest 3's GPU, without a Quest: Mesa's turnip compiles them for an Adreno 740 that a shim
-//! pretends to be, and tells what became of them. Nothing is executed, so there are no milliseconds here.
+//! pretends to be, and reports its statistics. Nothing is executed, so there are no milliseconds here.
 //!
 //! It is Mesa's compiler, not the headset's: good for spills, occupancy and comparing two versions of a shader.
 
@@ -35,16 +35,16 @@ struct Arguments {
     /// Instead of printing it, fail where a shader breaks a rule (see reasons.txt) or the committed table is out of date.
     #[arg(long, conflicts_with_all = ["name", "set", "renew"])]
     check: bool,
-    /// Instead of printing it, write the committed table anew.
+    /// Instead of printing it, renew the committed table.
     #[arg(long, conflicts_with_all = ["name", "set"])]
     renew: bool,
 }
 
-/// What is committed of the table, and why some shaders have fewer waves than there could be.
+/// The committed table, and the reasons why some shaders run in fewer waves than fit.
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/table.md");
 const REASONS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/reasons.txt");
 
-/// What the chip can run a shader at; which one a headset's driver takes is up to it.
+/// The subgroup sizes of the chip; a headset's driver chooses one.
 const SUBGROUPS: [u32; 2] = [64, 128];
 
 fn main() -> anyhow::Result<()> {
@@ -74,7 +74,7 @@ fn main() -> anyhow::Result<()> {
             )
             .with_context(|| format!("shader {name} at subgroups of {subgroup}"))?;
             for one in compiled {
-                // Of a pair, the driver may make more than two programs.
+                // For a pair of shaders the driver may make more than two programs.
                 let stage = stages
                     .iter()
                     .find(|module| pipeline::stage_name(module.stage.flag()) == one.stage);
@@ -124,7 +124,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The compiler's name, the table, and what was left open.
+/// The compiler's name, the table, and the constants at their defaults.
 fn text(device: &Device, rows: &[Row], modules: &[Module], settings: &[Setting]) -> String {
     let mut text = format!(
         "{}, {}\n\n{}",

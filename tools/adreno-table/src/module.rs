@@ -1,4 +1,4 @@
-//! What a pipeline has to be told of a compiled shader: its stage, bindings, outputs, specialisation constants.
+//! What a pipeline's description needs of a compiled shader: its stage, bindings, outputs, specialisation constants.
 //!
 //! Reads just the SPIR-V that glslang writes for this project's shaders: buffers and input attachments, no other images, no vertex
 //! attributes.
@@ -68,7 +68,7 @@ pub(crate) struct Module {
     pub(crate) outputs: BTreeSet<u32>,
     /// Attachments of an earlier subpass that a fragment shader reads.
     pub(crate) inputs: BTreeSet<u32>,
-    /// Whether a fragment shader says its depth.
+    /// Whether a fragment shader writes its depth.
     pub(crate) writes_depth: bool,
 }
 
@@ -138,7 +138,7 @@ impl Module {
                         CLASS_UNIFORM => vk::DescriptorType::UNIFORM_BUFFER,
                         CLASS_UNIFORM_CONSTANT if subpass_images.contains(&pointee) => {
                             inputs.insert(of(DECORATION_INPUT_ATTACHMENT_INDEX).with_context(
-                                || format!("{} says no input_attachment_index", name()),
+                                || format!("{} has no input_attachment_index", name()),
                             )?);
                             vk::DescriptorType::INPUT_ATTACHMENT
                         }
@@ -241,7 +241,7 @@ mod tests {
         }
     }
 
-    /// A fragment shader with one image of a dimension, as glslang writes it but for the names: no body, which nobody reads here.
+    /// A fragment shader with one image of a dimension, as glslang writes it but for the names: no body, which the reader skips.
     fn with_an_image(dimension: u32) -> Shader {
         let op = |code: u16, operands: &[u32]| {
             let length = u32::try_from(operands.len()).expect("a short one") + 1;

@@ -1,4 +1,4 @@
-//! Compiling a compute shader, or a vertex and a fragment shader together, and asking what became of them.
+//! Compiling a compute shader, or a vertex and a fragment shader together, and asking for the driver's statistics.
 
 use std::collections::BTreeMap;
 
@@ -12,10 +12,10 @@ use crate::module::{Module, Stage};
 /// Most bytes of push constants that every device has.
 const PUSH_BYTES: u32 = 128;
 
-/// Where the splats are drawn: colour, and depth.
+/// The splats' attachments: colour, and depth.
 const ATTACHMENTS: [vk::Format; 2] = [vk::Format::R16G16B16A16_SFLOAT, vk::Format::R16_SFLOAT];
 
-/// What a subpass that reads them draws into: a compositor's colour and depth.
+/// The attachments of the subpass that reads them: a compositor's colour and depth.
 const SHOWN: vk::Format = vk::Format::R8G8B8A8_SRGB;
 const SHOWN_DEPTH: vk::Format = vk::Format::D32_SFLOAT;
 
@@ -388,7 +388,7 @@ fn text(bytes: Result<&std::ffi::CStr, std::ffi::FromBytesUntilNulError>) -> Str
         .unwrap_or_default()
 }
 
-/// Everything the driver tells of an executable's making, the machine code last.
+/// All internal representations of an executable, the machine code last.
 fn code(device: &Device, info: &vk::PipelineExecutableInfoKHR<'_>) -> anyhow::Result<String> {
     let get = device
         .executables

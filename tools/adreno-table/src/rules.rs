@@ -1,10 +1,10 @@
-//! What a shader must cost at most: no spills, and as many waves as a core holds, unless a reason is written down.
+//! The limits of a shader's cost: no spills, and as many waves as a core holds, unless a reason is written down.
 
 use anyhow::{Context, bail, ensure};
 
 use crate::table::Row;
 
-/// The waves that one core of the chip holds: with fewer, less of the memory's latency is hidden.
+/// The waves that one core of the chip holds: with fewer, less memory latency is hidden.
 const ALL_WAVES: u64 = 16;
 
 /// A line of the file of reasons: a row of the table, and why it has too few waves.
@@ -13,7 +13,7 @@ pub(crate) struct Reason {
     why: String,
 }
 
-/// Reads lines of `SHADER STAGE SUBGROUP: WHY`; empty ones, and those that begin with `#`, say nothing.
+/// Reads lines of `SHADER STAGE SUBGROUP: WHY`; empty ones, and those that begin with `#`, are skipped.
 pub(crate) fn reasons(text: &str) -> anyhow::Result<Vec<Reason>> {
     let mut reasons: Vec<Reason> = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
@@ -72,7 +72,7 @@ pub(crate) fn check(rows: &[Row], reasons: &[Reason]) -> anyhow::Result<()> {
     bail!("{}", wrong.join("\n"))
 }
 
-/// Fails where `committed` is not what `now` is, and says which lines differ.
+/// Fails where `committed` differs from `now`, and names the lines.
 pub(crate) fn check_table(committed: &str, now: &str) -> anyhow::Result<()> {
     if committed == now {
         return Ok(());
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spill_fails_whatever_is_written_of_it() {
+    fn a_spill_fails_even_with_a_reason() {
         let said = said(
             &[row("raster", 12, 3)],
             "raster compute 64: it has much to remember",
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_for_a_shader_that_is_no_more_fails() {
+    fn a_reason_for_a_removed_shader_fails() {
         let said = said(&[row("raster", 16, 0)], "rooster compute 64: it crows");
         assert!(said.contains("there is no rooster compute 64"), "{said}");
     }
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_that_differ_from_the_committed_table_are_told_from_both_sides() {
+    fn lines_that_differ_from_the_committed_table_are_printed_from_both() {
         let why = check_table("same\nold\n", "same\nnew\n")
             .expect_err("they differ")
             .to_string();

@@ -64,7 +64,7 @@ impl Row {
             .any(|statistic| self.figure(statistic) != Some(0))
     }
 
-    /// A row that no compiler said.
+    /// A made-up row.
     #[cfg(test)]
     pub(crate) fn made_up(shader: &str, subgroup: u32, waves: u64, spills: u64) -> Self {
         let said = [(WAVES, waves), (SPILLS, spills), (RELOADS, spills)];

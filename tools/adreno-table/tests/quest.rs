@@ -35,7 +35,7 @@ fn no_shader_spills_or_lacks_waves_without_a_reason_and_the_committed_table_is_t
 }
 
 #[test]
-fn two_runs_of_the_compiler_say_the_same() {
+fn two_runs_of_the_compiler_give_the_same_statistics() {
     let Some(first) = on_the_quest(&[]) else {
         return;
     };

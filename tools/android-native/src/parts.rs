@@ -1,4 +1,4 @@
-//! Others' libraries that go into the package: where `./run` leaves them, and whether they are what it fetched.
+//! Others' libraries that go into the package: read from where `./run` leaves them, and checked by their hashes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use sha2::{Digest as _, Sha256};
 pub const PARTS: &str = "MON3TR_ANDROID_PARTS";
 /// Names the folder of those for the NPU.
 pub const QNN_PARTS: &str = "MON3TR_ANDROID_PARTS_QNN";
-/// Says what lies in the folder it is in.
+/// Lists the libraries in its folder.
 const LIST: &str = "parts.json";
 
 /// Why a part cannot go into a package.
@@ -33,7 +33,7 @@ pub enum PartsError {
         #[source]
         source: std::io::Error,
     },
-    /// A library is not the one that was fetched.
+    /// A library has another hash than the list says.
     #[error(
         "{} has SHA-256 {found}, and {expected} was fetched: delete its folder and run ./run setup",
         path.display()
@@ -53,7 +53,7 @@ pub enum PartsError {
 pub struct Part {
     /// Its file name, `libonnxruntime.so`.
     pub file: String,
-    /// Its version, as its maker counts.
+    /// Its version, as its maker numbers them.
     pub version: String,
     /// The archive it was in.
     pub from: String,
@@ -91,7 +91,7 @@ pub fn read(folder: &Path) -> Result<Vec<Part>, PartsError> {
     entries
         .into_iter()
         .map(|entry| {
-            // A name, not a way to somewhere else.
+            // A file name, not a path out of the folder.
             if entry.file.contains(['/', '\\']) {
                 return Err(no_list(format!("{:?} is no file name", entry.file)));
             }

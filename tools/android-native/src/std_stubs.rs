@@ -1,5 +1,5 @@
-//! Functions of Rust's standard library that Android has in name alone: they compile, and each call is an error, or an answer that is
-//! of no use to an app. A library that has one of them in it is not packaged.
+//! Functions of Rust's standard library that are only stubs on Android: they compile, and each call is an error or has a
+//! useless result. A library that has one of them in it is not packaged.
 //!
 //! Looked for are the functions' names, in the library before these are stripped off it, and the words of their errors: those stay where
 //! the compiler put a function into its caller. clippy.toml forbids them in our own code; crates of others may call them too.
@@ -9,15 +9,15 @@ use std::path::{Path, PathBuf};
 
 use object::{Object, ObjectSection, ObjectSymbol, SectionKind};
 
-/// One of them.
+/// A stub function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stub {
     /// The function.
     pub name: &'static str,
-    /// The words of its error.
+    /// Its error text.
     pub says: &'static str,
-    /// The first Rust that has more than this to offer, where that is known.
-    pub mended: Option<&'static str>,
+    /// The first Rust that implements it, where that is known.
+    pub fixed_in: Option<&'static str>,
     /// What to use.
     pub instead: &'static str,
 }
@@ -35,7 +35,7 @@ pub const STUBS: [Stub; 6] = [
     Stub {
         name: "std::fs::Metadata::created",
         says: "creation time is not available on this platform currently",
-        mended: None,
+        fixed_in: None,
         instead: "Metadata::modified",
     },
 ];
@@ -45,7 +45,7 @@ const fn lock(name: &'static str, says: &'static str) -> Stub {
         name,
         says,
         // rust-lang/rust#148325
-        mended: Some("1.98"),
+        fixed_in: Some("1.98"),
         instead: "rustix::fs::flock",
     }
 }
@@ -55,18 +55,18 @@ impl fmt::Display for Stub {
         let Self {
             name,
             says,
-            mended,
+            fixed_in,
             instead,
         } = self;
         write!(f, "{name} is an error on Android (\"{says}\")")?;
-        if let Some(mended) = mended {
-            write!(f, " before Rust {mended}")?;
+        if let Some(fixed_in) = fixed_in {
+            write!(f, " before Rust {fixed_in}")?;
         }
         write!(f, ": use {instead}")
     }
 }
 
-/// What keeps a library from being checked, or packaged.
+/// Why a library cannot be checked or packaged.
 #[derive(Debug, thiserror::Error)]
 pub enum StubError {
     /// It calls some of them.
@@ -102,7 +102,7 @@ fn listed(stubs: &[&Stub]) -> String {
 /// Looks for all of them in the library at `path`, which has its names still.
 ///
 /// # Errors
-/// [`StubError::Found`] if there are some; the others if it cannot be told.
+/// [`StubError::Found`] if there are some; the others if the library cannot be checked.
 pub fn check(path: &Path) -> Result<(), StubError> {
     let data = std::fs::read(path).map_err(|source| StubError::Read {
         path: path.to_owned(),
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn words_are_told_from_the_ends_of_others() {
+    fn error_texts_are_distinguished_from_the_ends_of_others() {
         let found = |text: &str| {
             let found = STUBS.iter().filter(|stub| says(stub, text.as_bytes()));
             found.map(|stub| stub.name).collect::<Vec<_>>()
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_what_androids_standard_library_has_in_name_alone() {
+    fn the_table_lists_the_stubs_of_androids_standard_library() {
         let Some(library) = androids_own() else {
             return;
         };

@@ -1,4 +1,4 @@
-//! Others' libraries: what was fetched is what is packaged, or nothing is.
+//! Others' libraries: only what was fetched is packaged.
 
 use std::fs;
 

@@ -1,4 +1,4 @@
-//! Prints how true the lab is on this machine: what it adds to the delay that was asked for, and how near a TCP path comes to its rate.
+//! Prints the lab's accuracy on this machine: what it adds to the requested delay, and how near a TCP path comes to its rate.
 //!
 //! `cargo run -p netlab --example accuracy`
 

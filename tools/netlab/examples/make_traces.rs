@@ -1,4 +1,4 @@
-//! Writes the synthetic traces in `tools/netlab/traces` anew, the same each time. Nobody measured them: each file's head says its formula.
+//! Writes the synthetic traces in `tools/netlab/traces`, the same each time. They are not measured: each file's head says its formula.
 //!
 //! `cargo run -p netlab --example make_traces -- tools/netlab/traces`
 
@@ -34,7 +34,7 @@ fn main() -> std::io::Result<()> {
         &lte,
     )?;
 
-    // A share of the air that changes with how many others send just now.
+    // A share of the air that changes with the number of other senders.
     let mut others = 2_u32;
     let wifi: Vec<f64> = (0..600)
         .map(|_| {

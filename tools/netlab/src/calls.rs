@@ -15,10 +15,10 @@ use tokio::{
     task::{AbortHandle, JoinSet},
 };
 
-/// A call that nobody has sent anything on for so long is over. Longer than any outage: in one, both sides still send.
+/// A call without a packet for this long is over. Longer than any outage: both sides send during one.
 const CALL_IDLE: Duration = Duration::from_secs(60);
 
-/// What the lab's front and its calls share.
+/// State shared by the lab's front and its calls.
 #[derive(Debug)]
 pub(crate) struct Shared {
     pub(crate) upstream: SocketAddr,
@@ -31,7 +31,7 @@ pub(crate) struct Shared {
     pub(crate) calls: Mutex<Calls>,
 }
 
-/// What lies between the sides now, and since when.
+/// The present impairments, and since when they hold.
 #[derive(Debug)]
 pub(crate) struct Network {
     pub(crate) down: (Impairment, Duration),
@@ -98,7 +98,7 @@ impl Shared {
         calls.open.push((relay, task));
     }
 
-    /// Ends a call that came to nothing.
+    /// Ends a call that was not established.
     pub(crate) fn close(&self, relay: &Arc<Relay>) {
         locked(&self.calls).open.retain(|(open, task)| {
             let is_it = Arc::ptr_eq(open, relay);

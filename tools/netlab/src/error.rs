@@ -1,4 +1,4 @@
-//! What can go wrong in the lab, as its user can act on it.
+//! The errors of the lab.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -25,17 +25,17 @@ pub enum NetlabError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// A figure that no network can have.
+    /// A value that no network can have.
     #[error("{what} is {value}, but must be {expected}")]
     OutOfRange {
-        /// Which figure.
+        /// The value's name.
         what: &'static str,
         /// What was given.
         value: f64,
-        /// What would do.
+        /// The allowed values.
         expected: &'static str,
     },
-    /// No socket to be had.
+    /// A socket cannot be opened.
     #[error("cannot open a socket on {address}")]
     Bind {
         /// Where.
@@ -51,7 +51,7 @@ pub enum NetlabError {
     Upstream {
         /// Its address.
         server: SocketAddr,
-        /// What was tried and what came of it.
+        /// What was tried, and the result.
         why: String,
     },
     /// A chart could not be drawn.

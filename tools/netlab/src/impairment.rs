@@ -1,4 +1,4 @@
-//! What a network does to packets in one direction, as its user asks for it. Says only what; [`crate::Link`] does it.
+//! The impairments of packets in one direction: data only; [`crate::Link`] applies them.
 
 use std::{fmt, time::Duration};
 
@@ -40,18 +40,18 @@ impl Probability {
 /// Where the spread is wide against the packets' spacing that waiting adds to the mean.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Jitter {
-    /// It does not.
+    /// No jitter.
     #[default]
     None,
     /// Evenly within the delay +- this.
     Uniform(Duration),
     /// By the normal distribution with this deviation, cut at 3 deviations and at no delay at all.
     Normal(Duration),
-    /// Later by an exponential time with this mean: often nothing, sometimes much, as behind other people's traffic.
+    /// Later by an exponential time with this mean: mostly short, sometimes long, as behind cross traffic.
     Exponential(Duration),
 }
 
-/// Which packets vanish.
+/// Which packets are lost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Loss {
     /// Each by itself.
@@ -76,7 +76,7 @@ impl Default for Loss {
 }
 
 impl Loss {
-    /// Bursts in which everything is lost, by what they should come to: the share of all packets lost, and a burst's mean length in packets.
+    /// Bursts in which everything is lost, given by the share of all packets lost, and a burst's mean length in packets.
     ///
     /// # Errors
     /// [`NetlabError::OutOfRange`]: the share must be below 1, the length at least 1 and not too short for so great a share.
@@ -131,9 +131,9 @@ impl Loss {
 /// Some packets are held back, so that later ones come first.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reordering {
-    /// Whether a packet is held back.
+    /// The probability that a packet is held back.
     pub probability: Probability,
-    /// By how much beyond its delay. It overtakes nobody and nobody waits for it.
+    /// By how much beyond its delay. It overtakes no packet, and no packet waits for it.
     pub hold: Duration,
 }
 
@@ -147,13 +147,13 @@ pub enum Queue {
 }
 
 impl Default for Queue {
-    /// 200 ms: what a well-kept router holds.
+    /// 200 ms: the buffer of a well-configured router.
     fn default() -> Self {
         Self::Time(Duration::from_millis(200))
     }
 }
 
-/// A time in which everything offered is lost, as when a cable is out. What was under way by then still comes.
+/// A time in which every offered packet is lost, as with a cable unplugged. Packets already under way still arrive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outage {
     /// When it begins, since the impairment was put in place.
@@ -182,12 +182,12 @@ pub struct Impairment {
     pub rate: Option<Rate>,
     /// Before the bottleneck.
     pub queue: Queue,
-    /// When nothing passes.
+    /// When no packet passes.
     pub outages: Vec<Outage>,
 }
 
 impl Impairment {
-    /// Whether everything offered at a time since the impairment was put in place is lost.
+    /// Whether every packet offered at a time since the impairment was put in place is lost.
     pub fn is_out(&self, time: Duration) -> bool {
         self.outages
             .iter()
@@ -200,7 +200,7 @@ fn ms(time: Duration) -> f64 {
 }
 
 impl fmt::Display for Impairment {
-    /// As a table's row calls it: `20 ms +-5 ms, 5 % lost, 200 kbit/s`, or `clean`.
+    /// As a table's row shows it: `20 ms +-5 ms, 5 % lost, 200 kbit/s`, or `clean`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut parts = Vec::new();
         let jitter = match self.jitter {

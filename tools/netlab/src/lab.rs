@@ -1,4 +1,4 @@
-//! The lab as a whole: a front for a real server, and what lies between whoever meets there.
+//! The lab as a whole: a front for a real server, and the network between the sender and viewers that meet there.
 
 use std::{
     io,
@@ -23,10 +23,10 @@ use crate::{
 pub struct LabConfig {
     /// The real server, which speaks HTTP (without TLS).
     pub upstream: SocketAddr,
-    /// Where the lab listens and receives packets; [`Ipv4Addr::LOCALHOST`] by default. An address of a network card lets in clients that shun
-    /// the loopback.
+    /// Where the lab listens and receives packets; [`Ipv4Addr::LOCALHOST`] by default. An address of a network
+    /// card lets in clients that do not use the loopback.
     pub ip: IpAddr,
-    /// What HTTP is to be asked at; 0 (the default) for any free port.
+    /// The port for HTTP; 0 (the default) for any free port.
     pub port: u16,
     /// From the sender to each viewer.
     pub down: Impairment,
@@ -34,7 +34,7 @@ pub struct LabConfig {
     pub up: Impairment,
     /// Same seed, same packets: same chances. Every call has its own sequences.
     pub seed: u64,
-    /// What HTTP (signaling and packages) suffers on its way; nothing by default.
+    /// The impairment of HTTP (signaling and packages); none by default.
     pub http: Option<TcpImpairment>,
 }
 
@@ -72,7 +72,7 @@ impl Lab {
             address: config.ip,
             source,
         };
-        // With HTTP impaired the asked port is the relay's; the front hides behind it.
+        // With HTTP impaired the requested port is the relay's, in front of the lab's own.
         let front_port = if config.http.is_some() {
             0
         } else {
@@ -141,7 +141,7 @@ impl Lab {
         }
     }
 
-    /// Takes the network away for a time from now on, in both directions, and leaves it as it is otherwise.
+    /// Starts an outage of both directions now; all else stays as it is.
     pub fn cut(&self, length: Duration) {
         let now = self.shared.pacer.now();
         let mut network = locked(&self.shared.network);
@@ -158,7 +158,7 @@ impl Lab {
         }
     }
 
-    /// What the lab has seen until now.
+    /// The statistics until now.
     pub fn statistics(&self) -> Statistics {
         let mut statistics = locked(&self.shared.statistics).clone();
         statistics.punctuality = self.shared.pacer.punctuality();
@@ -170,7 +170,7 @@ impl Lab {
         self.shared.pacer.now()
     }
 
-    /// Ends every call and connection, and says what was seen.
+    /// Ends every call and connection, and returns the statistics.
     pub async fn stop(mut self) -> Statistics {
         self.shared.stopped.send_replace(true);
         drop(self.tcp.take());

@@ -1,7 +1,7 @@
-//! A network of any quality on one machine, without root: a front for the real server that leads every call's packets through relays which
-//! delay, lose, reorder, double and slow them, decided by a seed; counts of what went through; and reports of what calls made of it.
+//! A network of any quality on one machine, without root: a front for the real server that routes every call's packets through relays that
+//! delay, lose, reorder, double and slow them, decided by a seed; statistics of the packets; and reports of calls.
 //!
-//! [`Lab`] is the whole; [`Link`] is what decides, pure and without a clock. Starts no programs and measures no calls: that is its user's.
+//! [`Lab`] is the whole; [`Link`] decides about each packet, without sockets or a clock. Starts no programs and measures no calls: its users do.
 
 mod calls;
 mod error;

@@ -1,7 +1,7 @@
-//! One direction of one path: what becomes of each packet offered. Pure: knows sizes and times that it is told, no sockets, no clock.
+//! One direction of one path: the fate of each offered packet, from its size and time. No sockets, no clock.
 //!
-//! Every packet takes the same number of random draws in the same order, whatever becomes of it. So chance strikes the nth packet
-//! by the seed and n alone, however its neighbours were timed; only queue and outage depend on time.
+//! Every packet takes the same number of random draws in the same order, whatever its fate. So the fate of the nth packet depends
+//! on the seed and n alone, not on its neighbours' times; only queue and outage depend on time.
 
 use std::{collections::VecDeque, f64::consts::TAU, time::Duration};
 
@@ -21,7 +21,7 @@ pub enum Cause {
     Outage,
 }
 
-/// What becomes of a packet.
+/// The fate of a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
     /// It comes at a time, and perhaps a second time. Times are on the same clock as [`Link::offer`]'s.
@@ -31,11 +31,11 @@ pub enum Fate {
         /// The second time, never before the first.
         copy_at: Option<Duration>,
     },
-    /// It does not come.
+    /// It is lost.
     Lost(Cause),
 }
 
-/// What waits before the bottleneck.
+/// The queue before the bottleneck.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Backlog {
     /// With headers, and with the packet that is being sent.
@@ -137,7 +137,7 @@ impl Link {
         Fate::Delivered { at, copy_at }
     }
 
-    /// What waits at a time, which does not go back.
+    /// The queue at a time, which does not go back.
     pub fn backlog(&mut self, now: Duration) -> Backlog {
         while let Some(&(departs, bytes)) = self.waiting.front()
             && departs <= now

@@ -262,7 +262,7 @@ fn the_same_seed_decides_the_same_and_another_otherwise() {
 }
 
 #[test]
-fn chance_strikes_the_same_packets_however_they_are_timed() {
+fn the_same_packets_are_lost_whatever_their_times() {
     let lossy = Impairment {
         loss: Loss::bursts(0.1, 4.0).expect("possible bursts"),
         jitter: Jitter::Uniform(MS),
@@ -340,7 +340,7 @@ fn a_trace_is_replayed_exactly_and_its_outage_holds_packets() {
 }
 
 #[test]
-fn what_does_not_fit_in_the_queue_is_dropped() {
+fn packets_that_do_not_fit_in_the_queue_are_dropped() {
     let with = |queue| {
         let impairment = Impairment {
             rate: steady(200.0),
@@ -379,7 +379,7 @@ fn what_does_not_fit_in_the_queue_is_dropped() {
 }
 
 #[test]
-fn an_outage_loses_what_is_offered_in_it_and_nothing_else() {
+fn an_outage_loses_the_packets_offered_in_it_and_no_others() {
     let fates = run(
         Impairment {
             delay: 20 * MS,
@@ -405,7 +405,7 @@ fn an_outage_loses_what_is_offered_in_it_and_nothing_else() {
 }
 
 #[test]
-fn another_network_holds_from_when_it_is_put_in_place() {
+fn a_new_impairment_holds_from_when_it_is_put_in_place() {
     let mut link = Link::new(Impairment::default(), SEED, Duration::ZERO);
     assert_eq!(
         link.offer(MS, 100),

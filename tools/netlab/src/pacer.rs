@@ -1,4 +1,4 @@
-//! Does things at a time, to a fraction of a millisecond: one thread that sleeps until the next is due. (The async runtime's own timer
+//! Runs tasks at given times, to a fraction of a millisecond: one thread that sleeps until the next is due. (The async runtime's own timer
 //! counts whole milliseconds and rounds up, which a network of 20 ms would show.)
 
 use std::{
@@ -11,9 +11,9 @@ use std::{
 
 use crate::statistics::Punctuality;
 
-type Deed = Box<dyn FnOnce() + Send>;
+type Task = Box<dyn FnOnce() + Send>;
 
-/// A thread that does things when they are due. What is not done yet when it is dropped is never done.
+/// A thread that runs tasks when they are due. Dropping it drops the tasks that are not due yet.
 pub(crate) struct Pacer {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -37,7 +37,7 @@ struct State {
 struct Due {
     at: Instant,
     order: u64,
-    deed: Deed,
+    task: Task,
 }
 
 impl Ord for Due {
@@ -61,7 +61,7 @@ impl PartialEq for Due {
 
 impl Eq for Due {}
 
-/// A lock that a panic elsewhere does not take away: the state behind it is whole after every step.
+/// A lock that survives a panic elsewhere: the state behind it is consistent after every step.
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -87,8 +87,8 @@ impl Pacer {
         self.started.elapsed()
     }
 
-    /// Does something short, which must not block, at a time since the pacer was started.
-    pub(crate) fn at(&self, time: Duration, deed: impl FnOnce() + Send + 'static) {
+    /// Runs a short task, which must not block, at a time since the pacer was started.
+    pub(crate) fn at(&self, time: Duration, task: impl FnOnce() + Send + 'static) {
         // A time beyond the clock's end never comes.
         let Some(at) = self.started.checked_add(time) else {
             return;
@@ -100,7 +100,7 @@ impl Pacer {
         state.due.push(Due {
             at,
             order,
-            deed: Box::new(deed),
+            task: Box::new(task),
         });
         drop(state);
         if is_next {
@@ -145,11 +145,11 @@ impl Shared {
             if let Some(next) = state.due.pop() {
                 state.punctuality.add(now - next.at);
                 drop(state);
-                (next.deed)();
+                (next.task)();
                 state = locked(&self.state);
             }
         }
-        // Dropped here, outside the lock's holder's way: deeds may own sockets.
+        // Dropped here, outside the lock: tasks may own sockets.
         let left = std::mem::take(&mut state.due);
         drop(state);
         drop(left);
@@ -168,7 +168,7 @@ impl Drop for Pacer {
     fn drop(&mut self) {
         locked(&self.shared.state).stopped = true;
         self.shared.changed.notify_one();
-        // The last owner may be a deed on the very thread, which cannot wait for itself.
+        // The last owner may be a task on this very thread, which cannot wait for itself.
         if let Some(thread) = self.thread.take()
             && thread.thread().id() != std::thread::current().id()
         {
@@ -184,17 +184,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn deeds_are_done_in_the_order_of_their_times_and_not_early() {
+    fn tasks_run_in_the_order_of_their_times_and_not_early() {
         let pacer = Pacer::start().expect("a thread");
-        let (tell, told) = mpsc::channel();
+        let (report, done) = mpsc::channel();
         for (name, ms) in [(3, 30), (1, 10), (2, 20), (4, 30)] {
-            let tell = tell.clone();
+            let report = report.clone();
             pacer.at(Duration::from_millis(ms), move || {
-                let _ = tell.send((name, Instant::now()));
+                let _ = report.send((name, Instant::now()));
             });
         }
         for (name, ms) in [(1, 10), (2, 20), (3, 30), (4, 30)] {
-            let (got, when) = told.recv().expect("every deed is done");
+            let (got, when) = done.recv().expect("every task has run");
             assert_eq!(got, name, "the order");
             assert!(
                 when >= pacer.started + Duration::from_millis(ms),
@@ -205,13 +205,13 @@ mod tests {
     }
 
     #[test]
-    fn a_pacer_ends_with_things_undone() {
+    fn a_pacer_ends_with_tasks_left() {
         let pacer = Pacer::start().expect("a thread");
-        let (tell, told) = mpsc::channel::<()>();
+        let (report, done) = mpsc::channel::<()>();
         pacer.at(Duration::from_secs(1000), move || {
-            let _ = tell.send(());
+            let _ = report.send(());
         });
         drop(pacer);
-        assert!(told.recv().is_err(), "the deed is gone, undone");
+        assert!(done.recv().is_err(), "the task is dropped without a run");
     }
 }

@@ -1,5 +1,5 @@
-//! The HTTP man in the middle. Forwards every request to the real server and its answer back, bodies as they come; only the session
-//! descriptions of `POST .../whep` (docs/protocol.md) are rewritten, so that the call's packets take the lab's way.
+//! A reverse HTTP proxy. Forwards every request to the real server and its answer back, bodies as they come; only the session
+//! descriptions of `POST .../whep` (docs/protocol.md) are rewritten, so that the call's packets go through the lab.
 
 use std::{net::SocketAddr, sync::Arc};
 
@@ -50,13 +50,13 @@ async fn handle(State(shared): State<Arc<Shared>>, request: Request) -> Response
     }
 }
 
-/// A viewer's call: the offer and the answer are led through a new pair of sockets.
+/// A viewer's call: offer and answer are rewritten to a new pair of sockets.
 async fn call(shared: &Arc<Shared>, request: Request) -> Result<Response, NetlabError> {
     let (mut head, body) = request.into_parts();
     let offer = text(body).await?;
     let relay = shared.open_relay()?;
     let offer = sdp::rewrite(&offer, relay.sender_facing())?;
-    relay.tell_viewer(offer.peer);
+    relay.set_viewer_address(offer.peer);
     head.headers.remove(header::CONTENT_LENGTH);
     // From here on: the sender may begin before its answer is through.
     shared.carry(relay.clone());
@@ -69,7 +69,7 @@ async fn call(shared: &Arc<Shared>, request: Request) -> Result<Response, Netlab
         Ok(answer) if answer.status() == StatusCode::CREATED => {
             let (mut head, body) = answer.into_parts();
             let answer = sdp::rewrite(&text(body).await?, relay.viewer_facing())?;
-            relay.tell_sender(answer.peer);
+            relay.set_sender_address(answer.peer);
             head.headers.remove(header::CONTENT_LENGTH);
             Ok(Response::from_parts(head, Body::from(answer.sdp)))
         }
@@ -87,8 +87,8 @@ async fn text(body: Body) -> Result<String, NetlabError> {
     String::from_utf8(bytes.into()).map_err(|_| NetlabError::Sdp("it is not UTF-8"))
 }
 
-/// One request to the server, over a connection of its own: so it sees the server as it is now, and a viewer that goes away
-/// is seen to go away.
+/// One request to the server, over a connection of its own: so it reaches the server of now, and the server sees it
+/// when a viewer goes away.
 async fn forward(server: SocketAddr, request: Request) -> Result<Response, NetlabError> {
     let fail = |what: &str, error: &dyn std::error::Error| NetlabError::Upstream {
         server,
@@ -129,7 +129,7 @@ fn strip(headers: &mut HeaderMap) {
 /// Breaks a body off when the lab stops, as a network that is gone would.
 fn until_stopped(answer: Response, mut stopped: watch::Receiver<bool>) -> Response {
     let (head, body) = answer.into_parts();
-    // An empty body is left as it is: as a stream nobody would know that it is empty.
+    // An empty body is left as it is: as a stream its end would not be known beforehand.
     if axum::body::HttpBody::is_end_stream(&body) {
         return Response::from_parts(head, body);
     }

@@ -1,4 +1,4 @@
-//! How fast a link is: steadily, or after a bandwidth trace. All arithmetic is in whole numbers, so that a replay is exact.
+//! A link's rate: steady, or by a bandwidth trace. All arithmetic is in whole numbers, so that a replay is exact.
 
 use std::{fmt, sync::Arc, time::Duration};
 
@@ -42,7 +42,7 @@ impl fmt::Display for BitRate {
     }
 }
 
-/// How fast a link takes packets.
+/// The rate at which a link sends packets.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Rate {
     /// Always the same.

@@ -1,7 +1,7 @@
-//! One call's pair of UDP sockets. The viewer sends to one of them and takes it for the sender; the sender likewise with the other.
+//! One call's pair of UDP sockets. The viewer sends to one of them as if it were the sender; the sender likewise to the other.
 //!
 //! Each side's true address is first what its session description said, then where its packets come from. A side may speak from
-//! several addresses at once while ICE tries them; the first to speak is kept as long as it speaks, or answers would go astray.
+//! several addresses at once while ICE tries them; the first to speak is kept as long as it speaks, or answers would be misrouted.
 
 use std::{
     io,
@@ -22,13 +22,13 @@ use crate::{
     statistics::{DirectionStatistics, IP_UDP_HEADERS, Statistics},
 };
 
-/// After so long a silence a side may go on from another address.
+/// After a silence this long a side may continue from another address.
 const ADDRESS_KEPT: Duration = Duration::from_secs(1);
 
-/// A way through the lab.
+/// A direction through the lab.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// From the sender to the viewer: the motion's way.
+    /// From the sender to the viewer, as motion goes.
     Down,
     /// From the viewer to the sender.
     Up,
@@ -54,7 +54,7 @@ struct Side {
 
 #[derive(Debug, Default)]
 struct Peer {
-    told: Option<SocketAddr>,
+    described: Option<SocketAddr>,
     heard: Option<(SocketAddr, Duration)>,
 }
 
@@ -85,7 +85,7 @@ impl Side {
 
     fn target(&self) -> Option<SocketAddr> {
         let peer = locked(&self.peer);
-        peer.heard.map(|(address, _)| address).or(peer.told)
+        peer.heard.map(|(address, _)| address).or(peer.described)
     }
 }
 
@@ -118,7 +118,7 @@ pub(crate) struct Relay {
     last_heard: Mutex<Duration>,
 }
 
-/// What the relay of one call begins with.
+/// The initial state of one call's relay.
 pub(crate) struct RelayConfig {
     pub(crate) ip: IpAddr,
     pub(crate) down: Impairment,
@@ -156,12 +156,12 @@ impl Relay {
         self.sender.address
     }
 
-    pub(crate) fn tell_viewer(&self, address: Option<SocketAddr>) {
-        locked(&self.viewer.peer).told = address;
+    pub(crate) fn set_viewer_address(&self, address: Option<SocketAddr>) {
+        locked(&self.viewer.peer).described = address;
     }
 
-    pub(crate) fn tell_sender(&self, address: Option<SocketAddr>) {
-        locked(&self.sender.peer).told = address;
+    pub(crate) fn set_sender_address(&self, address: Option<SocketAddr>) {
+        locked(&self.sender.peer).described = address;
     }
 
     pub(crate) fn set(&self, direction: Direction, impairment: Impairment, now: Duration) {
@@ -178,10 +178,10 @@ impl Relay {
 
     /// Carries packets until it is dropped.
     pub(crate) async fn carry(self: Arc<Self>, pacer: Arc<Pacer>) {
-        let mut ways = JoinSet::new();
-        ways.spawn(self.clone().carry_one_way(Direction::Down, pacer.clone()));
-        ways.spawn(self.carry_one_way(Direction::Up, pacer));
-        while ways.join_next().await.is_some() {}
+        let mut directions = JoinSet::new();
+        directions.spawn(self.clone().carry_one_way(Direction::Down, pacer.clone()));
+        directions.spawn(self.carry_one_way(Direction::Up, pacer));
+        while directions.join_next().await.is_some() {}
     }
 
     async fn carry_one_way(self: Arc<Self>, direction: Direction, pacer: Arc<Pacer>) {
@@ -197,7 +197,7 @@ impl Relay {
                         self.take(direction, datagram, source, &pacer);
                     }
                 }
-                // An ICMP complaint about an earlier packet, at most: the socket goes on.
+                // An ICMP error about an earlier packet at most: the socket still works.
                 Err(error) => {
                     log::debug!("netlab: receiving on {}: {error}", from.address);
                     tokio::task::yield_now().await;

@@ -1,22 +1,22 @@
-//! Puts the lab's address into a session description in place of its speaker's (RFC 8839: candidates, `c=`, `m=`, `a=rtcp`).
+//! Puts the lab's address into a session description in place of its author's (RFC 8839: candidates, `c=`, `m=`, `a=rtcp`).
 //!
 //! Knows only what a call with one bundled transport needs. Of its UDP host candidates one is kept, its address replaced; all others (TCP,
-//! reflexive, relayed, `.local` names, other components) go, so that nobody finds a way around the lab.
+//! reflexive, relayed, `.local` names, other components) go, so that no packet goes around the lab.
 
 use std::net::{IpAddr, SocketAddr};
 
 use crate::NetlabError;
 
-/// A session description that leads to the lab.
+/// A session description with the lab's address.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rewritten {
     /// The description.
     pub sdp: String,
-    /// Where the speaker of the original is reached; `None` if it did not say (mDNS names): its packets will tell.
+    /// The address in the original; `None` if it has none (mDNS names): the packets' source is used.
     pub peer: Option<SocketAddr>,
 }
 
-/// What a candidate line says, as far as the lab cares (RFC 8839, section 5.1).
+/// The parts of a candidate line that the lab needs (RFC 8839, section 5.1).
 struct Candidate<'a> {
     foundation: &'a str,
     component: &'a str,
@@ -62,7 +62,7 @@ impl<'a> Candidate<'a> {
         self.address.parse().ok()
     }
 
-    /// The greater, the rather to keep: an address on this machine that is told, IPv4 as the lab's sockets are.
+    /// The preference of a candidate: an explicit address on this machine, and IPv4 as the lab's sockets have.
     fn merit(&self) -> (u8, u64) {
         let rank = match self.ip() {
             Some(IpAddr::V4(ip)) if ip.is_loopback() => 3,
@@ -89,10 +89,10 @@ impl<'a> Candidate<'a> {
     }
 }
 
-/// Leads a session description to the lab's socket.
+/// Replaces the address in a session description by the lab's socket.
 ///
 /// # Errors
-/// [`NetlabError::Sdp`] if it is none or has no media.
+/// [`NetlabError::Sdp`] if it is no session description or has no media.
 pub fn rewrite(sdp: &str, lab: SocketAddr) -> Result<Rewritten, NetlabError> {
     if !sdp.starts_with("v=0") {
         return Err(NetlabError::Sdp("it does not begin with v=0"));
@@ -123,7 +123,7 @@ pub fn rewrite(sdp: &str, lab: SocketAddr) -> Result<Rewritten, NetlabError> {
     let mut lines: Vec<String> = Vec::new();
     let mut media = 0_usize;
     let mut has_candidate = false;
-    // Where a media section that tells no candidate would have had it: before its end. Only the first (bundling) section gets one.
+    // Where a candidate is added to a media section without one: before its end. Only the first (bundling) section gets one.
     for line in sdp.lines().map(str::trim_end) {
         if line.is_empty() {
             continue;

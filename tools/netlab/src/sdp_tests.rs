@@ -100,40 +100,40 @@ fn candidates(sdp: &str) -> Vec<&str> {
 
 #[test]
 fn every_description_leads_to_the_lab_alone_and_is_otherwise_unchanged() {
-    for (who, sdp) in [
+    for (name, sdp) in [
         ("webrtc-rs", WEBRTC_RS),
         ("aiortc", AIORTC),
         ("Chromium", CHROMIUM),
     ] {
         let led = led(sdp).sdp;
-        assert_eq!(untouched(&led), untouched(sdp), "{who}");
+        assert_eq!(untouched(&led), untouched(sdp), "{name}");
         let [candidate] = candidates(&led)[..] else {
-            panic!("{who}: one candidate is due, not {:?}", candidates(&led));
+            panic!("{name}: one candidate is due, not {:?}", candidates(&led));
         };
         assert!(
             candidate.contains(" 1 udp ") && candidate.contains(" 127.0.0.1 40001 typ host"),
-            "{who}: {candidate}"
+            "{name}: {candidate}"
         );
         assert!(
             !candidate.contains("raddr") && !led.contains(".local") && !led.contains("198.51."),
-            "{who}: an address is left in {led}"
+            "{name}: an address is left in {led}"
         );
         assert!(
             led.contains(
                 "m=application 40001 UDP/DTLS/SCTP webrtc-datachannel\r\nc=IN IP4 127.0.0.1\r\n"
             ),
-            "{who}: {led}"
+            "{name}: {led}"
         );
         assert_eq!(
             rewrite(&led, lab()).expect("still good").sdp,
             led,
-            "{who}: a second time changes nothing"
+            "{name}: a second time changes nothing"
         );
     }
 }
 
 #[test]
-fn the_speakers_address_is_the_nearest_that_is_told() {
+fn the_authors_address_is_the_nearest_candidate() {
     let of = |sdp| led(sdp).peer.map(|a| a.to_string());
     assert_eq!(
         of(WEBRTC_RS).as_deref(),
@@ -149,7 +149,7 @@ fn the_speakers_address_is_the_nearest_that_is_told() {
 }
 
 #[test]
-fn a_candidate_keeps_what_it_says_of_itself() {
+fn a_candidate_keeps_its_other_fields() {
     let led = led(CHROMIUM).sdp;
     assert_eq!(
         candidates(&led),
@@ -182,14 +182,14 @@ fn a_description_without_candidates_is_given_one() {
         .filter(|l| !l.starts_with("a=candidate:"))
         .collect();
     let led = led(&bare);
-    assert_eq!(led.peer, None, "nobody was told");
+    assert_eq!(led.peer, None, "no address was found");
     assert_eq!(candidates(&led.sdp).len(), 1, "{}", led.sdp);
     let (first, _) = led.sdp.split_once("m=audio").expect("two sections");
     assert_eq!(candidates(first).len(), 1, "in the first section");
 }
 
 #[test]
-fn line_ends_stay_what_they_are() {
+fn line_ends_stay_the_same() {
     let unix = AIORTC.replace("\r\n", "\n");
     assert!(!led(&unix).sdp.contains('\r'), "LF stays LF");
     assert_eq!(
@@ -200,7 +200,7 @@ fn line_ends_stay_what_they_are() {
 }
 
 #[test]
-fn what_is_no_description_is_refused() {
+fn a_text_that_is_no_description_is_refused() {
     for bad in [
         "",
         "hello",

@@ -1,4 +1,4 @@
-//! What the lab has seen: counts per direction and a figure a second, so that it can be drawn.
+//! The lab's statistics: counts per direction, and bitrates for each second to be drawn.
 
 use std::time::Duration;
 
@@ -61,7 +61,7 @@ pub struct DirectionStatistics {
     pub offered: Count,
     /// Came out of the lab, copies included.
     pub delivered: Count,
-    /// Did not come out.
+    /// Lost.
     pub lost: Lost,
     /// Came out a second time.
     pub duplicated: u64,
@@ -77,7 +77,7 @@ pub struct DirectionStatistics {
 
 impl DirectionStatistics {
     fn second(&mut self, now: Duration) -> Option<&mut Second> {
-        // A day: a lab that is forgotten does not grow for ever.
+        // A day: bounds the memory of a lab that keeps running.
         let index = usize::try_from(now.as_secs())
             .ok()
             .filter(|&i| i < 86_400)?;
@@ -116,10 +116,10 @@ fn kbit(bytes: u64) -> f64 {
     bytes as f64 * 8.0 / 1000.0
 }
 
-/// How punctual the lab itself was: the time between when a packet was due and when it was sent on.
+/// The lateness of the lab itself: the time between when a packet was due and when it was sent on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Punctuality {
-    /// Things done at a time.
+    /// Tasks run at their time.
     pub done: u64,
     /// The sum of their lateness, in nanoseconds.
     pub late_total_ns: u64,
@@ -144,16 +144,16 @@ impl Punctuality {
     }
 }
 
-/// What a lab has seen since it was started.
+/// A lab's statistics since it was started.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Statistics {
-    /// From the sender to the viewers: the motion's way.
+    /// From the sender to the viewers, as motion goes.
     pub down: DirectionStatistics,
     /// From the viewers to the sender.
     pub up: DirectionStatistics,
     /// Calls whose session descriptions went through the lab, a reconnection counting again.
     pub calls: u64,
-    /// Datagrams from someone who is neither of a call's two.
+    /// Datagrams from an address that is neither of a call's two.
     pub strangers: u64,
     /// The lab's own accuracy.
     pub punctuality: Punctuality,

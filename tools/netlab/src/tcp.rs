@@ -1,8 +1,8 @@
 //! A relay for TCP with the delay and rate of a long way, for downloads. Bytes are not lost: TCP would send them again.
 //!
-//! It models what a download feels: a connection takes one round trip to be made, all connections share the rate (headers and all, Ethernet's usual
+//! It models a download's path: a connection takes one round trip to be made, all connections share the rate (headers and all, Ethernet's usual
 //! segment), each delays, and what is under way unacknowledged is bounded by a window that starts small and doubles every round trip (slow
-//! start, RFC 5681 and 6928) up to twice what the way holds. So many short connections cost here what they cost on the real way.
+//! start, RFC 5681 and 6928) up to twice the path's bandwidth-delay product. So many short connections cost here what they cost on a real path.
 
 use std::{
     io,
@@ -186,7 +186,7 @@ async fn connection(
     down: &Arc<Way>,
     up: &Arc<Way>,
 ) -> io::Result<()> {
-    // The system has already told the client that it is connected; the round trip that this takes is made up for here.
+    // The system has already connected the client; the round trip of connecting is added here.
     pacer
         .wait_until(pacer.now() + up.path.delay + up.back)
         .await;
@@ -227,7 +227,7 @@ async fn one_way(
                 break;
             }
         }
-        // The end travels as far as the bytes.
+        // The end of the stream is delayed like the bytes.
         let _ = under_way.send((way.arrival(pacer.now(), 0), Vec::new()));
         Ok::<_, io::Error>(())
     };

@@ -1,8 +1,8 @@
-//! Bandwidth traces: how fast a real or imagined network was, to be replayed (the paper, section VI-A, replays its with `tc`).
+//! Bandwidth traces: the bandwidth of a real or imagined network over time, to be replayed (the paper, section VI-A, replays its with `tc`).
 //!
 //! A trace is CSV: `ms,kbit/s` a line, empty lines and lines that begin with `#` are nothing, and the first line may be a
 //! heading. Each line's rate holds from its time to the next line's; the last one holds as long as the one before it (one second where it
-//! stands alone). Then the trace begins anew. 0 kbit/s is an outage: the link holds what it has and its queue fills.
+//! stands alone). Then the trace begins again. 0 kbit/s is an outage: the link holds what it has and its queue fills.
 
 use std::{path::Path, time::Duration};
 
@@ -145,7 +145,7 @@ impl Trace {
         &self.name
     }
 
-    /// How long it is before it begins anew.
+    /// The length of one period.
     pub fn period(&self) -> Duration {
         from_nanos(self.period)
     }
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_leave_when_a_slow_count_says_so() {
+    fn packets_leave_when_a_slow_simulation_says_so() {
         // Independent: a walk in steps of a microsecond, in f64.
         let trace = parse("0,800\n3,0\n5,80\n9,1600\n");
         let rate = |us: u64| match us / 1000 % 13 {
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hair_of_capacity_a_day_takes_no_long_count() {
+    fn a_tiny_capacity_is_computed_without_a_long_loop() {
         // One bit a lap of a day less a millisecond: the 8000th leaves at the end of the 8000th lap's first millisecond.
         let trace = parse("0,1\n1,0\n43200000,0\n");
         assert_eq!(trace.period(), Duration::from_millis(86_399_999), "the lap");

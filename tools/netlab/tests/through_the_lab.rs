@@ -1,4 +1,4 @@
-//! A running lab between real sockets: an HTTP server in front of which it stands, and two UDP programs that it introduces to it.
+//! A running lab between real sockets: an HTTP server behind it, and two UDP programs that exchange packets through it.
 
 use std::{
     convert::Infallible,
@@ -119,7 +119,7 @@ async fn call(down: Impairment, up: Impairment, seed: u64) -> Call {
             offer.len().to_string().as_str(),
             "the length is the rewritten body's"
         );
-        tell.send(offer).expect("somebody waits");
+        tell.send(offer).expect("the test waits");
         let headers = [
             ("location", "/v1/rooms/r/sessions/s"),
             ("content-type", "application/sdp"),
@@ -197,7 +197,7 @@ async fn packets_reach_the_other_side_both_ways_and_from_the_labs_address() {
         .expect("sent");
     let (length, from) = call.sender.recv_from(&mut buffer).await.expect("received");
     assert_eq!((&buffer[..length], from), (&b"upwards"[..], call.to_viewer));
-    // Somebody else does not get between them.
+    // Packets from a third address are not forwarded.
     let stranger = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))
         .await
         .expect("a socket");
@@ -228,7 +228,7 @@ async fn packets_reach_the_other_side_both_ways_and_from_the_labs_address() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_impaired_way_loses_doubles_and_reorders_and_counts_it() {
+async fn an_impaired_path_loses_doubles_and_reorders_packets_and_counts_them() {
     let p = |q| Probability::new(q).expect("a probability");
     let down = Impairment {
         delay: 20 * MS,
@@ -316,7 +316,7 @@ async fn the_network_can_be_changed_and_cut_while_it_runs() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_viewer_that_tells_no_address_is_learned_from_its_packets() {
+async fn the_address_of_a_viewer_without_candidates_is_learned_from_its_packets() {
     let call = call(Impairment::default(), Impairment::default(), 1).await;
     // A second socket of the viewer's, as one whose offer named another interface: it is the first to speak.
     let other = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))
@@ -376,9 +376,9 @@ async fn requests_and_answers_pass_unchanged() {
     );
     assert_eq!(bytes(answer).await.len(), 0, "and only that");
     lab.stop().await;
-    // The server is gone from behind a lab: said as a gateway says it.
-    let nobody = (Ipv4Addr::LOCALHOST, 1).into();
-    let lab = Lab::start(LabConfig::new(nobody)).await.expect("a lab");
+    // The server is gone from behind a lab: answered as a gateway does.
+    let no_server = (Ipv4Addr::LOCALHOST, 1).into();
+    let lab = Lab::start(LabConfig::new(no_server)).await.expect("a lab");
     let answer = ask(lab.address(), Method::GET, "/healthz", &[], Body::empty()).await;
     assert_eq!(answer.status(), StatusCode::BAD_GATEWAY);
     let answer = ask(
@@ -418,7 +418,7 @@ async fn events_and_bodies_stream_as_they_come() {
         let mut parts = request.into_body().into_data_stream();
         while let Some(part) = parts.next().await {
             length += part.expect("a part").len();
-            tell.send(length).expect("somebody listens");
+            tell.send(length).expect("the test listens");
         }
         length.to_string()
     });
@@ -467,7 +467,7 @@ async fn events_and_bodies_stream_as_they_come() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_viewer_that_goes_away_is_seen_to_go_away() {
+async fn a_viewer_that_goes_away_closes_its_connection_to_the_server() {
     let gone = Arc::new(Semaphore::new(0));
     struct Tell(Arc<Semaphore>);
     impl Drop for Tell {

@@ -27,7 +27,7 @@ fn the_traces_that_come_with_the_crate_are_good_and_say_that_they_are_synthetic(
 }
 
 #[test]
-fn a_trace_that_is_not_there_is_named() {
+fn a_missing_trace_is_named() {
     let error = Trace::read(Path::new("nowhere/x.csv")).expect_err("no such file");
     assert_eq!(
         error.to_string(),

@@ -1,4 +1,4 @@
-//! The files that a profile leaves.
+//! The files of a profile.
 
 use crate::{Report, page, trace};
 use app_pipeline::profile::{Recording, Terms};
@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// The file whose coming tells whoever waits for a profile's folder that it is over.
+/// The file that appears in a profile's folder when the profile is over.
 pub const FINISHED: &str = "finished";
 
 /// What the file [`FINISHED`] says of a profile that succeeded.
@@ -24,7 +24,7 @@ pub struct WriteError {
     pub source: io::Error,
 }
 
-/// Where the three files go. Their folders are there.
+/// The paths of the three files; their folders exist.
 #[derive(Debug, Clone)]
 pub struct Files {
     /// Every figure.
@@ -62,13 +62,13 @@ impl Files {
     }
 }
 
-/// A folder for one profile, which somebody else (`android/profile.sh`) waits for and fetches: `profile.json`, `trace.json`,
+/// A folder for one profile, which `android/profile.sh` waits for and fetches: `profile.json`, `trace.json`,
 /// `profile.html` and the table `profile.txt`, and at last [`FINISHED`].
 #[derive(Debug, Clone)]
 pub struct Folder(PathBuf);
 
 impl Folder {
-    /// An empty one: what an earlier profile left there under these names is gone.
+    /// Makes an empty one: files of an earlier profile under these names are removed.
     ///
     /// # Errors
     /// If the folder cannot be made, or an old file not be removed.
@@ -88,7 +88,7 @@ impl Folder {
     /// Writes everything, then that it is finished.
     ///
     /// # Errors
-    /// If a file cannot be written; [`Self::failed`] may then still tell so.
+    /// If a file cannot be written; [`Self::failed`] may still report that.
     pub fn write(
         &self,
         report: &Report,
@@ -101,7 +101,7 @@ impl Folder {
         self.finish(SUCCEEDED)
     }
 
-    /// Tells whoever waits that there is no profile, and why.
+    /// Reports that there is no profile, and why.
     ///
     /// # Errors
     /// If that cannot be written.
@@ -109,7 +109,7 @@ impl Folder {
         self.finish(&format!("failed: {why}"))
     }
 
-    /// Under a passing name first: whoever waits must not read half a line.
+    /// Under a temporary name first, so that the script does not read half a line.
     fn finish(&self, how: &str) -> Result<(), WriteError> {
         let (part, file) = (self.file("finished.part"), self.file(FINISHED));
         written(&file, || {

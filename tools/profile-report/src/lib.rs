@@ -1,7 +1,7 @@
-//! What a profiled call came to, for whoever ran it: a table, JSON, a page for any browser, a trace; and the machine's heat and
+//! The results of a profiled call: a table, JSON, a page for any browser, a trace; and the machine's temperatures and
 //! clocks meanwhile.
 //!
-//! `app` measures; this writes it down, the same on a desktop and on a headset. It opens no call and draws nothing.
+//! `app` measures; this crate writes the results, the same on a desktop and on a headset. It opens no call and draws nothing.
 
 mod files;
 pub mod machine;

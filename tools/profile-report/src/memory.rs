@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// Bytes; what a machine does not tell is missing.
+/// Bytes; missing where the machine does not report them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Memory {
     /// Resident set of this process when measuring ended.
@@ -27,7 +27,7 @@ impl Memory {
         }
     }
 
-    /// In a line for people.
+    /// One line for people.
     pub(crate) fn line(&self) -> String {
         let mb = |bytes: Option<u64>| {
             bytes.map_or_else(|| "?".into(), |b| format!("{:.0} MB", b as f64 / 1e6))
@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn memory_that_is_used_is_seen() {
+    fn used_memory_is_counted() {
         const MORE: usize = 64 << 20;
         let before = resident_bytes().expect("Linux tells");
         let kept = std::hint::black_box(vec![1_u8; MORE]);

@@ -180,7 +180,7 @@ function timeline() {
   const isPicture = recorded.stages.map(([, perPicture]) => perPicture);
   const usedBy = new Map();
   for (const one of pictures) for (const number of new Set([one.from, one.to])) usedBy.set(number, [...(usedBy.get(number) ?? []), one.number]);
-  // Pictures drawn with the Gaussians that an interpolation made; none, where newer ones came before anybody took them.
+  // Pictures drawn with the Gaussians that an interpolation made; none, where newer ones came before they were drawn.
   const madeBy = new Map();
   for (const one of pictures) madeBy.set(one.interpolatedFor, [...(madeBy.get(one.interpolatedFor) ?? []), one.number]);
   const INTERPOLATE = recorded.stages.findIndex(([name]) => name === "interpolate");
@@ -334,7 +334,7 @@ function timeline() {
     show(around - (around - view[0]) * factor, around + (view[1] - around) * factor);
   }
 
-  /** Everything that a motion frame, or a picture, has to do with. */
+  /** Everything that belongs to a motion frame or a picture. */
   function wayOf(stateNumbers, pictureNumbers) {
     const all = { states: new Set(stateNumbers), pictures: new Set(pictureNumbers), spans: new Set() };
     for (const number of stateNumbers) for (const k of byFrame.get(`m${number}`) ?? []) all.spans.add(k);
@@ -418,7 +418,7 @@ function timeline() {
   }
   addEventListener("resize", draw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-  // A link with #picture=N shows that picture's way at once.
+  // A link with #picture=N shows that picture's path at once.
   const asked = /^#picture=(\d+)$/.exec(location.hash), picture = asked && pictureOf.get(Number(asked[1]));
   if (picture) {
     way = wayOfPicture(picture.number);
@@ -614,12 +614,12 @@ function placement() {
   // One line for each reason: all of a provider's placements often share it.
   const reasons = [...new Set(of.alternatives.map((one) => one.refused).filter((reason) => reason))];
   if (!reasons.length) return;
-  const who = (reason) => [...new Set(of.alternatives.map((one) => one.provider))].flatMap((provider) => {
+  const plansOf = (reason) => [...new Set(of.alternatives.map((one) => one.provider))].flatMap((provider) => {
     const all = of.alternatives.filter((one) => one.provider === provider), refused = all.filter((one) => one.refused === reason);
     if (!refused.length) return [];
     return [refused.length === all.length ? names[provider] ?? provider : `${refused.map((one) => one.plan).join(", ")} on ${names[provider] ?? provider}`];
   }).join("; ");
-  at.append(element("h3", {}, "Not to be had, or not asked for"), element("dl", { class: "two" }, ...reasons.flatMap((reason) => [element("dt", {}, who(reason)), element("dd", {}, reason.replace(/\s+/g, " "))])));
+  at.append(element("h3", {}, "Not to be had, or not asked for"), element("dl", { class: "two" }, ...reasons.flatMap((reason) => [element("dt", {}, plansOf(reason)), element("dd", {}, reason.replace(/\s+/g, " "))])));
 }
 
 function rest() {

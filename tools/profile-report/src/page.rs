@@ -1,4 +1,4 @@
-//! One HTML file that shows a recording: timeline, latency, distributions, figures. Asks nobody for anything.
+//! One HTML file that shows a recording: timeline, latency, distributions, figures. It makes no requests.
 
 use crate::Report;
 use app_pipeline::profile::{Part, PictureLatency, Recording, StateTimes, Terms, nanoseconds};

@@ -1,4 +1,4 @@
-//! What was measured and on what, as a table for people and as JSON for programs.
+//! The measurements, and what they were made on, as a table for people and as JSON for programs.
 
 use crate::machine::MachineFigures;
 use crate::{Measured, Memory};
@@ -9,17 +9,17 @@ use spmm3::Avatar;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Everything a profile prints and writes.
+/// All results of a profile.
 #[derive(Debug, Serialize)]
 pub struct Report {
-    /// Who was shown.
+    /// The avatar that was shown.
     pub avatar: AvatarFigures,
-    /// What was measured on.
+    /// The machine and the call.
     pub conditions: Conditions,
     /// What the lanes measured.
     #[serde(flatten)]
     pub shown: Measured,
-    /// What it took of memory.
+    /// The memory it took.
     pub memory: Memory,
     /// Heat and clocks meanwhile.
     pub machine: MachineFigures,
@@ -67,10 +67,10 @@ impl AvatarFigures {
     }
 }
 
-/// What was measured on.
+/// The machine and the call of a measurement.
 #[derive(Debug, Serialize)]
 pub struct Conditions {
-    /// Whose motion.
+    /// The source of motion.
     pub motion: String,
     /// The Vulkan device's name.
     pub vulkan_device: String,
@@ -78,7 +78,7 @@ pub struct Conditions {
     pub vulkan_driver: String,
     /// ONNX Runtime's version.
     pub onnx_runtime: String,
-    /// What computed the deform graph.
+    /// The provider of the deform graph.
     pub provider: String,
     /// One eye's picture, pixels.
     pub width: u32,

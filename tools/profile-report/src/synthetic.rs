@@ -245,7 +245,7 @@ fn report(recording: &Recording, terms: &Terms) -> Report {
     }
 }
 
-/// A headset that warms up, with a sensor that fails now and then and a GPU whose load is not told.
+/// A headset that warms up, with a sensor that fails now and then and a GPU whose load cannot be read.
 fn machine() -> MachineFigures {
     let at_s: Vec<f64> = (0..20).map(|k| f64::from(k) * 0.5).collect();
     let series = |name: &str, quantity: Quantity, of: &dyn Fn(f64) -> Option<f64>| {

@@ -1,4 +1,4 @@
-//! Table, trace and page of a made-up recording, each against something that is not ours or was written apart.
+//! Table, trace and page of a made-up recording, each against an independent reference.
 
 use crate::machine::MachineFigures;
 use crate::synthetic::{Synthetic, synthetic};
@@ -153,7 +153,7 @@ fn arrows_begin_and_end_once_within_slices_and_go_forward() {
             "arrow {id} is {phases}"
         );
         if phases.len() > 2 && steps[0]["name"] == "state to picture" {
-            // What a picture was made of is above it: the numbers that slices carry say so, not the way they were found.
+            // What a picture was made of is above it: by the numbers that slices carry, not by how they were found.
             let around = |step: &Value| {
                 let ts = number(step, "ts");
                 let mut slices = slices.iter();
@@ -230,7 +230,7 @@ fn the_table_fits_a_terminal_and_says_every_stage() {
     }
 }
 
-/// Where a test leaves what a person may look at.
+/// Where a test leaves files for a person to look at.
 fn kept(name: &str, text: &str) -> std::path::PathBuf {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/tmp");
     std::fs::create_dir_all(&folder).expect("a folder for what tests leave");
@@ -239,7 +239,7 @@ fn kept(name: &str, text: &str) -> std::path::PathBuf {
     file
 }
 
-/// What headless Chromium makes of a page, if there is one.
+/// The DOM of a page in headless Chromium, if there is one.
 fn browsed(file: &std::path::Path) -> Option<String> {
     let names = [
         "chromium",
@@ -277,7 +277,7 @@ fn a_browser_draws_every_part_of_the_page() {
         .map(|at| &page[at..(at + 60).min(page.len())]);
     assert!(
         address.is_none_or(|address| address.starts_with("http://www.w3.org/")),
-        "it asks nobody for anything: {address:?}"
+        "it makes no requests: {address:?}"
     );
     let Some(drawn) = browsed(&kept("profile.html", &page)) else {
         return;
@@ -293,7 +293,7 @@ fn a_browser_draws_every_part_of_the_page() {
     );
     assert!(
         drawn.contains("&lt;skin&gt; (10)") && drawn.contains("Permission denied"),
-        "what the machine told, and did not"
+        "what could be read, and what could not"
     );
 }
 
@@ -361,7 +361,7 @@ fn every_reading_of_the_machine_is_in_the_trace_at_its_time_and_a_gap_is_none() 
 }
 
 #[test]
-fn the_table_says_how_hot_it_got_and_what_is_not_told() {
+fn the_table_shows_temperatures_and_what_could_not_be_read() {
     let table = synthetic(1.0).report.table();
     let words: Vec<&str> = table.split_whitespace().collect();
     let table = words.join(" ");
@@ -370,22 +370,24 @@ fn the_table_says_how_hot_it_got_and_what_is_not_told() {
         "CPU clocks 2016 to 3187 MHz",
         "GPU clock 492 to 492 MHz",
         "GPU throttling level 0 to 2",
-        "not told: GPU busy",
+        "not readable: GPU busy",
     ] {
         assert!(table.contains(said), "{said} is missing: {table}");
     }
 }
 
 #[test]
-fn a_folder_is_finished_last_and_forgets_what_an_earlier_profile_left() {
+fn a_folder_is_finished_last_and_removes_an_earlier_profile() {
     let of = synthetic(1.0);
     let root = tempfile::tempdir().expect("a temporary folder");
     let path = root.path().join("files/profile");
     let read = |name: &str| std::fs::read_to_string(path.join(name));
     let folder = Folder::begin(&path).expect("a folder");
-    folder.failed("no OpenXR runtime").expect("it can be told");
+    folder
+        .failed("no OpenXR runtime")
+        .expect("the file is written");
     assert_eq!(
-        read(FINISHED).expect("it is told"),
+        read(FINISHED).expect("the file is written"),
         "failed: no OpenXR runtime\n",
         "why there is none"
     );
@@ -394,7 +396,11 @@ fn a_folder_is_finished_last_and_forgets_what_an_earlier_profile_left() {
     folder
         .write(&of.report, &of.recording, &of.terms)
         .expect("files");
-    assert_eq!(read(FINISHED).expect("it is told"), "ok\n", "it went well");
+    assert_eq!(
+        read(FINISHED).expect("the file is written"),
+        "ok\n",
+        "it went well"
+    );
     let figures: Value =
         serde_json::from_str(&read("profile.json").expect("figures")).expect("JSON");
     assert_eq!(figures["avatar"]["gaussians"], 60_035, "the avatar's");

@@ -44,7 +44,7 @@ struct Event<'a> {
     args: Option<Arguments>,
 }
 
-/// What a viewer shows of a selected event.
+/// The arguments that the trace viewer shows of a selected event.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 enum Arguments {
@@ -65,7 +65,7 @@ enum Arguments {
     Other(serde_json::Value),
 }
 
-/// Writes `recording`; `about` tells whoever opens it what was measured.
+/// Writes `recording`; `about` describes the measurement to the reader of the file.
 pub(crate) fn write(
     out: impl Write,
     recording: &Recording,
@@ -75,7 +75,7 @@ pub(crate) fn write(
 ) -> io::Result<()> {
     let mut trace = Trace {
         out,
-        // What was going on already when measuring began is shown whole.
+        // A span that had begun before measuring is shown whole.
         begin: recording
             .spans
             .first()
@@ -327,7 +327,7 @@ impl<'a> Slices<'a> {
         Self(slices)
     }
 
-    /// A motion frame's way, in order.
+    /// A motion frame's spans, in order.
     fn of_motion(&self, frame: u64) -> impl Iterator<Item = &'a Span> + Clone {
         let stages = Stage::ALL
             .into_iter()
@@ -335,7 +335,7 @@ impl<'a> Slices<'a> {
         self.of(stages, frame).map(|[_, last]| last)
     }
 
-    /// A picture's way: the interpolation that made its Gaussians, and the first thing done for it after that.
+    /// A picture's spans: the interpolation that made its Gaussians, and the first thing done for it after that.
     fn of_picture(&self, picture: &PictureTimes) -> impl Iterator<Item = &'a Span> + Clone {
         let mut stages = Stage::ALL
             .into_iter()

@@ -1,4 +1,4 @@
-//! `android/profile.sh` with a made-up `adb`, which answers as a headset's would and writes down what it was asked.
+//! `android/profile.sh` with a made-up `adb`, which answers as a headset's would and records its arguments.
 #![cfg(unix)]
 
 use std::fs;
@@ -38,7 +38,7 @@ esac
 /// A copy of the script beside a manifest, and a headset that works.
 struct Headset(TempDir);
 
-/// What a run of the script left.
+/// The result of a run of the script.
 struct Run {
     succeeded: bool,
     out: String,
@@ -156,7 +156,7 @@ fn a_profile_is_installed_run_awaited_fetched_and_printed() {
 }
 
 #[test]
-fn a_missing_avatar_is_told_before_anything_is_installed() {
+fn a_missing_avatar_is_reported_before_anything_is_installed() {
     let headset = Headset::new();
     let run = headset.run(&["--avatar", "none.m3a", "--out", "OUT", "APK"]);
     assert_fails(&run, "there is no avatar none.m3a");
@@ -164,7 +164,7 @@ fn a_missing_avatar_is_told_before_anything_is_installed() {
 }
 
 #[test]
-fn an_app_that_crashes_is_told_with_its_last_lines() {
+fn a_crash_of_the_app_is_reported_with_its_last_log_lines() {
     let headset = Headset::new();
     headset.write("headset/crashed", "");
     headset.write("headset/finished", "");
@@ -180,7 +180,7 @@ fn an_app_that_crashes_is_told_with_its_last_lines() {
 }
 
 #[test]
-fn an_app_that_says_why_it_could_not_measure_is_believed() {
+fn the_apps_reason_for_a_failed_measurement_is_reported() {
     let headset = Headset::new();
     headset.write("headset/finished", "failed: no OpenXR runtime\n");
     let run = headset.run(&["--out", "OUT", "APK"]);
@@ -188,7 +188,7 @@ fn an_app_that_says_why_it_could_not_measure_is_believed() {
 }
 
 #[test]
-fn an_app_that_never_ends_is_not_awaited_for_ever() {
+fn the_wait_for_an_app_that_never_ends_is_bounded() {
     let headset = Headset::new();
     headset.write("headset/finished", "");
     let run = headset.run(&["--seconds", "5", "--out", "OUT", "APK"]);
@@ -196,7 +196,7 @@ fn an_app_that_never_ends_is_not_awaited_for_ever() {
 }
 
 #[test]
-fn no_headset_several_and_one_that_does_not_trust_are_told_apart() {
+fn no_headset_several_and_one_that_does_not_trust_are_distinguished() {
     for (devices, arguments, said) in [
         ("", &["APK"][..], "adb sees no headset"),
         (
@@ -241,7 +241,7 @@ fn of_several_headsets_the_one_that_is_named_is_used() {
 }
 
 #[test]
-fn a_package_of_another_key_and_other_refusals_of_an_install_are_told() {
+fn a_package_of_another_key_and_other_refusals_of_an_install_are_reported() {
     for (answer, said) in [
         (
             "Failure [INSTALL_FAILED_UPDATE_INCOMPATIBLE: signatures do not match]\n",
@@ -270,7 +270,7 @@ fn the_installed_app_is_measured_only_if_there_is_one() {
 }
 
 #[test]
-fn an_activity_that_does_not_exist_is_told() {
+fn a_missing_activity_is_reported() {
     let headset = Headset::new();
     headset.write(
         "headset/start",
@@ -283,7 +283,7 @@ fn an_activity_that_does_not_exist_is_told() {
 }
 
 #[test]
-fn wrong_arguments_are_refused_before_anything_is_asked_of_a_headset() {
+fn wrong_arguments_are_refused_before_a_headset_is_asked() {
     let headset = Headset::new();
     for (arguments, said) in [
         (&["--seconds", "0", "APK"][..], "whole number of 5 to 3600"),
@@ -311,7 +311,7 @@ fn wrong_arguments_are_refused_before_anything_is_asked_of_a_headset() {
 }
 
 #[test]
-fn a_computer_without_adb_is_told_where_to_get_it() {
+fn without_adb_the_error_says_where_to_get_it() {
     let headset = Headset::new();
     // Only what the script needs before it looks for adb.
     let tools = headset.path("tools");

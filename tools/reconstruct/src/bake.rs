@@ -1,4 +1,4 @@
-//! Builds a whole avatar: person, Gaussians, simulated truth, both networks, and what they are worth.
+//! Builds a whole avatar: person, Gaussians, simulated ground truth, both networks, and their errors.
 //!
 //! Deterministic: the same options give the same avatar whatever the number of threads. It neither draws (the caller
 //! may pass something that does) nor writes files.
@@ -36,10 +36,10 @@ use spmm3::{
 use std::ops::Range;
 use std::path::Path;
 
-/// Raised whenever the same options give another avatar, so that caches of older ones are left alone.
+/// Raised whenever the same options give another avatar, so that caches of older ones are not used.
 pub const BAKE_VERSION: u32 = 3;
 
-/// What to build.
+/// The options of a bake.
 #[derive(Debug, Clone, Copy)]
 pub struct BakeOptions {
     /// About how many Gaussians.
@@ -72,7 +72,7 @@ impl Default for BakeOptions {
     }
 }
 
-/// Held-out poses that light and attributes are measured on: light is dear.
+/// Held-out poses that light and attributes are measured on: computing light is slow.
 const LIT_HELD_OUT: usize = 48;
 
 /// A finished avatar, ready to be packed.
@@ -84,9 +84,9 @@ pub struct Baked {
     pub skeleton: Skeleton,
     /// Gaussians on the template, sorted by their strongest controller.
     pub gaussians: BoundGaussians,
-    /// Which Gaussians a poor device leaves out last.
+    /// The Gaussians' order of importance.
     pub importance: Importance,
-    /// The controllers and their holds.
+    /// The controllers, and which ones move each Gaussian.
     pub controllers: Controllers,
     /// F_mesh.
     pub mesh: MeshNetwork,
@@ -94,7 +94,7 @@ pub struct Baked {
     pub attributes: AttributeNetwork,
     /// Named expressions.
     pub expressions: Expressions,
-    /// What the networks are worth.
+    /// The networks' errors.
     pub report: BakeReport,
 }
 
@@ -102,7 +102,7 @@ impl Baked {
     /// The avatar as [`Avatar::save`] packs it.
     ///
     /// # Errors
-    /// If the networks do not fit the person, which only a fault in the bake can bring about.
+    /// If the networks do not fit the person, which only a defect of the bake can cause.
     pub fn into_avatar(self) -> Result<Avatar, ReconstructError> {
         let graph = DeformGraph {
             template: &self.template,
@@ -150,7 +150,7 @@ pub fn bake(
         coloured.triangles,
         coloured.barycentrics,
     )?
-    // As the package stores them: what is fitted and measured must be what a receiver sees.
+    // As the package stores them: fits and measurements use what a viewer gets.
     .quantised();
     let light = Light::new(person.template(), person.parts(), &person.vertex_parts());
     let subject = Subject {
@@ -209,7 +209,7 @@ fn bake_subject(
     clock.begin("light poses", learned + lit);
     let runner = MeshRunner::new(&mesh.network);
     // F_attr learns what any mesh of this resolution misses, in the true triangles' frames: what F_mesh gets wrong on
-    // poses it has seen says nothing about poses it has not.
+    // poses it has seen does not predict its errors on others.
     let frames =
         |poses: &[MotionParams], truths: &[GroundTruth], as_predicted: bool| -> Vec<Frame> {
             let frame = |(motion, truth): (&MotionParams, &GroundTruth)| {

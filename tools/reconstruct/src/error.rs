@@ -1,4 +1,4 @@
-//! What can go wrong while an avatar is built.
+//! The errors of building an avatar.
 
 use std::path::{Path, PathBuf};
 

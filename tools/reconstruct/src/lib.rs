@@ -1,5 +1,5 @@
 //! Builds avatars offline (paper, section III-C, with a made-up person in place of a recorded one): a person's meshes, textures and morph targets in; the template, its
-//! Gaussians and what the networks learn from out. Nothing here runs during a call.
+//! Gaussians and the networks' training data out. Nothing here runs during a call.
 
 pub mod bake;
 mod depth_map;

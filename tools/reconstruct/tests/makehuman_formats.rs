@@ -21,7 +21,7 @@ fn one_quad() -> Value {
     })
 }
 
-/// The quad as a proxy: every vertex hangs on the body's first three.
+/// The quad as a proxy: every vertex is bound to the body's first three.
 fn one_proxy() -> Value {
     let mut proxy = one_quad();
     proxy["ref_vIdxs"] = json!([[0, 1, 2], [0, 1, 2], [0, 1, 2], [0, 1, 2]]);
@@ -31,7 +31,7 @@ fn one_proxy() -> Value {
     proxy
 }
 
-/// What is done to a good file, and how.
+/// The change to a good file.
 type Damage = (&'static str, fn(&mut Value));
 
 fn write(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> std::path::PathBuf {
@@ -79,7 +79,7 @@ fn a_model_of_one_quad_is_decoded_field_by_field() {
 }
 
 #[test]
-fn a_proxy_hangs_on_the_body_and_says_what_it_covers() {
+fn a_proxy_is_bound_to_the_body_and_lists_what_it_covers() {
     let proxy = read_proxy(&one_proxy()).expect("a good proxy");
     let body = [Vec3::ZERO, Vec3::X * 4.0, Vec3::Y * 8.0, Vec3::ZERO];
     assert_eq!(
@@ -180,7 +180,7 @@ fn a_rig_whose_bones_do_not_chain_is_refused() {
             m["bones"] = json!([{"name": "root____head", "parent": -1}]);
         }),
         ("its own parent", |m| m["bones"][0]["parent"] = json!(0)),
-        ("a joint of nobody", |m| {
+        ("a joint without vertices", |m| {
             m["metadata"]["joint_pos_idxs"] = json!({});
         }),
     ];

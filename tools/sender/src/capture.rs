@@ -1,4 +1,4 @@
-//! Where motion comes from. A camera's tracker implements [`Capture`] as a clip does; nothing else knows the difference.
+//! Sources of motion. A camera's tracker implements [`Capture`] as a clip does; the rest of the program does not distinguish them.
 
 use crate::SendError;
 use spmm3::MotionParams;
@@ -9,7 +9,7 @@ use std::time::Instant;
 pub struct Captured {
     /// When light fell on the sensor, or what comes closest to it: latency is counted from here.
     pub at: Instant,
-    /// What was seen.
+    /// The captured motion.
     pub motion: MotionParams,
 }
 
@@ -19,6 +19,6 @@ pub trait Capture: Send {
     /// several ready gives the newest.
     ///
     /// # Errors
-    /// If the source fails for good. What is lost for a moment is left out instead.
+    /// If the source fails for good. A tracker that loses the person for a moment leaves frames out instead.
     fn next(&mut self) -> Result<Option<Captured>, SendError>;
 }

@@ -64,7 +64,7 @@ mod tests {
     use spmm3::MotionParams;
 
     #[test]
-    fn a_clip_is_played_at_its_pace_again_and_again_until_its_time_is_up() {
+    fn a_clip_is_looped_at_its_rate_until_its_time_is_up() {
         let frames: Vec<_> = [1.0, 2.0]
             .map(|x| {
                 let mut motion = MotionParams::default();

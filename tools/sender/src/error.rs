@@ -10,7 +10,7 @@ pub enum SendError {
     /// The server or the network.
     #[error(transparent)]
     Link(#[from] CallError),
-    /// The store lacks the avatar and there is no token to put it there.
+    /// The store lacks the avatar and there is no token to upload it.
     #[error(
         "the server has no package {} of the room's owner yet, and only that owner may put it there: give the owner's token too (or the link \
          is the viewers', where the sender's is needed)",

@@ -1,4 +1,4 @@
-//! The sending side of a call as a library: motion from a [`Capture`] to everyone who has joined the room.
+//! The sending side of a call as a library: motion from a [`Capture`] to every viewer that has joined the room.
 
 mod capture;
 mod clip;

@@ -1,4 +1,4 @@
-//! Into the room: the avatar is put into the store if it is not there, and a room is opened if none was given.
+//! Enters a room: uploads the avatar if the store lacks it, and opens a room if none was given.
 
 use crate::SendError;
 use link_call::{CallError, Sender};
@@ -10,10 +10,10 @@ use link_protocol::room_link::ServerUrl;
 use link_protocol::{Announcement, RoomLink};
 use std::path::PathBuf;
 
-/// What a sender brings along.
+/// What a sender needs to enter.
 #[derive(Debug, Clone)]
 pub struct Desk {
-    /// Where the room is, or is to be opened.
+    /// An open room, or the server to open one on.
     pub place: Place,
     /// The avatar's package.
     pub avatar: PathBuf,
@@ -25,21 +25,21 @@ pub struct Desk {
     pub rate_hz: f64,
 }
 
-/// A room that is open already, or a server to open one on.
+/// An open room, or a server to open one on.
 #[derive(Debug, Clone)]
 pub enum Place {
     /// A room by its sender's link. The owner's token is needed only where the store lacks the avatar.
     Room {
         /// The sender's link.
         link: RoomLink,
-        /// Puts packages.
+        /// The owner's token, to upload packages.
         owner_token: Option<String>,
     },
     /// A room yet to be opened.
     Server {
         /// The server.
         server: ServerUrl,
-        /// Opens rooms and puts packages.
+        /// The owner's token, to open rooms and upload packages.
         owner_token: String,
     },
 }
@@ -65,7 +65,7 @@ impl Place {
 /// A sender in its room.
 #[derive(Debug)]
 pub struct Entered {
-    /// Takes motion from here to the viewers.
+    /// Sends motion to the viewers.
     pub host: Sender,
     /// The sender's own link, with which to come back.
     pub sender: RoomLink,
@@ -73,7 +73,7 @@ pub struct Entered {
     pub viewers: Option<RoomLink>,
 }
 
-/// Puts the avatar into the store if it is not there, telling `progress` the bytes done and in all; then opens the room if need be, and
+/// Puts the avatar into the store if it is not there, reporting to `progress` the bytes done and in all; then opens the room if need be, and
 /// enters it.
 ///
 /// # Errors

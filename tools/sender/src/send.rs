@@ -1,4 +1,4 @@
-//! From the capture to the host, one motion at a time.
+//! Sends captured motion, one frame at a time.
 
 use crate::{Capture, SendError};
 use link_call::Sender;

@@ -1,4 +1,4 @@
-//! How a server is set up, and every bound it keeps.
+//! A server's configuration, with every bound it keeps.
 
 use crate::Secret;
 use link_protocol::limits::{ANSWER_WITHIN, MAX_SDP_BYTES};
@@ -6,17 +6,17 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// How a server is set up.
+/// A server's configuration.
 #[derive(Clone, Debug)]
 pub struct Config {
     /// Where to listen; port 0 takes any free one.
     pub listen: SocketAddr,
     /// Where packages are kept.
     pub store: StoreConfig,
-    /// What tokens are authenticated by.
+    /// The secret that authenticates tokens.
     pub secret: Secret,
-    /// The address of a NATS server through which several instances share their rooms, `nats://HOST:PORT`. A program that may
-    /// write there may answer for any sender: keep it in the instances' own network.
+    /// The address of a NATS server through which several instances share their rooms, `nats://HOST:PORT`. A program that can
+    /// write to it can answer for any sender: keep it in the instances' own network.
     #[cfg(feature = "nats")]
     pub nats: Option<String>,
     /// Certificate chain and private key, PEM files; without them the server speaks plain HTTP.
@@ -67,10 +67,10 @@ pub enum StoreConfig {
 pub struct Limits {
     /// Bytes of the largest package.
     pub package_bytes: u64,
-    /// Where uploads lie until they are checked; they have no name there and vanish with the process. `None`: in the
+    /// The folder of uploads until they are checked; they have no name there and vanish with the process. `None`: in the
     /// local store's folder, or the system's folder for temporary files.
     pub spool: Option<PathBuf>,
-    /// Uploads received at once; more are told to come back.
+    /// Uploads received at once; more get a 503 with `Retry-After`.
     pub uploads_at_once: usize,
     /// Packages checked at once. A check unpacks the package: at most 512 MiB each, by the reader's own bounds.
     pub checks_at_once: usize,
@@ -88,7 +88,7 @@ pub struct Limits {
     pub rooms: usize,
     /// The same, of one owner.
     pub rooms_per_owner: usize,
-    /// Viewers of one room who wait for an answer.
+    /// Viewers of one room that wait for an answer.
     pub waiting_per_room: usize,
     /// Bytes of an SDP offer or answer.
     pub sdp_bytes: usize,

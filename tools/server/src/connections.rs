@@ -1,6 +1,6 @@
-//! A gate at which connections are counted, and closed when their client reads nothing for too long.
+//! Counts connections, and closes those whose client reads nothing for too long.
 //!
-//! Requests have their own timeouts; this is what stands below them, on the socket.
+//! Requests have their own timeouts; this works below them, on the socket.
 
 use crate::metrics::Metrics;
 use axum_server::accept::Accept;
@@ -16,7 +16,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::Sleep;
 
-/// Lets so many connections in, and so many from one address.
+/// Admits a number of connections in all, and a number from one address.
 #[derive(Clone, Debug)]
 pub(crate) struct Gate {
     inner: Arc<Inner>,

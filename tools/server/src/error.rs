@@ -1,4 +1,4 @@
-//! Why a server does not start, or stops by itself. What goes wrong in one request is an answer to that request instead.
+//! Why a server does not start, or stops by itself. An error of one request is answered to its client instead.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -81,7 +81,7 @@ pub enum ServerError {
         /// Why.
         reason: String,
     },
-    /// The NATS address or its credentials are of no use. A server that is merely down is waited for instead.
+    /// The NATS address or its credentials cannot be used. A server that is merely down is waited for instead.
     #[cfg(feature = "nats")]
     #[error("cannot use the NATS address that was given: {reason}")]
     Nats {

@@ -1,5 +1,5 @@
 //! The rooms whose senders are connected to this instance. A room exists while its sender's presence stream is open, and nothing else is
-//! kept of rooms: tokens say who may enter.
+//! kept of rooms: tokens say what their bearer may do.
 
 use crate::Id;
 use crate::metrics::Metrics;

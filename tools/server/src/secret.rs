@@ -1,4 +1,4 @@
-//! The server's secret: what its tokens are authenticated by. Instances behind one balancer share one.
+//! The server's secret: it authenticates tokens. Instances behind one balancer share one.
 
 use crate::ServerError;
 use crate::id::{from_hex, random_bytes};
@@ -18,7 +18,7 @@ impl fmt::Debug for Secret {
 }
 
 impl Secret {
-    /// A new one, kept nowhere: its tokens end with the process.
+    /// A new one that is not stored: its tokens end with the process.
     ///
     /// # Errors
     /// If the system gives no random numbers.

@@ -151,7 +151,7 @@ impl Drop for Server {
 }
 
 /// Sets a server's bounds on what it reads. It comes after the acceptor, whose setting would take `http1_only` back, and
-/// only then is a client that says nothing at all subject to the timeout.
+/// only then is a client that sends nothing at all subject to the timeout.
 fn bounded<A>(
     server: axum_server::Server<SocketAddr, A>,
     head_within: Duration,

@@ -14,7 +14,7 @@ const VERSION: u8 = 1;
 const CLAIMS_BYTES: usize = 42;
 const MAC_BYTES: usize = 32;
 
-/// What a bearer is.
+/// A bearer's role.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     /// Opens rooms, puts packages.
@@ -25,7 +25,7 @@ pub(crate) enum Role {
     Viewer = 3,
 }
 
-/// What a genuine token says.
+/// The content of a genuine token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Claims {
     pub(crate) role: Role,
@@ -79,7 +79,7 @@ impl Claims {
         URL_SAFE_NO_PAD.encode(token)
     }
 
-    /// What `token` says, if this secret signed it and `now` (Unix seconds) is before its end. The MAC is compared in
+    /// The content of `token`, if this secret signed it and `now` (Unix seconds) is before its end. The MAC is compared in
     /// a time that does not depend on where it differs, and before anything else is looked at.
     pub(crate) fn verify(token: &str, secret: &Secret, now: u64) -> Option<Self> {
         let mut bytes = [0; CLAIMS_BYTES + MAC_BYTES];

@@ -175,7 +175,7 @@ fn eye_view(camera: &Camera, target: &Target) -> EyeView {
         let [x, y, z] = world_from_eye.matrix3.row(row).to_array();
         [x, y, z, world_from_eye.translation[row]]
     };
-    // What the camera sees does not depend on how many pixels show it.
+    // The camera's view does not depend on the number of pixels.
     let wide = camera.width as f32 / camera.fx;
     let high = camera.height as f32 / camera.fy;
     EyeView {

@@ -1,4 +1,5 @@
-//! Composes the picture in the renderer's target for the compositor, by compute, into buffers that are copied to its images. Tiles write buffers, and some runtimes' images can only be copied to.
+//! Composes the picture in the renderer's target for the compositor, by compute, into buffers that are copied to its images: the tile
+//! back end writes buffers, and some runtimes' images can only be copied to.
 
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ use renderer_vulkan::pipeline::{ComputePipeline, Specialisation};
 
 const GROUP: u32 = 64;
 
-/// A copied picture's buffers, and what fills them.
+/// A copied picture's buffers, and the pipeline that fills them.
 pub(crate) struct Copies {
     gpu: Arc<Gpu>,
     pipeline: ComputePipeline,
@@ -56,7 +57,7 @@ impl Copies {
         })
     }
 
-    /// Reads this target from now on. The device is idle.
+    /// Sets the target that is read from now on. The device is idle.
     pub(crate) fn bind(&mut self, params: &Buffer, target: &Target) {
         let buffers = buffers(target);
         if self.bound != buffers {

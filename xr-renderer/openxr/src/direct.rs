@@ -1,6 +1,6 @@
 //! Draws quads directly into a headset's images: both eyes in one pass, coarser where a density map says so.
 //!
-//! A density map is laid over the images, not over the part of them that is drawn: pictures of less than full size are drawn without.
+//! A density map covers the whole images, not the part that is drawn, so pictures of less than full size are drawn without one.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ const LAYERS: u32 = 2;
 /// Of a runtime's density maps, always.
 const MAP: vk::Format = vk::Format::R8G8_UNORM;
 
-/// What quads are drawn with into one swapchain's images, and another's of depth.
+/// The passes that draw quads into one swapchain's images, and into another's depth images.
 pub(crate) struct Direct {
     gpu: Arc<Gpu>,
     framebuffers: Vec<(FramebufferKey, Framebuffer)>,
@@ -39,7 +39,7 @@ pub(crate) struct Direct {
     extent: vk::Extent2D,
 }
 
-/// Images that are drawn into together, and whether by their map.
+/// Images that are drawn into together, and whether with their density map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct FramebufferKey {
     colour: usize,
@@ -53,7 +53,7 @@ struct EyePass {
     pipeline: GraphicsPipeline,
 }
 
-/// Where one picture is drawn.
+/// The pass and area that one picture is drawn in.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DirectTarget {
     framebuffer: vk::Framebuffer,
@@ -113,7 +113,7 @@ impl Direct {
         self.depth.is_some()
     }
 
-    /// Makes ready for a picture of `size` in the upper left of these images, which were made for this.
+    /// Prepares for a picture of `size` in the upper left of these images, which were made for this.
     pub(crate) fn prepare(
         &mut self,
         colour: Acquired,

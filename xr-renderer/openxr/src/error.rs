@@ -1,11 +1,11 @@
-//! What can go wrong between this program and a headset, each with what to do about it.
+//! The errors of a headset, each with what to do about it.
 
 use openxr::sys::Result as XrResult;
 use renderer_splat::error::RenderError;
 use renderer_vulkan::advice::{UPDATE_HEADSET, advice};
 use renderer_vulkan::error::VulkanError;
 
-/// Why there is no headset, or no longer one.
+/// Why there is no headset, or why it was lost.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum XrError {
@@ -31,7 +31,7 @@ pub enum XrError {
         /// What the loader said.
         result: XrResult,
     },
-    /// The runtime is there, but the service behind it is not.
+    /// There is a runtime, but its service is not running.
     #[error(
         "the OpenXR runtime does not answer ({result}): its service is not running: {}",
         advice("start it (SteamVR, `monado-service`) and try again", UPDATE_HEADSET)
@@ -50,7 +50,7 @@ pub enum XrError {
         /// What it said.
         result: XrResult,
     },
-    /// The runtime lacks what pictures cannot be shown without.
+    /// The runtime lacks something that showing pictures needs.
     #[error(
         "{runtime} cannot show our pictures: it lacks {lacks}; {}",
         advice("use another OpenXR runtime", UPDATE_HEADSET)
@@ -61,7 +61,7 @@ pub enum XrError {
         /// What is missing.
         lacks: String,
     },
-    /// The runtime went away, or is about to: everything made with it is to be let go, and made again.
+    /// The runtime was lost, or is about to be: destroy everything made with it, and make it again.
     #[error("the OpenXR runtime is gone ({call}: {result}): open the headset again")]
     Lost {
         /// What was being asked of it.
@@ -80,7 +80,7 @@ pub enum XrError {
         /// What it returned.
         result: XrResult,
     },
-    /// The headset's runtime does not make a Vulkan device, or gave up while it did.
+    /// The headset's runtime did not make a Vulkan device.
     #[error(
         "the headset's runtime failed to open Vulkan for us ({call}: {result}): is its service running, and does VK_DRIVER_FILES name the same driver for both?"
     )]
@@ -106,7 +106,7 @@ impl XrError {
         }
     }
 
-    /// Whether it may come by waiting: a service that is being started, a headset that is not worn yet.
+    /// Whether waiting may help: the service is being started, or the headset is not worn yet.
     #[must_use]
     pub fn may_pass(&self) -> bool {
         self.is_loss()

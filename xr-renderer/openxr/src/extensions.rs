@@ -1,12 +1,12 @@
 //! Which of `OpenXR`'s extensions are wanted, and which of them a runtime has.
 //!
-//! One is required, on a headset's own Android another; every other has a file in [`ext`](crate::ext) that does without where it is missing.
+//! One is required, on a headset's own Android another; every other one is optional and has a file in [`ext`](crate::ext).
 
 use openxr::ExtensionSet;
 
 use crate::error::XrError;
 
-/// An extension by its name, its place in a set, and the others without which a runtime refuses it.
+/// An extension: its name, its place in `ExtensionSet`, and the others that it needs.
 struct Wanted {
     name: &'static str,
     needs: &'static [&'static str],
@@ -25,10 +25,10 @@ macro_rules! wanted {
     };
 }
 
-/// What no picture can be shown without.
+/// Required to show a picture.
 const REQUIRED: &[Wanted] = &[
     wanted!("XR_KHR_vulkan_enable2", khr_vulkan_enable2),
-    // The runtime is told which activity it shows.
+    // Gives the runtime the activity that it shows.
     #[cfg(target_os = "android")]
     wanted!(
         "XR_KHR_android_create_instance",
@@ -36,7 +36,7 @@ const REQUIRED: &[Wanted] = &[
     ),
 ];
 
-/// What is used where it is there, those that others need first.
+/// Used where available; those that others need come first.
 const OPTIONAL: &[Wanted] = &[
     #[cfg(not(windows))]
     wanted!("XR_KHR_convert_timespec_time", khr_convert_timespec_time),
@@ -78,13 +78,13 @@ const OPTIONAL: &[Wanted] = &[
     ),
 ];
 
-/// Wanted, and only ever there on a headset's own Android.
+/// Wanted, and available only on a headset's own Android.
 #[cfg(not(target_os = "android"))]
 const ANDROID_ONLY: &[&str] = &["XR_KHR_android_thread_settings"];
 #[cfg(target_os = "android")]
 const ANDROID_ONLY: &[&str] = &[];
 
-/// The extensions that an instance is made with, and those that it has to do without.
+/// The extensions that an instance is made with, and those that the runtime lacks.
 #[derive(Debug, Clone)]
 pub struct Extensions {
     set: ExtensionSet,
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_runtime_that_has_everything_all_is_granted() {
+    fn a_complete_runtime_grants_every_extension() {
         let extensions = Extensions::of(&everything()).expect("the required one is there");
         assert_eq!(extensions.granted().len(), OPTIONAL.len() + 1, "granted");
         assert_eq!(extensions.missing(), ANDROID_ONLY, "missing");
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_runtime_lists_and_is_not_wanted_is_not_enabled() {
+    fn other_extensions_of_a_runtime_are_not_enabled() {
         let mut available = everything();
         available.fb_color_space = true;
         available.other.push(b"XR_MON3TR_no_such_thing\0".to_vec());
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn an_extension_goes_with_those_that_it_cannot_be_enabled_without() {
+    fn an_extension_is_left_out_without_those_that_it_needs() {
         let mut available = everything();
         available.fb_swapchain_update_state = false;
         let extensions = Extensions::of(&available).expect("the required one is there");

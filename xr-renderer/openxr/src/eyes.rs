@@ -23,7 +23,7 @@ use crate::swapchain::{Acquired, Swapchain, SwapchainKind, first_common};
 pub(crate) const NEAR: f32 = 0.05;
 pub(crate) const FAR: f32 = 100.0;
 
-/// Colours in the sRGB curve first: there the compositor finds light, and 8 bits are enough for it.
+/// Colours in the sRGB curve first: the compositor then blends linear light, for which 8 bits suffice.
 const COLOURS: [vk::Format; 4] = [
     vk::Format::R8G8B8A8_SRGB,
     vk::Format::B8G8R8A8_SRGB,
@@ -39,7 +39,7 @@ pub enum Surround {
     Room,
     /// A plain floor at y = 0 and a wall far away.
     Studio,
-    /// Darkness: the renderer's background is the scene.
+    /// Darkness around the renderer's background scene.
     Scene,
 }
 
@@ -54,7 +54,7 @@ impl Surround {
     }
 }
 
-/// An eye's picture as the compositor got it: 8-bit RGBA in the sRGB curve, premultiplied as light.
+/// An eye's picture as submitted to the compositor: 8-bit RGBA in the sRGB curve, premultiplied as light.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct EyePicture {
     /// Width in pixels.
@@ -65,14 +65,14 @@ pub struct EyePicture {
     pub rgba: Vec<u8>,
 }
 
-/// How a picture came into a headset's images.
+/// How a picture was written into a headset's images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RenderPath {
-    /// Composed from what the renderer drew elsewhere, and copied.
+    /// Drawn into the renderer's target, composed and copied.
     Copied,
-    /// Drawn straight into them.
+    /// Drawn directly into them.
     Direct {
-        /// Whether it was drawn coarser where the eye sees little.
+        /// Whether it was foveated.
         foveated: bool,
     },
 }
@@ -87,7 +87,7 @@ impl fmt::Display for RenderPath {
     }
 }
 
-/// A picture in the images, as the compositor is told of it.
+/// A picture in the images, as it is submitted to the compositor.
 #[derive(Clone, Copy)]
 pub(crate) struct Written {
     pub(crate) views: [View; 2],
@@ -101,13 +101,13 @@ pub(crate) struct Written {
 /// A picture that was given to the compositor.
 pub(crate) struct Released {
     pub(crate) written: Written,
-    /// Both eyes', where they were to be read.
+    /// Both eyes', where reading was asked for.
     pub(crate) pictures: Option<[EyePicture; 2]>,
 }
 
-/// A headset's images, and what pictures are drawn into or copied to them with.
+/// A headset's images, and what draws or copies pictures into them.
 pub(crate) struct EyeImages {
-    // What refers to the images goes before them.
+    // Dropped before the images that it refers to.
     pub(crate) direct: Option<Direct>,
     pub(crate) copies: Option<Copies>,
     pub(crate) params: Buffer,
@@ -115,7 +115,7 @@ pub(crate) struct EyeImages {
     pub(crate) colour: Swapchain,
     pub(crate) depth: Option<Swapchain>,
     foveation: Option<Foveation>,
-    /// Whether the runtime's images, and the device's memory, are such that they can be drawn into.
+    /// Whether the runtime's images can be drawn into, and the device has the memory for it.
     can_draw: bool,
     /// Since the images were acquired last.
     pub(crate) written: Option<Written>,
@@ -207,7 +207,7 @@ impl EyeImages {
         })
     }
 
-    /// Whether images are drawn finest where the viewer looks.
+    /// Whether foveation follows the viewer's gaze.
     pub(crate) fn follows_gaze(&self) -> bool {
         (self.foveation.as_ref()).is_some_and(Foveation::follows_gaze)
     }
@@ -280,7 +280,7 @@ impl EyeImages {
         })
     }
 
-    /// Has what pictures of this target need for being drawn into the images and for being copied, and nothing more.
+    /// Makes what drawing into the images and copying to them needs for pictures of this target, and drops what it does not need.
     pub(crate) fn make_ready(
         &mut self,
         target: &Target,
@@ -320,7 +320,7 @@ impl EyeImages {
 
 impl Drop for EyeImages {
     fn drop(&mut self) {
-        // Nothing of them is in use, unless an error came between.
+        // No image is in use, except after an error.
         self.gpu.wait_idle_or_warn();
     }
 }

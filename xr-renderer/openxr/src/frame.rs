@@ -1,4 +1,4 @@
-//! One frame of a headset: when it will be seen, and from where.
+//! One frame of a headset: its display time and the poses of the eyes.
 
 use std::time::{Duration, Instant};
 
@@ -16,11 +16,11 @@ pub struct Frame {
     pub predicted: Instant,
     /// From one frame of the display to the next, as the runtime sees it now: it may change with every frame.
     pub period: Duration,
-    /// Whether it will be seen at all.
+    /// Whether it will be displayed at all.
     pub should_render: bool,
 }
 
-/// Where the eyes are when a frame is seen.
+/// Where the eyes are when a frame is displayed.
 #[derive(Clone, Copy)]
 pub struct Eyes {
     pub(crate) views: [View; 2],
@@ -39,7 +39,7 @@ impl std::fmt::Debug for Eyes {
 }
 
 impl Eyes {
-    /// Eyes as the runtime says, if it makes sense of them.
+    /// The eyes as the runtime locates them, if the poses are valid.
     pub(crate) fn of(views: &[View], width: u32, height: u32) -> Option<Self> {
         let &[left, right] = views else { return None };
         let camera = |view: View| {
@@ -105,7 +105,7 @@ impl XrClock {
         Instant::now() + period
     }
 
-    /// This machine's clock and the runtime's at one moment. They are read one after the other: where something came between,
+    /// This machine's clock and the runtime's at one moment. They are read one after the other; where the thread was interrupted in between,
     /// which would move the frame in time by as much, they are read again.
     fn both_clocks(&self, instance: &XrInstance) -> Option<(Instant, Time)> {
         if !self.converts {

@@ -1,4 +1,4 @@
-//! A headset that was found, and the Vulkan device that its runtime wants to be drawn on.
+//! A headset, and the Vulkan device that its runtime asks for.
 
 use std::ffi::c_void;
 use std::sync::Arc;
@@ -247,7 +247,7 @@ impl VulkanFactory for RuntimeFactory<'_> {
         let physical = physical.as_raw() as *const c_void;
         let made = {
             let info: *const vk::DeviceCreateInfo<'_> = info;
-            // SAFETY: the description lives until the call returns; the device is the one that the runtime wanted.
+            // SAFETY: the description lives until the call returns; the device is the one that the runtime asked for.
             unsafe {
                 self.instance.create_vulkan_device(
                     self.system,

@@ -1,6 +1,6 @@
-//! What hands and controllers do, once per frame.
+//! The state of hands and controllers, once per frame.
 //!
-//! Controllers come first; a tracked hand is used where its controller is not active. What the hands do to people and panels
+//! Controllers come first; a tracked hand is used where its controller is not active. What they do to people and panels
 //! is not known here.
 
 use std::fmt;
@@ -15,7 +15,7 @@ use crate::ext::hand_tracking::{HandTracking, TrackedHand};
 use crate::ext::or_without;
 use crate::pose::base_from_space;
 
-/// What the hands do in one frame. Poses are in floor space: metres, y up, -z ahead.
+/// The state of both hands in one frame. Poses are in floor space: metres, y up, -z ahead.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Controls {
     /// Left, right.
@@ -24,18 +24,18 @@ pub struct Controls {
     pub overlay_toggled: bool,
 }
 
-/// What one hand does in one frame.
+/// The state of one hand in one frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Hand {
     /// Where it is and how it is turned. None where it is not known.
     pub floor_from_grip: Option<Affine3A>,
     /// What it points at lies along -z. None where it is not known.
     pub floor_from_aim: Option<Affine3A>,
-    /// It holds: squeeze, select of a simple controller, or pinch.
+    /// It grabs: squeeze, select of a simple controller, or pinch.
     pub holds: bool,
 }
 
-/// A squeeze holds from here, of 1 ...
+/// A squeeze grabs from this value on, of 1 ...
 const SQUEEZE_HOLDS: f32 = 0.7;
 
 /// ... and lets go below here.
@@ -101,7 +101,7 @@ impl Input {
     /// Makes the actions and attaches them. Once per session, which must have no others.
     ///
     /// # Errors
-    /// Where the runtime refuses something of its core. Bare hands and single profiles that it refuses are logged, and done without.
+    /// Where the runtime refuses something of its core. Bare hands and single profiles that it refuses are logged, and left out.
     pub fn new(session: &Session<Vulkan>, system: SystemId) -> Result<Self, XrError> {
         let instance = session.instance();
         let mut paths = [Path::NULL; 2];
@@ -144,7 +144,7 @@ impl Input {
         self.hands.is_some()
     }
 
-    /// What the hands do at a frame's predicted display time. Nothing while another program has the input.
+    /// The state of the hands at a frame's predicted display time; nothing while another program has the input.
     ///
     /// # Errors
     /// What the runtime says: a session or a runtime that is lost.
@@ -163,7 +163,7 @@ impl Input {
         let mut calls_overlay = [false; 2];
         for (place, side) in self.sides.iter_mut().enumerate() {
             let controller = side.read(&self.session, &self.actions, floor, time)?;
-            // Some runtimes track the hand that holds a controller too: its fingers mean nothing.
+            // Some runtimes track the hand that holds a controller too: its fingers are ignored.
             let bare = tracked[place].filter(|_| controller.is_none());
             calls_overlay[place] = bare.is_some_and(|hand| hand.calls_overlay);
             hands[place] = controller.or(bare.map(Hand::from)).unwrap_or_default();
@@ -248,7 +248,7 @@ fn action<T: ActionTy>(
 }
 
 impl Side {
-    /// What this hand's controller does; None where there is none.
+    /// The state of this hand's controller; None where there is none.
     fn read(
         &mut self,
         session: &Session<Vulkan>,

@@ -1,4 +1,4 @@
-//! What a frame is made of for the compositor, from back to front: the room, both eyes' pictures, a panel.
+//! A frame's composition layers, from back to front: the room, both eyes' pictures, a panel.
 
 use glam::Affine3A;
 use openxr::{
@@ -24,7 +24,7 @@ pub(crate) struct FrameLayers<'a> {
     pub(crate) panel: Option<(&'a Panel, PlacedPanel)>,
     /// Where eyes and panel are.
     pub(crate) floor: &'a Space,
-    /// Whether the eyes' alpha counts.
+    /// Whether the eyes' pictures are blended by alpha.
     pub(crate) transparent: bool,
 }
 
@@ -37,7 +37,7 @@ pub(crate) struct PlacedPanel {
 }
 
 impl FrameLayers<'_> {
-    /// Ends the frame that is to be seen at `time` with these layers.
+    /// Ends the frame that is displayed at `time` with these layers.
     pub(crate) fn end_frame(
         &self,
         stream: &mut FrameStream<Vulkan>,

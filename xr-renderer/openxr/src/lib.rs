@@ -1,8 +1,8 @@
 //! A headset through `OpenXR`: finding it, its frames, and showing pictures in it.
 //!
 //! [`Runtime::load`](runtime::Runtime::load) finds the loader, [`Headset::open`](headset::Headset::open) the headset and the Vulkan
-//! device that it wants, [`Session`](session::Session) shows frames. What goes away with the runtime comes back by being opened again:
-//! see [`XrError::is_loss`](error::XrError::is_loss). Extensions are optional one by one: see [`ext`].
+//! device that it wants, [`Session`](session::Session) shows frames. What is lost with the runtime has to be opened again:
+//! see [`XrError::is_loss`](error::XrError::is_loss). Each extension is optional: see [`ext`].
 //!
 //! ```no_run
 //! use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! A flat panel in the room, drawn by the compositor at its own sharpness.
+//! A flat panel in the room, sampled by the compositor at the display's resolution.
 
 use std::sync::Arc;
 

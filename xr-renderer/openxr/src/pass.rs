@@ -1,5 +1,5 @@
-//! The pass that draws straight into a headset's images, in two parts: quads are blended, and what the compositor takes is made of
-//! that where it lies. On a GPU that draws tile by tile nothing of the first part is ever in memory.
+//! The render pass that draws directly into a headset's images, in two subpasses: the first blends quads, the second makes the
+//! compositor's picture of them. On a tile-based GPU the first subpass's pictures never reach memory.
 
 use std::sync::Arc;
 
@@ -29,7 +29,7 @@ impl PassKind {
         self.described(|info| QuadPass::new(gpu, info, self.depth.is_some()))
     }
 
-    /// Pictures that the first part draws, and the second reads; as many as the compositor gets.
+    /// The number of pictures that the first part draws and the second reads; the compositor gets as many.
     fn pictures(self) -> u32 {
         1 + u32::from(self.depth.is_some())
     }
@@ -142,7 +142,7 @@ fn dependencies() -> [vk::SubpassDependency; 4] {
         from_to(0, 1)
             .src_stage_mask(Stage::COLOR_ATTACHMENT_OUTPUT)
             .src_access_mask(Access::COLOR_ATTACHMENT_WRITE)
-            // That the first part's pictures are let go counts as writing them.
+            // Discarding the first part's pictures counts as writing them.
             .dst_stage_mask(Stage::FRAGMENT_SHADER | Stage::COLOR_ATTACHMENT_OUTPUT)
             .dst_access_mask(Access::INPUT_ATTACHMENT_READ | Access::COLOR_ATTACHMENT_WRITE)
             .dependency_flags(vk::DependencyFlags::BY_REGION | vk::DependencyFlags::VIEW_LOCAL),
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_foveated_pass_carries_its_map_behind_what_it_draws_and_no_other_pass_has_one() {
+    fn only_a_foveated_pass_has_a_density_map_as_its_last_attachment() {
         let plain = |depth| PassKind {
             colour: COLOUR,
             depth,

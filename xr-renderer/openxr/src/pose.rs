@@ -37,7 +37,7 @@ pub(crate) fn point(at: &Vector3f) -> Vec3 {
     Vec3::new(at.x, at.y, at.z)
 }
 
-/// Whether the runtime knows both where something is and how it is turned.
+/// Whether the runtime knows both position and orientation.
 pub(crate) fn is_known(flags: SpaceLocationFlags) -> bool {
     flags.contains(SpaceLocationFlags::ORIENTATION_VALID | SpaceLocationFlags::POSITION_VALID)
 }
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_of_a_runtime_that_filled_in_nothing_is_no_pose() {
+    fn an_all_zero_pose_is_no_pose() {
         let zeros = Quaternionf::default();
         let mut pose = Posef {
             orientation: Quaternionf { w: 0.0, ..zeros },

@@ -1,4 +1,4 @@
-//! The loader, and the runtime it finds. On a headset's own Android both want to know the activity they work for.
+//! The loader, and the runtime it finds. On a headset's own Android both need the activity that they work for.
 
 #[cfg(not(target_os = "android"))]
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use openxr::{ApplicationInfo, Entry, EntryError, ExtensionSet, Instance};
 
 use crate::error::XrError;
 
-/// The folder of a Monado that is not installed, which has a loader too.
+/// The folder of a private Monado, which has a loader too.
 #[cfg(not(target_os = "android"))]
 const PRIVATE: &str = "MON3TR_MONADO";
 
@@ -24,7 +24,7 @@ pub struct Runtime {
     activity: Option<Activity>,
 }
 
-/// The `JavaVM` and the activity that shows the session, as addresses: the caller of [`Runtime::load_android`] vouches for them.
+/// The `JavaVM` and the activity that shows the session, as addresses: the caller of [`Runtime::load_android`] guarantees them.
 #[cfg(target_os = "android")]
 #[derive(Clone, Copy)]
 struct Activity {
@@ -35,7 +35,7 @@ struct Activity {
 #[cfg(target_os = "android")]
 impl Activity {
     fn platform(self) -> openxr::AndroidPlatformInfo {
-        // SAFETY: both are what the interface asks for as long as there is a runtime: `Runtime::load_android` was promised so.
+        // SAFETY: the caller of `Runtime::load_android` guarantees that both are valid as long as there is a runtime.
         unsafe { openxr::AndroidPlatformInfo::new(self.vm as *mut _, self.activity as *mut _) }
     }
 }
@@ -66,7 +66,7 @@ impl Runtime {
         Ok(Self { entry })
     }
 
-    /// Loads the loader in the application's own package, and tells it which activity will be shown.
+    /// Loads the loader in the application's own package, and passes it the activity that will be shown.
     ///
     /// # Errors
     /// [`XrError::NoLoader`], if the package has none, or the loader refuses the activity.
@@ -91,7 +91,7 @@ impl Runtime {
         })
     }
 
-    /// A runtime of other functions, for tests.
+    /// A runtime behind another function table, for tests.
     #[must_use]
     pub fn of(entry: Entry) -> Self {
         Self {
@@ -132,10 +132,10 @@ fn no_loader(why: &EntryError) -> XrError {
     XrError::NoLoader(why.to_string())
 }
 
-/// What the loader's answer to the first questions means.
+/// The error that the loader's first result means.
 pub(crate) fn no_runtime(result: XrResult) -> XrError {
     match result {
-        // The loader found a runtime, which does not reach its service.
+        // The loader found a runtime that cannot reach its service.
         XrResult::ERROR_RUNTIME_FAILURE | XrResult::ERROR_INITIALIZATION_FAILED => {
             XrError::NoService { result }
         }

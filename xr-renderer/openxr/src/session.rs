@@ -1,4 +1,4 @@
-//! A headset's session: its events, its frames, and what is shown in them.
+//! A headset's session: its events, its frames, and the pictures in them.
 //!
 //! A frame goes `poll`, `wait`, `locate_views`, `canvas`, which is drawn onto, then `show`; or `skip`. All of it on one thread, which waits
 //! for the headset in `wait`.
@@ -32,10 +32,10 @@ use crate::panel::{Panel, PanelImage};
 use crate::space::{Floor, FloorSpace};
 use crate::state::{Lifecycle, SessionAction, SessionState};
 
-/// What a session is made for.
+/// The options of a session.
 #[derive(Debug, Clone, Copy)]
 pub struct SessionOptions {
-    /// Whether the viewer's own room is to be seen behind the person, where the headset can show it.
+    /// Whether the viewer's own room is shown behind the person, where the headset can show it.
     pub room: bool,
     /// Whether eyes' pictures will be read back.
     pub read_back: bool,
@@ -52,13 +52,13 @@ pub struct PollResult {
     pub end: Option<SessionEnd>,
 }
 
-/// What the headset follows of the viewer, beside the head.
+/// What the headset tracks of the viewer besides the head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tracks {
     /// Bare hands.
     pub hands: bool,
-    /// Where they look, for foveation.
-    pub gaze: bool,
+    /// Foveation follows the viewer's gaze.
+    pub foveation_follows_gaze: bool,
 }
 
 /// How a session ended.
@@ -72,7 +72,7 @@ pub enum SessionEnd {
 
 /// A session of a headset.
 pub struct Session {
-    // What was made with the session goes before it.
+    // Dropped before the session that it was made with.
     images: EyeImages,
     panel: Option<(Panel, PlacedPanel)>,
     room: Option<Passthrough>,
@@ -117,7 +117,7 @@ impl Session {
             queue_family_index: gpu.queue_family(),
             queue_index: 0,
         };
-        // The session keeps the device alive, which its own destruction may still use.
+        // The session keeps the device alive, which destroying the session may still use.
         let guard = Box::new(Arc::clone(&gpu));
         let (session, waiter, stream) = gpu
             .with_queue(|_| {
@@ -189,13 +189,13 @@ impl Session {
         self.images.depth.is_some()
     }
 
-    /// What is shown, for tests to look at.
+    /// The images, for tests to look at.
     #[cfg(test)]
     pub(crate) fn images(&self) -> &EyeImages {
         &self.images
     }
 
-    /// How the last picture came into the headset's images; none before the first.
+    /// How the last picture was written into the headset's images; none before the first.
     #[must_use]
     pub fn render_path(&self) -> Option<RenderPath> {
         self.images.render_path()
@@ -213,12 +213,12 @@ impl Session {
         self.refresh.as_ref().map(RefreshRate::now_hz)
     }
 
-    /// Whether bare hands are tracked, and the gaze for foveation.
+    /// Whether bare hands are tracked, and whether foveation follows the gaze.
     #[must_use]
     pub fn tracks(&self) -> Tracks {
         Tracks {
             hands: self.input.tracks_hands(),
-            gaze: self.images.follows_gaze(),
+            foveation_follows_gaze: self.images.follows_gaze(),
         }
     }
 
@@ -228,13 +228,13 @@ impl Session {
         self.space.kind()
     }
 
-    /// The session's life so far.
+    /// The session's states so far.
     #[must_use]
     pub fn lifecycle(&self) -> &Lifecycle {
         &self.lifecycle
     }
 
-    /// Takes all events there are, and begins and ends the session as they ask.
+    /// Takes all events there are, and begins and ends the session accordingly.
     ///
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
@@ -325,7 +325,7 @@ impl Session {
         })
     }
 
-    /// Where the eyes will be when the frame is displayed; the last known place where that is unknown now, and none if it never was known.
+    /// Where the eyes will be when the frame is displayed; the last known place if it is unknown now, and none if it never was known.
     ///
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
@@ -335,7 +335,7 @@ impl Session {
             .session
             .locate_views(VIEWS, frame.time, &self.space.floor)
             .during("xrLocateViews")?;
-        // The views of a headset that sees nothing have their position still: from the last place it knew.
+        // A headset that has lost tracking still has positions: those it last knew.
         if flags.contains(openxr::ViewStateFlags::ORIENTATION_VALID) {
             let seen = Eyes::of(&views, self.extent.width, self.extent.height);
             self.eyes = seen.or(self.eyes);
@@ -343,7 +343,7 @@ impl Session {
         Ok(self.eyes)
     }
 
-    /// What the hands do when the frame is seen; nothing while another program has the input.
+    /// The state of the hands when the frame is displayed; nothing while another program has the input.
     ///
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
@@ -359,7 +359,7 @@ impl Session {
         Ok(self.gpu.wait_idle()?)
     }
 
-    /// Tells how a frame went: whether it was in time, and how long CPU and GPU took for it. The display's rate is chosen by that.
+    /// Reports a frame's timing: whether it was in time, and how long CPU and GPU took for it. The choice of the display's rate uses it.
     pub fn frame_completed(&mut self, frame: &Frame, in_time: bool, busy: Duration) {
         if let Some(refresh) = &mut self.refresh {
             refresh.consider(&FrameTiming {
@@ -384,7 +384,7 @@ impl Session {
         Canvas::acquire(&mut self.images, *eyes, surround, reads)
     }
 
-    /// Shows what was drawn onto the last canvas, and ends the frame. Returns what the compositor got, where that is to be read
+    /// Shows what was drawn onto the last canvas, and ends the frame. Returns the eyes' pictures, where they are to be read
     /// back.
     ///
     /// # Errors
@@ -398,14 +398,14 @@ impl Session {
             }
             Ok(None) => self.skip(frame).map(|()| None),
             Err(error) => {
-                // What went wrong first is told.
+                // The first error is returned.
                 let _ = self.skip(frame);
                 Err(error)
             }
         }
     }
 
-    /// Ends the frame with nothing new of ours in it.
+    /// Ends the frame without a new picture.
     ///
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
@@ -413,7 +413,7 @@ impl Session {
         self.end(frame, None, false)
     }
 
-    /// Ends the frame with nothing in it but the panel, before the viewer's room where that can be seen.
+    /// Ends the frame with only the panel, before the viewer's room where that can be seen.
     ///
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
@@ -421,7 +421,7 @@ impl Session {
         self.end(frame, None, true)
     }
 
-    /// Hangs a panel in the room, `width` metres wide, or changes the one that hangs there.
+    /// Shows a panel in the room, `width` metres wide, or changes the one that is shown.
     ///
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
@@ -447,7 +447,7 @@ impl Session {
         }
     }
 
-    /// Takes the panel away.
+    /// Removes the panel.
     pub fn remove_panel(&mut self) {
         self.panel = None;
     }

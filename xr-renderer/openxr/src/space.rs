@@ -1,4 +1,4 @@
-//! Floor space, in which all that is seen stands: metres, y up, -z where the viewer looked first, the origin on the floor below.
+//! Floor space, in which the scene and its people stand: metres, y up, -z where the viewer looked first, the origin on the floor below.
 
 use openxr::{Posef, ReferenceSpaceType, Session, Space, Time, Vulkan};
 
@@ -8,7 +8,7 @@ use crate::pose::base_from_space;
 /// Eyes of a standing adult above the floor, metres: where no floor is known, this far below the head's first place.
 pub const EYE_HEIGHT: f32 = 1.65;
 
-/// What a runtime knows of the floor.
+/// How the floor's height is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Floor {
     /// It has a local space on the floor.
@@ -67,7 +67,7 @@ impl FloorSpace {
         self.kind
     }
 
-    /// Lowers an assumed floor to the stage's, once that can be located; again after the viewer was recentred.
+    /// Lowers an assumed floor to the stage's, once the stage can be located, and again after recentring.
     pub(crate) fn settle(&mut self, session: &Session<Vulkan>, time: Time) -> Result<(), XrError> {
         if self.kind != Floor::Assumed || !self.has_stage {
             return Ok(());
@@ -95,7 +95,7 @@ impl FloorSpace {
         Ok(())
     }
 
-    /// The origin moved: what was derived from the stage is to be derived anew.
+    /// The origin moved: the floor has to be derived from the stage again.
     pub(crate) fn moved(&mut self) {
         if self.kind == Floor::Stage {
             self.kind = Floor::Assumed;

@@ -1,6 +1,6 @@
-//! A session's life cycle as a state machine: the states that the runtime reports, which may follow which, and what each asks for.
+//! A session's life cycle as a state machine: the states that the runtime reports, the allowed order, and the call that each asks for.
 //!
-//! Pure: it calls nothing. `OpenXR` 1.1, section 9.3 "Session Lifecycle".
+//! Pure: it makes no OpenXR calls. `OpenXR` 1.1, section 9.3 "Session Lifecycle".
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use openxr::SessionState as XrSessionState;
 /// Where a session is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SessionState {
-    /// It was made, and the runtime has said nothing yet.
+    /// It was made, and the runtime has reported no state yet.
     Made,
     /// It is not to run: the headset is off the head, or another program has it.
     Idle,
@@ -97,7 +97,7 @@ impl Lifecycle {
         self.running
     }
 
-    /// Takes the state that the runtime says, and tells what that asks for. A runtime may leave states out; what would ask for
+    /// Takes the state that the runtime reports, and returns the action. A runtime may leave states out; what would ask for
     /// something impossible (to begin what runs, to end what does not) asks for nothing, and is logged.
     pub fn enter(&mut self, state: XrSessionState) -> SessionAction {
         let next = match state {
@@ -135,7 +135,7 @@ impl Lifecycle {
         }
     }
 
-    /// `xrBeginSession` went well.
+    /// `xrBeginSession` succeeded.
     pub fn begun(&mut self) {
         self.running = true;
     }
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_session_begins_when_ready_and_ends_when_stopping_as_often_as_it_is_asked() {
+    fn a_session_begins_at_every_ready_and_ends_at_every_stopping() {
         let once = [
             S::READY,
             S::SYNCHRONIZED,
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn a_session_that_is_lost_is_renewed_from_wherever_it_was() {
+    fn a_lost_session_is_made_again_from_any_state() {
         for before in [S::IDLE, S::READY, S::VISIBLE, S::STOPPING] {
             let (life, actions) = through(&[before, S::LOSS_PENDING]);
             assert_eq!(
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_runtime_that_says_ready_twice_or_stops_what_never_ran_asks_for_nothing() {
+    fn a_second_ready_or_a_stop_before_begin_has_no_action() {
         let (_, actions) = through(&[S::IDLE, S::READY, S::READY]);
         assert_eq!(actions.last(), Some(&SessionAction::None), "ready twice");
         let (_, actions) = through(&[S::IDLE, S::STOPPING]);

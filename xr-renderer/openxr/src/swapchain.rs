@@ -22,7 +22,7 @@ pub(crate) struct Swapchain {
     held: bool,
 }
 
-/// An image that is ours until it is released.
+/// An acquired image, until it is released.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Acquired {
     pub(crate) index: usize,
@@ -83,7 +83,7 @@ impl Swapchain {
     /// Takes the next image and waits until the compositor has read it.
     pub(crate) fn acquire(&mut self) -> Result<Acquired, XrError> {
         if self.held {
-            // An error came between.
+            // An error came in between.
             self.release()?;
         }
         // The runtime may use the queue in these calls.
@@ -103,7 +103,7 @@ impl Swapchain {
         Ok(Acquired { index, image })
     }
 
-    /// The same, if there is one that was not given back.
+    /// The acquired image, if there is one.
     pub(crate) fn release_if_held(&mut self) -> Result<(), XrError> {
         if self.held { self.release() } else { Ok(()) }
     }

@@ -1,5 +1,5 @@
-//! Chooses the back end: the one that was asked for, or the faster of the two. They are compared on the first picture, and once more
-//! on the first picture that is drawn into external images, since drawing there takes another time.
+//! Chooses the back end: the requested one, or the faster of the two. They are compared on the first picture, and once more
+//! on the first picture that is drawn into external images, since drawing there may take longer or shorter.
 
 use std::sync::Arc;
 
@@ -124,7 +124,7 @@ impl BackEnds {
         Ok(())
     }
 
-    /// Whether the next picture is drawn straight into these images.
+    /// Whether the next picture is drawn directly into these images.
     pub(crate) fn draws_into(&self, images: Option<&dyn ExternalImages>) -> bool {
         let drawn_into = images.is_some_and(|images| images.pass().is_some());
         drawn_into && self.current() == BackEnd::Quads
@@ -165,7 +165,7 @@ impl BackEnds {
         }
     }
 
-    /// Records the drawing into the target, and from there into the images, if any; or into those at once.
+    /// Records the drawing into the target, and from there into the images, if any; or directly into those.
     pub(crate) fn record_draw(
         &self,
         commands: vk::CommandBuffer,
@@ -191,7 +191,7 @@ impl BackEnds {
         }
     }
 
-    /// Whether the picture was not drawn for want of room, which there is now. The device is idle.
+    /// Whether the picture was not drawn because a list was too small, which has grown now. The device is idle.
     pub(crate) fn has_grown(
         &mut self,
         geometry: &GeometryPass,
@@ -257,7 +257,7 @@ impl BackEnds {
     }
 }
 
-/// A back end to be compared with the other; none where the device has no memory for both.
+/// The other back end for the comparison; none where the device has no memory for both.
 fn unless_out_of_memory<T>(
     other: BackEnd,
     made: Result<T, VulkanError>,

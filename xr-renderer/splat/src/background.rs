@@ -10,7 +10,7 @@ use splat_scene::{Bounds, Scene};
 
 /// Gaussians whose numbers are stored relative to one another; `BLOCK` in `shaders/project_background.comp`.
 const BLOCK: usize = 256;
-/// Blocks a buffer takes: 48 bytes of harmonics for each Gaussian stay below the 128 MiB that every device binds.
+/// Blocks in one buffer: 48 bytes of harmonics for each Gaussian stay below the 128 MiB that every device binds.
 const CHUNK_BLOCKS: usize = 8192;
 
 /// What one block's Gaussians are stored relative to; `Block` in the shader.
@@ -149,7 +149,7 @@ fn harmonics_words(degree: u8) -> usize {
 /// Blocks of at most [`BLOCK`] indices of a scene's Gaussians along a Morton curve, so that each is compact: culled as
 /// one, and finely resolved by a few bits. Ties keep their order.
 ///
-/// What lies far out has blocks of its own, since a single stray would take its neighbours' resolution: around the box of
+/// Far Gaussians have blocks of their own, since a single stray would cost its neighbours their resolution: around the box of
 /// most, shells that are twice as large each, no block in two of them.
 fn neighbours_together(scene: &Scene) -> Vec<Vec<u32>> {
     let Some(Bounds { min, max }) = scene.robust_bounds() else {

@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scaled_or_broken_camera_is_named_as_such() {
+    fn a_scaled_or_broken_camera_is_refused_with_the_reason() {
         let mut camera = Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 1.0, 64, 64);
         camera.camera_from_world.matrix3 *= 2.0;
         assert!(

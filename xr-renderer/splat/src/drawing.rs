@@ -1,4 +1,4 @@
-//! What a picture is drawn from.
+//! The input of a picture.
 
 use glam::Affine3A;
 
@@ -49,12 +49,12 @@ pub enum Foreground<'a> {
     },
 }
 
-/// What a picture is drawn from.
+/// The input of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Drawing<'a> {
     /// One for each view.
     pub cameras: &'a [Camera],
-    /// What stands before the background and in it, at most [`MOST_PARTS`](crate::limits::MOST_PARTS) of it; they may overlap in depth, for all
+    /// The parts of the foreground, at most [`MOST_PARTS`](crate::limits::MOST_PARTS) of them; they may overlap in depth, for all
     /// Gaussians are sorted together. All slots' Gaussians, and what was set, together are at most
     /// [`crate::options::RendererOptions::max_foreground`].
     pub foreground: &'a [Part<'a>],
@@ -65,7 +65,7 @@ pub struct Drawing<'a> {
 }
 
 impl<'a> Drawing<'a> {
-    /// A picture that sorts where it must.
+    /// A picture that sorts only where it must.
     #[must_use]
     pub const fn new(cameras: &'a [Camera], foreground: &'a [Part<'a>]) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! Everything that draws on one device: the order of the stages, and their times.
+//! The renderer's parts on one device: the order of the stages, and their times.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,7 +30,7 @@ use crate::slot::ForegroundSlot;
 use crate::target::Target;
 use crate::times::{PictureTime, StageSpans, StageTimes};
 
-/// Everything that one device draws with.
+/// The renderer's parts on one device.
 pub(crate) struct Engine {
     // Dropped first: waits for the device.
     commands: Commands,
@@ -46,7 +46,7 @@ pub(crate) struct Engine {
     pub(crate) times: StageTimes,
     pub(crate) picture_time: Option<PictureTime>,
     pub(crate) order: Order,
-    /// The foreground that the renderer was given rather than a slot of the caller's.
+    /// The foreground that `set_foreground` took, rather than a slot of the caller's.
     own: Option<ForegroundSlot>,
     /// Milliseconds the host took to write it, or poses, while they are not drawn yet.
     host_upload: f64,

@@ -1,4 +1,4 @@
-//! What can go wrong on the way to a picture, each with what to do about it.
+//! The errors of drawing, each with what to do about it.
 
 use renderer_vulkan::error::VulkanError;
 
@@ -57,7 +57,7 @@ pub enum RenderError {
         /// How many were given.
         parts: usize,
     },
-    /// A part is placed by something else than a turn and a shift.
+    /// A part's transform is not rigid.
     #[error(
         "part {part} of the foreground cannot be drawn: its `world_from_part` is not rigid or not finite; give a turn and a shift alone, and bake sizes into the Gaussians"
     )]
@@ -70,7 +70,7 @@ pub enum RenderError {
         "two parts of the foreground are posed on the device, which holds one mesh: write all people but one to slots"
     )]
     PosedTwice,
-    /// The picture went into a headset's images and nowhere else.
+    /// The picture was drawn into a headset's images only.
     #[error(
         "the picture was drawn straight into the headset's images, not the renderer's own: read it back from the session"
     )]
@@ -126,7 +126,7 @@ pub enum RenderError {
 }
 
 impl RenderError {
-    /// Whether the driver gave the device up: open it again.
+    /// Whether the device was lost: open it again.
     #[must_use]
     pub fn is_device_lost(&self) -> bool {
         matches!(self, Self::Vulkan(VulkanError::DeviceLost(_)))

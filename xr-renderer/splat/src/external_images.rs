@@ -18,7 +18,7 @@ pub struct BackEndSet {
     pub quads: bool,
 }
 
-/// Images with one layer for each view, and both ways into them: quads are rasterised into them directly where that is possible, and
+/// Images with one layer for each view, and both paths into them: quads are rasterised into them directly where that is possible, and
 /// the target's picture is copied.
 pub trait ExternalImages {
     /// Prepares a picture of the target's present size by any of these back ends. The device is idle.

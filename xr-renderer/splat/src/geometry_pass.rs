@@ -24,7 +24,7 @@ use crate::sort::{SortInput, SortPasses};
 /// Invocations per workgroup of the background's projection; divides its block.
 const GROUP: u32 = 64;
 
-/// Gaussians in, splats of each view and their common order out.
+/// From Gaussians to the splats of each view and their common order.
 pub(crate) struct GeometryPass {
     gpu: Arc<Gpu>,
     parts: Parts,
@@ -115,12 +115,12 @@ impl GeometryPass {
         self.parts.count() + last.map_or(0, |chunk| chunk.first + chunk.count)
     }
 
-    /// The foreground as far as the order depends on it.
+    /// What the order depends on in the foreground.
     pub(crate) fn sorted(&self) -> &SortedForeground {
         self.parts.sorted()
     }
 
-    /// Takes the foreground of the pictures that follow, whose slots fit, as does `own`, which is what was set. The device
+    /// Takes the foreground of the pictures that follow, whose slots fit, as does `own`, the foreground that was set. The device
     /// is idle.
     pub(crate) fn show(
         &mut self,
@@ -173,7 +173,7 @@ impl GeometryPass {
         self.shared.frame.write(std::slice::from_ref(frame));
     }
 
-    /// Records the upload of what never changes, background and mesh, once.
+    /// Records the upload of background and mesh, which never change, once.
     pub(crate) fn record_static_upload(&self, commands: vk::CommandBuffer) {
         if let Some(posing) = &self.posing {
             posing.record_mesh(commands);
@@ -184,7 +184,7 @@ impl GeometryPass {
         barrier(&self.gpu, commands);
     }
 
-    /// Frees what only that upload needed. The device is idle.
+    /// Frees that upload's staging buffers. The device is idle.
     pub(crate) fn static_upload_done(&mut self) {
         if let Some(posing) = &mut self.posing {
             posing.mesh_upload_done();
@@ -229,14 +229,14 @@ impl GeometryPass {
         }
     }
 
-    /// Records the making of their states.
+    /// Records the computing of their states.
     pub(crate) fn record_attributes(&self, commands: vk::CommandBuffer) {
         if let Some(posing) = self.posed() {
             posing.record_attributes(commands);
         }
     }
 
-    /// Records the making of the picture's Gaussians.
+    /// Records the computing of the picture's Gaussians.
     pub(crate) fn record_interpolation(&self, commands: vk::CommandBuffer) {
         if let Some(posing) = self.posed() {
             posing.record_interpolation(commands);

@@ -1,16 +1,16 @@
-//! Asking a renderer, from another thread, to be done soon.
+//! Asks a renderer, from another thread, to return early.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-/// Whether the GPU is wanted back. Copies are the same one.
+/// Whether the renderer should return early. Clones share one flag.
 ///
-/// While it is raised, a renderer returns after one picture, also where it compares its back ends: the next picture goes on with that.
+/// While it is raised, a renderer returns after one picture, also where it compares its back ends: the next picture continues the comparison.
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Raises it, or takes it back.
+    /// Raises it, or clears it.
     pub fn set(&self, raised: bool) {
         self.0.store(raised, Relaxed);
     }

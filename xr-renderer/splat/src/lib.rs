@@ -37,7 +37,7 @@
 //! # }
 //! ```
 //!
-//! A picture's way: [`renderer`] (the face), `engine` (the order of the stages on one device), `geometry_pass` (upload, [`posing`],
+//! The path of a picture: [`renderer`] (the public API), `engine` (the order of the stages on one device), `geometry_pass` (upload, [`posing`],
 //! projection, [`sort`]), [`back_ends`] (`tiles` or `quads`), then `read_back`, a [`window`], or [`external_images`] such as a
 //! headset's.
 

@@ -1,4 +1,4 @@
-//! How much the renderer takes.
+//! The limits of the renderer.
 
 /// The most parts a foreground can have.
 pub const MOST_PARTS: usize = 8;

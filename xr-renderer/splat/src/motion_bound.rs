@@ -5,13 +5,13 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Foreground Gaussians may move so far, metres, while their order is kept: less than the spacing of a person's.
+/// How far foreground Gaussians may move, metres, while their order is kept: less than the spacing of a person's.
 pub(crate) const KEPT_FOREGROUND_MOVE: f32 = 0.000_25;
 
 /// Octaves by which a foreground Gaussian may grow, a hundredth of its size.
 const KEPT_GROWTH: f32 = 0.014_35;
 
-/// By how much an opacity may rise: what was too transparent to be sorted is at most twice as opaque as that.
+/// By how much an opacity may rise: a Gaussian that was too transparent to be sorted is then at most twice as opaque.
 const KEPT_RISE: f32 = 1.0 / 255.0;
 
 /// The most that any Gaussian of a foreground changed from one writing to the next, each figure a bound. Rotations and
@@ -34,7 +34,7 @@ pub struct Change {
 pub struct MotionBound {
     /// Unique to a sequence; 0 for no foreground at all.
     epoch: u64,
-    /// The sum so far; 1 is as much as an order is kept for.
+    /// The sum so far; an order is kept up to 1.
     distance: f64,
 }
 
@@ -78,7 +78,7 @@ impl MotionBound {
         self.epoch == other.epoch
     }
 
-    /// The bound on the change between two states of a sequence; 1 is as much as an order is kept for.
+    /// The bound on the change between two states of a sequence; an order is kept up to 1.
     pub(crate) fn distance_from(&self, then: &Self) -> f64 {
         (self.distance - then.distance).abs()
     }
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn an_order_serves_a_foreground_that_trembles_grows_or_fades_in_by_next_to_nothing() {
+    fn an_order_is_kept_for_tiny_motion_growth_or_fading() {
         let start = MotionBound::new();
         let none = Change::default();
         for (change, expected) in [
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn other_gaussians_and_those_that_changed_no_one_knows_how_are_sorted() {
+    fn other_gaussians_and_changes_of_unknown_size_are_sorted() {
         let start = MotionBound::new();
         assert!(!MotionBound::new().is_of(&start), "another sequence");
         for metres in [f32::NAN, f32::INFINITY, -1.0] {

@@ -1,4 +1,4 @@
-//! What a renderer is made for.
+//! A renderer's options.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::background::Background;
 use crate::interrupt::Interrupt;
 use crate::posing::BoundMesh;
 
-/// How splats are kept from falling between pixels.
+/// The low-pass filter that keeps splats from falling between pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Filter {
     /// As 3DGS trains: 0.3 px^2 on the covariance's diagonal. Small splats grow heavier with distance.
@@ -75,7 +75,7 @@ pub struct RendererOptions {
     pub filter: Filter,
     /// The back end to use; without one, both draw the first picture a few times and the faster goes on.
     pub back_end: Option<BackEnd>,
-    /// Raised when the GPU is wanted back; without one a renderer is never interrupted.
+    /// Raised to make the renderer return early; without one it is never interrupted.
     pub interrupt: Option<Interrupt>,
 }
 

@@ -9,15 +9,15 @@ use crate::camera::Camera;
 use crate::limits::MOST_PARTS;
 use crate::motion_bound::{KEPT_FOREGROUND_MOVE, MotionBound};
 
-/// The head may turn so far, radians (0.25 degrees): two splats 2 cm apart across the line of sight whose order is
+/// How far the head may turn, radians (0.25 degrees): two splats 2 cm apart across the line of sight whose order is
 /// swapped differ by less than 0.1 mm in depth.
 pub(crate) const KEPT_TURN: f32 = 0.004_36;
 
-/// The head may move so far, metres. The order does not suffer; the bound is for what enters the picture's edge, for
+/// How far the head may move, metres. The order does not change; the bound is for Gaussians that enter at the picture's edge, for
 /// which the sorted set has that much room.
 pub(crate) const KEPT_MOVE: f32 = 0.005;
 
-/// A part's Gaussians are taken to be so near the part's origin, metres, when it is turned: a body's, with the feet or
+/// The assumed greatest distance of a part's Gaussians from its origin, metres, for the effect of a turn: a body's, with the feet or
 /// the pelvis there.
 const PART_REACH: f32 = 2.5;
 
@@ -37,7 +37,7 @@ pub(crate) struct SortedForeground {
 /// The same of one part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SortedPart {
-    /// How many Gaussians there are: another number shifts those that follow.
+    /// How many Gaussians there are: a change shifts those that follow.
     pub(crate) count: u32,
     motion: MotionBound,
     pub(crate) world_from_part: Affine3A,
@@ -74,7 +74,7 @@ impl SortedPart {
         self.count == then.count && self.motion.is_of(&then.motion)
     }
 
-    /// Whether no Gaussian can have moved farther than an order is kept for, within the part and with it.
+    /// Whether no Gaussian can have moved farther than an order is kept for, relative to the part and with it.
     fn is_served_from(&self, then: &Self) -> bool {
         let (now, before) = (self.world_from_part, then.world_from_part);
         let carried = now.translation.distance(before.translation)
@@ -99,7 +99,7 @@ impl Order {
         self.foreground = None;
     }
 
-    /// Whether it is an order of these very Gaussians, if maybe one from when they and the head were elsewhere.
+    /// Whether it is an order of these very Gaussians, possibly from before they or the head moved.
     pub(crate) fn is_of(&self, now: &SortedForeground) -> bool {
         let then = self.foreground.as_ref();
         then.is_some_and(|then| now.is_like(then, SortedPart::is_of))
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_that_come_go_or_change_places_are_sorted_anew() {
+    fn parts_that_come_go_or_change_places_are_sorted_again() {
         let [first, second] =
             [2, 2].map(|count| SortedPart::new(count, MotionBound::new(), Affine3A::IDENTITY));
         let cameras = [camera(0.0, 0.0)];

@@ -35,7 +35,7 @@ pub(crate) struct Parts {
     gpu: Arc<Gpu>,
     /// One set of resources for each part there may be.
     project: ComputePipeline,
-    /// What the slots hold, one after the other, in the device's own memory; next to nothing on a software driver, which
+    /// What the slots hold, one after the other, in the device's own memory; almost empty on a software driver, which
     /// reads the slots.
     copy: Buffer,
     places: [PartBinding; MOST_PARTS],
@@ -113,7 +113,7 @@ impl Parts {
         &self.sorted
     }
 
-    /// Begins with no part at all; [`Self::end`] follows once all parts were added.
+    /// Starts an empty list of parts; [`Self::end`] follows once all parts were added.
     pub(crate) fn begin(&mut self) {
         (self.len, self.count, self.from_slots) = (0, 0, 0);
         self.sorted = SortedForeground::default();

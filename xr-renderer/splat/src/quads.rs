@@ -126,7 +126,7 @@ fn make_pipeline(
     pass: &QuadPass,
 ) -> Result<GraphicsPipeline, VulkanError> {
     let vertex = Module::new(gpu, shaders_spirv::QUAD_VERT.words)?;
-    // Writing to an attachment that is not there is nothing a pipeline should do.
+    // A pipeline must not write to an attachment that does not exist.
     let (fragment, attachments) = if pass.with_depth() {
         (shaders_spirv::QUAD_DEPTH_FRAG.words, 2)
     } else {

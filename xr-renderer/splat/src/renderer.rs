@@ -24,7 +24,7 @@ use crate::slot::ForegroundSlot;
 use crate::target::Target;
 use crate::times::{PictureTime, StageTimes};
 
-/// Said of every picture from then on.
+/// The error of every picture from then on.
 const NOT_RECOVERED: RenderError =
     RenderError::Vulkan(VulkanError::DeviceLost("a recovery that failed"));
 
@@ -113,7 +113,7 @@ impl SplatRenderer {
         self.engine_mut()?.push_state(input)
     }
 
-    /// [`Self::draw_with`] what [`Self::set_foreground`] took.
+    /// Draws what [`Self::set_foreground`] took, as [`Self::draw_with`].
     ///
     /// # Errors
     /// As there.
@@ -194,7 +194,7 @@ impl SplatRenderer {
         (self.engine.as_ref()).is_some_and(|engine| engine.back_ends.is_comparing())
     }
 
-    /// What the renderer was made for.
+    /// The renderer's options.
     pub fn options(&self) -> &RendererOptions {
         &self.options
     }
@@ -280,7 +280,7 @@ mod tests {
     use shaders_spirv::Gaussian;
 
     #[test]
-    fn a_comparison_that_is_interrupted_goes_on_picture_by_picture() {
+    fn an_interrupted_comparison_continues_picture_by_picture() {
         let Some(gpu) = open_gpu() else { return };
         let interrupt = Interrupt::default();
         let options = RendererOptions {
@@ -334,7 +334,7 @@ mod tests {
         renderer.set_foreground(&[]).expect("none fits");
         renderer.draw(&[camera]).expect("a picture");
         assert!(gpu.memory_taken() > 0, "memory in use");
-        // As `recover` leaves it where there is no device any more.
+        // The state that `recover` leaves where there is no device any more.
         renderer.engine = None;
         assert_eq!(gpu.memory_taken(), 0, "memory left");
         for refused in [

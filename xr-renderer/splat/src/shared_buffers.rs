@@ -11,7 +11,7 @@ use shaders_spirv::{FrameParams, Splat};
 
 use crate::sort::SortPasses;
 
-/// What the passes write for one another and for the back ends.
+/// The buffers that the passes write for one another and for the back ends.
 pub(crate) struct SharedBuffers {
     /// Cameras and sizes, as all stages read them.
     pub(crate) frame: Buffer,

@@ -21,7 +21,7 @@ pub struct ForegroundSlot {
     capacity: u32,
     pub(crate) count: u32,
     pub(crate) motion: MotionBound,
-    /// Counts the writes: a version that the device has a copy of is not copied again.
+    /// Counts the writes: a version that the device has already is not copied again.
     pub(crate) version: u64,
 }
 
@@ -50,7 +50,7 @@ impl ForegroundSlot {
         })
     }
 
-    /// All the room there is, to be written from the start, world space; then tell [`Self::set`].
+    /// All the room there is, to be written from the start, world space; then call [`Self::set`].
     ///
     /// Write whole Gaussians and do not read them: where the device is a GPU the memory is likely not cached, and reading
     /// is a hundred times as slow as writing.
@@ -60,7 +60,7 @@ impl ForegroundSlot {
         unsafe { self.memory.mapped_slice(self.capacity as usize) }
     }
 
-    /// Says that the first `count` Gaussians were written, and how far they have moved: see [`MotionBound`].
+    /// States that the first `count` Gaussians were written, and how far they have moved: see [`MotionBound`].
     ///
     /// # Errors
     /// More than there is room for.
@@ -77,7 +77,7 @@ impl ForegroundSlot {
         Ok(())
     }
 
-    /// How many Gaussians it holds.
+    /// The number of Gaussians it holds.
     #[must_use]
     pub fn len(&self) -> u32 {
         self.count

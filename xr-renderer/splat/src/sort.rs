@@ -20,9 +20,9 @@ use shaders_spirv::{QUADS_PER_INSTANCE, SortState};
 use crate::error::RenderError;
 use crate::scan::Scan;
 
-/// Bins there are at least: 16-bit keys, 30 micrometres each within the 1.5 m that three quarters of them span.
+/// The least number of bins: 16-bit keys, 30 micrometres each within the 1.5 m that three quarters of them span.
 const LEAST_BINS: u32 = 1 << 16;
-/// Bins there are at most: more would cost more to add up than they save.
+/// The largest number of bins: more would cost more to add up than they save.
 const MOST_BINS: u32 = 1 << 20;
 /// Items a bin has on average, once there are more items than this for each of the least bins.
 const ITEMS_PER_BIN: u32 = 4;
@@ -31,7 +31,7 @@ const ITEM_GROUP: u32 = 256;
 /// A bin with more items than this is crowded; `CROWDED` in `shaders/sort.glsl`.
 const CROWDED: u32 = 64;
 
-/// What is sorted: buffers that earlier passes fill. Every buffer outlives the passes' use.
+/// The sort's input: buffers that earlier passes fill. Every buffer outlives the passes' use.
 #[derive(Clone, Copy)]
 pub(crate) struct SortInput<'a> {
     /// `u32` by item: what it is sorted by.

@@ -14,7 +14,7 @@ use renderer_vulkan::gpu::Gpu;
 /// Red, green, blue, alpha: display values, premultiplied.
 pub type Pixel = [f16; 4];
 
-/// What a back end writes and copies read: layer by layer, row by row from the top.
+/// The picture that a back end writes and copies read: layer by layer, row by row from the top.
 #[derive(Debug)]
 pub struct Target {
     /// Its colours: a [`Pixel`] each.
@@ -25,7 +25,7 @@ pub struct Target {
     pub width: u32,
     /// Height of the picture that is drawn, pixels.
     pub height: u32,
-    /// The largest there is room for.
+    /// The largest size that fits.
     pub most: vk::Extent2D,
     /// Views, one after the other.
     pub layers: u32,
@@ -82,7 +82,7 @@ impl Target {
         }
     }
 
-    /// Whether depths are drawn; without them their buffer is next to nothing.
+    /// Whether depths are drawn; without them their buffer is almost empty.
     pub fn has_depth(&self) -> bool {
         self.has_depth
     }

@@ -23,7 +23,7 @@ use crate::target::Target;
 const LANE_GROUP: u32 = 32;
 /// Invocations per workgroup of the pass over tiles.
 const TILE_GROUP: u32 = 64;
-/// The lanes' table grows with their number: no more than this.
+/// The most lanes, since their table grows with their number.
 const TABLE_BYTES: u64 = 64 << 20;
 
 /// A picture's tiles.
@@ -70,7 +70,7 @@ impl Layout {
     }
 }
 
-/// The passes and what they hand one another.
+/// The passes and the buffers between them.
 pub(crate) struct Tiles {
     gpu: Arc<Gpu>,
     lanes: u32,
@@ -153,7 +153,7 @@ impl Tiles {
         u32::try_from(self.pairs.size() / 4).unwrap_or(u32::MAX)
     }
 
-    /// Pairs of the last picture: more than the capacity if nothing was drawn for want of room.
+    /// Pairs of the last picture: more than the capacity if the lists were too small and nothing was drawn.
     pub(crate) fn pairs_wanted(&self) -> u32 {
         self.total.read_one()
     }

@@ -1,4 +1,4 @@
-//! How long each stage of a picture took on the device, and when that was.
+//! The duration of each stage of a picture on the device, and its time.
 
 use std::time::{Duration, Instant};
 
@@ -39,7 +39,7 @@ pub struct PictureTime {
     pub submitted: Instant,
     /// The host knew that it was done.
     pub finished: Instant,
-    /// When the device was at work on it; nothing where its queue has no clock.
+    /// When the device worked on it; nothing where its queue has no clock.
     pub stages: Option<StageSpans>,
 }
 

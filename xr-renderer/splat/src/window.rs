@@ -25,7 +25,7 @@ const GROUP: u32 = 64;
 const PUSH_WORDS: usize = 14;
 const PUSH_BYTES: u32 = 56;
 
-/// What came of presenting a picture.
+/// The result of presenting a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PresentOutcome {
     /// The window shows it.
@@ -88,7 +88,7 @@ impl WindowTarget {
     }
 
     fn on(gpu: &Arc<Gpu>, surface: Surface, width: u32, height: u32) -> Result<Self, VulkanError> {
-        // Told now rather than at the first picture.
+        // Reported now rather than at the first picture.
         let _format = surface.format()?;
         Ok(Self {
             commands: Commands::new(gpu)?,
@@ -100,7 +100,7 @@ impl WindowTarget {
         })
     }
 
-    /// Says that the window's inner size is now another one, in pixels.
+    /// Sets the window's new inner size, in pixels.
     pub fn resize(&mut self, width: u32, height: u32) {
         self.wanted = vk::Extent2D { width, height };
         if let Some(swapchain) = &mut self.swapchain {
@@ -162,7 +162,7 @@ impl WindowTarget {
                 },
             )
             .and_then(|()| swapchain.present(index));
-        // Kept whatever happened: after an error the device may still be at work on it.
+        // Kept in any case: after an error the device may still be working on it.
         self.composed = Some(composed);
         if !matches!(shown, Ok(true)) {
             // After an error the image was never shown and its semaphores may be left signalled: the next

@@ -103,7 +103,7 @@ fn pictures_after_the_first_few_are_drawn_without_an_allocation() {
                 ..Change::default()
             });
             slot.set(u32::from(COUNT), path).expect("they fit");
-            // One person alone, then a second one who walks, and goes again.
+            // One person alone, then a second one that walks, then one person again.
             let place = Affine3A::from_translation(Vec3::X * 0.01 * f32::from(picture));
             let walking = Part {
                 gaussians: Foreground::Slot(&slots[usize::from(picture + 1) % 3]),

@@ -1,4 +1,4 @@
-//! What errors advise. A headset needs other words than a machine with a keyboard: nothing but the app can be installed or started there.
+//! What errors advise. A headset needs other advice than a desktop: only the app can be installed or started there.
 
 /// For what comes with a headset's system.
 pub const UPDATE_HEADSET: &str = "restart the headset, and install its updates";

@@ -1,4 +1,4 @@
-//! How fast the device copies memory: the scale on which a frame's bytes are judged.
+//! The device's memory bandwidth, to compare a frame's bytes with.
 
 use std::sync::Arc;
 

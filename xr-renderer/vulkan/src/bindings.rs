@@ -16,7 +16,7 @@ pub enum Resource<'a> {
     Storage(&'a Buffer),
     /// A uniform buffer.
     Uniform(&'a Buffer),
-    /// What an earlier part of the same pass drew, at the same pixel.
+    /// An input attachment: what an earlier subpass drew, at the same pixel.
     Input(&'a Attachment),
 }
 

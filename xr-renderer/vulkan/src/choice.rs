@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_device_that_can_draw_is_taken_and_else_the_first_reason_told() {
+    fn the_first_device_that_can_draw_is_taken_else_the_first_error() {
         let usable = first_usable([Err("old"), Ok(1), Ok(2)]);
         assert_eq!(usable, Some(Ok(1)), "an old device before two usable ones");
         let none: Option<Result<u32, _>> = first_usable([Err("old"), Err("odd")]);

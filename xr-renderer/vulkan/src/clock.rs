@@ -1,7 +1,7 @@
-//! The device's clock against the host's: when, as the host counts, the device did what it stamped.
+//! Converts the device's timestamps to the host's clock.
 //!
-//! Where the driver reads the device's clock on request (`VK_KHR_calibrated_timestamps`), two looks at the host's clock
-//! enclose that. Everywhere, a picture's first stamp is not earlier than its submission and its last not later than its
+//! Where the driver reads the device's clock on request (`VK_KHR_calibrated_timestamps`), two readings of the host's clock
+//! enclose it. Everywhere, a picture's first stamp is not earlier than its submission and its last not later than its
 //! fence. Each such fact is a window that the offset of the clocks lies in; they are intersected, picture after picture.
 
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::gpu::Gpu;
 /// How far two clocks run apart, as a share of the time passed: crystals are within 0.01 % of what they say.
 const DRIFT: f64 = 1e-4;
 
-/// A moment that the device stamped, and what is known of when that was.
+/// A timestamp of the device, and what is known of its time on the host's clock.
 #[derive(Debug, Clone, Copy)]
 struct Sample {
     tick: u64,
@@ -23,7 +23,7 @@ struct Sample {
 }
 
 impl Sample {
-    /// The device's time now, between two looks at the host's clock.
+    /// The device's time now, between two readings of the host's clock.
     fn now(calibration: Calibration, gpu: &Gpu) -> Result<Self, VulkanError> {
         let earliest = Instant::now();
         let tick = calibration.device_ticks(gpu.device())?;
@@ -56,7 +56,7 @@ impl Sample {
         })
     }
 
-    /// What both know of one moment; what `newer` knows where they contradict one another.
+    /// The intersection of two windows of one moment; `newer` where they contradict one another.
     fn and(self, newer: Self) -> Self {
         let both = Self {
             tick: newer.tick,
@@ -115,7 +115,7 @@ impl HostClock {
         let mut now = Sample {
             tick: first,
             earliest: submitted,
-            // A device that counts more time than passed began at once.
+            // A device that counts more time than passed is taken to have begun at the submission.
             latest: finished
                 .checked_sub(length)
                 .unwrap_or(submitted)
@@ -156,7 +156,7 @@ mod tests {
     const MICROSECOND: Duration = Duration::from_micros(1);
 
     #[test]
-    fn windows_narrow_one_another_and_widen_with_time_and_a_contradiction_starts_anew() {
+    fn windows_intersect_widen_with_time_and_restart_on_a_contradiction() {
         let start = Instant::now() + Duration::from_secs(10);
         let window = |tick, from: u32, to: u32| Sample {
             tick,
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_are_placed_alike_with_the_drivers_comparison_of_clocks_and_without() {
+    fn timestamps_agree_with_and_without_calibrated_timestamps() {
         let Some(gpu) = open_gpu() else { return };
         let mut compared = HostClock::new(&gpu);
         let mut enclosed = HostClock::new(&gpu);

@@ -1,4 +1,4 @@
-//! Recording commands, handing them to the queue and waiting until they are done.
+//! Recording commands, submitting them to the queue and waiting until they are done.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -18,7 +18,7 @@ pub struct Commands {
     pool: vk::CommandPool,
     buffer: vk::CommandBuffer,
     fence: vk::Fence,
-    /// The work that was submitted and not yet seen to end: buffer, fence and all it uses are the device's.
+    /// The work that was submitted and not yet seen to end: its buffer, its fence and all that it uses belong to the device.
     in_flight: Option<&'static str>,
     /// When work was last handed to the queue, and seen to end.
     last_run: [Instant; 2],
@@ -63,7 +63,7 @@ impl Commands {
         Ok(commands)
     }
 
-    /// Waits until nothing that these commands use is in use by the device any more: after an error, that
+    /// Waits until the device no longer uses anything of these commands: after an error, that
     /// must come before the host touches any of it. Returns at once after a run that went well.
     ///
     /// # Errors
@@ -173,7 +173,7 @@ impl Commands {
             self.gpu
                 .with_queue(|queue| device.queue_submit(queue, &submit, self.fence))
         };
-        // A submission refused for want of memory leaves the fence alone and would be waited for in vain;
+        // A submission refused for want of memory leaves the fence alone and its wait would never end;
         // a device that is lost may have begun.
         self.in_flight = match submitted {
             Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST) => Some(what),
@@ -235,7 +235,7 @@ mod tests {
     use crate::testing::open_gpu;
 
     #[test]
-    fn work_that_outlasts_our_patience_is_waited_for_before_its_commands_are_used_again() {
+    fn work_that_timed_out_is_waited_for_before_its_commands_are_used_again() {
         let Some(gpu) = open_gpu() else { return };
         let device = gpu.device();
         // SAFETY: no preconditions.
@@ -255,7 +255,7 @@ mod tests {
         // Before any assertion: the commands' drop waits for the device.
         // SAFETY: the event is alive, and one that the device waits for may be set.
         unsafe { device.set_event(go) }.expect("the event is set");
-        // Some versions of the layer remark on the event being in use, which Vulkan allows.
+        // Some versions of the layer warn that the event is in use, which Vulkan allows.
         let after = gpu.validation_messages();
         for outcome in [stuck, again] {
             assert!(

@@ -1,10 +1,10 @@
-//! What can go wrong between this program and a Vulkan device, each with what to do about it.
+//! The errors of a Vulkan device, each with what to do about it.
 
 use ash::vk;
 
 use crate::advice::{UPDATE_HEADSET, advice};
 
-/// Why a device could not be opened, or failed at work.
+/// Why a device could not be opened, or failed later.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum VulkanError {
@@ -94,7 +94,7 @@ pub enum VulkanError {
         /// What is missing.
         why: String,
     },
-    /// The driver gave the device up.
+    /// The driver reports the device as lost.
     #[error(
         "the Vulkan device was lost during {0} (driver crash, reset or removal): open it again"
     )]
@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn out_of_memory_tells_how_much_is_needed_taken_and_there_and_what_to_lower() {
+    fn the_out_of_memory_error_has_the_sizes_and_what_to_lower() {
         let error = VulkanError::OutOfMemory {
             what: "background colours",
             bytes: 96 << 20,

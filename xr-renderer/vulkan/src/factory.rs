@@ -1,4 +1,4 @@
-//! What makes Vulkan's instance and device: this program, or the OpenXR runtime of a headset, which adds what it needs itself.
+//! Makes Vulkan's instance and device: by this program, or by the OpenXR runtime of a headset, which adds what it needs itself.
 
 use ash::vk;
 
@@ -6,7 +6,7 @@ use crate::error::{VkContext, VulkanError};
 
 /// Makes the instance and the device that a [`Gpu`](crate::gpu::Gpu) is opened with.
 ///
-/// What it returns is used, and destroyed, as if this program had made it with the same loader.
+/// This program uses and destroys what it returns as if it had made it with the same loader.
 pub trait VulkanFactory {
     /// Why it may fail.
     type Error: From<VulkanError>;
@@ -90,7 +90,7 @@ impl VulkanFactory for OwnFactory {
     }
 }
 
-/// What it means that `vkCreateInstance` failed.
+/// The error that a failure of `vkCreateInstance` means.
 #[must_use]
 pub fn instance_error(result: vk::Result) -> VulkanError {
     match result {

@@ -15,7 +15,7 @@ use crate::instance::{Instance, contains};
 use crate::physical::{Candidate, Capabilities, DeviceInfo, Subgroup};
 use crate::validation::Messenger;
 
-/// A Vulkan device, its queue and its instance. Everything drawn with holds an `Arc` of it.
+/// A Vulkan device, its queue and its instance. Every object made with it holds an `Arc` of it.
 pub struct Gpu {
     // Dropped in this order.
     device: Device,
@@ -34,7 +34,7 @@ pub struct Gpu {
     features: Features,
     /// Bytes of device memory taken by what was made with this device.
     pub(crate) memory_taken: AtomicU64,
-    /// Whether work is refused, as by a device that its driver gave up.
+    /// Whether work is refused, as by a lost device.
     declared_lost: AtomicBool,
     /// Whether a test declared it a headset's.
     declared_headsets: AtomicBool,
@@ -46,7 +46,7 @@ pub struct Gpu {
     info: DeviceInfo,
 }
 
-/// What of a device is used where it has it.
+/// Optional features of a device that are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Features {
     /// Whether a subgroup's lanes exchange values by broadcasts rather than through shared memory.
@@ -193,7 +193,7 @@ impl Gpu {
         self.declared_headsets.store(true, Ordering::Relaxed);
     }
 
-    /// Makes all further work on this device fail with [`VulkanError::DeviceLost`]: for tests of what must come after.
+    /// Makes all further work on this device fail with [`VulkanError::DeviceLost`]: for tests of recovery.
     pub fn declare_lost(&self) {
         self.declared_lost.store(true, Ordering::Relaxed);
     }
@@ -276,13 +276,13 @@ impl Gpu {
         &self.limits
     }
 
-    /// What of the device is used.
+    /// The optional features in use.
     #[must_use]
     pub fn features(&self) -> Features {
         self.features
     }
 
-    /// To do without features that the device has, in what is made from now on: for tests and measurements. What the device lacks
+    /// Turns off features that the device has, for objects made from now on: for tests and measurements. What the device lacks
     /// cannot be turned on.
     pub fn features_mut(&mut self) -> &mut Features {
         &mut self.features

@@ -7,12 +7,12 @@ use ash::vk;
 use crate::error::{VkContext, VulkanError};
 use crate::gpu::Gpu;
 
-/// What is particular to a pipeline; the rest is the same for all: no vertices, no culling, one sample.
+/// The settings of a pipeline; the rest is the same for all: no vertices, no culling, one sample.
 #[derive(Debug)]
 pub struct GraphicsPipelineInfo<'a> {
     /// The shaders.
     pub stages: &'a [vk::PipelineShaderStageCreateInfo<'a>],
-    /// How each colour attachment takes what is drawn.
+    /// The blending of each colour attachment.
     pub blends: &'a [vk::PipelineColorBlendAttachmentState],
     /// Whether every pixel writes the depth that its shader gives.
     pub writes_depth: bool,

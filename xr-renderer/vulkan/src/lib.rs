@@ -1,6 +1,6 @@
 //! A thin Vulkan layer: instance and device, memory, buffers, commands, pipelines, timestamps, windows.
 //!
-//! It saves its callers what is the same in every Vulkan program and knows nothing of what is drawn. [`gpu::Gpu::open`] picks a device
+//! It has what is the same in every Vulkan program, and does not know what is drawn. [`gpu::Gpu::open`] picks a device
 //! (or [`gpu::Gpu::open_with`], where a headset's runtime makes it). Every object holds an `Arc` of its device and frees itself.
 //!
 //! It is no safe wrapper. What is recorded into a command buffer, by ash's functions or by those called `record_...` here, is the

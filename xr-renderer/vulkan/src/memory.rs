@@ -39,7 +39,7 @@ impl Memory {
             heap: heap.map_or(0, |heap| heap.size),
         };
         let (index, _) = found.ok_or_else(no_memory)?;
-        // Some drivers hand out more than there is, and fail when it is used.
+        // Some drivers allocate more than there is, and fail when it is used.
         if heap.is_some_and(|heap| needs.size > heap.size) {
             return Err(no_memory());
         }

@@ -1,4 +1,4 @@
-//! What a physical device is and whether it can run the shaders.
+//! The properties of a physical device, and whether it can run the shaders.
 
 use ash::{ext, khr, vk};
 use vk::PhysicalDeviceFeatures2 as Features2;
@@ -48,7 +48,7 @@ pub(crate) struct Capabilities {
     pub(crate) queue_family: u32,
     /// Bits of a timestamp that count; 0 where the queue has none.
     pub(crate) timestamp_bits: u32,
-    /// Lanes hand values round by broadcasts from any lane, and well.
+    /// Lanes exchange values by broadcasts from any lane, and that is fast.
     pub(crate) broadcasts: bool,
     /// Pictures can be drawn coarser where a map says so (`VK_EXT_fragment_density_map`), into images of any kind.
     pub(crate) density_maps: bool,
@@ -134,7 +134,7 @@ impl Candidate {
         })
     }
 
-    /// Whether broadcasts from a lane that is no constant are there and worth it: on Adreno shared memory is faster.
+    /// Whether broadcasts from a non-constant lane are supported and fast: on Adreno shared memory is faster.
     fn broadcasts(&self, instance: &ash::Instance) -> bool {
         let adreno = [
             vk::DriverId::MESA_TURNIP,

@@ -12,12 +12,12 @@ use crate::surface::{Surface, no_presentation};
 /// drivers hand out no image until it is seen again.
 const ACQUIRE_NANOSECONDS: u64 = 200_000_000;
 
-/// What came of asking for an image.
+/// The result of acquiring an image.
 #[derive(Debug)]
 pub enum Acquired {
     /// The image of this number is to be written once [`Swapchain::acquired`] is signalled.
     Image(u32),
-    /// The display held on to all images; the semaphore was left alone.
+    /// No image became free in time; the semaphore was not used.
     Busy,
     /// The window has changed: the swapchain must be made anew.
     Outdated,

@@ -1,4 +1,4 @@
-//! What this crate's own tests share.
+//! Shared by this crate's own tests.
 
 use std::sync::Arc;
 

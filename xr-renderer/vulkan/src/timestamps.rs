@@ -1,4 +1,4 @@
-//! Points in time that the device writes as it passes them.
+//! Timestamp queries that the device writes as it passes them.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What the host writes once and shaders read: on a GPU through a copy in the device's own memory.
+//! A buffer that the host writes once and shaders read: on a GPU, through a copy in the device's own memory.
 
 use std::sync::Arc;
 
@@ -41,7 +41,7 @@ impl Upload {
         self.copy.as_ref().unwrap_or(&self.staging)
     }
 
-    /// Records the copy, where there is one to be made.
+    /// Records the copy, where one is needed.
     pub fn record(&self, commands: vk::CommandBuffer) {
         if let Some(copy) = &self.copy {
             self.staging
@@ -49,7 +49,7 @@ impl Upload {
         }
     }
 
-    /// Frees the host's side of what is not written again. The device is idle and has the copy.
+    /// Frees the host's buffer, which is not written again. The device is idle and has the copy.
     pub fn free_staging(&mut self) {
         if let Some(copy) = self.copy.take() {
             self.staging = copy;

@@ -1,4 +1,4 @@
-//! Good links, good links spoiled, and any text at all.
+//! Good links, altered links, and any text.
 
 use super::{read, rooms};
 use crate::settings::{Key, deep_link, read_deep_link};
@@ -32,7 +32,7 @@ fn origin(address: &str) -> Option<url::Origin> {
     Url::parse(address).ok().map(|url| url.origin())
 }
 
-/// What a reader of the deep link would say it names: by plain cutting, with no parser.
+/// What the deep link names as a person reads it: by splitting the text, without a parser.
 fn named_by_eye(deep: &str) -> Option<String> {
     let rest = deep.strip_prefix("mon3tr://room/")?;
     let (scheme, rest) = rest.split_once('/')?;
@@ -40,7 +40,7 @@ fn named_by_eye(deep: &str) -> Option<String> {
     Some(format!("{scheme}://{host}"))
 }
 
-/// Whether what came out of some text is right: it says again what it was read from, and goes to the server that stands there.
+/// Checks what was read from a text: it prints as that text, and names the server that stands there.
 fn check_out(text: &str, room: &link_protocol::RoomLink) -> Result<(), TestCaseError> {
     let again = deep_link(room);
     let read_again = read_deep_link(&again);
@@ -108,9 +108,9 @@ proptest! {
         match read_deep_link(&text) {
             Ok(room) => check_out(&text, &room)?,
             Err(problem) => {
-                let told = problem.to_string();
-                prop_assert!(!told.chars().any(char::is_control), "one line: {:?}", told);
-                prop_assert!(told.len() < 400, "short: {}", told);
+                let reported = problem.to_string();
+                prop_assert!(!reported.chars().any(char::is_control), "one line: {:?}", reported);
+                prop_assert!(reported.len() < 400, "short: {}", reported);
             }
         }
     }
@@ -128,8 +128,8 @@ proptest! {
         let extras: Vec<(&str, &str)> = names.iter().map(String::as_str).zip(texts.iter().map(String::as_str)).collect();
         if let Err(problems) = read(&extras, link.as_deref(), file.as_deref()) {
             prop_assert!(!problems.is_empty(), "a refusal says why");
-            for told in problems.iter().map(ToString::to_string) {
-                prop_assert!(!told.chars().any(char::is_control) && told.len() < 400, "one short line: {:?}", told);
+            for reported in problems.iter().map(ToString::to_string) {
+                prop_assert!(!reported.chars().any(char::is_control) && reported.len() < 400, "one short line: {:?}", reported);
             }
         }
     }
@@ -148,9 +148,9 @@ proptest! {
             read(&[], Some(&deep), None),
             read(&[], None, Some(&file)),
         ] {
-            let told = format!("{outcome:?}");
+            let reported = format!("{outcome:?}");
             for piece in [before, after] {
-                prop_assert!(piece.len() < 8 || !told.contains(piece), "{}", told);
+                prop_assert!(piece.len() < 8 || !reported.contains(piece), "{}", reported);
             }
         }
     }

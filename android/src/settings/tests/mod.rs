@@ -16,14 +16,16 @@ fn read(
     Sources::read(extras.iter().copied(), link, file).settings()
 }
 
-fn told(extras: &[(&str, &str)], link: Option<&str>, file: Option<&str>) -> String {
+fn reported(extras: &[(&str, &str)], link: Option<&str>, file: Option<&str>) -> String {
     let problems = read(extras, link, file).expect_err("refused");
-    let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    let reported: Vec<String> = problems.iter().map(ToString::to_string).collect();
     assert!(
-        told.iter().all(|line| !line.chars().any(char::is_control)),
-        "one line each: {told:?}"
+        reported
+            .iter()
+            .all(|line| !line.chars().any(char::is_control)),
+        "one line each: {reported:?}"
     );
-    told.join(" | ")
+    reported.join(" | ")
 }
 
 fn rooms(settings: &Settings) -> Vec<String> {
@@ -34,7 +36,7 @@ fn rooms(settings: &Settings) -> Vec<String> {
 }
 
 #[test]
-fn a_room_is_joined_the_same_way_whoever_names_it() {
+fn a_room_is_joined_the_same_way_whichever_source_names_it() {
     let by_parts = [
         ("server", "https://call.example:8480"),
         ("room", "R7"),
@@ -145,7 +147,7 @@ fn an_extra_comes_before_the_link_and_the_link_before_the_file() {
     assert_eq!(
         by_all.seat.origin,
         Origin::File,
-        "nobody else says whether to sit"
+        "no other source says whether to sit"
     );
     let by_link = read(&[], Some(deep), Some(file)).expect("good");
     assert_eq!(
@@ -165,7 +167,7 @@ fn an_extra_comes_before_the_link_and_the_link_before_the_file() {
 }
 
 #[test]
-fn a_token_goes_to_no_server_that_somebody_stronger_named() {
+fn a_token_goes_to_no_server_that_a_stronger_source_named() {
     let file = "server = \"https://mine.example\"\nroom = \"R\"\ntoken = \"s3cret\"\n";
     let good = read(&[("room", "R2")], None, Some(file)).expect("another room there");
     assert_eq!(
@@ -179,16 +181,22 @@ fn a_token_goes_to_no_server_that_somebody_stronger_named() {
         ["https://mine.example/rooms/R#other"],
         "the file's server"
     );
-    let told = told(&[("server", "https://evil.example")], None, Some(file));
-    assert!(told.contains("token in mon3tr.toml is not sent"), "{told}");
-    assert!(!told.contains("s3cret"), "{told}");
+    let reported = reported(&[("server", "https://evil.example")], None, Some(file));
+    assert!(
+        reported.contains("token in mon3tr.toml is not sent"),
+        "{reported}"
+    );
+    assert!(!reported.contains("s3cret"), "{reported}");
 }
 
 #[test]
-fn a_whole_link_leaves_nothing_to_say_about_its_server() {
+fn a_whole_link_allows_no_other_server_or_token() {
     for (key, value) in [("server", "https://other"), ("token", "t")] {
-        let told = told(&[("room", LINK), (key, value)], None, None);
-        assert!(told.contains(key) && told.contains("whole link"), "{told}");
+        let reported = reported(&[("room", LINK), (key, value)], None, None);
+        assert!(
+            reported.contains(key) && reported.contains("whole link"),
+            "{reported}"
+        );
         // A weaker one's belongs to its own room.
         let file = format!("{key} = \"{value}\"");
         let good = read(&[("room", LINK)], None, Some(&file)).expect("overruled");
@@ -197,7 +205,7 @@ fn a_whole_link_leaves_nothing_to_say_about_its_server() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_with_who_gave_it_and_why() {
+fn an_invalid_value_is_refused_with_its_source_and_the_reason() {
     for (extras, link, file, why) in [
         (
             vec![("rate", "60")],
@@ -344,39 +352,39 @@ fn what_cannot_be_is_refused_with_who_gave_it_and_why() {
             "must begin with mon3tr:",
         ),
     ] {
-        let told = told(&extras, link, file);
-        assert!(told.contains(why), "wanted `{why}`: {told}");
-        assert!(!told.contains("s3cret"), "{told}");
+        let reported = reported(&extras, link, file);
+        assert!(reported.contains(why), "wanted `{why}`: {reported}");
+        assert!(!reported.contains("s3cret"), "{reported}");
     }
     let long = "R".repeat(70_000);
-    let told_long = told(&[("room", &long)], None, None);
+    let long_reported = reported(&[("room", &long)], None, None);
     assert!(
-        told_long.contains("longer than") && told_long.len() < 200,
-        "{told_long}"
+        long_reported.contains("longer than") && long_reported.len() < 200,
+        "{long_reported}"
     );
     let many = [LINK; 8].join(" ");
     assert!(
-        told(&[("room", &many)], None, None).contains("more than 7 rooms"),
+        reported(&[("room", &many)], None, None).contains("more than 7 rooms"),
         "too many"
     );
     let file = "#".repeat(300_000);
     assert!(
-        told(&[], None, Some(&file)).contains("longer than"),
+        reported(&[], None, Some(&file)).contains("longer than"),
         "a long file"
     );
 }
 
 #[test]
-fn one_wrong_source_is_enough_for_nothing_to_be_done() {
-    let told = told(&[("room", LINK)], Some("mon3tr://evil/x"), Some("rom = 1"));
+fn one_wrong_source_stops_the_app() {
+    let reported = reported(&[("room", LINK)], Some("mon3tr://evil/x"), Some("rom = 1"));
     assert!(
-        told.contains("not with mon3tr://evil") && told.contains("`rom`"),
-        "both are told: {told}"
+        reported.contains("not with mon3tr://evil") && reported.contains("`rom`"),
+        "both are reported: {reported}"
     );
 }
 
 #[test]
-fn a_link_that_could_mean_anything_else_is_refused() {
+fn an_ambiguous_link_is_refused() {
     for (text, why) in [
         ("", "no link"),
         (
@@ -461,14 +469,20 @@ fn a_link_that_could_mean_anything_else_is_refused() {
             "must begin with mon3tr:",
         ),
     ] {
-        let told = read_deep_link(text).expect_err(text).to_string();
-        assert!(told.contains(why), "`{text}`: wanted `{why}`: {told}");
+        let reported = read_deep_link(text).expect_err(text).to_string();
         assert!(
-            !told.contains("cret") && !told.contains('\n'),
-            "`{text}`: {told}"
+            reported.contains(why),
+            "`{text}`: wanted `{why}`: {reported}"
+        );
+        assert!(
+            !reported.contains("cret") && !reported.contains('\n'),
+            "`{text}`: {reported}"
         );
     }
     let long = format!("mon3tr://room/https/{}/rooms/R#t", "h".repeat(9_000));
-    let told = read_deep_link(&long).expect_err("too long").to_string();
-    assert!(told.contains("longer than") && told.len() < 200, "{told}");
+    let reported = read_deep_link(&long).expect_err("too long").to_string();
+    assert!(
+        reported.contains("longer than") && reported.len() < 200,
+        "{reported}"
+    );
 }

@@ -24,8 +24,8 @@ pub struct HeadsetFigures {
     pub surround: String,
     /// Whether bare hands are tracked.
     pub hands: bool,
-    /// Whether the gaze is tracked.
-    pub gaze: bool,
+    /// Whether foveation follows the tracked gaze.
+    pub foveation_follows_gaze: bool,
     /// How pictures come into the headset's images, and whether they are foveated; nothing before the first.
     pub way: Option<String>,
     /// Whether the compositor gets depth.

@@ -12,7 +12,6 @@ use super::surroundings::{Places, name};
 use crate::display::{LiveSession, SessionError};
 use crate::overlay::OverlayWatch;
 use crate::presence::Viewer;
-use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::Drawn;
 use app_pipeline::profile::Percentiles;
@@ -163,7 +162,7 @@ impl<'a> Frames<'a> {
         figures.device.clone_from(&headset.gpu().info().name);
         figures.eye_size = headset.info().eye_size;
         figures.hands = session.tracks().hands;
-        figures.gaze = session.tracks().gaze;
+        figures.foveation_follows_gaze = session.tracks().foveation_follows_gaze;
         figures.granted = names(headset.extensions().granted());
         figures.missing = names(headset.extensions().missing());
         figures.display_hz = session.refresh_hz();

@@ -59,7 +59,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_no_number_or_out_of_range_is_mended_and_counted() {
+fn values_that_are_nan_or_out_of_range_are_corrected_and_counted() {
     for codec in [Codec::Paper, Codec::Compact] {
         let (mut encoder, mut decoder) = (Encoder::new(codec, SESSION), Decoder::new(SESSION));
         let mut motion = MotionParams::new([f32::NAN; PARAMS], Vec3::new(f32::INFINITY, -1e9, 1.0));
@@ -90,7 +90,7 @@ fn what_is_no_number_or_out_of_range_is_mended_and_counted() {
 }
 
 #[test]
-fn a_spin_through_the_half_turn_costs_no_more_than_one_that_stays_clear_of_it() {
+fn a_spin_through_the_half_turn_costs_no_more_bytes_than_one_away_from_it() {
     let cost = |from: f32| {
         let mut encoder = Encoder::new(Codec::Compact, SESSION);
         let (mut message, mut bytes) = (Vec::new(), 0);

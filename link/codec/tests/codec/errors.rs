@@ -30,7 +30,7 @@ fn refused(message: &[u8]) -> DecodeError {
 }
 
 #[test]
-fn every_damage_is_refused_by_its_own_reason() {
+fn every_kind_of_damage_is_refused_with_its_own_reason() {
     let paper = encode(Codec::Paper, &lively(5));
     let compact = encode(Codec::Compact, &lively(5));
     let with = |message: &[u8], at: usize, byte: u8| {

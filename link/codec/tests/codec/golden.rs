@@ -5,7 +5,7 @@ use std::fmt::Write;
 /// Bytes that other programs rely on: they change only together with the codec's version.
 const GOLDEN: &str = include_str!("golden.txt");
 
-/// Sixteen frames of sums and products only, which every machine computes alike.
+/// Sixteen frames made of sums and products only, which every machine rounds alike.
 fn frames() -> impl Iterator<Item = MotionFrame> {
     (1u16..=16).map(|n| {
         let mut frame = MotionFrame {

@@ -1,4 +1,4 @@
-//! Motions to send, and the f64 measure of what came back.
+//! Test motions, and their error after decoding, computed in f64.
 
 use glam::{DMat3, DVec3, Vec3};
 use link_codec::{Codec, Micros, MotionFrame};

@@ -11,7 +11,7 @@ use crate::{
 };
 
 #[tokio::test]
-async fn a_second_call_asks_nobody() {
+async fn a_second_call_sends_no_request() {
     let server = Server::start(random_bytes(2, 100_000), []).await;
     let folder = tempfile::tempdir().expect("a folder");
     let cache = PackageCache::new(folder.path().join("made/when/needed")).expect("a cache");
@@ -21,7 +21,7 @@ async fn a_second_call_asks_nobody() {
         .await
         .expect("fetched");
     let second = client()
-        .fetch_package(&link, &avatar, &cache, |told| panic!("{told:?}"))
+        .fetch_package(&link, &avatar, &cache, |reported| panic!("{reported:?}"))
         .await
         .expect("kept");
     assert_eq!(
@@ -32,7 +32,7 @@ async fn a_second_call_asks_nobody() {
 }
 
 #[tokio::test]
-async fn a_kept_package_that_has_changed_is_fetched_anew() {
+async fn a_changed_package_in_the_cache_is_fetched_again() {
     let server = Server::start(random_bytes(2, 100_000), []).await;
     let folder = tempfile::tempdir().expect("a folder");
     let cache = PackageCache::new(folder.path()).expect("a cache");
@@ -49,7 +49,7 @@ async fn a_kept_package_that_has_changed_is_fetched_anew() {
         client()
             .fetch_package(&link, &avatar, &cache, |_| ())
             .await
-            .expect("fetched anew");
+            .expect("fetched again");
         assert_eq!(fs::read(&path).expect("read"), good, "good again");
     }
     assert_eq!(server.requests().len(), 4, "once, and once for each damage");
@@ -77,7 +77,7 @@ async fn two_tasks_that_want_the_same_package_fetch_it_once() {
 }
 
 #[tokio::test]
-async fn a_download_that_is_cancelled_is_gone_on_from() {
+async fn a_cancelled_download_is_resumed() {
     let server = Server::start(random_bytes(4, 1_000_000), [Fault::Stall(400_000)]).await;
     let folder = tempfile::tempdir().expect("a folder");
     let cache = PackageCache::new(folder.path()).expect("a cache");
@@ -100,7 +100,7 @@ async fn a_download_that_is_cancelled_is_gone_on_from() {
 }
 
 #[tokio::test]
-async fn what_was_not_used_for_longest_makes_room() {
+async fn the_least_recently_used_package_is_removed() {
     let folder = tempfile::tempdir().expect("a folder");
     let cache = PackageCache::new(folder.path())
         .expect("a cache")
@@ -148,7 +148,7 @@ async fn what_was_not_used_for_longest_makes_room() {
 }
 
 #[tokio::test]
-async fn a_package_in_use_stays_until_it_is_no_longer() {
+async fn a_package_stays_while_it_is_in_use() {
     let folder = tempfile::tempdir().expect("a folder");
     let open = || PackageCache::new(folder.path()).expect("a cache");
     let cache = open().with_limit(150_000);
@@ -161,16 +161,16 @@ async fn a_package_in_use_stays_until_it_is_no_longer() {
         (server.avatar().sha256, path)
     };
     let (package, used) = fetch(20).await;
-    // Said by another holder of the same folder, as another process would be.
+    // Marked by another `PackageCache` of the same folder, as another process would.
     let in_use = open().in_use(&package).expect("a lock");
-    assert!(in_use.is_some(), "nobody writes it");
+    assert!(in_use.is_some(), "no program writes it");
     let (_, newer) = fetch(21).await;
     assert!(used.exists() && newer.exists(), "both, over the bound");
     cache.tidy();
     assert_eq!(
         (used.exists(), newer.exists()),
         (true, false),
-        "the one that nobody uses had to go"
+        "the package that is not in use was removed"
     );
     drop(in_use);
     cache.clone().with_limit(0).tidy();
@@ -178,7 +178,7 @@ async fn a_package_in_use_stays_until_it_is_no_longer() {
 }
 
 #[tokio::test]
-async fn a_folder_that_cannot_be_one_is_named() {
+async fn a_cache_folder_that_is_a_file_is_named() {
     let file = tempfile::NamedTempFile::new().expect("a file");
     let error = PackageCache::new(file.path()).expect_err("a file is no folder");
     assert!(

@@ -10,11 +10,11 @@ use crate::{
 
 const SIZE: usize = 3_000_000;
 
-/// What came of a download from a server that begins with these faults.
+/// The result of a download from a server that begins with these faults.
 struct Outcome {
     result: Result<Vec<u8>, HttpError>,
     server: Server,
-    told: Vec<Progress>,
+    reported: Vec<Progress>,
     cache: tempfile::TempDir,
 }
 
@@ -48,18 +48,18 @@ async fn download_after(
     let server = Server::start(random_bytes(1, SIZE), faults).await;
     let cache = tempfile::tempdir().expect("a folder");
     prepare(cache.path(), &server.avatar());
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     let packages = PackageCache::new(cache.path()).expect("a cache");
     let path = client()
         .fetch_package(&server.link(), &server.avatar(), &packages, |progress| {
-            told.push(progress);
+            reported.push(progress);
         })
         .await;
     let result = path.map(|path| std::fs::read(path).expect("what was fetched"));
     Outcome {
         result,
         server,
-        told,
+        reported,
         cache,
     }
 }
@@ -85,17 +85,17 @@ async fn a_package_comes_in_one_request_with_its_progress() {
         total,
         downloaded: 0,
     };
-    assert_eq!(outcome.told.first(), Some(&begun), "from the beginning");
+    assert_eq!(outcome.reported.first(), Some(&begun), "from the beginning");
     let ended = Progress {
         done: total,
         total,
         downloaded: total,
     };
-    assert_eq!(outcome.told.last(), Some(&ended), "to the end");
+    assert_eq!(outcome.reported.last(), Some(&ended), "to the end");
 }
 
 #[tokio::test]
-async fn a_broken_connection_is_gone_on_from_where_it_broke() {
+async fn a_broken_download_is_resumed_where_it_broke() {
     let outcome = download([
         Fault::Cut(1_000_000),
         Fault::Cut(500_000),
@@ -117,7 +117,7 @@ async fn a_broken_connection_is_gone_on_from_where_it_broke() {
         downloaded: total,
     };
     assert_eq!(
-        outcome.told.last(),
+        outcome.reported.last(),
         Some(&ended),
         "all attempts are counted"
     );
@@ -214,7 +214,7 @@ async fn a_damaged_part_is_thrown_away() {
 }
 
 #[tokio::test]
-async fn a_part_of_an_earlier_call_is_gone_on_from() {
+async fn a_part_of_an_earlier_call_is_resumed() {
     let outcome = download_after([], part_of(&random_bytes(1, SIZE)[..1_000_000])).await;
     assert!(outcome.is_whole(), "{:?}", outcome.result.err());
     assert_eq!(
@@ -229,14 +229,14 @@ async fn a_part_of_an_earlier_call_is_gone_on_from() {
         downloaded: total - 1_000_000,
     };
     assert_eq!(
-        outcome.told.last(),
+        outcome.reported.last(),
         Some(&ended),
         "what was there was not downloaded"
     );
 }
 
 #[tokio::test]
-async fn a_part_that_lacks_nothing_but_its_name_is_not_fetched() {
+async fn a_complete_part_is_renamed_and_not_fetched() {
     let outcome = download_after([], part_of(&random_bytes(1, SIZE))).await;
     assert!(outcome.is_whole(), "{:?}", outcome.result.err());
     assert!(outcome.server.requests().is_empty(), "no request");
@@ -244,7 +244,7 @@ async fn a_part_that_lacks_nothing_but_its_name_is_not_fetched() {
 
 #[tokio::test]
 async fn a_package_of_another_size_is_refused_at_once() {
-    for (fault, told) in [
+    for (fault, reported) in [
         (Fault::Length(SIZE + 1), SIZE + 1),
         (Fault::Length(SIZE - 1), SIZE - 1),
         (Fault::Length(10 * SIZE), 10 * SIZE),
@@ -258,7 +258,7 @@ async fn a_package_of_another_size_is_refused_at_once() {
         };
         assert_eq!(
             (*announced, *sent),
-            (SIZE as u64, told as u64),
+            (SIZE as u64, reported as u64),
             "both sizes"
         );
         assert_eq!(
@@ -285,7 +285,7 @@ async fn a_package_that_does_not_end_is_cut_off() {
 }
 
 #[tokio::test]
-async fn an_answer_that_lies_about_itself_is_refused() {
+async fn an_answer_with_false_headers_is_refused() {
     let outcome = download([Fault::CallsItGzip]).await;
     assert!(
         matches!(outcome.error(), HttpError::CompressedPackage { encoding, .. } if encoding == "gzip"),
@@ -329,7 +329,7 @@ async fn a_server_that_is_gone_is_named() {
     let error = client()
         .announcement(&link)
         .await
-        .expect_err("nobody there");
+        .expect_err("no server there");
     assert!(
         matches!(error, HttpError::Unreachable { .. })
             && error.to_string().contains(&gone.to_string()),

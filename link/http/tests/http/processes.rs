@@ -1,4 +1,4 @@
-//! Several processes and one cache. A test starts itself once more as the other process.
+//! Several processes and one cache. A test starts itself again as the other process.
 
 use std::{
     env,
@@ -30,7 +30,7 @@ fn child(test: &str, server: &Server, cache: &Path) -> Child {
         .expect("a child")
 }
 
-/// In a child: fetches what it was told, and says so.
+/// In a child: fetches the package that its parent names, and prints the result.
 async fn is_child() -> bool {
     let Ok(task) = env::var(TASK) else {
         return false;
@@ -81,7 +81,7 @@ async fn ended(child: &mut Child) -> ExitStatus {
 }
 
 #[tokio::test]
-async fn what_a_killed_process_left_is_gone_on_from() {
+async fn the_download_of_a_killed_process_is_resumed() {
     if is_child().await {
         return;
     }
@@ -94,7 +94,7 @@ async fn what_a_killed_process_left_is_gone_on_from() {
     let avatar = server.avatar();
     let part = folder.path().join(format!("{}.part", avatar.sha256));
     let mut child = child(
-        "what_a_killed_process_left_is_gone_on_from",
+        "the_download_of_a_killed_process_is_resumed",
         &server,
         folder.path(),
     );

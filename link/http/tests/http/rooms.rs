@@ -9,7 +9,7 @@ use crate::{
     server::{Fault, Server, TOKEN},
 };
 
-/// A server whose one answer is this HTTP, byte by byte as written; and what it was asked, as it came.
+/// A server that answers one request with these bytes; the task returns the request's bytes.
 async fn raw(answer: String) -> (RoomLink, tokio::task::JoinHandle<String>) {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
     let listener = tokio::net::TcpListener::bind("127.0.0.1:0")
@@ -122,7 +122,7 @@ async fn a_room_that_cannot_be_is_refused() {
 }
 
 #[tokio::test]
-async fn asking_tells_the_announcement_or_that_nobody_is_there() {
+async fn a_viewer_gets_the_announcement_or_learns_that_the_sender_is_absent() {
     let id = "ab".repeat(32);
     let body = format!(
         r#"{{"avatar":{{"sha256":"{id}","bytes":16800000}},"channel":"unreliable","codec":"compact","rate_hz":30.0}}"#
@@ -147,7 +147,7 @@ async fn asking_tells_the_announcement_or_that_nobody_is_there() {
     assert_eq!(
         client().announcement(&link).await.expect("told"),
         None,
-        "nobody there"
+        "no sender there"
     );
     let (link, _) = raw(http("200 OK", "", &body.replace("30.0", "1e9"))).await;
     assert!(
@@ -206,7 +206,7 @@ async fn an_offer_is_answered_with_an_sdp_and_a_session() {
 }
 
 #[tokio::test]
-async fn an_offer_that_nobody_answers_says_why() {
+async fn an_offer_without_an_answer_fails_with_the_reason() {
     let offer = async |status: &str, headers: &str| {
         let (link, _) = raw(http(status, headers, "")).await;
         client().offer(&link, "v=0").await.expect_err("a refusal")

@@ -40,7 +40,7 @@ fn listen() {
     });
 }
 
-/// All that an error can show of itself.
+/// All texts of an error: `Display` and `Debug`, with its causes.
 fn shown(error: &HttpError) -> String {
     let mut text = format!("{error:?} {error:#?} {error}");
     let mut next = error.source();
@@ -90,7 +90,7 @@ async fn no_error_and_no_log_shows_the_token() {
 }
 
 #[tokio::test]
-async fn a_redirect_is_not_followed_to_another_host_or_anywhere() {
+async fn no_redirect_is_followed() {
     let other = Server::start(random_bytes(9, 1000), []).await;
     let folder = tempfile::tempdir().expect("a folder");
     let cache = PackageCache::new(folder.path()).expect("a cache");
@@ -111,7 +111,7 @@ async fn a_redirect_is_not_followed_to_another_host_or_anywhere() {
         assert_eq!(
             (server.requests().len(), other.requests().len()),
             (1, 0),
-            "{to}: nobody else was asked"
+            "{to}: no other server was asked"
         );
     }
 }

@@ -1,4 +1,4 @@
-//! A server of packages whose next answers are told in advance.
+//! A server of packages whose next answers a test sets in advance.
 
 use std::{
     collections::VecDeque,
@@ -25,7 +25,7 @@ pub(crate) enum Fault {
     None,
     /// The connection breaks after so many bytes of the body.
     Cut(usize),
-    /// As `Cut`, but the answer looks complete: no length was told.
+    /// As `Cut`, but the answer looks complete: it states no length.
     EndsEarly(usize),
     /// Nothing comes after so many bytes.
     Stall(usize),
@@ -33,18 +33,18 @@ pub(crate) enum Fault {
     Slow(usize, Duration),
     /// One byte of the body is another.
     WrongByte,
-    /// The told and true length of the body.
+    /// The stated and the true length of the body.
     Length(usize),
-    /// As `Length`, but not told.
+    /// As `Length`, without a stated length.
     LengthUntold(usize),
     /// The whole package, whatever was asked for.
     IgnoresRange,
     /// Another part than was asked for.
     OtherRange,
-    /// The answer is called gzip and is not.
+    /// The answer claims to be gzip and is not.
     CallsItGzip,
     Status(u16, &'static str),
-    /// Somewhere else.
+    /// A redirect to this address.
     Redirect(String),
     /// It repeats the request's Authorization header in an error.
     Echo,

@@ -24,7 +24,7 @@ async fn start() -> (RoomLink, String) {
     let socket = TcpListener::bind("127.0.0.1:0").expect("a port");
     socket.set_nonblocking(true).expect("for tokio");
     let port = socket.local_addr().expect("bound").port();
-    let router = Router::new().fallback(async || status(503, "nobody there"));
+    let router = Router::new().fallback(async || status(503, "no sender there"));
     let server = axum_server::from_tcp_rustls(socket, config).expect("a server");
     tokio::spawn(server.serve(router.into_make_service()));
     (

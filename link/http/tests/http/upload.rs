@@ -17,12 +17,12 @@ async fn upload(
     let server = Server::without_package(faults).await;
     let file = tempfile::NamedTempFile::new().expect("a file");
     fs::write(file.path(), random_bytes(8, SIZE)).expect("written");
-    let told = RefCell::new(Vec::new());
-    let tell = |sent, total| told.borrow_mut().push((sent, total));
+    let reported = RefCell::new(Vec::new());
+    let tell = |sent, total| reported.borrow_mut().push((sent, total));
     let result = client()
         .put_package(&server.url(), TOKEN, file.path(), tell)
         .await;
-    (result, server, told.into_inner())
+    (result, server, reported.into_inner())
 }
 
 fn methods(server: &Server) -> Vec<Method> {
@@ -35,7 +35,7 @@ fn methods(server: &Server) -> Vec<Method> {
 
 #[tokio::test]
 async fn a_package_is_uploaded_once_with_its_length() {
-    let (result, server, told) = upload([]).await;
+    let (result, server, reported) = upload([]).await;
     assert_eq!(
         result.expect("uploaded"),
         server.avatar(),
@@ -50,14 +50,14 @@ async fn a_package_is_uploaded_once_with_its_length() {
     assert_eq!(
         (put.header(header::CONTENT_LENGTH), put.body),
         (Some("3000000"), SIZE),
-        "its length is told"
+        "its length is declared"
     );
     assert!(
         put.header(header::TRANSFER_ENCODING).is_none(),
         "and so it is not chunked"
     );
     assert_eq!(
-        told.last(),
+        reported.last(),
         Some(&(SIZE as u64, SIZE as u64)),
         "its progress"
     );
@@ -66,7 +66,7 @@ async fn a_package_is_uploaded_once_with_its_length() {
         client()
             .has_package(&server.url(), TOKEN, &avatar.sha256)
             .await
-            .expect("told"),
+            .expect("reported"),
         "it is there"
     );
 }
@@ -144,5 +144,5 @@ async fn a_file_that_is_no_package_is_named() {
         matches!(error, HttpError::Protocol(ProtocolError::Announcement(_))),
         "{error:?}"
     );
-    assert!(server.requests().is_empty(), "nobody was asked");
+    assert!(server.requests().is_empty(), "no request was sent");
 }

@@ -6,7 +6,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// A path and two clocks whose truth is known.
+/// A path and two clocks with a known offset.
 struct World {
     random: fastrand::Rng,
     /// Sender's clock minus ours at time 0, microseconds, and how it drifts.

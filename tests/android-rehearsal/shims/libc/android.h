@@ -1,4 +1,4 @@
-// What the files of this folder share. They make up libc.so by Android's name: what differs between bionic and glibc on a 64-bit
+// Shared by the files of this folder. They make up libc.so by Android's name: what differs between bionic and glibc on a 64-bit
 // machine, or is bionic's alone. What is the same in both is passed on to glibc by a jump (src/shims/forward.rs).
 //
 // A function NAME of bionic's is written here as android_NAME and exported as NAME of the version LIBC, which is what libraries made with

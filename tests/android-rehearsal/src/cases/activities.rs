@@ -1,8 +1,8 @@
 //! Activities that share a process: Android keeps it between them.
 
 use super::{Figures, assert_well};
+use crate::environment::Environment;
 use crate::process::{LEAVE, Process};
-use crate::stage::Stage;
 use android_rehearsal::protocol::Intent;
 use anyhow::ensure;
 use test_support::monado::Compositor;
@@ -15,8 +15,11 @@ pub(super) fn shows_a_notice(process: &mut Process) -> anyhow::Result<()> {
     })
 }
 
-pub(super) fn five_one_after_another(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let scene = stage.scene(name, Compositor::Null)?;
+pub(super) fn five_one_after_another(
+    environment: &Environment,
+    name: &str,
+) -> anyhow::Result<Figures> {
+    let scene = environment.scene(name, Compositor::Null)?;
     let mut process = scene.process()?;
     for _ in 0..5 {
         let activity = process.launch(Intent::default())?;
@@ -45,9 +48,9 @@ pub(super) fn five_one_after_another(stage: &Stage, name: &str) -> anyhow::Resul
 }
 
 /// As when the app is launched again while its activity, which has asked to be finished, is still being taken down: the second one is in
-/// front before the first one is told of its end.
-pub(super) fn two_at_once(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let scene = stage.scene(name, Compositor::Null)?;
+/// front before the first one gets its last events.
+pub(super) fn two_at_once(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
+    let scene = environment.scene(name, Compositor::Null)?;
     let mut process = scene.process()?;
     let first = process.launch(Intent::default())?;
     shows_a_notice(&mut process)?;
@@ -63,8 +66,11 @@ pub(super) fn two_at_once(stage: &Stage, name: &str) -> anyhow::Result<Figures> 
 }
 
 /// The runtime's service ends under a notice, as Meta's does when it is updated, and comes back.
-pub(super) fn the_runtime_restarts(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let mut scene = stage.scene(name, Compositor::Null)?;
+pub(super) fn the_runtime_restarts(
+    environment: &Environment,
+    name: &str,
+) -> anyhow::Result<Figures> {
+    let mut scene = environment.scene(name, Compositor::Null)?;
     let mut process = scene.process()?;
     let activity = process.launch(Intent::default())?;
     shows_a_notice(&mut process)?;

@@ -1,8 +1,8 @@
 //! A whole call, from a link to the sender's end.
 
 use super::{DESTRUCTION_MS, Figures, MAIN_THREAD_MS, assert_well, figure};
+use crate::environment::{Environment, opening};
 use crate::process::{LEAVE, Process};
-use crate::stage::{Stage, opening};
 use android_rehearsal::protocol::Callback;
 use anyhow::{Context, ensure};
 use std::fs;
@@ -23,8 +23,8 @@ fn shows_people(process: &mut Process) -> anyhow::Result<()> {
     })
 }
 
-pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let scene = stage.scene(name, Compositor::Null)?;
+pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
+    let scene = environment.scene(name, Compositor::Null)?;
     let server = scene.server(PuppetSize::FULL)?;
     let mut sender = scene.sender(&server);
     let mut process = scene.process()?;
@@ -50,7 +50,7 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     for _ in 0..2 {
         longest = longest.max(process.call(activity, Callback::Pause)?);
         longest = longest.max(process.call(activity, Callback::Stop)?);
-        // One that was begun before may still come to its end.
+        // A picture that was begun before may still be finished.
         sleep(Duration::from_millis(500));
         let paused = process.census()?.frames;
         sleep(Duration::from_secs(1));
@@ -89,7 +89,7 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     again.end();
     process.wait_for("waiting for the sender", 2)?;
     let calls = process.logged("a call of ");
-    ensure!(calls == 2, "{calls} calls are told in the log");
+    ensure!(calls == 2, "the log has {calls} calls");
     let lost = process.logged(" 0 frames taken");
     ensure!(lost == 0, "a call without a frame");
 
@@ -116,8 +116,8 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     Ok(figures)
 }
 
-pub(super) fn perform_validated(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let scene = stage.scene(name, Compositor::Null)?;
+pub(super) fn perform_validated(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
+    let scene = environment.scene(name, Compositor::Null)?;
     let server = scene.server(PuppetSize::SMALL)?;
     let sender = scene.sender(&server);
     let mut process = scene.process_with(&VALIDATED)?;

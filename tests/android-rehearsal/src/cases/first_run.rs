@@ -1,9 +1,9 @@
-//! The first launch: nothing is known, and the headset says what to type.
+//! The first launch: there are no settings, and the headset shows what to type.
 
 use super::activities::shows_a_notice;
 use super::{Figures, assert_well, figure};
+use crate::environment::Environment;
 use crate::screenshot::Screenshot;
-use crate::stage::Stage;
 use android_rehearsal::protocol::Intent;
 use anyhow::ensure;
 use renderer_splat::camera::Fov;
@@ -26,9 +26,9 @@ fn reader() -> Scripted {
     scripted
 }
 
-pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let scene = stage.scene_of(name, Driver::Remote, Compositor::Window)?;
-    // Held to the end: Monado answers, and ends where nobody hears that.
+pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
+    let scene = environment.scene_of(name, Driver::Remote, Compositor::Window)?;
+    // Held to the end: Monado writes answers, and ends when the other end is closed.
     let mut head = scene.monado.head();
     head.send(&reader());
     let mut process = scene.process()?;

@@ -1,8 +1,8 @@
-//! What any app on the headset, any page and any message can send: intents and links that mean harm or nothing.
+//! Intents and links that any app on the headset, any page and any message can send: hostile and meaningless ones.
 
 use super::activities::shows_a_notice;
 use super::{Figures, assert_well, figure};
-use crate::stage::Stage;
+use crate::environment::Environment;
 use android_rehearsal::protocol::{Extra, Intent};
 use anyhow::{Context, ensure};
 use std::net::TcpListener;
@@ -11,10 +11,10 @@ use test_support::monado::Compositor;
 /// Events that are put into the input queue.
 const EVENTS: u32 = 5;
 
-pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let scene = stage.scene(name, Compositor::Null)?;
+pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
+    let scene = environment.scene(name, Compositor::Null)?;
     let mut process = scene.process()?;
-    // Who connects here was sent by a link that should have been refused.
+    // A connection here means that the app followed a link that it should have refused.
     let trap = TcpListener::bind(("127.0.0.1", 0)).context("no port")?;
     trap.set_nonblocking(true)?;
     let address = trap.local_addr()?.to_string();
@@ -58,7 +58,7 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     Ok(figures)
 }
 
-/// What is wrong with an intent, what the log says to it, and the intent. `address` is where none of them may lead.
+/// The defect of an intent, the log's line about it, and the intent. None of them may make the app connect to `address`.
 fn intents(address: &str) -> Vec<(&'static str, &'static str, Intent)> {
     let link = |link: String| Intent {
         data: Some(link),

@@ -2,22 +2,22 @@
 
 use super::activities::shows_a_notice;
 use super::{Figures, assert_well, figure};
+use crate::environment::Environment;
 use crate::process::Process;
-use crate::stage::Stage;
 use android_rehearsal::protocol::{Census, Intent};
 use anyhow::ensure;
 use std::collections::BTreeMap;
 use test_support::monado::Compositor;
 
 const REMAKES: usize = 20;
-/// Of which the first find caches empty.
+/// The first of them, which fill caches.
 const WARM_UP: usize = 5;
 const OF_AN_ACTIVITY: [&str; 3] = ["android_main", "receiver", "network"];
-/// What the rest may add to the memory that is resident: the allocator's and the driver's own wavering, not a renderer's 30 MB.
+/// What the rest may add to the resident memory: variation of the allocator and the driver, but not a renderer's 30 MB.
 const MOST_GROWTH: u64 = 12_000_000;
 
-pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let scene = stage.scene(name, Compositor::Null)?;
+pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
+    let scene = environment.scene(name, Compositor::Null)?;
     // glibc keeps memory apart for each of many threads; Android does not.
     let mut process = scene.process_with(&[("MALLOC_ARENA_MAX", "1")])?;
     let mut warm = Census::default();
@@ -67,7 +67,7 @@ pub(super) fn its_threads_end(process: &mut Process) -> anyhow::Result<()> {
     })
 }
 
-/// That there are no more threads and descriptors than before.
+/// Checks that there are no more threads and descriptors than before.
 pub(super) fn nothing_is_left(before: &Census, after: &Census) -> anyhow::Result<()> {
     for (what, before, after) in [
         ("threads", &before.threads, &after.threads),
@@ -79,7 +79,7 @@ pub(super) fn nothing_is_left(before: &Census, after: &Census) -> anyhow::Result
     Ok(())
 }
 
-/// What there is more of.
+/// The kinds that there are more of.
 fn more(before: &[String], after: &[String]) -> Vec<String> {
     let mut counts = BTreeMap::new();
     for name in after {

@@ -1,4 +1,4 @@
-//! The cases: what a headset would do to the app, one process each. A case fails by an error, and tells figures of what it saw.
+//! The cases: a headset's treatment of the app, one process each. A case fails by an error, and reports its measurements.
 
 mod activities;
 mod call;
@@ -9,12 +9,12 @@ mod panics;
 mod placement;
 mod profile;
 
+use crate::environment::Environment;
 use crate::process::Process;
-use crate::stage::Stage;
 use anyhow::ensure;
 use serde_json::{Map, Value};
 
-/// What a case tells.
+/// The measurements of a case.
 pub(crate) type Figures = Map<String, Value>;
 
 /// A case.
@@ -23,7 +23,7 @@ pub(crate) struct Case {
     pub(crate) name: &'static str,
     /// What it shows.
     pub(crate) shows: &'static str,
-    pub(crate) perform: fn(&Stage, &str) -> anyhow::Result<Figures>,
+    pub(crate) perform: fn(&Environment, &str) -> anyhow::Result<Figures>,
 }
 
 /// All of them, the quickest first.
@@ -35,7 +35,7 @@ pub(crate) const CASES: [Case; 12] = [
     },
     Case {
         name: "five-activities",
-        shows: "an activity may be made again in the same process, and nobody is asked to finish one that is being destroyed",
+        shows: "an activity may be made again in the same process, and none that is being destroyed is asked to finish",
         perform: activities::five_one_after_another,
     },
     Case {
@@ -94,7 +94,7 @@ pub(crate) const CASES: [Case; 12] = [
 const MAIN_THREAD_MS: f64 = 100.0;
 const DESTRUCTION_MS: f64 = 1000.0;
 
-/// That Java had nothing to complain of, and the log tells of no trouble.
+/// Checks that there were no faults against Java, and no errors in the log.
 fn assert_well(process: &mut Process) -> anyhow::Result<()> {
     let java = process.census()?.java;
     ensure!(

@@ -2,20 +2,20 @@
 
 use super::activities::shows_a_notice;
 use super::{Figures, figure};
-use crate::stage::Stage;
+use crate::environment::Environment;
 use android_rehearsal::protocol::{Callback, Intent};
 use anyhow::{Context, ensure};
 use std::path::Path;
 use std::process::Command;
 use test_support::monado::Compositor;
 
-pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let scene = stage.scene(name, Compositor::Null)?;
+pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
+    let scene = environment.scene(name, Compositor::Null)?;
     let mut process = scene.process()?;
     let activity = process.launch(Intent::default())?;
     shows_a_notice(&mut process)?;
     process.call(activity, Callback::NativeWindowDestroyed)?;
-    // Android promises not to say so of a window that is gone; android-activity takes its word, and panics.
+    // Android promises not to send this for a destroyed window; android-activity relies on it, and panics.
     let ended = process.call(activity, Callback::NativeWindowResized);
     ensure!(ended.is_err(), "the app did not panic");
     let logcat = process.logcat();
@@ -25,10 +25,10 @@ pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
         .rsplit_once(':')
         .and_then(|(place, _column)| place.rsplit_once(':'))
         .context("the panic has no place")?;
-    // The documented command, by what the log says alone.
+    // The documented command, with the log's lines alone.
     let addresses = addresses(&logcat);
     ensure!(!addresses.is_empty(), "the log has no addresses:\n{logcat}");
-    let lines = lines_of(&stage.app.symbols, &addresses)?;
+    let lines = lines_of(&environment.app.symbols, &addresses)?;
     let wanted = format!(
         "{}:{line}",
         Path::new(file).file_name().unwrap_or_default().display()
@@ -54,7 +54,7 @@ fn addresses(logcat: &str) -> Vec<&str> {
         .collect()
 }
 
-/// What docs/android.md has a developer run.
+/// The command in docs/android.md.
 fn lines_of(symbols: &Path, addresses: &[&str]) -> anyhow::Result<String> {
     let output = Command::new("addr2line")
         .args(["-f", "-C", "-i", "-e"])

@@ -2,8 +2,8 @@
 
 use super::leaks::{its_threads_end, nothing_is_left};
 use super::{DESTRUCTION_MS, Figures, MAIN_THREAD_MS, assert_well, figure};
+use crate::environment::{Environment, Server, opening};
 use crate::process::{LEAVE, Process};
-use crate::stage::{Server, Stage, opening};
 use android_rehearsal::protocol::{ActivityIndex, Callback};
 use anyhow::ensure;
 use std::thread::sleep;
@@ -16,10 +16,10 @@ const MOMENTS: [u64; 6] = [0, 150, 400, 900, 1600, 2600];
 
 /// A call with a person of real size, so that trials take as long as they do.
 fn call(
-    stage: &Stage,
+    environment: &Environment,
     name: &str,
 ) -> anyhow::Result<(String, Server, impl Sized, impl Sized, Process)> {
-    let scene = stage.scene(name, Compositor::Null)?;
+    let scene = environment.scene(name, Compositor::Null)?;
     let server = scene.server(PuppetSize::FULL)?;
     let sender = scene.sender(&server);
     let link = sender.viewers.clone();
@@ -35,8 +35,8 @@ fn trying(process: &mut Process, link: &str) -> anyhow::Result<ActivityIndex> {
     Ok(activity)
 }
 
-pub(super) fn paused(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let (link, _server, _sender, _scene, mut process) = call(stage, name)?;
+pub(super) fn paused(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
+    let (link, _server, _sender, _scene, mut process) = call(environment, name)?;
     let activity = trying(&mut process, &link)?;
     let mut longest: f64 = 0.0;
     for moment in MOMENTS {
@@ -68,8 +68,8 @@ pub(super) fn paused(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
     Ok(figures)
 }
 
-pub(super) fn destroyed(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let (link, _server, _sender, _scene, mut process) = call(stage, name)?;
+pub(super) fn destroyed(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
+    let (link, _server, _sender, _scene, mut process) = call(environment, name)?;
     let (mut longest, mut destruction): (f64, f64) = (0.0, 0.0);
     let mut after_each = Vec::new();
     for moment in MOMENTS {

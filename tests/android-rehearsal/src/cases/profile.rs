@@ -1,7 +1,7 @@
 //! A measurement as `android/profile.sh` has the headset make it.
 
 use super::{Figures, assert_well, figure};
-use crate::stage::Stage;
+use crate::environment::Environment;
 use android_rehearsal::protocol::Intent;
 use anyhow::{Context, ensure};
 use serde_json::Value;
@@ -9,8 +9,8 @@ use std::fs;
 use synthetic_person::{Puppet, PuppetSize};
 use test_support::monado::Compositor;
 
-pub(super) fn perform(stage: &Stage, name: &str) -> anyhow::Result<Figures> {
-    let scene = stage.scene(name, Compositor::Null)?;
+pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
+    let scene = environment.scene(name, Compositor::Null)?;
     fs::create_dir_all(scene.external())?;
     let person = Puppet::new(PuppetSize::FULL);
     person.avatar().save(&scene.external().join("avatar.m3a"))?;

@@ -1,4 +1,4 @@
-//! What needs no conversion: functions that bionic and glibc have alike are exported by Android's version and jump to glibc's.
+//! Functions that need no conversion: those that are the same in bionic and glibc are exported by Android's version and jump to glibc's.
 
 use anyhow::Context;
 use object::{Object, ObjectSymbol, SymbolKind};
@@ -52,8 +52,8 @@ pub(super) fn assembler<'a>(names: impl Iterator<Item = &'a str>) -> String {
     text
 }
 
-/// The functions that the files of `folder` write anew: those in `ANDROID(...)`.
-pub(super) fn written_anew(folder: &Path) -> anyhow::Result<BTreeSet<String>> {
+/// The functions that the files of `folder` implement: those in `ANDROID(...)`.
+pub(super) fn implemented_here(folder: &Path) -> anyhow::Result<BTreeSet<String>> {
     let mut names = BTreeSet::new();
     for file in std::fs::read_dir(folder)? {
         let path = file?.path();

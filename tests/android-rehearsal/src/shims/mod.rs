@@ -43,7 +43,7 @@ pub fn build(to: &Path) -> anyhow::Result<()> {
     let versions = format!("-Wl,--version-script,{}", versions.display());
     let (glibc, own) = (
         forward::of_glibc()?,
-        forward::written_anew(&from.join("libc"))?,
+        forward::implemented_here(&from.join("libc"))?,
     );
     let forwards = |library: &str| -> anyhow::Result<PathBuf> {
         let file = to.join(format!("{library}.S"));

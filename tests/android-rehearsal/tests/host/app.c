@@ -1,5 +1,5 @@
-// An app of few lines, which knows Android by the NDK's headers alone (android/native_activity.h, jni.h): what it sees is what the host's
-// own definitions come to. It logs all that it is told.
+// A small app that is compiled with the NDK's headers alone (android/native_activity.h, jni.h): it checks the host's
+// own definitions. It logs every callback.
 #include <stddef.h>
 #include <stdint.h>
 

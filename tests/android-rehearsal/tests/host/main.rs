@@ -1,4 +1,4 @@
-//! The host process by itself, with an app in C (`app.c`) that knows Android by the NDK's headers alone.
+//! The host process by itself, with an app in C (`app.c`) that is compiled with the NDK's headers alone.
 
 // The shims pass functions on to glibc by jumps of this processor's.
 #![cfg(target_arch = "x86_64")]
@@ -61,7 +61,7 @@ fn compile_app(folder: &Path) {
 }
 
 #[test]
-fn an_app_in_c_is_told_what_androids_headers_say() {
+fn an_app_in_c_gets_callbacks_as_androids_headers_define_them() {
     let place = tempfile::tempdir().expect("a folder");
     let folder = place.path();
     shims::build(folder).expect("shims");
@@ -130,7 +130,7 @@ fn an_app_in_c_is_told_what_androids_headers_say() {
         "onInputQueueDestroyed something",
         "onDestroy",
     ];
-    assert_eq!(lines, expected, "what the app was told");
+    assert_eq!(lines, expected, "the callbacks of the app");
     assert_eq!(census.java.finishes, [[0, 1]], "finished natively, once");
     assert_eq!(
         census.java.faults,

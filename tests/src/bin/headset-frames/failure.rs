@@ -1,4 +1,4 @@
-//! Why the program ends early.
+//! The reasons why the program ends early.
 
 use std::error::Error;
 use std::fmt;

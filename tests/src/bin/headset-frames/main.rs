@@ -1,8 +1,8 @@
-//! A headset program that does as little as one can: draws something that stands still, and says what becomes of it. Tests run
-//! it against a real runtime, whose environment a process has for itself.
+//! A minimal headset program: draws a static scene, and prints what happens. Tests run
+//! it against a real runtime, which is chosen by the environment of a process.
 //!
-//! `headset-frames FRAMES [OPTION..]`: ends after so many frames shown, or when told to. Options, in [`options`], come as
-//! `--name=value`. With `--steered` it does what it is told on its standard input, a line each (see [`Steering`]), and ends when that
+//! `headset-frames FRAMES [OPTION..]`: ends after so many frames shown, or on a command. Options, in [`options`], come as
+//! `--name=value`. With `--steered` it executes the commands on its standard input, a line each (see [`Steering`]), and ends when that
 //! does. Every line it prints is JSON with an `event`: `opened`, `shown`, `told`, `lost`, `failed`, `over`.
 
 mod failure;
@@ -29,9 +29,9 @@ use serde_json::{Value, json};
 
 use failure::Failure;
 use options::Options;
-use steering::{Command, Steering, told_camera, told_controls};
+use steering::{Command, Steering, camera_json, controls_json};
 
-/// Longer than any test runs: a program that nobody ends ends itself.
+/// Longer than any test runs: a program that no test ends ends itself.
 const LIFE: Duration = Duration::from_secs(240);
 
 fn main() -> ExitCode {
@@ -57,7 +57,7 @@ fn say(line: &Value) {
     println!("{line}");
 }
 
-/// What became of it, over all sessions.
+/// The totals over all sessions.
 struct Program {
     options: Options,
     steering: Option<Steering>,
@@ -221,8 +221,8 @@ impl Program {
                 "name": name,
                 "frame": self.shown,
                 "head": { "rotation": turn, "position": place },
-                "eyes": eyes.cameras.map(|camera| told_camera(&camera)),
-                "controls": told_controls(&controls),
+                "eyes": eyes.cameras.map(|camera| camera_json(&camera)),
+                "controls": controls_json(&controls),
                 "overlay_toggles": self.overlay_toggles,
                 "back_end": renderer.back_end().to_string(),
                 "way": session.render_path().map(|way| way.to_string()),

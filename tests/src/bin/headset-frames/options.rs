@@ -1,4 +1,4 @@
-//! What the program is asked for.
+//! The program's options.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use renderer_splat::gaussian::Gaussian;
 use renderer_splat::options::BackEnd;
 use test_support::splat_scenes::{figure_ahead, markers};
 
-/// What stands before the viewer.
+/// The scene before the viewer.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Figure {
     Person,

@@ -1,4 +1,4 @@
-//! What the program is told while it runs, and how it tells of cameras and hands.
+//! The commands to the running program, and its answers about cameras and hands.
 
 use std::collections::VecDeque;
 use std::io::stdin;
@@ -10,12 +10,12 @@ use renderer_openxr::input::{Controls, Hand};
 use renderer_splat::camera::Camera;
 use serde_json::{Value, json};
 
-/// Something to do in the next frame that is shown.
+/// A command for the next frame that is shown.
 #[derive(Debug)]
 pub(crate) enum Command {
-    /// `tell NAME`: say where the head, the eyes and the hands are.
+    /// `tell NAME`: print the poses of head, eyes and hands.
     Tell(String),
-    /// `read NAME`: that, and write both eyes' pictures to `NAME-left.png` and `NAME-right.png`.
+    /// `read NAME`: the same, and write both eyes' pictures to `NAME-left.png` and `NAME-right.png`.
     Read(String),
 }
 
@@ -64,7 +64,7 @@ impl Steering {
         }
     }
 
-    /// Takes what has come.
+    /// Takes the commands that have arrived.
     pub(crate) fn listen(&mut self) {
         loop {
             match self.commands.try_recv() {
@@ -83,14 +83,14 @@ impl Steering {
         self.waiting.pop_front()
     }
 
-    /// Whether nothing more will come.
+    /// Whether no more commands will come.
     pub(crate) fn is_over(&self) -> bool {
         self.over && self.waiting.is_empty()
     }
 }
 
 /// A camera as numbers: columns of its rotation, its translation (metres), focal lengths and centre (pixels).
-pub(crate) fn told_camera(camera: &Camera) -> Value {
+pub(crate) fn camera_json(camera: &Camera) -> Value {
     let Affine3A {
         matrix3,
         translation,
@@ -105,7 +105,7 @@ pub(crate) fn told_camera(camera: &Camera) -> Value {
 }
 
 /// Both hands as numbers.
-pub(crate) fn told_controls(controls: &Controls) -> Value {
+pub(crate) fn controls_json(controls: &Controls) -> Value {
     let pose = |pose: Option<Affine3A>| {
         pose.map(|pose| {
             json!({

@@ -10,7 +10,7 @@ use renderer_splat::camera::Fov;
 
 use crate::service::{LONGEST_WAIT, assert_all_live};
 
-/// Where something is, and how it is turned.
+/// A pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// A unit quaternion.
@@ -45,10 +45,10 @@ pub struct Eye {
     pub head_from_eye: Pose,
 }
 
-/// A controller, and the hand that is made of it.
+/// A controller, and the hand simulated from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controller {
-    /// Whether it is there.
+    /// Whether it is present.
     pub active: bool,
     /// Whether the bare hand is seen.
     pub hand_tracking: bool,
@@ -83,7 +83,7 @@ impl Controller {
     }
 }
 
-/// All that the driver is told at once.
+/// One message to the driver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scripted {
     /// The middle of the head in the stage, whose floor is at y = 0.
@@ -135,7 +135,7 @@ impl Scripted {
             packet.pose(at + 16, &eye.head_from_eye);
         }
         packet.pose(HEAD + 96, &self.stage_from_head);
-        // Eyes are as they are said to be.
+        // The eyes follow the message.
         packet.flag(HEAD + 124, true);
         for (at, hand) in CONTROLLERS.into_iter().zip(&self.controllers) {
             packet.pose(at, &hand.stage_from_grip);

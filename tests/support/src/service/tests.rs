@@ -1,7 +1,7 @@
 use super::*;
 use std::cell::Cell;
 
-/// A shell that does this.
+/// A shell that runs this.
 fn shell(name: &'static str, does: &str, log: &Path) -> Service {
     let mut command = Command::new("sh");
     Service::start(name, command.args(["-c", does]), log, None)
@@ -14,7 +14,7 @@ fn has_ended(service: &Service) {
 }
 
 #[test]
-fn a_death_is_noticed_named_and_told_with_the_last_words() {
+fn a_death_is_noticed_and_reported_with_the_last_output() {
     let folder = tempfile::tempdir().expect("a folder");
     let service = shell(
         "sleeper",
@@ -30,7 +30,7 @@ fn a_death_is_noticed_named_and_told_with_the_last_words() {
 }
 
 #[test]
-fn what_is_ended_on_purpose_or_ends_well_where_it_may_has_not_died() {
+fn a_program_ended_on_purpose_or_with_an_allowed_success_has_not_died() {
     let folder = tempfile::tempdir().expect("a folder");
     let log = folder.path().join("log");
     let killed = shell("killed", "sleep 60", &log);
@@ -65,13 +65,13 @@ fn a_test_whose_program_dies_is_run_again_twice_and_no_more() {
         }));
         (runs.get(), result.is_ok())
     };
-    assert_eq!(run(0), (1, true), "nobody dies");
+    assert_eq!(run(0), (1, true), "no program dies");
     assert_eq!(run(2), (3, true), "twice");
     assert_eq!(run(3), (3, false), "every time");
 }
 
 #[test]
-fn a_failure_that_no_death_explains_is_not_tried_again() {
+fn a_failure_without_a_death_is_not_retried() {
     let folder = tempfile::tempdir().expect("a folder");
     let runs = Cell::new(0);
     let result = catch_unwind(AssertUnwindSafe(|| {

@@ -1,4 +1,4 @@
-//! How far a picture is from the reference.
+//! The difference of a picture from the reference.
 
 use renderer_splat::picture::Image;
 

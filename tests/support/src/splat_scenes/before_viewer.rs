@@ -1,4 +1,4 @@
-//! What stands before somebody who wears a headset: floor space, metres, y up, the viewer at the origin looking along -z.
+//! Scenes before the wearer of a headset: floor space, metres, y up, the viewer at the origin looking along -z.
 
 use glam::{Quat, Vec3};
 use renderer_splat::gaussian::Gaussian;

@@ -1,11 +1,11 @@
-//! What would keep Android from loading a package's libraries.
+//! The reasons why Android would not load a package's libraries.
 
 use std::fmt;
 
 use super::library::Library;
 use super::platform::Platform;
 
-/// The least alignment of segments: devices with pages of 16 KiB load nothing else.
+/// The least alignment of segments: devices with pages of 16 KiB refuse others.
 const PAGE: u64 = 0x4000;
 
 /// Something that keeps a library from being loaded, or the application from being started.
@@ -17,9 +17,9 @@ pub enum Fault {
     NotShared,
     /// A library it needs is neither in the package nor the platform's.
     Needs(String),
-    /// A library it needs is the platform's, and there is no list of what that exports.
+    /// A library it needs is the platform's, and there is no list of its exports.
     NoList(String),
-    /// Nothing that it needs exports these.
+    /// None of the libraries it needs exports these.
     Unresolved(Vec<String>),
     /// A segment of this alignment cannot be mapped by a device with pages of 16 KiB.
     Alignment(u64),
@@ -27,7 +27,7 @@ pub enum Fault {
     Incongruent,
     /// The loader would have to write into code.
     TextRelocations,
-    /// The platform, or the glue between it and the application, calls this.
+    /// The platform, or android-activity, calls this function, which is missing.
     NoExport(String),
     /// It names a library that it might open, which is neither in the package nor the platform's.
     Opens(String),
@@ -73,9 +73,9 @@ impl fmt::Display for Fault {
     }
 }
 
-/// Everything wrong with `library` in a package that has the libraries `beside` it (itself may be one). Of the application's own,
-/// `own` lists what is called in it from outside, and all libraries that it names have to be there; those of others name many that
-/// they can do without.
+/// Everything wrong with `library` in a package that has the libraries `beside` it (itself may be one). For the application's own,
+/// `own` lists the functions that are called from outside, and every library that it names has to be there; those of others name many
+/// that they can do without.
 #[must_use]
 pub fn check_library(
     library: &Library,
@@ -103,7 +103,7 @@ pub fn check_library(
     faults
 }
 
-/// What the file alone says.
+/// Checks of the file alone.
 fn check_file(library: &Library, faults: &mut Vec<Fault>) {
     if !library.is_aarch64() {
         faults.push(Fault::Machine(library.machine));
@@ -126,7 +126,7 @@ fn check_file(library: &Library, faults: &mut Vec<Fault>) {
     }
 }
 
-/// What it wants of others.
+/// Checks of what it needs from other libraries.
 fn check_links(
     library: &Library,
     beside: &[Library],

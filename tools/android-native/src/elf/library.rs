@@ -1,4 +1,4 @@
-//! One shared library, as much of it as decides whether Android loads it.
+//! The parts of a shared library that decide whether Android loads it.
 
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
@@ -24,7 +24,7 @@ pub enum ElfError {
     Damaged {
         /// The library's file name.
         name: String,
-        /// What does not add up.
+        /// The parser's error.
         #[source]
         source: object::Error,
     },
@@ -36,7 +36,7 @@ pub enum ElfError {
     },
 }
 
-/// A name that a library expects of others.
+/// An undefined symbol of a library.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Undefined {
     /// The symbol.
@@ -45,7 +45,7 @@ pub struct Undefined {
     pub weak: bool,
 }
 
-/// What the loader looks at.
+/// What the loader reads of a library.
 #[derive(Debug, Clone)]
 pub struct Library {
     /// Its file name, `libmain.so`.
@@ -54,13 +54,13 @@ pub struct Library {
     pub machine: u16,
     /// Whether it is a shared object, which is what Android loads.
     pub shared: bool,
-    /// The name it gives itself.
+    /// Its `DT_SONAME`.
     pub soname: Option<String>,
     /// The libraries it cannot be loaded without.
     pub needed: Vec<String>,
-    /// What it expects of those.
+    /// Its undefined symbols.
     pub undefined: BTreeSet<Undefined>,
-    /// What it has for others.
+    /// Its exported symbols.
     pub exports: BTreeSet<String>,
     /// The alignment of each segment that is mapped, in bytes.
     pub alignments: Vec<u64>,
@@ -174,7 +174,7 @@ fn text(bytes: &[u8]) -> String {
 
 /// Every `lib....so` in the data. Texts of a Rust program follow one another without a mark between them, so a name ends at its
 /// first `.so`. Words of four letters that a compiler keeps as numbers follow one another just so: what has capitals, in the middle
-/// of a text, is taken for those, but for Qualcomm's names.
+/// of a text, counts as those, except for Qualcomm's names.
 fn named_libraries(data: &[u8]) -> BTreeSet<String> {
     const LONGEST: RangeInclusive<usize> = 7..=64;
     let mut found = BTreeSet::new();
@@ -196,7 +196,7 @@ fn named_libraries(data: &[u8]) -> BTreeSet<String> {
     found
 }
 
-/// Whether libraries are called so, after their `lib`, rather than words that follow one another.
+/// Whether this, after `lib`, looks like a library's name rather than words that follow one another.
 fn is_likely(name: &[u8]) -> bool {
     name.starts_with(b"Qnn") || !name.iter().any(u8::is_ascii_uppercase)
 }

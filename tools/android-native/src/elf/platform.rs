@@ -1,4 +1,4 @@
-//! What Android API level 29 has for every application.
+//! The libraries and symbols of Android API level 29.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -38,7 +38,7 @@ impl Platform {
         self.exports.get(library)
     }
 
-    /// The libraries of which it is known what they export.
+    /// The libraries that have a list of their exports.
     pub fn listed(&self) -> impl Iterator<Item = (&'static str, &BTreeSet<&'static str>)> {
         self.exports
             .iter()

@@ -12,10 +12,10 @@ use super::toolchain::{Toolchain, output_of, run};
 use super::without_ndk::{self, cargo};
 use crate::std_stubs;
 
-/// What a build is for, and with that how it is optimised.
+/// The purpose of a build, which decides its optimisation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// Use.
+    /// For use.
     Release,
     /// Debugging and the rehearsal: arithmetic and debug assertions are checked, and it is built in half the time.
     Debug,
@@ -48,7 +48,7 @@ pub struct Order<'a> {
     pub target: &'a Path,
 }
 
-/// What was built.
+/// The built files.
 #[derive(Debug, Clone)]
 pub struct Built {
     /// The library as the headset gets it.
@@ -57,7 +57,7 @@ pub struct Built {
     pub symbols: PathBuf,
 }
 
-/// Builds the library. What cargo has to say goes to the standard error stream.
+/// Builds the library. Cargo's output goes to the standard error stream.
 ///
 /// # Errors
 /// [`NativeError`].
@@ -119,7 +119,7 @@ pub fn build(order: &Order<'_>, route: &Route) -> Result<Built, NativeError> {
     Ok(Built { library, symbols })
 }
 
-/// Takes out what only debuggers read. What the library exports stays.
+/// Strips the debug information. The exports stay.
 fn strip(toolchain: &Toolchain, from: &Path, to: &Path) -> Result<(), NativeError> {
     if let Some(folder) = to.parent() {
         fs::create_dir_all(folder).map_err(NativeError::io("could not create", folder))?;

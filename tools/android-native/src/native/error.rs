@@ -1,4 +1,4 @@
-//! What can keep the library from being built.
+//! The errors of building the library.
 
 use std::io;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use crate::std_stubs::StubError;
 /// Why there is no library.
 #[derive(Debug, thiserror::Error)]
 pub enum NativeError {
-    /// A variable names something else.
+    /// A variable does not name an NDK.
     #[error("{variable} names {}, which is no NDK for this machine: {why}", root.display())]
     NoNdk {
         /// The variable.
@@ -47,15 +47,15 @@ pub enum NativeError {
         #[source]
         source: io::Error,
     },
-    /// A program failed; what it said went to the standard error stream.
+    /// A program failed; its output went to the standard error stream.
     #[error("{program} failed{what}")]
     Failed {
         /// The program.
         program: String,
-        /// What it was to do, and what it said, where that was not shown already.
+        /// What it was to do, and its output, where that was not shown already.
         what: String,
     },
-    /// The library calls what Android has in name alone.
+    /// The library calls functions that are only stubs on Android.
     #[error(transparent)]
     Stub(#[from] StubError),
     /// A file could not be read or written.

@@ -1,4 +1,4 @@
-//! From sources to the library that the headset loads.
+//! Builds the library that the headset loads from its sources.
 
 mod build;
 mod error;

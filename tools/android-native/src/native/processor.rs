@@ -21,7 +21,7 @@ impl Processor {
         }
     }
 
-    /// What LLD is told to make libraries for, where nothing it links says so.
+    /// LLD's `-m` option, where no linked file says the target.
     pub(super) fn linker_emulation(self) -> &'static str {
         match self {
             Self::Arm64 => "aarch64linux",
@@ -31,7 +31,7 @@ impl Processor {
 
     /// What the C in dependencies needs besides, where there are no headers of a C library.
     pub(super) fn c_flags(self) -> impl Iterator<Item = &'static str> {
-        // clang's header of vector instructions asks for posix_memalign in stdlib.h, unless it takes itself for read already.
+        // clang's header of vector instructions asks for posix_memalign in stdlib.h, unless its include guard is set.
         let only_x86 = (self == Self::X86_64).then_some("-D__MM_MALLOC_H=1");
         only_x86.into_iter()
     }

@@ -1,4 +1,4 @@
-//! With what the library is compiled and linked: an NDK, or without one what Rust brings and lists of symbols.
+//! The tools that compile and link the library: an NDK, or without one Rust's own linker and lists of symbols.
 
 use std::env;
 use std::ffi::OsStr;
@@ -17,7 +17,7 @@ const SDK: [&str; 2] = ["ANDROID_HOME", "ANDROID_SDK_ROOT"];
 /// Names a clang for where there is no NDK.
 pub const CLANG: &str = "MON3TR_CLANG";
 
-/// One of the two ways.
+/// The tools of a build.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Route {
     /// Google's Native Development Kit, as applications are built that are given to others.
@@ -29,7 +29,7 @@ pub enum Route {
         /// The folder of its programs.
         bin: PathBuf,
     },
-    /// Rust's own linker against libraries made from lists of the platform's symbols. What comes out loads as the other does; that it
+    /// Rust's own linker against libraries made from lists of the platform's symbols. The result loads as the other does; that it
     /// was made so is written into the package.
     WithoutNdk {
         /// Compiles the C and assembler in dependencies.
@@ -38,8 +38,8 @@ pub enum Route {
 }
 
 impl Route {
-    /// The NDK that the environment names, else the newest below the SDK it names, else the way without; `clang` is then one to be
-    /// had where the environment names none.
+    /// The NDK that the environment names, else the newest below the SDK it names, else the build without one; `clang` is then the one to
+    /// use where the environment names none.
     ///
     /// # Errors
     /// [`NativeError`], if what the environment names is no NDK for this machine, or there is neither NDK nor clang.
@@ -128,7 +128,7 @@ impl Route {
         }
     }
 
-    /// In a few words, for people and for the package itself.
+    /// A short description, for people and for the package itself.
     #[must_use]
     pub fn describe(&self) -> String {
         match self {
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn an_ndk_that_the_environment_names_goes_before_a_clang() {
+    fn an_ndk_named_by_the_environment_is_preferred_to_a_clang() {
         let folder = tempfile::tempdir().expect("a folder");
         let (ndk, clang) = (folder.path().join("ndk"), folder.path().join("clang"));
         fake_ndk(&ndk, "27.2.12479018");

@@ -1,4 +1,4 @@
-//! The Rust that is at hand, and what it brings.
+//! The installed Rust toolchain, and its tools.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -74,7 +74,7 @@ pub(super) fn output_of(command: &mut Command) -> Result<String, NativeError> {
     Ok(String::from_utf8_lossy(&stdout).into_owned())
 }
 
-/// Runs a program that speaks to the user itself.
+/// Runs a program that prints to the user's terminal.
 pub(super) fn run(command: &mut Command, what: &str) -> Result<(), NativeError> {
     let program = name_of(command.get_program());
     let status = command.status().map_err(|source| NativeError::NotStarted {

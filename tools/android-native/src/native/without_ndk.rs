@@ -1,4 +1,4 @@
-//! What an NDK would bring, from Rust and lists of names: libraries to link against, stack unwinding, and a linker that uses both.
+//! A replacement for an NDK, from Rust and lists of names: libraries to link against, stack unwinding, and a linker that uses both.
 //!
 //! A library to link against needs no code: the linker asks it for names alone, and the headset has the real one. So each is made
 //! from the list of what the platform publishes, and a name that Android does not have is an error of the linker.
@@ -14,10 +14,10 @@ use super::processor::Processor;
 use super::toolchain::{Toolchain, output_of, run};
 use crate::elf::Platform;
 
-/// An archive of nothing: the linker wants some input.
+/// An empty archive: the linker needs an input.
 const EMPTY_ARCHIVE: &[u8] = b"!<arch>\n";
 
-/// Makes what is missing below `folder`, and returns the linker for cargo: a script whose name tells Rust what kind it is. `flags` are
+/// Makes the missing files below `folder`, and returns the linker for cargo: a script whose name tells Rust what kind it is. `flags` are
 /// rustc's, as cargo takes them encoded.
 pub(super) fn prepare(
     repo: &Path,
@@ -96,7 +96,7 @@ fn unwinder(
         .map_err(NativeError::io("could not copy", &built))
 }
 
-/// Cargo, without what the user's shell would have it do to the build, and without what an outer cargo says of its own package:
+/// Cargo, without the user's build settings in the environment, and without those that an outer cargo sets for its own package:
 /// build scripts look at that, and would run again whenever another package's program asks.
 pub(super) fn cargo(repo: &Path) -> Command {
     const FROM_OUTSIDE: [&str; 9] = [
@@ -135,7 +135,7 @@ fn quoted(path: &Path) -> String {
     format!("'{}'", path.display().to_string().replace('\'', r"'\''"))
 }
 
-/// Writes only what is different: cargo links anew where the linker's file is newer.
+/// Writes only changed files: cargo links again where the linker's file is newer.
 fn write(path: &Path, data: &[u8]) -> Result<(), NativeError> {
     if fs::read(path).is_ok_and(|old| old == data) {
         return Ok(());

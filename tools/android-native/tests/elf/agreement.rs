@@ -1,4 +1,4 @@
-//! What the check reads, against binutils' readelf.
+//! The check's reader against binutils' readelf.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -32,7 +32,7 @@ fn readelf(arguments: &[&str], file: &Path) -> Option<String> {
     }
 }
 
-/// Everything the check reads, read by the other one.
+/// Everything that the check reads, as readelf prints it.
 fn assert_agrees(library: &Library, file: &Path) -> Option<()> {
     let name = &library.name;
     let dynamic = readelf(&["--dynamic", "--wide"], file)?;

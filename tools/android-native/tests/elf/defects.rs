@@ -1,4 +1,4 @@
-//! One good library, and each way in which one can be bad.
+//! A good library, and one with each defect.
 
 use android_native::elf::{ElfError, Fault, Library, Platform, check_library};
 
@@ -8,7 +8,7 @@ const ENTRY: [&str; 2] = ["ANativeActivity_onCreate", "android_main"];
 const PT_LOAD: u32 = 1;
 const PT_DYNAMIC: u32 = 2;
 
-/// A good one, if nothing else is said.
+/// A good library, unless a test changes it.
 fn good(shop: &Workshop) -> Vec<u8> {
     let called = ["pthread_create", "dlopen", "__android_log_write"];
     shop.link(
@@ -30,7 +30,7 @@ fn faults(data: &[u8]) -> Vec<Fault> {
 }
 
 #[test]
-fn a_library_that_wants_only_what_android_has_is_without_fault() {
+fn a_library_that_needs_only_androids_symbols_has_no_defect() {
     let Some(shop) = workshop() else { return };
     assert_eq!(faults(&good(&shop)), []);
 }
@@ -70,14 +70,14 @@ fn a_library_that_android_does_not_have_is_found() {
 }
 
 #[test]
-fn a_library_of_the_platform_without_a_list_is_not_taken_on_trust() {
+fn a_library_of_the_platform_without_a_list_is_refused() {
     let Some(shop) = workshop() else { return };
     let data = shop.link("libmain.so", &ENTRY, &[], &["libEGL.so"], &[]);
     assert_eq!(faults(&data), [Fault::NoList("libEGL.so".to_owned())]);
 }
 
 #[test]
-fn a_library_beside_it_in_the_package_answers_for_what_it_exports_and_no_more() {
+fn a_library_beside_it_in_the_package_provides_its_exports_and_no_others() {
     let Some(shop) = workshop() else { return };
     let other = shop.link("libother.so", &["there"], &[], &[], &[]);
     let other = read("libother.so", &other);
@@ -182,7 +182,7 @@ fn a_library_that_is_only_opened_by_name_is_looked_for_too() {
 }
 
 #[test]
-fn whatever_is_wrong_with_a_file_is_an_error_and_no_panic() {
+fn no_damaged_file_makes_the_reader_panic() {
     let Some(shop) = workshop() else { return };
     let data = good(&shop);
     assert!(matches!(

@@ -31,7 +31,7 @@ fn printed(rustc: &Path, arguments: &[&str]) -> PathBuf {
         .into()
 }
 
-/// The workshop; nothing, after a line that says so, where Rust has no standard library for the headset. On CI that is a failure.
+/// The fixture; nothing, after a line that says so, where Rust has no standard library for the headset. On CI that is a failure.
 pub(crate) fn workshop() -> Option<Workshop> {
     let rustc = rustc();
     if !printed(&rustc, &["--print", "target-libdir", "--target", TARGET]).is_dir() {

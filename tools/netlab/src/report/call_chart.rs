@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_report_of_nothing_and_of_nonsense_is_drawn_too() {
+    fn an_empty_report_and_one_with_nan_are_drawn_too() {
         let mut report = samples::report();
         report.calls[0].latency_ms = None;
         report.calls[1].down_kbit_s = f64::NAN;

@@ -1,4 +1,4 @@
-//! What calls made of networks: the rows that a measurement yields, and their table, JSON and charts. Measures nothing itself.
+//! The results of calls over networks: the rows of a measurement, and their table, JSON and charts. Measures nothing itself.
 
 mod bitrate_chart;
 mod call_chart;

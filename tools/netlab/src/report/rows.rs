@@ -34,7 +34,7 @@ pub fn percentile(sorted: &[f64], percent: usize) -> Option<f64> {
     sorted.get(rank.max(1) - 1).copied()
 }
 
-/// What became of the frames of one call.
+/// The fate of one call's frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Frames {
     /// Captured and due to be sent, skipped ones included.
@@ -57,7 +57,7 @@ pub struct CallRow {
     pub codec: String,
     /// `reliable` or `unreliable`.
     pub channel: String,
-    /// What the network was like: `clean`, `1 % lost`.
+    /// The network's condition: `clean`, `1 % lost`.
     pub condition: String,
     /// From the sender to the viewer, as sent, IPv4 and UDP headers included.
     pub down_kbit_s: f64,
@@ -72,7 +72,7 @@ pub struct CallRow {
 }
 
 impl CallRow {
-    /// `compact, unreliable`: what was tried, as opposed to under what condition.
+    /// `compact, unreliable`: the variant, apart from its condition.
     pub(super) fn variant(&self) -> String {
         format!("{}, {}", self.codec, self.channel)
     }
@@ -103,7 +103,7 @@ impl BitrateSeries {
     }
 }
 
-/// Everything a measurement found.
+/// The results of a measurement.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Report {
     /// What was measured: `Motion calls at 60 Hz, 20 ms each way`.
@@ -112,7 +112,7 @@ pub struct Report {
     pub calls: Vec<CallRow>,
     /// Bitrates over time; may be empty.
     pub bitrates: Vec<BitrateSeries>,
-    /// What a reader must know to read it right, a sentence each.
+    /// Notes for the reader, a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_report_comes_back_from_json() {
+    fn a_report_is_read_back_from_json() {
         let report = crate::report::samples::report();
         let back: Report = serde_json::from_str(&report.to_json()).expect("its own JSON");
         assert_eq!(back, report, "through JSON and back");

@@ -1,4 +1,4 @@
-//! A report as a measurement might yield it, for tests.
+//! A made-up report, for tests.
 
 use super::{BitrateSeries, CallRow, Frames, LatencyMs, Report};
 

@@ -50,7 +50,7 @@ impl fmt::Display for Report {
                 *width = (*width).max(cell.chars().count());
             }
         }
-        // The condition gives way: long ones go over several lines.
+        // Long conditions are wrapped over several lines.
         let others: usize = widths.iter().skip(1).sum::<usize>() + 2 * (COLUMNS.len() - 1);
         let [condition_width, ..] = &mut widths;
         *condition_width = (*condition_width).min(WIDTH.saturating_sub(others).max(9));
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_call_in_which_nothing_came_has_no_latency() {
+    fn a_call_without_frames_has_no_latency() {
         let mut report = samples::report();
         report.calls.truncate(1);
         report.calls[0].latency_ms = None;

@@ -1,9 +1,9 @@
-//! What was read of the machine's state, in the words of the JSON.
+//! The measured state of the machine, with the names of the JSON.
 
 use super::Sampler;
 use serde::Serialize;
 
-/// What a channel's numbers are.
+/// The quantity of a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -15,12 +15,12 @@ pub enum Quantity {
     GpuClock,
     /// Share of the time the GPU is busy, percent.
     GpuBusy,
-    /// A level as whoever sets it counts: of throttling, of power, of a thermal warning.
+    /// A level on its driver's own scale: of throttling, of power, of a thermal warning.
     Level,
 }
 
 impl Quantity {
-    /// What its numbers count.
+    /// The unit of its numbers.
     #[must_use]
     pub fn unit(self) -> &'static str {
         match self {
@@ -32,19 +32,19 @@ impl Quantity {
     }
 }
 
-/// One thing that a sampler tells.
+/// One quantity that a sampler reads.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Channel {
     /// Unlike any other's of the sampler.
     pub name: String,
-    /// What its numbers are.
+    /// Its quantity.
     pub quantity: Quantity,
 }
 
-/// Something that cannot be told on this machine.
+/// A quantity that cannot be read on this machine.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Absent {
-    /// What it would be.
+    /// The quantity.
     pub what: String,
     /// Why there is none.
     pub why: String,
@@ -56,7 +56,7 @@ pub struct Series {
     /// Which channel.
     #[serde(flatten)]
     pub channel: Channel,
-    /// What the numbers count.
+    /// The unit.
     pub unit: &'static str,
     /// At each of [`MachineFigures::at_s`]; nothing where it could not be read.
     pub values: Vec<Option<f64>>,
@@ -75,7 +75,7 @@ pub struct MachineFigures {
     pub at_s: Vec<f64>,
     /// What was read at these times.
     pub series: Vec<Series>,
-    /// What there is not.
+    /// The quantities that cannot be read.
     pub absent: Vec<Absent>,
 }
 
@@ -117,7 +117,7 @@ impl MachineFigures {
         }
     }
 
-    /// In lines of at most 110 columns: of each quantity the range, and who had the most of it; and what there is not.
+    /// In lines of at most 110 columns: of each quantity the range, and the channel with the most; and what cannot be read.
     pub(crate) fn lines(&self) -> Vec<String> {
         let mut said = Vec::new();
         for (quantity, what) in [
@@ -155,7 +155,7 @@ impl MachineFigures {
         }
         if !self.absent.is_empty() {
             let names: Vec<&str> = self.absent.iter().map(|one| one.what.as_str()).collect();
-            said.push(format!("not told: {}", names.join(", ")));
+            said.push(format!("not readable: {}", names.join(", ")));
         }
         if said.is_empty() {
             return Vec::new();

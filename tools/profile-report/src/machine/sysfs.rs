@@ -1,6 +1,6 @@
-//! What Linux and Android tell in files: thermal zones, the CPU's clocks, and of an Adreno its clock, load and throttling.
+//! Readings from files of Linux and Android: thermal zones, the CPU's clocks, and of an Adreno its clock, load and throttling.
 //!
-//! Android lets apps read some of them, and which differs between systems: what is there and cannot be read is told as absent.
+//! Android lets apps read some of them, and which differs between systems: what exists but cannot be read is reported as absent.
 
 use super::{Absent, Channel, Quantity, Sampler};
 use std::fs;
@@ -46,11 +46,11 @@ const ADRENO: [(&str, Quantity, &[&str], f64); 3] = [
     ),
 ];
 
-/// Whatever a thermal zone says, silicon is not: below is a sensor that is off, above one that tells of something else.
+/// The possible temperatures of silicon: below is a sensor that is off, above one that measures something else.
 const DEGREES: std::ops::RangeInclusive<f64> = -40.0..=200.0;
 
 impl Sysfs {
-    /// Looks what there is below `root`, which is `/sys` but for tests.
+    /// Finds the channels below `root`, which is `/sys` but for tests.
     #[must_use]
     pub fn new(root: &Path) -> Self {
         let mut found = Self {
@@ -82,12 +82,12 @@ impl Sysfs {
                 Scale::Degrees,
             ) {
                 Ok(()) => why = None,
-                // Zones that are off fail to be read: told only if none is on.
+                // Zones that are off fail to be read: reported only if none is on.
                 Err(error) => _ = why.get_or_insert(error),
             }
         }
         let some = |one: &Channel| one.quantity == Quantity::Temperature;
-        self.lament(
+        self.note_absent(
             "temperatures",
             why.filter(|_| !self.channels.iter().any(some)),
         );
@@ -101,7 +101,7 @@ impl Sysfs {
             let of = cpu.join("cpufreq");
             let number = cpu.file_name().unwrap_or_default().to_string_lossy();
             let own = number.trim_start_matches("cpu").to_owned();
-            // Cores that share a clock are told once.
+            // Cores that share a clock are reported once.
             let together = fs::read_to_string(of.join("related_cpus")).unwrap_or_default();
             let together = match together.split_whitespace().collect::<Vec<_>>().as_slice() {
                 [] => own,
@@ -122,7 +122,7 @@ impl Sysfs {
                 Err(error) => _ = why.get_or_insert(error),
             }
         }
-        self.lament("CPU clocks", why.filter(|_| seen.is_empty()));
+        self.note_absent("CPU clocks", why.filter(|_| seen.is_empty()));
     }
 
     fn adreno(&mut self, folder: &Path) {
@@ -131,7 +131,7 @@ impl Sysfs {
                 "there is no {}: the GPU is no Adreno with Qualcomm's driver",
                 folder.display()
             );
-            self.lament("the GPU's clock and load", Some(why));
+            self.note_absent("the GPU's clock and load", Some(why));
             return;
         }
         for (name, quantity, files, factor) in ADRENO {
@@ -146,7 +146,7 @@ impl Sysfs {
                     Err(error) => _ = why.get_or_insert(error),
                 }
             }
-            self.lament(name, why);
+            self.note_absent(name, why);
         }
     }
 
@@ -164,7 +164,7 @@ impl Sysfs {
         Ok(())
     }
 
-    fn lament(&mut self, what: &str, why: Option<String>) {
+    fn note_absent(&mut self, what: &str, why: Option<String>) {
         self.absent.extend(why.map(|why| Absent {
             what: what.to_owned(),
             why,
@@ -261,7 +261,7 @@ mod tests {
         root
     }
 
-    fn told(sampler: &mut Sysfs) -> Vec<(String, Option<f64>)> {
+    fn reported(sampler: &mut Sysfs) -> Vec<(String, Option<f64>)> {
         let mut values = Vec::new();
         sampler.sample(&mut values);
         assert_eq!(values.len(), sampler.channels().len(), "one value each");
@@ -312,7 +312,7 @@ mod tests {
             ("GPU busy", 71.0),
             ("GPU throttling level", 3.0),
         ];
-        let got = told(&mut sampler);
+        let got = reported(&mut sampler);
         assert_eq!(got.len(), wanted.len(), "{got:?}");
         for ((name, value), (wanted_name, wanted)) in got.iter().zip(wanted) {
             assert_eq!(name, wanted_name, "in order");
@@ -325,10 +325,10 @@ mod tests {
     }
 
     #[test]
-    fn what_a_machine_does_not_tell_is_told_to_be_absent() {
+    fn quantities_that_a_machine_lacks_are_reported_as_absent() {
         let root = tree(&[]);
         let mut sampler = Sysfs::new(root.path());
-        assert_eq!(told(&mut sampler), [], "nothing is there");
+        assert_eq!(reported(&mut sampler), [], "nothing is there");
         let absent: Vec<&str> = sampler
             .absent()
             .iter()
@@ -362,7 +362,7 @@ mod tests {
         let root = tree(&QUEST);
         let mut sampler = Sysfs::new(root.path());
         fs::remove_file(root.path().join(QUEST[1].0)).expect("it was there");
-        let got = told(&mut sampler);
+        let got = reported(&mut sampler);
         assert_eq!(got[0].1, None, "cpu-0-0 is gone");
         assert!(got[1..].iter().all(|(_, value)| value.is_some()), "{got:?}");
     }

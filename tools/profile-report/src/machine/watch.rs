@@ -1,4 +1,4 @@
-//! The thread that asks samplers while something is measured.
+//! The thread that reads samplers while something is measured.
 
 use super::{MachineFigures, Sampler};
 use std::io;
@@ -6,7 +6,7 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Between two samples: heat is slow, and a hundred sensors take some milliseconds to ask.
+/// Between two samples: heat is slow, and a hundred sensors take some milliseconds to read.
 pub const EVERY: Duration = Duration::from_millis(500);
 
 /// Most samples kept, an hour's: the newest.
@@ -24,10 +24,10 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Begins to ask `samplers`, every so long ([`EVERY`] but for tests).
+    /// Begins to read `samplers`, every so long ([`EVERY`] but for tests).
     ///
     /// # Errors
-    /// If there is no thread to be had.
+    /// If the thread cannot be started.
     pub fn start(samplers: Vec<Box<dyn Sampler>>, every: Duration) -> io::Result<Self> {
         let (_stop, stopped) = channel::<()>();
         let thread = std::thread::Builder::new()
@@ -53,7 +53,7 @@ impl Watch {
         Ok(Self { _stop, thread })
     }
 
-    /// Ends it: what was sampled from `begin` to `end`.
+    /// Ends it and returns what was sampled from `begin` to `end`.
     #[must_use]
     pub fn finish(self, begin: Instant, end: Instant) -> MachineFigures {
         drop(self._stop);
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_sampled_before_and_after_the_measuring_is_left_out() {
+    fn samples_before_and_after_the_measurement_are_left_out() {
         let samplers: Vec<Box<dyn Sampler>> = vec![Box::new(Counter::new())];
         let watch = Watch::start(samplers, Duration::from_millis(1)).expect("a thread");
         std::thread::sleep(Duration::from_millis(10));

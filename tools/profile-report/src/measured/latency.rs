@@ -5,7 +5,7 @@ use app_pipeline::profile::{LatencyBreakdown, Percentiles, Since};
 /// Columns of the bars that show where in the whole a part lies.
 const BAR: f64 = 40.0;
 
-/// The parts of a picture's way, which add up to the whole, and where each lies in it.
+/// The parts of a picture's latency, which add up to the whole, and each one's place in it.
 pub(super) fn table(latency: &LatencyBreakdown) -> Vec<String> {
     let since = match latency.since {
         Since::Capture => "capture",

@@ -1,5 +1,5 @@
-//! What the lanes of a call measured, and where its stages ran: as tables for people and as JSON for programs, of whichever
-//! command showed the call. Pages and traces are a profile's alone.
+//! The measurements of a call's lanes, and where its stages ran: as tables for people and as JSON for programs, of whichever
+//! command showed the call. Only a profile has a page and a trace.
 
 mod latency;
 mod placement;
@@ -16,17 +16,17 @@ use std::time::{Duration, Instant};
 
 /// Columns that lines have at most.
 const COLUMNS: usize = 110;
-/// Columns of what is said before the text of a line.
+/// Columns of the heading before the text of a line.
 const HEADING: usize = 11;
 
-/// Everything that lanes tell of a call.
+/// All measurements of a call's lanes.
 #[derive(Debug, Serialize)]
 pub struct Measured {
-    /// What runs where, what else could have, and why not.
+    /// The placement, its alternatives, and why they were not chosen.
     pub placement: PlacementReport,
     /// What lanes left out because something newer had come, since the call began.
     pub skipped: Skipped,
-    /// What was done to hold the display's rate.
+    /// The changes of quality to hold the display's rate.
     pub quality: QualityFigures,
     /// Of the measured time, or of its last half minute.
     pub measured: Summary,
@@ -93,7 +93,7 @@ impl Measured {
         lines
     }
 
-    /// What became of pictures, and what is not in the figures.
+    /// The pictures shown, late and repeated, and what the figures leave out.
     #[must_use]
     pub fn totals(&self) -> Vec<String> {
         let of = &self.measured;
@@ -150,7 +150,7 @@ fn pictures(p: &PictureFigures, display_hz: f64) -> String {
     )
 }
 
-/// Changes of quality that are told, the last ones.
+/// The most changes of quality that are listed: the last ones.
 const CHANGES: usize = 4;
 
 /// Which quality was drawn for how long, and why it changed last; nothing where it did not.

@@ -1,10 +1,10 @@
-//! Where stages run: what was chosen and why, what else was tried, and what could not be had.
+//! Where stages run: the chosen placement and why, the alternatives, and what was not available.
 
 use super::{COLUMNS, HEADING};
 use app_pipeline::placement::{Alternative, PlacementReport};
 use app_pipeline::stage::{Stage, Unit};
 
-/// What runs where, and why.
+/// The placement, and why it was chosen.
 pub(super) fn chosen(placement: &PlacementReport) -> Vec<String> {
     let mut lines = headed(
         "placement",
@@ -29,7 +29,7 @@ pub(super) fn chosen(placement: &PlacementReport) -> Vec<String> {
     lines
 }
 
-/// What was to choose from: times of what was tried, reasons for what was not.
+/// The alternatives: times of what was tried, reasons for what was not.
 pub(super) fn tried(placement: &PlacementReport) -> Vec<String> {
     let mut lines = Vec::new();
     let times = placement.alternatives.iter().filter_map(|one| {
@@ -61,9 +61,13 @@ pub(super) fn tried(placement: &PlacementReport) -> Vec<String> {
         }
     }
     for reason in reasons {
-        let who = refused_for(&placement.alternatives, reason).join(", ");
+        let refused = refused_for(&placement.alternatives, reason).join(", ");
         let reason: Vec<&str> = reason.split_whitespace().collect();
-        lines.extend(wrapped("", 4, &format!("not {who}: {}", reason.join(" "))));
+        lines.extend(wrapped(
+            "",
+            4,
+            &format!("not {refused}: {}", reason.join(" ")),
+        ));
     }
     lines
 }
@@ -72,7 +76,7 @@ fn refusal(one: &Alternative) -> Option<&str> {
     one.refused.as_deref()
 }
 
-/// Whose refusal that is: a provider, if it is that of all of its plans.
+/// The plans with this refusal; a provider, if all of its plans have it.
 fn refused_for(alternatives: &[Alternative], reason: &str) -> Vec<String> {
     let mut names = Vec::new();
     for of_provider in alternatives.chunk_by(|one, next| one.provider == next.provider) {
@@ -94,7 +98,7 @@ fn refused_for(alternatives: &[Alternative], reason: &str) -> Vec<String> {
     names
 }
 
-/// A stage's name without what it stands for.
+/// A stage's name without its abbreviation.
 fn short(stage: Stage) -> &'static str {
     let name = stage.name();
     name.split_once(" (").map_or(name, |(short, _)| short)

@@ -1,9 +1,10 @@
-//! Which Gaussians a poor device may leave out: an order in which each next one costs the picture least.
+//! The order of importance: which Gaussians a slow device may leave out at the least cost to the picture.
 //!
-//! Greedy thinning, as Garland and Heckbert (1997) decimate meshes, but by clusters: every Gaussian stands for itself at
-//! first; the one goes whose cluster another takes over at the least cost; what it costs is how far the cluster's colours
-//! and places then are from the Gaussian that stands for them. So even cloth is thinned evenly and first, while
-//! brows, lips and seams stay. The weights were chosen by pictures (`examples/importance.rs` of the command). It says nothing about how much those kept grow ([`spmm3::Importance::level`]).
+//! Greedy thinning, as Garland and Heckbert (1997) decimate meshes, but by clusters: every Gaussian is its own cluster at
+//! first; each step removes the one whose cluster another takes over at the least cost: how far the cluster's colours
+//! and places then are from the Gaussian that replaces them. So even cloth is thinned evenly and first, while
+//! brows, lips and seams stay. The weights were chosen by pictures (`examples/importance.rs` of the command). The growth
+//! of the kept ones is not decided here ([`spmm3::Importance::level`]).
 
 use glam::{Vec3, Vec3A};
 use spmm3::{
@@ -12,10 +13,10 @@ use spmm3::{
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Nearest Gaussians that may take over one's place at first; later those of whom it took over.
+/// The nearest Gaussians, which may take over a removed one's place at first; later also those of the ones it took over.
 const NEIGHBOURS: usize = 10;
 
-/// What strikes the eye more.
+/// Weights of what the eye notices more.
 #[derive(Debug, Clone, Copy)]
 pub struct Weights {
     /// Exponent of a Gaussian's area in its weight: 1 values equal areas equally, 0 equal numbers, so that what the bake
@@ -56,7 +57,7 @@ pub fn importance(
     Importance::new(order, Some(heirs), set.len())
 }
 
-/// A Gaussian as the thinning sees it.
+/// A Gaussian's data for the thinning.
 struct Point {
     place: [f64; 3],
     colour: [f64; 3],
@@ -102,7 +103,7 @@ impl Moments {
         }
     }
 
-    /// Summed weighted squared distance of the cluster to a point that stands for it.
+    /// Summed weighted squared distance of the cluster to a point that replaces it.
     fn cost(&self, point: &Point, weights: &Weights) -> f64 {
         let features = point.features(weights);
         self.second - 2.0 * dot(&self.first, &features)
@@ -173,7 +174,7 @@ impl Thinning {
         }
     }
 
-    /// Gaussians from the most important to the least, and who took over each one's place (itself for the last).
+    /// Gaussians from the most important to the least, and each one's heir (itself for the last).
     fn run(mut self) -> (Vec<u32>, Vec<u32>) {
         let count = self.points.len();
         let mut heirs: Vec<u32> = (0u32..).take(count).collect();
@@ -223,7 +224,7 @@ impl Thinning {
                 (sortable(cost), *heir)
             })
             .min();
-        // Alone: whoever leaves it out leaves a hole.
+        // It has no neighbour: leaving it out leaves a hole.
         let (cost, heir) = best.unwrap_or((sortable(f64::MAX), i));
         self.queue.push(Reverse((cost, i, heir, self.versions[at])));
     }
@@ -238,7 +239,7 @@ fn link(neighbours: &mut [Vec<u32>], a: u32, b: u32) {
     }
 }
 
-/// Orders as the number does; costs that rounding made negative count as nothing.
+/// Orders as the number does; costs that rounding made negative count as zero.
 fn sortable(cost: f64) -> u64 {
     cost.max(0.0).to_bits()
 }
@@ -381,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn every_one_stands_once_and_its_place_is_taken_by_one_more_important() {
+    fn every_gaussian_is_listed_once_and_its_heir_is_more_important() {
         let (mut set, _) = cloth();
         // Two in one place, and one far from all others.
         set.positions[7] = set.positions[8];

@@ -1,11 +1,11 @@
-//! Which controllers hold which Gaussian, and the Gaussians' order.
+//! Which controllers move which Gaussian, and the Gaussians' order.
 
 use super::{BakeOptions, Subject};
 use crate::fit::scatter_controllers;
 use glam::Vec3;
 use spmm3::{ATTRIBUTES, BoundGaussians, Controllers, EdgeGraph, PersonError};
 
-/// Scatters the controllers, ties the Gaussians to them, and sorts the Gaussians so that each controller's lie together:
+/// Scatters the controllers, assigns the Gaussians to them, and sorts the Gaussians so that each controller's lie together:
 /// the deform graph then gathers from neighbouring memory.
 pub(super) fn sorted_by_controller(
     options: &BakeOptions,

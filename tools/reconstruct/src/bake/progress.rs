@@ -1,9 +1,9 @@
-//! Who is told how far a bake is, and how long its steps take.
+//! The progress of a bake, and how long its steps take.
 
 use super::report::StepTime;
 use std::time::Instant;
 
-/// Told how far a bake is. Calls come from several threads.
+/// Receives the progress of a bake. Calls come from several threads.
 pub trait Progress: Sync {
     /// A step of `total` parts begins (1 for a step that cannot be split).
     fn begin(&self, step: &'static str, total: usize);
@@ -11,7 +11,7 @@ pub trait Progress: Sync {
     fn advance(&self);
 }
 
-/// Tells nobody.
+/// Ignores the progress.
 impl Progress for () {
     fn begin(&self, _: &'static str, _: usize) {}
     fn advance(&self) {}

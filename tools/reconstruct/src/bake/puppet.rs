@@ -1,4 +1,4 @@
-//! What the simulation must know of the demo person: fabrics, and which cloth hangs how loosely.
+//! What the simulation needs of the demo person: fabrics, and how loosely each cloth hangs.
 
 use crate::simulate::{Fabric, Puppet, Surface, arm_share};
 use crate::{Part, Person};
@@ -15,7 +15,7 @@ const CUFF_HEIGHT: f32 = 0.1;
 /// A shirt's vertex is covered by a jacket's this near, metres.
 const COVER: f32 = 0.035;
 
-/// Reads fabrics and looseness off the person's parts.
+/// Derives fabrics and looseness from the person's parts.
 #[must_use]
 pub fn puppet(person: &Person) -> Puppet {
     let template = person.template().clone();

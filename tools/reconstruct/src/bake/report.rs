@@ -1,4 +1,4 @@
-//! What a bake measured: errors of the fits on poses they have and have not seen, sizes and times.
+//! The measurements of a bake: errors of the fits on training and held-out poses, sizes and times.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +17,7 @@ pub struct BakeReport {
     pub training_poses: usize,
     /// Simulated poses that no fit has seen.
     pub held_out_poses: usize,
-    /// How settled the simulated cloth is.
+    /// The residual movement of the simulated cloth.
     pub simulation: SimulationReport,
     /// Share of the offsets' variance that F_mesh's components can hold at best, 0..=1.
     pub mesh_explained: f64,
@@ -29,7 +29,7 @@ pub struct BakeReport {
     pub attributes_training: AttributeReport,
     /// Errors of the Gaussians' attributes on held-out poses.
     pub attributes_held_out: AttributeReport,
-    /// What storing F_attr's bases in 8 bits costs: position, millimetres.
+    /// The error of storing F_attr's bases in 8 bits: position, millimetres.
     pub quantisation_position_mm: f32,
     /// The same for a colour channel, 0..=1.
     pub quantisation_colour: f32,

@@ -126,7 +126,7 @@ fn expressions_pass_through_f_mesh_exactly() {
 }
 
 #[test]
-fn the_root_turns_nothing() {
+fn the_root_rotation_has_no_effect() {
     let baked = baked();
     let mut motion = PoseSampler::new(5, &baked.expressions, 1).sample();
     let before = (

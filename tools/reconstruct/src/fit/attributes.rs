@@ -1,6 +1,6 @@
 //! Fits F_attr: 500 local controllers, and fifteen bases a Gaussian that their potentials weigh (paper, section IV-B).
 //!
-//! In four steps, each closed-form or greedy: (1) what the Gaussians around a controller do over the training poses, as
+//! In four steps, each closed-form or greedy: (1) the residuals of the Gaussians around a controller over the training poses, as
 //! a temporal code of B numbers; (2) the few hidden units, out of a pool of random ones on the joints that matter there,
 //! that explain the code best; (3) neighbouring codes turned to agree, so that mixing them by virtual mass makes sense
 //! (orthogonal Procrustes; the paper penalises the difference of neighbours instead, its guide coherence loss); (4) with the forces as predicted, each Gaussian's bases by ridge regression.
@@ -16,7 +16,7 @@ use spmm3::{ATTRIBUTES, Controllers, MotionParams, PARAMS, PersonError};
 
 /// Gaussians around a controller that its code is made from.
 const WITNESSES: usize = 24;
-/// What one unit of each attribute's error is worth: about 4 mm of place, 0.15 of a quaternion, a quarter of a
+/// The weight of each attribute's error: about 4 mm of place, 0.15 of a quaternion, a quarter of a
 /// log-scale, or 0.07 of a colour channel look alike.
 const WORTH: [f32; ATTRIBUTES] = [
     250.0, 250.0, 250.0, 7.0, 7.0, 7.0, 7.0, 4.0, 4.0, 4.0, 1.0, 4.0, 4.0, 4.0,
@@ -55,7 +55,7 @@ pub struct AttributeFit {
     pub quantisation: [f32; ATTRIBUTES],
 }
 
-/// Training poses and what each looked like, one frame a pose.
+/// Training poses with their targets, one frame a pose.
 #[derive(Debug, Clone, Copy)]
 pub struct Lessons<'a> {
     /// The poses.
@@ -165,7 +165,7 @@ fn quantisation_error(
     squares.map(|square| (square / some.len().max(1) as f32).sqrt())
 }
 
-/// For each controller a sample of the Gaussians it holds, strongest ties first in rank.
+/// For each controller a sample of the Gaussians it holds, the strongest first.
 fn members(controllers: &Controllers) -> Vec<Vec<usize>> {
     let count = controllers.vertices().len();
     let mut all: [Vec<Vec<usize>>; 2] = [vec![Vec::new(); count], vec![Vec::new(); count]];

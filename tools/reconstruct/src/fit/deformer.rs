@@ -1,4 +1,4 @@
-//! The stored networks run on the CPU, pose by pose: what the deform graph computes, for measuring the fits.
+//! The stored networks run on the CPU, pose by pose: as the deform graph computes them, for measuring the fits.
 
 use super::mesh::dense;
 use super::{mesh_offsets, silu};

@@ -79,8 +79,8 @@ impl Perceptron {
         affine(&self.weights[1], &first, &self.biases[1]).map(silu)
     }
 
-    /// Minimises the mean squared error to `targets` `[outputs, samples]`, each output in the unit that errors are to be
-    /// counted in, then solves the last layer in closed form.
+    /// Minimises the mean squared error to `targets` `[outputs, samples]`, each output in the unit that its errors are
+    /// measured in, then solves the last layer in closed form.
     pub fn train(
         &mut self,
         inputs: &DMatrix<f32>,

@@ -1,8 +1,8 @@
 //! Hidden units for the controllers: a pool of random ramps on the joints that matter at a place, and the greedy choice
-//! (simultaneous orthogonal matching pursuit, Tropp 2006) of the few that explain what happens there.
+//! (simultaneous orthogonal matching pursuit, Tropp 2006) of the few that explain the residuals there.
 //!
 //! A ramp is a pair of SiLU units, silu(x) - silu(x - width): it rises once and then stays. So every force is bounded,
-//! and a pose beyond all that was trained on cannot blow a Gaussian up, as a lone SiLU, which grows for ever, would.
+//! and a pose beyond all that was trained on cannot make a Gaussian grow without bound, as a single SiLU could.
 
 use super::silu;
 use crate::simulate::{Fabric, Puppet};

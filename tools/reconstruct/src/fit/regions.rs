@@ -1,7 +1,7 @@
-//! The parts F_mesh is made of: regions of the mesh, each with the joints that can matter there.
+//! The parts F_mesh is made of: regions of the mesh, each with the joints that can affect it.
 //!
-//! A region's units see its own joints only. That is what makes a few hundred poses enough: an elbow has not to be seen
-//! with every way to stand.
+//! A region's units see its own joints only. That is what makes a few hundred poses enough: an elbow need not be sampled
+//! together with every stance.
 
 use crate::simulate::{Fabric, Puppet, arm_share};
 use spmm3::{BODY, Joint, MotionParams};
@@ -17,7 +17,7 @@ pub(super) struct Region {
     pub(super) fields: usize,
 }
 
-/// Which region each vertex belongs to is one number below this.
+/// The most regions.
 const REGIONS: usize = 6;
 
 /// `[N_v]` region of each vertex, and the regions, sized to fill `units` and `fields`.

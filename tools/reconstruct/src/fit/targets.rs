@@ -1,5 +1,5 @@
-//! What F_attr should give: for each Gaussian and pose the difference between where and what it truly is, and what the
-//! predicted mesh makes of it, in the predicted triangle's frame.
+//! The targets of F_attr: for each Gaussian and pose the difference between its true attributes and those that the
+//! predicted mesh gives it, in the predicted triangle's frame.
 
 use crate::simulate::{Creases, Fabric, Puppet, Surface};
 use glam::{Mat3, Quat, Vec3};
@@ -49,7 +49,7 @@ impl Frame {
     }
 }
 
-/// What a Gaussian is at rest.
+/// A Gaussian's attributes at rest.
 #[derive(Debug, Clone, Copy)]
 struct Rest {
     corners: [usize; 3],

@@ -92,7 +92,7 @@ mod tests {
     };
 
     #[test]
-    fn a_macro_target_weighs_the_product_of_its_words() {
+    fn the_weight_of_a_macro_target_is_the_product_of_its_words() {
         let weigh = |name: &str| MAN.weight(name);
         assert_eq!(
             weigh("macrodetails/caucasian-male-young"),

@@ -95,8 +95,7 @@ impl Model {
     pub fn read(path: &Path) -> Result<Self, ReconstructError> {
         let (mut model, rows) = Self::read_with_gaps(path)?;
         let whole = |(vertex, row): (usize, Option<BoneWeights>)| {
-            let why =
-                || ReconstructError::content(path, format!("vertex {vertex} hangs on no bone"));
+            let why = || ReconstructError::content(path, format!("vertex {vertex} has no bone"));
             row.ok_or_else(why)
         };
         model.weights = rows
@@ -174,7 +173,7 @@ fn triples(flat: &[f32]) -> Option<Vec<Vec3>> {
     whole.then(|| flat.chunks_exact(3).map(Vec3::from_slice).collect())
 }
 
-/// Decodes the flat face records. The first number of a record says by its bits what follows.
+/// Decodes the flat face records. The bits of a record's first number say which fields follow.
 fn decode_faces(flat: &[u32], vertices: usize, uvs: &[Vec2]) -> Result<Vec<Quad>, String> {
     const QUAD: u32 = 1;
     const MATERIAL: u32 = 1 << 1;
@@ -221,7 +220,7 @@ fn decode_faces(flat: &[u32], vertices: usize, uvs: &[Vec2]) -> Result<Vec<Quad>
     Ok(quads)
 }
 
-/// Reads 1 to 4 influences a vertex, `None` for one that hangs on no bone. Indices are even because the file lists every
+/// Reads 1 to 4 influences a vertex, `None` for one without a bone. Indices are even because the file lists every
 /// bone twice.
 fn decode_weights(raw: &RawModel, vertices: usize) -> Result<Vec<Option<BoneWeights>>, String> {
     if raw.skin_indices.is_empty() && raw.skin_weights.is_empty() {
@@ -244,7 +243,9 @@ fn decode_weights(raw: &RawModel, vertices: usize) -> Result<Vec<Option<BoneWeig
             for (slot, (index, weight)) in row.iter_mut().zip(indices.iter().zip(weights)) {
                 let known = (*index as usize) < raw.bones.len();
                 if !known || !(0.0..=2.0).contains(weight) {
-                    return Err(format!("vertex {vertex} hangs on bone {index} by {weight}"));
+                    return Err(format!(
+                        "vertex {vertex} has bone {index} with weight {weight}"
+                    ));
                 }
                 let bone = u16::try_from(index / 2).map_err(|_| "too many bones".to_owned())?;
                 *slot = (bone, *weight);

@@ -5,7 +5,7 @@ use crate::ReconstructError;
 use glam::Vec3;
 use std::path::Path;
 
-/// Where a proxy's vertex hangs on the body: a weighted mean of three body vertices plus a scaled offset.
+/// Where a proxy's vertex is bound to the body: a weighted mean of three body vertices plus a scaled offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Anchor {
     /// Body vertices.
@@ -44,7 +44,7 @@ impl Anchor {
     }
 }
 
-/// The body a proxy was made on: its size tells how far offsets scale.
+/// The body a proxy was made on: its size tells how much offsets scale.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScaleReference {
     /// Made on the male body.
@@ -83,7 +83,7 @@ pub struct Proxy {
     pub quads: Vec<Quad>,
     /// Skinning weights per vertex over the body's bones; `None` where the file has none: the body's are to be taken.
     pub weights: Vec<Option<BoneWeights>>,
-    /// Where each vertex hangs.
+    /// Where each vertex is bound.
     pub anchors: Vec<Anchor>,
     /// Body vertices that this proxy covers: empty, or one flag a body vertex.
     pub covers: Vec<bool>,
@@ -114,7 +114,7 @@ impl Proxy {
         let same = |(a, b): (&super::model::RawBone, &super::model::RawBone)| a.name == b.name;
         let bones_match =
             model.bones.len() == body.bones.len() && model.bones.iter().zip(&body.bones).all(same);
-        // Bones that no vertex hangs on may be anything.
+        // Bones without vertices are not checked.
         if !bones_match && weights.iter().any(Option::is_some) {
             return Err(wrong("its bones are not the body's"));
         }

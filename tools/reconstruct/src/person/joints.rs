@@ -6,7 +6,7 @@ use glam::Vec3;
 use spmm3::{INFLUENCES, JOINTS, Joint, SkinWeights};
 use std::path::Path;
 
-/// The SMPL-X joint that moves a bone's flesh.
+/// The SMPL-X joint that takes over a bone's weights.
 pub(super) fn joint_of_bone(bone: &str) -> Option<Joint> {
     let (name, side) = match bone.strip_suffix(".L") {
         Some(name) => (name, "left_"),
@@ -54,7 +54,7 @@ fn named(name: &str) -> Option<Joint> {
     Joint::ALL.into_iter().find(|j| j.name() == name)
 }
 
-/// The bone whose head a joint turns about.
+/// The bone whose head is a joint's position.
 fn pivot_of_joint(joint: Joint) -> String {
     let name = joint.name();
     let (bare, side) = match name.strip_prefix("left_") {

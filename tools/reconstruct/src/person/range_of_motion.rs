@@ -1,4 +1,4 @@
-//! A few poses and expressions that between them stretch a person's surface about as far as it goes.
+//! A few poses and expressions that together stretch a person's surface about as far as it goes.
 
 use super::Person;
 use glam::Vec3;
@@ -56,7 +56,7 @@ fn motion(turns: Turns) -> MotionParams {
     motion
 }
 
-/// The mesh with hanging, spread and raised arms: what covers what changes most between them.
+/// The mesh with hanging, spread and raised arms: the visible surface differs most between them.
 pub(super) fn arms_down_and_up(person: &Person) -> [Vec<Vec3>; 3] {
     [ARMS_DOWN, T_POSE, ARMS_UP].map(|turns| person.posed(&motion(turns)))
 }

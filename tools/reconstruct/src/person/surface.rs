@@ -47,7 +47,7 @@ const BORDER_SHARPNESS: f32 = 0.7;
 /// How far Gaussians lift off the flat quad towards the smooth surface its normals suggest (Phong tessellation).
 const ROUNDNESS: f32 = 0.6;
 
-/// But no further than this, metres: what floats off its triangle swings when the triangle turns.
+/// And at most this far, metres: what floats off its triangle swings when the triangle turns.
 const MAX_LIFT: f32 = 0.004;
 
 /// Gaussians a metre along an edge, relative to cloth.
@@ -66,7 +66,7 @@ fn density(part: Part) -> f32 {
     }
 }
 
-/// One Gaussian to be.
+/// A cell that becomes one Gaussian.
 pub(super) struct Cell {
     pub(super) position: Vec3,
     pub(super) rotation: Quat,

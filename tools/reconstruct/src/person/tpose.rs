@@ -48,7 +48,7 @@ pub(super) fn straighten(rig: &Rig, heads: &[Vec3], tails: &[Vec3]) -> TPose {
     }
 }
 
-/// The rest pose, to ask for directions in.
+/// The rest pose, for directions of bones.
 struct Chain<'a> {
     rig: &'a Rig,
     heads: &'a [Vec3],
@@ -112,7 +112,7 @@ impl Chain<'_> {
         let target = if phalanx == "1" {
             Vec3::new(own.x, 0.25 * own.y, 0.8 * own.z)
         } else {
-            // What the bone before it already carries is straight on.
+            // Straight: in the direction that the rotation of the bone before it gives.
             inherited
                 * if phalanx == "2" {
                     first

@@ -1,4 +1,4 @@
-//! Which of the person's surface can be seen at all: cloth under cloth costs Gaussians and shines through gaps.
+//! Which parts of the person's surface can be seen: covered cloth costs Gaussians and shines through gaps.
 
 use super::range_of_motion::arms_down_and_up;
 use super::{Part, Person};
@@ -15,7 +15,7 @@ const MAP: usize = 1024;
 /// How far below what is seen a vertex still counts, metres.
 const BIAS: f32 = 0.002;
 
-/// Views more oblique than this say too little (cosine).
+/// Views more oblique than this are not used (cosine).
 const MIN_FACING: f32 = 0.45;
 
 /// Whether a part may be left out where it is covered: skin and cloth, not what moves into view with the face.

@@ -1,7 +1,7 @@
 //! Loose cloth as an extended position-based system (XPBD, Macklin et al. 2016) settled to rest over one posed body.
 //!
 //! Quasi-static: each pose starts from the skinned cloth and falls until it hangs, so the result depends on the pose
-//! alone, as a network of the pose needs it. Stretch and bending keep the fabric's shape, a soft tether remembers the
+//! alone, as a network of the pose needs it. Stretch and bending keep the fabric's shape, a soft tether keeps the
 //! tailoring, a hard one bounds the excursion, and the body's planes, a backstop and the arms keep it outside.
 
 use super::{Capsule, Collider, Surface};
@@ -57,7 +57,7 @@ pub struct Settled {
 }
 
 impl Garment {
-    /// Every vertex with `looseness` (how far it may leave its skinned place, metres) above 0, and the rim it hangs on.
+    /// Every vertex with `looseness` (how far it may leave its skinned place, metres) above 0, and the rim that holds it.
     ///
     /// `rest` are the template's vertices, `under` the body below it in T-pose, `sheltered` marks what lies in a sleeve:
     /// the arm inside must not push it.

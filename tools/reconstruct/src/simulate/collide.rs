@@ -1,4 +1,4 @@
-//! What cloth must stay outside of: a cloud of posed surface points with normals, looked up through a uniform grid.
+//! The obstacles of the cloth: a cloud of posed surface points with normals, looked up through a uniform grid.
 //!
 //! Each point stands for the plane through it. That is exact enough for cloth a few millimetres off a smooth body, and
 //! needs no closed mesh: a dressed template has none.

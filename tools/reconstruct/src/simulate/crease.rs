@@ -5,11 +5,11 @@ use super::Surface;
 use glam::Vec3;
 use spmm3::{Joint, MotionParams, Skeleton};
 
-/// Distance between two folds, metres: finer than the mesh, so folds are the Gaussians' business.
+/// Distance between two folds, metres: finer than the mesh, so the Gaussians have the folds.
 const FOLD_SPACING: f32 = 0.04;
 /// Height of the folds inside a joint bent by a right angle, metres.
 const FOLD_HEIGHT: f32 = 0.0045;
-/// How far cloth bunches inside a joint bent by a right angle, and flattens outside, metres: the mesh's business.
+/// How far cloth bunches inside a joint bent by a right angle, and flattens outside, metres: part of the mesh.
 const BUNCH_HEIGHT: f32 = 0.006;
 /// How far folds reach along the limb from the joint, metres (deviation of a bell curve).
 const FOLD_REACH: f32 = 0.075;

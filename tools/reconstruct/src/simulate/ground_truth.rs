@@ -1,11 +1,11 @@
-//! The true shape of a person in one pose, as far as our simulation knows it: what the networks learn.
+//! The true shape of a person in one pose, by our simulation: the networks' target.
 
 use super::{Capsule, Collider, Creases, Garment, PosedSkin, Settled, Surface, bulges};
 use glam::Vec3;
 use rayon::prelude::*;
 use spmm3::{EXPRESSION, Joint, MotionParams, Skeleton, SkinningTransforms, Template};
 
-/// What a vertex is made of, for the simulation.
+/// A vertex's material, for the simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fabric {
     /// Moves with the bones alone: shoes, hair, eyes, teeth, lashes.
@@ -18,7 +18,7 @@ pub enum Fabric {
     Cloth,
 }
 
-/// All that the simulation knows of a person.
+/// The simulation's data of a person.
 #[derive(Debug, Clone)]
 pub struct Puppet {
     /// Mesh and skinning weights in T-pose.
@@ -48,7 +48,7 @@ const LAYER: f32 = 0.005;
 pub struct GroundTruth {
     /// Posed vertices, metres, root left out, `[N_v]`.
     pub posed: Vec<Vec3>,
-    /// What F_mesh should give beside the linear expression: canonical offsets, metres, `[N_v]`.
+    /// The target of F_mesh besides the linear expression: canonical offsets, metres, `[N_v]`.
     pub offsets: Vec<Vec3>,
     /// Root mean square movement of the cloth in its last step, metres.
     pub residual: f32,
@@ -69,7 +69,7 @@ pub struct Simulator<'a> {
     riders: Vec<(u32, [(u32, f32); 3])>,
 }
 
-/// Sleeves' radius as the flank of a jacket feels it, metres.
+/// The radius of sleeves for collisions with a jacket's flank, metres.
 const ARM_RADIUS: f32 = 0.05;
 
 const ARMS: [(Joint, Joint); 4] = [

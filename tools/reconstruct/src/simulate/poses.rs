@@ -1,6 +1,6 @@
-//! Natural poses to train on: what people do in front of a camera, sampled from correlated joint ranges.
+//! Natural poses to train on: poses of people in front of a camera, sampled from correlated joint ranges.
 //!
-//! No capture file is needed. Each pose mixes a way to stand, a thing the arms do, the head, the hands and the face, all
+//! No capture file is needed. Each pose mixes a way to stand, an arm movement, the head, the hands and the face, all
 //! with the variation a retargeted capture brings (twist split differently between joints, small tilts). The root
 //! orientation stays zero: the networks never see it.
 
@@ -287,8 +287,8 @@ impl<'a> PoseSampler<'a> {
         pose.set_axis_angle(Joint::RightEye, gaze);
     }
 
-    /// Some poses on the way from the T-pose, and some at the limits of what joints can do: a network is tame where it
-    /// has been, and dancers go there.
+    /// Some poses on the way from the T-pose, and some at the limits of what joints can do: a network is well-behaved where it
+    /// was trained, and dancers reach them.
     fn vary(&mut self, pose: &mut MotionParams) {
         match self.rng.u8(0..24) {
             0 | 1 => {

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use std::collections::HashMap;
 
-/// Who is next to whom on a mesh.
+/// The neighbours of each vertex of a mesh.
 #[derive(Debug, Clone)]
 pub struct Surface {
     faces: Vec<[u32; 3]>,

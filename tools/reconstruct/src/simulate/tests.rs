@@ -158,7 +158,7 @@ fn one_seed_gives_one_sequence_and_the_root_never_turns() {
 }
 
 #[test]
-fn limbs_bend_the_way_limbs_do() {
+fn knees_and_elbows_bend_in_their_own_direction() {
     let faces = Expressions::new();
     let mut sampler = PoseSampler::new(3, &faces, 0);
     for _ in 0..200 {

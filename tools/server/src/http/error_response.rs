@@ -29,7 +29,7 @@ impl ErrorResponse {
         self
     }
 
-    /// For what does not exist and for what the token does not allow: the same, so that neither can be distinguished.
+    /// The same for what does not exist and for what the token does not allow, so that a client cannot distinguish them.
     pub(crate) fn not_found() -> Self {
         Self::new(StatusCode::NOT_FOUND, "it does not exist for this token")
     }

@@ -1,4 +1,4 @@
-//! What every request passes before its handler: counters, the rate limit, the token, the timeout.
+//! The layers that every request passes before its handler: counters, the rate limit, the token, the timeout.
 
 use super::{App, ErrorResponse};
 use crate::token::{Claims, now};

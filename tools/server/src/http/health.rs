@@ -1,4 +1,4 @@
-//! Whether the server is well, and its counters.
+//! The health check, and the counters.
 
 use super::{App, ErrorResponse};
 use axum::extract::State;
@@ -7,11 +7,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::Mutex;
 
-/// A look at the store is not repeated sooner: anyone may ask, and an S3 store charges for it.
+/// The least time between two checks of the store: any client may ask, and an S3 store charges for each.
 const FRESH: Duration = Duration::from_secs(2);
 const PROBE_WITHIN: Duration = Duration::from_secs(3);
 
-/// The last look at the store.
+/// The last check of the store.
 #[derive(Debug, Default)]
 pub(crate) struct Cached(Mutex<Option<(Instant, bool)>>);
 

@@ -108,7 +108,7 @@ pub(crate) fn router(app: Arc<App>) -> Router {
         .with_state(app)
 }
 
-/// Any page may call this server: what a token allows it allows from everywhere, and there are no cookies.
+/// Any page may call this server: a token gives its rights from any page, and there are no cookies.
 fn cors() -> CorsLayer {
     CorsLayer::new()
         .allow_origin(Any)

@@ -142,7 +142,7 @@ pub(super) async fn read(
     };
     set(header::ETAG, format!("\"{hash}\""));
     set(header::ACCEPT_RANGES, "bytes".into());
-    // Only for the one who has a token; but the bytes of a hash never change.
+    // Only for the bearer of a token; but the bytes of a hash never change.
     let immutable = "private, max-age=31536000, immutable";
     set(header::CACHE_CONTROL, immutable.into());
     if let Some(ByteRange { first, count }) = part {

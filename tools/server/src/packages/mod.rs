@@ -1,4 +1,4 @@
-//! The avatar store: packages by their hash, and records of who put them.
+//! The avatar store: packages by their hash, and records of the owners that put them.
 //!
 //! `packages/HASH` are the bytes, `records/HASH/OWNER` says that this owner put them. An avatar is a person's likeness:
 //! an owner can read it only through a record. The record is written before the bytes and removed before

@@ -1,4 +1,4 @@
-//! Which bytes a request for a package is after (RFC 9110, 13 and 14): one range, or all.
+//! Which bytes of a package a request asks for (RFC 9110, 13 and 14): one range, or all.
 
 use axum::http::{HeaderMap, HeaderName, header};
 use link_protocol::PackageId;
@@ -10,7 +10,7 @@ pub(crate) struct ByteRange {
     pub(crate) count: u64,
 }
 
-/// What a request's conditions come to.
+/// The outcome of a request's conditions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Conditions {
     /// The client has it: 304.

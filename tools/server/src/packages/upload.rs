@@ -39,7 +39,7 @@ pub(crate) enum UploadError {
 }
 
 impl UploadError {
-    /// What it is counted as.
+    /// The label it is counted under.
     pub(crate) fn reason(&self) -> UploadRefusal {
         match self {
             Self::TooLarge { .. } => UploadRefusal::TooLarge,

@@ -1,4 +1,4 @@
-//! Rooms shared by NATS, and only its core. The instance that a room's sender is connected to subscribes to
+//! Instances share their rooms through NATS, and use only its core. The instance that a room's sender is connected to subscribes to
 //! the room's subject, the others send requests there; without a subscriber NATS answers at once. Nothing is stored, so no room is lost with
 //! an instance or a NATS server: the sender connects again.
 
@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Semaphore;
 
-/// How long NATS may take for what concerns no sender.
+/// How long NATS may take for requests that need no sender's answer.
 const NATS_WITHIN: Duration = Duration::from_secs(2);
 
 /// The connection to the other instances.
@@ -174,7 +174,7 @@ fn present_subject(room: Id) -> String {
     format!("mon3tr.1.room.{room}.present")
 }
 
-/// What distinguishes a sender's connections.
+/// The subject that distinguishes a sender's connections.
 fn present_id(presence: &Presence) -> Vec<u8> {
     presence.connection().to_string().into_bytes()
 }

@@ -1,4 +1,4 @@
-//! Clients that mean no good, and how the server stays there for the others.
+//! Hostile clients, and that the server keeps serving the others.
 
 use crate::support::{Outcome, PATIENCE, TestServer, package};
 use reqwest::{Method, StatusCode};
@@ -24,7 +24,7 @@ async fn connections_that_never_finish_their_request_head_are_closed_while_other
                 let (mut from, mut to) = stream.split();
                 let drip = async {
                     loop {
-                        // One that says nothing at all is waited for no longer than one that says little.
+                        // A client that sends nothing at all is waited for no longer than one that sends little.
                         if number % 4 != 0 && to.write_all(b"X: y\r\n").await.is_err() {
                             break;
                         }
@@ -55,7 +55,7 @@ async fn connections_that_never_finish_their_request_head_are_closed_while_other
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_download_that_nobody_reads_is_given_up() -> Outcome {
+async fn a_download_that_its_client_does_not_read_is_given_up() -> Outcome {
     let server = TestServer::start_with(|c| c.limits.pause = Duration::from_secs(1)).await?;
     let caller = &server.caller;
     let owner = caller.owner("ada");
@@ -95,7 +95,7 @@ async fn a_download_that_nobody_reads_is_given_up() -> Outcome {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn one_address_has_so_many_connections_and_no_more() -> Outcome {
+async fn the_connections_of_one_address_are_limited() -> Outcome {
     let server = TestServer::start_with(|c| c.limits.connections_per_address = 3).await?;
     let address = server.caller.address;
     let mut open = Vec::new();
@@ -127,8 +127,7 @@ async fn one_address_has_so_many_connections_and_no_more() -> Outcome {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_address_that_asks_too_fast_is_told_when_to_ask_again_whatever_it_says_it_is_forwarded_for()
--> Outcome {
+async fn the_rate_limit_counts_by_the_connections_address_and_ignores_x_forwarded_for() -> Outcome {
     let server = TestServer::start_with(|c| {
         c.limits.requests_per_second = 1;
         c.limits.request_burst = 5;

@@ -1,4 +1,4 @@
-//! Who is told what: without a genuine token nothing, with one nothing beyond its right.
+//! Access: without a genuine token a client learns nothing, with one nothing beyond its right.
 
 use crate::support::{
     ANSWER, OFFER, Outcome, PATIENCE, TestServer, announcement, files_below, package, unix_now,
@@ -11,7 +11,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_a_genuine_unexpired_token_every_route_says_the_same_whether_it_exists_or_not()
+async fn without_a_genuine_unexpired_token_every_route_answers_the_same_whether_it_exists_or_not()
 -> Outcome {
     let server = TestServer::start().await?;
     let caller = &server.caller;
@@ -176,7 +176,7 @@ async fn a_genuine_token_sees_nothing_it_has_no_right_to() -> Outcome {
 async fn no_path_leads_out_of_the_store() -> Outcome {
     let outside = tempfile::tempdir()?;
     let store = outside.path().join("store");
-    std::fs::write(outside.path().join("secret.txt"), "nobody's business")?;
+    std::fs::write(outside.path().join("secret.txt"), "a secret")?;
     let folder = store.clone();
     let server = TestServer::start_with(|c| c.store = server::StoreConfig::Local(folder)).await?;
     let caller = &server.caller;
@@ -253,7 +253,7 @@ static EARS: Ears = Ears(Mutex::new(String::new()));
 static LISTEN: Once = Once::new();
 
 #[tokio::test(flavor = "multi_thread")]
-async fn neither_logs_nor_metrics_hold_a_token_or_anything_a_client_made_up() -> Outcome {
+async fn neither_logs_nor_metrics_hold_a_token_or_text_of_a_client() -> Outcome {
     LISTEN.call_once(|| {
         if log::set_logger(&EARS).is_ok() {
             log::set_max_level(log::LevelFilter::Trace);

@@ -1,5 +1,5 @@
 //! A server as a process of its own, which can be killed, measured and confined. It is this test program once more,
-//! told by its environment to run the one test below.
+//! run again with an environment that selects the test below.
 
 use crate::support::{Caller, Outcome, PATIENCE, config};
 use serde_json::{Value, json};
@@ -10,7 +10,7 @@ use std::process::{Child, Command, Stdio};
 
 const ORDERS: &str = "MON3TR_TEST_SERVER";
 
-/// What the child is told.
+/// The child's settings.
 #[derive(Default)]
 pub(crate) struct Orders {
     pub(crate) folder: PathBuf,

@@ -1,4 +1,4 @@
-//! The server and `link-http`'s client, which were written apart by the same page.
+//! The server and `link-http`'s client, which were written apart from the same specification.
 
 use crate::support::{ANSWER, OFFER, Outcome, TestServer, package};
 use link_codec::Codec;
@@ -32,7 +32,7 @@ async fn our_client_puts_opens_enters_joins_fetches_and_leaves() -> Outcome {
     assert_eq!(
         client.announcement(&room.viewer).await?,
         None,
-        "nobody is there"
+        "no sender is there"
     );
     let early = client.offer(&room.viewer, OFFER).await;
     assert!(
@@ -68,7 +68,7 @@ async fn our_client_puts_opens_enters_joins_fetches_and_leaves() -> Outcome {
     assert_eq!(
         presence.next().await?,
         PresenceEvent::Leave { session },
-        "the sender is told"
+        "the sender gets the event"
     );
 
     // Half of it is here already, so that the server's ranges are asked for too.

@@ -128,7 +128,7 @@ async fn a_package_is_put_once_read_back_whole_and_in_parts_and_removed() -> Out
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn two_owners_of_the_same_bytes_do_not_know_of_each_other() -> Outcome {
+async fn two_owners_of_the_same_bytes_cannot_learn_of_each_other() -> Outcome {
     let server = TestServer::start().await?;
     let (caller, package) = (&server.caller, package());
     let (ada, eve) = (caller.owner("ada"), caller.owner("eve"));
@@ -184,8 +184,8 @@ async fn two_owners_of_the_same_bytes_do_not_know_of_each_other() -> Outcome {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_no_package_or_has_another_hash_is_refused_with_the_reason_and_leaves_nothing()
--> Outcome {
+async fn an_upload_that_is_no_package_or_has_another_hash_is_refused_and_leaves_nothing() -> Outcome
+{
     let server = TestServer::start().await?;
     let caller = &server.caller;
     let owner = caller.owner("ada");
@@ -245,7 +245,7 @@ async fn an_oversized_upload_is_refused_by_its_declared_length_and_while_it_stre
     let mut answer = [0; 12];
     tokio::time::timeout(PATIENCE, stream.read_exact(&mut answer)).await??;
     assert_eq!(&answer, b"HTTP/1.1 413", "before any byte of it");
-    // The whole of it, both ways of sending it.
+    // The whole package, with and without a declared length.
     let declared = caller.put_package(package(), &owner).await?;
     assert_eq!(declared.status(), StatusCode::PAYLOAD_TOO_LARGE, "declared");
     let chunks: Vec<_> = package().bytes.chunks(10_000).collect();
@@ -325,7 +325,7 @@ async fn an_upload_that_breaks_off_or_pauses_too_long_leaves_nothing_and_may_be_
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn more_uploads_at_once_than_allowed_are_told_to_come_back() -> Outcome {
+async fn uploads_over_the_limit_are_asked_to_retry_later() -> Outcome {
     let server = TestServer::start_with(|c| c.limits.uploads_at_once = 1).await?;
     let caller = &server.caller;
     let owner = caller.owner("ada");
@@ -357,7 +357,7 @@ async fn more_uploads_at_once_than_allowed_are_told_to_come_back() -> Outcome {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn many_owners_putting_and_removing_the_same_bytes_at_once_never_lose_anybodys() -> Outcome {
+async fn many_owners_putting_and_removing_the_same_bytes_at_once_never_lose_a_package() -> Outcome {
     let server = TestServer::start_with(|c| {
         c.limits.uploads_at_once = 64;
         c.limits.requests_per_second = 0;
@@ -391,7 +391,7 @@ async fn many_owners_putting_and_removing_the_same_bytes_at_once_never_lose_anyb
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_a_dead_server_left_half_done_is_swept_and_a_folder_has_one_server() -> Outcome {
+async fn unfinished_uploads_of_a_dead_server_are_swept_and_a_folder_has_one_server() -> Outcome {
     let folder = tempfile::tempdir()?;
     let packages = folder.path().join("packages");
     std::fs::create_dir_all(&packages)?;
@@ -401,7 +401,7 @@ async fn what_a_dead_server_left_half_done_is_swept_and_a_folder_has_one_server(
     std::fs::write(&staged, "half a pack")?;
     let path = folder.path().to_path_buf();
     let server = TestServer::start_with(|c| c.store = server::StoreConfig::Local(path)).await?;
-    assert!(!staged.exists(), "swept before anybody is served");
+    assert!(!staged.exists(), "swept before a client is served");
     for _ in 0..200 {
         if !orphan.exists() {
             break;

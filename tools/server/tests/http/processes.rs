@@ -1,4 +1,4 @@
-//! What only shows from outside a process: its death, its memory, its disk.
+//! What can be tested only from outside a process: its death, its memory, its disk.
 
 use crate::child::{Orders, ServerProcess};
 use crate::support::{Outcome, PATIENCE, Package, files_below, package};
@@ -178,7 +178,7 @@ async fn two_hundred_downloads_at_once_are_whole_and_take_bounded_memory() -> Ou
 }
 
 /// Puts the package on a server whose disk is too small: a 507, nothing left, and the server goes on.
-async fn is_told_that_the_disk_is_full(server: &ServerProcess) -> Outcome {
+async fn is_refused_because_the_disk_is_full(server: &ServerProcess) -> Outcome {
     let caller = &server.caller;
     let owner = caller.owner("ada");
     for _ in 0..2 {
@@ -206,7 +206,7 @@ async fn an_upload_that_the_file_size_limit_cuts_off_is_a_507_and_leaves_nothing
     // 32 KiB in sh's units of 512 bytes, or 64 KiB in bash's; ignored, the signal becomes an error of the write.
     let confine = "trap '' XFSZ; ulimit -f 64; exec \"$@\"";
     let server = ServerProcess::start_within(&orders, confine).await?;
-    is_told_that_the_disk_is_full(&server).await?;
+    is_refused_because_the_disk_is_full(&server).await?;
     assert_eq!(
         files_below(&orders.folder)?,
         Vec::<String>::new(),
@@ -260,7 +260,7 @@ async fn an_upload_onto_a_full_disk_is_a_507_and_leaves_nothing_wherever_it_is_f
             ..Orders::default()
         };
         let mut server = ServerProcess::start_within(&orders, &mounted).await?;
-        is_told_that_the_disk_is_full(&server).await?;
+        is_refused_because_the_disk_is_full(&server).await?;
         // Its disk is seen through its eyes.
         let id = server.process.0.id();
         let eyes = Path::new("/proc").join(id.to_string()).join("root");

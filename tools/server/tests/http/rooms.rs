@@ -1,4 +1,4 @@
-//! Rooms: who may enter, what they are told, and what happens when a sender comes again.
+//! Rooms: which token may enter, the events, and a sender that comes again.
 
 use crate::support::{OFFER, Outcome, TestServer, announcement, package};
 use reqwest::{Method, StatusCode};
@@ -64,7 +64,7 @@ async fn a_viewer_meets_the_sender_and_leaves_again() -> Outcome {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_sender_that_does_not_answer_costs_its_viewer_a_504_and_an_answer_nobody_waits_for_is_a_404()
+async fn a_sender_that_does_not_answer_costs_its_viewer_a_504_and_an_answer_without_a_waiting_viewer_is_a_404()
 -> Outcome {
     let server =
         TestServer::start_with(|c| c.limits.answer_within = Duration::from_millis(300)).await?;
@@ -117,7 +117,7 @@ async fn another_sender_with_the_same_token_replaces_the_first_and_comments_keep
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_sender_whose_stream_broke_comes_again_and_newcomers_get_in() -> Outcome {
+async fn a_sender_whose_stream_broke_comes_again_and_new_viewers_join() -> Outcome {
     let server = TestServer::start().await?;
     let caller = &server.caller;
     let room = caller.room("ada").await?;
@@ -126,7 +126,7 @@ async fn a_sender_whose_stream_broke_comes_again_and_newcomers_get_in() -> Outco
     drop(sender);
     let mut sender = caller.enter(&room).await?;
     caller.meet(&room, &mut sender).await?;
-    // One who joined before can still say goodbye.
+    // A viewer that joined before can still leave.
     caller.part(&room, &session, &mut sender).await?;
     Ok(())
 }
@@ -155,7 +155,7 @@ async fn an_announcement_is_checked_before_the_sender_is_let_in() -> Outcome {
     let server = TestServer::start().await?;
     let caller = &server.caller;
     let room = caller.empty_room("ada").await?;
-    // Somebody else's package is as good as none.
+    // Another owner's package counts as missing.
     caller.room("eve").await?;
     assert_eq!(
         caller.announce(&room).await?.status(),
@@ -257,7 +257,7 @@ async fn rooms_and_waiting_viewers_are_bounded() -> Outcome {
     );
     drop(bob);
 
-    // Two wait, and the third is told to come again.
+    // Two wait, and the third gets a 503.
     let join = |room: &crate::support::Room| {
         let (caller, room) = (caller.clone(), room.clone());
         tokio::spawn(async move { caller.join(&room).await })

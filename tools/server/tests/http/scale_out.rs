@@ -32,7 +32,7 @@ fn free_port() -> Outcome<u16> {
     Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?.port())
 }
 
-/// A program of somebody else's that listens on a port; killed when dropped.
+/// A third-party program that listens on a port; killed when dropped.
 fn listener(name: &'static str, command: &mut Command, port: u16, log: &Path) -> Service {
     service::start(|| {
         let service = Service::start(name, command.stdin(Stdio::null()), log, None);
@@ -102,7 +102,7 @@ impl Cluster {
     }
 }
 
-/// Asks how the server is until the answer is as wished.
+/// Polls `/healthz` until it answers as expected.
 async fn told(caller: &Caller, wished: StatusCode) -> Outcome<String> {
     let begun = Instant::now();
     while begun.elapsed() < PATIENCE {
@@ -168,7 +168,7 @@ async fn outlives_all(nats_program: &Path, python: &Path) -> Outcome {
     assert_eq!(
         absent.status(),
         StatusCode::SERVICE_UNAVAILABLE,
-        "nobody is there yet"
+        "no sender is there yet"
     );
     let mut sender = first.enter(&room).await?;
     let told: Value = second.get(&room.path(), &room.viewer).await?.json().await?;
@@ -185,7 +185,7 @@ async fn outlives_all(nats_program: &Path, python: &Path) -> Outcome {
     assert_eq!(
         second.answer(&room, &never).await?,
         StatusCode::NOT_FOUND,
-        "nobody waits"
+        "no viewer waits"
     );
     first.meet(&room, &mut sender).await?;
 
@@ -234,7 +234,7 @@ async fn outlives_all(nats_program: &Path, python: &Path) -> Outcome {
         "and says so"
     );
 
-    // A sender that comes just now is served here, and shared later.
+    // A sender that enters meanwhile is served here, and shared later.
     let mut sender = first.enter(&room).await?;
     first.meet(&room, &mut sender).await?;
 

@@ -230,8 +230,8 @@ impl Caller {
         Ok(request.body(ANSWER).send().await?.status())
     }
 
-    /// A viewer joins, the sender answers: the session that came of it.
-    /// One who has joined leaves, and the sender is told.
+    /// A viewer joins, the sender answers: returns the session.
+    /// A viewer that joined leaves, and the sender gets the event.
     pub(crate) async fn part(
         &self,
         room: &Room,
@@ -248,7 +248,7 @@ impl Caller {
         assert_eq!(
             told,
             Some(("leave".into(), json!({ "session": session }))),
-            "the sender is told"
+            "the sender gets the event"
         );
         Ok(())
     }

@@ -37,7 +37,7 @@ async fn with_a_certificate_the_server_speaks_tls_and_nothing_else() -> Outcome 
     );
     let plain = server.caller.get("/healthz", "").await;
     assert!(plain.is_err(), "no plain HTTP on the same port");
-    // One that connects and never shakes hands is not kept.
+    // A connection that never shakes hands is closed.
     let mut silent = TcpStream::connect(server.server.address()).await?;
     let mut nothing = Vec::new();
     let read = tokio::time::timeout(PATIENCE, silent.read_to_end(&mut nothing)).await?;

@@ -1,6 +1,6 @@
-//! `XR_KHR_composition_layer_depth`: the pictures' depth, with which a compositor moves them on to the moment of display.
+//! `XR_KHR_composition_layer_depth`: the pictures' depth, with which a compositor reprojects them to the display time.
 //!
-//! Without it the layers go without depth, and the compositor turns them only.
+//! Without it the layers have no depth, and the compositor reprojects by rotation only.
 
 use std::marker::PhantomData;
 
@@ -11,7 +11,7 @@ use openxr::{
 
 use super::Absent;
 
-/// That the runtime takes depth, and what the depth image's numbers mean: 0 at `near`, 1 at `far`, as a perspective
+/// The runtime takes depth. The depth image has 0 at `near`, 1 at `far`, as a perspective
 /// projection with Vulkan's depth range writes them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthRange {

@@ -1,7 +1,7 @@
-//! `XR_FB_foveation` with `_configuration` and `_vulkan`: swapchains whose images are drawn coarser where the eye sees little,
+//! `XR_FB_foveation` with `_configuration` and `_vulkan`: swapchains whose images are drawn coarser away from the centre of view,
 //! around the gaze with `XR_META_foveation_eye_tracked`.
 //!
-//! Without any of them swapchains are plain. Raw calls, because `openxr` 0.22 chains nothing to a swapchain's making.
+//! Without them swapchains are plain. Raw calls, because `openxr` 0.22 chains no structure to `XrSwapchainCreateInfo`.
 
 use ash::vk::{self, Handle as _};
 use glam::Vec2;
@@ -11,7 +11,7 @@ use openxr::{Graphics, Session, Swapchain, SwapchainCreateInfo, SystemId, Vulkan
 use super::{Absent, ask_system, outcome, refused};
 use crate::error::{XrContext, XrError};
 
-/// How images are drawn coarser towards their edge: at most by half, less where there is time to spare.
+/// How images are drawn coarser towards their edge: at most by half, less where the GPU has time to spare.
 pub struct Foveation {
     session: Session<Vulkan>,
     profile: sys::FoveationProfileFB,
@@ -103,14 +103,14 @@ impl Foveation {
         })
     }
 
-    /// Whether what is drawn finest is where the wearer looks, and not the middle.
+    /// Whether the finest part follows the wearer's gaze instead of staying in the middle.
     #[must_use]
     pub fn follows_gaze(&self) -> bool {
         self.follows_gaze
     }
 
-    /// Has the runtime put the finest part of a swapchain's next image where the wearer looks, and tells where that is in each
-    /// eye's picture, -1 to 1 from left to right and from bottom to top; to be called once per frame. None where it is the
+    /// Has the runtime put the finest part of a swapchain's next image where the wearer looks, and returns where that is in each
+    /// eye's picture, -1 to 1 from left to right and from bottom to top; call it once per frame. None where it is the
     /// middle, or the runtime does not know.
     pub fn follow_gaze(&self, swapchain: &Swapchain<Vulkan>) -> Option<[Vec2; 2]> {
         if !self.follows_gaze {
@@ -138,7 +138,7 @@ impl Foveation {
         })
     }
 
-    /// Images that can be foveated, with the profile set, and their density maps.
+    /// A swapchain's images that can be foveated, with the profile set, and their density maps.
     fn swapchain(
         &self,
         info: &SwapchainCreateInfo<Vulkan>,
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn the_profile_goes_with_it() {
+    fn dropping_it_destroys_the_profile() {
         let fake = FakeRuntime::with_everything();
         let (session, _, _) = fake.session(&fake.instance());
         let foveation = Foveation::new(&session, fake.system(), true).expect("foveation");

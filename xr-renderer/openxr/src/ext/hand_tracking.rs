@@ -1,6 +1,6 @@
-//! `XR_EXT_hand_tracking`: bare hands that hold by pinching.
+//! `XR_EXT_hand_tracking`: bare hands that grab by pinching.
 //!
-//! Without it hands are controllers. No model of a hand is drawn, and no gesture but two pinches is known.
+//! Without it hands are controllers. No hand is drawn, and two pinches are the only gestures.
 
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};
 use openxr::{HandJoint, HandJointLocations, HandTracker, Session, Space, SystemId, Time, Vulkan};
@@ -11,7 +11,7 @@ use crate::pose::{is_known, point, rigid};
 
 const EXTENSION: &str = "XR_EXT_hand_tracking";
 
-/// What one hand does.
+/// The state of one hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackedHand {
     /// The palm: -z towards the finger tips, y out of the hand's back.
@@ -109,7 +109,7 @@ impl HandTracking {
     }
 }
 
-/// Looks from the index finger's knuckle the way that the hand points: from the wrist between the knuckles of the index and the
+/// The aim from the index finger's knuckle in the direction that the hand points: from the wrist between the knuckles of the index and the
 /// middle finger. Both hardly move while finger tips pinch, so the aim holds still just when it matters.
 fn aim(joints: &HandJointLocations, up: Vec3A) -> Option<Affine3A> {
     let wrist = place(joints, HandJoint::WRIST)?;
@@ -125,7 +125,7 @@ fn aim(joints: &HandJointLocations, up: Vec3A) -> Option<Affine3A> {
 }
 
 fn joint(joint: HandJoint) -> usize {
-    // Joints count from 0; a negative one is no place in any array.
+    // Joints count from 0; a negative number is no index.
     usize::try_from(joint.into_raw()).unwrap_or(usize::MAX)
 }
 
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn the_palm_is_the_grip_and_the_aim_points_as_the_fingers_do() {
+    fn the_grip_is_the_palm_and_the_aim_follows_the_fingers() {
         let mut scene = Scene::new();
         scene
             .fake
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn fingers_that_meet_hold_and_the_middle_one_calls_the_overlay() {
+    fn an_index_pinch_grabs_and_a_middle_finger_pinch_toggles_the_overlay() {
         let mut scene = Scene::new();
         let mut with = |index, middle| {
             scene
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hand_that_is_not_seen_is_none_and_lets_go() {
+    fn an_untracked_hand_is_none_and_lets_go() {
         let mut scene = Scene::new();
         let pinched = hand(floor_from_palm(), 0.01, 0.08);
         scene.fake.set(|world| world.joints[1] = Some(pinched));
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn joints_that_are_not_known_take_the_pinch_and_the_aim_and_a_palm_that_is_not_the_hand() {
+    fn unknown_finger_joints_end_pinch_and_aim_and_an_unknown_palm_ends_the_hand() {
         let mut scene = Scene::new();
         let mut joints = hand(floor_from_palm(), 0.01, 0.08);
         joints[joint(HandJoint::INDEX_TIP)].location_flags = SpaceLocationFlags::EMPTY;
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn trackers_go_with_it() {
+    fn dropping_it_destroys_the_trackers() {
         let scene = Scene::new();
         let Scene { tracking, fake, .. } = scene;
         assert_eq!(fake.alive("hand tracker"), 2, "both hands'");

@@ -1,7 +1,7 @@
-//! `OpenXR`'s optional extensions, one file each, each with what happens where it is missing.
+//! `OpenXR`'s optional extensions, one file each, each with its fallback.
 //!
-//! A constructor gives the thing or says why there is none ([`Absent`]); the caller goes on without. Nothing here ends a
-//! session: a runtime that is lost is found out by the calls that cannot do without it.
+//! A constructor returns the extension's object or why there is none ([`Absent`]); the caller goes on without. Nothing here ends a
+//! session: a lost runtime is reported by the calls that need it.
 
 pub mod depth;
 pub mod foveation;
@@ -20,16 +20,16 @@ use openxr::{Instance, SystemId};
 
 pub use rate_choice::FrameTiming;
 
-/// Why an optional thing is not there.
+/// Why an optional extension is not available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Absent {
     /// The runtime lacks the extension, or it was not asked for.
     NotGranted(&'static str),
-    /// The runtime has the extension, and the headset nothing to do it with.
+    /// The runtime has the extension, but the headset does not support it.
     NotBySystem(&'static str),
-    /// The runtime has the extension, and the graphics device lacks what it needs.
+    /// The runtime has the extension, but the graphics device lacks what it needs.
     NotByDevice(&'static str),
-    /// The runtime has it and refuses it.
+    /// The runtime has it but refuses it.
     Refused {
         /// The call.
         call: &'static str,
@@ -54,7 +54,7 @@ impl fmt::Display for Absent {
     }
 }
 
-/// The thing, or none with the reason in the log.
+/// The extension's object, or none with the reason in the log.
 pub fn or_without<T>(what: &str, found: Result<T, Absent>) -> Option<T> {
     found
         .inspect_err(|why| log::info!("without {what}: {why}"))
@@ -75,7 +75,7 @@ pub(crate) fn outcome(result: sys::Result) -> Result<sys::Result, sys::Result> {
     }
 }
 
-/// Asks a system about one thing: fills `properties`, and whatever is chained to it.
+/// Queries a system's properties: fills `properties`, and whatever is chained to it.
 ///
 /// # Safety
 /// `properties` is a structure of `OpenXR` that may be chained to `XrSystemProperties`, its type set, its `next` null or such too.
@@ -103,7 +103,7 @@ mod tests {
     use crate::fake::{FakeRuntime, REQUIRED};
     use crate::input::Input;
 
-    /// What is to be had of a runtime, by the names of its extensions.
+    /// The available extensions of a runtime, by name.
     fn had(fake: &FakeRuntime) -> Vec<&'static str> {
         let instance = fake.instance();
         let (session, _, _) = fake.session(&instance);
@@ -138,7 +138,7 @@ mod tests {
         "XR_EXT_performance_settings",
     ];
 
-    /// Extensions, and what cannot be had without each.
+    /// Extensions, and which others need each.
     const TAKES_AWAY: [(&str, &[&str]); 12] = [
         ("XR_KHR_convert_timespec_time", &[]),
         ("XR_EXT_local_floor", &[]),
@@ -155,12 +155,12 @@ mod tests {
     ];
 
     #[test]
-    fn with_everything_there_all_is_had() {
+    fn a_complete_runtime_provides_all_extensions() {
         assert_eq!(had(&FakeRuntime::with_everything()), ALL, "had");
     }
 
     #[test]
-    fn each_extension_off_takes_away_what_rests_on_it_and_nothing_else() {
+    fn each_missing_extension_removes_only_those_that_need_it() {
         for (off, gone) in TAKES_AWAY {
             let fake = FakeRuntime::with_everything();
             fake.set(|world| world.extensions.retain(|name| *name != off));
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn each_extension_on_its_own_gives_what_rests_on_it_alone() {
+    fn each_single_extension_provides_only_what_needs_no_other() {
         let foveation: &[&str] = &[
             "XR_FB_swapchain_update_state",
             "XR_FB_foveation",
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bare_runtime_has_none_of_it_and_is_asked_for_none_of_it() {
+    fn a_bare_runtime_provides_no_extension_and_gets_no_call_of_one() {
         let fake = FakeRuntime::new(&[REQUIRED]);
         assert!(had(&fake).is_empty(), "nothing is had");
         let names = fake.names();
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_headset_without_the_parts_is_told_from_a_runtime_without_the_extension() {
+    fn a_headset_without_support_is_distinguished_from_a_runtime_without_the_extension() {
         let fake = FakeRuntime::with_everything();
         fake.set(|world| {
             world.system = Default::default();
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_call_of_an_extension_fails_the_rest_is_had() {
+    fn a_failing_call_of_one_extension_leaves_the_others() {
         let fails = [
             ("xrCreateHandTrackerEXT", ALL[1]),
             ("xrCreatePassthroughFB", ALL[2]),

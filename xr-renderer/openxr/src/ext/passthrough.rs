@@ -1,7 +1,7 @@
-//! `XR_FB_passthrough`: the room that the wearer is in, shown below our pictures.
+//! `XR_FB_passthrough`: the wearer's room, shown below our pictures.
 //!
 //! Without it the caller draws what is behind the people: a studio or a scene. Raw calls, because `openxr` 0.22's
-//! `Passthrough::start` calls `xrPassthroughPauseFB` and its handle cannot be had.
+//! `Passthrough::start` calls `xrPassthroughPauseFB` and its handle is private.
 
 use std::marker::PhantomData;
 use std::ops::Deref;
@@ -69,8 +69,8 @@ impl Passthrough {
         Ok(this)
     }
 
-    /// Runs or pauses it. To be told whenever the session becomes visible or hidden, or the wearer wants the room or not;
-    /// telling it twice is nothing. A runtime that refuses is logged, and what is shown stays as it was.
+    /// Runs or pauses it. Call it whenever the session becomes visible or hidden, or the wearer switches the room on or off;
+    /// a second call with the same value does nothing. A runtime's refusal is logged, and the picture stays as it was.
     pub fn show(&mut self, shown: bool) {
         if shown == self.runs {
             return;
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn its_layer_is_there_while_it_runs_and_lies_in_the_frame() {
+    fn its_layer_is_in_the_frame_while_it_runs() {
         let fake = FakeRuntime::with_everything();
         let instance = fake.instance();
         let (session, mut waiter, mut stream) = fake.session(&instance);
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_with_its_layer_before_its_session() {
+    fn it_is_destroyed_with_its_layer_before_its_session() {
         let fake = FakeRuntime::with_everything();
         drop(made(&fake));
         let names = fake.names();
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_runtime_of_the_extensions_first_versions_says_so_in_a_boolean() {
+    fn older_versions_of_the_extension_report_support_in_a_boolean() {
         let fake = FakeRuntime::with_everything();
         assert!(made(&fake).is_in_colour(), "the flags say colour");
         fake.set(|world| {

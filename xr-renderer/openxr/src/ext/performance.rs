@@ -1,4 +1,4 @@
-//! `XR_EXT_performance_settings`: asks for clocks that hold for as long as a call lasts, and hears when the headset gets hot.
+//! `XR_EXT_performance_settings`: asks for clock levels that the headset can sustain, and reports when it gets hot.
 //!
 //! Without it the runtime chooses the clocks and says nothing.
 
@@ -12,7 +12,7 @@ use openxr::{PerfSettingsEXT, Session, Vulkan};
 
 use super::{Absent, outcome, refused};
 
-/// Asks for sustained high levels of CPU and GPU: the highest that a headset promises to hold. To be asked once per session.
+/// Asks for sustained high levels of CPU and GPU: the highest that a headset promises to hold. Call it once per session.
 ///
 /// # Errors
 /// [`Absent`] where the runtime has no levels or refuses them.
@@ -45,7 +45,7 @@ pub enum Unit {
     Gpu,
 }
 
-/// What a unit has too little of.
+/// What a unit is short of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
     /// Time for the compositor.
@@ -56,27 +56,27 @@ pub enum Cause {
     Heat,
 }
 
-/// How bad it is.
+/// How severe it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Strain {
-    /// Not at all.
+    /// Normal.
     Normal,
-    /// Soon to be.
+    /// Warning: near its limit.
     Warning,
     /// The clocks are lowered.
     Impaired,
 }
 
-/// What the runtime says of its strain, for the log.
+/// A performance notice of the runtime, for the log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Thermal {
-    /// Where.
+    /// The unit.
     pub unit: Unit,
-    /// Why.
+    /// The cause.
     pub cause: Cause,
-    /// How it was.
+    /// The level before.
     pub from: Strain,
-    /// How it is.
+    /// The level now.
     pub to: Strain,
 }
 
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_headset_that_gets_hot_says_what_where_and_how_badly() {
+    fn a_performance_notice_has_unit_cause_and_level() {
         let thermal = heard(SubDomain::THERMAL, Notice::NORMAL, Notice::WARNING);
         let thermal = thermal.expect("a known event");
         assert!(thermal.worsens(), "{thermal:?}");
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn an_event_of_a_later_version_means_nothing() {
+    fn an_event_of_a_later_version_is_ignored() {
         let unknown = heard(SubDomain::from_raw(9), Notice::NORMAL, Notice::WARNING);
         assert_eq!(unknown, None, "a cause of the future");
         let unknown = heard(SubDomain::THERMAL, Notice::NORMAL, Notice::from_raw(99));

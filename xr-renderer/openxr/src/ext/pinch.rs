@@ -1,9 +1,9 @@
-//! When two finger tips count as touching. Pure: it calls nothing.
+//! When two finger tips count as touching. Pure: it makes no OpenXR calls.
 
 /// A pinch begins when the tips are nearer than this, metres.
 const BEGINS_M: f32 = 0.015;
 
-/// It ends when they are farther than this: a trembling finger does not let go.
+/// It ends when they are farther than this: so a trembling finger does not let go.
 const ENDS_M: f32 = 0.025;
 
 /// Two finger tips, touching or not.
@@ -13,7 +13,7 @@ pub(super) struct Pinch {
 }
 
 impl Pinch {
-    /// Takes the tips' distance, None where it is not known: then nothing is held.
+    /// Takes the tips' distance; None where it is not known, which ends the pinch.
     pub(super) fn update(&mut self, metres: Option<f32>) -> bool {
         let limit = if self.holds { ENDS_M } else { BEGINS_M };
         self.holds = metres.is_some_and(|metres| metres < limit);
@@ -38,7 +38,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hand_that_is_lost_lets_go() {
+    fn a_lost_hand_lets_go() {
         let mut pinch = Pinch::default();
         pinch.update(Some(0.01));
         assert!(!pinch.update(None), "lost");

@@ -1,6 +1,6 @@
-//! When a display can be asked for a higher rate, and when it has to go back. Pure: it calls nothing.
+//! When to ask a display for a higher rate, and when to go back. Pure: it makes no OpenXR calls.
 //!
-//! A rate is gone up to after it was held with room for a while; it is gone back from when frames are missed, and then not
+//! The rate rises after the present one was held with room for a while; it falls when frames are missed, and the higher one is then not
 //! tried again for a time that doubles with each failure, so that a scene at the edge does not flicker between two rates.
 
 /// Frames must have been in time with room for this long before the next rate is tried, seconds.
@@ -9,7 +9,7 @@ const HELD_S: f64 = 5.0;
 /// The share of the next rate's period that a frame may take.
 const ROOM: f32 = 0.8;
 
-/// So many missed frames within [`MISSED_S`] are too many; one alone may be another program's fault.
+/// The missed frames within [`MISSED_S`] that lower the rate; a single one may be another program's fault.
 const MISSED: usize = 3;
 
 /// See [`MISSED`], seconds.
@@ -26,7 +26,7 @@ const BACKOFF_MOST_S: f64 = 320.0;
 pub struct FrameTiming {
     /// When it is displayed, seconds of the runtime's clock.
     pub display_s: f64,
-    /// Whether it was there for its time: nothing older was shown in its place.
+    /// Whether it was in time: no older frame was shown in its place.
     pub in_time: bool,
     /// What CPU and GPU took for it, one after the other, milliseconds.
     pub busy_ms: f32,
@@ -37,20 +37,20 @@ pub struct FrameTiming {
 pub(super) struct RateChoice {
     /// Rising, Hz. Never empty.
     rates: Vec<f32>,
-    /// The rate that was asked for: below it is not gone.
+    /// The rate that was asked for, and the lowest that is chosen.
     lowest: usize,
     now: usize,
     /// Since when every frame had room, seconds.
     since: Option<f64>,
-    /// When frames were missed of late, seconds.
+    /// When frames were missed recently, seconds.
     missed: Vec<f64>,
-    /// Before this nothing higher is tried, seconds.
+    /// No higher rate is tried before this, seconds.
     backoff_until: f64,
     backoff_s: f64,
 }
 
 impl RateChoice {
-    /// Of these rates, the one nearest to the wanted. None where there are none.
+    /// Starts from the rate nearest to the wanted one. None where there are no rates.
     pub(super) fn new(rates: &[f32], wanted_hz: f32) -> Option<Self> {
         let mut rates: Vec<f32> = rates
             .iter()
@@ -89,7 +89,7 @@ impl RateChoice {
         }
     }
 
-    /// No other rate than the one there is now.
+    /// Keeps the present rate.
     pub(super) fn stay(&mut self) {
         let now = self.now_hz();
         self.rates = vec![now];
@@ -97,7 +97,7 @@ impl RateChoice {
         self.start_over();
     }
 
-    /// Takes a frame, and tells the rate to ask for, if another.
+    /// Takes a frame, and returns the rate to ask for, if it changes.
     pub(super) fn consider(&mut self, frame: &FrameTiming) -> Option<f32> {
         let at = frame.display_s;
         if frame.in_time {
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rate_nearest_to_the_wanted_is_started_with() {
+    fn it_starts_with_the_rate_nearest_to_the_requested_one() {
         let at = |wanted| RateChoice::new(&RATES, wanted).map(|choice| choice.now_hz());
         assert_eq!(at(72.0), Some(72.0), "the wanted");
         assert_eq!(at(80.0), Some(72.0), "below it");
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_with_room_bring_one_step_at_a_time_up_to_the_highest() {
+    fn frames_with_room_raise_the_rate_step_by_step() {
         let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
         // 6 ms are less than 0.8 of 1/120 s.
         assert_eq!(
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn one_missed_frame_starts_the_wait_over_and_costs_no_step() {
+    fn one_missed_frame_restarts_the_wait_and_keeps_the_rate() {
         let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
         frames(&mut choice, 0.0, 4.0, |_| true, 6.0);
         frames(&mut choice, 4.0, 0.01, |_| false, 6.0);
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn missed_frames_go_back_and_the_higher_rate_is_shunned_for_longer_each_time() {
+    fn missed_frames_lower_the_rate_and_the_backoff_grows_each_time() {
         let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
         let mut at = 0.0;
         let mut shunned = Vec::new();
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn it_never_goes_below_what_was_asked_for() {
+    fn it_never_goes_below_the_requested_rate() {
         let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
         assert_eq!(
             frames(&mut choice, 0.0, 30.0, |_| false, 30.0),
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_that_the_runtime_sets_by_itself_is_where_it_goes_on_from() {
+    fn it_continues_from_a_rate_that_the_runtime_sets_by_itself() {
         let mut choice = RateChoice::new(&RATES, 72.0).expect("rates");
         choice.is(60.0);
         assert_eq!(choice.now_hz(), 60.0, "hot");

@@ -1,6 +1,6 @@
 //! `XR_FB_display_refresh_rate`: asks for 72 Hz, and for more where frames keep up with room to spare.
 //!
-//! Without it the display has the rate it has: the period that the runtime predicts with every frame.
+//! Without it the display's rate stays; its period is what the runtime predicts with every frame.
 
 use openxr::{Session, Vulkan};
 
@@ -9,7 +9,7 @@ use super::{Absent, refused};
 
 const EXTENSION: &str = "XR_FB_display_refresh_rate";
 
-/// The rate to start with: the lowest that every headset of this kind has.
+/// The rate to start with: the lowest that headsets offer.
 pub const DEFAULT_HZ: f32 = 72.0;
 
 /// The display's refresh rate, and requests for another.
@@ -27,7 +27,7 @@ impl std::fmt::Debug for RefreshRate {
 }
 
 impl RefreshRate {
-    /// Lists the display's rates and asks for the one nearest to the wanted, which is not gone below.
+    /// Lists the display's rates and asks for the one nearest to the wanted, the lowest that is chosen.
     ///
     /// # Errors
     /// [`Absent`] where the runtime lists none. A request that it refuses is logged only: the display keeps its rate.
@@ -54,7 +54,7 @@ impl RefreshRate {
         Ok(this)
     }
 
-    /// As [`Self::new`], but the rate stays the nearest to the wanted, however frames do.
+    /// As [`Self::new`], but the rate stays the nearest to the wanted, whether frames are in time or not.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -70,19 +70,19 @@ impl RefreshRate {
         self.choice.rates()
     }
 
-    /// The rate there is, or was last asked for, Hz.
+    /// The present rate, or the one last asked for, Hz.
     #[must_use]
     pub fn now_hz(&self) -> f32 {
         self.choice.now_hz()
     }
 
-    /// The runtime says that the rate changed (`XrEventDataDisplayRefreshRateChangedFB`): because it was asked to, or by itself.
+    /// Takes the runtime's event that the rate changed (`XrEventDataDisplayRefreshRateChangedFB`): because it was asked to, or by itself.
     pub fn changed(&mut self, to_hz: f32) {
         log::info!("the display is refreshed at {to_hz} Hz");
         self.choice.is(to_hz);
     }
 
-    /// Takes how a frame went. Every frame is to be told in the order of display; the rate goes up one step after seconds with
+    /// Takes the timing of a frame. Call it for every frame, in the order of display; the rate goes up one step after seconds with
     /// room for it, and down again when frames are missed.
     pub fn consider(&mut self, frame: &FrameTiming) {
         let before = self.now_hz();
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn it_asks_for_the_default_and_for_more_when_that_is_held() {
+    fn it_requests_the_default_and_a_higher_rate_when_frames_are_in_time() {
         let fake = FakeRuntime::with_everything();
         fake.set(|world| world.rate_hz = 60.0);
         let (session, _, _) = fake.session(&fake.instance());
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fixed_rate_is_asked_for_once_and_kept_however_frames_do() {
+    fn a_fixed_rate_is_requested_once_and_kept() {
         let fake = FakeRuntime::with_everything();
         let (session, _, _) = fake.session(&fake.instance());
         let mut rate = RefreshRate::fixed(&session, 90.0).expect("rates");
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_display_that_stays_at_its_own_rate_is_known_by_that() {
+    fn a_display_without_a_choice_of_rates_keeps_its_own() {
         let fake = FakeRuntime::with_everything();
         fake.set(|world| world.rate_hz = 120.0);
         fake.fail(REQUEST, XrResult::ERROR_FEATURE_UNSUPPORTED);

@@ -6,12 +6,12 @@ use openxr::{Session, Vulkan};
 
 use super::Absent;
 
-/// What a thread does for the frames.
+/// A thread's part in making frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// Waits for frames, draws and shows them.
     RendererMain,
-    /// Makes what is drawn, at the frames' pace.
+    /// Prepares what is drawn, at the frames' rate.
     RendererWorker,
 }
 
@@ -59,7 +59,7 @@ mod tests {
     use crate::fake::FakeRuntime;
 
     #[test]
-    fn away_from_android_a_thread_is_told_that_there_is_nothing_to_register_with() {
+    fn registering_a_thread_is_absent_on_other_systems_than_android() {
         let fake = FakeRuntime::with_everything();
         let (session, _, _) = fake.session(&fake.instance());
         let before = fake.names();

@@ -1,12 +1,12 @@
 //! A runtime for tests that is a table of functions: no loader, service, headset or GPU.
 //!
-//! [`FakeRuntime::new`] lists the extensions that it is given. What it answers stands in its [`World`] and can be changed at
+//! [`FakeRuntime::new`] lists the extensions that it is given. Its answers come from its [`World`] and can be changed at
 //! any time ([`FakeRuntime::set`]); every call that is made to it is remembered as a line ([`FakeRuntime::calls`]); any call
-//! can be made to fail ([`FakeRuntime::fail`]). It takes calls in the wrong order as badly as a real runtime.
+//! can be made to fail ([`FakeRuntime::fail`]). It refuses calls in the wrong order, as a real runtime does.
 //! Where `World::obliging` is set, as it is at first, it leads sessions through their states by itself.
 //!
 //! Each test has its own: handles carry their runtime's number, so tests run side by side. Only what has no handle (making an
-//! instance) goes to the runtime that the calling thread made last or was told of by [`FakeRuntime::on_this_thread`].
+//! instance) goes to the runtime that the calling thread made last or was given by [`FakeRuntime::on_this_thread`].
 //!
 //! ```ignore
 //! let fake = FakeRuntime::new(&[REQUIRED, "XR_FB_passthrough"]);
@@ -59,7 +59,7 @@ pub(crate) use world::{EndedFrame, Source, World};
 /// What [`crate::extensions::Extensions`] insists on.
 pub(crate) const REQUIRED: &str = "XR_KHR_vulkan_enable2";
 
-/// The one system there is.
+/// The only system.
 pub(crate) const SYSTEM: u64 = 7;
 
 static RUNTIMES: LazyLock<Mutex<HashMap<u32, Arc<Mutex<World>>>>> = LazyLock::new(Mutex::default);
@@ -69,7 +69,7 @@ thread_local! {
     static CURRENT: Cell<u32> = const { Cell::new(0) };
 }
 
-/// One runtime. It is gone with this value: let it outlive what is made with it.
+/// One runtime. Dropping this value ends it: drop what was made with it first.
 pub(crate) struct FakeRuntime {
     id: u32,
     world: Arc<Mutex<World>>,
@@ -82,7 +82,7 @@ impl Drop for FakeRuntime {
 }
 
 impl FakeRuntime {
-    /// A runtime with these extensions, on this thread. [`REQUIRED`] is to be named too, unless it is to be missing.
+    /// A runtime with these extensions, on this thread. Name [`REQUIRED`] too, unless the test needs it to be missing.
     pub(crate) fn new(extensions: &[&'static str]) -> Self {
         let id = COUNT.fetch_add(1, Ordering::Relaxed);
         let world = Arc::new(Mutex::new(World::new(id, extensions)));
@@ -109,12 +109,12 @@ impl FakeRuntime {
         self
     }
 
-    /// From now on the calling thread makes its instances with this one.
+    /// The calling thread makes its instances with this runtime from now on.
     pub(crate) fn on_this_thread(&self) {
         CURRENT.set(self.id);
     }
 
-    /// The way to it, for `Runtime::of`.
+    /// Its entry points, for `Runtime::of`.
     pub(crate) fn entry(&self) -> Entry {
         self.on_this_thread();
         // SAFETY: the table has every function of the core, each doing what the specification lets it.
@@ -133,7 +133,7 @@ impl FakeRuntime {
             .expect("an instance")
     }
 
-    /// A session on Vulkan handles that are none.
+    /// A session on dummy Vulkan handles.
     pub(crate) fn session(
         &self,
         instance: &Instance,
@@ -177,7 +177,7 @@ impl FakeRuntime {
         self.set(|world| world.calls.clear());
     }
 
-    /// From now on that function gives this result: a failure, and nothing else happens; or another success.
+    /// That function returns this result from now on: a failure, without any effect, or another success code.
     pub(crate) fn fail(&self, name: &'static str, result: XrResult) {
         self.set(|world| world.scripts.insert(name, (result, u32::MAX)));
     }
@@ -187,17 +187,17 @@ impl FakeRuntime {
         self.set(|world| world.scripts.insert(name, (result, times)));
     }
 
-    /// From now on that function does what it should.
+    /// That function works again from now on.
     pub(crate) fn heal(&self, name: &'static str) {
         self.set(|world| world.scripts.remove(name));
     }
 
-    /// All that there is says `ERROR_INSTANCE_LOST` until there is a new instance.
+    /// Every call returns `ERROR_INSTANCE_LOST` until there is a new instance.
     pub(crate) fn lose_instance(&self) {
         self.set(|world| world.instance_lost = true);
     }
 
-    /// All that belongs to a session says `ERROR_SESSION_LOST` until there is a new one.
+    /// Every call on a session returns `ERROR_SESSION_LOST` until there is a new one.
     pub(crate) fn lose_session(&self) {
         self.set(|world| world.session_lost = true);
     }
@@ -275,7 +275,7 @@ impl FakeRuntime {
     }
 }
 
-/// A call's way into its runtime: remembered first, then failed where that is asked for or something is lost, else done.
+/// Runs a call on its runtime: records it, then fails it where the test asks for that or something is lost.
 fn call(
     handle: impl Handle,
     name: &'static str,
@@ -325,7 +325,7 @@ fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// A hand with its palm there, -z towards the finger tips, y out of its back, whose thumb's tip is so far from the tips of the
-/// index and the middle finger. Only joints that anyone asks for are where they would be.
+/// index and the middle finger. Only the joints that this crate reads have their right place.
 pub(crate) fn hand(
     room_from_palm: Affine3A,
     thumb_to_index_metres: f32,

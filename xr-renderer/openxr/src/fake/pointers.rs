@@ -10,25 +10,25 @@ use std::fmt::Write as _;
 
 use openxr::sys::{self, Result as XrResult, StructureType};
 
-/// What lies there.
+/// Reads the value.
 pub(super) fn read<T: Copy>(from: *const T) -> T {
     unsafe { from.read() }
 }
 
-/// So many that lie there.
+/// Reads so many values.
 pub(super) fn read_all<T: Copy>(from: *const T, count: u32) -> Vec<T> {
     (0..count as usize)
         .map(|place| unsafe { from.add(place).read() })
         .collect()
 }
 
-/// Puts it there.
+/// Writes the value.
 pub(super) fn give<T>(to: *mut T, value: T) -> XrResult {
     unsafe { to.write(value) };
     XrResult::SUCCESS
 }
 
-/// Changes what lies there.
+/// Changes the value in place.
 pub(super) fn change<T>(at: *mut T, change: impl FnOnce(&mut T)) -> XrResult {
     change(unsafe { &mut *at });
     XrResult::SUCCESS
@@ -140,7 +140,7 @@ pub(super) fn layers(info: &sys::FrameEndInfo) -> Vec<String> {
         .collect()
 }
 
-/// An event that waits. It is sent between threads: nothing is chained to it.
+/// A queued event. It is sent between threads, so no structure may be chained to it.
 pub(super) struct Event(pub(super) sys::EventDataBuffer);
 
 unsafe impl Send for Event {}

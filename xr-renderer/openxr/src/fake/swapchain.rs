@@ -8,7 +8,7 @@ use super::world::FakeSwapchain;
 
 const OK: XrResult = XrResult::SUCCESS;
 
-/// So many images has a swapchain.
+/// Images of a swapchain.
 const IMAGES: u32 = 3;
 
 pub(super) unsafe extern "system" fn enumerate_formats(

@@ -1,4 +1,4 @@
-//! That the stand-in keeps to what a real runtime keeps to, where our tests rest on it.
+//! The stand-in follows the specification where our tests rely on it.
 
 use openxr::sys::Result as XrResult;
 use openxr::{
@@ -22,7 +22,7 @@ fn states(instance: &Instance) -> Vec<SessionState> {
 }
 
 #[test]
-fn a_session_is_led_through_its_states_and_shows_frames() {
+fn a_session_passes_its_states_and_shows_frames() {
     let fake = FakeRuntime::new(&[REQUIRED]);
     let instance = fake.instance();
     let (session, mut waiter, mut stream) = fake.session(&instance);
@@ -73,7 +73,7 @@ fn calls_in_the_wrong_order_are_refused() {
 }
 
 #[test]
-fn what_is_lost_stays_lost_until_it_is_made_anew() {
+fn a_lost_instance_or_session_stays_lost_until_it_is_made_again() {
     let fake = FakeRuntime::new(&[REQUIRED]);
     let instance = fake.instance();
     let (session, _, _) = fake.session(&instance);
@@ -91,7 +91,7 @@ fn what_is_lost_stays_lost_until_it_is_made_anew() {
 }
 
 #[test]
-fn places_are_told_from_where_one_stands() {
+fn poses_are_relative_to_the_base_space() {
     let fake = FakeRuntime::new(&[REQUIRED]);
     let (session, _, _) = fake.session(&fake.instance());
     let space = |kind| {
@@ -114,7 +114,7 @@ fn places_are_told_from_where_one_stands() {
 }
 
 #[test]
-fn runtimes_side_by_side_know_nothing_of_one_another() {
+fn runtimes_side_by_side_are_independent() {
     let one = FakeRuntime::new(&[REQUIRED]);
     let of_one = one.instance();
     let other = FakeRuntime::new(&[REQUIRED]);

@@ -14,7 +14,7 @@ use super::world::World;
 
 const OK: XrResult = XrResult::SUCCESS;
 
-/// What the headset says of an extension that is enabled.
+/// The system properties of an enabled extension.
 pub(super) fn fill_system(world: &World, ty: StructureType, at: *mut c_void) {
     let system = &world.system;
     let has = |extension| world.has(extension);
@@ -49,7 +49,7 @@ pub(super) fn fill_system(world: &World, ty: StructureType, at: *mut c_void) {
     }
 }
 
-// XR_KHR_vulkan_enable2: handles that are none, unless the machine's own Vulkan is asked for.
+// XR_KHR_vulkan_enable2: dummy handles, unless the test asks for the machine's own Vulkan.
 
 pub(super) unsafe extern "system" fn create_vulkan_instance(
     instance: sys::Instance,

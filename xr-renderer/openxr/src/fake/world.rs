@@ -1,4 +1,4 @@
-//! What the runtime knows: of its headset, of what was made with it, and of what happened to it.
+//! The runtime's state: its headset, the objects made with it, and the calls so far.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
@@ -14,7 +14,7 @@ use super::device::{Images, Loader, SessionDevice};
 use super::pointers;
 use crate::pose::rigid;
 
-/// The state of a source of input. One that is not there at all is not active.
+/// The state of a source of input. A missing one is not active.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Source {
     /// Of a button, trigger or squeeze.
@@ -60,15 +60,15 @@ pub(super) struct FakeSwapchain {
     pub(super) maps: Option<Images>,
 }
 
-/// Everything. What tests may want to change comes first.
+/// Everything. The fields that tests change come first.
 pub(crate) struct World {
     /// Names of the extensions that it lists.
     pub(crate) extensions: Vec<&'static str>,
     pub(crate) system: System,
-    /// Whether it leads a session through its states by itself: to READY when made, to FOCUSED when begun, to STOPPING when asked
+    /// Whether it moves a session through its states by itself: to READY when made, to FOCUSED when begun, to STOPPING when asked
     /// to exit, to EXITING when ended.
     pub(crate) obliging: bool,
-    /// Whether Vulkan is the machine's own, and not handles that are none.
+    /// Whether Vulkan is the machine's own, and not dummy handles.
     pub(crate) vulkan: bool,
     pub(crate) reference_spaces: Vec<ReferenceSpaceType>,
     pub(crate) blend_modes: Vec<EnvironmentBlendMode>,
@@ -210,7 +210,7 @@ impl World {
         handle
     }
 
-    /// What the script says, else what happens.
+    /// The result that the test set, else what `work` returns.
     pub(super) fn scripted(
         &mut self,
         name: &'static str,
@@ -245,7 +245,7 @@ impl World {
         self.state = state;
     }
 
-    /// Leads the session on, if it is to.
+    /// Moves the session to its next state, if it does so by itself.
     pub(super) fn oblige(&mut self, states: &[SessionState]) {
         if self.obliging {
             for state in states {
@@ -258,7 +258,7 @@ impl World {
         self.enabled.iter().any(|name| name == extension)
     }
 
-    /// What of an action's sources is there, of the profile in use. Eyes are no controllers: theirs is always in use.
+    /// The active sources of an action, in the profile in use. The profile of the eyes is always in use.
     pub(super) fn sources_of(&self, action: u64, subaction: u64) -> Vec<Source> {
         let hand = self.path(subaction);
         let in_use = |profile: &String| Some(profile.as_str()) == self.profile;

@@ -60,7 +60,7 @@ fn at(x: f32) -> Affine3A {
 }
 
 #[test]
-fn controllers_say_where_they_are_and_nothing_where_there_are_none() {
+fn controllers_have_poses_and_missing_ones_have_none() {
     for profile in [SIMPLE, TOUCH] {
         let controls = Scene::with(profile).sync();
         for (hand, x) in controls.hands.iter().zip([-0.2, 0.2]) {
@@ -74,7 +74,7 @@ fn controllers_say_where_they_are_and_nothing_where_there_are_none() {
 }
 
 #[test]
-fn the_select_button_of_a_simple_controller_holds() {
+fn the_select_button_of_a_simple_controller_grabs() {
     let mut scene = Scene::with(SIMPLE);
     assert_eq!(scene.holds(), [false, false], "at first");
     scene.press("/user/hand/right/input/select/click", 1.0);
@@ -84,7 +84,7 @@ fn the_select_button_of_a_simple_controller_holds() {
 }
 
 #[test]
-fn a_squeeze_holds_when_firm_and_lets_go_when_loose() {
+fn a_firm_squeeze_grabs_and_a_loose_one_lets_go() {
     let mut scene = Scene::with(TOUCH);
     let mut squeezed = |value| {
         scene.press("/user/hand/left/input/squeeze/value", value);
@@ -98,7 +98,7 @@ fn a_squeeze_holds_when_firm_and_lets_go_when_loose() {
 }
 
 #[test]
-fn a_controller_that_goes_lets_go() {
+fn a_controller_that_disappears_lets_go() {
     let mut scene = Scene::with(TOUCH);
     scene.press("/user/hand/left/input/squeeze/value", 0.8);
     assert!(scene.holds()[0], "held");
@@ -129,7 +129,7 @@ fn the_overlay_is_toggled_once_for_each_press() {
 }
 
 #[test]
-fn a_tracked_hand_stands_in_for_a_controller_that_is_not_there() {
+fn a_tracked_hand_replaces_a_missing_controller() {
     let mut scene = Scene::with(TOUCH);
     for side in [0, 1] {
         let pinched = Some(hand(at(0.0), 0.01, 0.08));
@@ -166,7 +166,7 @@ fn the_left_hands_middle_finger_toggles_the_overlay_and_the_rights_does_not() {
 }
 
 #[test]
-fn the_fingers_of_a_hand_that_holds_a_controller_mean_nothing() {
+fn the_fingers_of_a_hand_that_holds_a_controller_are_ignored() {
     let mut scene = Scene::with(TOUCH);
     let joints = Some(hand(at(0.0), 0.06, 0.01));
     scene.fake.set(|world| world.joints[0] = joints);

@@ -1,4 +1,4 @@
-//! A headset and its session on the stand-in runtime, with the machine's own Vulkan: what comes of what the runtime says.
+//! A headset and its session on the stand-in runtime, with the machine's own Vulkan: what follows from the runtime's events.
 
 use openxr::SessionState as XrSessionState;
 use openxr::{ReferenceSpaceType, Time, sys};
@@ -102,7 +102,7 @@ fn a_session_goes_from_made_to_exit_and_leaves_nothing_behind() {
 }
 
 #[test]
-fn a_runtime_that_goes_away_is_a_loss_and_can_be_opened_again() {
+fn a_lost_runtime_is_a_loss_and_can_be_opened_again() {
     let fake = everything();
     let Some(headset) = open(&fake) else { return };
     let mut session = begun(&headset);
@@ -118,7 +118,7 @@ fn a_runtime_that_goes_away_is_a_loss_and_can_be_opened_again() {
 }
 
 #[test]
-fn a_session_that_is_lost_is_a_loss_wherever_it_is_noticed() {
+fn a_lost_session_is_a_loss_in_every_call() {
     let fake = everything();
     let Some(headset) = open(&fake) else { return };
     let mut session = begun(&headset);
@@ -137,7 +137,7 @@ fn a_session_that_is_lost_is_a_loss_wherever_it_is_noticed() {
 }
 
 #[test]
-fn losses_that_are_announced_are_told_before_they_come() {
+fn an_announced_loss_is_reported_before_it_happens() {
     let fake = everything();
     let Some(headset) = open(&fake) else { return };
     let mut session = begun(&headset);
@@ -151,7 +151,7 @@ fn losses_that_are_announced_are_told_before_they_come() {
 }
 
 #[test]
-fn a_viewer_who_recentres_is_told_once() {
+fn recentring_is_reported_once() {
     let fake = everything();
     let Some(headset) = open(&fake) else { return };
     let mut session = begun(&headset);
@@ -179,7 +179,7 @@ fn the_room_is_shown_while_the_session_is_seen() {
 }
 
 #[test]
-fn a_runtime_with_nothing_optional_runs_a_session_all_the_same() {
+fn a_runtime_without_optional_extensions_runs_a_session() {
     let fake = FakeRuntime::new(&[REQUIRED]).with_vulkan();
     fake.set(|world| {
         world.reference_spaces = vec![ReferenceSpaceType::VIEW, ReferenceSpaceType::LOCAL];
@@ -195,7 +195,7 @@ fn a_runtime_with_nothing_optional_runs_a_session_all_the_same() {
     assert_eq!(session.refresh_hz(), None, "the rate");
     let none = Tracks {
         hands: false,
-        gaze: false,
+        foveation_follows_gaze: false,
     };
     assert_eq!(session.tracks(), none, "hands and gaze");
     let missing = headset.extensions().missing();
@@ -203,7 +203,7 @@ fn a_runtime_with_nothing_optional_runs_a_session_all_the_same() {
 }
 
 #[test]
-fn each_thing_that_is_not_there_gives_its_own_line() {
+fn each_missing_extension_has_its_own_log_line() {
     type Is = fn(&XrError) -> bool;
     let cases: [(&str, sys::Result, Is, &str); 4] = [
         (

@@ -1,4 +1,4 @@
-//! Pictures on their way into a headset's images, on the stand-in runtime with the machine's own Vulkan.
+//! Pictures drawn or copied into a headset's images, on the stand-in runtime with the machine's own Vulkan.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ const SIZE: [u32; 2] = [320, 240];
 struct Seen {
     way: RenderPath,
     eyes: [EyePicture; 2],
-    /// As the compositor was told of it.
+    /// As it was submitted to the compositor.
     layers: String,
     /// Both eyes' depth images, all of them, where the compositor got depth.
     depths: Option<Vec<f32>>,
@@ -165,7 +165,7 @@ fn compared(one: &[EyePicture; 2], other: &[EyePicture; 2]) -> (f64, u8) {
     (10.0 * (255.0 * 255.0 / mean).log10(), most)
 }
 
-/// That a runtime's images can be copied to, and no more.
+/// Makes a runtime's images such that they can only be copied to.
 fn only_copied(world: &mut World) {
     world.refused_usage = Usage::COLOR_ATTACHMENT | Usage::DEPTH_STENCIL_ATTACHMENT;
 }
@@ -173,7 +173,7 @@ fn only_copied(world: &mut World) {
 const DIRECT: RenderPath = RenderPath::Direct { foveated: false };
 
 #[test]
-fn quads_drawn_straight_into_the_images_are_those_that_are_composed_and_copied() {
+fn quads_drawn_directly_into_the_images_equal_those_that_are_composed_and_copied() {
     let cloud = cloud();
     // RGBA and BGRA, in the sRGB curve and linear; and D32_SFLOAT.
     for format in [43, 50, 37, 44] {
@@ -194,7 +194,10 @@ fn quads_drawn_straight_into_the_images_are_those_that_are_composed_and_copied()
                 (DIRECT, RenderPath::Copied),
                 "ways"
             );
-            assert_eq!(direct.layers, copied.layers, "what the compositor is told");
+            assert_eq!(
+                direct.layers, copied.layers,
+                "the layers for the compositor"
+            );
             let (db, most) = compared(&direct.eyes, &copied.eyes);
             println!("format {format}, {surround:?}: {db:.1} dB, {most} of 255 at most");
             assert!(
@@ -212,7 +215,7 @@ fn quads_drawn_straight_into_the_images_are_those_that_are_composed_and_copied()
 }
 
 #[test]
-fn the_compositor_gets_the_distance_of_what_a_pixel_shows_whichever_way_it_came() {
+fn the_compositor_gets_the_depth_of_each_pixel_on_either_path() {
     let distance = 2.0f32;
     // Straight ahead of the left eye, which is 3.2 cm beside the middle.
     let ball = ball(Vec3::new(-0.032, 1.6, -distance), 0.05, 0.98);
@@ -248,7 +251,7 @@ fn the_compositor_gets_the_distance_of_what_a_pixel_shows_whichever_way_it_came(
 }
 
 #[test]
-fn pictures_of_less_resolution_lie_in_the_upper_left_of_the_images_by_either_way() {
+fn pictures_of_less_resolution_lie_in_the_upper_left_of_the_images_on_either_path() {
     let cloud = cloud();
     let half = Made {
         share: 0.5,
@@ -264,14 +267,17 @@ fn pictures_of_less_resolution_lie_in_the_upper_left_of_the_images_by_either_way
         (DIRECT, RenderPath::Copied),
         "ways"
     );
-    assert_eq!(direct.layers, copied.layers, "what the compositor is told");
+    assert_eq!(
+        direct.layers, copied.layers,
+        "the layers for the compositor"
+    );
     assert_eq!([direct.eyes[0].width, direct.eyes[0].height], [160, 120]);
     let (db, most) = compared(&direct.eyes, &copied.eyes);
     assert!(db >= 55.0 && most <= 2, "{db:.1} dB, {most} of 255");
 }
 
 #[test]
-fn depth_images_that_cannot_be_drawn_into_have_all_of_the_picture_copied() {
+fn without_drawable_depth_images_the_whole_picture_is_copied() {
     let refused = |world: &mut World| world.refused_usage = Usage::DEPTH_STENCIL_ATTACHMENT;
     let Some(seen) = show(refused, QUADS, &cloud()) else {
         return;
@@ -281,7 +287,7 @@ fn depth_images_that_cannot_be_drawn_into_have_all_of_the_picture_copied() {
 }
 
 #[test]
-fn a_compositor_that_takes_no_depth_is_drawn_for_without_it() {
+fn a_compositor_without_depth_gets_no_depth() {
     let without = |world: &mut World| {
         world
             .extensions
@@ -309,7 +315,7 @@ fn a_device_without_density_maps_is_given_plain_images_and_draws_into_them() {
 }
 
 #[test]
-fn a_frame_onto_whose_canvas_nothing_was_drawn_ends_without_a_picture() {
+fn a_frame_with_an_unused_canvas_ends_without_a_picture() {
     let fake = everything();
     let Some(headset) = open(&fake) else { return };
     let mut session = begun(&headset);
@@ -349,7 +355,7 @@ fn a_picture_larger_than_the_images_is_refused() {
 }
 
 #[test]
-fn back_ends_that_were_compared_for_other_pictures_are_compared_anew_for_a_headsets() {
+fn back_ends_are_compared_again_for_a_headsets_pictures() {
     let fake = everything();
     let Some(headset) = open_sized(&fake, SIZE) else {
         return;

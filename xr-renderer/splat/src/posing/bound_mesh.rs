@@ -30,7 +30,7 @@ pub struct BoundMeshParts<'a> {
     pub skin_joints: &'a [[u8; 4]],
     /// `[N_v]` their shares, which sum to 1.
     pub skin_weights: &'a [[f32; 4]],
-    /// `[N_g]` vertices of the triangle a Gaussian hangs on.
+    /// `[N_g]` vertices of the triangle a Gaussian is bound to.
     pub corners: &'a [[u32; 3]],
     /// `[N_g]` barycentric weights of its second and third corner.
     pub barycentrics: &'a [[f32; 2]],
@@ -52,7 +52,7 @@ pub struct BoundMeshParts<'a> {
     pub values: &'a [i8],
 }
 
-/// Fewer Gaussians than all, for a device that cannot draw them all in time.
+/// A level of detail: the Gaussians for a device that cannot draw all in time.
 #[derive(Debug, Clone, Copy)]
 pub struct DetailLevel<'a> {
     /// Indices of those that are drawn; the memory is read best in ascending order.
@@ -65,7 +65,7 @@ pub struct DetailLevel<'a> {
 /// A kept Gaussian's word: its index below its growth; `GROWTH_SHIFT` in the shader.
 const INDEX_BITS: u32 = 24;
 const INDEX_MASK: u32 = (1 << INDEX_BITS) - 1;
-/// Steps of growth in an octave, and the most there is room for.
+/// Steps of growth in an octave, and the largest growth that fits.
 const GROWTH_STEPS: f32 = 64.0;
 const MOST_GROWTH: f32 = 3.9;
 

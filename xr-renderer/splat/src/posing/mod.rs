@@ -1,9 +1,9 @@
-//! Gaussians that hang on a skinned mesh, posed on the device: they are never uploaded.
+//! Gaussians bound to a skinned mesh, posed on the device: they are never uploaded.
 //!
 //! A [`BoundMesh`] is uploaded once; each pose after it is its mesh, its joints and its controllers' potentials
 //! ([`PosedInput`]), a quarter of a megabyte for a person of 60,000 Gaussians. Three compute passes make a *state* of it
-//! and, for each picture, Gaussians between two states (paper, sections IV-B and V). What computes the mesh and the
-//! potentials is not known here.
+//! and, for each picture, Gaussians between two states (paper, sections IV-B and V). Where the mesh and the
+//! potentials come from is not known here.
 
 mod bound_mesh;
 mod input;

@@ -21,14 +21,14 @@ use crate::motion_bound::{Change, MotionBound};
 const RING: u32 = 4;
 /// Invocations per workgroup.
 const GROUP: u32 = 64;
-/// Stands for no list of Gaussians; `ALL` in `shaders/interpolate.comp`.
+/// Means "all Gaussians, no list"; `ALL` in `shaders/interpolate.comp`.
 const ALL: u32 = u32::MAX;
 /// Farther than an order is kept for, metres.
 const ANYWHERE: f32 = 1.0;
 /// Numbers a shader reads at once.
 const VECTOR: usize = 4;
 
-/// Rings so far: no two may give a state the same name, also after a device was lost.
+/// The number of rings so far, so that no two give a state the same name, even after a device was lost.
 static RINGS: AtomicU64 = AtomicU64::new(0);
 
 /// A mesh's poses, states and Gaussians on the device.
@@ -50,7 +50,7 @@ pub(crate) struct Posing {
     /// The Gaussians of the current picture.
     current: Buffer,
     slots: [Slot; RING as usize],
-    /// What the current Gaussians are, and what they are to be.
+    /// The state of the current Gaussians, and the one asked for.
     made: Option<Interpolation>,
     wanted: Option<Interpolation>,
     motion: MotionBound,
@@ -277,7 +277,7 @@ impl Posing {
         barrier(&self.gpu, commands);
     }
 
-    /// Takes what the current Gaussians are to be, of states that are here.
+    /// Sets the states, kept in the ring, that the current Gaussians are interpolated from.
     pub(crate) fn show(&mut self, between: Interpolation) -> Result<(), RenderError> {
         self.check_kept(between.from)?;
         self.check_kept(between.to)?;

@@ -1,4 +1,4 @@
-//! The passes by themselves, for callers that want the Gaussians rather than a picture.
+//! The posing passes alone, for callers that need the Gaussians rather than a picture.
 
 use std::sync::Arc;
 
@@ -76,7 +76,7 @@ impl Poser {
         })
     }
 
-    /// Takes a pose. What is made of it is kept until four more are taken.
+    /// Takes a pose. Its state is kept until four more are taken.
     ///
     /// # Errors
     /// [`RenderError::PosedInput`] if its sizes are not the mesh's, or a device that fails.

@@ -206,7 +206,7 @@ impl Activity {
         Ok(())
     }
 
-    /// What became of them.
+    /// How many were taken and finished.
     pub(crate) fn input_figures(&self, shims: &Shims) -> InputFigures {
         shims.input_figures(self.queue)
     }

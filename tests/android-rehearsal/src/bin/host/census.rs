@@ -1,4 +1,4 @@
-//! What the process holds, by what the kernel says.
+//! The process's threads, descriptors, memory and libraries, from the kernel.
 
 use android_rehearsal::protocol::Census;
 use anyhow::Context;

@@ -1,4 +1,4 @@
-//! The host process: loads the app's library as Android would, and does to it what the driver asks, one line at a time.
+//! The host process: loads the app's library as Android would, and executes the driver's requests, one line at a time.
 //!
 //!     host LIBMAIN FOLDER LIBRARIES
 //!
@@ -23,7 +23,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-/// How long input events may lie in their queue before the driver is told what became of them.
+/// How long input events may lie in their queue before the driver gets their state.
 const INPUT: Duration = Duration::from_millis(600);
 
 /// The Java machine, for the hook that the shim of `libandroid.so` calls.

@@ -1,4 +1,4 @@
-//! What the host asks of the shims of `libandroid.so` and `libopenxr_loader.so`, beside what the app does (`shims/`).
+//! The host's calls into the shims of `libandroid.so` and `libopenxr_loader.so`, beside the app's own (`shims/`).
 
 use android_rehearsal::protocol::{FrameFigures, InputFigures};
 use anyhow::Context;
@@ -59,14 +59,14 @@ impl Shims {
         unsafe { (self.new_window)() }
     }
 
-    /// Frees a window that the app was told is gone; leaves null in its place.
+    /// Frees a window after the app got the event of its destruction; leaves null in its place.
     pub(crate) fn free_window(&self, window: &mut *mut c_void) {
         let window = std::mem::replace(window, std::ptr::null_mut());
-        // SAFETY: `new_window` made it, or it is null. Nobody has it any longer: it is the framework's to free.
+        // SAFETY: `new_window` made it, or it is null. The app has released it: the framework frees it.
         unsafe { (self.free_window)(window) };
     }
 
-    /// Frees a queue that the app was told is gone; leaves null in its place.
+    /// Frees a queue after the app got the event of its destruction; leaves null in its place.
     pub(crate) fn free_queue(&self, queue: &mut *mut c_void) {
         let queue = std::mem::replace(queue, std::ptr::null_mut());
         if !queue.is_null() {
@@ -88,7 +88,7 @@ impl Shims {
 
     pub(crate) fn put_input(&self, queue: *mut c_void, events: u32) {
         let events = c_int::try_from(events).unwrap_or(c_int::MAX);
-        // SAFETY: a queue that `new_queue` made and nobody freed.
+        // SAFETY: a queue that `new_queue` made and that was not freed.
         unsafe { (self.put_input)(queue, events) };
     }
 

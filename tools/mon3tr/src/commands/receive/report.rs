@@ -296,12 +296,12 @@ fn print_headset(headset: &HeadsetFigures) {
         headset.headset, headset.runtime, headset.device
     );
     println!(
-        "           floor: {}; behind: {}; depth: {}; hands: {}; gaze: {}",
+        "           floor: {}; behind: {}; depth: {}; hands: {}; foveation follows gaze: {}",
         headset.floor,
         headset.surround,
         yes(headset.depth),
         yes(headset.hands),
-        yes(headset.gaze)
+        yes(headset.foveation_follows_gaze)
     );
     if let Some(way) = &headset.way {
         println!("           pictures are {way}");

@@ -23,7 +23,7 @@ struct Mesh {
     quads: Vec<Quad>,
 }
 
-/// A tube around the x axis: `rings` places along it, `sides` around, at x and radius as `shape` says of the place
+/// A tube around the x axis: `rings` places along it, `sides` around, at x and radius as `shape` gives them for the place
 /// (0 to 1) and the angle.
 fn tube(rings: u16, sides: u16, shape: impl Fn(f32, f32) -> Vec2) -> Mesh {
     let mut mesh = Mesh {
@@ -130,7 +130,7 @@ fn a_sleeve_takes_the_weights_of_the_arm_in_it() {
 }
 
 #[test]
-fn what_hangs_far_away_or_is_turned_inward_is_filled_in_from_the_rest() {
+fn far_or_inward_facing_vertices_are_filled_in_from_the_rest() {
     let (arm, weights) = arm();
     let source = Source::new(&arm.vertices, &arm.quads, &weights);
     // Its front billows over the elbow, its end flares and then turns back inside.
@@ -164,7 +164,7 @@ fn what_hangs_far_away_or_is_turned_inward_is_filled_in_from_the_rest() {
 }
 
 #[test]
-fn a_sleeve_beside_the_trunk_hangs_on_the_arm_alone() {
+fn a_sleeve_beside_the_trunk_follows_the_arm_alone() {
     let (arm, mut weights) = arm();
     // The trunk is a hair's breadth off the sleeve, nearer to its inner side than the arm is.
     let trunk = tube(41, 64, |t, _| Vec2::new(6.0 * t, 1.5)).moved(Vec3::Y * -2.2);
@@ -218,7 +218,7 @@ fn own_weights_are_kept_and_reach_into_the_gaps() {
 }
 
 #[test]
-fn a_button_that_finds_nothing_hangs_on_what_is_closest() {
+fn a_button_without_matches_follows_its_closest_points() {
     let (arm, weights) = arm();
     let source = Source::new(&arm.vertices, &arm.quads, &weights);
     let sleeve = tube(47, 20, |t, _| Vec2::new(0.9 + 4.3 * t, 0.62));

@@ -83,7 +83,7 @@ impl Object {
         }
     }
 
-    /// Whether one of class `sub` may stand where one of class `class` is wanted.
+    /// Whether one of class `sub` may be used where class `class` is expected.
     pub(super) fn extends(sub: &str, class: &str) -> bool {
         sub == class
             || class == "java/lang/Object"
@@ -232,7 +232,7 @@ pub(super) fn member(id: usize) -> Option<Member> {
     MEMBERS.get(id.checked_sub(1)?).map(|member| member.3)
 }
 
-/// What a member gives: an object or null, or what is thrown.
+/// The result of a member: an object or null, or an exception.
 pub(super) fn ask(
     object: &Object,
     member: Member,
@@ -298,7 +298,7 @@ pub(super) fn set_library_folder(folder: &str) {
     let _ = LIBRARIES.set(folder.to_owned());
 }
 
-/// Who asked an activity to finish.
+/// The caller that asked an activity to finish.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Finish {
     /// Java's `Activity.finish`, which the app calls.
@@ -307,7 +307,7 @@ pub(super) enum Finish {
     Native,
 }
 
-/// For each activity, how often it was asked to finish, by each.
+/// For each activity, how often it was asked to finish, by each caller.
 static FINISHES: Mutex<Vec<[u32; 2]>> = Mutex::new(Vec::new());
 
 fn finishes_locked() -> MutexGuard<'static, Vec<[u32; 2]>> {

@@ -1,4 +1,4 @@
-//! References as native code holds them: numbers, never addresses, so that a reference that was deleted is noticed and not followed.
+//! References that native code holds: numbers, never addresses, so that a reference that was deleted is noticed and not followed.
 
 use super::objects::Object;
 use android_rehearsal::protocol::JavaCensus;
@@ -38,7 +38,7 @@ fn state() -> MutexGuard<'static, State> {
 struct Frame {
     promised: usize,
     references: Vec<usize>,
-    told: bool,
+    is_reported: bool,
 }
 
 /// A thread that is attached.
@@ -49,7 +49,7 @@ struct Attached {
 }
 
 impl State {
-    /// Forgets a thread and its local references; says whether it was attached.
+    /// Forgets a thread and its local references; returns whether it was attached.
     fn detach(&mut self, thread: i32) -> bool {
         let Some(attached) = self.threads.remove(&thread) else {
             return false;
@@ -73,7 +73,7 @@ fn this_thread() -> i32 {
 /// Rounds of destructors of thread-local values that the C library runs at least (`PTHREAD_DESTRUCTOR_ITERATIONS`).
 const ROUNDS: usize = 4;
 
-/// Has `at_end` called when the calling thread ends, after the destructors of everybody else's thread-local values: jni-rs detaches in
+/// Calls `at_end` when the calling thread ends, after the destructors of all other thread-local values: jni-rs detaches in
 /// one of those, and only a thread that is attached after it is in the wrong.
 fn watch_end_of_thread() {
     static KEY: LazyLock<libc::pthread_key_t> = LazyLock::new(|| {
@@ -97,10 +97,10 @@ fn watch_end_of_thread() {
     set(1);
 }
 
-/// Something that a real machine would not forgive.
+/// An error that would crash a real machine.
 pub(super) fn fault(what: String) {
     let mut state = state();
-    // One of each kind says enough.
+    // One of each kind is enough.
     if state.faults.len() < 32 && !state.faults.contains(&what) {
         state.faults.push(what);
     }
@@ -158,8 +158,8 @@ pub(super) fn local(object: Option<Arc<Object>>) -> jobject {
     let too_many = with_thread(|thread| {
         let frame = thread.frames.last_mut()?;
         frame.references.push(number);
-        let too_many = frame.references.len() > frame.promised && !frame.told;
-        frame.told |= too_many;
+        let too_many = frame.references.len() > frame.promised && !frame.is_reported;
+        frame.is_reported |= too_many;
         too_many.then_some(frame.promised)
     });
     if let Some(Some(promised)) = too_many {
@@ -174,7 +174,7 @@ pub(super) fn global(object: Arc<Object>) -> jobject {
     handle(insert(object, true))
 }
 
-/// The object behind a reference; nothing for null, and for one that is no more, which is a fault.
+/// The object behind a reference; nothing for null, and for a deleted one, which is a fault.
 pub(super) fn get(reference: jobject) -> Option<Arc<Object>> {
     if reference.is_null() {
         return None;

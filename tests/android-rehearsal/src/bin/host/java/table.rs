@@ -1,4 +1,4 @@
-//! The machine's two tables of functions, as native code calls them. What is not in them is null, which jni-rs says in words.
+//! The machine's two tables of functions, as native code calls them. What is not in them is null, which jni-rs reports.
 
 use super::objects::{self, Object, Text};
 use super::references as held;
@@ -245,7 +245,7 @@ unsafe extern "system" fn get_field_id(
     std::ptr::without_provenance_mut(member_id(class, name, signature))
 }
 
-/// What a member of an object gives; nothing, with an exception pending, where it throws.
+/// The result of an object's member; nothing, with an exception pending, where it throws.
 fn ask(object: jobject, id: usize, argument: Option<Arc<Object>>) -> Option<Arc<Object>> {
     no_exception("a call of a method");
     let answer = match (held::get(object), objects::member(id)) {

@@ -1,4 +1,4 @@
-//! What the cases are performed with, and what each of them gets of it.
+//! The environment of all cases, and the setup of each one.
 
 use crate::process::Process;
 use android_native::native::Built;
@@ -27,7 +27,7 @@ const DESKTOP: [&str; 5] = [
 
 /// What was built and fetched: the same for all cases.
 #[derive(Debug)]
-pub(crate) struct Stage {
+pub(crate) struct Environment {
     /// The app's library.
     pub(crate) app: Built,
     shims: PathBuf,
@@ -39,7 +39,7 @@ pub(crate) struct Stage {
     pub(crate) left: PathBuf,
 }
 
-impl Stage {
+impl Environment {
     pub(crate) fn new(repo: &Path, app: Built, shims: PathBuf) -> anyhow::Result<Self> {
         let libraries = std::env::var_os(PARTS).with_context(|| {
             format!("{PARTS} names no folder with ONNX Runtime for Android: ./run rehearse-android sets it")
@@ -62,7 +62,7 @@ impl Stage {
         })
     }
 
-    /// A scene for the case `name`: its folder, and a headset.
+    /// The setup of the case `name`: its folder, and a headset.
     pub(crate) fn scene(&self, name: &str, compositor: Compositor) -> anyhow::Result<Scene<'_>> {
         self.scene_of(name, Driver::Simulated, compositor)
     }
@@ -75,23 +75,23 @@ impl Stage {
         compositor: Compositor,
     ) -> anyhow::Result<Scene<'_>> {
         let folder = self.left.join(name);
-        // A case says all of its own run, and nothing of one before.
+        // A case leaves the files of its own run, and none of an earlier one.
         let _ = fs::remove_dir_all(&folder);
         fs::create_dir_all(&folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let monado = Monado::start(driver, compositor)
             .context("there is no Monado (MON3TR_MONADO): ./run rehearse-android fetches it")?;
         Ok(Scene {
-            stage: self,
+            environment: self,
             folder,
             monado,
         })
     }
 }
 
-/// One case's own: a folder that is left to be read, and a headset.
+/// The setup of one case: a folder that stays, to be read, and a headset.
 #[derive(Debug)]
 pub(crate) struct Scene<'a> {
-    stage: &'a Stage,
+    environment: &'a Environment,
     pub(crate) folder: PathBuf,
     pub(crate) monado: Monado,
 }
@@ -104,13 +104,13 @@ impl Scene<'_> {
 
     /// The same with other variables besides.
     pub(crate) fn process_with(&self, variables: &[(&str, &str)]) -> anyhow::Result<Process> {
-        let Stage {
+        let Environment {
             app,
             shims,
             host,
             libraries,
             ..
-        } = self.stage;
+        } = self.environment;
         let mut command = self.monado.client(host);
         command
             .arg(&app.library)
@@ -146,7 +146,7 @@ impl Scene<'_> {
         let avatar = self.folder.join("person.m3a");
         Puppet::new(person).avatar().save(&avatar)?;
         let mut program = Program::start(
-            mon3tr(self.stage, &self.folder)
+            mon3tr(self.environment, &self.folder)
                 .args(["serve", "--listen", "127.0.0.1:0", "--data"])
                 .arg(&folder),
         );
@@ -175,7 +175,7 @@ impl Scene<'_> {
     /// `mon3tr send` with these arguments.
     pub(crate) fn send(&self, server: &Server, arguments: &[&str]) -> Program {
         Program::start(
-            mon3tr(self.stage, &self.folder)
+            mon3tr(self.environment, &self.folder)
                 .args(["send", "--owner-token", &server.token, "--avatar"])
                 .arg(&server.avatar)
                 .args(arguments),
@@ -184,14 +184,14 @@ impl Scene<'_> {
 }
 
 /// The command `mon3tr`, as it is started here.
-fn mon3tr(stage: &Stage, cache: &Path) -> Command {
+fn mon3tr(environment: &Environment, cache: &Path) -> Command {
     let mut command = match std::env::var_os("MON3TR_RUNNER") {
         Some(runner) if !runner.is_empty() => {
             let mut command = Command::new(runner);
-            command.arg(&stage.mon3tr);
+            command.arg(&environment.mon3tr);
             command
         }
-        _ => Command::new(&stage.mon3tr),
+        _ => Command::new(&environment.mon3tr),
     };
     command
         .env("MON3TR_CACHE", cache)
