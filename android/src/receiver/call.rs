@@ -233,13 +233,9 @@ fn log_calls(session: SessionReport, headset: &HeadsetFigures) -> anyhow::Result
     );
     let (mut ended, mut failed) = (false, Vec::new());
     for person in session.people {
-        let CallReport { figures, end } = match person.call {
-            Ok(Some(call)) => call,
-            Ok(None) => continue,
-            Err(error) => {
-                failed.push(anyhow::Error::from(error));
-                continue;
-            }
+        failed.extend(person.error.map(anyhow::Error::from));
+        let Some(CallReport { figures, end }) = person.call else {
+            continue;
         };
         log::info!(
             "a call of {:.0} s: {} frames taken, {} lost, {:.1} kbit/s of payload",

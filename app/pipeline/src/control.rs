@@ -110,6 +110,12 @@ impl Control {
         self.begin_work().then_some(Step(self))
     }
 
+    /// Begins a step on the GPU; nothing in a pause.
+    #[must_use]
+    pub fn try_step(&self) -> Option<Step<'_>> {
+        self.may_work().then_some(Step(self))
+    }
+
     /// Does one step on the GPU once no pause forbids it.
     ///
     /// # Errors

@@ -27,7 +27,7 @@ pub enum ReceiverError {
         /// How many there can be.
         most: usize,
     },
-    /// Somebody who joined was to be posed on the device.
+    /// A person beside the first was to be posed on the device.
     #[error(
         "only the first person can be posed on the device: choose a plan with the CPU's or the NPU's work for those who join"
     )]
@@ -44,7 +44,7 @@ pub enum ReceiverError {
     /// No thread for a lane.
     #[error("cannot start a lane's thread")]
     Thread(#[source] std::io::Error),
-    /// A lane ended though nobody stopped it.
+    /// A lane ended without being stopped.
     #[error("a lane ended before its time")]
     LaneEnded,
     /// A lane panicked, which it says itself.

@@ -1,4 +1,4 @@
-//! Before a call: waiting until somebody is in the room.
+//! Before a call: waiting until the sender is in the room.
 
 use link_http::{Client, HttpError};
 use link_protocol::{Announcement, RoomLink};
@@ -13,7 +13,7 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Why it takes time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Waiting {
-    /// The room is there, and nobody is in it.
+    /// The room is there, and no sender is in it.
     ForSender,
     /// The server cannot be asked at the moment: why, in a line.
     Trouble(String),

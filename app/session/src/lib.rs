@@ -70,6 +70,6 @@ pub mod display;
 pub mod headset;
 pub mod overlay;
 pub mod participant;
+pub mod pose_queue;
 pub mod presence;
 pub mod session;
-pub mod steps;

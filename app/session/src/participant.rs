@@ -2,8 +2,8 @@
 
 use crate::call::{Call, CallEnd, CallFigures, CallWatch};
 use crate::clip::ClipSource;
+use crate::pose_queue::PoseQueue;
 use crate::presence::Seated;
-use crate::steps::Steps;
 use app_pipeline::control::Control;
 use app_pipeline::lanes::{MotionSource, PausableSource, Pose};
 use link_call::Viewer;
@@ -50,7 +50,7 @@ pub enum Origin {
         rate_hz: f64,
     },
     /// Poses that are handed to them one at a time.
-    Steps(Steps),
+    Queue(PoseQueue),
 }
 
 /// What a call needs of the network.
@@ -89,7 +89,7 @@ pub enum PersonMotion {
     /// From a clip.
     Clip(ClipSource),
     /// One pose at a time.
-    Steps(Steps),
+    Queue(PoseQueue),
 }
 
 impl MotionSource for PersonMotion {
@@ -97,7 +97,7 @@ impl MotionSource for PersonMotion {
         match self {
             Self::Call { call, .. } => call.next(longest),
             Self::Clip(clip) => clip.next(longest),
-            Self::Steps(steps) => steps.next(longest),
+            Self::Queue(poses) => poses.next(longest),
         }
     }
 
@@ -105,7 +105,7 @@ impl MotionSource for PersonMotion {
         match self {
             Self::Call { call, .. } => call.is_over(),
             Self::Clip(clip) => clip.is_over(),
-            Self::Steps(steps) => steps.is_over(),
+            Self::Queue(poses) => poses.is_over(),
         }
     }
 }
@@ -115,7 +115,7 @@ impl PersonMotion {
     pub(crate) fn watch(&self) -> Option<CallWatch> {
         match self {
             Self::Call { call, .. } => Some(call.watch()),
-            Self::Clip(_) | Self::Steps(_) => None,
+            Self::Clip(_) | Self::Queue(_) => None,
         }
     }
 
@@ -157,13 +157,18 @@ impl Participant {
             Origin::Clip { frames, rate_hz } => {
                 PersonMotion::Clip(ClipSource::new(frames.clone(), *rate_hz))
             }
-            Origin::Steps(steps) => PersonMotion::Steps(steps.clone()),
+            Origin::Queue(poses) => PersonMotion::Queue(poses.clone()),
         };
         let seated = if self.sits {
             Seated::new(motion, skeleton)
         } else {
             Seated::as_sent(motion)
         };
-        PausableSource::new(seated, control.clone())
+        let control = match &self.origin {
+            // Each pose is waited for: none may be dropped.
+            Origin::Queue(_) => Control::default(),
+            Origin::Room { .. } | Origin::Clip { .. } => control.clone(),
+        };
+        PausableSource::new(seated, control)
     }
 }

@@ -41,3 +41,14 @@ fn main() -> ExitCode {
         Command::Netlab(options) => netlab::run(options),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Arguments;
+    use clap::CommandFactory;
+
+    #[test]
+    fn no_two_options_of_a_sub_command_clash() {
+        Arguments::command().debug_assert();
+    }
+}

@@ -24,7 +24,7 @@ pub struct Process {
 pub enum Output {
     /// It goes where this process' goes.
     Shown,
-    /// Nobody reads it.
+    /// It is not read.
     Dropped,
 }
 
@@ -227,7 +227,7 @@ impl LocalServer {
             .context("`mon3tr serve` did not start")?
             .parse()
             .context("`mon3tr serve` says no address")?;
-        // It must never wait for somebody to read.
+        // It must never wait for a reader.
         std::thread::spawn(move || lines.for_each(drop));
         let file = folder.join("owner-token");
         let owner_token = std::fs::read_to_string(&file)

@@ -19,3 +19,14 @@ fn main() -> ExitCode {
     let arguments: Arguments = program::start(|arguments: &Arguments| &arguments.shared);
     program::end(arguments.command.run(&arguments.shared.device))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Arguments;
+    use clap::CommandFactory;
+
+    #[test]
+    fn no_two_options_of_a_sub_command_clash() {
+        Arguments::command().debug_assert();
+    }
+}

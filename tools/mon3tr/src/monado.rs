@@ -1,4 +1,4 @@
-//! A Monado of this program's own, where no `OpenXR` runtime is active: a real runtime with a headset that nobody wears, so that
+//! A Monado of this program's own, where no `OpenXR` runtime is active: a real runtime with a simulated headset, so that
 //! `--display xr` can be seen to work on any machine.
 
 use crate::children::end_with_this;
@@ -67,7 +67,7 @@ impl Monado {
         let service = command
             .env("XDG_RUNTIME_DIR", folder.path())
             .env("XDG_CONFIG_HOME", folder.path())
-            // Nobody sees what it composes.
+            // What it composes is shown nowhere.
             .env("XRT_COMPOSITOR_NULL", "1")
             .env("SIMULATED_ENABLE", "1")
             .env("SIMULATED_LEFT", "simple")

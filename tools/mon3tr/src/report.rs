@@ -194,7 +194,7 @@ impl RunReport {
     }
 }
 
-/// What a call came to for whoever watched it, of the figures that `receive` wrote.
+/// What a call came to for its viewer, of the figures that `receive` wrote.
 fn call_line(call: &serde_json::Value) -> Option<String> {
     let measured = call.pointer("/drawing/measured")?;
     let number = |at: &str| measured.pointer(at)?.as_f64();

@@ -14,9 +14,8 @@ use app_pipeline::profile::{Profile, Recording};
 use app_pipeline::quality::QualityMode;
 use app_pipeline::timeline::LatencyMode;
 use app_session::display::{DisplayNeeds, DrawnPicture, Still, StillsDisplay};
-use app_session::participant::{Origin, Participant};
+use app_session::participant::Participant;
 use app_session::session::{Session, SessionConfig};
-use app_session::steps::Steps;
 use glam::{Affine3A, Vec3};
 use image::RgbImage;
 use npu_runtime::{ProviderKind, Runtime};
@@ -107,12 +106,6 @@ impl StillRenderer<'_> {
         stills: Vec<Still>,
         mut drawn: impl FnMut(usize, Vec<RgbImage>) -> anyhow::Result<()>,
     ) -> anyhow::Result<StillsReport> {
-        let steps = Steps::default();
-        let participant = Participant {
-            avatar: Arc::clone(self.avatar),
-            sits: false,
-            origin: Origin::Steps(steps.clone()),
-        };
         let backends = InferenceBackends {
             runtime: self.runtime,
             threads: DeviceOptions::threads(),
@@ -133,17 +126,26 @@ impl StillRenderer<'_> {
         };
         let has_scene = setting.background.is_some();
         let mut gpu = Arc::clone(self.gpu);
-        let mut compose = |number: usize, picture: DrawnPicture<'_>| -> anyhow::Result<()> {
+        let mut compose = |number: usize, picture: DrawnPicture<'_>| -> anyhow::Result<bool> {
             gpu = Arc::clone(picture.renderer.gpu());
-            let splatted = read_views(picture.renderer)?;
+            let splatted = match read_views(picture.renderer) {
+                Err(error) if error.is_device_lost() => return Ok(false),
+                views => views?,
+            };
             let people = (picture.people.iter())
                 .map(|(avatar, motion, place)| (&avatar.skeleton, motion, *place));
             let views = compose_views(&splatted, picture.cameras, people, has_scene)?;
-            drawn(number, views)
+            drawn(number, views)?;
+            Ok(true)
         };
-        let mut display = StillsDisplay::new(needs, steps, stills, |number, picture| {
+        let mut display = StillsDisplay::new(needs, stills, |number, picture| {
             compose(number, picture).map_err(display_error)
         });
+        let participant = Participant {
+            avatar: Arc::clone(self.avatar),
+            sits: false,
+            origin: display.origin(),
+        };
         let session = Session::new(config, vec![participant], Control::default());
         let report = session.run(&mut display)?;
         drop(display);

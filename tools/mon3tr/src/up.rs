@@ -85,7 +85,7 @@ impl UpChoice {
     }
 }
 
-/// The cameras that lie with a scene, unless they cannot be read: nobody asked for them.
+/// The cameras that lie with a scene, unless they cannot be read: they were not asked for.
 fn cameras_beside(file: &Path) -> Option<Cameras> {
     let cameras = Cameras::beside(file)?;
     Cameras::load(&cameras)

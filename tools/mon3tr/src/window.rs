@@ -73,7 +73,7 @@ impl Display for WindowDisplay<'_> {
     }
 
     fn show(&mut self, session: LiveSession<'_>) -> Result<(), SessionError> {
-        let events = self.events.take().ok_or(SessionError::Left)?;
+        let events = self.events.take().ok_or(SessionError::ShownAlready)?;
         let people = session.avatars.len();
         let hertz = self.needs.period.as_secs_f64().recip();
         let mut view = View {
@@ -81,6 +81,7 @@ impl Display for WindowDisplay<'_> {
             session,
             display: self,
             open: None,
+            is_framed: false,
             drag: None,
             cursor: PhysicalPosition::default(),
             outcome: Ok(()),
@@ -119,6 +120,8 @@ struct View<'a, 'd> {
     flat: FlatView<'d>,
     display: &'a mut WindowDisplay<'d>,
     open: Option<Open>,
+    /// Whether the camera was put where all people are seen.
+    is_framed: bool,
     /// Where the cursor was when the last part of a drag was taken.
     drag: Option<PhysicalPosition<f64>>,
     cursor: PhysicalPosition<f64>,
@@ -238,6 +241,11 @@ impl View<'_, '_> {
         };
         open.window.request_redraw();
         let session = &mut self.session;
+        let control = session.control;
+        let Some(_step) = control.try_step() else {
+            std::thread::sleep(HIDDEN);
+            return Ok(());
+        };
         let is_over = session.lanes.is_over()
             || session.control.is_leaving()
             || self.display.until.is_over(self.flat.shown());
@@ -257,10 +265,12 @@ impl View<'_, '_> {
             ..
         } = &mut *self.display;
         let Size { width, height } = *size;
-        let viewpoint = flat::around(*viewpoint, &people, *size);
+        if !std::mem::replace(&mut self.is_framed, true) {
+            *viewpoint = flat::around(*viewpoint, &people, *size);
+        }
         let viewpoint = match gaze {
-            Some(gaze) => gaze.follow(viewpoint, Instant::now()),
-            None => viewpoint,
+            Some(gaze) => gaze.follow(*viewpoint, Instant::now()),
+            None => *viewpoint,
         };
         let present = session.lanes.renderer().options();
         if (present.width, present.height) != (width, height) {

@@ -27,7 +27,7 @@ pub struct Next {
     pub displayed: Instant,
 }
 
-/// A display that nobody sees: vertical blanks at an even rate, for drawing offscreen and for windows, whose system does not say
+/// A display without hardware: vertical blanks at an even rate, for drawing offscreen and for windows, whose system does not say
 /// when it shows a picture. OpenXR has its own.
 #[derive(Debug, Clone)]
 pub struct DisplayClock {

@@ -4,7 +4,7 @@
 //! motion   pose, kinematics ──▶ NPU   deform graph ──▶ CPU   states of Gaussians
 //!                                                            interpolation at the display's time ──▶ GPU   picture
 //! ```
-//! Results are handed on through places that were allocated before (`triple_buffer.rs`): whoever is slower takes the newest and
+//! Results are handed on through places that were allocated before (`triple_buffer.rs`): a slower lane takes the newest and
 //! leaves the rest out, and what is left out is counted. Each person has their own motion, NPU and CPU lane (`person.rs`). The
 //! GPU's lane is the thread that calls [`Lanes`], which is the display's, and draws all of them in one sort (`picture.rs`); it
 //! asks for the next picture's Gaussians before it draws this one's, so that the CPU makes them meanwhile. What is told of
@@ -30,7 +30,7 @@ mod triple_buffer;
 pub use display::{DisplayClock, Next, Tick};
 pub use motion::{MotionSource, Pose};
 pub use pausable::PausableSource;
-pub use people::FinishedPerson;
+pub use people::{FinishedPerson, MOST_PEOPLE};
 pub use triple_buffer::{Reader, WakeSignal, Writer, triple_buffer};
 
 use crate::plan::Plan;

@@ -1,4 +1,4 @@
-//! Everybody who is shown: who comes, who stays when another one leaves, and where each of them stands.
+//! The people who are shown: they join, stay when another one leaves, and each has a place.
 
 use super::person::Person;
 use super::{Lanes, MotionSource, Skipped};
@@ -14,14 +14,16 @@ use shaders_spirv::PackedGaussian;
 use spmm3::{Avatar, MotionParams};
 use std::sync::Arc;
 
-/// One part of a picture is the scenery's.
-const MOST_PEOPLE: usize = MOST_PARTS - 1;
+/// People that can be shown together. One part of a picture is the scenery's.
+pub const MOST_PEOPLE: usize = MOST_PARTS - 1;
 
 /// What is left of a person whose lanes were stopped.
 #[derive(Debug)]
 pub struct FinishedPerson<S> {
-    /// Where the poses came from, or the error that ended a lane before.
-    pub source: Result<S, ReceiverError>,
+    /// Where the poses came from; nothing where the lane that took them panicked.
+    pub source: Option<S>,
+    /// The error that ended a lane.
+    pub error: Option<ReceiverError>,
     /// What the lanes recorded, and the GPU's of pictures with this person.
     pub collector: Collector,
     /// Providers that were given up, and for what.
@@ -64,7 +66,7 @@ impl<S: MotionSource> People<S> {
         (self.iter()).fold(0, |sum, person| sum.saturating_add(person.room()))
     }
 
-    /// Looks after everybody's lanes. Who has left, or cannot go on, is left out of pictures while somebody else stays.
+    /// Looks after all people's lanes. A person who has left, or cannot go on, is left out of pictures while another one stays.
     ///
     /// # Errors
     /// What ended a lane of the last one who stayed.
@@ -78,9 +80,12 @@ impl<S: MotionSource> People<S> {
             };
             match person.threads.check() {
                 Err(error) if others_stay => {
-                    let error = error.in_full();
-                    log::warn!("person {at} cannot be shown any longer: {error}");
+                    log::warn!(
+                        "person {at} cannot be shown any longer: {}",
+                        error.in_full()
+                    );
                     person.is_gone = true;
+                    person.error = Some(error);
                 }
                 Ok(()) if others_stay && person.threads.is_over() => {
                     log::info!("person {at} has left");
@@ -95,10 +100,11 @@ impl<S: MotionSource> People<S> {
     /// Stops all lanes; what is left of each person, in the order in which they joined.
     pub(super) fn finish(self) -> Vec<FinishedPerson<S>> {
         let finish = |mut person: Person<S>| {
-            let source = person.threads.finish();
+            let (source, error) = person.threads.finish();
             person.collector.collect();
             FinishedPerson {
                 source,
+                error: person.error.or(error),
                 provider_changes: person.changes.all(),
                 collector: person.collector,
             }
@@ -138,14 +144,14 @@ impl<S: MotionSource> Lanes<S> {
     }
 
     /// Puts a person there from the next picture on: `world_from_person` is rigid, from the space of their poses. At first it
-    /// is the identity. Somebody who has not joined cannot be put anywhere.
+    /// is the identity. A person who has not joined cannot be put anywhere.
     pub fn place(&mut self, person: usize, world_from_person: Affine3A) {
         if let Some(person) = self.people.iter_mut().nth(person) {
             person.world_from_person = world_from_person;
         }
     }
 
-    /// Everybody's pose as it is about to be drawn, in the space of their poses; `None` for who is not there yet, or not any more.
+    /// Each person's pose as it is about to be drawn, in the space of their poses; `None` for one who is not there yet, or not any more.
     pub fn poses(&self) -> impl Iterator<Item = Option<&MotionParams>> {
         (self.people.iter()).map(|person| person.view().map(|view| &view.motion))
     }
@@ -174,7 +180,7 @@ impl<S: MotionSource> Lanes<S> {
         self.people.room().saturating_add(self.scenery.len())
     }
 
-    /// What was left out so far, of everybody together.
+    /// What was left out so far, of all people together.
     #[must_use]
     pub fn skipped(&self) -> Skipped {
         let mut sum = Skipped::default();

@@ -34,8 +34,10 @@ pub(super) struct Person<S: MotionSource> {
     pub(super) asked: Option<Request>,
     /// Rigid.
     pub(super) world_from_person: Affine3A,
-    /// They left, or a lane of theirs ended, while somebody else stays.
+    /// They left, or a lane of theirs ended, while another person stays.
     pub(super) is_gone: bool,
+    /// What ended that lane.
+    pub(super) error: Option<ReceiverError>,
 }
 
 /// Where the Gaussians of pictures come from.
@@ -98,7 +100,7 @@ impl<S: MotionSource> Person<S> {
         Ok(())
     }
 
-    /// Asks the CPU lane for the Gaussians of `next`, or of `first` where there are none yet: nobody could ask for it before.
+    /// Asks the CPU lane for the Gaussians of `next`, or of `first` where there are none yet: it could not be asked for before.
     pub(super) fn ask(&mut self, first: Request, next: Request) {
         let request = if self.view.is_none() { first } else { next };
         if let (Supply::Host { requests, .. }, false) = (&mut self.supply, self.is_gone) {

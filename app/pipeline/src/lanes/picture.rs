@@ -1,4 +1,4 @@
-//! A picture from its beginning until it is drawn: what everybody's lanes have for it, in one drawing.
+//! A picture from its beginning until it is drawn: what all people's lanes have for it, in one drawing.
 
 use super::cpu::Request;
 use super::{Drawn, Lanes, MotionSource, Progress, Tick};
@@ -12,10 +12,10 @@ use std::time::Instant;
 
 impl<S: MotionSource> Lanes<S> {
     /// Begins the picture of `tick`: takes the newest Gaussians there are, and has those of the next picture made. Returns the
-    /// pose that is about to be drawn, of the first person who is there, or `None` while there is nobody to be seen yet.
+    /// pose that is about to be drawn, of the first person who is there, or `None` while there is no person to be seen yet.
     ///
     /// # Errors
-    /// What ended a lane that cannot be replaced, if nobody else stays; whoever else's lane ends is left out from then on.
+    /// What ended a lane that cannot be replaced, if no other person stays; any other person whose lane ends is left out from then on.
     pub fn begin(&mut self, tick: Tick) -> Result<Option<&MotionParams>, ReceiverError> {
         self.people.check()?;
         let begun = Instant::now();

@@ -1,4 +1,4 @@
-//! Devices that come and go under a call: what was on the last one is made anew on the next, and everybody stays.
+//! Devices that come and go under a call: what was on the last one is made anew on the next, and all people stay.
 
 use super::people::check_room;
 use super::{Drawn, Lanes, MotionSource};

@@ -1,4 +1,4 @@
-//! A few Gaussians that are drawn with the people and belong to none of them: shadows, say. Whoever sets them knows what they
+//! A few Gaussians that are drawn with the people and belong to none of them: shadows, say. The caller knows what they
 //! are; here they are only kept, also for another device.
 
 use renderer_splat::drawing::{Foreground, Part};

@@ -68,7 +68,7 @@ impl<S: MotionSource> Lanes<S> {
             person.recorder.picture(picture);
         }
         let views = || self.people.iter().filter_map(Person::view);
-        // Somebody with another level's Gaussians says nothing about this one.
+        // A person with another level's Gaussians says nothing about this one.
         if views().next().is_some() && views().all(|view| view.level == level) {
             self.update_quality(at, progress.tick.period);
         }

@@ -155,6 +155,7 @@ impl<S: MotionSource> Person<S> {
             asked: None,
             world_from_person: Affine3A::IDENTITY,
             is_gone: false,
+            error: None,
         })
     }
 }

@@ -86,22 +86,25 @@ impl<S: MotionSource> Threads<S> {
         }
     }
 
-    /// Stops them all and gives back the source.
-    pub(super) fn finish(&mut self) -> Result<S, ReceiverError> {
+    /// Stops them all: the source, unless its lane panicked, and the first error of a lane.
+    pub(super) fn finish(&mut self) -> (Option<S>, Option<ReceiverError>) {
         self.stop.store(true, Relaxed);
         self.bells.iter().for_each(WakeSignal::ring);
-        let source = self.motion.take().map(join);
+        let source = self.motion.take().map(join).transpose();
         // All of them, whatever the first one says.
         let ends: Vec<_> = self.lanes.drain(..).map(join).collect();
-        ends.into_iter().collect::<Result<Result<(), _>, _>>()??;
-        source.unwrap_or(Err(ReceiverError::LaneEnded))
+        let error = ends.into_iter().find_map(|end| end.flatten().err());
+        match source {
+            Ok(source) => (source, error),
+            Err(panic) => (None, error.or(Some(panic))),
+        }
     }
 }
 
 impl<S: MotionSource> Drop for Threads<S> {
     fn drop(&mut self) {
         if (self.motion.is_some() || !self.lanes.is_empty())
-            && let Err(error) = self.finish()
+            && let (_, Some(error)) = self.finish()
         {
             log::warn!("a lane ended with an error: {error}");
         }

@@ -1,5 +1,5 @@
 //! How one lane hands its newest result to the next: three places, of which the writer writes one, the reader reads one, and the
-//! third holds what is newest. Nobody waits for anybody, and what was overwritten unseen is counted.
+//! third holds what is newest. Neither side waits for the other, and what was overwritten unseen is counted.
 //!
 //! The exchange itself is `triple_buffer`'s; here are the bell that wakes a sleeping lane, and values that cannot be cloned.
 
@@ -8,7 +8,7 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use triple_buffer::{Input, Output, TripleBuffer};
 
-/// Wakes a lane that has nothing to do. Rung while nobody sleeps, it is heard at the next [`Self::wait`].
+/// Wakes a lane that has nothing to do. Rung while no lane sleeps, it is heard at the next [`Self::wait`].
 #[derive(Debug, Clone, Default)]
 pub struct WakeSignal(Arc<(Mutex<bool>, Condvar)>);
 
@@ -79,7 +79,7 @@ pub struct Reader<T: Send> {
     output: Output<Option<T>>,
 }
 
-/// A hand-over with its three places, whose reader sleeps at `bell`: the newest wins, nobody waits, nothing is allocated later.
+/// A hand-over with its three places, whose reader sleeps at `bell`: the newest wins, neither side waits, nothing is allocated later.
 pub fn triple_buffer<T: Send>(
     [one, two, three]: [T; 3],
     bell: &WakeSignal,

@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fastest_is_chosen_and_the_cards_where_it_makes_no_difference() {
+    fn the_fastest_is_chosen_and_the_npus_where_it_makes_no_difference() {
         let one = |plan, predicted_ms| Alternative {
             plan,
             provider: ProviderKind::Cpu,

@@ -41,7 +41,7 @@ pub fn place_first(
     let mut renderer = control.on_gpu(|| new(&options))?;
     let placed = place(backends, avatar, &mut renderer, cameras, request, control)?;
     if options.mesh.is_some() && placed.plan != Plan::Gpu {
-        // 20 MB of the device's memory that nobody uses.
+        // 20 MB of the device's memory that are not used.
         let options = RendererOptions {
             mesh: None,
             // The faster one has been found, but for a headset's images, into which each has a way of its own.

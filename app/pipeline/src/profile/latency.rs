@@ -162,7 +162,7 @@ impl PictureLatency {
 pub struct LatencyBreakdown {
     /// Where it is counted from: the capture if that is known of any picture.
     pub since: Since,
-    /// Pictures that are not counted, because their capture is unknown where others' is known: nobody's frame brought them.
+    /// Pictures that are not counted, because their capture is unknown where others' is known: no frame brought them.
     pub left_out: usize,
     /// The whole.
     pub whole: Percentiles,

@@ -84,7 +84,7 @@ fn busy<T: Copy, const N: usize>(all: [T; N], shares: &[f64]) -> Vec<Busy<T>> {
     all.into_iter().enumerate().map(one).collect()
 }
 
-/// How much of the time all members of `mask` are busy, whoever else is.
+/// How much of the time all members of `mask` are busy, whatever the others do.
 fn all_of(shares: &[f64], mask: usize) -> f64 {
     let with = shares
         .iter()

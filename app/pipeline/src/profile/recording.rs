@@ -141,7 +141,7 @@ impl Recorder {
     }
 }
 
-/// Gathers what the lanes tell. Keeps the newest half minute.
+/// Gathers what the lanes tell. Keeps the newest minute, at least.
 #[derive(Debug)]
 pub struct Collector {
     queues: Vec<Consumer<Event>>,

@@ -217,6 +217,13 @@ fn who_cannot_go_on_is_left_out_and_the_last_one_tells_why() {
         std::thread::sleep(Duration::from_millis(5));
     };
     assert!(matches!(error, ReceiverError::Struck), "{error}");
+    let finished = stage.lanes.finish();
+    assert!(
+        finished.iter().all(|one| one.source.is_some()),
+        "both sources"
+    );
+    let told = finished[1].error.as_ref();
+    assert!(matches!(told, Some(ReceiverError::Struck)), "{told:?}");
 }
 
 #[test]

@@ -26,7 +26,7 @@ const TELLING: Duration = Duration::from_millis(100);
 pub enum CallEnd {
     /// The sender said goodbye.
     HungUp,
-    /// The sender has come back as somebody else: another avatar has to be fetched.
+    /// The sender has come back with another avatar, which has to be fetched.
     AnotherAvatar(Announcement),
     /// It cannot go on.
     Failed(CallError),

@@ -18,7 +18,7 @@ pub struct CallCounts {
 #[derive(Debug, Clone, Default)]
 pub struct CallWatch(Arc<Counts>);
 
-/// Each stands for itself: figures may be of two frames, and nobody sees that.
+/// Each is read by itself: two of them may be of two frames, which no panel shows.
 #[derive(Debug, Default)]
 struct Counts {
     payload_bytes: AtomicU64,

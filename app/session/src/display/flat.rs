@@ -1,8 +1,8 @@
-//! People as a flat picture has them: alone, where their motion takes them; together, side by side before the viewer. And a camera that
+//! People as a flat picture has them: alone, where their motion takes them; together, side by side on a line. And a camera that
 //! keeps to them.
 
 use super::{LiveSession, SessionError};
-use crate::presence::{Presence, Standing, Viewer};
+use crate::presence::{APART, Lineup, Standing};
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::DisplayClock;
 use glam::{Affine3A, Quat, Vec3};
@@ -15,13 +15,6 @@ use std::time::{Duration, Instant};
 
 /// Share of the way to the person that the camera makes up in a second: it must not sway with every step.
 const FOLLOW: f32 = 3.8;
-
-/// Where the head of a viewer of several people is, metres above the floor, and how far before it they stand.
-const HEAD: f32 = 1.6;
-const AHEAD: Vec3 = Vec3::new(0.0, 0.0, -1.6);
-
-/// From one person to the next, metres.
-const APART: f32 = 0.9;
 
 /// Loads the scene around people, given the floor below them, metres, and which way they face, as a turn about y from +z; nothing where
 /// there is none.
@@ -75,9 +68,8 @@ enum Arrangement {
     Alone(Option<Followed>),
     /// Several, whom it does not.
     Together {
-        presence: Box<Presence>,
+        lineup: Lineup,
         standing: Vec<Option<Standing>>,
-        updated: Instant,
     },
 }
 
@@ -102,9 +94,8 @@ impl<'a> FlatView<'a> {
                 Arrangement::Alone(None)
             } else {
                 Arrangement::Together {
-                    presence: Box::default(),
+                    lineup: Lineup::default(),
                     standing: Vec::new(),
-                    updated: now,
                 }
             },
             world_from_person: vec![Affine3A::IDENTITY; people],
@@ -123,7 +114,7 @@ impl<'a> FlatView<'a> {
         self.begun
     }
 
-    /// When the first picture with people in it was begun, if there was one.
+    /// When the first picture with people in it was begun, with the scene there, if there was one.
     #[must_use]
     pub fn first(&self) -> Option<Instant> {
         self.first
@@ -158,7 +149,6 @@ impl<'a> FlatView<'a> {
         let Some(standpoint) = self.arrange(session) else {
             return Ok(None);
         };
-        self.first.get_or_insert(self.begun);
         if let Some(load) = self.background.take()
             && let Some((background, filter)) =
                 load(standpoint.floor, standpoint.heading).map_err(SessionError::Display)?
@@ -170,6 +160,7 @@ impl<'a> FlatView<'a> {
             };
             draw_as(session, options)?;
         }
+        self.first.get_or_insert_with(Instant::now);
         Ok(Some(standpoint))
     }
 
@@ -204,30 +195,20 @@ impl<'a> FlatView<'a> {
                     width: 0.0,
                 })
             }
-            Arrangement::Together {
-                presence,
-                standing,
-                updated,
-            } => {
-                let elapsed = self.begun.saturating_duration_since(*updated);
-                *updated = self.begun;
+            Arrangement::Together { lineup, standing } => {
                 standing.clear();
                 standing.extend(
                     (session.lanes.poses().zip(session.avatars))
                         .map(|(motion, avatar)| Standing::of(&avatar.skeleton, motion?)),
                 );
-                let viewer = Viewer {
-                    floor_from_head: Some(Affine3A::from_translation(Vec3::Y * HEAD)),
-                    ..Viewer::default()
-                };
-                let places = presence.update(&viewer, standing, elapsed);
+                let places = lineup.update(standing);
                 self.world_from_person.clear();
                 self.world_from_person.extend_from_slice(places);
                 for (person, place) in self.world_from_person.iter().enumerate() {
                     session.lanes.place(person, *place);
                 }
                 Some(Standpoint {
-                    floor: AHEAD,
+                    floor: Vec3::ZERO,
                     heading: Quat::IDENTITY,
                     width: APART * standing.len().saturating_sub(1) as f32,
                 })

@@ -40,7 +40,7 @@ pub trait Display {
     /// Everything is ready to be shown; the people's motion begins after this.
     fn prepared(&mut self) {}
 
-    /// Shows the people until the session is over.
+    /// Shows the people until the session is over. Works on the GPU in steps of the session's control, so that it rests in a pause.
     ///
     /// # Errors
     /// What keeps it from going on.
@@ -88,6 +88,12 @@ pub enum SessionError {
     /// There are no people.
     #[error("the session has no people to show")]
     NoParticipants,
+    /// The display was shown a session before, and shows one only.
+    #[error("this display was shown a session already")]
+    ShownAlready,
+    /// A device that was opened again is lost each time.
+    #[error("the GPU is lost whenever this picture is drawn")]
+    LostAgain,
     /// It was over before it began.
     #[error("left before anything was shown")]
     Left,

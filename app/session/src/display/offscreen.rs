@@ -1,4 +1,4 @@
-//! A display that nobody sees: the session drawn at a display's rate, each picture handed to an observer.
+//! A display without a screen: the session drawn at a display's rate, each picture handed to an observer.
 
 use super::flat::WAITING;
 use super::{
@@ -82,7 +82,7 @@ impl<'a> OffscreenDisplay<'a> {
 
     /// When the first picture with people in it was begun, if there was one.
     #[must_use]
-    pub fn finish(self) -> Option<Instant> {
+    pub fn first_picture(self) -> Option<Instant> {
         self.first
     }
 }
@@ -105,7 +105,12 @@ impl Display for OffscreenDisplay<'_> {
             && !self.observer.is_over(session, view.first())?
         {
             view.wait();
+            let control = session.control;
+            let Some(step) = control.step() else {
+                break;
+            };
             let Some(people) = view.begin(session)? else {
+                drop(step);
                 std::thread::sleep(WAITING);
                 continue;
             };
@@ -114,6 +119,7 @@ impl Display for OffscreenDisplay<'_> {
             let Drawn::Picture = session.lanes.draw(&cameras)? else {
                 continue;
             };
+            view.displayed(session);
             let people = (session.lanes.poses().zip(session.avatars))
                 .zip(view.world_from_person())
                 .filter_map(|((motion, avatar), place)| Some((&**avatar, motion?.clone(), *place)))
@@ -124,7 +130,6 @@ impl Display for OffscreenDisplay<'_> {
                 begun: view.begun(),
                 people,
             })?;
-            view.displayed(session);
         }
         Ok(())
     }

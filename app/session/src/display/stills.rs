@@ -1,16 +1,24 @@
 //! A display that waits: each still shows its pose exactly, however long that takes.
 
 use super::{Display, DisplayNeeds, DrawnPicture, LiveSession, SessionError};
-use crate::steps::Steps;
+use crate::participant::Origin;
+use crate::pose_queue::PoseQueue;
 use app_pipeline::lanes::{Drawn, Tick};
+use app_pipeline::plan::Plan;
 use app_pipeline::stage::Stage;
 use glam::Affine3A;
 use renderer_splat::camera::Camera;
 use spmm3::MotionParams;
 use std::time::{Duration, Instant};
 
-/// Between two looks whether a pose's Gaussians are there.
+/// Between two looks whether a pose's state is there.
 const LOOK: Duration = Duration::from_millis(1);
+
+/// Between two pictures that are begun for their Gaussians, at most.
+const LONGEST_PAUSE: Duration = Duration::from_millis(100);
+
+/// Times that a still is drawn, at most: again after a device was lost.
+const ATTEMPTS: u32 = 3;
 
 /// A picture of one pose.
 #[derive(Debug, Clone)]
@@ -21,17 +29,17 @@ pub struct Still {
     pub cameras: Vec<Camera>,
 }
 
-/// Draws stills of one person, whose [`Origin`](crate::participant::Origin) are the same [`Steps`], in a session with
+/// Draws stills of one person, whose motion is [`Self::origin`], in a session with
 /// [`LatencyMode::Newest`](app_pipeline::timeline::LatencyMode::Newest).
 pub struct StillsDisplay<'a> {
     needs: DisplayNeeds,
-    steps: Steps,
+    poses: PoseQueue,
     stills: Vec<Still>,
     drawn: OnDrawn<'a>,
 }
 
-/// Takes each still with its number.
-type OnDrawn<'a> = Box<dyn FnMut(usize, DrawnPicture<'_>) -> Result<(), SessionError> + 'a>;
+/// Takes each still with its number, and says whether it could: not where the device was lost meanwhile, and the still is to be drawn again.
+type OnDrawn<'a> = Box<dyn FnMut(usize, DrawnPicture<'_>) -> Result<bool, SessionError> + 'a>;
 
 impl std::fmt::Debug for StillsDisplay<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -43,19 +51,25 @@ impl std::fmt::Debug for StillsDisplay<'_> {
 }
 
 impl<'a> StillsDisplay<'a> {
-    /// Draws these one after the other and hands each to `drawn`.
+    /// Draws these one after the other and hands each to `drawn`, which says whether it could be used: not where the device was lost
+    /// meanwhile, and the still is drawn again.
     pub fn new(
         needs: DisplayNeeds,
-        steps: Steps,
         stills: Vec<Still>,
-        drawn: impl FnMut(usize, DrawnPicture<'_>) -> Result<(), SessionError> + 'a,
+        drawn: impl FnMut(usize, DrawnPicture<'_>) -> Result<bool, SessionError> + 'a,
     ) -> Self {
         Self {
             needs,
-            steps,
+            poses: PoseQueue::default(),
             stills,
             drawn: Box::new(drawn),
         }
+    }
+
+    /// Where the motion of the session's one person comes from.
+    #[must_use]
+    pub fn origin(&self) -> Origin {
+        Origin::Queue(self.poses.clone())
     }
 }
 
@@ -72,23 +86,27 @@ impl Display for StillsDisplay<'_> {
             .ok_or(SessionError::NoParticipants)?;
         let stills = std::mem::take(&mut self.stills);
         for (number, (still, motion_frame)) in stills.into_iter().zip(1..).enumerate() {
-            self.steps.pose(still.motion.clone());
-            wait_for_inference(session, motion_frame)?;
+            self.poses.push(still.motion.clone());
+            wait_for_state(session, motion_frame)?;
+            let mut attempts = 0..ATTEMPTS;
             loop {
+                attempts.next().ok_or(SessionError::LostAgain)?;
                 wait_for_gaussians(session, motion_frame)?;
-                if session.control.is_leaving() {
+                let Some(_step) = session.control.step() else {
                     return Err(SessionError::Left);
-                }
+                };
                 let begun = Instant::now();
-                if let Drawn::Picture = session.lanes.draw(&still.cameras)? {
-                    let picture = DrawnPicture {
-                        renderer: session.lanes.renderer(),
-                        cameras: &still.cameras,
-                        begun,
-                        people: vec![(&**avatar, still.motion.clone(), Affine3A::IDENTITY)],
-                    };
-                    (self.drawn)(number, picture)?;
-                    session.lanes.displayed(Instant::now());
+                let Drawn::Picture = session.lanes.draw(&still.cameras)? else {
+                    continue;
+                };
+                session.lanes.displayed(Instant::now());
+                let picture = DrawnPicture {
+                    renderer: session.lanes.renderer(),
+                    cameras: &still.cameras,
+                    begun,
+                    people: vec![(&**avatar, still.motion.clone(), Affine3A::IDENTITY)],
+                };
+                if (self.drawn)(number, picture)? {
                     break;
                 }
             }
@@ -97,28 +115,32 @@ impl Display for StillsDisplay<'_> {
     }
 }
 
-/// Waits until the graph has run for a motion frame. No picture is begun meanwhile: the CPU would make Gaussians for it.
-fn wait_for_inference(
-    session: &mut LiveSession<'_>,
-    motion_frame: u64,
-) -> Result<(), SessionError> {
-    let is_done = |session: &mut LiveSession<'_>| {
-        let mut newest = session.lanes.collector().spans().rev().take(64);
-        newest.any(|span| span.stage == Stage::Inference && span.frame == motion_frame)
+/// Waits until a motion frame's state is made. No picture is begun meanwhile: the CPU would make Gaussians for it first.
+fn wait_for_state(session: &mut LiveSession<'_>, motion_frame: u64) -> Result<(), SessionError> {
+    let posed_by_device = (session.placements.first()).is_some_and(|one| one.plan == Plan::Gpu);
+    let last = if posed_by_device {
+        Stage::Inference
+    } else {
+        Stage::Bind
     };
-    while !is_done(session) && !session.control.is_leaving() {
+    let is_made = |session: &mut LiveSession<'_>| {
+        let mut newest = session.lanes.collector().spans().rev().take(64);
+        newest.any(|span| span.stage == last && span.frame == motion_frame)
+    };
+    while !is_made(session) {
         session.lanes.check()?;
-        std::thread::sleep(LOOK);
+        rest(session, LOOK)?;
     }
     Ok(())
 }
 
-/// Begins pictures until one has the Gaussians of a motion frame.
+/// Begins pictures until one has the Gaussians of a motion frame. Ever more rarely: each makes the CPU interpolate, before anything else.
 fn wait_for_gaussians(
     session: &mut LiveSession<'_>,
     motion_frame: u64,
 ) -> Result<(), SessionError> {
-    while !session.control.is_leaving() {
+    let mut pause = LOOK;
+    loop {
         let now = Instant::now();
         session.lanes.begin(Tick {
             predicted: now,
@@ -129,7 +151,15 @@ fn wait_for_gaussians(
         if session.lanes.motion_frame(0) == Some(motion_frame) {
             return Ok(());
         }
-        std::thread::sleep(LOOK);
+        rest(session, pause)?;
+        pause = (pause * 2).min(LONGEST_PAUSE);
+    }
+}
+
+fn rest(session: &LiveSession<'_>, time: Duration) -> Result<(), SessionError> {
+    std::thread::sleep(time);
+    if session.control.is_leaving() {
+        return Err(SessionError::Left);
     }
     Ok(())
 }

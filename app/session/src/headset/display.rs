@@ -66,7 +66,11 @@ impl<'a> HeadsetDisplay<'a> {
 
 impl Display for HeadsetDisplay<'_> {
     fn needs(&mut self) -> Result<DisplayNeeds, SessionError> {
-        let headset = self.headset.as_ref().ok_or(SessionError::Left)?.headset();
+        let headset = self
+            .headset
+            .as_ref()
+            .ok_or(SessionError::ShownAlready)?
+            .headset();
         let [width, height] = headset.info().eye_size;
         let (background, filter) = match &self.options.scene {
             Some((background, filter)) => (Some(Arc::clone(background)), *filter),
@@ -90,7 +94,7 @@ impl Display for HeadsetDisplay<'_> {
             runtime,
             headset,
             options,
-        } = self.headset.take().ok_or(SessionError::Left)?;
+        } = self.headset.take().ok_or(SessionError::ShownAlready)?;
         let of_open_xr = SessionOptions {
             // A scene is to be seen, not the room.
             room: self.options.scene.is_none(),

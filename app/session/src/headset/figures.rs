@@ -57,7 +57,7 @@ impl HeadsetFigures {
 pub struct FrameFigures {
     /// Shown to the eyes.
     pub shown: u64,
-    /// Of those, frames in which nobody was there yet.
+    /// Of those, frames without a person, before the first came.
     pub empty: u64,
     /// Paced by the runtime, but not to be seen by anybody: they cost nothing.
     pub unseen: u64,

@@ -13,7 +13,7 @@ pub(super) struct Spot {
 }
 
 impl Spot {
-    /// Clear of whoever the viewer looks at.
+    /// Clear of the person that the viewer looks at.
     pub(super) const BESIDE: Self = Self {
         away: 0.8,
         below_eyes: 0.12,

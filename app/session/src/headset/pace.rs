@@ -103,7 +103,7 @@ impl Pace {
         (seen, missed == 0 && gap <= 1)
     }
 
-    /// There are no frames for a while, which nobody misses.
+    /// There are no frames for a while: none of them is late.
     pub(super) fn pause(&mut self) {
         (self.begun, self.seen) = (None, None);
         self.ahead = Duration::ZERO;

@@ -1,4 +1,4 @@
-//! A panel of plain text: what somebody in a headset is to know before there is anybody to see.
+//! A panel of plain text: what the viewer in a headset reads before there is a person to see.
 
 use super::glyphs::{Glyphs, TextSize};
 use super::layout::{BRIGHT, DIM, Item, Rect, Shape, line_height};

@@ -30,7 +30,7 @@ impl OverlayPainter {
         let (figures, wanted) = triple_buffer(Default::default(), &bell);
         let overlay = Overlay::default();
         let empty = || overlay.card.clone();
-        // Nobody sleeps until a panel is there.
+        // The thread that draws never waits for a panel.
         let (drawn, panels) = triple_buffer([empty(), empty(), empty()], &WakeSignal::default());
         let stop = Arc::<AtomicBool>::default();
         let thread = {

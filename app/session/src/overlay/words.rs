@@ -15,7 +15,7 @@ pub(super) fn number(value: Option<f64>, decimals: usize) -> String {
         ..1e9 => format!("{:.0}M", value / 1e6),
         _ => "\u{221e}".to_owned(),
     };
-    // Nobody is to see "-0.0".
+    // Never "-0.0".
     let is_zero = written.chars().all(|c| matches!(c, '-' | '0' | '.'));
     match written.strip_prefix('-') {
         Some(zero) if is_zero => zero.to_owned(),

@@ -9,7 +9,7 @@ use spmm3::Joint;
 
 /// A hand reaches a person this close to the line from pelvis to head, metres.
 const REACH: f32 = 0.45;
-/// Nobody is taken further from the viewer, metres.
+/// No person is taken further from the viewer, metres.
 const MOST_AWAY: f32 = 8.0;
 /// Fastest way along the floor, metres a second.
 const SPEED: f32 = 4.0;
@@ -174,7 +174,7 @@ impl Grab {
     }
 }
 
-/// How far a ray that moved takes somebody who is to be at `goal`: x and z, metres.
+/// How far a ray that moved takes a person who is to be at `goal`: x and z, metres.
 fn dragged(before: &Affine3A, now: &Affine3A, goal: Vec2) -> Vec2 {
     let (Some(from), Some(to)) = (swept(before), swept(now)) else {
         return Vec2::ZERO;

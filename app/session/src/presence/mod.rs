@@ -6,6 +6,7 @@
 //! that a person has their true size and their feet stay on the floor. Nothing here knows of a device or the time of day.
 
 mod grab;
+mod lineup;
 mod people;
 mod place;
 mod seat;
@@ -13,7 +14,9 @@ mod shadow;
 mod standing;
 mod viewer;
 
-pub use people::Presence;
+pub use lineup::Lineup;
+pub use people::{APART, Presence};
+pub use place::DISTANCE;
 pub use seat::Seated;
 pub use shadow::{ContactShadow, SHADOW_GAUSSIANS, contact_shadow};
 pub use standing::{BODY_JOINTS, SOLE_POINTS, Standing};

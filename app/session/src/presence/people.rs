@@ -7,8 +7,8 @@ use super::viewer::{View, Viewer};
 use glam::{Affine3A, Vec2};
 use std::time::Duration;
 
-/// From one person to the next, metres.
-const APART: f32 = 0.9;
+/// From one person to the next, metres, on every display.
+pub const APART: f32 = 0.9;
 /// Who joins later does not stand closer to anybody than this, metres.
 const CLEAR: f32 = 0.6;
 /// Places that are tried to either side for who joins later, half a step each: once around the viewer.
@@ -22,10 +22,10 @@ const TRIES: u8 = 11;
 ///
 /// A hand that closes on a person, or points at them, holds that person: within 0.45 m of the line from pelvis to head.
 /// A person who is held goes as the hand goes and turns about y as it turns; 4 m and a full turn a second at most, and
-/// nobody is taken further than 8 m away. Held by a ray they go as the ray's point on the floor goes, in the measure of
+/// no person is taken further than 8 m away. Held by a ray they go as the ray's point on the floor goes, in the measure of
 /// their distances, so that they stay where the ray is; from 6 m on, and above the horizon, the ray moves them sideways
 /// only, and the hand's way along the floor counts the more the further they are. A hand that is not tracked, or was found
-/// again elsewhere, moves nobody.
+/// again elsewhere, moves no person.
 #[derive(Debug, Clone, Default)]
 pub struct Presence {
     places: Vec<Option<Place>>,
@@ -68,7 +68,7 @@ impl Presence {
         &self.floor_from_person
     }
 
-    /// Puts everybody before the viewer again, at the next [`Self::update`], and out of their hands: for when the room's
+    /// Puts all people before the viewer again, at the next [`Self::update`], and out of their hands: for when the room's
     /// origin moved.
     pub fn recentre(&mut self) {
         self.places.fill(None);

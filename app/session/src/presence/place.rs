@@ -5,7 +5,7 @@ use glam::{Affine3A, Quat, Vec2, Vec3};
 use std::f32::consts::PI;
 
 /// From the viewer to a person they talk to, metres.
-pub(super) const DISTANCE: f32 = 1.6;
+pub const DISTANCE: f32 = 1.6;
 
 /// A rigid floor_from_motion that keeps the floor: a turn about y (radians), then a shift along x and z (metres).
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,4 +1,4 @@
-//! `--seat`: whoever is sent standing sits on a chair. Legs and pelvis are the chair's, everything above is as sent.
+//! Seated people: a person who is sent standing sits on a chair. Legs and pelvis are the chair's, everything above is as sent.
 
 use app_pipeline::lanes::{MotionSource, Pose};
 use glam::{Quat, Vec2, Vec3, Vec3Swizzles};
@@ -20,7 +20,7 @@ const FEET_APART: f32 = 1.35;
 const TOES_OUT: f32 = 0.12;
 /// Share of the pelvis' lean that is left.
 const LEAN: f32 = 0.25;
-/// Fastest turn on the chair, radians a second: nobody's hips turn faster, but an angle about y may jump where the sent
+/// Fastest turn on the chair, radians a second: no person's hips turn faster, but an angle about y may jump where the sent
 /// pelvis passes head down.
 const TURN_SPEED: f32 = 8.0;
 
@@ -35,7 +35,7 @@ pub struct Seated<S> {
 }
 
 impl<S> Seated<S> {
-    /// Everybody from `source`, who has this skeleton, sits.
+    /// The person from `source`, who has this skeleton, sits.
     pub fn new(source: S, skeleton: &Skeleton) -> Self {
         Self {
             source,
@@ -43,7 +43,7 @@ impl<S> Seated<S> {
         }
     }
 
-    /// Everybody is as sent.
+    /// The person is as sent.
     pub fn as_sent(source: S) -> Self {
         Self { source, seat: None }
     }
@@ -116,7 +116,7 @@ impl Seat {
         }
     }
 
-    /// Makes `motion`, which is due at this moment, one of somebody who sits.
+    /// Makes `motion`, which is due at this moment, one of a person who sits.
     pub(super) fn take(&mut self, motion: &mut MotionParams, due: Instant) {
         if !motion.is_finite() {
             return;

@@ -53,7 +53,7 @@ pub(super) fn trusted(pose: Option<Affine3A>) -> Option<Affine3A> {
     })
 }
 
-/// Which way somebody faces, seen from above, as a unit vector (x, z). Who looks straight down has the crown of the head
+/// Which way a person faces, seen from above, as a unit vector (x, z). Who looks straight down has the crown of the head
 /// before them, who looks straight up has it behind.
 pub(super) fn level(forward: Vec3, up: Vec3) -> Vec2 {
     let ahead = if forward.xz().length() >= STEEP {

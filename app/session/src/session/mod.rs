@@ -7,7 +7,8 @@ pub use report::{PersonReport, SessionReport};
 use crate::display::{Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError};
 use crate::participant::{Participant, PersonSource};
 use app_pipeline::control::Control;
-use app_pipeline::lanes::{FinishedPerson, LaneOptions, Lanes, PausableSource};
+use app_pipeline::error::ReceiverError;
+use app_pipeline::lanes::{FinishedPerson, LaneOptions, Lanes, MOST_PEOPLE, PausableSource};
 use app_pipeline::placement::{InferenceBackends, Placed, PlacementReport, place, place_first};
 use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::quality::QualityMode;
@@ -65,9 +66,12 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// If nothing can run or draw them, or the display cannot go on. [`SessionError::Left`] where the control ends it before anyone is
-    /// joined. That one of several people cannot be shown any longer is no error of all: [`PersonReport::call`] tells.
+    /// joined. That one of several people cannot be shown any longer is no error of all: [`PersonReport::error`] tells.
     pub fn run(self, display: &mut dyn Display) -> Result<SessionReport, SessionError> {
         let control = &self.control;
+        if self.participants.len() > MOST_PEOPLE {
+            return Err(ReceiverError::TooManyPeople { most: MOST_PEOPLE }.into());
+        }
         let needs = display.needs()?;
         let avatars: Vec<Arc<Avatar>> = (self.participants.iter())
             .map(|person| Arc::clone(&person.avatar))
@@ -203,7 +207,8 @@ fn farewell(
     placement.follow(finished.provider_changes);
     let motion = |source: PersonSource| PausableSource::into_source(source).into_source();
     PersonReport {
-        call: (finished.source).map(|source| motion(source).end()),
+        call: (finished.source).and_then(|source| motion(source).end()),
+        error: finished.error,
         placement,
         collector: finished.collector,
     }

@@ -32,8 +32,10 @@ pub struct SessionReport {
 /// What a session came to for one person.
 #[derive(Debug)]
 pub struct PersonReport {
-    /// The call, where their motion came from one; `Err` where a lane of theirs failed and took it along.
-    pub call: Result<Option<CallReport>, ReceiverError>,
+    /// The call, where their motion came from one.
+    pub call: Option<CallReport>,
+    /// What ended a lane of theirs: from then on they were not shown.
+    pub error: Option<ReceiverError>,
     /// What ran where.
     pub placement: PlacementReport,
     /// What the person's lanes recorded, and the GPU's of pictures with them.

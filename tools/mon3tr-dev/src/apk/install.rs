@@ -89,7 +89,7 @@ fn run(adb: &Path, arguments: &[&str]) -> anyhow::Result<String> {
         String::from_utf8_lossy(&output.stdout),
         String::from_utf8_lossy(&output.stderr)
     );
-    // What a refused installation says is looked at by whoever asked for it.
+    // What a refused installation says is looked at by the caller.
     if !output.status.success() && !said.contains("Failure") {
         bail!("adb {} failed: {}", arguments.join(" "), said.trim());
     }

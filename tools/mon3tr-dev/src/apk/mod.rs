@@ -25,7 +25,7 @@ const PACKAGE: &str = "mon3tr-android";
 const LIBRARY: &str = "main";
 /// The app's name for Android, as the manifest says it.
 const APPLICATION: &str = "org.mon3tr.quest";
-/// The key that signs where none is given, in the cache: whoever deletes it has to uninstall the app before the next one.
+/// The key that signs where none is given, in the cache: once it is deleted, the app has to be uninstalled before the next one.
 const DEBUG_KEY: &str = "android-debug.p12";
 
 /// Options of `apk`.

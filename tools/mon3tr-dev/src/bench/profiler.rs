@@ -1,5 +1,5 @@
 //! What profiling itself costs: a lane's part of an event, the collector's part, and what that is of a second at the fastest
-//! display's and motion's rates. The yardstick is one look at the clock, without which nobody measures anything.
+//! display's and motion's rates. The yardstick is one look at the clock, without which nothing is measured.
 
 use super::measure::{median, print_table};
 use app_pipeline::concealment::ConcealmentState;

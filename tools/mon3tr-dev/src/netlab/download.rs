@@ -117,7 +117,7 @@ fn curl(viewer: &RoomLink, avatar: &AvatarRef, file: &Path) -> anyhow::Result<f6
     let status = Command::new("curl")
         .args(["--silent", "--fail", "--output"])
         .arg(file)
-        // Not among its arguments, which everybody on this machine can see.
+        // Not among its arguments, which every user of this machine can see.
         .args(["--header", "@-"])
         .arg(format!("{}/v1/packages/{}", viewer.server(), avatar.sha256))
         .stdin(Stdio::piped())

@@ -29,7 +29,7 @@ pub struct Options {
     #[command(flatten)]
     choices: BakeChoices,
     /// Also compile the deform graph for this NPU (sxr2230p: the Quest 3's). The package is for headsets with it: it keeps the
-    /// plain graph too, but is three times as large; send one without to everybody else. ./run fetches the compiler
+    /// plain graph too, but is three times as large; send one without to all other devices. ./run fetches the compiler
     #[arg(long, value_name = "TARGET")]
     qnn: Option<QnnTarget>,
     /// With --qnn: take this package's avatar instead of baking the demo person
@@ -68,7 +68,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let figures = match (&options.avatar, &npu) {
         (Some(package), Some(npu)) => {
             let (avatar, _) = load_avatar(package)?;
-            // Nobody else has it yet.
+            // No other thread has it yet.
             let mut avatar = Arc::unwrap_or_clone(avatar);
             let compiled = npu.compile(&mut avatar)?;
             Written::Compiled(Compilation {

@@ -119,7 +119,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         );
     }
     let stop = network.stop_on_signal();
-    // A performance begins when somebody is there to see it.
+    // A performance begins when a viewer is there.
     while entered.host.statistics().viewers == 0 && !stop.load(Relaxed) {
         std::thread::sleep(LOOK);
     }

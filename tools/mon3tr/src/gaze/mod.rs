@@ -22,7 +22,7 @@ use track::Track;
 /// How long the last gaze stands in for a missing one. A blink takes 0.1 to 0.4 s; who is gone for longer is not looking.
 const BLINK: Duration = Duration::from_millis(400);
 
-/// A place in the picture that somebody looks at: x to the right and y down, 0 to 1 each.
+/// A place in the picture that the viewer looks at: x to the right and y down, 0 to 1 each.
 type Place = [f32; 2];
 
 /// What `--gaze` says.
@@ -92,7 +92,7 @@ impl GazeChoice {
     }
 }
 
-/// Somebody's gaze, and the camera that follows it.
+/// The viewer's gaze, and the camera that follows it.
 #[derive(Debug, Clone)]
 pub(crate) struct Gaze {
     source: Source,
@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use glam::{Quat, Vec3};
 
-    /// Where the camera stands after somebody has looked at one place for three seconds, and which way it looks.
+    /// Where the camera stands after the viewer has looked at one place for three seconds, and which way it looks.
     fn looked(x: f64, y: f64) -> (Vec3, Vec3) {
         let mut gaze = GazeChoice::Mouse.open(Sight::Window).expect("a window");
         let viewpoint: Viewpoint = "front".parse().expect("a name");

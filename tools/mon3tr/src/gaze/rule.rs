@@ -1,7 +1,7 @@
 //! How a gaze moves the camera: towards the side that is looked at, around the person, who stays in the middle.
 //!
 //! Who looks at a shoulder wants to see around it: the eye goes there on an orbit, which shows depth by parallax and never loses
-//! the person, as a turn of the camera would. Bounded, so that nobody is seen from behind by accident. Quiet in the middle, where
+//! the person, as a turn of the camera would. Bounded, so that no person is seen from behind by accident. Quiet in the middle, where
 //! the face is: eyes dart about even on one spot. Slow against eyes: a saccade takes 20 to 80 ms and a fixation 200 to 300 ms,
 //! and a picture that jumped with each would pull the eyes along again. So what is looked at is low-passed twice (a critically
 //! damped spring), which never overshoots: its answer is a weighted mean of where was looked before.
@@ -9,7 +9,7 @@
 use super::Place;
 use std::time::Duration;
 
-/// Furthest turns, degrees, when somebody looks at an edge: to the sides, and up and down.
+/// Furthest turns, degrees, when the viewer looks at an edge: to the sides, and up and down.
 const FURTHEST: [f32; 2] = [25.0, 12.0];
 
 /// Part of the way from the middle to an edge within which nothing moves.
@@ -27,7 +27,7 @@ pub(super) struct GazeCamera {
 }
 
 impl GazeCamera {
-    /// After `elapsed` with somebody looking at `place`, or nowhere: how far the camera is turned around the person, to its right
+    /// After `elapsed` with the viewer looking at `place`, or nowhere: how far the camera is turned around the person, to its right
     /// and upwards, radians.
     pub(super) fn follow(&mut self, place: Option<Place>, elapsed: Duration) -> [f32; 2] {
         let wanted = place.map_or([0.0; 2], wanted);
@@ -73,7 +73,7 @@ mod tests {
             .collect()
     }
 
-    /// Somebody whose eyes dart to any place, or blink, several times a second.
+    /// A viewer whose eyes dart to any place, or blink, several times a second.
     fn darting(seed: u64, steps: usize) -> Vec<Option<Place>> {
         let mut random = fastrand::Rng::with_seed(seed);
         let mut place = None;

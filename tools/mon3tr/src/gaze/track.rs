@@ -84,7 +84,7 @@ impl Track {
         Ok(Self { samples })
     }
 
-    /// Where somebody looks so long after the first picture; nowhere once the last gaze is older than a blink.
+    /// Where the viewer looks so long after the first picture; nowhere once the last gaze is older than a blink.
     pub(super) fn at(&self, since_first: Duration) -> Option<Place> {
         let now = since_first.as_secs_f64();
         let later = (self.samples).partition_point(|(seconds, _)| *seconds <= now);

@@ -10,6 +10,7 @@ mod house;
 mod interop;
 mod network;
 mod outage;
+mod people;
 mod restart;
 mod room;
 

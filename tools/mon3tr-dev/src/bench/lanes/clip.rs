@@ -1,4 +1,4 @@
-//! Motion as a sender would send it, without the network: the same 30 times a second whoever takes it.
+//! Motion as a sender would send it, without the network: the same 30 times a second for every taker.
 
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::lanes::{MotionSource, Pose};

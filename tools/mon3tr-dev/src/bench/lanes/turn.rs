@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 
 /// Of every turn, before measuring begins.
 pub(super) const WARM_UP: Duration = Duration::from_secs(1);
-/// Blanks follow each other so closely that nobody waits for one.
+/// Blanks follow each other so closely that no lane waits for one.
 const DISPLAY_HZ: f64 = 1000.0;
 
 /// What both ways have in common.
@@ -120,9 +120,9 @@ impl Scene<'_> {
         let [begin, end] = measured.context("nothing was drawn")?;
         let skipped = lanes.skipped();
         let FinishedPerson {
-            source, collector, ..
+            error, collector, ..
         } = lanes.finish().swap_remove(0);
-        source?;
+        error.map_or(Ok(()), Err)?;
         let terms = Terms {
             display_period: display.period(),
             motion_hz: MOTION_RATE,

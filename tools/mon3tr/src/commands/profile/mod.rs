@@ -140,10 +140,10 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let machine = machine.finish(time[0], time[1]);
     let sent = room.close()?;
     let person = session.people.first().context("there was no person")?;
-    let call = match &person.call {
-        Ok(call) => call.as_ref().map(|call| call.figures.clone()),
-        Err(error) => bail!("the call ended: {}", in_full(error)),
-    };
+    if let Some(error) = &person.error {
+        bail!("the call ended: {}", in_full(error));
+    }
+    let call = person.call.as_ref().map(|call| call.figures.clone());
     let terms = SessionTerms {
         time,
         display_period: Duration::from_secs_f64(1.0 / options.display_hz),

@@ -25,13 +25,12 @@ use link_protocol::RoomLink;
 use report::Report;
 use screen::Screen;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Options of `receive`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// The viewers' link, as `send` prints it; of several rooms the people are shown together
+    /// The viewers' link, as `send` prints it; of several rooms, 7 at most, the people are shown together
     #[arg(value_name = "LINK", required = true)]
     rooms: Vec<RoomLink>,
     /// Where people are shown: in a headset (xr), in a window, offscreen as pictures on disk, in the first of these that there
@@ -110,11 +109,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let Some(people) = gathered else {
             return Ok(());
         };
-        let until = Until {
-            stop: Arc::clone(&stop),
-            deadline: options.seconds.map(|seconds| Instant::now() + seconds),
-            frames: options.frames,
-        };
+        let until = Until::new(&stop, options.seconds, options.frames);
         let shown = screen.show(options, &people, &context, &until)?;
         if let (true, Some(announced)) = (screen.can_go_on(), shown.came_back()) {
             println!("the sender has come back as somebody else");

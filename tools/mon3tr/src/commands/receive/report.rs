@@ -15,6 +15,9 @@ use profile_report::{AvatarFigures, Measured, SessionTerms};
 use serde::Serialize;
 use std::path::PathBuf;
 
+/// What a viewer reads whose sender has another avatar now.
+const CAME_BACK: &str = "the sender has come back as somebody else: join again to see them";
+
 /// Everything `receive` prints.
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
@@ -87,27 +90,35 @@ impl Report {
         shown: Shown,
     ) -> anyhow::Result<(Self, anyhow::Result<()>)> {
         let (drawn, calls) = match shown {
-            Shown::Undrawn(call) => (None, vec![(Ok(Some(*call)), None)]),
+            Shown::Undrawn(call) => {
+                let call = Ended {
+                    call: Some(*call),
+                    error: None,
+                    measured: None,
+                };
+                (None, vec![call])
+            }
             Shown::Drawn(drawn) => split(*drawn),
         };
         let count = people.len();
         let (mut told, mut failed) = (Vec::new(), Vec::new());
-        for (number, (person, (call, measured))) in people.into_iter().zip(calls).enumerate() {
-            match call {
-                Ok(Some(CallReport { figures, end })) => {
-                    match end {
-                        Some(CallEnd::Failed(error)) => failed.push((number, error.into())),
-                        Some(CallEnd::AnotherAvatar(_)) => log::warn!(
-                            "a sender has come back as somebody else: join again to see them"
-                        ),
-                        Some(CallEnd::HungUp) | None => {}
-                    }
-                    told.push((person, figures, measured));
-                }
-                Ok(None) => {}
-                Err(error) => failed.push((number, anyhow::Error::from(error))),
+        for (number, (person, ended)) in people.into_iter().zip(calls).enumerate() {
+            failed.extend(
+                ended
+                    .error
+                    .map(|error| (number, anyhow::Error::from(error))),
+            );
+            let Some(CallReport { figures, end }) = ended.call else {
+                continue;
+            };
+            match end {
+                Some(CallEnd::Failed(error)) => failed.push((number, error.into())),
+                Some(CallEnd::AnotherAvatar(_)) => failed.push((number, anyhow!(CAME_BACK))),
+                Some(CallEnd::HungUp) | None => {}
             }
+            told.push((person, figures, ended.measured));
         }
+        failed.dedup_by_key(|(number, _)| *number);
         let all_failed = failed.len() == count;
         let last = failed.pop_if(|_| all_failed);
         let last = last.map(|(_, error): (_, anyhow::Error)| error.context("the call ended"));
@@ -259,18 +270,22 @@ struct Pictures {
     splatting: Splatting,
 }
 
-/// A person's call, and what their lanes measured, if a picture was drawn.
-type Call = (Result<Option<CallReport>, ReceiverError>, Option<Measured>);
+/// A person's part of a session.
+struct Ended {
+    call: Option<CallReport>,
+    error: Option<ReceiverError>,
+    /// Where a picture was drawn.
+    measured: Option<Measured>,
+}
 
-fn split(drawn: Drawn) -> (Option<Pictures>, Vec<Call>) {
+fn split(drawn: Drawn) -> (Option<Pictures>, Vec<Ended>) {
     let session = drawn.session;
     let measured: Vec<_> = (session.people.iter())
         .map(|person| {
-            let call = person.call.as_ref().ok()?.as_ref()?;
             let terms = SessionTerms {
                 time: [drawn.first?, session.ended],
                 display_period: drawn.display_period,
-                motion_hz: call.figures.announced.rate_hz,
+                motion_hz: person.call.as_ref()?.figures.announced.rate_hz,
                 encode: None,
             };
             Some(Measured::of(&session, person, &terms))
@@ -284,8 +299,12 @@ fn split(drawn: Drawn) -> (Option<Pictures>, Vec<Call>) {
         size: drawn.size,
         splatting: Splatting::new(session.back_end, session.back_end_trial),
     };
-    let calls = session.people.into_iter().map(|person| person.call);
-    (Some(pictures), calls.zip(measured).collect())
+    let ended = (session.people.into_iter().zip(measured)).map(|(person, measured)| Ended {
+        call: person.call,
+        error: person.error,
+        measured,
+    });
+    (Some(pictures), ended.collect())
 }
 
 fn print_headset(headset: &HeadsetFigures) {

@@ -11,13 +11,14 @@ use crate::scenery::Scenery;
 use crate::size::{DEFAULT_SIZE, Size};
 use crate::until::Until;
 use crate::window::{self, WindowDisplay};
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, bail};
 use app_pipeline::control::Control;
 use app_pipeline::quality::QualityMode;
 use app_session::call::CallEnd;
 use app_session::display::{self, OffscreenDisplay};
 use app_session::headset::{HeadsetDisplay, HeadsetFigures, HeadsetHandle, PresentOptions};
 use app_session::participant::{CallReport, NetworkContext};
+use app_session::presence::DISTANCE;
 use app_session::session::{Session, SessionReport};
 use glam::{Quat, Vec3};
 use link_protocol::Announcement;
@@ -33,7 +34,7 @@ use winit::event_loop::EventLoop;
 const HERTZ: f64 = 60.0;
 
 /// Where the first person will stand in a headset, and a scene is put around: before the viewer.
-const BEFORE: Vec3 = Vec3::new(0.0, 0.0, -1.6);
+const BEFORE: Vec3 = Vec3::new(0.0, 0.0, -DISTANCE);
 
 /// What shows people here.
 pub(super) enum Screen {
@@ -46,15 +47,28 @@ pub(super) enum Screen {
         /// Until it is shown.
         events: Option<Box<EventLoop<()>>>,
         gaze: Option<Gaze>,
-        gpu: Arc<Gpu>,
-        runtime: Runtime,
+        flat: Flat,
     },
     Offscreen {
         gaze: Option<Gaze>,
-        gpu: Arc<Gpu>,
-        runtime: Runtime,
+        flat: Flat,
     },
     Undrawn,
+}
+
+/// What flat displays draw with.
+pub(super) struct Flat {
+    gpu: Arc<Gpu>,
+    runtime: Runtime,
+}
+
+impl Flat {
+    fn open(device: &DeviceOptions) -> anyhow::Result<Self> {
+        Ok(Self {
+            gpu: device.gpu()?,
+            runtime: device.runtime()?,
+        })
+    }
 }
 
 /// What a session on a display left.
@@ -77,42 +91,49 @@ pub(super) struct Drawn {
 }
 
 impl Screen {
-    /// Opens what was asked for; with `auto` the first of what there is.
+    /// Opens what was asked for; with `auto` the first of a headset, a window and pictures on disk that there is.
     pub(super) fn open(options: &Options, device: &DeviceOptions) -> anyhow::Result<Self> {
         match options.display {
-            Display::Auto => match Self::open_headset(options, device) {
-                Ok(headset) => Ok(headset),
+            Display::Auto => match open_headset(options) {
+                Ok(headset) => Self::headset(options, device, headset),
                 Err(why) => {
                     log::warn!("no headset: {why:#}");
-                    Self::open_window(options, device).or_else(|why| {
-                        log::warn!("no window: {why:#}");
-                        Self::open_offscreen(options, device)
-                    })
+                    let flat = Flat::open(device)?;
+                    match open_events() {
+                        Ok(events) => Self::window(options, flat, events),
+                        Err(why) => {
+                            log::warn!("no window: {why:#}");
+                            Self::offscreen(options, flat)
+                        }
+                    }
                 }
             },
-            Display::Xr => Self::open_headset(options, device),
-            Display::Window => Self::open_window(options, device),
-            Display::Offscreen => Self::open_offscreen(options, device),
+            Display::Xr => Self::headset(options, device, open_headset(options)?),
+            Display::Window => Self::window(options, Flat::open(device)?, open_events()?),
+            Display::Offscreen => Self::offscreen(options, Flat::open(device)?),
             Display::None => {
-                ensure!(
-                    options.rooms.len() == 1,
-                    "--display none measures one call: give one link"
-                );
+                let what = match (options.rooms.len(), options.frames, options.seat) {
+                    (2.., ..) => Some("several links"),
+                    (_, Some(_), _) => Some("--frames"),
+                    (.., true) => Some("--seat"),
+                    _ => None,
+                };
+                if let Some(what) = what {
+                    bail!(
+                        "--display none draws no pictures, and {what} is for pictures: leave one of them out"
+                    );
+                }
                 open_gaze(options, Sight::Nothing)?;
                 Ok(Self::Undrawn)
             }
         }
     }
 
-    fn open_headset(options: &Options, device: &DeviceOptions) -> anyhow::Result<Self> {
-        if options.gaze.is_some() {
-            bail!("--gaze moves a camera, and in a headset the head does: leave it out");
-        }
-        let headset = HeadsetOptions {
-            eye_size: options.size.map(|size| [size.width, size.height]),
-            validation: false,
-        };
-        let headset = HeadsetHandle::open(renderer_openxr::runtime::Runtime::load()?, headset)?;
+    fn headset(
+        options: &Options,
+        device: &DeviceOptions,
+        headset: HeadsetHandle,
+    ) -> anyhow::Result<Self> {
         if let Some(folder) = &options.out {
             make_folder(folder)?;
         }
@@ -122,24 +143,19 @@ impl Screen {
         })
     }
 
-    fn open_window(options: &Options, device: &DeviceOptions) -> anyhow::Result<Self> {
-        let (gpu, runtime) = (device.gpu()?, device.runtime()?);
-        let events = window::events("give --display offscreen for pictures on disk")?;
+    fn window(options: &Options, flat: Flat, events: EventLoop<()>) -> anyhow::Result<Self> {
         Ok(Self::Window {
             events: Some(Box::new(events)),
             gaze: open_gaze(options, Sight::Window)?,
-            gpu,
-            runtime,
+            flat,
         })
     }
 
-    fn open_offscreen(options: &Options, device: &DeviceOptions) -> anyhow::Result<Self> {
-        let (gpu, runtime) = (device.gpu()?, device.runtime()?);
+    fn offscreen(options: &Options, flat: Flat) -> anyhow::Result<Self> {
         make_folder(&options.folder())?;
         Ok(Self::Offscreen {
             gaze: open_gaze(options, Sight::Offscreen)?,
-            gpu,
-            runtime,
+            flat,
         })
     }
 
@@ -175,14 +191,14 @@ impl Screen {
                     person, network, until,
                 ))));
             }
-            Self::Offscreen { gaze, gpu, runtime } => {
+            Self::Offscreen { gaze, flat } => {
                 let folder = options.folder();
                 let mut pictures = Pictures::new(options, size, &folder, gaze.clone(), until);
-                let needs = flat::needs(gpu, size, views, &options.camera, HERTZ);
+                let needs = flat::needs(&flat.gpu, size, views, &options.camera, HERTZ);
                 let mut display = OffscreenDisplay::new(needs, background(), &mut pictures);
                 // Pictures on disk are as good as they can be.
-                let session = session(runtime, QualityMode::Fixed(0), &mut display)?;
-                let first = display.finish();
+                let session = session(&flat.runtime, QualityMode::Fixed(0), &mut display)?;
+                let first = display.first_picture();
                 Drawn {
                     session,
                     views: views.count(),
@@ -194,15 +210,10 @@ impl Screen {
                     pictures: pictures.write(&folder)?,
                 }
             }
-            Self::Window {
-                events,
-                gaze,
-                gpu,
-                runtime,
-            } => {
+            Self::Window { events, gaze, flat } => {
                 let mut display = WindowDisplay {
                     events: events.take().map(|events| *events),
-                    needs: flat::needs(gpu, size, views, &options.camera, HERTZ),
+                    needs: flat::needs(&flat.gpu, size, views, &options.camera, HERTZ),
                     background: background(),
                     views,
                     viewpoint: options.camera,
@@ -211,7 +222,7 @@ impl Screen {
                     size,
                     first: None,
                 };
-                let session = session(runtime, QualityMode::Adapt, &mut display)?;
+                let session = session(&flat.runtime, QualityMode::Adapt, &mut display)?;
                 Drawn {
                     session,
                     views: views.count(),
@@ -262,6 +273,22 @@ impl Screen {
     }
 }
 
+fn open_headset(options: &Options) -> anyhow::Result<HeadsetHandle> {
+    if options.gaze.is_some() {
+        bail!("--gaze moves a camera, and in a headset the head does: leave it out");
+    }
+    let headset = HeadsetOptions {
+        eye_size: options.size.map(|size| [size.width, size.height]),
+        validation: false,
+    };
+    let runtime = renderer_openxr::runtime::Runtime::load()?;
+    Ok(HeadsetHandle::open(runtime, headset)?)
+}
+
+fn open_events() -> anyhow::Result<EventLoop<()>> {
+    window::events("give --display offscreen for pictures on disk")
+}
+
 fn open_gaze(options: &Options, sight: Sight) -> anyhow::Result<Option<Gaze>> {
     let gaze = options.gaze.as_ref();
     gaze.map(|gaze| gaze.open(sight)).transpose()
@@ -273,7 +300,7 @@ impl Shown {
         let call = match self {
             Self::Undrawn(call) => call,
             Self::Drawn(drawn) => match &drawn.session.people[..] {
-                [person] => person.call.as_ref().ok()?.as_ref()?,
+                [person] => person.call.as_ref()?,
                 _ => return None,
             },
         };

@@ -11,7 +11,7 @@ use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 
-/// Owner of the rooms and packages of whoever runs the server.
+/// Owner of the rooms and packages of the server's operator.
 const HOST: &str = "host";
 
 /// An owner's token is good until the secret changes.
@@ -34,13 +34,13 @@ pub struct Options {
     data: Option<PathBuf>,
     #[cfg(feature = "operator")]
     #[command(flatten)]
-    operator: operator::Options,
+    operator: operator::OperatorOptions,
     /// Print a token for another owner of rooms and packages, and end
     #[arg(long, value_name = "NAME")]
     new_owner: Option<String>,
 }
 
-/// Where the token of whoever runs the server is kept, below the data folder; `send` on the same machine finds it there.
+/// Where the operator's token is kept, below the data folder; `send` on the same machine finds it there.
 pub(crate) fn owner_token_file(data: Option<&Path>) -> anyhow::Result<PathBuf> {
     Ok(folder(data)?.join("owner-token"))
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 /// Options of `serve` that only `mon3tr-dev` has.
 #[derive(Debug, clap::Args)]
-pub(super) struct Options {
+pub(super) struct OperatorOptions {
     /// Keep packages in this bucket of an S3-compatible store; credentials come from AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY
     /// [default: below the --data folder]
     #[arg(long, value_name = "BUCKET")]
@@ -27,7 +27,7 @@ pub(super) struct Options {
     tls_key: Option<PathBuf>,
 }
 
-impl Options {
+impl OperatorOptions {
     /// Sets a server up for them.
     pub(super) fn set(&self, config: &mut Config) {
         if let Some(bucket) = &self.s3 {

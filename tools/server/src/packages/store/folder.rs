@@ -114,6 +114,7 @@ impl Folder {
 /// Writes beside `path`, and renames when all of it is on the disk.
 fn write(path: &Path, from: Option<File>) -> Result<()> {
     let folder = path.parent().ok_or(ErrorKind::InvalidInput)?;
+    let is_new = !folder.is_dir();
     std::fs::create_dir_all(folder)?;
     let mut staged = tempfile::Builder::new()
         .prefix(&STAGED.to_string())
@@ -124,9 +125,14 @@ fn write(path: &Path, from: Option<File>) -> Result<()> {
     }
     staged.as_file().sync_all()?;
     staged.persist(path)?;
-    // Its name too.
+    // Its name too, and its folder's.
     #[cfg(unix)]
-    File::open(folder)?.sync_all()?;
+    {
+        File::open(folder)?.sync_all()?;
+        if let (true, Some(above)) = (is_new, folder.parent()) {
+            File::open(above)?.sync_all()?;
+        }
+    }
     Ok(())
 }
 

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 /// Hands poses to a person. Copies hand them to the same one.
 #[derive(Debug, Clone, Default)]
-pub struct Steps(Arc<Shared>);
+pub struct PoseQueue(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
@@ -17,9 +17,9 @@ struct Shared {
     changed: Condvar,
 }
 
-impl Steps {
+impl PoseQueue {
     /// The person takes this pose after those that were asked for before.
-    pub fn pose(&self, motion: MotionParams) {
+    pub fn push(&self, motion: MotionParams) {
         self.lock().push_back(motion);
         self.0.changed.notify_all();
     }
@@ -29,7 +29,7 @@ impl Steps {
     }
 }
 
-impl MotionSource for Steps {
+impl MotionSource for PoseQueue {
     fn next(&mut self, longest: Duration) -> Option<Pose> {
         let waited =
             (self.0.changed).wait_timeout_while(self.lock(), longest, |poses| poses.is_empty());
