@@ -5,7 +5,7 @@
 //! poses and, for each picture, the time at which it is displayed:
 //!
 //! ```no_run
-//! use app_pipeline::{concealment::ConcealmentState, inference::Inference, plan::Plan};
+//! use app_pipeline::{concealment::ConcealmentState, inference::Inference, plan::Plan, profile::FrameTimes};
 //! use app_pipeline::lanes::{DisplayClock, LaneOptions, Lanes, MotionSource, Pose};
 //! use glam::Vec3;
 //! use npu_runtime::{Provider, Runtime};
@@ -20,9 +20,8 @@
 //! impl MotionSource for Still {
 //!     fn next(&mut self, longest: Duration) -> Option<Pose> {
 //!         std::thread::sleep(longest.min(Duration::from_millis(33)));
-//!         let now = Instant::now();
-//!         let (motion, source) = (MotionParams::default(), ConcealmentState::Live);
-//!         Some(Pose { motion, source, captured: None, arrived: now, due: now, released: now })
+//!         let times = FrameTimes::new(ConcealmentState::Live, Instant::now());
+//!         Some(Pose { motion: MotionParams::default(), times })
 //!     }
 //!     fn is_over(&self) -> bool {
 //!         false

@@ -3,6 +3,7 @@
 
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::lanes::{MotionSource, Pose};
+use app_pipeline::profile::FrameTimes;
 use spmm3::MotionParams;
 use std::time::{Duration, Instant};
 
@@ -48,11 +49,11 @@ impl MotionSource for ClipSource {
         self.next = (self.next + 1) % self.frames.len();
         Some(Pose {
             motion: motion.clone(),
-            source: ConcealmentState::Live,
-            captured: Some(due),
-            arrived,
-            due,
-            released: arrived,
+            times: FrameTimes {
+                captured: Some(due),
+                due,
+                ..FrameTimes::new(ConcealmentState::Live, arrived)
+            },
         })
     }
 
@@ -83,7 +84,7 @@ mod tests {
         assert_eq!(seen, [1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 1.0], "over and over");
         for pair in poses.windows(2) {
             assert!(
-                pair[1].due >= pair[0].due + Duration::from_millis(5),
+                pair[1].times.due >= pair[0].times.due + Duration::from_millis(5),
                 "never sooner than they should"
             );
         }

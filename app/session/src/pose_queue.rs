@@ -2,6 +2,7 @@
 
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::lanes::{MotionSource, Pose};
+use app_pipeline::profile::FrameTimes;
 use spmm3::MotionParams;
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -35,14 +36,9 @@ impl MotionSource for PoseQueue {
             (self.0.changed).wait_timeout_while(self.lock(), longest, |poses| poses.is_empty());
         let (mut poses, _) = waited.unwrap_or_else(PoisonError::into_inner);
         let motion = poses.pop_front()?;
-        let now = Instant::now();
         Some(Pose {
             motion,
-            source: ConcealmentState::Live,
-            captured: None,
-            arrived: now,
-            due: now,
-            released: now,
+            times: FrameTimes::new(ConcealmentState::Live, Instant::now()),
         })
     }
 

@@ -1,7 +1,7 @@
 //! One HTML file that shows a recording: timeline, latency, distributions, figures. It makes no requests.
 
 use crate::Report;
-use app_pipeline::profile::{Part, PictureLatency, Recording, StateTimes, Terms, nanoseconds};
+use app_pipeline::profile::{FrameTimes, Part, PictureLatency, Recording, Terms, nanoseconds};
 use app_pipeline::stage::{Lane, Stage};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -38,11 +38,11 @@ fn recorded(recording: &Recording, terms: &Terms) -> Value {
     let spans = newest(&recording.spans, MOST_SPANS);
     let pictures = newest(&recording.pictures, MOST_PICTURES);
     // Each once: a state is in several pictures.
-    let mut states: BTreeMap<u64, &StateTimes> = BTreeMap::new();
+    let mut states: BTreeMap<u64, &FrameTimes> = BTreeMap::new();
     for picture in pictures {
         states.extend([&picture.from, &picture.to].map(|state| (state.number, state)));
     }
-    let state = |s: &&StateTimes| {
+    let state = |s: &&FrameTimes| {
         let [inference, deformed] = s.inference.map(us);
         json!([
             s.number,

@@ -7,7 +7,7 @@ use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::placement::{Alternative, PlacementReport, StageCosts};
 use app_pipeline::plan::{Plan, unit_of};
 use app_pipeline::profile::{
-    Collector, PictureTimes, Recorder, Recording, StateTimes, Summary, Terms,
+    Collector, FrameTimes, PictureTimes, Recorder, Recording, Summary, Terms,
 };
 use app_pipeline::quality::{QualityController, QualityMode};
 use app_pipeline::stage::{Lane, Stage, Unit};
@@ -50,7 +50,7 @@ impl Lanes {
         end
     }
 
-    fn state(&mut self, [motion, npu, cpu]: [&mut Recorder; 3], number: u64) -> (f64, StateTimes) {
+    fn state(&mut self, [motion, npu, cpu]: [&mut Recorder; 3], number: u64) -> (f64, FrameTimes) {
         let captured = number as f64 * MOTION_MS;
         let arrived = captured + self.about(9.0);
         let due = captured + 20.0;
@@ -64,7 +64,7 @@ impl Lanes {
             now = self.work(cpu, Stage::Bind, number, now, 0.7) + 0.02;
         }
         self.bind = [bind, now];
-        let times = StateTimes {
+        let times = FrameTimes {
             number,
             source: ConcealmentState::Live,
             captured: Some(self.at(captured)),
@@ -88,7 +88,7 @@ pub(crate) fn synthetic(seconds: f64) -> Synthetic {
         interpolated: 0.0,
         bind: [0.0; 2],
     };
-    let mut states: Vec<(f64, StateTimes)> = Vec::new();
+    let mut states: Vec<(f64, FrameTimes)> = Vec::new();
     let (mut gpu_free, mut number, mut shown_last) = (0.0_f64, 0, 0.0_f64);
     let mut pictured: Option<PictureTimes> = None;
     for blank in 0.. {

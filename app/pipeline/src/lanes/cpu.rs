@@ -8,7 +8,7 @@ use super::triple_buffer::{Reader, WakeSignal, Writer};
 use crate::concealment::between;
 use crate::error::ReceiverError;
 use crate::posing::Posing;
-use crate::profile::{Recorder, StateTimes};
+use crate::profile::{FrameTimes, Recorder};
 use crate::stage::Stage;
 use crate::timeline::Timeline;
 use app_kernels::state::StateChange;
@@ -56,7 +56,7 @@ pub(super) struct Interpolated {
 pub(super) struct View {
     /// The picture that it was made for.
     pub(super) number: u64,
-    pub(super) states: [StateTimes; 2],
+    pub(super) states: [FrameTimes; 2],
     pub(super) alpha: f32,
     /// The pose, interpolated as the Gaussians are.
     pub(super) motion: MotionParams,
@@ -136,7 +136,7 @@ impl CpuLane {
         let posed = &inferred.posed;
         if self.posing.skin(&inferred.outputs, &posed.skinning)? {
             self.recorder
-                .span_until_now(Stage::Skin, posed.number, began);
+                .span_until_now(Stage::Skin, posed.pose.times.number, began);
         }
         let place = self.heads.next_place();
         self.heads.make_room();
@@ -162,12 +162,12 @@ impl CpuLane {
         making.change = making.change.join(change);
         let ended = self
             .recorder
-            .span_until_now(Stage::Bind, posed.number, begun);
+            .span_until_now(Stage::Bind, posed.pose.times.number, begun);
         if making.done < count {
             self.making = Some(making);
             return Ok(());
         }
-        let mut head = StateHead::new(posed.number, &posed.pose, inferred.inference);
+        let mut head = StateHead::new(&posed.pose);
         head.times.ready = ended;
         head.moved(making.change);
         self.heads.push(head, making.place, &mut self.timeline);

@@ -126,7 +126,7 @@ impl DevicePosing {
         };
         let place = self.heads.next_place();
         self.heads.make_room();
-        let mut head = StateHead::new(posed.number, &posed.pose, inferred.inference);
+        let mut head = StateHead::new(&posed.pose);
         head.times.ready = Instant::now();
         if let Some(slot) = self.ids.get_mut(place) {
             *slot = id;

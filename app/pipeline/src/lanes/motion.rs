@@ -2,7 +2,7 @@
 
 use super::triple_buffer::Writer;
 use crate::concealment::ConcealmentState;
-use crate::profile::Recorder;
+use crate::profile::{FrameTimes, Recorder};
 use crate::stage::Stage;
 use spmm3::{MotionParams, Skeleton, SkinningTransforms};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -11,21 +11,13 @@ use std::time::{Duration, Instant};
 /// How long a source may keep the lane from seeing that it is to stop.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// A pose to deform the avatar to, and where it comes from.
+/// A pose to deform the avatar to.
 #[derive(Debug, Clone)]
 pub struct Pose {
     /// The 215 motion parameters and the root translation.
     pub motion: MotionParams,
-    /// Whether a frame brought it.
-    pub source: ConcealmentState,
-    /// When it was captured, if that is known by this machine's clock.
-    pub captured: Option<Instant>,
-    /// When it was here.
-    pub arrived: Instant,
-    /// Its place on the time axis of motion: later than that of the pose before.
-    pub due: Instant,
-    /// When it was handed out.
-    pub released: Instant,
+    /// Where it came from, and when.
+    pub times: FrameTimes,
 }
 
 /// Where poses come from.
@@ -40,7 +32,6 @@ pub trait MotionSource: Send + 'static {
 /// A pose with its kinematics, on its way to the deform graph.
 #[derive(Debug, Clone)]
 pub(super) struct Posed {
-    pub(super) number: u64,
     pub(super) pose: Pose,
     pub(super) skinning: SkinningTransforms,
 }
@@ -48,16 +39,10 @@ pub(super) struct Posed {
 impl Posed {
     /// Before the first pose.
     pub(super) fn none() -> Self {
-        let now = Instant::now();
         Self {
-            number: 0,
             pose: Pose {
                 motion: MotionParams::default(),
-                source: ConcealmentState::Resting,
-                captured: None,
-                arrived: now,
-                due: now,
-                released: now,
+                times: FrameTimes::new(ConcealmentState::Resting, Instant::now()),
             },
             skinning: SkinningTransforms::default(),
         }
@@ -85,8 +70,8 @@ pub(super) fn run<S: MotionSource>(
         number += 1;
         let place = posed.place();
         skeleton.skinning(&skeleton.pose(&pose.motion), &mut place.skinning);
-        place.number = number;
         place.pose = pose;
+        place.pose.times.number = number;
         recorder.span_until_now(Stage::Kinematics, number, begun);
         posed.give();
     }

@@ -18,8 +18,6 @@ const PATIENCE: Duration = Duration::from_millis(100);
 pub(super) struct Inferred {
     pub(super) outputs: Outputs,
     pub(super) posed: Posed,
-    /// When the graph began and ended.
-    pub(super) inference: [Instant; 2],
 }
 
 /// The lane's thread.
@@ -48,11 +46,11 @@ impl NpuLane {
             let begun = Instant::now();
             self.inference
                 .run(&posed.pose.motion, &posed.skinning, &mut place.outputs)?;
-            let ended = self
-                .recorder
-                .span_until_now(Stage::Inference, posed.number, begun);
+            let ended =
+                self.recorder
+                    .span_until_now(Stage::Inference, posed.pose.times.number, begun);
             place.posed.clone_from(posed);
-            place.inference = [begun, ended];
+            place.posed.pose.times.inference = [begun, ended];
             self.inferred.give();
         }
         Ok(())

@@ -45,6 +45,7 @@ impl<S: MotionSource> MotionSource for PausableSource<S> {
 mod tests {
     use super::*;
     use crate::concealment::ConcealmentState;
+    use crate::profile::FrameTimes;
     use spmm3::MotionParams;
     use std::time::Instant;
 
@@ -54,14 +55,9 @@ mod tests {
         impl MotionSource for Steady {
             fn next(&mut self, _: Duration) -> Option<Pose> {
                 self.0 += 1;
-                let now = Instant::now();
                 Some(Pose {
                     motion: MotionParams::default(),
-                    source: ConcealmentState::Live,
-                    captured: None,
-                    arrived: now,
-                    due: now,
-                    released: now,
+                    times: FrameTimes::new(ConcealmentState::Live, Instant::now()),
                 })
             }
 

@@ -25,7 +25,6 @@ use renderer_splat::renderer::SplatRenderer;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
-use std::time::Instant;
 
 impl<S: MotionSource> Lanes<S> {
     /// Starts the lanes of `avatar`, the first person, on poses from `source`.
@@ -79,7 +78,6 @@ impl<S: MotionSource> Person<S> {
             Ok(Inferred {
                 outputs: inference.outputs()?,
                 posed: none(),
-                inference: [Instant::now(); 2],
             })
         };
         let (inferred, inferred_reader) = triple_buffer([one()?, one()?, one()?], &cpu_bell);

@@ -1,7 +1,7 @@
 //! The last states of Gaussians, so that pictures can lie between two of them.
 
 use crate::lanes::Pose;
-use crate::profile::StateTimes;
+use crate::profile::FrameTimes;
 use crate::timeline::Timeline;
 use app_kernels::state::{GaussianState, StateChange};
 use renderer_splat::motion_bound::Change;
@@ -15,7 +15,7 @@ const STATES: usize = 4;
 /// All that is known of a state but its Gaussians.
 #[derive(Debug, Clone)]
 pub(super) struct StateHead {
-    pub(super) times: StateTimes,
+    pub(super) times: FrameTimes,
     pub(super) motion: MotionParams,
     /// How far Gaussians are from those of the state before, at most.
     pub(super) change: Change,
@@ -156,19 +156,10 @@ impl StateHead {
         };
     }
 
-    /// Of a pose whose graph ran within `inference`; the rest is known when its Gaussians are.
-    pub(super) fn new(number: u64, pose: &Pose, inference: [Instant; 2]) -> Self {
+    /// Of a pose whose graph ran; when the state is ready is known when its Gaussians are.
+    pub(super) fn new(pose: &Pose) -> Self {
         Self {
-            times: StateTimes {
-                number,
-                source: pose.source,
-                captured: pose.captured,
-                arrived: pose.arrived,
-                due: pose.due,
-                released: pose.released,
-                inference,
-                ready: inference[1],
-            },
+            times: pose.times,
             motion: pose.motion.clone(),
             change: Change::default(),
         }

@@ -3,7 +3,7 @@
 //! Every lane owns a [`Recorder`], a queue without locks that never grows; one [`Collector`] empties them. What does not
 //! fit is counted, not waited for.
 
-use crate::concealment::ConcealmentState;
+use super::frame_times::FrameTimes;
 use crate::stage::{Lane, Stage};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::VecDeque;
@@ -32,37 +32,15 @@ pub struct Span {
     pub end: Instant,
 }
 
-/// A motion frame's way until its state of Gaussians is ready.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StateTimes {
-    /// Counts motion frames handed to the lanes.
-    pub number: u64,
-    /// Where its motion came from.
-    pub source: ConcealmentState,
-    /// When it was captured, by this machine's clock; unknown until the clocks have been compared, and for a pose that
-    /// no frame brought.
-    pub captured: Option<Instant>,
-    /// When the datagram was here (for a pose that no frame brought: when it was made up).
-    pub arrived: Instant,
-    /// When it was due, which is its place on the time axis of motion.
-    pub due: Instant,
-    /// When it left the jitter buffer.
-    pub released: Instant,
-    /// When the deform graph began and ended.
-    pub inference: [Instant; 2],
-    /// When its state was ready to be shown.
-    pub ready: Instant,
-}
-
 /// A picture's way to the display.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureTimes {
     /// Counts pictures drawn.
     pub number: u64,
     /// The states it lies between.
-    pub from: StateTimes,
+    pub from: FrameTimes,
     /// The newer one.
-    pub to: StateTimes,
+    pub to: FrameTimes,
     /// Its place between them: 0 at `from`, 1 at `to`, more where it was extrapolated.
     pub alpha: f32,
     /// The picture that its Gaussians were made for, by which spans of [`Stage::Interpolate`] go: an earlier one where they came

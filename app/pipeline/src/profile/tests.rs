@@ -32,10 +32,10 @@ impl Schedule {
         self.zero + Duration::from_secs_f64(ms / 1e3)
     }
 
-    fn state(&self, number: u64) -> StateTimes {
+    fn state(&self, number: u64) -> FrameTimes {
         let captured = 40.0 * number as f64;
         let at = |ms: f64| self.at(captured + ms);
-        StateTimes {
+        FrameTimes {
             number,
             source: ConcealmentState::Live,
             captured: Some(at(0.0)),
@@ -305,7 +305,7 @@ prop_compose! {
         });
         let mut next = || times.next().expect("sixteen are enough");
         let (older, arrived, released) = (next(), next(), next());
-        let state = |captured: Option<u64>, arrived| StateTimes {
+        let state = |captured: Option<u64>, arrived| FrameTimes {
             number: 1,
             source: ConcealmentState::Live,
             captured: captured.map(|ns| zero + Duration::from_nanos(ns)),
@@ -317,7 +317,7 @@ prop_compose! {
         };
         let from = state(captured.map(|both| both.0), older);
         let inference = [next(), next()];
-        let to = StateTimes { inference, ready: next(), ..state(captured.map(|both| both.1), arrived) };
+        let to = FrameTimes { inference, ready: next(), ..state(captured.map(|both| both.1), arrived) };
         let picture = PictureTimes {
             number: 1, from, to, alpha, interpolated_for: 1,
             interpolation: [next(), next()],

@@ -4,6 +4,7 @@ use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::inference::Inference;
 use app_pipeline::lanes::{DisplayClock, Drawn, LaneOptions, Lanes, MotionSource, Pose};
 use app_pipeline::plan::Plan;
+use app_pipeline::profile::FrameTimes;
 use app_pipeline::quality::QualityMode;
 use app_pipeline::timeline::LatencyMode;
 use glam::{Quat, Vec3};
@@ -89,11 +90,11 @@ impl MotionSource for Swing {
         let seconds = (due - self.start).as_secs_f32();
         Some(Pose {
             motion: Self::at(self.speed, seconds),
-            source: ConcealmentState::Live,
-            captured: Some(due),
-            arrived: due,
-            due,
-            released: Instant::now(),
+            times: FrameTimes {
+                captured: Some(due),
+                released: Instant::now(),
+                ..FrameTimes::new(ConcealmentState::Live, due)
+            },
         })
     }
 

@@ -8,6 +8,7 @@ pub use watch::{CallCounts, CallWatch};
 
 use app_pipeline::concealment::{ConcealmentState, MotionConcealment};
 use app_pipeline::lanes::{MotionSource, Pose};
+use app_pipeline::profile::FrameTimes;
 use figures::Log;
 use link_call::{CallError, CallEvent, Viewer};
 use link_codec::Micros;
@@ -196,24 +197,16 @@ impl Call {
         };
         self.made_up = Micros(now.0.saturating_add(micros(pause)));
         let at = |time| self.clock.instant(time);
-        match timing {
-            Some(timing) => Pose {
-                motion,
-                source,
+        let times = match timing {
+            Some(timing) => FrameTimes {
                 captured: timing.captured_local.map(at),
                 arrived: at(timing.arrived),
                 due: at(timing.due.max(timing.arrived)),
-                released: at(timing.released),
+                ..FrameTimes::new(source, at(timing.released))
             },
-            None => Pose {
-                motion,
-                source,
-                captured: None,
-                arrived: at(now),
-                due: at(now),
-                released: at(now),
-            },
-        }
+            None => FrameTimes::new(source, at(now)),
+        };
+        Pose { motion, times }
     }
 }
 

@@ -8,7 +8,7 @@ use crate::call::{CallCounts, CallWatch};
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::placement::PlacementReport;
 use app_pipeline::plan::Plan;
-use app_pipeline::profile::{Collector, PictureTimes, Recording, Since, StateTimes};
+use app_pipeline::profile::{Collector, FrameTimes, PictureTimes, Recording, Since};
 use app_pipeline::quality::{LADDER, Quality, QualityController, QualityFigures, QualityMode};
 use app_pipeline::stage::{Lane, Stage, Unit};
 use npu_runtime::{Landing, Origin, Provider};
@@ -320,15 +320,10 @@ impl Minute {
             cpu.span(Stage::Interpolate, number, at(begun + 1), at(begun + 3));
             gpu.span(Stage::Raster, number, at(begun + 4), at(begun + 9));
             let late = if number % 50 == 49 { 9 } else { 0 };
-            let state = StateTimes {
+            let state = FrameTimes {
                 number,
-                source: ConcealmentState::Live,
                 captured: at(begun).checked_sub(Duration::from_millis(80)),
-                arrived: at(begun),
-                due: at(begun),
-                released: at(begun),
-                inference: [at(begun); 2],
-                ready: at(begun),
+                ..FrameTimes::new(ConcealmentState::Live, at(begun))
             };
             gpu.picture(PictureTimes {
                 number,

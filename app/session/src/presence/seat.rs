@@ -63,7 +63,7 @@ impl<S: MotionSource> MotionSource for Seated<S> {
     fn next(&mut self, longest: Duration) -> Option<Pose> {
         let mut pose = self.source.next(longest)?;
         if let Some(seat) = &mut self.seat {
-            seat.take(&mut pose.motion, pose.due);
+            seat.take(&mut pose.motion, pose.times.due);
         }
         Some(pose)
     }

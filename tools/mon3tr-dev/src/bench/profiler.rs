@@ -3,7 +3,7 @@
 
 use super::measure::{median, print_table};
 use app_pipeline::concealment::ConcealmentState;
-use app_pipeline::profile::{Collector, Event, PictureTimes, StateTimes};
+use app_pipeline::profile::{Collector, Event, FrameTimes, PictureTimes};
 use app_pipeline::stage::{Lane, Stage};
 use mon3tr::report::{check_writable, write_json};
 use serde::Serialize;
@@ -134,15 +134,10 @@ fn measure() -> Measured {
 }
 
 fn picture(at: Instant) -> PictureTimes {
-    let state = StateTimes {
+    let state = FrameTimes {
         number: 1,
-        source: ConcealmentState::Live,
         captured: Some(at),
-        arrived: at,
-        due: at,
-        released: at,
-        inference: [at; 2],
-        ready: at,
+        ..FrameTimes::new(ConcealmentState::Live, at)
     };
     PictureTimes {
         number: 1,

@@ -3,6 +3,7 @@ use super::super::seat::Seat;
 use super::*;
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::lanes::{MotionSource, Pose};
+use app_pipeline::profile::FrameTimes;
 use proptest::prelude::*;
 use spmm3::MotionClip;
 use std::time::Instant;
@@ -200,11 +201,10 @@ impl MotionSource for Still {
         let due = self.1.take()?;
         Some(Pose {
             motion: self.0.clone(),
-            source: ConcealmentState::Live,
-            captured: Some(due),
-            arrived: due,
-            due,
-            released: due,
+            times: FrameTimes {
+                captured: Some(due),
+                ..FrameTimes::new(ConcealmentState::Live, due)
+            },
         })
     }
 
@@ -219,7 +219,11 @@ fn a_seated_source_is_its_source_but_for_the_pose() {
     let mut seated = Seated::new(Still(sent.clone(), Some(due)), skeleton());
     assert!(!seated.is_over(), "there is a pose");
     let pose = seated.next(Duration::ZERO).expect("a pose");
-    assert_eq!((pose.due, pose.captured), (due, Some(due)), "its times");
+    assert_eq!(
+        (pose.times.due, pose.times.captured),
+        (due, Some(due)),
+        "its times"
+    );
     assert_eq!(pose.motion, seat(skeleton(), &sent), "its motion");
     assert!(
         seated.next(Duration::ZERO).is_none() && seated.is_over(),

@@ -2,6 +2,7 @@
 
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::lanes::{MotionSource, Pose};
+use app_pipeline::profile::FrameTimes;
 use mon3tr::performance::MOTION_RATE;
 use spmm3::MotionParams;
 use std::sync::Arc;
@@ -39,11 +40,11 @@ impl MotionSource for Clip {
         self.sent += 1;
         Some(Pose {
             motion,
-            source: ConcealmentState::Live,
-            captured: Some(due),
-            arrived: due,
-            due,
-            released: Instant::now(),
+            times: FrameTimes {
+                captured: Some(due),
+                released: Instant::now(),
+                ..FrameTimes::new(ConcealmentState::Live, due)
+            },
         })
     }
 
