@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn who_leaves_in_a_pause_is_not_kept_waiting() {
+    fn leaving_in_a_pause_does_not_wait() {
         let mut worker = Worker::start();
         worker.wait_for_more();
         assert!(worker.control.pause(PATIENCE), "comes to rest");

@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bell_that_nobody_waited_for_is_heard_later_and_silence_ends() {
+    fn a_signal_without_a_sleeper_wakes_the_next_one_and_silence_ends() {
         let bell = WakeSignal::default();
         bell.ring();
         let begun = Instant::now();

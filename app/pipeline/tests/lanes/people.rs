@@ -140,7 +140,7 @@ fn two_people_are_drawn_together_each_in_their_place() {
 }
 
 #[test]
-fn who_is_not_there_yet_is_left_out_and_nobody_waits_for_them() {
+fn a_person_who_is_not_there_yet_is_left_out_and_not_waited_for() {
     let Some(gpu) = vulkan::gpu() else { return };
     let at_rest = Swing::new(30.0, 1000, 0.0);
     let Some(mut stage) = Stage::new(&gpu, Plan::CpuTail, &[CPU], at_rest) else {
@@ -156,7 +156,7 @@ fn who_is_not_there_yet_is_left_out_and_nobody_waits_for_them() {
 }
 
 #[test]
-fn who_leaves_goes_out_of_the_picture_and_the_others_stay() {
+fn a_person_who_leaves_goes_out_of_the_picture_and_the_others_stay() {
     let Some(gpu) = vulkan::gpu() else { return };
     for leaves in [0, 1] {
         let swings = [(); 2].map(|()| Swing::new(30.0, 100_000, 0.5));
@@ -195,7 +195,7 @@ fn who_leaves_goes_out_of_the_picture_and_the_others_stay() {
 }
 
 #[test]
-fn who_cannot_go_on_is_left_out_and_the_last_one_tells_why() {
+fn a_person_whose_lane_fails_is_left_out_and_the_last_ones_error_is_returned() {
     let Some(gpu) = vulkan::gpu() else { return };
     let swing = || Swing::new(30.0, 100_000, 0.5);
     let Some(mut stage) = Stage::new(&gpu, Plan::CpuTail, &[CPU], swing()) else {

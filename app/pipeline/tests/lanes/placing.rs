@@ -134,7 +134,7 @@ fn placing_that_is_left_says_so_wherever_it_is() {
 }
 
 #[test]
-fn a_graph_that_nobody_wants_any_more_is_not_loaded() {
+fn a_graph_that_is_not_wanted_any_more_is_not_loaded() {
     let Some(runtime) = onnx::runtime() else {
         return;
     };

@@ -113,13 +113,13 @@ impl Run {
             println!("skipped: validation: no layer on this machine");
         }
         for eye in ["left", "right"] {
-            self.assert_shows_somebody(eye);
+            self.assert_shows_a_person(eye);
         }
         report
     }
 
     /// That somebody stands before the bright studio in the picture which this eye had.
-    fn assert_shows_somebody(&self, eye: &str) {
+    fn assert_shows_a_person(&self, eye: &str) {
         let file = self.folder.path().join(format!("{eye}.png"));
         let picture = image::open(&file);
         let picture = picture.unwrap_or_else(|why| panic!("{}: {why}", file.display()));

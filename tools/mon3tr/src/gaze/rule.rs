@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn wherever_somebody_looks_the_camera_keeps_within_bounds_and_never_jumps() {
+    fn wherever_the_viewer_looks_the_camera_keeps_within_bounds_and_never_jumps() {
         for seed in 0..50 {
             let angles = run(darting(seed, 2_000));
             for two in angles.windows(2) {
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_all_the_way_without_overshooting_and_comes_back_when_nobody_looks() {
+    fn it_goes_all_the_way_without_overshooting_and_comes_back_without_a_gaze() {
         let there = run(std::iter::repeat_n(Some([1.0, 0.0]), 500));
         for (axis, furthest) in FURTHEST.into_iter().enumerate() {
             assert!(
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_moves_while_somebody_looks_at_the_middle() {
+    fn nothing_moves_while_the_viewer_looks_at_the_middle() {
         let still = run((0..500).map(|k| {
             let wave = (k as f32 * 0.7).sin() * 0.12;
             Some([0.5 + wave, 0.5 - wave])

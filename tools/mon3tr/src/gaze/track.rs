@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_blink_is_looked_through_and_a_longer_gap_is_nobody_looking() {
+    fn a_blink_is_bridged_and_a_longer_gap_is_no_gaze() {
         let track = Track::parse(b"1,0.1,0.2\n1.3,,\n1.6,0.3,0.4\n").expect("samples");
         assert_eq!(at(&track, 0.9), None, "before the first");
         assert_eq!(at(&track, 1.0), Some([0.1, 0.2]), "at the first");

@@ -1,4 +1,4 @@
-//! Somebody is killed in mid-call and comes back.
+//! A program of a call is killed in mid-call and comes back.
 
 use crate::house::{
     House, assert_nothing_refused, assert_only_skipped, count, frames_come, joined, longest_gap,
@@ -33,7 +33,7 @@ fn a_viewer_sees_a_sender_again_that_was_killed_and_came_back() {
 }
 
 #[test]
-fn a_sender_may_come_back_as_somebody_else() {
+fn a_sender_may_come_back_with_another_avatar() {
     let house = House::open();
     let other = house.path("other.m3a");
     Puppet::new(PuppetSize {
@@ -50,7 +50,7 @@ fn a_sender_may_come_back_as_somebody_else() {
     frames_come(&lab);
     sender.program.kill();
     let mut again = house.send(&["--room", &sender.own, "--avatar", &other]);
-    receiver.says("come back as somebody else", 1);
+    receiver.says("come back with another avatar", 1);
     // The call in which that was learnt, and the one to see them.
     receiver.says("joined (session", 3);
     again.says("a viewer has joined", 2);

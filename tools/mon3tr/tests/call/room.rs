@@ -63,7 +63,7 @@ fn a_viewer_who_hangs_up_is_gone_at_once_and_the_sender_goes_on() {
 }
 
 #[test]
-fn a_sender_who_hangs_up_ends_the_call_for_everybody() {
+fn a_sender_who_hangs_up_ends_the_call_for_all_viewers() {
     let house = House::open();
     let lab = house.lab(Impairment::default(), Impairment::default());
     let mut sender = house.sender(&[]);

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 const HEAD: Vec3 = Vec3::new(0.0, 1.6, 0.0);
 
-/// A room with somebody 1.6 m before a viewer at the origin, who looks along -z.
+/// A room with a person 1.6 m before a viewer at the origin, who looks along -z.
 struct Room {
     presence: Presence,
     people: Vec<Option<Standing>>,
@@ -15,7 +15,7 @@ impl Room {
     fn of(count: usize) -> Self {
         let mut room = Self {
             presence: Presence::new(),
-            people: vec![Some(somebody(0.5, Vec2::new(0.3, -0.2))); count],
+            people: vec![Some(standing_at(0.5, Vec2::new(0.3, -0.2))); count],
             places: Vec::new(),
         };
         room.show([Hand::default(); 2]);
@@ -39,12 +39,12 @@ impl Room {
     }
 
     fn spot(&self, person: usize) -> Vec2 {
-        let standing = self.people[person].expect("somebody");
+        let standing = self.people[person].expect("a person");
         seen(&self.places[person], &standing).0
     }
 
     fn faces(&self, person: usize) -> Vec2 {
-        let standing = self.people[person].expect("somebody");
+        let standing = self.people[person].expect("a person");
         seen(&self.places[person], &standing).1
     }
 }
@@ -75,7 +75,7 @@ fn a_person_gripped_goes_as_the_hand_goes_and_stays_where_it_opens() {
     room.right(grip(SHOULDER, 0.0), 1);
     assert!(
         room.spot(0).abs_diff_eq(before, 1e-5),
-        "closing moves nobody"
+        "closing moves no person"
     );
     let way = Vec3::new(0.3, 0.25, 0.2);
     room.right(grip(SHOULDER + way, 0.0), 40);
@@ -85,7 +85,7 @@ fn a_person_gripped_goes_as_the_hand_goes_and_stays_where_it_opens() {
         "{} for {expected}",
         room.spot(0)
     );
-    assert_eq!(room.places[0].translation.y, 0.0, "lifting lifts nobody");
+    assert_eq!(room.places[0].translation.y, 0.0, "lifting lifts no person");
     let open = Hand {
         holds: false,
         ..grip(SHOULDER, 0.0)
@@ -119,14 +119,14 @@ fn a_person_gripped_turns_on_the_spot_as_the_hand_turns_about_y() {
 }
 
 #[test]
-fn a_hand_that_was_closed_before_or_is_out_of_reach_holds_nobody() {
+fn a_hand_that_was_closed_before_or_is_out_of_reach_holds_no_person() {
     let mut room = Room::of(1);
     let before = room.places.clone();
     let away = Vec3::new(0.9, 1.0, -0.6);
     room.right(grip(away, 0.0), 3);
     room.right(grip(SHOULDER, 0.0), 3);
     room.right(grip(SHOULDER + Vec3::X * 0.3, 0.4), 20);
-    assert_eq!(room.places, before, "it closed on nobody");
+    assert_eq!(room.places, before, "it closed on no person");
     room.right(Hand::default(), 1);
     room.right(aim(HEAD, -1.2, 0.0), 3);
     room.right(aim(HEAD, 0.0, 0.0), 30);
@@ -211,7 +211,7 @@ fn a_second_hand_on_a_person_is_ignored_and_another_person_can_be_held_by_it() {
 }
 
 #[test]
-fn a_hand_lost_from_sight_moves_nobody_and_takes_up_anew_where_it_is_found_far_away() {
+fn a_hand_lost_from_sight_moves_no_person_and_takes_up_anew_where_it_is_found_far_away() {
     let mut room = Room::of(1);
     let before = room.spot(0);
     let lost = Hand {
@@ -234,7 +234,7 @@ fn a_hand_lost_from_sight_moves_nobody_and_takes_up_anew_where_it_is_found_far_a
 }
 
 #[test]
-fn nobody_is_taken_further_than_eight_metres() {
+fn no_person_is_taken_further_than_eight_metres() {
     let mut room = Room::of(1);
     let hand = |z: f32| aim(Vec3::new(0.0, 1.2, z), 0.0, 0.0);
     room.right(hand(0.0), 1);
@@ -281,10 +281,10 @@ proptest! {
         count in 1usize..4,
     ) {
         let mut presence = Presence::new();
-        let standing = somebody(0.4, Vec2::ONE);
+        let standing = standing_at(0.4, Vec2::ONE);
         let people = vec![Some(standing); count];
         let mut before: Option<Vec<Vec2>> = None;
-        // As far from the origin as any head could be that placed somebody, and from there as far as hands take people.
+        // As far from the origin as any head could be that placed a person, and from there as far as hands take people.
         let mut furthest = 2.0_f32;
         for (head, left, right, frames) in script {
             for frame in 0..frames {

@@ -21,8 +21,8 @@ fn skeleton() -> &'static Skeleton {
     SKELETON.get_or_init(|| Puppet::new(PuppetSize::SMALL).skeleton)
 }
 
-/// Somebody at ease, somewhere in their own motion space.
-fn somebody(heading: f32, at: Vec2) -> Standing {
+/// A person at ease, somewhere in their own motion space.
+fn standing_at(heading: f32, at: Vec2) -> Standing {
     Standing::of(skeleton(), &motion(heading, at)).expect("a pose that can be")
 }
 

@@ -11,10 +11,10 @@ fn a_person_first_stands_before_the_viewer_and_faces_them() {
         (2.0, Vec2::new(3.0, -1.0)),
         (-3.1, Vec2::NEG_ONE),
     ] {
-        let standing = somebody(heading, at);
+        let standing = standing_at(heading, at);
         let mut presence = Presence::new();
         let before = presence.update(&Viewer::default(), &[Some(standing)], FRAME);
-        assert_eq!(before.len(), 1, "without a head nobody is placed");
+        assert_eq!(before.len(), 1, "without a head no person is placed");
         let placed = presence.update(&viewer(EYE, 0.7, -0.2), &[Some(standing)], FRAME)[0];
         let (spot, faces) = seen(&placed, &standing);
         // Turned to the left by 0.7, the viewer looks along (-sin, -cos).
@@ -26,15 +26,15 @@ fn a_person_first_stands_before_the_viewer_and_faces_them() {
 }
 
 #[test]
-fn who_has_a_place_stays_in_the_room_while_the_viewer_goes_about() {
+fn a_person_with_a_place_stays_there_while_the_viewer_goes_about() {
     let mut presence = Presence::new();
-    let here = [Some(somebody(0.3, Vec2::ZERO))];
+    let here = [Some(standing_at(0.3, Vec2::ZERO))];
     let first = presence.update(&viewer(EYE, 0.0, 0.0), &here, FRAME)[0];
     let later = presence.update(&viewer(-EYE, 2.0, 0.4), &here, FRAME)[0];
     assert_eq!(first, later, "the viewer alone has moved");
     let unseen = presence.update(&Viewer::default(), &[None], FRAME)[0];
     assert_eq!(first, unseen, "nothing is tracked");
-    let walked = [Some(somebody(0.3, Vec2::new(0.0, 1.0)))];
+    let walked = [Some(standing_at(0.3, Vec2::new(0.0, 1.0)))];
     let walks = presence.update(&viewer(EYE, 0.0, 0.0), &walked, FRAME)[0];
     assert_eq!(first, walks, "the person walks as they walk");
 }
@@ -42,14 +42,14 @@ fn who_has_a_place_stays_in_the_room_while_the_viewer_goes_about() {
 #[test]
 fn several_people_stand_in_an_arc_an_arms_length_apart_each_facing_the_viewer() {
     let people: Vec<Option<Standing>> = (0..5u8)
-        .map(|k| Some(somebody(f32::from(k), Vec2::splat(f32::from(k)))))
+        .map(|k| Some(standing_at(f32::from(k), Vec2::splat(f32::from(k)))))
         .collect();
     let mut presence = Presence::new();
     let placed = presence.update(&viewer(EYE, 0.0, 0.0), &people, FRAME);
     let stand: Vec<(Vec2, Vec2)> = placed
         .iter()
         .zip(&people)
-        .map(|(place, standing)| seen(place, &standing.expect("everybody is there")))
+        .map(|(place, standing)| seen(place, &standing.expect("all are there")))
         .collect();
     for (spot, faces) in &stand {
         let to_viewer = EYE.xz() - *spot;
@@ -68,21 +68,21 @@ fn several_people_stand_in_an_arc_an_arms_length_apart_each_facing_the_viewer() 
 }
 
 #[test]
-fn who_joins_later_finds_a_free_place_and_moves_nobody() {
+fn a_person_who_joins_later_finds_a_free_place_and_moves_no_other() {
     let mut presence = Presence::new();
-    let somebody = Some(somebody(0.0, Vec2::ZERO));
+    let person = Some(standing_at(0.0, Vec2::ZERO));
     let head = viewer(EYE, 0.0, 0.0);
-    let alone = presence.update(&head, &[somebody], FRAME)[0];
-    let both = presence.update(&head, &[somebody, None], FRAME)[0];
-    let placed = presence.update(&head, &[somebody, somebody], FRAME);
+    let alone = presence.update(&head, &[person], FRAME)[0];
+    let both = presence.update(&head, &[person, None], FRAME)[0];
+    let placed = presence.update(&head, &[person, person], FRAME);
     assert_eq!((alone, both), (placed[0], placed[0]), "the first stays");
     let apart = placed[0].translation.distance(placed[1].translation);
     assert!((0.6..1.3).contains(&apart), "{apart} m apart");
 }
 
 #[test]
-fn recentring_puts_everybody_before_the_viewer_again() {
-    let here = [Some(somebody(1.0, Vec2::ONE))];
+fn recentring_puts_all_people_before_the_viewer_again() {
+    let here = [Some(standing_at(1.0, Vec2::ONE))];
     let mut presence = Presence::new();
     presence.update(&viewer(EYE, 0.0, 0.0), &here, FRAME);
     presence.recentre();
@@ -96,10 +96,10 @@ fn recentring_puts_everybody_before_the_viewer_again() {
 fn looking_straight_up_or_down_people_stand_where_the_body_is_turned() {
     for pitch in [-FRAC_PI_2, -1.55, 1.55, FRAC_PI_2] {
         for yaw in [0.0, 1.0, -2.5] {
-            let here = [Some(somebody(0.0, Vec2::ZERO))];
+            let here = [Some(standing_at(0.0, Vec2::ZERO))];
             let mut presence = Presence::new();
             let placed = presence.update(&viewer(EYE, yaw, pitch), &here, FRAME)[0];
-            let (spot, _) = seen(&placed, &here[0].expect("somebody"));
+            let (spot, _) = seen(&placed, &here[0].expect("a person"));
             let expected = EYE.xz() + Vec2::new(-yaw.sin(), -yaw.cos()) * 1.6;
             assert!(spot.abs_diff_eq(expected, 1e-3), "{yaw} {pitch}: {spot}");
         }
@@ -128,7 +128,7 @@ proptest! {
         let head = pose(Vec3::from_array(at), yaw, pitch)
             * Affine3A::from_quat(Quat::from_rotation_z(roll));
         let viewer = Viewer { floor_from_head: Some(head), ..Viewer::default() };
-        let standing = somebody(heading, Vec2::from_array(walked));
+        let standing = standing_at(heading, Vec2::from_array(walked));
         let people = vec![Some(standing); count];
         let mut presence = Presence::new();
         for place in presence.update(&viewer, &people, FRAME) {

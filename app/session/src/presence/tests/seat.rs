@@ -68,7 +68,7 @@ fn seat(skeleton: &Skeleton, sent: &MotionParams) -> MotionParams {
 }
 
 #[test]
-fn whoever_stands_sits_at_the_seats_height_with_both_feet_flat_on_the_floor() {
+fn a_standing_person_sits_at_the_seats_height_with_both_feet_flat_on_the_floor() {
     let motion = seat(skeleton(), &motion(1.2, Vec2::new(2.0, -1.0)));
     for height in soles(skeleton(), &motion) {
         assert!((-1e-4..0.02).contains(&height), "a sole {height} m up");
@@ -120,7 +120,7 @@ fn everything_above_the_pelvis_is_as_sent() {
 }
 
 #[test]
-fn who_sits_does_not_walk_but_turns_and_leans_a_little() {
+fn a_seated_person_does_not_walk_but_turns_and_leans_a_little() {
     let mut seat = Seat::new(skeleton());
     let begun = Instant::now();
     let mut at = |k: u32, sent: &MotionParams| {
@@ -232,7 +232,7 @@ fn a_seated_source_is_its_source_but_for_the_pose() {
     assert_eq!(seated.into_source().0, sent, "the source comes back");
     let mut standing = Seated::as_sent(Still(sent.clone(), Some(due)));
     let pose = standing.next(Duration::ZERO).expect("a pose");
-    assert_eq!(pose.motion, sent, "nobody was asked to sit");
+    assert_eq!(pose.motion, sent, "no seat was asked for");
 }
 
 proptest! {

@@ -19,7 +19,7 @@ fn darkness(shadow: &[Gaussian], x: f32, z: f32) -> f32 {
 
 #[test]
 fn it_is_dark_under_the_soles_faint_beside_them_and_nothing_a_few_steps_away() {
-    let standing = somebody(0.0, Vec2::ZERO);
+    let standing = standing_at(0.0, Vec2::ZERO);
     let shadow = cast(&standing, &Affine3A::IDENTITY);
     for sole in standing.soles {
         let middle = sole.iter().sum::<Vec3>() / sole.len() as f32;
@@ -33,7 +33,7 @@ fn it_is_dark_under_the_soles_faint_beside_them_and_nothing_a_few_steps_away() {
 
 #[test]
 fn its_gaussians_are_black_and_lie_flat_on_the_floor() {
-    let shadow = cast(&somebody(1.0, Vec2::ONE), &Affine3A::IDENTITY);
+    let shadow = cast(&standing_at(1.0, Vec2::ONE), &Affine3A::IDENTITY);
     assert!(
         (20..=SHADOW_GAUSSIANS).contains(&shadow.len()),
         "{}",
@@ -55,7 +55,7 @@ fn its_gaussians_are_black_and_lie_flat_on_the_floor() {
 
 #[test]
 fn it_goes_where_the_person_was_put() {
-    let standing = somebody(0.7, Vec2::new(-1.0, 0.5));
+    let standing = standing_at(0.7, Vec2::new(-1.0, 0.5));
     let floor_from_person = pose(Vec3::new(2.0, 0.0, -3.0), 1.1, 0.0);
     let here = cast(&standing, &Affine3A::IDENTITY);
     let there = cast(&standing, &floor_from_person);
@@ -68,7 +68,7 @@ fn it_goes_where_the_person_was_put() {
 }
 
 #[test]
-fn it_grows_wide_and_faint_as_somebody_rises_and_is_gone_high_up() {
+fn it_grows_wide_and_faint_as_the_person_rises_and_is_gone_high_up() {
     let raised = |metres: f32| {
         let mut motion = motion(0.0, Vec2::ZERO);
         motion.root_translation.y += metres;

@@ -112,7 +112,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let until = Until::new(&stop, options.seconds, options.frames);
         let shown = screen.show(options, &people, &context, &until)?;
         if let (true, Some(announced)) = (screen.can_go_on(), shown.came_back()) {
-            println!("the sender has come back as somebody else");
+            println!("the sender has come back with another avatar");
             again = Some(announced);
             continue;
         }

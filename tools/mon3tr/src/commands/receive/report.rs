@@ -16,7 +16,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 
 /// What a viewer reads whose sender has another avatar now.
-const CAME_BACK: &str = "the sender has come back as somebody else: join again to see them";
+const CAME_BACK: &str = "the sender has come back with another avatar: join again to see it";
 
 /// Everything `receive` prints.
 #[derive(Debug, Serialize)]

@@ -87,7 +87,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
             token_file.display()
         );
         println!(
-            "now let somebody in:\n  mon3tr send --server {scheme}://{address} --avatar PACKAGE.m3a"
+            "now open a room with a sender in it:\n  mon3tr send --server {scheme}://{address} --avatar PACKAGE.m3a"
         );
         std::io::stdout()
             .flush()

@@ -178,7 +178,7 @@ fn an_activity_waits_for_a_sender_and_for_the_next_call() {
 }
 
 #[test]
-fn an_activity_that_gets_ready_keeps_nobody_waiting_for_its_pause_or_its_end() {
+fn an_activity_that_gets_ready_pauses_and_ends_at_once() {
     let Some((monado, _head)) = monado() else {
         return;
     };
