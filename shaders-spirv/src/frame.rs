@@ -71,7 +71,7 @@ pub struct PartParams {
 /// A Gaussian as one view sees it, 32 bytes; `Splat` in `shaders/frame.glsl`, written and read by the GPU alone.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct ProjectedGaussian {
+pub struct Splat {
     /// Centre in the image, pixels from the left edge.
     pub mean_x: f32,
     /// Centre in the image, pixels from the top edge.

@@ -9,7 +9,7 @@ mod gaussian;
 mod gaussian_lanes;
 
 pub use eye::{EyeParams, EyeView};
-pub use frame::{FrameParams, PartParams, ProjectedGaussian, SortState, ViewParams};
+pub use frame::{FrameParams, PartParams, SortState, Splat, ViewParams};
 pub use gaussian::{Gaussian, PackedGaussian, quantised, smallest_three};
 pub use gaussian_lanes::GaussianLanes;
 

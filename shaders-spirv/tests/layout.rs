@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::mem::{offset_of, size_of};
 
 use shaders_spirv::{
-    EyeParams, EyeView, FrameParams, PackedGaussian, PartParams, ProjectedGaussian, Shader,
-    SortState, ViewParams,
+    EyeParams, EyeView, FrameParams, PackedGaussian, PartParams, Shader, SortState, Splat,
+    ViewParams,
 };
 
 const OP_NAME: u32 = 5;
@@ -226,7 +226,7 @@ fn splats_lie_as_the_shader_reads_them() {
     ] {
         let stride = assert_layout!(
             shader,
-            ProjectedGaussian {
+            Splat {
                 mean_x: mean_x,
                 mean_y: mean_y,
                 ux: ux,
@@ -239,5 +239,5 @@ fn splats_lie_as_the_shader_reads_them() {
         );
         assert_eq!(stride, Some(32), "array stride in {}", shader.name);
     }
-    assert_eq!(size_of::<ProjectedGaussian>(), 32, "size in Rust");
+    assert_eq!(size_of::<Splat>(), 32, "size in Rust");
 }

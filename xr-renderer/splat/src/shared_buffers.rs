@@ -7,7 +7,7 @@ use renderer_vulkan::bindings::Resource;
 use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
-use shaders_spirv::{FrameParams, ProjectedGaussian};
+use shaders_spirv::{FrameParams, Splat};
 
 use crate::sort::SortPasses;
 
@@ -31,18 +31,14 @@ impl SharedBuffers {
         let uniform = vk::BufferUsageFlags::UNIFORM_BUFFER;
         let bytes = size_of::<FrameParams>() as u64;
         let right = if views > 1 {
-            each(size_of::<ProjectedGaussian>())
+            each(size_of::<Splat>())
         } else {
             0
         };
         Ok(Self {
             frame: Buffer::new(gpu, "cameras", bytes, uniform, MemoryUsage::Upload)?,
             splats: [
-                Buffer::storage(
-                    gpu,
-                    "projected splats",
-                    each(size_of::<ProjectedGaussian>()),
-                )?,
+                Buffer::storage(gpu, "projected splats", each(size_of::<Splat>()))?,
                 Buffer::storage(gpu, "projected splats", right)?,
             ],
             rects: Buffer::storage(gpu, "splat rectangles", each(4) * u64::from(views))?,
