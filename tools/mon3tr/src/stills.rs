@@ -12,6 +12,7 @@ use app_pipeline::placement::InferenceBackends;
 use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::profile::{Profile, Recording};
 use app_pipeline::quality::QualityMode;
+use app_pipeline::stage::Stage;
 use app_pipeline::timeline::LatencyMode;
 use app_session::display::{DisplayNeeds, DrawnPicture, Still, StillsDisplay};
 use app_session::participant::Participant;
@@ -28,6 +29,7 @@ use renderer_splat::picture::Image;
 use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::gpu::Gpu;
 use spmm3::{Avatar, MotionParams, Skeleton};
+use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -150,7 +152,13 @@ impl StillRenderer<'_> {
         let report = session.run(&mut display)?;
         drop(display);
         let person = report.people.first().context("there was no person")?;
-        let recording = Recording::new(&person.collector, report.began, report.ended);
+        let mut recording = Recording::new(&person.collector, report.began, report.ended);
+        // While a still is waited for, the CPU interpolates for pictures that are never drawn.
+        let drawn: HashSet<u64> = (recording.pictures.iter())
+            .map(|picture| picture.interpolated_for)
+            .collect();
+        (recording.spans)
+            .retain(|span| span.stage != Stage::Interpolate || drawn.contains(&span.frame));
         let units = person.placement.units();
         let stages = Profile::of(&recording).summary(|stage| units[stage as usize]);
         let RenderSettings { size, views, .. } = *setting;

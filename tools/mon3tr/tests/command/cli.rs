@@ -98,7 +98,12 @@ fn render_leaves_pictures_an_animation_and_figures() {
     let stages = figures["runs"][0]["stages"]
         .as_array()
         .expect("a list of stages");
-    for (stage, unit) in [("kinematics", "CPU"), ("sort", "GPU"), ("raster", "GPU")] {
+    for (stage, unit) in [
+        ("kinematics", "CPU"),
+        ("interpolate", "CPU"),
+        ("sort", "GPU"),
+        ("raster", "GPU"),
+    ] {
         let row = stages
             .iter()
             .find(|row| row["stage"] == stage)
