@@ -10,7 +10,7 @@ use link_call::Viewer;
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::{Announcement, RoomLink};
-use spmm3::{Avatar, MotionParams};
+use spmm3::{Avatar, MotionParams, Skeleton};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::runtime::Handle;
@@ -73,6 +73,32 @@ pub struct CallReport {
     pub end: Option<CallEnd>,
 }
 
+impl NetworkContext {
+    /// Joins the room as a viewer of its sender, who announced this and has this skeleton.
+    #[must_use]
+    pub fn join(&self, link: &RoomLink, announced: Announcement, skeleton: &Skeleton) -> Call {
+        let viewer = {
+            // Its tasks run on the network's threads.
+            let _network = self.network.enter();
+            Viewer::join(self.client.clone(), link.clone(), self.clock)
+        };
+        Call::new(viewer, announced, skeleton, self.clock)
+    }
+}
+
+impl CallReport {
+    /// Says goodbye, on the network's threads.
+    #[must_use]
+    pub fn hang_up(mut call: Call, network: &Handle) -> Self {
+        let report = Self {
+            end: call.end(),
+            figures: call.figures(),
+        };
+        network.block_on(call.hang_up());
+        report
+    }
+}
+
 /// A person's poses, as the lanes take them: dropped in a pause, seated if asked for.
 pub type PersonSource = PausableSource<Seated<PersonMotion>>;
 
@@ -121,15 +147,10 @@ impl PersonMotion {
 
     /// Says goodbye; what the call came to, if there was one.
     pub(crate) fn end(self) -> Option<CallReport> {
-        let Self::Call { mut call, network } = self else {
-            return None;
-        };
-        let report = CallReport {
-            end: call.end(),
-            figures: call.figures(),
-        };
-        network.block_on(call.hang_up());
-        Some(report)
+        match self {
+            Self::Call { call, network } => Some(CallReport::hang_up(*call, &network)),
+            Self::Clip(_) | Self::Queue(_) => None,
+        }
     }
 }
 
@@ -142,18 +163,10 @@ impl Participant {
                 link,
                 announced,
                 network,
-            } => {
-                let viewer = {
-                    // Its tasks run on the network's threads.
-                    let _network = network.network.enter();
-                    Viewer::join(network.client.clone(), link.clone(), network.clock)
-                };
-                let call = Call::new(viewer, *announced, skeleton, network.clock);
-                PersonMotion::Call {
-                    call: Box::new(call),
-                    network: network.network.clone(),
-                }
-            }
+            } => PersonMotion::Call {
+                call: Box::new(network.join(link, *announced, skeleton)),
+                network: network.network.clone(),
+            },
             Origin::Clip { frames, rate_hz } => {
                 PersonMotion::Clip(ClipSource::new(frames.clone(), *rate_hz))
             }
