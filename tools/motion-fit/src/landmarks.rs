@@ -1,0 +1,76 @@
+//! What networks saw in one picture, in the picture's own coordinates.
+//!
+//! Pixels: x to the right, y down, the centre of the first pixel at (0.5, 0.5). Camera axes: x right, y down, z away from the camera,
+//! metres. Left and right are the person's own.
+
+use glam::{Vec2, Vec3};
+
+/// Landmarks of the body, in the order of BlazePose (MediaPipe's pose landmarker).
+pub const BODY_LANDMARKS: usize = 33;
+/// Landmarks of one hand, in MediaPipe's order: wrist, then thumb, index, middle, ring, little finger, each from its root to its tip.
+pub const HAND_LANDMARKS: usize = 21;
+/// Landmarks of the face, in the order of MediaPipe's face mesh with irises: 468 of the mesh, then five for each iris, the person's
+/// right eye's (the left one in the picture) first.
+pub const FACE_LANDMARKS: usize = 478;
+
+/// A pinhole camera without distortion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// Width and height of the picture in pixels.
+    pub size: Vec2,
+    /// Focal length in pixels.
+    pub focal: f32,
+    /// Principal point in pixels.
+    pub centre: Vec2,
+}
+
+/// One landmark of a body.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct BodyPoint {
+    /// Where it is in the picture, pixels.
+    pub pixel: Vec2,
+    /// Where it is relative to the middle of the hips, metres in camera axes, as the network guesses it.
+    pub metres: Vec3,
+    /// Probability that it is visible and right, 0..=1.
+    pub confidence: f32,
+}
+
+/// What a network saw of a body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyLandmarks {
+    /// The landmarks in BlazePose's order.
+    pub points: [BodyPoint; BODY_LANDMARKS],
+}
+
+/// What a network saw of a hand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HandLandmarks {
+    /// In the picture, pixels.
+    pub pixels: [Vec2; HAND_LANDMARKS],
+    /// Relative to the hand's own middle, metres in camera axes.
+    pub metres: [Vec3; HAND_LANDMARKS],
+    /// Probability that there is a hand, 0..=1.
+    pub confidence: f32,
+}
+
+/// What a network saw of a face.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FaceLandmarks {
+    /// In the picture: x and y in pixels, z in the same unit, away from the camera, relative to the head's middle.
+    pub points: Box<[Vec3; FACE_LANDMARKS]>,
+    /// Probability that there is a face, 0..=1.
+    pub confidence: f32,
+}
+
+/// What was seen in one picture; each part may be missing.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Observation {
+    /// When the light fell, seconds on the source's clock.
+    pub seconds: f64,
+    /// The body.
+    pub body: Option<BodyLandmarks>,
+    /// The person's left and right hand.
+    pub hands: [Option<HandLandmarks>; 2],
+    /// The face.
+    pub face: Option<FaceLandmarks>,
+}

@@ -1,0 +1,5 @@
+//! Motion parameters from landmarks: the avatar's own skeleton, fingers and face fitted to what networks saw in one or more cameras.
+//!
+//! It knows landmarks and time, but no images, networks or devices.
+
+pub mod landmarks;

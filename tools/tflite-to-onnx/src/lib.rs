@@ -1,0 +1,1 @@
+//! TensorFlow Lite models as ONNX graphs: what the camera's networks need.
