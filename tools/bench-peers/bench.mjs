@@ -165,7 +165,7 @@ async function findChromium(named) {
 async function oursTurn(args, scene, cameraFile, picture) {
 	const json = path.join(args.out, 'ours.json');
 	const options = [
-		'--scene', scene, '--camera', cameraFile, '--id', String(args.id), '--size', `${args.width}x${args.height}`,
+		'--scene', scene, '--view', cameraFile, '--id', String(args.id), '--size', `${args.width}x${args.height}`,
 		'--frames', String(args.frames + 1), '--json', json, '--png', picture,
 	];
 	if (args.ours) await ours(path.resolve(args.ours), options);

@@ -18,6 +18,8 @@ mod score;
 mod smplx;
 mod source;
 mod stance;
+mod timed;
+mod write;
 
 pub use built_in::{LOOP_SECONDS, at_ease};
 pub use error::MotionError;

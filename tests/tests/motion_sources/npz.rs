@@ -3,7 +3,7 @@
 use crate::{man, reference::person};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
-use spmm3::{Joint, LoadOptions, MotionClip, MotionError, MotionParams};
+use spmm3::{Expressions, Joint, LoadOptions, MotionClip, MotionError, MotionParams};
 use std::io::{Cursor, Write};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
@@ -343,6 +343,35 @@ fn a_bvh_scale_is_refused_where_there_is_no_bvh() {
         matches!(error, MotionError::Request(_)) && error.to_string().contains("walk.npz"),
         "{error:?}"
     );
+}
+
+#[test]
+fn what_the_clip_writes_is_amass_and_comes_back() {
+    let skeleton = man();
+    let mut clip =
+        MotionClip::built_in(&skeleton, &Expressions::new(), 1.0, 25.0).expect("the built-in motion");
+    for (k, frame) in clip.frames.iter_mut().enumerate() {
+        for (at, value) in frame.values_mut().iter_mut().enumerate() {
+            *value += 0.002 * (((at * 7 + k) % 11) as f32 - 5.0);
+        }
+        frame.root_translation += Vec3::new(0.0, 0.0, 0.01 * k as f32);
+    }
+    let bytes = clip.to_npz(&skeleton).expect("an archive");
+    let read = read(&bytes).expect("it is read");
+    assert_eq!(read.frames.len(), clip.frames.len());
+    assert!((read.frame_seconds - clip.frame_seconds).abs() < 1e-9, "the rate");
+    assert!(read.notes.iter().any(|note| note.contains("AMASS")), "{:?}", read.notes);
+    let travel = |clip: &MotionClip, k: usize| {
+        clip.frames[k].root_translation - clip.frames[0].root_translation
+    };
+    for (k, (a, b)) in read.frames.iter().zip(&clip.frames).enumerate() {
+        for (a, b) in a.values().iter().zip(b.values()) {
+            assert!((a - b).abs() < 2e-6, "frame {k}: {a} for {b}");
+        }
+        // The reader finds the floor under the soles for itself.
+        let away = (travel(&read, k) - travel(&clip, k)) * Vec3::new(1.0, 0.0, 1.0);
+        assert!(away.length() < 1e-5, "frame {k}: {away}");
+    }
 }
 
 #[test]

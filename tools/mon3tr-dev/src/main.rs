@@ -3,6 +3,7 @@
 
 mod apk;
 mod bench;
+mod eval;
 mod netlab;
 
 use clap::{Parser, Subcommand};
@@ -27,6 +28,8 @@ enum Command {
     Apk(apk::Options),
     /// Time drawing and sorting on this machine
     Bench(bench::Options),
+    /// Compare what the camera's tracker finds with the truth
+    Eval(eval::Options),
     /// Measure calls over networks of any quality, all on this machine
     Netlab(netlab::Options),
 }
@@ -38,6 +41,7 @@ fn main() -> ExitCode {
         Command::Shared(command) => command.run(device),
         Command::Apk(options) => apk::run(options),
         Command::Bench(options) => bench::run(options, device),
+        Command::Eval(options) => eval::run(options, device),
         Command::Netlab(options) => netlab::run(options),
     })
 }

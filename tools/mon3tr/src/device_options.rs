@@ -95,6 +95,21 @@ pub(crate) fn makehuman() -> anyhow::Result<PathBuf> {
     Ok(path)
 }
 
+/// The folder of the camera's networks, which `./run` fetches.
+pub fn networks() -> anyhow::Result<PathBuf> {
+    let path = match std::env::var_os("MON3TR_NETWORKS") {
+        Some(path) if !path.is_empty() => PathBuf::from(path),
+        _ => cache()?.join("networks"),
+    };
+    if !path.is_dir() {
+        bail!(
+            "no networks for a camera at {}: start through ./run, which fetches them, or set MON3TR_NETWORKS to a folder that has them",
+            path.display()
+        );
+    }
+    Ok(path)
+}
+
 /// Makes the folder `path` and those above it.
 pub fn make_folder(path: &Path) -> anyhow::Result<()> {
     if path.as_os_str().is_empty() {

@@ -2,6 +2,7 @@
 //! developers' and operators' own.
 
 mod backdrop;
+mod camera;
 pub mod children;
 pub mod commands;
 pub mod device_options;
@@ -19,6 +20,7 @@ pub mod program;
 pub mod progress;
 pub mod report;
 pub mod scenery;
+mod side_by_side;
 pub mod size;
 pub mod stills;
 mod until;

@@ -36,7 +36,7 @@ pub(crate) struct SceneryOptions {
     )]
     pub(crate) place: Option<Place>,
     /// The axis of the scene's file that points up: +x, -x, +y, -y, +z or -z; auto takes what the file states, what its
-    /// cameras (--camera, or the cameras.json beside it) or its ground show, else what is usual for the format: +y for
+    /// cameras (--view, or the cameras.json beside it) or its ground show, else what is usual for the format: +y for
     /// .spz, -y for the others
     #[arg(
         long,

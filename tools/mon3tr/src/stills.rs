@@ -71,19 +71,22 @@ const BODY_JOINTS: usize = 22;
 
 /// What stills are drawn with.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct StillRenderer<'a> {
-    pub(crate) gpu: &'a Arc<Gpu>,
-    pub(crate) runtime: &'a Runtime,
-    pub(crate) avatar: &'a Arc<Avatar>,
+pub struct StillRenderer<'a> {
+    /// Draws.
+    pub gpu: &'a Arc<Gpu>,
+    /// Deforms.
+    pub runtime: &'a Runtime,
+    /// Is drawn.
+    pub avatar: &'a Arc<Avatar>,
 }
 
 /// What drawing stills came to.
 #[derive(Debug)]
-pub(crate) struct StillsReport {
+pub struct StillsReport {
     /// What each stage took.
-    pub(crate) times: StageTable,
+    pub times: StageTable,
     /// The device that drew the last one: another than at first after a loss.
-    pub(crate) gpu: Arc<Gpu>,
+    pub gpu: Arc<Gpu>,
 }
 
 /// Loads a package and tells its sizes.
@@ -102,7 +105,7 @@ pub fn load_avatar(path: &Path) -> anyhow::Result<(Arc<Avatar>, AvatarFigures)> 
 
 impl StillRenderer<'_> {
     /// Draws stills, before the studio or within the scene, and hands each one's views to `drawn` with its number.
-    pub(crate) fn draw(
+    pub fn draw(
         &self,
         setting: &RenderSettings,
         stills: Vec<Still>,

@@ -21,7 +21,7 @@ pub struct Viewpoint {
     fov_degrees: f32,
 }
 
-/// Names for `--camera`, with what they show.
+/// Names for `--view`, with what they show.
 const NAMED: [(&str, Viewpoint); 7] = [
     (
         "front",
@@ -103,7 +103,7 @@ pub fn eyes(camera: Camera, views: Views) -> Vec<Camera> {
     }
 }
 
-/// What `--camera` of `render` says.
+/// What `--view` of `render` says.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum CameraChoice {
     /// A name of [`NAMED`].

@@ -8,7 +8,7 @@ use shaders_spirv::ViewParams;
 const JACOBIAN_MARGIN: f32 = 0.3;
 
 /// Near plane of cameras made without naming one, metres.
-const DEFAULT_NEAR: f32 = 0.05;
+pub const DEFAULT_NEAR: f32 = 0.05;
 
 /// A view of the world and the picture it makes.
 #[derive(Debug, Clone, Copy, PartialEq)]

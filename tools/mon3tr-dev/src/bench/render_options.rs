@@ -14,7 +14,7 @@ pub(crate) struct Options {
     pub(crate) scene: Option<PathBuf>,
     /// The scene's cameras, in the cameras.json that 3DGS writes [default: one that sees the whole scene from the front]
     #[arg(long, value_name = "FILE", requires = "scene")]
-    pub(crate) camera: Option<PathBuf>,
+    pub(crate) view: Option<PathBuf>,
     /// The axis of the scene's file that points up, as for `render`
     #[arg(
         long,
@@ -28,7 +28,7 @@ pub(crate) struct Options {
     #[arg(
         long,
         value_name = "N",
-        requires = "camera",
+        requires = "view",
         allow_hyphen_values = true
     )]
     pub(crate) id: Option<i64>,

@@ -50,8 +50,8 @@ pub(crate) fn run(options: &Options, file: &Path, gpu: &Arc<Gpu>) -> anyhow::Res
     }
     let size = options.size.unwrap_or(DEFAULT_SIZE);
     let Size { width, height } = size;
-    let scenery = Scenery::drawable(file, options.up, options.camera.as_deref())?;
-    let scene_camera = (options.camera.as_ref())
+    let scenery = Scenery::drawable(file, options.up, options.view.as_deref())?;
+    let scene_camera = (options.view.as_ref())
         .map(|cameras| load_camera(cameras, options.id))
         .transpose()?;
     let camera = match &scene_camera {

@@ -20,7 +20,7 @@ fn bench_render_times_a_scene_frame_by_frame() {
         "render",
         "--scene",
         text(&scene),
-        "--camera",
+        "--view",
         text(&cameras),
         "--id",
         "3",

@@ -8,6 +8,7 @@ pub(crate) mod receive;
 pub(crate) mod render;
 pub mod send;
 pub(crate) mod serve;
+pub(crate) mod track;
 
 use crate::device_options::DeviceOptions;
 
@@ -24,12 +25,14 @@ pub enum Command {
     Render(render::Options),
     /// Run the server that introduces callers and keeps avatars
     Serve(serve::Options),
-    /// Send a motion, as if it were captured now, to everyone who joins
+    /// Send what a camera sees a person do, or a motion from a file, to everyone who joins
     Send(send::Options),
     /// Join a call and show who is there
     Receive(receive::Options),
     /// Show where a call's milliseconds go: what each unit does, and each picture's way from capture to display
     Profile(profile::Options),
+    /// Write the motion of the person in a video into a file
+    Track(track::Options),
 }
 
 impl Command {
@@ -44,9 +47,10 @@ impl Command {
             Self::Inspect(options) => inspect::run(options),
             Self::Render(options) => render::run(options, device),
             Self::Serve(options) => serve::run(options),
-            Self::Send(options) => send::run(options),
+            Self::Send(options) => send::run(options, device),
             Self::Receive(options) => receive::run(options, device),
             Self::Profile(options) => profile::run(options, device),
+            Self::Track(options) => track::run(options, device),
         }
     }
 }

@@ -1,6 +1,8 @@
-//! `mon3tr send`: a motion, as if it were captured now, to everyone who joins the room.
+//! `mon3tr send`: the motion that a camera captures, or one from a file as if it were captured now, to everyone who joins the room.
 
+use crate::camera::{CameraCapture, CameraFigures, CameraOptions};
 use crate::commands::serve::owner_token_file;
+use crate::device_options::DeviceOptions;
 use crate::network::{self, Network};
 use crate::performance::MotionOptions;
 use crate::progress;
@@ -12,14 +14,19 @@ use link_playout::Clock;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::room_link::ServerUrl;
-use sender::{ClipCapture, Desk, Place};
+use sender::{Capture, ClipCapture, Desk, Place};
 use serde::Serialize;
+use spmm3::Avatar;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 /// Motion rates a sender may have.
 const RATES: std::ops::RangeInclusive<f64> = 1.0..=120.0;
+
+/// Motions a second of a camera that does not say its rate.
+const CAMERA_RATE: f64 = 30.0;
 
 /// Between two looks whether the first viewer has come.
 const LOOK: Duration = Duration::from_millis(5);
@@ -51,7 +58,9 @@ pub struct Options {
     owner_token: Option<String>,
     #[command(flatten)]
     motion: MotionOptions,
-    /// Motions a second
+    #[command(flatten)]
+    camera: CameraOptions,
+    /// Motions a second; a camera has its own rate
     #[arg(long, value_name = "HZ", default_value = "30", value_parser = parse_rate)]
     rate: f64,
     /// How frames are written: compact (quantised, predicted, entropy coded) or paper (FP16 and LZ4)
@@ -78,17 +87,18 @@ struct Report {
     channel: ChannelMode,
     rate_hz: f64,
     seconds: f64,
+    /// What the stages of capturing took, where a camera does.
+    camera: Option<CameraFigures>,
     #[serde(flatten)]
     sent: link_call::sender::SenderStatistics,
 }
 
 /// Runs `send`.
-pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.motion.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     let (avatar, _) = load_avatar(&options.avatar)?;
-    let clip = options.motion.clip(&avatar, options.rate)?;
-    let motion = clip.name.clone();
+    let (mut motion, name, rate_hz) = options.motion(&avatar, device)?;
     let network = Network::start()?;
     let client = options.trust.client()?;
     let clock = Clock::start();
@@ -97,7 +107,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         avatar: options.avatar.clone(),
         codec: options.codec,
         channel: options.channel,
-        rate_hz: options.rate,
+        rate_hz,
     };
     let bar = progress::bytes("uploading the avatar");
     let entered = network.block_on(sender::enter(&client, &desk, clock, {
@@ -124,14 +134,14 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         std::thread::sleep(LOOK);
     }
     let begun = std::time::Instant::now();
-    let mut capture = ClipCapture::new(clip, options.rate, options.seconds);
-    let outcome = sender::send(&entered.host, &mut capture, clock, &stop);
+    let outcome = sender::send(&entered.host, motion.capture(), clock, &stop);
     let report = Report {
-        motion,
+        motion: name,
         codec: options.codec,
         channel: options.channel,
-        rate_hz: options.rate,
+        rate_hz,
         seconds: begun.elapsed().as_secs_f64(),
+        camera: motion.figures(),
         sent: network.block_on(entered.host.hang_up()),
     };
     outcome?;
@@ -139,7 +149,49 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     write_json(options.json.as_deref(), &report)
 }
 
+/// Where the motion comes from.
+enum Motion {
+    Clip(ClipCapture),
+    Camera(Box<CameraCapture>),
+}
+
+impl Motion {
+    fn capture(&mut self) -> &mut dyn Capture {
+        match self {
+            Self::Clip(capture) => capture,
+            Self::Camera(capture) => &mut **capture,
+        }
+    }
+
+    /// What the camera's stages took.
+    fn figures(&self) -> Option<CameraFigures> {
+        match self {
+            Self::Clip(_) => None,
+            Self::Camera(capture) => Some(capture.figures()),
+        }
+    }
+}
+
 impl Options {
+    /// The motion, what it is called, and its rate in Hz.
+    fn motion(
+        &self,
+        avatar: &Arc<Avatar>,
+        device: &DeviceOptions,
+    ) -> anyhow::Result<(Motion, String, f64)> {
+        let Some(choice) = &self.camera.camera else {
+            let clip = self.motion.clip(avatar, self.rate)?;
+            let name = clip.name.clone();
+            let capture = ClipCapture::new(clip, self.rate, self.seconds);
+            return Ok((Motion::Clip(capture), name, self.rate));
+        };
+        let capture = CameraCapture::live(choice, self.camera.lens, avatar, device, self.seconds)?;
+        let info = capture.source().info();
+        let rate = info.rate_hz.unwrap_or(CAMERA_RATE);
+        let (name, rate) = (info.name.clone(), rate.clamp(*RATES.start(), *RATES.end()));
+        Ok((Motion::Camera(Box::new(capture)), name, rate))
+    }
+
     fn place(&self) -> anyhow::Result<Place> {
         let token_here = || -> anyhow::Result<Option<String>> {
             let file = owner_token_file(None)?;
@@ -171,6 +223,9 @@ impl Options {
 
 impl Report {
     fn print(&self) {
+        if let Some(camera) = &self.camera {
+            camera.print();
+        }
         let sent = &self.sent;
         println!(
             "sent {} of {} frames captured in {:.1} s to {} viewers, {} skipped; {} on the {} channel: {:.1} bytes a frame",

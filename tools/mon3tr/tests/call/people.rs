@@ -38,7 +38,7 @@ fn received(house: &House, links: [&str; 2], name: &str, options: &[&str]) -> (V
     let (out, json) = (house.path(name), house.new_report());
     let mut command = command(&["receive", links[0], links[1], "--display", "offscreen"]);
     command
-        .args(["--size", "200x150", "--camera", "front", "--frames", "20"])
+        .args(["--size", "200x150", "--view", "front", "--frames", "20"])
         .args(["--out", &out, "--json", &json])
         .args(options);
     let report = Program::start_as(house, out.as_ref(), &mut command).report();

@@ -146,7 +146,7 @@ fn render_draws_both_eyes_from_two_places() {
     mon3tr(
         &[
             &arguments[..],
-            &["--camera", "waist-up", "--out", text(&out)],
+            &["--view", "waist-up", "--out", text(&out)],
         ]
         .concat(),
     )
@@ -169,7 +169,7 @@ fn render_explains_mistaken_options() {
     std::fs::write(&stranger, [0u8; 64]).expect("a file can be written");
     mon3tr(&["render", package, "--motion", text(&stranger)]).fails_naming(&["song.mp3", "bvh"]);
     mon3tr(&["render", package, "--size", "0x9"]).fails_naming(&["0x9", "1024x1024"]);
-    mon3tr(&["render", package, "--camera", "moon"]).fails_naming(&["moon", "three-quarter"]);
+    mon3tr(&["render", package, "--view", "moon"]).fails_naming(&["moon", "three-quarter"]);
     mon3tr(&["render", package, "--frames", "9..3"]).fails_naming(&["9..3"]);
     mon3tr(&["render", package, "--frames", "90000.."]).fails_naming(&["90000"]);
 }

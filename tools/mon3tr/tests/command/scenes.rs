@@ -116,7 +116,7 @@ fn render_shows_a_scene_without_anyone_from_a_side_or_from_its_cameras() {
     let back_end = splatting["back_end"].as_str().unwrap_or_default();
     assert!(["tiles", "quads"].contains(&back_end), "{splatting}");
 
-    let of_file = ["--camera", text(&cameras)];
+    let of_file = ["--view", text(&cameras)];
     let third = picture("third", &[&of_file[..], &["--id", "3"]].concat());
     let seventh = picture("seventh", &[&of_file[..], &["--id", "7"]].concat());
     let first = picture("first", &of_file);
@@ -125,7 +125,7 @@ fn render_shows_a_scene_without_anyone_from_a_side_or_from_its_cameras() {
         "render",
         "--background",
         text(&scene),
-        "--camera",
+        "--view",
         text(&cameras),
         "--out",
         text(&own),
@@ -152,10 +152,10 @@ fn render_explains_mistakes_about_scenes_and_cameras() {
     let (scene, cameras) = (scene(&folder), cameras(&folder));
     let (scene, cameras) = (text(&scene), text(&cameras));
     let render = |arguments: &[&str]| mon3tr(&[&["render"], arguments].concat());
-    render(&["--background", scene, "--camera", cameras, "--id", "9"])
+    render(&["--background", scene, "--view", cameras, "--id", "9"])
         .fails_naming(&["camera 9", "3, 7"]);
-    render(&["--background", scene, "--id", "3"]).fails_naming(&["--id", "--camera"]);
-    render(&["nobody.m3a", "--camera", cameras]).fails_naming(&["--background"]);
+    render(&["--background", scene, "--id", "3"]).fails_naming(&["--id", "--view"]);
+    render(&["nobody.m3a", "--view", cameras]).fails_naming(&["--background"]);
     render(&["--background", "nowhere.ply"]).fails_naming(&["nowhere.ply"]);
     render(&["--background", cameras]).fails_naming(&["cameras.json", ".ply"]);
     render(&["--background", scene, "--place", "1,2"]).fails_naming(&["1,2", "DEGREES"]);

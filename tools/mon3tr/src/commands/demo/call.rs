@@ -59,7 +59,7 @@ pub(super) fn run(options: &Options, package: &Path, mut shown: Shown) -> anyhow
     send.extend(options.motion.arguments());
     let figures = folder.path().join("call.json");
     let mut receive = vec![viewer_link.to_string().into()];
-    receive.extend(arguments(["--camera", &options.camera.to_string()]));
+    receive.extend(arguments(["--view", &options.view.to_string()]));
     if let Some(gaze) = &options.gaze {
         receive.extend(["--gaze".into(), gaze.to_string().into()]);
     }

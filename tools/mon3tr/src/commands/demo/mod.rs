@@ -58,7 +58,7 @@ pub struct Options {
         default_value = "three-quarter",
         allow_hyphen_values = true
     )]
-    camera: Viewpoint,
+    view: Viewpoint,
     /// Let the camera of the call follow a gaze: `mouse` with --display window, or a file of an eye tracker's samples, as for `receive`
     #[arg(long, value_name = "mouse|FILE")]
     gaze: Option<GazeChoice>,
@@ -163,7 +163,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         out: &options.out,
         setting: &setting,
     };
-    let (stereo, stereo_picture) = show.stereo(&options.camera)?;
+    let (stereo, stereo_picture) = show.stereo(&options.view)?;
     let mut pictures = vec![stereo_picture];
     let gpu = show.stills(&mut pictures)?;
     let mut report = RunReport::new(

@@ -64,7 +64,7 @@ pub struct Options {
         default_value = "three-quarter",
         allow_hyphen_values = true
     )]
-    camera: Viewpoint,
+    view: Viewpoint,
     /// Let the camera follow a gaze, within 25 degrees around the person: `mouse` for the mouse in the window, or a file of an eye
     /// tracker's samples, lines of `seconds,x,y` or {"seconds":S,"x":X,"y":Y}, seconds from the first picture, x (to the right) and y (down) from 0 to 1
     #[arg(long, value_name = "mouse|FILE")]

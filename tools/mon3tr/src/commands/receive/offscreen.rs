@@ -40,7 +40,7 @@ impl<'a> Pictures<'a> {
     ) -> Self {
         Self {
             until,
-            viewpoint: options.camera,
+            viewpoint: options.view,
             size,
             views: options.views(),
             gaze,

@@ -45,7 +45,7 @@ pub struct Options {
         default_value = "three-quarter",
         allow_hyphen_values = true
     )]
-    camera: CameraChoice,
+    view: CameraChoice,
     /// Which camera of the cameras.json [default: its first]
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     id: Option<i64>,
@@ -75,9 +75,9 @@ impl From<FilterChoice> for Filter {
 
 /// Runs `render`.
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
-    let of_a_file = matches!(options.camera, CameraChoice::File(_));
+    let of_a_file = matches!(options.view, CameraChoice::File(_));
     if options.id.is_some() && !of_a_file {
-        bail!("--id names a camera of a file: give the file too, as --camera cameras.json");
+        bail!("--id names a camera of a file: give the file too, as --view cameras.json");
     }
     options.scenery.check()?;
     match (&options.package, &options.scenery.background) {
@@ -102,7 +102,7 @@ impl Options {
 
     /// The scene's cameras, if one of them was chosen.
     fn camera_file(&self) -> Option<&Path> {
-        match &self.camera {
+        match &self.view {
             CameraChoice::File(file) => Some(file),
             CameraChoice::Named(_) | CameraChoice::Exact(_) => None,
         }

@@ -42,7 +42,7 @@ pub(super) fn run(options: &Options, package: &Path, device: &DeviceOptions) -> 
     };
     let mut stills = Vec::new();
     for (motion, floor) in performance.followed(&avatar) {
-        let camera = match (&options.camera, fixed) {
+        let camera = match (&options.view, fixed) {
             (CameraChoice::Named(viewpoint) | CameraChoice::Exact(viewpoint), _) => {
                 viewpoint.camera(floor, heading, size.width, size.height)
             }

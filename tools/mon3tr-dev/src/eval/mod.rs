@@ -1,0 +1,34 @@
+//! `mon3tr-dev eval`: how well parts of the system do their work, against truth that is known.
+
+mod calibration;
+mod capture;
+mod footage;
+mod kept;
+mod motions;
+mod observations;
+mod renders;
+mod score;
+mod table;
+
+use clap::Subcommand;
+use mon3tr::device_options::DeviceOptions;
+
+/// Options of `eval`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Compare the motion that a camera sees with the true one: on renders of an avatar, and on real footage
+    Capture(capture::Options),
+}
+
+/// Runs `eval`.
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
+    match &options.what {
+        What::Capture(options) => capture::run(options, device),
+    }
+}

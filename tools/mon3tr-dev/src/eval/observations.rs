@@ -1,0 +1,144 @@
+//! What the networks see in drawn and in decoded pictures, kept in a folder if there is one.
+
+use super::kept::Kept;
+use super::renders::{self, RATE, Take};
+use super::table::StageTimes;
+use anyhow::Context;
+use app_session::display::Still;
+use mon3tr::device_options::{DeviceOptions, networks};
+use mon3tr::progress;
+use mon3tr::size::{Size, Views};
+use mon3tr::stills::{RenderSettings, StillRenderer};
+use motion_fit::landmarks::Observation;
+use renderer_splat::options::Filter;
+use spmm3::Avatar;
+use std::path::Path;
+use std::sync::Arc;
+use tracker::source::{self, Picture, SourceChoice, Wanted};
+use tracker::{NetworkSet, PictureView, Tracker};
+
+/// Looks at pictures, or reads what was seen in them before.
+pub(super) struct Keeper<'a> {
+    folder: Option<&'a Path>,
+    device: &'a DeviceOptions,
+    tracker: Tracker,
+    times: StageTimes,
+}
+
+impl<'a> Keeper<'a> {
+    pub(super) fn new(folder: Option<&'a Path>, device: &'a DeviceOptions) -> anyhow::Result<Self> {
+        let networks = NetworkSet::open(&networks()?)?;
+        Ok(Self {
+            folder,
+            device,
+            tracker: Tracker::new(&device.runtime()?, &networks)?,
+            times: StageTimes::default(),
+        })
+    }
+
+    /// What the networks took so far.
+    pub(super) fn times(&self) -> &StageTimes {
+        &self.times
+    }
+
+    /// An avatar's renders.
+    pub(super) fn take(&mut self, take: &Take, avatar: &Arc<Avatar>) -> anyhow::Result<Vec<Observation>> {
+        let name = format!("{}-{}", take.motion, take.camera_name);
+        self.kept(&name, |keeper| keeper.draw(take, avatar))
+    }
+
+    /// A video's frames.
+    pub(super) fn video(&mut self, name: &str, file: &Path) -> anyhow::Result<Vec<Observation>> {
+        self.kept(name, |keeper| keeper.decode(file))
+    }
+
+    fn kept(
+        &mut self,
+        name: &str,
+        look: impl FnOnce(&mut Self) -> anyhow::Result<Vec<Observation>>,
+    ) -> anyhow::Result<Vec<Observation>> {
+        let Some(folder) = self.folder else {
+            return look(self);
+        };
+        let file = folder.join(format!("{name}.json"));
+        if file.is_file() {
+            let text =
+                std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
+            let kept: Vec<Kept> = serde_json::from_slice(&text)
+                .with_context(|| format!("{} holds no observations", file.display()))?;
+            return Ok(kept.iter().map(Observation::from).collect());
+        }
+        let seen = look(self)?;
+        let kept: Vec<Kept> = seen.iter().map(Kept::from).collect();
+        std::fs::write(&file, serde_json::to_vec(&kept)?)
+            .with_context(|| format!("cannot write {}", file.display()))?;
+        Ok(seen)
+    }
+
+    fn draw(&mut self, take: &Take, avatar: &Arc<Avatar>) -> anyhow::Result<Vec<Observation>> {
+        let runtime = self.device.runtime()?;
+        let gpu = self.device.gpu()?;
+        let renderer = StillRenderer {
+            gpu: &gpu,
+            runtime: &runtime,
+            avatar,
+        };
+        let setting = RenderSettings {
+            size: Size {
+                width: renders::WIDTH,
+                height: renders::HEIGHT,
+            },
+            views: Views::Mono,
+            background: None,
+            filter: Filter::Dilation,
+        };
+        let stills = (take.frames.iter())
+            .map(|motion| Still {
+                motion: motion.clone(),
+                cameras: vec![take.camera],
+            })
+            .collect();
+        let label = format!("{} from {}", take.motion, take.camera_name);
+        let bar = progress::bar(&label, take.frames.len());
+        let mut seen = Vec::new();
+        self.tracker.forget();
+        renderer.draw(&setting, stills, |k, views| {
+            let picture = views.first().context("the renderer returned no picture")?;
+            let view = PictureView {
+                width: picture.width(),
+                height: picture.height(),
+                rgb: picture.as_raw(),
+            };
+            seen.push(self.look(view, k as f64 / RATE)?);
+            bar.inc(1);
+            Ok(())
+        })?;
+        bar.finish_and_clear();
+        Ok(seen)
+    }
+
+    fn decode(&mut self, file: &Path) -> anyhow::Result<Vec<Observation>> {
+        let choice = SourceChoice::File(file.to_owned());
+        let mut source = source::open(&choice, &Wanted::default())?;
+        let mut picture = Picture::empty();
+        let mut seen = Vec::new();
+        self.tracker.forget();
+        while source.next(&mut picture)? {
+            let view = PictureView {
+                width: picture.width,
+                height: picture.height,
+                rgb: &picture.rgb,
+            };
+            let seconds = picture.seconds;
+            seen.push(self.look(view, seconds)?);
+        }
+        Ok(seen)
+    }
+
+    fn look(&mut self, view: PictureView<'_>, seconds: f64) -> anyhow::Result<Observation> {
+        let (mut observation, stages) = self.tracker.observe(view)?;
+        observation.seconds = seconds;
+        self.times.add(&stages);
+        Ok(observation)
+    }
+}

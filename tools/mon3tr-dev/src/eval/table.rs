@@ -1,0 +1,89 @@
+//! The evaluation's figures as tables.
+
+use super::score::Scores;
+use serde::Serialize;
+
+/// One motion from one camera.
+#[derive(Debug, Serialize)]
+pub(super) struct Row {
+    pub(super) motion: String,
+    pub(super) camera: &'static str,
+    #[serde(flatten)]
+    pub(super) scores: Scores,
+    /// Mean time of the fit, milliseconds a frame.
+    pub(super) fit_ms: f64,
+}
+
+/// Milliseconds that the networks took, frame by frame.
+#[derive(Debug, Default, Serialize)]
+pub(super) struct StageTimes {
+    pub(super) body_ms: Vec<f64>,
+    pub(super) hands_ms: Vec<f64>,
+    pub(super) face_ms: Vec<f64>,
+    pub(super) all_ms: Vec<f64>,
+}
+
+/// A figure of a row, for the median over all of them.
+type Figure = (&'static str, fn(&Row) -> Option<f64>);
+
+const FIGURES: [Figure; 13] = [
+    ("MPJPE, mm", |row| Some(row.scores.mpjpe_mm)),
+    ("95 %, mm", |row| Some(row.scores.mpjpe_p95_mm)),
+    ("PA-MPJPE, mm", |row| Some(row.scores.pa_mpjpe_mm)),
+    ("pelvis, degrees", |row| Some(row.scores.pelvis_degrees)),
+    ("fingers left, degrees", |row| Some(row.scores.finger_degrees[0])),
+    ("fingers right, degrees", |row| Some(row.scores.finger_degrees[1])),
+    ("curl correlation, left", |row| row.scores.curl_correlation[0]),
+    ("curl correlation, right", |row| row.scores.curl_correlation[1]),
+    ("expression correlation", |row| row.scores.expression_correlation),
+    ("jaw correlation", |row| row.scores.jaw_correlation),
+    ("jitter / truth's", |row| {
+        Some(row.scores.jitter_mm / row.scores.jitter_truth_mm.max(1e-9))
+    }),
+    ("foot slide, m/s", |row| row.scores.foot_slide),
+    ("reprojection, %", |row| Some(row.scores.reprojection_percent)),
+];
+
+/// One motion's figures in a line.
+pub(super) fn print_scores(motion: &str, camera: &str, scores: &Scores) {
+    let both = |[left, right]: [Option<f64>; 2]| format!("{}/{}", text(left), text(right));
+    println!(
+        "{motion:<22.22} {camera:<8} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  pelvis {:>3.0}°  fingers {:>2.0}/{:<2.0}° curl {:<11} face {:<5} jaw {:<5} jitter {:>4.1} ({:>4.1})  slide {:<5} swaps {:>2} ({})  reprojection {:.1} %",
+        scores.frames,
+        scores.of,
+        scores.mpjpe_mm,
+        scores.mpjpe_p95_mm,
+        scores.pa_mpjpe_mm,
+        scores.pelvis_degrees,
+        scores.finger_degrees[0],
+        scores.finger_degrees[1],
+        both(scores.curl_correlation),
+        text(scores.expression_correlation),
+        text(scores.jaw_correlation),
+        scores.jitter_mm,
+        scores.jitter_truth_mm,
+        text(scores.foot_slide),
+        scores.swapped,
+        scores.longest_swap,
+        scores.reprojection_percent,
+    );
+}
+
+/// Medians over all motions and cameras.
+pub(super) fn print_summary(rows: &[Row]) {
+    println!("\nmedians over {} motions and cameras", rows.len());
+    for (name, of) in FIGURES {
+        let values: Vec<f64> = rows.iter().filter_map(of).collect();
+        println!("  {name:<26} {}", text(median(values)));
+    }
+}
+
+fn text(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"))
+}
+
+/// The middle value; none of none.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}

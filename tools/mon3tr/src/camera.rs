@@ -1,0 +1,256 @@
+//! A camera as a source of motion: its pictures, the networks that look at them, and the fit to the avatar.
+
+use crate::device_options::{DeviceOptions, networks};
+use anyhow::Context;
+use glam::Vec2;
+use motion_fit::landmarks::{Camera, Observation};
+use motion_fit::{Fitted, MotionFit, Subject};
+use npu_runtime::Runtime;
+use sender::{Capture, Captured, SendError};
+use serde::Serialize;
+use spmm3::Avatar;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tracker::source::{self, Picture, Source, SourceChoice, Wanted};
+use tracker::{NetworkSet, Notice, PictureView, StageTimes, Tracker};
+
+/// Options that choose a camera.
+#[derive(Debug, Clone, clap::Args)]
+pub struct CameraOptions {
+    /// Capture the motion from a camera: its number or device (0, /dev/video0), or what stands in for one: a video file or URL, a folder of
+    /// pictures, or - for a .y4m or MJPEG stream on standard input
+    #[arg(long, value_name = "0|FILE|URL", conflicts_with_all = ["motion", "bvh_scale", "frames"])]
+    pub camera: Option<SourceChoice>,
+    #[command(flatten)]
+    pub lens: LensOptions,
+}
+
+/// Options that describe a camera's lens.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct LensOptions {
+    /// The camera's field of view along the picture's longer side, degrees
+    #[arg(long, value_name = "DEGREES", default_value = "65", value_parser = parse_fov)]
+    pub fov: f32,
+}
+
+impl LensOptions {
+    /// The camera of pictures of that size.
+    pub(crate) fn camera(self, width: u32, height: u32) -> Camera {
+        let size = Vec2::new(width as f32, height as f32);
+        Camera {
+            size,
+            focal: size.max_element() / (2.0 * (self.fov.to_radians() / 2.0).tan()),
+            centre: size / 2.0,
+        }
+    }
+}
+
+fn parse_fov(text: &str) -> Result<f32, String> {
+    (text.parse().ok())
+        .filter(|degrees| (10.0..=150.0).contains(degrees))
+        .ok_or_else(|| format!("{text} is not a field of view of 10..150 degrees"))
+}
+
+/// One picture and what it showed.
+#[derive(Debug)]
+pub(crate) struct Tracked<'a> {
+    pub(crate) picture: &'a Picture,
+    pub(crate) observation: Observation,
+    pub(crate) fitted: Fitted,
+}
+
+/// Median milliseconds of the camera's stages.
+#[derive(Debug, Clone, Default, Serialize)]
+pub(crate) struct CameraFigures {
+    /// Pictures that were looked at.
+    pub(crate) pictures: u64,
+    /// Of a live source, pictures that came while another was looked at.
+    pub(crate) skipped: u64,
+    pub(crate) body_ms: f64,
+    pub(crate) hands_ms: f64,
+    pub(crate) face_ms: f64,
+    /// All networks of a picture together: they run beside one another.
+    pub(crate) networks_ms: f64,
+    /// The fit and the smoothing.
+    pub(crate) fit_ms: f64,
+    /// From the light to the motion.
+    pub(crate) latency_ms: f64,
+}
+
+/// Tracks the person before a camera.
+pub(crate) struct CameraCapture {
+    source: Box<dyn Source>,
+    tracker: Tracker,
+    avatar: Arc<Avatar>,
+    lens: LensOptions,
+    fit: Option<(MotionFit, (u32, u32))>,
+    picture: Picture,
+    notice: Option<Notice>,
+    times: Vec<(StageTimes, f64, f64)>,
+    last: Option<u64>,
+    skipped: u64,
+    /// For how long it captures motion for a call, from its first one on.
+    length: Option<Duration>,
+    began: Option<Instant>,
+}
+
+/// Pictures whose times are kept.
+const TIMED: usize = 4096;
+
+impl CameraCapture {
+    /// Opens a camera for a call, of `length` if there is one: of what it gives, the newest.
+    pub(crate) fn live(
+        choice: &SourceChoice,
+        lens: LensOptions,
+        avatar: &Arc<Avatar>,
+        device: &DeviceOptions,
+        length: Option<Duration>,
+    ) -> anyhow::Result<Self> {
+        let source = source::open_live(choice, &Wanted::default(), true);
+        let runtime = device.runtime()?;
+        let capture = Self::new(source.context("cannot capture")?, lens, avatar, &runtime)?;
+        Ok(Self { length, ..capture })
+    }
+
+    /// Opens a recording: every picture of it.
+    pub(crate) fn recorded(
+        choice: &SourceChoice,
+        lens: LensOptions,
+        avatar: &Arc<Avatar>,
+        device: &DeviceOptions,
+    ) -> anyhow::Result<Self> {
+        let source = source::open(choice, &Wanted::default());
+        Self::new(source.context("cannot track")?, lens, avatar, &device.runtime()?)
+    }
+
+    fn new(
+        source: Box<dyn Source>,
+        lens: LensOptions,
+        avatar: &Arc<Avatar>,
+        runtime: &Runtime,
+    ) -> anyhow::Result<Self> {
+        let networks = NetworkSet::open(&networks()?)?;
+        Ok(Self {
+            source,
+            tracker: Tracker::new(runtime, &networks)?,
+            avatar: Arc::clone(avatar),
+            lens,
+            fit: None,
+            picture: Picture::empty(),
+            notice: None,
+            times: Vec::new(),
+            last: None,
+            skipped: 0,
+            length: None,
+            began: None,
+        })
+    }
+
+    pub(crate) fn source(&self) -> &dyn Source {
+        &*self.source
+    }
+
+    /// Waits for the next picture and tracks it; nothing at the end.
+    pub(crate) fn track(&mut self) -> anyhow::Result<Option<Tracked<'_>>> {
+        if !self.source.next(&mut self.picture)? {
+            return Ok(None);
+        }
+        let picture = &self.picture;
+        if let Some(last) = self.last.replace(picture.number) {
+            self.skipped += picture.number.saturating_sub(last + 1);
+        }
+        let size = (picture.width, picture.height);
+        let (fit, of_size) = self.fit.get_or_insert_with(|| {
+            let camera = self.lens.camera(size.0, size.1);
+            (MotionFit::new(&subject(&self.avatar), camera), size)
+        });
+        if *of_size != size {
+            // A phone that was turned, say: the person is found anew.
+            *fit = MotionFit::new(&subject(&self.avatar), self.lens.camera(size.0, size.1));
+            *of_size = size;
+        }
+        let view = PictureView {
+            width: size.0,
+            height: size.1,
+            rgb: &picture.rgb,
+        };
+        let (mut observation, times) = self.tracker.observe(view)?;
+        observation.seconds = picture.seconds;
+        let began = Instant::now();
+        let fitted = fit.step(&observation);
+        let ended = Instant::now();
+        if self.times.len() < TIMED {
+            let ms = |from: Instant| ended.saturating_duration_since(from).as_secs_f64() * 1e3;
+            self.times.push((times, ms(began), ms(picture.at)));
+        }
+        let notice = self.tracker.notice();
+        if notice != self.notice {
+            if let Some(notice) = &notice {
+                log::warn!("{}: {notice}", self.source.info().name);
+            }
+            self.notice = notice;
+        }
+        Ok(Some(Tracked {
+            picture: &self.picture,
+            observation,
+            fitted,
+        }))
+    }
+
+    /// What the stages took.
+    pub(crate) fn figures(&self) -> CameraFigures {
+        let median = |of: &dyn Fn(&(StageTimes, f64, f64)) -> f64| {
+            let mut values: Vec<f64> = self.times.iter().map(of).collect();
+            values.sort_by(f64::total_cmp);
+            values.get(values.len() / 2).copied().unwrap_or(0.0)
+        };
+        CameraFigures {
+            pictures: self.last.map_or(0, |last| last + 1 - self.skipped),
+            skipped: self.skipped,
+            body_ms: median(&|(times, _, _)| times.body_ms),
+            hands_ms: median(&|(times, _, _)| times.hands_ms),
+            face_ms: median(&|(times, _, _)| times.face_ms),
+            networks_ms: median(&|(times, _, _)| times.all_ms),
+            fit_ms: median(&|(_, fit, _)| *fit),
+            latency_ms: median(&|(_, _, latency)| *latency),
+        }
+    }
+}
+
+impl CameraFigures {
+    /// The figures in a line.
+    pub(crate) fn print(&self) {
+        println!(
+            "{} pictures, {} more skipped; median ms: body {:.1}, hands {:.1}, face {:.1}, these together {:.1}, fit {:.2}, from the light to the motion {:.1}",
+            self.pictures,
+            self.skipped,
+            self.body_ms,
+            self.hands_ms,
+            self.face_ms,
+            self.networks_ms,
+            self.fit_ms,
+            self.latency_ms,
+        );
+    }
+}
+
+fn subject(avatar: &Avatar) -> Subject<'_> {
+    Subject {
+        skeleton: &avatar.skeleton,
+        expressions: &avatar.expressions,
+    }
+}
+
+impl Capture for CameraCapture {
+    fn next(&mut self) -> Result<Option<Captured>, SendError> {
+        let began = *self.began.get_or_insert_with(Instant::now);
+        if self.length.is_some_and(|length| began.elapsed() >= length) {
+            return Ok(None);
+        }
+        let tracked = (self.track()).map_err(|error| SendError::Capture(format!("{error:#}")))?;
+        Ok(tracked.map(|tracked| Captured {
+            at: tracked.picture.at,
+            motion: tracked.fitted.motion,
+        }))
+    }
+}
