@@ -9,6 +9,7 @@ use npu_runtime::Runtime;
 use sender::{Capture, Captured, SendError};
 use serde::Serialize;
 use spmm3::Avatar;
+use std::ffi::OsString;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tracker::source::{self, Picture, Source, SourceChoice, Wanted};
@@ -31,6 +32,15 @@ pub struct LensOptions {
     /// The camera's field of view along the picture's longer side, degrees
     #[arg(long, value_name = "DEGREES", default_value = "65", value_parser = parse_fov)]
     pub fov: f32,
+}
+
+impl CameraOptions {
+    /// The same choice as arguments for another process; none without a camera.
+    pub(crate) fn arguments(&self) -> Option<Vec<OsString>> {
+        let camera = self.camera.as_ref()?.to_string();
+        let fov = self.lens.fov.to_string();
+        Some(["--camera", &camera, "--fov", &fov].map(OsString::from).to_vec())
+    }
 }
 
 impl LensOptions {

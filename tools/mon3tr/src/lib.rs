@@ -18,6 +18,7 @@ pub mod performance;
 mod place;
 pub mod program;
 pub mod progress;
+mod recording;
 pub mod report;
 pub mod scenery;
 mod side_by_side;

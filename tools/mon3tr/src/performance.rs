@@ -120,8 +120,14 @@ impl MotionOptions {
 
     /// Loads the motion, fits it to `avatar`'s skeleton and samples it at 30 Hz.
     pub fn load(&self, avatar: &Avatar) -> anyhow::Result<Performance> {
-        let clip = self.clip(avatar, MOTION_RATE)?;
-        let count = frames_at_motion_rate(&clip);
+        Performance::of(&self.clip(avatar, MOTION_RATE)?)
+    }
+}
+
+impl Performance {
+    /// The clip sampled at 30 Hz.
+    pub(crate) fn of(clip: &MotionClip) -> anyhow::Result<Self> {
+        let count = frames_at_motion_rate(clip);
         if count > MOST_FRAMES {
             bail!(
                 "the motion {} has {count} frames at 30 Hz: choose at most {MOST_FRAMES} with --frames A..B",
@@ -131,8 +137,8 @@ impl MotionOptions {
         let frames = (0..count)
             .map(|k| clip.sample(k as f64 / MOTION_RATE, Playback::Clamp))
             .collect();
-        Ok(Performance {
-            name: clip.name,
+        Ok(Self {
+            name: clip.name.clone(),
             frames,
         })
     }

@@ -3,13 +3,13 @@
 use crate::device_options::DeviceOptions;
 use crate::film::Film;
 use crate::progress;
+use crate::recording::TrackedRecording;
 use crate::size::{Size, Views};
 use crate::stills::{RenderSettings, StillRenderer};
 use anyhow::Context;
 use app_session::display::Still;
 use glam::{Affine3A, Vec2, Vec3};
 use image::{Rgb, RgbImage, imageops};
-use motion_fit::Fitted;
 use motion_fit::landmarks::{Camera, Observation};
 use renderer_splat::camera;
 use renderer_splat::options::Filter;
@@ -50,23 +50,15 @@ const WHITE: Rgb<u8> = Rgb([255, 255, 255]);
 /// Landmarks that the network holds for less likely are not drawn.
 const DOUBTFUL: f32 = 0.5;
 
-/// One picture of a recording and what it showed.
-#[derive(Debug)]
-pub(crate) struct Seen {
-    pub(crate) seconds: f64,
-    pub(crate) observation: Observation,
-    pub(crate) fitted: Fitted,
-}
-
 /// Reads the recording again and draws it beside the avatar into the animation `file`.
 pub(crate) fn draw(
     choice: &SourceChoice,
-    seen: &[Seen],
-    camera: &Camera,
+    recording: &TrackedRecording,
     avatar: &Arc<Avatar>,
     device: &DeviceOptions,
     file: &Path,
 ) -> anyhow::Result<()> {
+    let TrackedRecording { seen, camera, .. } = recording;
     let mut source = source::open(choice, &Wanted::default())?;
     let scale = HEIGHT as f32 / camera.size.y;
     let size = Size {

@@ -1,14 +1,13 @@
 //! `mon3tr track`: the motion of the person in a video, as a file that other tools read.
 
-use crate::camera::{CameraCapture, LensOptions};
+use crate::camera::LensOptions;
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::device_options::{DeviceOptions, make_folder};
-use crate::progress;
+use crate::recording::TrackedRecording;
 use crate::report::{check_writable, write_json};
-use crate::side_by_side::{self, Seen};
+use crate::side_by_side;
 use crate::stills::load_avatar;
 use anyhow::{Context, bail};
-use spmm3::MotionClip;
 use std::path::PathBuf;
 use tracker::source::SourceChoice;
 
@@ -61,61 +60,27 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         None => baked_demo_avatar(&options.bake, device)?,
     };
     let (avatar, _) = load_avatar(&package)?;
-    let mut capture = CameraCapture::recorded(&options.video, options.lens, &avatar, device)?;
-    let info = capture.source().info().clone();
-    let known = info.frames.and_then(|frames| usize::try_from(frames).ok());
-    let bar = progress::bar("tracking", known.unwrap_or(0));
-    let mut seen: Vec<Seen> = Vec::new();
-    while let Some(tracked) = capture.track()? {
-        seen.push(Seen {
-            seconds: tracked.picture.seconds,
-            observation: tracked.observation,
-            fitted: tracked.fitted,
-        });
-        bar.inc(1);
-        if seen.len() >= MOST_FRAMES {
-            log::warn!("only the first {MOST_FRAMES} pictures of {} are tracked", info.name);
-            break;
-        }
+    let recording =
+        TrackedRecording::track(&options.video, options.lens, &avatar, device, MOST_FRAMES)?;
+    if recording.seen.len() == MOST_FRAMES {
+        log::warn!("only the first {MOST_FRAMES} pictures are tracked");
     }
-    bar.finish_and_clear();
-    let with_person = seen.iter().filter(|seen| seen.fitted.sees_person).count();
-    if with_person == 0 {
-        bail!(
-            "there is no person in any of the {} pictures of {}",
-            seen.len(),
-            info.name
-        );
-    }
-    let clip = clip(&info.name, &seen, info.rate_hz)?;
+    let clip = recording.clip(&avatar)?;
     let bytes = clip.to_npz(&avatar.skeleton)?;
     std::fs::write(&options.out, bytes)
         .with_context(|| format!("cannot write {}", options.out.display()))?;
     println!(
-        "{}: {} frames at {:.3} Hz, a person in {with_person} of them",
+        "{}: {} frames at {:.3} Hz, a person in {} of {} pictures",
         options.out.display(),
         clip.frames.len(),
-        clip.frame_seconds.recip()
+        clip.frame_seconds.recip(),
+        recording.with_person(),
+        recording.seen.len(),
     );
-    let figures = capture.figures();
-    figures.print();
+    recording.figures.print();
     if let Some(file) = &options.render {
-        let camera = options.lens.camera(info.width, info.height);
-        side_by_side::draw(&options.video, &seen, &camera, &avatar, device, file)?;
+        side_by_side::draw(&options.video, &recording, &avatar, device, file)?;
         println!("{}", file.display());
     }
-    write_json(options.json.as_deref(), &figures)
-}
-
-/// The motions at an even rate: the mean of what the pictures' times say, else that of the video.
-fn clip(name: &str, seen: &[Seen], rate_hz: Option<f64>) -> anyhow::Result<MotionClip> {
-    let timed: Vec<_> = (seen.iter())
-        .map(|seen| (seen.seconds, seen.fitted.motion.clone()))
-        .collect();
-    let (first, last) = timed.first().zip(timed.last()).context("there were no pictures")?;
-    let rate = match timed.len() {
-        1 => rate_hz.unwrap_or(30.0),
-        count => (count - 1) as f64 / (last.0 - first.0).max(f64::MIN_POSITIVE),
-    };
-    Ok(MotionClip::evenly(name, &timed, rate)?)
+    write_json(options.json.as_deref(), &recording.figures)
 }

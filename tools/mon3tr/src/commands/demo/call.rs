@@ -56,7 +56,10 @@ pub(super) fn run(options: &Options, package: &Path, mut shown: Shown) -> anyhow
     send.push(sender_link.to_string().into());
     send.push("--avatar".into());
     send.push(package.into());
-    send.extend(options.motion.arguments());
+    match options.camera.arguments() {
+        Some(camera) => send.extend(camera),
+        None => send.extend(options.motion.arguments()),
+    }
     let figures = folder.path().join("call.json");
     let mut receive = vec![viewer_link.to_string().into()];
     receive.extend(arguments(["--view", &options.view.to_string()]));

@@ -3,6 +3,7 @@
 
 mod call;
 
+use crate::camera::CameraOptions;
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::device_options::{DeviceOptions, make_folder};
 use crate::film::write_png;
@@ -10,8 +11,10 @@ use crate::gaze::{GazeChoice, Sight};
 use crate::monado::{self, Monado};
 use crate::performance::{MOTION_RATE, MotionOptions, Performance};
 use crate::progress;
+use crate::recording::TrackedRecording;
 use crate::report::{RunReport, StageTable, check_writable, write_json};
 use crate::scenery::{Scenery, SceneryOptions};
+use crate::side_by_side;
 use crate::size::{Size, Views};
 use crate::stills::{RenderSettings, StillRenderer, load_avatar};
 use crate::viewpoint::{Viewpoint, eyes};
@@ -23,11 +26,15 @@ use clap::ValueEnum;
 use image::{RgbImage, imageops};
 use renderer_splat::options::Filter;
 use renderer_vulkan::gpu::Gpu;
+use spmm3::Avatar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Longest call of the demo, seconds: as long as an animation may be.
 const LONGEST_CALL: f64 = 20.0;
+
+/// Pictures of a recording that the demo tracks: those of its longest call, at 60 Hz.
+const LONGEST_RECORDING: usize = 1200;
 
 /// Places that the middle of the motion is seen from.
 const VIEWS: [&str; 6] = ["front", "side", "back", "waist-up", "face", "hands"];
@@ -40,6 +47,8 @@ const STEREO_FRAMES: usize = 30;
 pub struct Options {
     #[command(flatten)]
     motion: MotionOptions,
+    #[command(flatten)]
+    camera: CameraOptions,
     #[command(flatten)]
     scenery: SceneryOptions,
     #[command(flatten)]
@@ -124,9 +133,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     };
     let package = baked_demo_avatar(&options.bake, device)?;
     let (avatar, figures) = load_avatar(&package)?;
-    let performance = options.motion.load(&avatar)?;
-    let seconds = performance.frames.len() as f64 / MOTION_RATE;
-    let seconds = seconds.min(LONGEST_CALL);
+    let performance = options.performance(&avatar, device)?;
+    // A camera has no end.
+    let seconds = performance.as_ref().map_or(LONGEST_CALL, |performance| {
+        (performance.frames.len() as f64 / MOTION_RATE).min(LONGEST_CALL)
+    });
     let gpu = match gpu {
         Some(_) if options.display == Display::Window => {
             return call::run(options, &package, Shown::Window).map(drop);
@@ -142,6 +153,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         }
     };
     let call = call::run(options, &package, Shown::Offscreen { seconds })?;
+    let Some(performance) = performance else {
+        return write_json(options.json.as_deref(), &call);
+    };
 
     let scenery =
         options
@@ -179,6 +193,30 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     report.background = scenery.map(|scenery| scenery.figures);
     report.print();
     write_json(options.json.as_deref(), &report)
+}
+
+impl Options {
+    /// The motion that is known before the call: a clip's or a recording's, not a camera's. A recording is drawn beside the avatar too.
+    fn performance(
+        &self,
+        avatar: &Arc<Avatar>,
+        device: &DeviceOptions,
+    ) -> anyhow::Result<Option<Performance>> {
+        let choice = match &self.camera.camera {
+            None => return self.motion.load(avatar).map(Some),
+            Some(choice) if choice.is_live() => return Ok(None),
+            Some(choice) => choice,
+        };
+        let lens = self.camera.lens;
+        let recording = TrackedRecording::track(choice, lens, avatar, device, LONGEST_RECORDING)?;
+        recording.figures.print();
+        if self.display == Display::Offscreen && choice.can_be_read_again() {
+            let file = self.out.join("side-by-side.webp");
+            side_by_side::draw(choice, &recording, avatar, device, &file)?;
+            println!("  {}", file.display());
+        }
+        Performance::of(&recording.clip(avatar)?).map(Some)
+    }
 }
 
 impl Show<'_> {

@@ -1,0 +1,97 @@
+//! A recording tracked from its first picture to its last, and the motion of it.
+
+use crate::camera::{CameraCapture, CameraFigures, LensOptions};
+use crate::device_options::DeviceOptions;
+use crate::progress;
+use anyhow::{Context, bail};
+use motion_fit::Fitted;
+use motion_fit::landmarks::{Camera, Observation};
+use spmm3::{Avatar, MotionClip};
+use std::sync::Arc;
+use tracker::source::{SourceChoice, SourceInfo};
+
+/// One picture of a recording and what it showed.
+#[derive(Debug)]
+pub(crate) struct Seen {
+    pub(crate) seconds: f64,
+    pub(crate) observation: Observation,
+    pub(crate) fitted: Fitted,
+}
+
+/// A tracked recording.
+#[derive(Debug)]
+pub(crate) struct TrackedRecording {
+    pub(crate) info: SourceInfo,
+    /// At least one.
+    pub(crate) seen: Vec<Seen>,
+    pub(crate) camera: Camera,
+    pub(crate) figures: CameraFigures,
+}
+
+impl TrackedRecording {
+    /// Tracks the first `most` pictures of a recording.
+    ///
+    /// # Errors
+    /// If it cannot be read, the networks fail, or there is no person in it.
+    pub(crate) fn track(
+        choice: &SourceChoice,
+        lens: LensOptions,
+        avatar: &Arc<Avatar>,
+        device: &DeviceOptions,
+        most: usize,
+    ) -> anyhow::Result<Self> {
+        let mut capture = CameraCapture::recorded(choice, lens, avatar, device)?;
+        let info = capture.source().info().clone();
+        let known = info.frames.and_then(|frames| usize::try_from(frames).ok());
+        let bar = progress::bar("tracking", known.map_or(0, |known| known.min(most)));
+        let mut seen = Vec::new();
+        while seen.len() < most
+            && let Some(tracked) = capture.track()?
+        {
+            seen.push(Seen {
+                seconds: tracked.picture.seconds,
+                observation: tracked.observation,
+                fitted: tracked.fitted,
+            });
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        let recording = Self {
+            camera: lens.camera(info.width, info.height),
+            info,
+            seen,
+            figures: capture.figures(),
+        };
+        if recording.with_person() == 0 {
+            bail!(
+                "there is no person in any of the {} pictures of {}",
+                recording.seen.len(),
+                recording.info.name
+            );
+        }
+        Ok(recording)
+    }
+
+    /// Pictures with a person in them.
+    pub(crate) fn with_person(&self) -> usize {
+        let seen = self.seen.iter();
+        seen.filter(|seen| seen.fitted.sees_person).count()
+    }
+
+    /// The motions at an even rate: the mean of what the pictures' times say, else that of the video.
+    pub(crate) fn clip(&self, avatar: &Avatar) -> anyhow::Result<MotionClip> {
+        let timed: Vec<_> = (self.seen.iter())
+            .map(|seen| (seen.seconds, seen.fitted.motion.clone()))
+            .collect();
+        let (first, last) = (timed.first().zip(timed.last())).context("there were no pictures")?;
+        let rate = match timed.len() {
+            1 => self.info.rate_hz.unwrap_or(30.0),
+            count => (count - 1) as f64 / (last.0 - first.0).max(f64::MIN_POSITIVE),
+        };
+        let clip = MotionClip::evenly(&self.info.name, &timed, rate)?;
+        Ok(MotionClip {
+            basis: avatar.basis.clone(),
+            ..clip
+        })
+    }
+}
