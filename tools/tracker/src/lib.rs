@@ -1,1 +1,12 @@
 //! A camera as a source of motion: pictures, networks for body, hands and face, and the fit of what they saw.
+
+pub mod crop;
+pub mod error;
+pub mod mediapipe;
+pub mod models;
+pub mod networks;
+pub mod picture;
+pub mod workers;
+
+pub use error::TrackerError;
+pub use workers::Tracker;

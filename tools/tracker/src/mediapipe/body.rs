@@ -1,0 +1,224 @@
+//! The body: a person is detected once, then followed from landmarks to landmarks.
+
+use super::one_euro::OneEuro;
+use super::regions::{Rect, Towards};
+use super::{Detector, SEEN, sigmoid};
+use crate::TrackerError;
+use crate::crop::{Border, Region};
+use crate::models::{BodyEstimate, BodyModel};
+use crate::networks::{Network, NetworkSet, Signature};
+use crate::picture::PictureView;
+use glam::{Vec2, Vec3};
+use motion_fit::landmarks::{BODY_LANDMARKS, BodyLandmarks, BodyPoint};
+
+/// Landmarks that the network gives: a body's, two that say where to look next, and four of no use here.
+const ALL: usize = 39;
+/// Numbers of a landmark: x, y, z in the input's pixels, visibility and presence as logits.
+const NUMBERS: usize = 5;
+/// Places along a side of the heat maps.
+const HEAT: usize = 64;
+/// Places to each side of a landmark that refine it.
+const REACH: usize = 3;
+
+const LANDMARKS: Signature = Signature {
+    name: "pose_landmark_full",
+    size: 256,
+    outputs: &[
+        (0, ALL * NUMBERS),
+        (1, 1),
+        (3, HEAT * HEAT * ALL),
+        (4, ALL * 3),
+    ],
+    border: Border::Replicate,
+    black: 0.0,
+};
+
+/// BlazePose with the detector of people.
+#[derive(Debug)]
+pub struct Body {
+    detector: Detector,
+    landmarks: Network,
+    /// Where to look next, if the person was seen.
+    region: Option<Region>,
+    /// Of the two landmarks that say where to look next, x and y each.
+    filters: [OneEuro; 4],
+    people: Option<usize>,
+}
+
+impl Body {
+    /// The files that it needs, without their ending.
+    pub const NAMES: [&str; 2] = [Detector::NAMES[0], LANDMARKS.name];
+
+    /// Loads its networks, each to be run by `threads` threads.
+    ///
+    /// # Errors
+    /// As [`Network::open`].
+    pub fn open(set: &NetworkSet, threads: usize) -> Result<Self, TrackerError> {
+        Ok(Self {
+            detector: Detector::person(set, threads)?,
+            landmarks: Network::open(set, &LANDMARKS, threads)?,
+            region: None,
+            filters: std::array::from_fn(|_| OneEuro::new(0.01, 10.0)),
+            people: None,
+        })
+    }
+
+    /// The nearest person: of all that are detected, the one that appears largest.
+    fn detect(&mut self, picture: PictureView<'_>) -> Result<Option<Region>, TrackerError> {
+        let Some(whole) = Region::whole(picture) else {
+            return Ok(None);
+        };
+        let found = self.detector.run(picture, &whole)?;
+        self.people = Some(found.len());
+        if found.len() > 1 {
+            log::debug!("{} people are seen; the largest is tracked", found.len());
+        }
+        Ok(found
+            .iter()
+            .filter_map(|person| region_of(person.points()))
+            .max_by(|a, b| a.side().total_cmp(&b.side())))
+    }
+
+    fn look(
+        &mut self,
+        picture: PictureView<'_>,
+        region: &Region,
+        seconds: f64,
+    ) -> Result<Option<BodyLandmarks>, TrackerError> {
+        self.landmarks.run(picture, region)?;
+        if !(self.landmarks.number(1) > SEEN) {
+            return Ok(None);
+        }
+        let Some(seen) = Seen::read(&self.landmarks, region) else {
+            return Ok(None);
+        };
+        let [centre, edge] = seen.next;
+        let size = f64::from(2.0 * centre.distance(edge));
+        let [a, b, c, d] = &mut self.filters;
+        let smooth = |filter: &mut OneEuro, value: f32| {
+            #[allow(
+                clippy::cast_possible_truncation,
+                reason = "a coordinate in single precision, as it came"
+            )]
+            let value = filter.apply(seconds, f64::from(value), size) as f32;
+            value
+        };
+        let centre = Vec2::new(smooth(a, centre.x), smooth(b, centre.y));
+        let edge = Vec2::new(smooth(c, edge.x), smooth(d, edge.y));
+        self.region = region_of(&[centre, edge]);
+        Ok(Some(seen.body))
+    }
+}
+
+/// The region about a person from the hips' middle and a point on the circle about it.
+fn region_of(points: &[Vec2]) -> Option<Region> {
+    let [centre, edge, ..] = points else {
+        return None;
+    };
+    Rect::aligned(*centre, *edge, Towards::Top).square(0.0, 1.25)
+}
+
+impl BodyModel for Body {
+    fn run(
+        &mut self,
+        picture: PictureView<'_>,
+        seconds: f64,
+    ) -> Result<Option<BodyEstimate>, TrackerError> {
+        let region = match self.region.take() {
+            Some(region) => Some(region),
+            None => {
+                for filter in &mut self.filters {
+                    filter.reset();
+                }
+                self.detect(picture)?
+            }
+        };
+        let Some(region) = region else {
+            return Ok(None);
+        };
+        let seen = self.look(picture, &region, seconds)?;
+        Ok(seen.map(BodyEstimate::Landmarks))
+    }
+
+    fn people(&self) -> Option<usize> {
+        self.people
+    }
+}
+
+/// What one run of the landmarks' network says.
+struct Seen {
+    body: BodyLandmarks,
+    /// The two landmarks that say where to look next, pixels of the picture.
+    next: [Vec2; 2],
+}
+
+impl Seen {
+    /// Nothing if a number that matters is not finite.
+    #[allow(
+        clippy::cast_precision_loss,
+        reason = "inputs are far smaller than 2^24 pixels"
+    )]
+    fn read(network: &Network, region: &Region) -> Option<Self> {
+        let size = network.size() as f32;
+        let (numbers, heat, metres) = (network.output(0), network.output(2), network.output(3));
+        let picture_from_region = region.picture_from_region();
+        let turn = Vec2::from_angle(region.radians());
+        let mut body = BodyLandmarks {
+            points: [BodyPoint::default(); BODY_LANDMARKS],
+        };
+        let mut next = [Vec2::ZERO; 2];
+        let landmarks = numbers.chunks_exact(NUMBERS).zip(metres.chunks_exact(3));
+        for (index, (numbers, metres)) in landmarks.enumerate() {
+            let at = refined(Vec2::new(numbers[0], numbers[1]) / size, heat, index);
+            let pixel = picture_from_region.transform_point2(at);
+            if let Some(point) = body.points.get_mut(index) {
+                let across = turn.rotate(Vec2::new(metres[0], metres[1]));
+                *point = BodyPoint {
+                    pixel,
+                    metres: Vec3::new(across.x, across.y, metres[2]),
+                    confidence: sigmoid(numbers[3]),
+                };
+            } else if let Some(next) = next.get_mut(index - BODY_LANDMARKS) {
+                *next = pixel;
+            }
+        }
+        let sane =
+            |p: &BodyPoint| p.pixel.is_finite() && p.metres.is_finite() && p.confidence.is_finite();
+        let sane = body.points.iter().all(sane) && next.iter().all(|p| p.is_finite());
+        sane.then_some(Self { body, next })
+    }
+}
+
+/// `at` (0..1) moved to the mean of landmark `index`'s heat map about it, where that is sure of itself
+/// (`RefineLandmarksFromHeatmapCalculator`).
+#[allow(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "64 places a side; casts saturate, and what is beyond the map is refused before"
+)]
+fn refined(at: Vec2, heat: &[f32], index: usize) -> Vec2 {
+    let place = at * HEAT as f32;
+    if !(place.min_element() > -1.0 && place.max_element() < HEAT as f32) {
+        return at;
+    }
+    let (column, row) = (place.x as usize, place.y as usize);
+    let range = |centre: usize| centre.saturating_sub(REACH)..(centre + REACH + 1).min(HEAT);
+    let (mut sum, mut best, mut mean) = (0.0_f32, 0.0_f32, Vec2::ZERO);
+    for row in range(row) {
+        for column in range(column) {
+            let Some(logit) = heat.get((row * HEAT + column) * ALL + index) else {
+                return at;
+            };
+            let weight = sigmoid(*logit);
+            sum += weight;
+            best = best.max(weight);
+            mean += Vec2::new(column as f32, row as f32) * weight;
+        }
+    }
+    if best >= SEEN && sum.is_finite() {
+        mean / (sum * HEAT as f32)
+    } else {
+        at
+    }
+}

@@ -1,0 +1,249 @@
+//! The hands: searched where the body has its wrists, then followed from landmarks to landmarks.
+
+use super::SEEN;
+use super::regions::{Rect, Towards, Tracking, rotation};
+use crate::TrackerError;
+use crate::crop::{Border, Region};
+use crate::models::{HandEstimate, HandHint, HandModel, Side};
+use crate::networks::{Network, NetworkSet, Signature};
+use crate::picture::PictureView;
+use glam::{Vec2, Vec3};
+use motion_fit::landmarks::{HAND_LANDMARKS, HandLandmarks};
+
+const RECROP: Signature = Signature {
+    name: "hand_recrop",
+    size: 256,
+    outputs: &[(0, 4)],
+    border: Border::Replicate,
+    black: 0.0,
+};
+
+/// Wrists that are less visible are not looked at.
+const WRIST_SEEN: f32 = 0.1;
+
+/// A hand that was followed belongs to another arm, or to none, if its wrist is farther from the body's, in sides of its region.
+const WRIST_APART: f32 = 0.4;
+
+/// How far the followed region may be from the searched one (`hand_tracking.pbtxt`).
+const TRACKING: Tracking = Tracking {
+    rotation: 40.0 * std::f32::consts::PI / 180.0,
+    translation: 0.2,
+    scale: 0.4,
+    margin: -0.1,
+};
+
+/// The landmarks of the palm, by which a region is laid about a hand.
+const PALM: [usize; 12] = [0, 1, 2, 3, 5, 6, 9, 10, 13, 14, 17, 18];
+
+/// Which network gives hands' landmarks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum HandNetwork {
+    /// The better one.
+    #[default]
+    Full,
+    /// In about 60 % of the time.
+    Lite,
+}
+
+impl HandNetwork {
+    const fn signature(self) -> Signature {
+        Signature {
+            name: match self {
+                Self::Full => "hand_landmark_full",
+                Self::Lite => "hand_landmark_lite",
+            },
+            size: 224,
+            outputs: &[(0, HAND_LANDMARKS * 3), (1, 1), (3, HAND_LANDMARKS * 3)],
+            border: Border::Replicate,
+            black: 0.0,
+        }
+    }
+}
+
+/// MediaPipe's hands for both sides of a person.
+#[derive(Debug)]
+pub struct Hands {
+    recrop: Network,
+    landmarks: Network,
+    search_every: u32,
+    sides: [Option<Last>; 2],
+}
+
+/// What is kept of a hand in the last picture.
+#[derive(Debug)]
+struct Last {
+    pixels: [Vec2; HAND_LANDMARKS],
+    /// Where to look next.
+    region: Region,
+    /// Pictures since it was searched.
+    followed: u32,
+}
+
+impl Hands {
+    /// The files that it needs, without their ending.
+    #[must_use]
+    pub fn names(network: HandNetwork) -> [&'static str; 2] {
+        [RECROP.name, network.signature().name]
+    }
+
+    /// Loads its networks, each to be run by `threads` threads. A hand that is followed is searched again where the body has it in
+    /// every `search_every`-th picture: 1 is what MediaPipe does, and costs a run of the searching network for every hand and picture.
+    ///
+    /// # Errors
+    /// As [`Network::open`].
+    pub fn open(
+        set: &NetworkSet,
+        network: HandNetwork,
+        search_every: u32,
+        threads: usize,
+    ) -> Result<Self, TrackerError> {
+        Ok(Self {
+            recrop: Network::open(set, &RECROP, threads)?,
+            landmarks: Network::open(set, &network.signature(), threads)?,
+            search_every: search_every.max(1),
+            sides: [None, None],
+        })
+    }
+
+    /// The region that the searching network sees about the hand of a body (`hand_landmarks_from_pose_to_recrop_roi.pbtxt`,
+    /// `hand_recrop_by_roi_cpu.pbtxt`).
+    fn search(
+        &mut self,
+        picture: PictureView<'_>,
+        hint: &HandHint,
+    ) -> Result<Option<Region>, TrackerError> {
+        let knuckle = (hint.index * 2.0 + hint.little) / 3.0;
+        let rect = Rect {
+            radians: rotation(hint.wrist, knuckle, Towards::Top),
+            ..Rect::aligned(knuckle, hint.wrist, Towards::Top)
+        };
+        let Some(region) = rect.square(-0.1, 2.7) else {
+            return Ok(None);
+        };
+        self.recrop.run(picture, &region)?;
+        let [x0, y0, x1, y1] = *self.recrop.output(0) else {
+            return Ok(None);
+        };
+        #[allow(
+            clippy::cast_precision_loss,
+            reason = "inputs are far smaller than 2^24 pixels"
+        )]
+        let size = self.recrop.size() as f32;
+        let [centre, edge] = [Vec2::new(x0, y0), Vec2::new(x1, y1)]
+            .map(|p| region.picture_from_region().transform_point2(p / size));
+        Ok(Rect::aligned(centre, edge, Towards::Bottom).square(-0.1, 1.0))
+    }
+
+    fn look(
+        &mut self,
+        picture: PictureView<'_>,
+        region: &Region,
+        side: Side,
+        followed: u32,
+    ) -> Result<Option<HandEstimate>, TrackerError> {
+        self.landmarks.run(picture, region)?;
+        let seen = read(&self.landmarks, region);
+        self.sides[side.index()] = seen.as_ref().and_then(|seen| {
+            Some(Last {
+                pixels: seen.pixels,
+                region: region_after(&seen.pixels)?,
+                followed,
+            })
+        });
+        Ok(seen.map(HandEstimate::Landmarks))
+    }
+}
+
+impl HandModel for Hands {
+    fn follow(
+        &mut self,
+        picture: PictureView<'_>,
+        side: Side,
+    ) -> Result<Option<HandEstimate>, TrackerError> {
+        let (region, followed) = match &self.sides[side.index()] {
+            Some(last) if last.followed + 1 < self.search_every => (last.region, last.followed + 1),
+            _ => return Ok(None),
+        };
+        self.look(picture, &region, side, followed)
+    }
+
+    fn find(
+        &mut self,
+        picture: PictureView<'_>,
+        side: Side,
+        hint: &HandHint,
+        followed: Option<HandEstimate>,
+    ) -> Result<Option<HandEstimate>, TrackerError> {
+        // No number is no visibility.
+        if !(hint.confidence > WRIST_SEEN) {
+            self.forget(side);
+            return Ok(None);
+        }
+        if followed.is_some() {
+            let agrees = self.sides[side.index()].as_ref().is_some_and(|last| {
+                last.pixels[0].distance(hint.wrist) <= WRIST_APART * last.region.side()
+            });
+            if agrees {
+                return Ok(followed);
+            }
+            self.forget(side);
+        }
+        let Some(searched) = self.search(picture, hint)? else {
+            self.forget(side);
+            return Ok(None);
+        };
+        let region = match &self.sides[side.index()] {
+            Some(last) if TRACKING.holds(&last.region, &searched, last.pixels) => last.region,
+            _ => searched,
+        };
+        self.look(picture, &region, side, 0)
+    }
+
+    fn forget(&mut self, side: Side) {
+        self.sides[side.index()] = None;
+    }
+}
+
+/// Where to look for a hand that was seen (`hand_landmarks_to_roi.pbtxt`).
+fn region_after(pixels: &[Vec2; HAND_LANDMARKS]) -> Option<Region> {
+    let knuckles = ((pixels[5] + pixels[13]) * 0.5 + pixels[9]) * 0.5;
+    let radians = rotation(pixels[0], knuckles, Towards::Top);
+    Rect::turned_about(PALM.map(|i| pixels[i]), radians).square(-0.1, 2.0)
+}
+
+/// What the landmarks' network saw; nothing if there is no hand, or a number is not finite.
+fn read(network: &Network, region: &Region) -> Option<HandLandmarks> {
+    let confidence = network.number(1);
+    if !(confidence > SEEN) {
+        return None;
+    }
+    #[allow(
+        clippy::cast_precision_loss,
+        reason = "inputs are far smaller than 2^24 pixels"
+    )]
+    let size = network.size() as f32;
+    let picture_from_region = region.picture_from_region();
+    let turn = Vec2::from_angle(region.radians());
+    let mut hand = HandLandmarks {
+        pixels: [Vec2::ZERO; HAND_LANDMARKS],
+        metres: [Vec3::ZERO; HAND_LANDMARKS],
+        confidence: confidence.min(1.0),
+    };
+    for (pixel, at) in hand
+        .pixels
+        .iter_mut()
+        .zip(network.output(0).chunks_exact(3))
+    {
+        *pixel = picture_from_region.transform_point2(Vec2::new(at[0], at[1]) / size);
+    }
+    for (metres, at) in hand
+        .metres
+        .iter_mut()
+        .zip(network.output(2).chunks_exact(3))
+    {
+        *metres = turn.rotate(Vec2::new(at[0], at[1])).extend(at[2]);
+    }
+    let sane =
+        hand.pixels.iter().all(|p| p.is_finite()) && hand.metres.iter().all(|p| p.is_finite());
+    sane.then_some(hand)
+}

@@ -1,0 +1,108 @@
+//! MediaPipe's networks for a body, hands and a face, and how its holistic graph finds where to look
+//! (<https://github.com/google-ai-edge/mediapipe>, `mediapipe/modules`, Apache-2.0).
+
+mod body;
+mod detector;
+mod face;
+mod face_mesh;
+mod hands;
+mod one_euro;
+mod regions;
+
+pub use body::Body;
+pub use detector::{Detection, Detector};
+pub use face::Face;
+pub use hands::{HandNetwork, Hands};
+
+use crate::TrackerError;
+use crate::models::{HandModels, Models};
+use crate::networks::NetworkSet;
+use npu_runtime::Runtime;
+use std::path::Path;
+
+/// Where a network stops to believe in what it sees, 0..=1.
+const SEEN: f32 = 0.5;
+
+/// The logistic function.
+fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + (-x.clamp(-100.0, 100.0)).exp())
+}
+
+/// Which of MediaPipe's networks track a person, and how.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    /// Whether and how hands are looked at.
+    pub hands: HandsBy,
+    /// Which network gives hands' landmarks.
+    pub hand_network: HandNetwork,
+    /// Whether the face is looked at.
+    pub face: bool,
+    /// In every how manieth picture a hand or a face that is followed is searched again: 1 is what MediaPipe does.
+    pub search_every: u32,
+    /// Threads that each network is run by.
+    pub threads: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            hands: HandsBy::Each,
+            hand_network: HandNetwork::Full,
+            face: true,
+            search_every: 15,
+            threads: 1,
+        }
+    }
+}
+
+/// How hands are looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HandsBy {
+    /// Not at all.
+    None,
+    /// One after the other, by one thread.
+    Shared,
+    /// The left one in a picture and the right one in the next.
+    Alternating,
+    /// Each by a thread of its own.
+    Each,
+}
+
+impl Options {
+    /// The files that the networks are in, without their ending.
+    #[must_use]
+    pub fn names(&self) -> Vec<&'static str> {
+        let mut names = Body::NAMES.to_vec();
+        if self.hands != HandsBy::None {
+            names.extend(Hands::names(self.hand_network));
+        }
+        if self.face {
+            names.extend(Face::NAMES);
+        }
+        names
+    }
+
+    /// Loads the networks from the files in `folder`.
+    ///
+    /// # Errors
+    /// [`TrackerError::Missing`] if the folder lacks one, and those of [`Network::open`](crate::networks::Network::open).
+    pub fn load(&self, folder: &Path, runtime: &Runtime) -> Result<Models, TrackerError> {
+        let set = NetworkSet::open(folder, &self.names(), runtime)?;
+        let hands =
+            || Hands::open(&set, self.hand_network, self.search_every, self.threads).map(Box::new);
+        Ok(Models {
+            body: Box::new(Body::open(&set, self.threads)?),
+            hands: match self.hands {
+                HandsBy::None => HandModels::None,
+                HandsBy::Shared => HandModels::Shared(hands()?),
+                HandsBy::Alternating => HandModels::Alternating(hands()?),
+                HandsBy::Each => HandModels::Each([hands()?, hands()?]),
+            },
+            face: if self.face {
+                Some(Box::new(Face::open(&set, self.search_every, self.threads)?))
+            } else {
+                None
+            },
+        })
+    }
+}

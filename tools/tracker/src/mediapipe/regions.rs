@@ -1,0 +1,127 @@
+//! Regions from landmarks, and whether the last picture's region still serves, as MediaPipe's calculators have them.
+
+use crate::crop::Region;
+use glam::Vec2;
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+/// The direction in a region that a vector between two landmarks is to have, as MediaPipe counts angles: against the clock.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Towards {
+    /// To the right.
+    Right,
+    /// Up.
+    Top,
+    /// Down.
+    Bottom,
+}
+
+/// How far a region is turned in which the vector from `start` to `end` points `towards`, radians in -pi..pi
+/// (`DetectionsToRectsCalculator::ComputeRotation`).
+pub(super) fn rotation(start: Vec2, end: Vec2, towards: Towards) -> f32 {
+    let target = match towards {
+        Towards::Right => 0.0,
+        Towards::Top => FRAC_PI_2,
+        Towards::Bottom => -FRAC_PI_2,
+    };
+    let d = end - start;
+    normalise(target - (-d.y).atan2(d.x))
+}
+
+fn normalise(radians: f32) -> f32 {
+    radians - TAU * ((radians + PI) / TAU).floor()
+}
+
+/// A rectangle in a picture, pixels and radians.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rect {
+    pub(super) centre: Vec2,
+    pub(super) size: Vec2,
+    pub(super) radians: f32,
+}
+
+impl Rect {
+    /// The square about `centre` of which `edge` is the middle of a side (`AlignmentPointsRectsCalculator`).
+    pub(super) fn aligned(centre: Vec2, edge: Vec2, towards: Towards) -> Self {
+        Self {
+            centre,
+            size: Vec2::splat(2.0 * centre.distance(edge)),
+            radians: rotation(centre, edge, towards),
+        }
+    }
+
+    /// The upright box about `points`, said to be turned by `radians` (`DetectionsToRectsCalculator`: it does not turn the box that
+    /// it measures).
+    pub(super) fn about(points: impl IntoIterator<Item = Vec2>, radians: f32) -> Self {
+        let (low, high) = bounds(points);
+        Self {
+            centre: (low + high) * 0.5,
+            size: high - low,
+            radians,
+        }
+    }
+
+    /// The box about `points` whose sides are turned by `radians`.
+    pub(super) fn turned_about(points: impl IntoIterator<Item = Vec2>, radians: f32) -> Self {
+        let turn = Vec2::from_angle(radians);
+        let back = Vec2::from_angle(-radians);
+        let (low, high) = bounds(points.into_iter().map(|p| back.rotate(p)));
+        Self {
+            centre: turn.rotate((low + high) * 0.5),
+            size: high - low,
+            radians,
+        }
+    }
+
+    /// The square that `RectTransformationCalculator` makes of it with `square_long`: moved down by `shift_y` of its own height, as it
+    /// is turned, then as long as its longer side and enlarged by `scale`. Nothing if it has no size or is not finite.
+    pub(super) fn square(self, shift_y: f32, scale: f32) -> Option<Region> {
+        let shift = Vec2::from_angle(self.radians).rotate(Vec2::new(0.0, self.size.y * shift_y));
+        Region::new(
+            self.centre + shift,
+            self.size.max_element() * scale,
+            self.radians,
+        )
+    }
+}
+
+fn bounds(points: impl IntoIterator<Item = Vec2>) -> (Vec2, Vec2) {
+    let none = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+    points
+        .into_iter()
+        .fold(none, |(low, high), p| (low.min(p), high.max(p)))
+}
+
+/// How far the last picture's region may be from the one that was just searched (`RoiTrackingCalculator`).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tracking {
+    /// Radians.
+    pub(super) rotation: f32,
+    /// Along each side, in sides of the searched region.
+    pub(super) translation: f32,
+    /// In sides of the searched region.
+    pub(super) scale: f32,
+    /// What is added to the searched region's side, in sides, before all last landmarks must be in it.
+    pub(super) margin: f32,
+}
+
+impl Tracking {
+    /// Whether `last`, the region after the last picture's landmarks `points`, still serves beside `searched`.
+    pub(super) fn holds(
+        &self,
+        last: &Region,
+        searched: &Region,
+        points: impl IntoIterator<Item = Vec2>,
+    ) -> bool {
+        let side = searched.side();
+        let back = Vec2::from_angle(-searched.radians());
+        let moved = back.rotate(last.centre() - searched.centre()).abs();
+        let turned = normalise(last.radians() - searched.radians()).abs();
+        let reach = side * (1.0 + self.margin) * 0.5;
+        turned <= self.rotation
+            && moved.max_element() <= side * self.translation
+            && (last.side() - side).abs() <= side * self.scale
+            && points
+                .into_iter()
+                .all(|p| back.rotate(p - searched.centre()).abs().max_element() < reach)
+    }
+}
