@@ -2,4 +2,5 @@
 //!
 //! It knows landmarks and time, but no images, networks or devices.
 
+pub mod body;
 pub mod landmarks;
