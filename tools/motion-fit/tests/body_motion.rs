@@ -82,6 +82,18 @@ fn each_part_of_the_fit_brings_it_nearer_to_recorded_motion() {
             return;
         };
         let eye = Eye::new(1.3, 5.0, 0.1);
+        let mut network = Network::new(eye, Errors::USUAL, 11);
+        let raw = truth
+            .iter()
+            .map(|frame| {
+                let exact = Network::new(eye, Errors::NONE, 1).look(&skeleton, frame, 1.0 / RATE);
+                let seen = network.look(&skeleton, frame, 1.0 / RATE);
+                let off = (11..17).chain(23..29).map(|i| (exact.points[i].metres - seen.points[i].metres).length());
+                f64::from(off.sum::<f32>()) / 12.0 * 1e3
+            })
+            .sum::<f64>()
+            / truth.len() as f64;
+        println!("{name}: the landmarks' own error {raw:.0} mm");
         for (label, parts, errors) in [
             ("no errors", Parts::default(), Errors::NONE),
             ("no parts", none, Errors::USUAL),

@@ -289,9 +289,14 @@ impl BodyFit {
             rival.follow(&self.body, &mut self.solver, &scene, &levelled, given);
         }
         if first && self.origin.is_none() {
-            let floor = self.lowest(&track);
-            self.upright.begin(-floor);
-            self.upright.settle();
+            let back = level.transpose();
+            let placed = self.solver.chain().place(&track.posture);
+            let lowest = self.lowest(&track);
+            for sole in self.body.soles.map(|sole| placed.point(&sole)) {
+                if sole.y <= lowest {
+                    self.upright.touch(&(back * sole), 0.1, 1.0);
+                }
+            }
         }
         self.judge(&mut track);
         self.touch(&track, step);
@@ -409,7 +414,6 @@ impl BodyFit {
             let seconds = if self.track.is_none() { 0.7 } else { step };
             self.upright.stance(&axis, seconds);
         }
-        self.upright.settle();
         let turn = self.upright.level() * before.transpose();
         for track in self.track.iter_mut().chain(&mut self.rival) {
             track.turn(&turn);

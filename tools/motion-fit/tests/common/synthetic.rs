@@ -81,7 +81,7 @@ impl Eye {
     /// From the person's to camera axes.
     pub fn axes(&self) -> M3 {
         let (s, c) = self.pitch.sin_cos();
-        [[1.0, 0.0, 0.0], [0.0, -c, -s], [0.0, s, -c]]
+        [[1.0, 0.0, 0.0], [0.0, -c, s], [0.0, -s, -c]]
     }
     pub fn see(&self, point: V3) -> V3 {
         mul_v(&self.axes(), sub(point, self.at))
