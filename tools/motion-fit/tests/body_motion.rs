@@ -110,3 +110,18 @@ fn each_part_of_the_fit_brings_it_nearer_to_recorded_motion() {
         }
     }
 }
+
+#[test]
+fn debug_contacts() {
+    let skeleton = common::skeleton();
+    let truth = performance("mocap/cmu_02_01_walk.bvh", 0.9).unwrap();
+    let eye = Eye::new(1.3, 5.0, 0.1);
+    let poses = run(&truth, eye, Errors::USUAL, Parts::default(), |_| false);
+    for i in 1..truth.len() {
+        let t = [i - 1, i].map(|k| common::forward(&skeleton, &truth[k]).1);
+        let f = [i - 1, i].map(|k| common::forward(&skeleton, &motion(&poses[k])).1);
+        let sp = |p: &[[common::V3; 22]; 2], j: usize| { let d = common::sub(p[1][j], p[0][j]); common::norm(d) * RATE };
+        println!("{i:3} L truth ankle {:.2} foot {:.2} h {:.2} fit {:.2} {} | R truth {:.2} foot {:.2} h {:.2} fit {:.2} {} | dz {:+.3} dx {:+.3} dy {:+.3} h {:.3}", sp(&t,7), sp(&t,10), t[1][10][1], sp(&f,7), poses[i].standing[0], sp(&t,8), sp(&t,11), t[1][11][1], sp(&f,8), poses[i].standing[1],
+         f[1][0][2]-t[1][0][2], f[1][0][0]-t[1][0][0], f[1][0][1]-t[1][0][1], poses[i].camera.height_metres);
+    }
+}

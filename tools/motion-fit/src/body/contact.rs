@@ -2,20 +2,24 @@
 
 use nalgebra::Vector3;
 
-/// Pictures that a speed is measured over.
+/// Pictures that a speed is measured over before a sole is taken to stand, and before it is let go: a late pin slides a little, one that
+/// holds a lifting heel drags the whole body.
 const WINDOW: usize = 5;
+const SHORT: usize = 3;
 /// A sole slower than this may be standing, one faster than the other is not, m/s.
 const STILL: f64 = 0.30;
-const MOVING: f64 = 0.60;
+const MOVING: f64 = 0.50;
 /// A sole lower than this may be standing, one higher than the other is not, metres above the floor.
 const LOW: f64 = 0.09;
 const HIGH: f64 = 0.14;
 /// A pin this far from where its sole is seen lets go, metres across the line of sight.
-const TORN: f64 = 0.07;
+const TORN: f64 = 0.05;
 /// Time for a pin to take hold and to let go, seconds.
 const HOLD: f64 = 0.1;
 /// How fast a pin follows what is seen, 1/s: it may have been put down wrongly.
 const FOLLOW: f64 = 0.6;
+/// How fast a pin comes to the floor's height, 1/s: that is an estimate, too.
+const SINK: f64 = 3.0;
 
 /// One heel or ball.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -38,13 +42,15 @@ impl Contact {
         self.pin.is_some() && self.hold > 0.5
     }
 
-    /// One picture: where the sole is seen (at the depth that is expected of it), where the last fit's motion has it, the floor's height.
+    /// One picture: where the sole is seen (at the depth that is expected of it), where the last fit's motion has it, the height of the
+    /// lowest sole or the floor, whichever is higher, and the floor's.
     pub(super) fn update(
         &mut self,
         seconds: f64,
         step: f64,
         seen: Option<Vector3<f64>>,
         expected: Vector3<f64>,
+        lowest: f64,
         floor: f64,
     ) {
         let standing = match seen {
@@ -57,13 +63,13 @@ impl Contact {
                     self.count += 1;
                 }
                 let torn = self.pin.is_some_and(|pin| (pin - seen).xy().norm() > TORN);
-                let height = seen.y - floor;
-                let (slow, low) = if self.pin.is_some() {
-                    (MOVING, HIGH)
+                let height = seen.y - lowest;
+                let (window, slow, low) = if self.pin.is_some() {
+                    (SHORT, MOVING, HIGH)
                 } else {
-                    (STILL, LOW)
+                    (WINDOW, STILL, LOW)
                 };
-                !torn && height < low && self.speed().is_some_and(|speed| speed < slow)
+                !torn && height < low && self.speed(window).is_some_and(|speed| speed < slow)
             }
             None => {
                 self.count = 0;
@@ -78,7 +84,7 @@ impl Contact {
                 let follow = (FOLLOW * step).min(1.0);
                 pin.x += (seen.x - pin.x) * follow;
             }
-            pin.y = floor;
+            pin.y += (floor - pin.y) * (SINK * step).min(1.0);
             self.pin = Some(pin);
         } else {
             self.hold -= 2.0 * change;
@@ -102,16 +108,14 @@ impl Contact {
         }
     }
 
-    /// Speed over the window by the line of least squares, m/s; `None` before it is full.
-    fn speed(&self) -> Option<f64> {
-        if self.count < WINDOW {
-            return None;
-        }
-        let n = WINDOW as f64;
-        let middle = self.history.iter().map(|(t, _)| t).sum::<f64>() / n;
+    /// Speed over the newest `window` pictures by the line of least squares, m/s; `None` before there are as many.
+    fn speed(&self, window: usize) -> Option<f64> {
+        let newest = self.history.get(self.count.checked_sub(window)?..self.count)?;
+        let n = newest.len() as f64;
+        let middle = newest.iter().map(|(t, _)| t).sum::<f64>() / n;
         let mut above = Vector3::zeros();
         let mut below = 0.0;
-        for (t, at) in &self.history {
+        for (t, at) in newest {
             above += at * (t - middle);
             below += (t - middle) * (t - middle);
         }

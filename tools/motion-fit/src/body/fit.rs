@@ -447,7 +447,7 @@ impl BodyFit {
                 self.upright.touch(&(back * at), step, 1.0);
             } else if at.y <= lowest && (near || at.y < floor) {
                 // Some sole is mostly on the floor.
-                self.upright.touch(&(back * at), step, 0.2);
+                self.upright.touch(&(back * at), step, 0.5);
             }
         }
     }

@@ -32,7 +32,7 @@ const LEAN: [f64; 2] = [0.35, 0.45];
 /// How far a standing body's chest is from above its feet along the line of sight, metres.
 const BALANCE: f64 = 0.12;
 /// How near to its pin a standing sole is held, metres; to the floor; and how firmly no sole sinks below it.
-const PIN: f64 = 0.008;
+const PIN: f64 = 0.01;
 const FLOOR: f64 = 0.02;
 /// Nearest and furthest that a body is placed, metres.
 const DEPTHS: (f64, f64) = (0.4, 30.0);
@@ -252,10 +252,17 @@ impl Track {
                 let carried = placed.point(&binding.at);
                 expected + unproject(&scene.view, seen, &carried) - carried
             });
-            contact.update(scene.seconds, scene.step, measured, expected, scene.floor);
+            contact.update(
+                scene.seconds,
+                scene.step,
+                measured,
+                expected,
+                lowest.max(scene.floor),
+                scene.floor,
+            );
             if let Some((pin, hold)) = contact.pin() {
                 let information = Matrix3::identity() * (hold / (PIN * PIN));
-                solver.terms.push(Term::at(*sole, pin, information).robustly(4.0));
+                solver.terms.push(Term::at(*sole, pin, information).robustly(2.0));
             }
             // One-sided: nothing sinks. The lowest sole, if it is near, stands on the floor.
             if expected.y < scene.floor || (expected.y <= lowest && expected.y < scene.floor + 0.1) {
