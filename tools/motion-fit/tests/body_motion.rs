@@ -5,6 +5,7 @@ mod common;
 mod synthetic;
 
 use motion_fit::body::{BodyFit, BodyPose, FitConfig, Parts};
+use motion_fit::smoother::{Confidence, SmoothConfig, Smoother};
 use spmm3::{Joint, MotionParams};
 use synthetic::{Errors, Eye, Network, Score, motion, score, swapped};
 
@@ -105,6 +106,19 @@ fn each_part_of_the_fit_brings_it_nearer_to_recorded_motion() {
             let poses = run(&truth, eye, errors, parts, |_| false);
             let s = score(&skeleton, &truth, &moves(&poses), RATE, 15);
             print(&format!("{name} {label}"), &s);
+            if label == "all" {
+                let mut smoother = Smoother::new(SmoothConfig::default());
+                let mut smooth = moves(&poses);
+                for (i, frame) in smooth.iter_mut().enumerate() {
+                    smoother.smooth(i as f64 / RATE, frame, &Confidence::default());
+                }
+                let s = score(&skeleton, &truth, &smooth, RATE, 15);
+                print(&format!("{name} all, smoothed"), &s);
+                for late in 1..4 {
+                    let s = score(&skeleton, &truth[..truth.len()-late], &smooth[late..], RATE, 15);
+                    print(&format!("   truth {late} frames ago"), &s);
+                }
+            }
             let last = poses[poses.len() - 1];
             println!("   pitch {:.3} height {:.2} reprojection {:.1}", last.camera.pitch_radians, last.camera.height_metres, last.reprojection_px);
         }
