@@ -24,6 +24,18 @@ pub struct Camera {
     pub centre: Vec2,
 }
 
+impl Camera {
+    /// A camera whose lens is not known: its picture is taken to be 60 degrees wide, as many laptops' and phones' are.
+    #[must_use]
+    pub fn guessed(size: Vec2) -> Self {
+        Self {
+            size,
+            focal: size.x / 2.0 / 30.0_f32.to_radians().tan(),
+            centre: size / 2.0,
+        }
+    }
+}
+
 /// One landmark of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BodyPoint {

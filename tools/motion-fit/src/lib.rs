@@ -2,4 +2,6 @@
 //!
 //! It knows landmarks and time, but no images, networks or devices.
 
+pub mod body;
 pub mod landmarks;
+pub mod smoother;

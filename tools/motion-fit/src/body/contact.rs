@@ -1,0 +1,124 @@
+//! Soles on the floor: when a heel or a ball of a foot stands still, and where.
+
+use nalgebra::Vector3;
+
+/// Pictures that a speed is measured over before a sole is taken to stand, and before it is let go: a late pin slides a little, one that
+/// holds a lifting heel drags the whole body.
+const WINDOW: usize = 5;
+const SHORT: usize = 3;
+/// A sole slower than this may be standing, one faster than the other is not, m/s.
+const STILL: f64 = 0.30;
+const MOVING: f64 = 0.50;
+/// A sole lower than this may be standing, one higher than the other is not, metres above the floor.
+const LOW: f64 = 0.09;
+const HIGH: f64 = 0.14;
+/// A pin this far from where its sole is seen lets go, metres across the line of sight.
+const TORN: f64 = 0.05;
+/// Time for a pin to take hold and to let go, seconds.
+const HOLD: f64 = 0.1;
+/// How fast a pin follows what is seen, 1/s: it may have been put down wrongly.
+const FOLLOW: f64 = 0.6;
+/// How fast a pin comes to the floor's height, 1/s: that is an estimate, too.
+const SINK: f64 = 3.0;
+
+/// One heel or ball.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Contact {
+    history: [(f64, Vector3<f64>); WINDOW],
+    count: usize,
+    pin: Option<Vector3<f64>>,
+    /// How firmly the pin holds, 0..=1.
+    hold: f64,
+}
+
+impl Contact {
+    /// The point that the sole stands on, in the world, and how firmly, 0..=1.
+    pub(super) fn pin(&self) -> Option<(Vector3<f64>, f64)> {
+        self.pin.map(|pin| (pin, self.hold))
+    }
+
+    /// Whether the sole stands.
+    pub(super) fn stands(&self) -> bool {
+        self.pin.is_some() && self.hold > 0.5
+    }
+
+    /// One picture: where the sole is seen (at the depth that is expected of it), where the last fit's motion has it, the height of the
+    /// lowest sole or the floor, whichever is higher, and the floor's.
+    pub(super) fn update(
+        &mut self,
+        seconds: f64,
+        step: f64,
+        seen: Option<Vector3<f64>>,
+        expected: Vector3<f64>,
+        lowest: f64,
+        floor: f64,
+    ) {
+        let standing = match seen {
+            Some(seen) => {
+                if self.count == WINDOW {
+                    self.history.rotate_left(1);
+                    self.history[WINDOW - 1] = (seconds, seen);
+                } else {
+                    self.history[self.count] = (seconds, seen);
+                    self.count += 1;
+                }
+                let torn = self.pin.is_some_and(|pin| (pin - seen).xy().norm() > TORN);
+                let height = seen.y - lowest;
+                let (window, slow, low) = if self.pin.is_some() {
+                    (SHORT, MOVING, HIGH)
+                } else {
+                    (WINDOW, STILL, LOW)
+                };
+                !torn && height < low && self.speed(window).is_some_and(|speed| speed < slow)
+            }
+            None => {
+                self.count = 0;
+                false
+            }
+        };
+        let change = step / HOLD;
+        if standing {
+            self.hold = (self.hold + change).min(1.0);
+            let mut pin = self.pin.unwrap_or(expected);
+            if let Some(seen) = seen {
+                let follow = (FOLLOW * step).min(1.0);
+                pin.x += (seen.x - pin.x) * follow;
+            }
+            pin.y += (floor - pin.y) * (SINK * step).min(1.0);
+            self.pin = Some(pin);
+        } else {
+            self.hold -= 2.0 * change;
+            if self.hold <= 0.0 {
+                *self = Self {
+                    history: self.history,
+                    count: self.count,
+                    ..Self::default()
+                };
+            }
+        }
+    }
+
+    /// Everything turned about the world's origin.
+    pub(super) fn turn(&mut self, by: &nalgebra::Matrix3<f64>) {
+        for (_, at) in &mut self.history {
+            *at = by * *at;
+        }
+        if let Some(pin) = &mut self.pin {
+            *pin = by * *pin;
+        }
+    }
+
+    /// Speed over the newest `window` pictures by the line of least squares, m/s; `None` before there are as many.
+    fn speed(&self, window: usize) -> Option<f64> {
+        let newest = self.history.get(self.count.checked_sub(window)?..self.count)?;
+        let n = newest.len() as f64;
+        let middle = newest.iter().map(|(t, _)| t).sum::<f64>() / n;
+        let mut above = Vector3::zeros();
+        let mut below = 0.0;
+        for (t, at) in newest {
+            above += at * (t - middle);
+            below += (t - middle) * (t - middle);
+        }
+        (below > 1e-9).then(|| (above / below).norm())
+    }
+}

@@ -1,0 +1,554 @@
+//! [`BodyFit`]: landmarks of one camera become the pose of the avatar's skeleton, picture by picture.
+
+use super::{
+    bindings,
+    chain::{Attachment, BODY_JOINTS, Chain, wide},
+    prior::PosePrior,
+    reading::{ANKLES, ELBOWS, Exchange, HIPS, KNEES, NOSE, Reading, SHOULDERS, WRISTS},
+    so3,
+    solver::SkeletonSolver,
+    terms::View,
+    track::{Body, Parts, Scene, Track, stands},
+    upright::Upright,
+};
+use crate::landmarks::{BodyLandmarks, Camera};
+use glam::{Mat3, Quat, Vec3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
+use spmm3::{Joint, MotionParams, Skeleton};
+
+/// Parts of the body that have a confidence of their own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Limb {
+    /// Pelvis, spine and collars.
+    Torso,
+    /// Neck and head.
+    Head,
+    /// Left shoulder to wrist.
+    LeftArm,
+    /// Right shoulder to wrist.
+    RightArm,
+    /// Left hip to foot.
+    LeftLeg,
+    /// Right hip to foot.
+    RightLeg,
+}
+
+impl Limb {
+    /// All limbs, in the order of [`BodyPose::confidence`].
+    pub const ALL: [Self; 6] = [
+        Self::Torso,
+        Self::Head,
+        Self::LeftArm,
+        Self::RightArm,
+        Self::LeftLeg,
+        Self::RightLeg,
+    ];
+
+    /// The limb that a joint belongs to; fingers to their arm, jaw and eyes to the head.
+    #[must_use]
+    pub fn of(joint: Joint) -> Self {
+        let name = joint.name();
+        let left = name.starts_with("left");
+        if name.contains("eye") || matches!(joint, Joint::Neck | Joint::Head | Joint::Jaw) {
+            Self::Head
+        } else if ["hip", "knee", "ankle", "foot"].iter().any(|n| name.ends_with(n)) {
+            if left { Self::LeftLeg } else { Self::RightLeg }
+        } else if matches!(joint, Joint::LeftCollar | Joint::RightCollar) || name.starts_with("spine") || joint == Joint::Pelvis {
+            Self::Torso
+        } else if left {
+            Self::LeftArm
+        } else {
+            Self::RightArm
+        }
+    }
+
+    fn landmarks(self) -> [usize; 4] {
+        match self {
+            Self::Torso => [SHOULDERS[0], SHOULDERS[1], HIPS[0], HIPS[1]],
+            Self::Head => [NOSE, NOSE, 7, 8],
+            Self::LeftArm => [ELBOWS[0], ELBOWS[0], WRISTS[0], WRISTS[0]],
+            Self::RightArm => [ELBOWS[1], ELBOWS[1], WRISTS[1], WRISTS[1]],
+            Self::LeftLeg => [KNEES[0], KNEES[0], ANKLES[0], ANKLES[0]],
+            Self::RightLeg => [KNEES[1], KNEES[1], ANKLES[1], ANKLES[1]],
+        }
+    }
+}
+
+/// What a fit is told beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitConfig {
+    /// The camera that sees the body.
+    pub camera: Camera,
+    /// Which parts of the fit are used: all, but for studies.
+    pub parts: Parts,
+}
+
+impl FitConfig {
+    /// All parts, for a camera of known lens.
+    #[must_use]
+    pub fn new(camera: Camera) -> Self {
+        Self {
+            camera,
+            parts: Parts::default(),
+        }
+    }
+}
+
+/// Where the camera is, as far as the pictures tell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraPose {
+    /// How far it looks down, radians.
+    pub pitch_radians: f32,
+    /// Its height above the floor in metres of the avatar's size.
+    pub height_metres: f32,
+    /// Rotation from the avatar's world (y up) to camera axes (y down, z away).
+    pub camera_from_world: Mat3,
+    /// The camera in the avatar's world, metres.
+    pub position: Vec3,
+}
+
+/// A fitted pose, in the conventions of [`MotionParams`]: y up, metres, the floor at y = 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyPose {
+    /// As [`MotionParams::root_translation`]. The first seen place is above the origin.
+    pub root_translation: Vec3,
+    /// Of each body joint relative to its parent, the pelvis relative to the world.
+    pub rotations: [Quat; BODY_JOINTS],
+    /// 0..=1 of each limb, in the order of [`Limb::ALL`]: how sure its landmarks were.
+    pub confidence: [f32; 6],
+    /// Root mean square distance of the landmarks from the fitted pose in the picture, pixels.
+    pub reprojection_px: f32,
+    /// Whether left and right had been mistaken, at least in one half of the body.
+    pub swapped: bool,
+    /// The camera's pose that was used.
+    pub camera: CameraPose,
+    /// Whether the left and the right foot stand on the floor.
+    pub standing: [bool; 2],
+    /// Whether a body was seen; otherwise the pose coasts to rest.
+    pub seen: bool,
+}
+
+impl BodyPose {
+    /// Writes the body's joints and the root into `motion`; face and fingers stay.
+    pub fn write(&self, motion: &mut MotionParams) {
+        for (joint, rotation) in Joint::ALL.into_iter().zip(self.rotations) {
+            motion.set_rotation(joint, rotation);
+        }
+        motion.root_translation = self.root_translation;
+    }
+}
+
+/// Pictures after which one of two accounts is dropped.
+const TRIAL: u32 = 10;
+/// How much better the unlikely account must be.
+const CLEARLY: f64 = 0.85;
+/// Left and right exchanged for so long without a break: perhaps the account is the mistaken one, seconds.
+const DOUBTFUL: f64 = 0.7;
+/// A body gone for so long is met anew, seconds.
+const GONE: f64 = 1.0;
+/// A body gone for so long eases to rest, and how fast, seconds.
+const LINGER: f64 = 0.4;
+const EASE: f64 = 0.6;
+/// Steps of time that are believed, seconds.
+const SHORTEST: f64 = 0.002;
+const LONGEST: f64 = 0.25;
+/// Memory of a body's size, seconds.
+const SIZE_MEMORY: f64 = 20.0;
+
+/// Follows one body in one camera's pictures.
+#[derive(Debug, Clone)]
+pub struct BodyFit {
+    config: FitConfig,
+    body: Body,
+    solver: SkeletonSolver,
+    rest: [UnitQuaternion<f64>; BODY_JOINTS],
+    /// The pelvis above the template's floor at rest, metres.
+    pelvis: Vector3<f64>,
+    upright: Upright,
+    /// The account that is told, and perhaps another that may be true.
+    track: Option<Track>,
+    rival: Option<Track>,
+    /// The point of the floor, x and z, that is the avatar's origin.
+    origin: Option<Vector2<f64>>,
+    /// Summed lengths of bones: the avatar's, the network's.
+    size: [f64; 2],
+    last_seconds: Option<f64>,
+    unseen: f64,
+    /// After a rival lost, the next may come later, seconds.
+    patience: f64,
+    confidence: [f64; 6],
+}
+
+impl BodyFit {
+    /// A fit of `skeleton` that has seen nothing.
+    #[must_use]
+    pub fn new(skeleton: &Skeleton, config: FitConfig) -> Self {
+        let at = |joint: Joint| wide(skeleton.rest_positions()[joint.index()]);
+        let sole = |ankle: Joint, joint: Joint, back: f64| {
+            let under = at(joint);
+            let point = Vector3::new(under.x, 0.0, under.z - back);
+            Attachment::new(ankle, point - at(ankle))
+        };
+        use Joint::{LeftAnkle, LeftFoot, RightAnkle, RightFoot};
+        let ease = spmm3::at_ease(skeleton);
+        Self {
+            config: FitConfig {
+                camera: usable(config.camera),
+                ..config
+            },
+            body: Body {
+                bindings: bindings::bind(skeleton),
+                soles: [
+                    sole(LeftAnkle, LeftAnkle, 0.05),
+                    sole(LeftAnkle, LeftFoot, 0.0),
+                    sole(RightAnkle, RightAnkle, 0.05),
+                    sole(RightAnkle, RightFoot, 0.0),
+                ],
+                parts: config.parts,
+            },
+            solver: SkeletonSolver::new(Chain::new(skeleton), PosePrior::default()),
+            rest: std::array::from_fn(|joint| {
+                Joint::ALL
+                    .get(joint)
+                    .map_or(UnitQuaternion::identity(), |joint| {
+                        so3::exp(&wide(ease.axis_angle(*joint)))
+                    })
+            }),
+            pelvis: at(Joint::Pelvis),
+            upright: Upright::default(),
+            track: None,
+            rival: None,
+            origin: None,
+            size: [0.0; 2],
+            last_seconds: None,
+            unseen: 0.0,
+            patience: DOUBTFUL,
+            confidence: [0.0; 6],
+        }
+    }
+
+    /// Fits one picture, whose light fell at `seconds`. Never fails: without a body the pose coasts, comes to rest and waits.
+    pub fn fit(&mut self, seconds: f64, body: Option<&BodyLandmarks>) -> BodyPose {
+        let step = self
+            .last_seconds
+            .map_or(1.0 / 30.0, |last| seconds - last);
+        let step = if step.is_finite() {
+            step.clamp(SHORTEST, LONGEST)
+        } else {
+            1.0 / 30.0
+        };
+        if seconds.is_finite() {
+            self.last_seconds = Some(seconds);
+        }
+        let seconds = self.last_seconds.unwrap_or(0.0);
+        let reading = body.and_then(Reading::new);
+        match &reading {
+            Some(reading) => self.see(seconds, step, reading),
+            None => self.coast(step),
+        }
+        self.fade_confidence(reading.as_ref(), step);
+        self.tell(reading.is_some())
+    }
+
+    fn see(&mut self, seconds: f64, step: f64, reading: &Reading) {
+        if self.unseen > GONE {
+            self.track = None;
+            self.rival = None;
+        }
+        self.unseen = 0.0;
+        self.measure(step, reading);
+        if self.config.parts.upright {
+            self.lift(step, reading);
+        }
+        let level = self.upright.level();
+        let levelled = reading.levelled(&level, self.scale());
+        let scene = Scene {
+            seconds,
+            step,
+            view: self.view(&level),
+            floor: -self.upright.height(),
+        };
+        let first = self.track.is_none();
+        let posture = self.solver.prior.posture();
+        let mut track = self.track.take().unwrap_or_else(|| Track::new(posture));
+        let given = first.then_some(Exchange::NONE);
+        track.follow(&self.body, &mut self.solver, &scene, &levelled, given);
+        if first && self.config.parts.labels {
+            self.rival = Some(Track::new(posture));
+        }
+        if let Some(rival) = &mut self.rival {
+            let given = (rival.doubt.1 == 0).then(|| {
+                if first {
+                    Exchange::BOTH
+                } else {
+                    // The account that is told exchanges all; the rival takes the labels as they are.
+                    Exchange::NONE
+                }
+            });
+            rival.follow(&self.body, &mut self.solver, &scene, &levelled, given);
+        }
+        if first && self.origin.is_none() {
+            let back = level.transpose();
+            let placed = self.solver.chain().place(&track.posture);
+            let lowest = self.lowest(&track);
+            for sole in self.body.soles.map(|sole| placed.point(&sole)) {
+                if sole.y <= lowest {
+                    self.upright.touch(&(back * sole), 0.1, 1.0);
+                }
+            }
+        }
+        self.judge(&mut track);
+        self.touch(&track, step);
+        let at = track.posture.position;
+        self.origin.get_or_insert(Vector2::new(at.x, at.z));
+        self.track = Some(track);
+    }
+
+    /// Ends the trial of two accounts, or begins one.
+    fn judge(&mut self, track: &mut Track) {
+        match &self.rival {
+            Some(rival) if rival.doubt.1 >= TRIAL => {
+                if rival.mean_doubt() < CLEARLY * track.mean_doubt() {
+                    *track = *rival;
+                    self.patience = DOUBTFUL;
+                } else {
+                    self.patience = (self.patience * 2.0).min(20.0);
+                }
+                track.contrary = 0.0;
+                self.rival = None;
+            }
+            None if track.contrary > self.patience => {
+                track.doubt = (0.0, 0);
+                self.rival = Some(Track::new(self.solver.prior.posture()));
+            }
+            _ => {}
+        }
+    }
+
+    fn coast(&mut self, step: f64) {
+        self.unseen += step;
+        let ease = if self.unseen > LINGER {
+            1.0 - (-step / EASE).exp()
+        } else {
+            0.0
+        };
+        let Some(track) = &mut self.track else {
+            return;
+        };
+        // Upright, but facing where the person faced.
+        let forward = track.posture.rotations[0] * Vector3::z();
+        let yaw = forward.x.atan2(forward.z);
+        let mut rest = self.rest;
+        rest[0] = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), yaw);
+        track.coast(step, &rest, ease);
+        if ease > 0.0 {
+            // Standing at rest puts the pelvis at its height.
+            let stand = self.pelvis.y - self.upright.height();
+            track.posture.position.y += (stand - track.posture.position.y) * ease;
+        }
+        self.rival = None;
+    }
+
+    /// Learns the body's size: the network's metres are of a person of its own imagination.
+    fn measure(&mut self, step: f64, reading: &Reading) {
+        let keep = (-step / SIZE_MEMORY).exp();
+        self.size = self.size.map(|v| v * keep);
+        let chain = self.solver.chain();
+        let bones = [
+            (KNEES, HIPS, None),
+            (ANKLES, KNEES, Some(Joint::LeftAnkle)),
+            (ELBOWS, SHOULDERS, Some(Joint::LeftElbow)),
+            (WRISTS, ELBOWS, Some(Joint::LeftWrist)),
+        ];
+        for (ends, starts, bone) in bones {
+            let Some(bone) = bone else {
+                continue;
+            };
+            for (end, start) in ends.into_iter().zip(starts) {
+                let [end, start] = [end, start].map(|p| &reading.points[p]);
+                let sure = end.confidence * start.confidence;
+                if sure > 0.25 {
+                    self.size[0] += sure * step * chain.length(bone);
+                    self.size[1] += sure * step * (end.metres - start.metres).norm();
+                }
+            }
+        }
+        if reading.both(SHOULDERS, 0.5) && reading.both(HIPS, 0.5) {
+            let torso = reading.middle(SHOULDERS) - reading.middle(HIPS);
+            self.size[0] += 2.0 * step * self.torso();
+            self.size[1] += 2.0 * step * torso.norm();
+        }
+    }
+
+    /// From the middle of the hips' landmarks to the shoulders', metres.
+    fn torso(&self) -> f64 {
+        let placed = self.solver.chain().place(&super::chain::Posture::default());
+        let middle = |pair: [usize; 2]| {
+            self.body
+                .bindings
+                .iter()
+                .filter(|b| pair.contains(&b.landmark))
+                .map(|b| placed.point(&b.at) * 0.5)
+                .sum::<Vector3<f64>>()
+        };
+        (middle(SHOULDERS) - middle(HIPS)).norm()
+    }
+
+    /// Avatar's metres per metre of the network.
+    fn scale(&self) -> f64 {
+        if self.size[1] > 1e-6 {
+            (self.size[0] / self.size[1]).clamp(0.3, 3.0)
+        } else {
+            1.0
+        }
+    }
+
+    /// Takes a standing body's axis into the estimate of the camera's tilt, and turns the accounts into the new level.
+    fn lift(&mut self, step: f64, reading: &Reading) {
+        let before = self.upright.level();
+        self.upright.pass(step);
+        if stands(reading) {
+            let axis = reading.middle(SHOULDERS) - reading.middle(ANKLES);
+            // The first look counts as long as it takes to be news.
+            let seconds = if self.track.is_none() { 0.7 } else { step };
+            self.upright.stance(&axis, seconds);
+        }
+        let turn = self.upright.level() * before.transpose();
+        for track in self.track.iter_mut().chain(&mut self.rival) {
+            track.turn(&turn);
+        }
+        if let Some(origin) = &mut self.origin {
+            let floor = -self.upright.height();
+            let at = turn * Vector3::new(origin.x, floor, origin.y);
+            *origin = Vector2::new(at.x, at.z);
+        }
+    }
+
+    fn lowest(&self, track: &Track) -> f64 {
+        let placed = self.solver.chain().place(&track.posture);
+        self.body
+            .soles
+            .iter()
+            .map(|sole| placed.point(sole).y)
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Takes standing soles into the estimate of the floor.
+    fn touch(&mut self, track: &Track, step: f64) {
+        let placed = self.solver.chain().place(&track.posture);
+        let back = self.upright.level().transpose();
+        let floor = -self.upright.height();
+        let lowest = self.lowest(track);
+        for (sole, contact) in self.body.soles.iter().zip(&track.contacts) {
+            let at = placed.point(sole);
+            let near = (at.y - floor).abs() < 0.2;
+            if contact.stands() && near {
+                self.upright.touch(&(back * at), step, 1.0);
+            } else if at.y <= lowest && (near || at.y < floor) {
+                // Some sole is mostly on the floor.
+                self.upright.touch(&(back * at), step, 0.5);
+            }
+        }
+    }
+
+    fn fade_confidence(&mut self, reading: Option<&Reading>, step: f64) {
+        let follow = 1.0 - (-step / 0.08_f64).exp();
+        for (limb, confidence) in Limb::ALL.into_iter().zip(&mut self.confidence) {
+            let now = reading.map_or(0.0, |reading| {
+                let landmarks = limb.landmarks();
+                landmarks
+                    .iter()
+                    .map(|p| reading.points[*p].confidence)
+                    .sum::<f64>()
+                    / landmarks.len() as f64
+            });
+            *confidence += (now - *confidence) * follow;
+        }
+    }
+
+    fn view(&self, level: &Matrix3<f64>) -> View {
+        let camera = &self.config.camera;
+        let flip = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
+        View {
+            camera_from_world: flip * level.transpose(),
+            translation: Vector3::zeros(),
+            focal: f64::from(camera.focal),
+            centre: Vector2::new(f64::from(camera.centre.x), f64::from(camera.centre.y)),
+        }
+    }
+
+    fn tell(&self, seen: bool) -> BodyPose {
+        let level = self.upright.level();
+        let view = self.view(&level);
+        let floor = -self.upright.height();
+        let rest = Track::new(super::chain::Posture {
+            position: Vector3::new(0.0, self.pelvis.y + floor, 0.0),
+            rotations: self.rest,
+        });
+        let track = self.track.as_ref().unwrap_or(&rest);
+        let at = track.posture.position;
+        let origin = self.origin.unwrap_or(Vector2::new(at.x, at.z));
+        let origin = Vector3::new(origin.x - self.pelvis.x, floor, origin.y - self.pelvis.z);
+        let forward = view.camera_from_world.row(2).transpose();
+        BodyPose {
+            root_translation: narrow(&(at - origin - self.pelvis)),
+            rotations: track.posture.rotations.map(|q| {
+                let [x, y, z, w] = [q.i, q.j, q.k, q.w].map(single);
+                Quat::from_xyzw(x, y, z, w).normalize()
+            }),
+            confidence: self.confidence.map(single),
+            reprojection_px: single(track.reprojection),
+            swapped: track.exchange != Exchange::NONE && seen,
+            camera: CameraPose {
+                pitch_radians: single((-forward.y).clamp(-1.0, 1.0).asin()),
+                height_metres: single(self.upright.height()),
+                camera_from_world: Mat3::from_cols(
+                    narrow(&view.camera_from_world.column(0).into_owned()),
+                    narrow(&view.camera_from_world.column(1).into_owned()),
+                    narrow(&view.camera_from_world.column(2).into_owned()),
+                ),
+                position: narrow(&-origin),
+            },
+            standing: [0, 2].map(|foot| {
+                seen && track.contacts[foot..foot + 2].iter().any(|c| c.stands())
+            }),
+            seen,
+        }
+    }
+}
+
+/// The camera, or for a lens that cannot be, one whose picture is 60 degrees wide.
+fn usable(camera: Camera) -> Camera {
+    let good = |v: f32| v.is_finite() && v > 1.0 && v < 1e6;
+    let size = if good(camera.size.x) && good(camera.size.y) {
+        camera.size
+    } else {
+        glam::Vec2::new(640.0, 480.0)
+    };
+    Camera {
+        size,
+        focal: if good(camera.focal) {
+            camera.focal
+        } else {
+            Camera::guessed(size).focal
+        },
+        centre: if camera.centre.is_finite() {
+            camera.centre
+        } else {
+            size / 2.0
+        },
+    }
+}
+
+#[allow(
+    clippy::cast_possible_truncation,
+    reason = "metres, radians and quaternions of the avatar are f32"
+)]
+fn single(value: f64) -> f32 {
+    value as f32
+}
+
+fn narrow(v: &Vector3<f64>) -> Vec3 {
+    Vec3::new(single(v.x), single(v.y), single(v.z))
+}

@@ -1,0 +1,21 @@
+//! The body: the avatar's skeleton fitted to landmarks.
+//!
+//! [`fit::BodyFit`] follows one body in one camera's pictures. Its inner parts serve other sources, too: [`solver::SkeletonSolver`] bends a
+//! [`chain::Chain`] to any set of [`terms::Term`]s, in f64.
+
+mod bindings;
+pub mod chain;
+mod contact;
+pub mod fit;
+mod limits;
+pub mod prior;
+mod prior_table;
+mod reading;
+pub mod so3;
+pub mod solver;
+pub mod terms;
+mod track;
+mod upright;
+
+pub use fit::{BodyFit, BodyPose, CameraPose, FitConfig, Limb};
+pub use track::Parts;

@@ -1,0 +1,171 @@
+//! One picture's landmarks made safe, and left and right exchanged where they were mistaken.
+
+use super::chain::wide;
+use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks};
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+/// Landmarks by BlazePose's order.
+pub(super) const NOSE: usize = 0;
+pub(super) const SHOULDERS: [usize; 2] = [11, 12];
+pub(super) const ELBOWS: [usize; 2] = [13, 14];
+pub(super) const WRISTS: [usize; 2] = [15, 16];
+pub(super) const HIPS: [usize; 2] = [23, 24];
+pub(super) const KNEES: [usize; 2] = [25, 26];
+pub(super) const ANKLES: [usize; 2] = [27, 28];
+pub(super) const HEELS: [usize; 2] = [29, 30];
+pub(super) const TOES: [usize; 2] = [31, 32];
+pub(super) const EARS: [usize; 2] = [7, 8];
+
+/// A landmark less sure than this counts as not seen.
+pub(super) const UNSEEN: f64 = 0.1;
+/// The first landmark of hips and legs.
+const LOWER: usize = HIPS[0];
+/// Landmarks further from the hips than this are mistakes, metres.
+const FURTHEST: f64 = 4.0;
+/// Landmarks further outside are mistakes, pixels.
+const OUTERMOST: f64 = 1e5;
+
+/// Each landmark's twin on the other side.
+const TWINS: [usize; BODY_LANDMARKS] = [
+    0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15, 18, 17, 20, 19, 22, 21, 24, 23, 26,
+    25, 28, 27, 30, 29, 32, 31,
+];
+
+/// A landmark.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Seen {
+    pub(super) pixel: Vector2<f64>,
+    /// Relative to the middle of the hips: y up, z towards the camera, so not yet level. Metres as the network guesses them.
+    pub(super) metres: Vector3<f64>,
+    /// 0..=1, and 0 below [`UNSEEN`].
+    pub(super) confidence: f64,
+}
+
+/// All landmarks of one picture, every number finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Reading {
+    pub(super) points: [Seen; BODY_LANDMARKS],
+}
+
+impl Reading {
+    /// Takes what a network said; a landmark with a number that cannot be is not seen. `None` where too little of the body is seen to
+    /// place it.
+    pub(super) fn new(body: &BodyLandmarks) -> Option<Self> {
+        let mut points = body.points.map(|point| {
+            let metres = wide(point.metres).component_mul(&Vector3::new(1.0, -1.0, -1.0));
+            let pixel = Vector2::new(f64::from(point.pixel.x), f64::from(point.pixel.y));
+            let confidence = f64::from(point.confidence).clamp(0.0, 1.0);
+            let possible = metres.iter().all(|v| v.abs() < FURTHEST)
+                && pixel.iter().all(|v| v.abs() < OUTERMOST)
+                && confidence >= UNSEEN;
+            if possible {
+                Seen { pixel, metres, confidence }
+            } else {
+                Seen {
+                    pixel: Vector2::zeros(),
+                    metres: Vector3::zeros(),
+                    confidence: 0.0,
+                }
+            }
+        });
+        let seen = |point: usize| points[point].confidence > 0.3;
+        let hips = HIPS.map(|h| points[h].confidence > 0.0);
+        let torso = SHOULDERS.into_iter().chain(HIPS).filter(|p| seen(*p)).count();
+        if torso < 2 || hips == [false, false] {
+            return None;
+        }
+        // All is relative to the hips' middle: with one hip gone, to the network's own zero.
+        let middle = match hips {
+            [true, true] => (points[HIPS[0]].metres + points[HIPS[1]].metres) / 2.0,
+            _ => Vector3::zeros(),
+        };
+        for point in &mut points {
+            point.metres -= middle;
+        }
+        Some(Self { points })
+    }
+
+    /// The middle of a pair, in the axes of [`Seen::metres`].
+    pub(super) fn middle(&self, pair: [usize; 2]) -> Vector3<f64> {
+        (self.points[pair[0]].metres + self.points[pair[1]].metres) / 2.0
+    }
+
+    /// Whether both of a pair are seen with at least so much confidence.
+    pub(super) fn both(&self, pair: [usize; 2], confidence: f64) -> bool {
+        pair.iter().all(|p| self.points[*p].confidence >= confidence)
+    }
+
+    /// Left and right of face and arms, and of hips and legs, exchanged as asked for.
+    pub(super) fn exchanged(&self, exchange: Exchange) -> Self {
+        Self {
+            points: std::array::from_fn(|i| {
+                let swap = if i < LOWER { exchange.upper } else { exchange.lower };
+                self.points[if swap { TWINS[i] } else { i }]
+            }),
+        }
+    }
+
+    /// Pixels and metres as seen by `level_from_camera` and a scale.
+    pub(super) fn levelled(&self, level: &Matrix3<f64>, scale: f64) -> Self {
+        let mut out = *self;
+        for point in &mut out.points {
+            point.metres = level * point.metres * scale;
+        }
+        out
+    }
+}
+
+/// Which halves of a body have left and right exchanged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Exchange {
+    /// Face, arms and hands.
+    pub(super) upper: bool,
+    /// Hips, legs and feet.
+    pub(super) lower: bool,
+}
+
+impl Exchange {
+    pub(super) const NONE: Self = Self { upper: false, lower: false };
+    pub(super) const BOTH: Self = Self { upper: true, lower: true };
+
+    /// Which labelling of `reading` (levelled, scaled) is nearer to where `expected` has each landmark, relative to the hips.
+    ///
+    /// A network that mistakes left for right is as sure as ever (0.999 was seen), so only continuity tells.
+    pub(super) fn guess(reading: &Reading, expected: &[Option<Vector3<f64>>; BODY_LANDMARKS]) -> Self {
+        const LABELLED: [[usize; 2]; 7] = [EARS, SHOULDERS, ELBOWS, WRISTS, HIPS, KNEES, ANKLES];
+        let mut halves = [[0.0_f64; 2]; 2];
+        for pair in LABELLED {
+            let half = usize::from(pair[0] >= LOWER);
+            for (side, twin) in [(pair[0], pair[1]), (pair[1], pair[0])] {
+                let (Some(expected), own, other) = (
+                    expected[side],
+                    &reading.points[side],
+                    &reading.points[twin],
+                ) else {
+                    continue;
+                };
+                let weight = own.confidence.min(other.confidence);
+                let distance = |seen: &Vector3<f64>| {
+                    // Depth is the least sure.
+                    (seen - expected).component_mul(&Vector3::new(1.0, 1.0, 0.5)).norm()
+                };
+                halves[half][0] += weight * distance(&own.metres);
+                halves[half][1] += weight * distance(&other.metres);
+            }
+        }
+        let [upper, lower] = halves;
+        let whole = [upper[0] + lower[0], upper[1] + lower[1]];
+        if whole[1] < 0.7 * whole[0] {
+            // Both, but for a half that clearly speaks against it.
+            return Self {
+                upper: upper[1] < 1.3 * upper[0],
+                lower: lower[1] < 1.3 * lower[0],
+            };
+        }
+        // One half alone needs more: crossed arms and passing legs look like that for a moment.
+        Self {
+            upper: upper[1] < 0.5 * upper[0] && upper[0] > 0.3,
+            lower: lower[1] < 0.5 * lower[0] && lower[0] > 0.3,
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! Smoothing of all motion parameters: One-Euro filters (Casiez, Roussel and Vogel, CHI 2012) on rotations, expression and root.
+//!
+//! A filter's cutoff rises with speed: what rests is held still, what moves is followed closely. Rotations are filtered along the shortest
+//! arc, in their tangent space, not as vectors.
+
+use crate::body::so3;
+use glam::Quat;
+use nalgebra::{UnitQuaternion, Vector3};
+use spmm3::{EXPRESSION, JOINTS, Joint, MotionParams};
+
+/// A One-Euro filter's numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cutoff {
+    /// Cutoff at rest, Hz: less is smoother and slower.
+    pub rest_hz: f64,
+    /// By how much the cutoff rises with each rad/s, m/s or unit of expression a second: more lags less.
+    pub per_speed: f64,
+    /// Cutoff of the speed itself, Hz.
+    pub speed_hz: f64,
+}
+
+/// The filters of each part of a person.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SmoothConfig {
+    /// Pelvis, spine, collars, neck and head.
+    pub trunk: Cutoff,
+    /// Shoulders to wrists, hips to feet.
+    pub limbs: Cutoff,
+    /// Fingers.
+    pub fingers: Cutoff,
+    /// Jaw and eyes.
+    pub face: Cutoff,
+    /// Expression's coefficients.
+    pub expression: Cutoff,
+    /// Root translation.
+    pub root: Cutoff,
+}
+
+impl Default for SmoothConfig {
+    fn default() -> Self {
+        let cutoff = |rest_hz, per_speed| Cutoff {
+            rest_hz,
+            per_speed,
+            speed_hz: 2.0,
+        };
+        Self {
+            trunk: cutoff(2.5, 3.0),
+            limbs: cutoff(2.5, 1.5),
+            fingers: cutoff(2.0, 1.0),
+            face: cutoff(4.0, 3.0),
+            expression: cutoff(3.0, 1.0),
+            root: cutoff(2.5, 12.0),
+        }
+    }
+}
+
+/// How sure each part of a pose is, 0..=1: what is less sure is smoothed more.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Confidence {
+    /// Of each joint, in SMPL-X's order.
+    pub joints: [f32; JOINTS],
+    /// Of the expression.
+    pub expression: f32,
+    /// Of the root translation.
+    pub root: f32,
+}
+
+impl Default for Confidence {
+    /// All sure.
+    fn default() -> Self {
+        Self {
+            joints: [1.0; JOINTS],
+            expression: 1.0,
+            root: 1.0,
+        }
+    }
+}
+
+/// Share of the cutoff that is left where nothing is sure.
+const UNSURE: f64 = 0.25;
+/// A pause longer than this begins anew, seconds.
+const PAUSE: f64 = 1.0;
+
+/// Smooths a stream of motion parameters.
+///
+/// Its lag is that of a low pass of the cutoff: 1 / (2 pi f), 64 ms at rest and less in motion. Added lag and jitter with the standard
+/// configuration are printed by `cargo test -p motion-fit --test smoother -- --nocapture`.
+#[derive(Debug, Clone)]
+pub struct Smoother {
+    config: SmoothConfig,
+    state: Option<Box<State>>,
+}
+
+#[derive(Debug, Clone)]
+struct State {
+    seconds: f64,
+    rotations: [UnitQuaternion<f64>; JOINTS],
+    spins: [Vector3<f64>; JOINTS],
+    expression: [[f64; 2]; EXPRESSION],
+    root: [[f64; 2]; 3],
+}
+
+impl Smoother {
+    /// A smoother that has seen nothing.
+    #[must_use]
+    pub fn new(config: SmoothConfig) -> Self {
+        Self {
+            config,
+            state: None,
+        }
+    }
+
+    /// Smooths `motion`, which is of `seconds` on the source's clock, in place. A motion with a number that is not finite is replaced by
+    /// the last one. Time that stands still or goes back counts as no time; after a pause of a second it begins anew.
+    pub fn smooth(&mut self, seconds: f64, motion: &mut MotionParams, confidence: &Confidence) {
+        let fresh = motion.is_finite() && seconds.is_finite();
+        let Some(state) = &mut self.state else {
+            if fresh {
+                self.state = Some(Box::new(State::new(seconds, motion)));
+            } else {
+                *motion = MotionParams::default();
+            }
+            return;
+        };
+        let step = seconds - state.seconds;
+        if fresh && !(-PAUSE..PAUSE).contains(&step) {
+            **state = State::new(seconds, motion);
+            return;
+        }
+        if fresh && step > 1e-6 {
+            state.advance(&self.config, step, motion, confidence);
+            state.seconds = seconds;
+        }
+        state.tell(motion);
+    }
+}
+
+impl State {
+    fn new(seconds: f64, motion: &MotionParams) -> Self {
+        let mut state = Self {
+            seconds,
+            rotations: [UnitQuaternion::identity(); JOINTS],
+            spins: [Vector3::zeros(); JOINTS],
+            expression: [[0.0; 2]; EXPRESSION],
+            root: [[0.0; 2]; 3],
+        };
+        for (joint, rotation) in Joint::ALL.into_iter().zip(&mut state.rotations) {
+            *rotation = so3::exp(&tangent(motion, joint));
+        }
+        for (state, value) in state.expression.iter_mut().zip(motion.expression()) {
+            state[0] = f64::from(*value);
+        }
+        for (state, value) in state.root.iter_mut().zip(motion.root_translation.to_array()) {
+            state[0] = f64::from(value);
+        }
+        state
+    }
+
+    fn advance(
+        &mut self,
+        config: &SmoothConfig,
+        step: f64,
+        motion: &MotionParams,
+        confidence: &Confidence,
+    ) {
+        for (i, joint) in Joint::ALL.into_iter().enumerate() {
+            let cutoff = config.of(joint);
+            let target = so3::exp(&tangent(motion, joint));
+            let way = so3::log(&(target * self.rotations[i].inverse()));
+            let spin = &mut self.spins[i];
+            *spin += (way / step - *spin) * follow(cutoff.speed_hz, step);
+            let hz = cutoff.hz(spin.norm(), confidence.joints[i]);
+            self.rotations[i] = so3::exp(&(way * follow(hz, step))) * self.rotations[i];
+            self.rotations[i].renormalize();
+        }
+        let face = confidence.expression;
+        for (state, value) in self.expression.iter_mut().zip(motion.expression()) {
+            config.expression.number(state, f64::from(*value), step, face);
+        }
+        // One cutoff for all three axes keeps the root's way straight.
+        let target = motion.root_translation.to_array().map(f64::from);
+        let mut speed = 0.0;
+        for (state, target) in self.root.iter_mut().zip(target) {
+            let now = (target - state[0]) / step;
+            state[1] += (now - state[1]) * follow(config.root.speed_hz, step);
+            speed += state[1] * state[1];
+        }
+        let part = follow(config.root.hz(speed.sqrt(), confidence.root), step);
+        for (state, target) in self.root.iter_mut().zip(target) {
+            state[0] += (target - state[0]) * part;
+        }
+    }
+
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "motion parameters are f32"
+    )]
+    fn tell(&self, motion: &mut MotionParams) {
+        for (joint, q) in Joint::ALL.into_iter().zip(&self.rotations) {
+            let [x, y, z, w] = [q.i, q.j, q.k, q.w].map(|v| v as f32);
+            motion.set_rotation(joint, Quat::from_xyzw(x, y, z, w).normalize());
+        }
+        for (value, state) in motion.expression_mut().iter_mut().zip(&self.expression) {
+            *value = state[0] as f32;
+        }
+        motion.root_translation = glam::Vec3::from_array(self.root.map(|state| state[0] as f32));
+    }
+}
+
+impl SmoothConfig {
+    fn of(&self, joint: Joint) -> &Cutoff {
+        use Joint::*;
+        match joint {
+            Pelvis | Spine1 | Spine2 | Spine3 | Neck | Head | LeftCollar | RightCollar => {
+                &self.trunk
+            }
+            Jaw | LeftEye | RightEye => &self.face,
+            _ if joint.index() > RightEye.index() => &self.fingers,
+            _ => &self.limbs,
+        }
+    }
+}
+
+impl Cutoff {
+    fn hz(&self, speed: f64, confidence: f32) -> f64 {
+        let sure = f64::from(confidence).clamp(0.0, 1.0);
+        let sure = if sure.is_nan() { 0.0 } else { sure };
+        (self.rest_hz + self.per_speed * speed) * (UNSURE + (1.0 - UNSURE) * sure)
+    }
+
+    fn number(&self, state: &mut [f64; 2], target: f64, step: f64, confidence: f32) {
+        let way = target - state[0];
+        state[1] += (way / step - state[1]) * follow(self.speed_hz, step);
+        state[0] += way * follow(self.hz(state[1].abs(), confidence), step);
+    }
+}
+
+/// The share of the way that a low pass of `hz` goes in `step` seconds.
+fn follow(hz: f64, step: f64) -> f64 {
+    1.0 - (-std::f64::consts::TAU * hz.max(0.0) * step).exp()
+}
+
+fn tangent(motion: &MotionParams, joint: Joint) -> Vector3<f64> {
+    let v = motion.axis_angle(joint);
+    Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
+}
