@@ -2,4 +2,7 @@
 //!
 //! It knows landmarks and time, but no images, networks or devices.
 
+pub mod align;
+pub mod face;
+pub mod hands;
 pub mod landmarks;
