@@ -56,6 +56,11 @@ pub enum PersonError {
         /// The range it must lie in, in words.
         range: &'static str,
     },
+    /// The name of an expression basis cannot be printed.
+    #[error(
+        "the name of an expression basis must be 1 to 64 letters, digits, `-`, `_` or `.`, for example flame-2020"
+    )]
+    BasisName,
 }
 
 impl PersonError {

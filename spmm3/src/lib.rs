@@ -24,6 +24,7 @@
 //! # }
 //! ```
 
+mod basis;
 mod binding;
 mod clip;
 mod controllers;
@@ -39,6 +40,7 @@ pub mod package;
 mod skeleton;
 mod template;
 
+pub use basis::ExpressionBasis;
 pub use binding::{BoundGaussians, PlanarVertices, triangle_frame};
 pub use clip::{
     LEGS, LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Playback, at_ease, bend_leg,

@@ -1,7 +1,7 @@
 //! Avatar packages: what is saved is what is loaded.
 
 use spmm3::package::Manifest;
-use spmm3::{Avatar, Importance, PackageError};
+use spmm3::{Avatar, ExpressionBasis, Importance, PackageError};
 use std::io::Cursor;
 use synthetic_person::Puppet;
 
@@ -84,6 +84,7 @@ fn the_manifest_alone_tells_what_is_in_a_package() {
     assert_eq!(manifest.counts.controllers, 16, "controllers");
     assert_eq!(manifest.counts.bases, Some(5), "bases");
     assert_eq!(manifest.report, avatar.report, "report");
+    assert_eq!(manifest.basis(), avatar.expression_basis, "basis");
     let graph = manifest.member("deform.onnx").expect("the graph is listed");
     assert_eq!(graph.bytes, avatar.deform_graph.len() as u64, "graph size");
     assert_eq!(graph.tensors["residuals"].shape, [14, 2_000], "its output");
@@ -121,4 +122,15 @@ fn a_missing_file_and_a_folder_are_distinguished_from_broken_packages() {
     assert!(error.to_string().contains("mon3tr bake"), "{error}");
     let error = Avatar::load(folder.path()).expect_err("it is a folder");
     assert!(matches!(error, PackageError::Folder), "{error:?}");
+}
+
+#[test]
+fn an_avatars_expression_basis_is_kept_whatever_its_name() {
+    let mut avatar = avatar();
+    for name in ["mon3tr-makehuman-1", "flame-2020", "my-own.7"] {
+        avatar.expression_basis = ExpressionBasis::new(name).expect("a good name");
+        let bytes = avatar.to_bytes().expect("the puppet packs");
+        let loaded = Avatar::read(Cursor::new(bytes)).expect("the puppet loads");
+        assert_eq!(loaded.expression_basis, avatar.expression_basis, "{name}");
+    }
 }

@@ -60,6 +60,7 @@ pub(super) fn perform(
         name: "built-in".to_owned(),
         frames,
         frame_seconds: seconds / count,
+        expression_basis: None,
         notes,
         unmapped: Vec::new(),
     })

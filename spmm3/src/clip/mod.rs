@@ -7,6 +7,7 @@
 mod built_in;
 mod bvh;
 mod error;
+mod face;
 mod ground;
 mod hands;
 mod names;
@@ -25,7 +26,7 @@ pub use built_in::{LOOP_SECONDS, at_ease};
 pub use error::MotionError;
 pub use stance::{LEGS, bend_leg};
 
-use crate::{EXPRESSION, Expressions, Joint, MotionParams, Skeleton};
+use crate::{EXPRESSION, ExpressionBasis, Expressions, Joint, MotionParams, Skeleton};
 use std::{io::Read, path::Path};
 
 /// Frames of the longest clip: 28 minutes at 120 Hz, 170 MB in memory. `range` has the longest time.
@@ -42,6 +43,9 @@ pub struct MotionClip {
     pub frames: Vec<MotionParams>,
     /// Seconds from one frame to the next.
     pub frame_seconds: f64,
+    /// The basis that the expression's coefficients are of. `None`: the avatar's own, for which the clip was made, or the face is at
+    /// rest. [`Self::fit_expression`] turns them into an avatar's.
+    pub expression_basis: Option<ExpressionBasis>,
     /// What the reader decided or left out, one sentence each: units, axes, arrays left out.
     pub notes: Vec<String>,
     /// Names of the file's joints that move nothing here, in the file's order; [`Self::unmapped_summary`] is shorter.

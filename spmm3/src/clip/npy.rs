@@ -13,6 +13,8 @@ use zip::ZipArchive;
 /// size in the file.
 const MAX_VALUES: usize = MAX_FRAMES * 3 * JOINTS;
 const MAX_HEADER: usize = 64 << 10;
+/// Characters of the longest string.
+const MAX_TEXT: usize = 256;
 
 /// An array of numbers, row-major whatever its order in the file.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,9 +78,26 @@ impl<'a> Npz<'a> {
         let mut file = self.archive.by_name(&member)?;
         read_array(name, &mut file).map(Some)
     }
+
+    /// Reads one array of one string (`<U10` or `|S10` and the like); `None` if the archive has none of that name.
+    pub(super) fn text(&mut self, name: &str) -> Result<Option<String>, MotionError> {
+        let member = format!("{name}.npy");
+        if self.archive.index_for_name(&member).is_none() {
+            return Ok(None);
+        }
+        let mut file = self.archive.by_name(&member)?;
+        read_text(name, &mut file).map(Some)
+    }
 }
 
-fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
+/// Three keys of an array's header, as written.
+struct Header {
+    kind: String,
+    fortran: bool,
+    shape: Vec<usize>,
+}
+
+fn read_header(name: &str, file: &mut impl Read) -> Result<Header, MotionError> {
     let fail = |reason: String| MotionError::array(name, reason);
     let damaged = |e: std::io::Error| MotionError::array(name, format!("cannot be read: {e}"));
     let mut start = [0; 8];
@@ -111,15 +130,65 @@ fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
         .strip_prefix(['\'', '"'])
         .and_then(|k| k.split(['\'', '"']).next())
         .ok_or_else(|| fail("holds records or objects, not numbers".to_owned()))?;
-    let element = Element::of(kind).ok_or_else(|| {
+    Ok(Header {
+        kind: printable(kind),
+        fortran: field("fortran_order")?.starts_with("True"),
+        shape: shape(field("shape")?)
+            .ok_or_else(|| fail("has an unreadable shape in its header".to_owned()))?,
+    })
+}
+
+fn read_text(name: &str, file: &mut impl Read) -> Result<String, MotionError> {
+    let fail = |reason: String| MotionError::array(name, reason);
+    let header = read_header(name, file)?;
+    let kind = header.kind.as_str();
+    let length = |letter: char| -> Option<usize> {
+        let digits = kind.strip_prefix(['<', '>', '|', '='])?;
+        digits.strip_prefix(letter)?.parse().ok()
+    };
+    let one = header.shape.iter().all(|d| *d == 1);
+    let (characters, bytes) = match (length('U'), length('S')) {
+        (Some(characters), _) => (characters, 4),
+        (None, Some(characters)) => (characters, 1),
+        (None, None) => (0, 0),
+    };
+    if !one || !(1..=MAX_TEXT).contains(&characters) {
+        return Err(fail(format!(
+            "has type {kind:.20} and shape {:?} where one string of at most {MAX_TEXT} characters is needed",
+            header.shape
+        )));
+    }
+    let mut data = vec![0; characters * bytes];
+    file.read_exact(&mut data)
+        .map_err(|e| MotionError::array(name, format!("cannot be read: {e}")))?;
+    let code = |chunk: &[u8]| match *chunk {
+        [a, b, c, d] if kind.starts_with('>') => u32::from_be_bytes([a, b, c, d]),
+        [a, b, c, d] => u32::from_le_bytes([a, b, c, d]),
+        [a] => u32::from(a),
+        _ => 0,
+    };
+    // NumPy fills strings up with zeros.
+    Ok(data
+        .chunks_exact(bytes)
+        .map(code)
+        .take_while(|code| *code != 0)
+        .map(|code| char::from_u32(code).unwrap_or(char::REPLACEMENT_CHARACTER))
+        .collect())
+}
+
+fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
+    let fail = |reason: String| MotionError::array(name, reason);
+    let damaged = |e: std::io::Error| MotionError::array(name, format!("cannot be read: {e}"));
+    let Header {
+        kind,
+        fortran,
+        shape,
+    } = read_header(name, file)?;
+    let element = Element::of(&kind).ok_or_else(|| {
         fail(format!(
-            "has type {:.20} where floating point or integer numbers are needed",
-            printable(kind)
+            "has type {kind:.20} where floating point or integer numbers are needed"
         ))
     })?;
-    let fortran = field("fortran_order")?.starts_with("True");
-    let shape = shape(field("shape")?)
-        .ok_or_else(|| fail("has an unreadable shape in its header".to_owned()))?;
     let product = |dims: &[usize]| dims.iter().try_fold(1usize, |n, d| n.checked_mul(*d));
     let width = match shape.as_slice() {
         [flat] => Some(*flat),

@@ -51,6 +51,7 @@ pub(super) fn retarget(
         name: String::new(),
         frames,
         frame_seconds: bvh.frame_seconds,
+        expression_basis: None,
         notes,
         unmapped: parts.unmapped,
     })

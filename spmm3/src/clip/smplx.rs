@@ -3,7 +3,8 @@
 //! Read: `poses` with 165 (SMPL-X), 156 (SMPL+H: no face), 75 (body with face), 72 (SMPL), 66 (root and body) or 63
 //! (body) numbers a frame, or the split keys of an SMPL-X fit. Shape (`betas`) is another body's and left out; so are
 //! translations' scale. AMASS stands on z = 0 with z up, fits from video often have y down: the way up is taken from
-//! AMASS's own `mocap_framerate` key, and otherwise from where the head is over the hips on average.
+//! AMASS's own `mocap_framerate` key, and otherwise from where the head is over the hips on average. `expression` is of
+//! the basis that a string `expression_basis` names, else of FLAME 2020, SMPL-X's own.
 
 use super::{
     MAX_FRAMES, MotionClip, MotionError,
@@ -11,7 +12,7 @@ use super::{
     npy::{Array, Npz},
     range,
 };
-use crate::{EXPRESSION, Joint, MotionParams, Skeleton};
+use crate::{EXPRESSION, ExpressionBasis, Joint, MotionParams, Skeleton};
 use glam::{Mat3, Quat, Vec3};
 
 /// Keys of the frame rate, frames per second.
@@ -22,6 +23,8 @@ const RATES: [&str; 5] = [
     "frame_rate",
     "framerate",
 ];
+/// Key of the name of the expression's basis.
+const BASIS: &str = "expression_basis";
 /// Rate when the file says none.
 const DEFAULT_RATE: f64 = 30.0;
 
@@ -59,6 +62,7 @@ pub(super) fn read(bytes: &[u8], skeleton: &Skeleton) -> Result<MotionClip, Moti
             ));
         }
     }
+    let expression_basis = expression_basis(&mut npz, &frames)?;
     let mut travels = false;
     for name in ["trans", "transl"] {
         if let Some(trans) = npz.array(name)? {
@@ -89,6 +93,7 @@ pub(super) fn read(bytes: &[u8], skeleton: &Skeleton) -> Result<MotionClip, Moti
         name: String::new(),
         frames,
         frame_seconds: 1.0 / rate,
+        expression_basis,
         notes,
         unmapped: Vec::new(),
     })
@@ -109,6 +114,20 @@ fn rate(
         "no frame rate in the file: {DEFAULT_RATE} frames per second"
     ));
     Ok((DEFAULT_RATE, None))
+}
+
+/// The basis of the expression that the frames have by now; `None` where all of them are at rest, in any basis.
+fn expression_basis(
+    npz: &mut Npz<'_>,
+    frames: &[MotionParams],
+) -> Result<Option<ExpressionBasis>, MotionError> {
+    let basis = match npz.text(BASIS)? {
+        Some(name) => ExpressionBasis::new(name)
+            .map_err(|e| MotionError::array(BASIS, format!("is refused: {e}")))?,
+        None => ExpressionBasis::FLAME_2020,
+    };
+    let moves = |frame: &MotionParams| frame.expression().iter().any(|v| *v != 0.0);
+    Ok(frames.iter().any(moves).then_some(basis))
 }
 
 /// The rows of `array`, after checking their width and number; one row serves all `frames`.
@@ -293,5 +312,103 @@ fn turn_up(frames: &mut [MotionParams], skeleton: &Skeleton, amass: bool, notes:
         let root = frame.rotation(Joint::Pelvis);
         frame.set_rotation(Joint::Pelvis, turn * root);
         frame.root_translation = turn * frame.root_translation;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::JOINTS;
+    use std::io::{Cursor, Write};
+    use zip::{ZipWriter, write::SimpleFileOptions};
+
+    fn npy(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header =
+            format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}\n");
+        let length = u16::try_from(header.len()).expect("short").to_le_bytes();
+        [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), data].concat()
+    }
+
+    fn floats(values: &[f32]) -> Vec<u8> {
+        values.iter().flat_map(|v| v.to_le_bytes()).collect()
+    }
+
+    /// Two frames of a person at rest with ten coefficients of `value`, and a basis as NumPy would write it.
+    fn clip(value: f32, basis: Option<Vec<u8>>) -> Result<MotionClip, MotionError> {
+        let mut members = vec![
+            ("poses", npy("<f4", "2, 165", &floats(&[0.0; 330]))),
+            ("expression", npy("<f4", "2, 10", &floats(&[value; 20]))),
+        ];
+        members.extend(basis.map(|basis| ("expression_basis", basis)));
+        let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+        for (name, bytes) in members {
+            zip.start_file(format!("{name}.npy"), SimpleFileOptions::default())
+                .expect("a member");
+            zip.write_all(&bytes).expect("bytes");
+        }
+        let bytes = zip.finish().expect("an archive").into_inner();
+        let mut rest = [Vec3::ZERO; JOINTS];
+        rest[Joint::Head.index()] = Vec3::Y;
+        read(&bytes, &Skeleton::new(rest).expect("in range"))
+    }
+
+    #[test]
+    fn an_expression_is_flames_unless_the_file_names_its_basis() {
+        let basis = |value, text| clip(value, text).expect("a good file").expression_basis;
+        assert_eq!(basis(0.0, None), None, "a face at rest is so in any basis");
+        assert_eq!(
+            basis(0.5, None),
+            Some(ExpressionBasis::FLAME_2020),
+            "SMPL-X's"
+        );
+        let bytes = npy("|S10", "", b"arkit-52\0\0");
+        assert_eq!(
+            basis(0.5, Some(bytes)),
+            Some(ExpressionBasis::ARKIT_52),
+            "bytes"
+        );
+        let wide = |big: bool| -> Vec<u8> {
+            "arkit-52"
+                .chars()
+                .map(u32::from)
+                .flat_map(|c| {
+                    if big {
+                        c.to_be_bytes()
+                    } else {
+                        c.to_le_bytes()
+                    }
+                })
+                .collect()
+        };
+        let text = npy("<U8", "", &wide(false));
+        assert_eq!(
+            basis(0.5, Some(text)),
+            Some(ExpressionBasis::ARKIT_52),
+            "text"
+        );
+        let text = npy(">U8", "1,", &wide(true));
+        assert_eq!(
+            basis(0.5, Some(text)),
+            Some(ExpressionBasis::ARKIT_52),
+            "the other order"
+        );
+    }
+
+    #[test]
+    fn a_basis_that_is_no_short_text_is_refused_with_the_arrays_name() {
+        let broken = [
+            npy("<f4", "", &[0; 4]),
+            npy("<U8", "3,", &[0; 96]),
+            npy("<U99999999999", "", &[0; 4]),
+            npy("<U8", "", &[0; 7]),
+            npy("<U0", "", &[]),
+            npy("<U2", "", &[0xff; 8]),
+            npy("|S3", "", b"a b"),
+            npy("|S1", "", b"\0"),
+        ];
+        for bytes in broken {
+            let error = clip(0.5, Some(bytes)).expect_err("refused").to_string();
+            assert!(error.contains("expression_basis"), "{error}");
+        }
     }
 }

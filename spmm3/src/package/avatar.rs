@@ -6,7 +6,10 @@ use super::compiled::{self, check_entries};
 use super::manifest::{MANIFEST, Manifest};
 use super::members::{self, MEMBERS};
 use crate::networks::CompiledGraph;
-use crate::{BoundGaussians, Controllers, Expressions, Importance, KeptLevel, Skeleton, Template};
+use crate::{
+    BoundGaussians, Controllers, ExpressionBasis, Expressions, Importance, KeptLevel, Skeleton,
+    Template,
+};
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek};
 use std::path::Path;
@@ -33,6 +36,9 @@ pub struct Avatar {
     pub importance: Option<Importance>,
     /// Which controllers hold each Gaussian.
     pub controllers: Controllers,
+    /// The basis of the 50 expression coefficients: a motion's are turned into it by
+    /// [`crate::MotionClip::fit_expression`].
+    pub expression_basis: ExpressionBasis,
     /// Named expressions.
     pub expressions: Expressions,
     /// F_mesh, LBS and F_attr as one ONNX graph ([`crate::networks::DeformGraph::to_onnx`]).
@@ -83,6 +89,7 @@ impl Avatar {
     pub fn read(reader: impl Read + Seek) -> Result<Self, PackageError> {
         let mut archive = Archive::open(reader)?;
         let manifest = Manifest::from_archive(&mut archive)?;
+        let expression_basis = manifest.basis();
         let expressions = manifest.presets()?;
         let (skeleton, template) = members::unpack_template(&mut archive, &manifest)?;
         let (gaussians, importance) =
@@ -104,6 +111,7 @@ impl Avatar {
             gaussians,
             importance,
             controllers,
+            expression_basis,
             expressions,
             deform_graph,
             compiled,

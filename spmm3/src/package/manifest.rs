@@ -5,7 +5,9 @@
 
 use super::PackageError;
 use super::error::is_unprintable;
-use crate::{EXPRESSION, ExpressionPreset, Expressions, JOINTS, PARAMS, PersonError};
+use crate::{
+    EXPRESSION, ExpressionBasis, ExpressionPreset, Expressions, JOINTS, PARAMS, PersonError,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -16,6 +18,9 @@ pub const FORMAT: &str = "mon3tr-avatar";
 pub const VERSION: u32 = 2;
 /// The version of a package with neither, which older programs read too.
 pub(super) const VERSION_PLAIN: u32 = 1;
+
+/// How [`Manifest::generator`] begins in packages that this crate writes; the version follows.
+pub(super) const GENERATOR: &str = "mon3tr ";
 
 /// Name of the manifest's member.
 pub(super) const MANIFEST: &str = "manifest.json";
@@ -60,6 +65,9 @@ pub struct Manifest {
     /// The members that hold the deform graph compiled for a chip's NPU.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub compiled: Vec<CompiledEntry>,
+    /// The basis of the expression coefficients; [`Self::basis`] also knows that of packages without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expression_basis: Option<ExpressionBasis>,
     /// Named expressions.
     #[serde(default)]
     pub expressions: BTreeMap<String, ExpressionEntry>,
@@ -201,6 +209,19 @@ impl Manifest {
         self.members.iter().find(|entry| entry.name == name)
     }
 
+    /// The basis of the expression coefficients. A package that names none is older than the names: if this project's baker
+    /// wrote it, its face is MakeHuman's; if another program did, the 50 slots are SMPL-X's, which are FLAME's.
+    #[must_use]
+    pub fn basis(&self) -> ExpressionBasis {
+        self.expression_basis.clone().unwrap_or({
+            if self.generator.starts_with(GENERATOR) {
+                ExpressionBasis::MAKEHUMAN_1
+            } else {
+                ExpressionBasis::FLAME_2020
+            }
+        })
+    }
+
     /// The named expressions, checked.
     pub(super) fn presets(&self) -> Result<Expressions, PackageError> {
         if self.expressions.len() > MAX_EXPRESSIONS {
@@ -283,6 +304,10 @@ pub(super) fn conventions() -> BTreeMap<String, String> {
             "body 75 | expression 50 | hands 90, axis-angle in radians, SMPL-X joint order",
         ),
         (
+            "expression",
+            "coefficients of the basis that expression_basis names; a motion's are mapped onto it or left out",
+        ),
+        (
             "skinning",
             "12 x 55 planes: row 3*column+row of each joint's 3x4 posed-from-rest matrix, root translation left out",
         ),
@@ -314,4 +339,44 @@ pub(super) fn conventions() -> BTreeMap<String, String> {
     ]
     .map(|(key, value)| (key.to_owned(), value.to_owned()))
     .into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A manifest with these keys beside the needed ones.
+    fn parse(extra: &str) -> Result<Manifest, PackageError> {
+        let text = format!(
+            r#"{{"format": "mon3tr-avatar", "version": 1, "name": "x", "members": [], "counts": {{"vertices": 3, "faces": 1,
+                "gaussians": 1, "controllers": 1, "joints": 55, "motion": 215}}{extra}}}"#
+        );
+        Manifest::parse(text.as_bytes())
+    }
+
+    #[test]
+    fn the_basis_is_what_the_manifest_names_and_in_older_ones_the_writers_own() {
+        let basis = |extra: &str| parse(extra).expect("a good manifest").basis();
+        let named = r#", "generator": "mon3tr 0.1.0", "expression_basis": "flame-2020""#;
+        assert_eq!(basis(named), ExpressionBasis::FLAME_2020, "named");
+        let ours = r#", "generator": "mon3tr 0.1.0""#;
+        assert_eq!(basis(ours), ExpressionBasis::MAKEHUMAN_1, "our baker's");
+        let others = r#", "generator": "another 2.0""#;
+        assert_eq!(basis(others), ExpressionBasis::FLAME_2020, "SMPL-X's");
+        assert_eq!(basis(""), ExpressionBasis::FLAME_2020, "no writer named");
+    }
+
+    #[test]
+    fn a_basis_is_written_under_its_name_and_one_that_cannot_be_printed_is_refused() {
+        let named = parse(r#", "expression_basis": "my-basis.2""#).expect("a good manifest");
+        let text = serde_json::to_string(&named).expect("text");
+        assert!(
+            text.contains(r#""expression_basis":"my-basis.2""#),
+            "{text}"
+        );
+        let error = parse(r#", "expression_basis": "a\nb""#).expect_err("a line break");
+        assert!(error.to_string().contains("manifest.json"), "{error}");
+        let older = serde_json::to_string(&parse("").expect("good")).expect("text");
+        assert!(!older.contains("expression_basis"), "as it was read");
+    }
 }

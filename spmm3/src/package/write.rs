@@ -3,7 +3,7 @@
 use super::archive;
 use super::compiled;
 use super::manifest::{
-    self, Counts, FORMAT, MANIFEST, Manifest, MemberEntry, VERSION, VERSION_PLAIN,
+    self, Counts, FORMAT, GENERATOR, MANIFEST, Manifest, MemberEntry, VERSION, VERSION_PLAIN,
 };
 use super::members::{
     BINDING, CONTROLLERS, GAUSSIANS, HEIRS, MEMBERS, ORDER, Packed, TEMPLATE, ports, signature,
@@ -79,7 +79,7 @@ impl Avatar {
                 VERSION
             },
             name: self.name.clone(),
-            generator: concat!("mon3tr ", env!("CARGO_PKG_VERSION")).into(),
+            generator: format!("{GENERATOR}{}", env!("CARGO_PKG_VERSION")),
             provenance: self.provenance.clone(),
             licence: self.licence.clone(),
             conventions: manifest::conventions(),
@@ -94,6 +94,7 @@ impl Avatar {
             },
             members,
             compiled: compiled_entries.clone(),
+            expression_basis: Some(self.expression_basis.clone()),
             expressions: self
                 .expressions
                 .iter()

@@ -13,8 +13,8 @@ mod skin;
 pub use random::Random;
 use spmm3::networks::{AttributeNetwork, DeformGraph, GraphParts, MeshNetwork};
 use spmm3::{
-    Avatar, BoundGaussians, Controllers, EXPRESSION, EdgeGraph, ExpressionPreset, Expressions,
-    GaussianSet, Importance, Skeleton, Template,
+    Avatar, BoundGaussians, Controllers, EXPRESSION, EdgeGraph, ExpressionBasis, ExpressionPreset,
+    Expressions, GaussianSet, Importance, Skeleton, Template,
 };
 
 /// How large a puppet is.
@@ -172,6 +172,7 @@ impl Puppet {
             gaussians: self.gaussians.clone(),
             importance: Some(self.importance()),
             controllers: self.controllers.clone(),
+            expression_basis: ExpressionBasis::FLAME_2020,
             expressions: self.expressions.clone(),
             deform_graph: self
                 .graph()

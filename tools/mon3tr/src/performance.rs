@@ -97,6 +97,9 @@ impl MotionOptions {
             MotionClip::load(Path::new(&self.motion), &avatar.skeleton, &options)
                 .with_context(|| format!("cannot use the motion {}", self.motion))?
         };
+        if let Some(line) = clip.fit_expression(&avatar.expression_basis, &avatar.expressions) {
+            println!("{}: {line}", clip.name);
+        }
         if let Some(unmapped) = clip.unmapped_summary() {
             println!("{}: {unmapped}", clip.name);
         }

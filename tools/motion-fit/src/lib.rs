@@ -3,5 +3,8 @@
 //! It knows landmarks and time, but no images, networks or devices.
 
 pub mod body;
+pub mod align;
+pub mod face;
+pub mod hands;
 pub mod landmarks;
 pub mod smoother;

@@ -30,8 +30,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 use spmm3::networks::{AttributeNetwork, DeformGraph, GraphParts, MeshNetwork};
 use spmm3::{
-    Avatar, BoundGaussians, Controllers, Expressions, Importance, MotionParams, SH_C0, Skeleton,
-    Template, attribute,
+    Avatar, BoundGaussians, Controllers, ExpressionBasis, Expressions, Importance, MotionParams,
+    SH_C0, Skeleton, Template, attribute,
 };
 use std::ops::Range;
 use std::path::Path;
@@ -124,6 +124,7 @@ impl Baked {
             gaussians: self.gaussians,
             importance: Some(self.importance),
             controllers: self.controllers,
+            expression_basis: ExpressionBasis::MAKEHUMAN_1,
             expressions: self.expressions,
         })
     }

@@ -76,6 +76,7 @@ mod tests {
             name: "two steps".into(),
             frames,
             frame_seconds: 0.01,
+            expression_basis: None,
             notes: Vec::new(),
             unmapped: Vec::new(),
         };

@@ -102,7 +102,11 @@ impl Inspection {
             high[2] - low[2]
         );
         let expressions: Vec<&str> = manifest.expressions.keys().map(String::as_str).collect();
-        println!("expressions  {}", expressions.join(", "));
+        println!(
+            "expressions  {} (basis {})",
+            expressions.join(", "),
+            manifest.basis()
+        );
         for graph in &manifest.compiled {
             println!(
                 "compiled     for {} by QNN {} and ONNX Runtime {}",

@@ -1,5 +1,7 @@
 //! The expression basis: MakeHuman's linear expression units, compressed to a few orthogonal ones, as FLAME's are.
 //!
+//! Its name is [`spmm3::ExpressionBasis::MAKEHUMAN_1`]: whatever changes what a coefficient moves needs a new name.
+//!
 //! If each unit of U `[34]` is drawn independently with deviation s, the offsets' principal components are the singular
 //! vectors of U; scaling each by s times its singular value gives coefficients of unit variance, FLAME's convention.
 
