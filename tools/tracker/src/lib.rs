@@ -10,3 +10,4 @@ pub mod workers;
 
 pub use error::TrackerError;
 pub use workers::Tracker;
+pub mod source;

@@ -1,0 +1,135 @@
+//! Where pictures come from: a camera, a video file or an address, a folder of pictures, or standard input, behind one trait.
+//!
+//! [`open`] gives every picture of a recording, and the newest one of a camera or a live address. [`open_live`] makes any of
+//! them behave as a camera does: a recording plays at its own rate, and what the caller is too late for is dropped and counted.
+//!
+//! A recording that breaks off in the middle ends there, with a warning in the log; one without a whole picture is an error.
+
+mod ahead;
+mod camera;
+mod choice;
+mod colour;
+mod error;
+mod ffmpeg;
+mod folder;
+mod jpeg;
+mod nut;
+mod paced;
+mod picture;
+#[cfg(all(target_os = "linux", target_pointer_width = "64"))]
+mod v4l2;
+mod y4m;
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, stdin};
+use std::path::Path;
+
+pub use choice::SourceChoice;
+pub use error::SourceError;
+pub use picture::{LARGEST_SIDE, Picture, Source, SourceInfo, Wanted};
+
+use ahead::{Ahead, Keep};
+
+/// Pictures that are read ahead of the one being worked on.
+const READ_AHEAD: usize = 2;
+
+/// The start of a y4m file.
+const Y4M_SIGNATURE: &[u8] = b"YUV4MPEG2";
+
+/// Opens what was chosen. Recordings give every picture, as fast as they are asked for; cameras and live addresses the newest.
+///
+/// # Errors
+/// Where there is nothing to open, or no picture in it; the message says what to do.
+pub fn open(choice: &SourceChoice, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+    Ok(match choice {
+        SourceChoice::Device(device) => camera::open(device, wanted)?,
+        SourceChoice::Stdin => standard_input(wanted)?,
+        SourceChoice::Folder(folder) => Box::new(folder::Folder::open(folder, wanted)?),
+        SourceChoice::Y4m(path) => Box::new(y4m::Y4m::open(name_of(path), reader(path)?)?),
+        SourceChoice::MotionJpeg(path) => Box::new(jpeg::MotionJpeg::open(
+            name_of(path),
+            reader(path)?,
+            wanted,
+        )?),
+        SourceChoice::File(path) => {
+            // Says what is wrong with the file in our words, before another program is looked for.
+            reader(path)?;
+            Box::new(ffmpeg::Decoded::open(ffmpeg::Input::file(path), wanted)?)
+        }
+        SourceChoice::Url(url) => Box::new(ffmpeg::Decoded::open(ffmpeg::Input::url(url), wanted)?),
+    })
+}
+
+/// Opens what was chosen as if it were a camera: a recording plays at its own rate, over and over where `repeat` is set, and
+/// of standard input only the newest picture is kept.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_live(
+    choice: &SourceChoice,
+    wanted: &Wanted,
+    repeat: bool,
+) -> Result<Box<dyn Source>, SourceError> {
+    if choice.is_live() {
+        return open(choice, wanted);
+    }
+    if *choice == SourceChoice::Stdin {
+        return Ok(Box::new(Ahead::over(
+            standard_input(wanted)?,
+            Keep::Newest,
+        )?));
+    }
+    let (choice, wanted) = (choice.clone(), *wanted);
+    let again = move || -> Result<Box<dyn Source>, SourceError> {
+        let source = open(&choice, &wanted)?;
+        Ok(match choice {
+            // These have a thread of their own already.
+            SourceChoice::File(_) | SourceChoice::Url(_) => source,
+            _ => Box::new(Ahead::over(source, Keep::Every(READ_AHEAD))?),
+        })
+    };
+    Ok(Box::new(paced::Paced::open(Box::new(again), repeat)?))
+}
+
+/// y4m or motion JPEG, told apart by its first bytes.
+fn standard_input(wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+    let name = "standard input".to_owned();
+    let mut input = BufReader::new(stdin());
+    let start = input.fill_buf().map_err(|source| SourceError::Read {
+        name: name.clone(),
+        source,
+    })?;
+    // A pipe's first piece may be short.
+    let compared = start.len().min(Y4M_SIGNATURE.len());
+    if compared > 0 && start[..compared] == Y4M_SIGNATURE[..compared] {
+        Ok(Box::new(y4m::Y4m::open(name, input)?))
+    } else if start.first() == Some(&0xff) {
+        Ok(Box::new(jpeg::MotionJpeg::open(name, input, wanted)?))
+    } else if start.is_empty() {
+        Err(SourceError::NoPicture {
+            name,
+            why: "it is empty".to_owned(),
+        })
+    } else {
+        Err(SourceError::Malformed {
+            name,
+            why: "it is neither y4m nor motion JPEG: convert it, as with `ffmpeg -i VIDEO -f yuv4mpegpipe - | ...`".to_owned(),
+        })
+    }
+}
+
+fn name_of(path: &Path) -> String {
+    path.display().to_string()
+}
+
+fn reader(path: &Path) -> Result<BufReader<File>, SourceError> {
+    let refused = |source| SourceError::Read {
+        name: name_of(path),
+        source,
+    };
+    let file = File::open(path).map_err(refused)?;
+    if file.metadata().map_err(refused)?.is_dir() {
+        return Err(refused(std::io::ErrorKind::IsADirectory.into()));
+    }
+    Ok(BufReader::with_capacity(1 << 16, file))
+}

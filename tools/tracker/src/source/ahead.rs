@@ -1,0 +1,375 @@
+//! A source read by a thread of its own, ahead of the caller or always at the newest picture. Buffers go round: nothing is
+//! allocated once each has had a picture.
+
+use std::collections::VecDeque;
+use std::mem::swap;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{Builder, JoinHandle};
+use std::time::{Duration, Instant};
+
+use super::error::SourceError;
+use super::picture::{Picture, Source, SourceInfo};
+
+/// What becomes of pictures that the caller has not taken yet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Keep {
+    /// All: the thread waits while so many are ready.
+    Every(usize),
+    /// One: a newer one takes its place.
+    Newest,
+}
+
+/// Gives the next picture, or false at the end: [`Source::next`].
+pub(super) type Next = Box<dyn FnMut(&mut Picture) -> Result<bool, SourceError> + Send>;
+
+#[derive(Debug)]
+struct State {
+    ready: VecDeque<Picture>,
+    free: Vec<Picture>,
+    /// Why no more come.
+    end: Option<Result<(), SourceError>>,
+    ended: bool,
+    stopped: bool,
+    dropped: u64,
+}
+
+#[derive(Debug)]
+struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // Each change is whole before a thread could panic.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Pictures that a thread reads.
+#[derive(Debug)]
+pub(super) struct Queue {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Queue {
+    /// Starts the thread.
+    pub(super) fn start(name: &str, keep: Keep, next: Next) -> Result<Self, SourceError> {
+        let spare = match keep {
+            Keep::Every(ready) => ready + 1,
+            Keep::Newest => 2,
+        };
+        let shared = Arc::new(Shared {
+            state: Mutex::new(State {
+                ready: VecDeque::with_capacity(spare),
+                free: (0..spare).map(|_| Picture::empty()).collect(),
+                end: None,
+                ended: false,
+                stopped: false,
+                dropped: 0,
+            }),
+            changed: Condvar::new(),
+        });
+        let theirs = Arc::clone(&shared);
+        let thread = Builder::new()
+            .name("pictures".to_owned())
+            .spawn(move || read(&theirs, keep, next))
+            .map_err(|source| SourceError::Thread {
+                name: name.to_owned(),
+                source,
+            })?;
+        Ok(Self {
+            shared,
+            thread: Some(thread),
+        })
+    }
+
+    /// Exchanges `into` for the next picture. Waits `patience` for it at most, and gives `None` where it does not come.
+    pub(super) fn next(
+        &self,
+        into: &mut Picture,
+        patience: Option<Duration>,
+    ) -> Option<Result<bool, SourceError>> {
+        let deadline = patience.map(|patience| Instant::now() + patience);
+        let mut state = self.shared.lock();
+        loop {
+            if let Some(mut picture) = state.ready.pop_front() {
+                swap(into, &mut picture);
+                state.free.push(picture);
+                drop(state);
+                self.shared.changed.notify_all();
+                return Some(Ok(true));
+            }
+            if state.ended {
+                return Some(state.end.take().unwrap_or(Ok(())).map(|()| false));
+            }
+            state = match deadline {
+                None => self
+                    .shared
+                    .changed
+                    .wait(state)
+                    .unwrap_or_else(PoisonError::into_inner),
+                Some(deadline) => {
+                    let left = deadline.checked_duration_since(Instant::now())?;
+                    let (state, _) = self
+                        .shared
+                        .changed
+                        .wait_timeout(state, left)
+                        .unwrap_or_else(PoisonError::into_inner);
+                    state
+                }
+            };
+        }
+    }
+
+    pub(super) fn dropped(&self) -> u64 {
+        self.shared.lock().dropped
+    }
+
+    /// Asks the thread to end after the picture it is reading.
+    pub(super) fn stop(&self) {
+        self.shared.lock().stopped = true;
+        self.shared.changed.notify_all();
+    }
+
+    /// Waits for the thread's end; what it reads must have been closed.
+    pub(super) fn join(&mut self) {
+        self.stop();
+        if let Some(thread) = self.thread.take() {
+            // A panic there was reported by the thread itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for Queue {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// Says that the thread ended, also where it panicked: the caller must not wait for it.
+struct Ended<'a>(&'a Shared);
+
+impl Drop for Ended<'_> {
+    fn drop(&mut self) {
+        self.0.lock().ended = true;
+        self.0.changed.notify_all();
+    }
+}
+
+fn read(shared: &Shared, keep: Keep, mut next: Next) {
+    let _ended = Ended(shared);
+    loop {
+        let mut picture = {
+            let mut state = shared.lock();
+            loop {
+                if state.stopped {
+                    return;
+                }
+                let room = match keep {
+                    Keep::Every(most) => state.ready.len() < most,
+                    Keep::Newest => true,
+                };
+                if room {
+                    break state.free.pop().unwrap_or_default();
+                }
+                state = shared
+                    .changed
+                    .wait(state)
+                    .unwrap_or_else(PoisonError::into_inner);
+            }
+        };
+        let given = next(&mut picture);
+        let mut state = shared.lock();
+        match given {
+            Ok(true) => {
+                if keep == Keep::Newest
+                    && let Some(old) = state.ready.pop_front()
+                {
+                    state.dropped += 1;
+                    state.free.push(old);
+                }
+                state.ready.push_back(picture);
+            }
+            Ok(false) => return,
+            Err(why) => {
+                state.end = Some(Err(why));
+                return;
+            }
+        }
+        drop(state);
+        shared.changed.notify_all();
+    }
+}
+
+/// Another source, read by a thread. The thread ends by itself, after the picture that it is reading when this is dropped.
+#[derive(Debug)]
+pub(super) struct Ahead {
+    info: SourceInfo,
+    queue: Queue,
+}
+
+impl Ahead {
+    /// With [`Keep::Newest`] it is live.
+    pub(super) fn over(mut source: Box<dyn Source>, keep: Keep) -> Result<Self, SourceError> {
+        let mut info = source.info().clone();
+        info.live |= keep == Keep::Newest;
+        let queue = Queue::start(&info.name, keep, Box::new(move |into| source.next(into)))?;
+        Ok(Self { info, queue })
+    }
+}
+
+impl Source for Ahead {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn next(&mut self, into: &mut Picture) -> Result<bool, SourceError> {
+        // Without a patience there is always an answer.
+        self.queue.next(into, None).unwrap_or(Ok(false))
+    }
+
+    fn dropped(&self) -> u64 {
+        self.queue.dropped()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+
+    use super::*;
+
+    fn numbered(last: u64, mut before: impl FnMut(u64) + Send + 'static) -> Next {
+        let mut number = 0;
+        Box::new(move |into| {
+            before(number);
+            into.number = number;
+            number += 1;
+            Ok(number <= last)
+        })
+    }
+
+    #[test]
+    fn every_picture_comes_once_and_in_order_and_then_the_end() {
+        let queue = Queue::start("test", Keep::Every(2), numbered(50, |_| ())).expect("a thread");
+        let mut picture = Picture::empty();
+        for expected in 0..50 {
+            assert!(
+                queue
+                    .next(&mut picture, None)
+                    .expect("no patience")
+                    .expect("no error"),
+                "the end at {expected}"
+            );
+            assert_eq!(picture.number, expected, "order");
+        }
+        for _ in 0..2 {
+            assert!(
+                !queue
+                    .next(&mut picture, None)
+                    .expect("no patience")
+                    .expect("no error"),
+                "no end"
+            );
+        }
+        assert_eq!(queue.dropped(), 0, "dropped");
+    }
+
+    #[test]
+    fn the_newest_picture_is_given_and_older_ones_are_counted() {
+        let (go, wait) = channel();
+        let queue = Queue::start(
+            "test",
+            Keep::Newest,
+            numbered(100, move |number| {
+                if number == 10 {
+                    let _ = wait.recv();
+                }
+            }),
+        )
+        .expect("a thread");
+        let mut picture = Picture::empty();
+        // Until ten were read, nine of which were in the way.
+        let begun = Instant::now();
+        while queue.dropped() < 9 && begun.elapsed() < Duration::from_secs(20) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(
+            queue
+                .next(&mut picture, None)
+                .expect("no patience")
+                .expect("no error"),
+            "nothing"
+        );
+        assert_eq!((picture.number, queue.dropped()), (9, 9), "newest");
+        assert!(
+            queue
+                .next(&mut picture, Some(Duration::from_millis(5)))
+                .is_none(),
+            "the thread waits"
+        );
+        drop(go);
+        assert!(
+            queue
+                .next(&mut picture, None)
+                .expect("no patience")
+                .expect("no error"),
+            "nothing"
+        );
+    }
+
+    #[test]
+    fn a_panic_of_the_thread_ends_the_pictures() {
+        let queue = Queue::start(
+            "test",
+            Keep::Every(1),
+            numbered(9, |number| assert!(number < 1, "as the test wants")),
+        )
+        .expect("a thread");
+        let mut picture = Picture::empty();
+        assert!(
+            queue
+                .next(&mut picture, None)
+                .expect("no patience")
+                .expect("no error"),
+            "the first"
+        );
+        assert!(
+            !queue
+                .next(&mut picture, None)
+                .expect("no patience")
+                .expect("no error"),
+            "the end"
+        );
+    }
+
+    #[test]
+    fn buffers_go_round() {
+        let queue = Queue::start(
+            "test",
+            Keep::Every(2),
+            Box::new({
+                let mut left = 100;
+                move |into| {
+                    into.resize(64, 64);
+                    left -= 1;
+                    Ok(left > 0)
+                }
+            }),
+        )
+        .expect("a thread");
+        let mut picture = Picture::empty();
+        let mut seen = std::collections::BTreeSet::new();
+        while queue
+            .next(&mut picture, None)
+            .expect("no patience")
+            .expect("no error")
+        {
+            seen.insert(picture.rgb.as_ptr() as usize);
+        }
+        assert!(seen.len() <= 4, "{} buffers", seen.len());
+    }
+}

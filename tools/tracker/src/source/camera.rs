@@ -1,0 +1,410 @@
+//! A camera: the mode nearest to what is wanted, its newest picture, and the driver's time of capture. What the system offers is
+//! behind [`Driver`].
+
+use std::io;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use super::colour::{Conversion, Matrix, Range};
+use super::error::SourceError;
+use super::jpeg::JpegPictures;
+use super::picture::{Picture, Source, SourceInfo, Wanted, within_limits};
+
+/// Without a picture: cameras begin within two seconds.
+const LONGEST_SILENCE: Duration = Duration::from_secs(5);
+/// Damaged pictures, one after another: some cameras begin with a few.
+const MOST_DAMAGED: u32 = 60;
+
+/// A four-letter code of a pixel format.
+pub(super) type FourCc = [u8; 4];
+
+pub(super) const YUYV: FourCc = *b"YUYV";
+pub(super) const NV12: FourCc = *b"NV12";
+pub(super) const RGB3: FourCc = *b"RGB3";
+pub(super) const MJPG: FourCc = *b"MJPG";
+/// Some drivers call motion JPEG so.
+pub(super) const JPEG: FourCc = *b"JPEG";
+
+/// What a camera can be set to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Mode {
+    pub(super) format: FourCc,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// Its highest rate, where the driver says it.
+    pub(super) fastest_hz: Option<f64>,
+}
+
+/// What a camera has been set to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Layout {
+    pub(super) format: FourCc,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// Bytes from one row of luma, or of packed pixels, to the next.
+    pub(super) stride: usize,
+    pub(super) matrix: Matrix,
+    pub(super) range: Range,
+    pub(super) rate_hz: Option<f64>,
+}
+
+/// A buffer that the driver has filled.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Filled {
+    pub(super) index: usize,
+    pub(super) bytes: usize,
+    /// When the light fell, where the driver's clock is known.
+    pub(super) at: Option<Instant>,
+    /// The driver's count of pictures, those that it lost too.
+    pub(super) sequence: u32,
+    pub(super) damaged: bool,
+}
+
+/// What the system offers of a camera.
+pub(super) trait Driver: Send {
+    /// Its modes; of a range of sizes, the one nearest to `size`.
+    fn modes(&mut self, size: (u32, u32)) -> io::Result<Vec<Mode>>;
+    /// Sets it to the mode, or to what the driver makes of it, and starts it.
+    fn start(&mut self, mode: Mode, rate_hz: f64) -> io::Result<Layout>;
+    /// How many buffers it fills.
+    fn buffers(&self) -> usize;
+    /// Takes the oldest filled buffer; waits `patience` for it, and gives nothing where none comes.
+    fn dequeue(&mut self, patience: Duration) -> io::Result<Option<Filled>>;
+    /// A buffer's bytes, between its being taken and given back.
+    fn bytes(&self, filled: &Filled) -> &[u8];
+    /// Gives a buffer back.
+    fn requeue(&mut self, index: usize) -> io::Result<()>;
+}
+
+/// Opens and starts the camera at a path.
+pub(super) fn open(device: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+    #[cfg(all(target_os = "linux", target_pointer_width = "64"))]
+    {
+        let driver = super::v4l2::Device::open(device)?;
+        let name = driver.name(device);
+        Ok(Box::new(Camera::start(
+            &device.display().to_string(),
+            name,
+            driver,
+            wanted,
+        )?))
+    }
+    #[cfg(not(all(target_os = "linux", target_pointer_width = "64")))]
+    {
+        let _ = wanted;
+        Err(SourceError::NoCameras {
+            device: device.display().to_string(),
+        })
+    }
+}
+
+/// A started camera.
+#[derive(Debug)]
+pub(super) struct Camera<D> {
+    device: String,
+    info: SourceInfo,
+    driver: D,
+    layout: Layout,
+    conversion: Conversion,
+    jpeg: JpegPictures,
+    first_at: Option<Instant>,
+    seconds: f64,
+    last_sequence: Option<u32>,
+    /// Of the last picture taken from the driver, and how many were given to the caller.
+    number: u64,
+    given: u64,
+}
+
+impl<D: Driver> Camera<D> {
+    /// Chooses the mode and starts the driver.
+    pub(super) fn start(
+        device: &str,
+        name: String,
+        mut driver: D,
+        wanted: &Wanted,
+    ) -> Result<Self, SourceError> {
+        let size = wanted.size.unwrap_or((1280, 720));
+        let rate_hz = wanted.rate_of_recording_hz();
+        let modes = driver
+            .modes(size)
+            .map_err(|why| refused(device, "to list its formats", why))?;
+        let Some(mode) = choose(&modes, size, rate_hz) else {
+            let mut has: Vec<String> = modes
+                .iter()
+                .map(|mode| mode.format.escape_ascii().to_string())
+                .collect();
+            has.sort();
+            has.dedup();
+            return Err(SourceError::NoFormat {
+                device: device.to_owned(),
+                has: if has.is_empty() {
+                    "no format at all".to_owned()
+                } else {
+                    has.join(", ")
+                },
+            });
+        };
+        let layout = driver
+            .start(mode, rate_hz)
+            .map_err(|why| refused(device, "to start", why))?;
+        within_limits(device, layout.width, layout.height)?;
+        let row = layout.width as usize
+            * match layout.format {
+                YUYV => 2,
+                RGB3 => 3,
+                NV12 => 1,
+                MJPG | JPEG => 0,
+                other => {
+                    return Err(SourceError::NoFormat {
+                        device: device.to_owned(),
+                        has: other.escape_ascii().to_string(),
+                    });
+                }
+            };
+        if layout.stride < row {
+            return Err(SourceError::Malformed {
+                name: device.to_owned(),
+                why: format!(
+                    "its driver gives rows of {} bytes to pictures that are {} wide",
+                    layout.stride, layout.width
+                ),
+            });
+        }
+        let format = layout.format.escape_ascii();
+        log::info!(
+            "{name}: {} x {} {format}, {} Hz",
+            layout.width,
+            layout.height,
+            layout.rate_hz.unwrap_or(rate_hz)
+        );
+        Ok(Self {
+            device: device.to_owned(),
+            info: SourceInfo {
+                name,
+                width: layout.width,
+                height: layout.height,
+                rate_hz: layout.rate_hz,
+                live: true,
+                frames: None,
+            },
+            driver,
+            conversion: Conversion::new(layout.matrix, layout.range, 8),
+            layout,
+            jpeg: JpegPictures::default(),
+            first_at: None,
+            seconds: 0.0,
+            last_sequence: None,
+            number: 0,
+            given: 0,
+        })
+    }
+
+    /// The newest buffer that is not damaged. Older ones go back to the driver.
+    fn newest(&mut self) -> Result<Filled, SourceError> {
+        let deadline = Instant::now() + LONGEST_SILENCE;
+        let mut held: Option<Filled> = None;
+        let mut taken = 0;
+        let mut waited = false;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let patience = if held.is_some() { Duration::ZERO } else { left };
+            let filled = self
+                .driver
+                .dequeue(patience)
+                .map_err(|why| refused(&self.device, "to give a picture", why))?;
+            let Some(filled) = filled else {
+                match held {
+                    Some(held) => return Ok(held),
+                    None => return Err(self.silent()),
+                }
+            };
+            taken += 1;
+            self.count(filled.sequence);
+            if let Some(old) = held.take() {
+                self.give_back(old.index)?;
+            }
+            if filled.damaged {
+                self.give_back(filled.index)?;
+                if left.is_zero() {
+                    return Err(self.silent());
+                }
+                continue;
+            }
+            if waited {
+                return Ok(filled);
+            }
+            if taken >= self.driver.buffers() {
+                // All were full, so newer pictures were lost: even the last of them may be old. The next one is not.
+                self.give_back(filled.index)?;
+                waited = true;
+                continue;
+            }
+            held = Some(filled);
+        }
+    }
+
+    fn silent(&self) -> SourceError {
+        SourceError::Silent {
+            name: self.info.name.clone(),
+            seconds: LONGEST_SILENCE.as_secs(),
+        }
+    }
+
+    /// Counts a picture, and those that the driver lost before it. Some drivers do not count.
+    fn count(&mut self, sequence: u32) {
+        if let Some(last) = self.last_sequence {
+            let step = sequence.wrapping_sub(last);
+            self.number += if step < 1 << 31 {
+                u64::from(step.max(1))
+            } else {
+                1
+            };
+        }
+        self.last_sequence = Some(sequence);
+    }
+
+    fn give_back(&mut self, index: usize) -> Result<(), SourceError> {
+        self.driver
+            .requeue(index)
+            .map_err(|why| refused(&self.device, "to take a buffer back", why))
+    }
+
+    fn convert(&mut self, filled: &Filled, into: &mut Picture) -> Result<(), SourceError> {
+        let Layout {
+            width,
+            height,
+            stride,
+            format,
+            ..
+        } = self.layout;
+        let buffer = self.driver.bytes(filled);
+        let bytes = buffer.get(..filled.bytes).unwrap_or(buffer);
+        if matches!(format, MJPG | JPEG) {
+            self.jpeg.decode(&self.info.name, bytes, into)?;
+            if (into.width, into.height) != (width, height) {
+                return Err(SourceError::SizeChanged {
+                    name: self.info.name.clone(),
+                    number: self.number,
+                    width: into.width,
+                    height: into.height,
+                    first_width: width,
+                    first_height: height,
+                });
+            }
+            return Ok(());
+        }
+        let (columns, rows) = (width as usize, height as usize);
+        let short = || SourceError::Malformed {
+            name: self.info.name.clone(),
+            why: format!(
+                "a picture of {width} x {height} comes in {} bytes",
+                bytes.len()
+            ),
+        };
+        into.resize(width, height);
+        let row_of = |row: usize, length: usize| {
+            bytes
+                .get(row * stride..row * stride + length)
+                .ok_or_else(short)
+        };
+        for (row, rgb) in into.rgb.chunks_exact_mut(3 * columns).enumerate() {
+            match format {
+                YUYV => {
+                    // The last of an odd number of pixels has its colour in the pair's other half.
+                    self.conversion.row_yuyv(
+                        row_of(row, (2 * columns).next_multiple_of(4).min(stride))?,
+                        rgb,
+                    );
+                }
+                NV12 => {
+                    let chroma = row_of(rows + row / 2, columns.next_multiple_of(2).min(stride))?;
+                    self.conversion.row_nv12(row_of(row, columns)?, chroma, rgb);
+                }
+                _ => rgb.copy_from_slice(row_of(row, 3 * columns)?),
+            }
+        }
+        Ok(())
+    }
+}
+
+fn refused(device: &str, doing: &'static str, source: io::Error) -> SourceError {
+    let device = device.to_owned();
+    match source.kind() {
+        io::ErrorKind::ResourceBusy => SourceError::Busy { device },
+        io::ErrorKind::PermissionDenied => SourceError::NoPermission { device },
+        _ => SourceError::Device {
+            device,
+            doing,
+            source,
+        },
+    }
+}
+
+/// The mode that costs least: a picture of the wrong size is worth less, a low rate is worth still less, and among equals those
+/// formats are taken that are converted quickest.
+fn choose(modes: &[Mode], (width, height): (u32, u32), rate_hz: f64) -> Option<Mode> {
+    let cost = |mode: &Mode| {
+        let work = match mode.format {
+            NV12 => 0.0,
+            YUYV => 0.001,
+            RGB3 => 0.002,
+            MJPG | JPEG => 0.05,
+            _ => return None,
+        };
+        let ratio = |a: u32, b: u32| (f64::from(a.max(1)) / f64::from(b.max(1))).ln().abs();
+        let slow = (rate_hz / mode.fastest_hz.unwrap_or(rate_hz).max(0.1))
+            .ln()
+            .max(0.0);
+        // A camera's 29.97 Hz are 30.
+        let slow = if slow < 0.01 { 0.0 } else { 2.0 * slow };
+        Some(work + ratio(mode.width, width) + ratio(mode.height, height) + slow)
+    };
+    let costs = modes.iter().filter_map(|mode| Some((cost(mode)?, mode)));
+    costs
+        .min_by(|(a, _), (b, _)| a.total_cmp(b))
+        .map(|(_, mode)| *mode)
+}
+
+impl<D: Driver> Source for Camera<D> {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn next(&mut self, into: &mut Picture) -> Result<bool, SourceError> {
+        let mut damaged = 0;
+        loop {
+            let filled = self.newest()?;
+            let converted = self.convert(&filled, into);
+            self.give_back(filled.index)?;
+            if let Err(why) = converted {
+                damaged += 1;
+                if damaged == MOST_DAMAGED {
+                    return Err(why);
+                }
+                log::debug!("{why}");
+                continue;
+            }
+            into.at = filled.at.unwrap_or_else(Instant::now);
+            let first = *self.first_at.get_or_insert(into.at);
+            self.seconds = self
+                .seconds
+                .max(into.at.saturating_duration_since(first).as_secs_f64());
+            into.seconds = self.seconds;
+            into.number = self.number;
+            self.given += 1;
+            return Ok(true);
+        }
+    }
+
+    fn dropped(&self) -> u64 {
+        if self.last_sequence.is_none() {
+            0
+        } else {
+            (self.number + 1).saturating_sub(self.given)
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "camera_tests.rs"]
+mod tests;

@@ -1,0 +1,342 @@
+//! JPEG pictures one after another, as motion JPEG has them: cut apart by their markers, and decoded.
+
+use std::fmt;
+use std::io::{self, BufRead};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Instant;
+
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+use super::error::SourceError;
+use super::picture::{LARGEST_SIDE, Picture, Source, SourceInfo, Wanted, bytes_of, within_limits};
+
+/// Of one picture; a camera's of the largest size has fewer.
+const MOST_BYTES: usize = 64 << 20;
+/// Between two pictures: the headers of an HTTP stream, the chunks of an AVI file.
+const MOST_BETWEEN: usize = 1 << 20;
+
+/// Tells the decoder to use the tables of ITU-T T.81 annex K, which motion JPEG may leave out: an `APP0` segment of AVI files.
+const STANDARD_TABLES: [u8; 18] = *b"\xff\xe0\x00\x10AVI1\0\0\0\0\0\0\0\0\0\0";
+
+/// Decodes JPEG pictures.
+#[derive(Debug, Default)]
+pub(super) struct JpegPictures {
+    whole: Vec<u8>,
+}
+
+impl JpegPictures {
+    /// Decodes one picture, whose bytes may go on after its end, into `into`'s size and pixels.
+    pub(super) fn decode(
+        &mut self,
+        name: &str,
+        mut bytes: &[u8],
+        into: &mut Picture,
+    ) -> Result<(), SourceError> {
+        match next_picture(&mut bytes, &mut self.whole) {
+            Ok(Found::Whole) => self.decode_whole(name, into),
+            Ok(Found::Cut | Found::None) => {
+                Err(malformed(name, "its JPEG picture is cut short".to_owned()))
+            }
+            Ok(Found::TooLong) => Err(malformed(name, too_long())),
+            Err(source) => Err(SourceError::Read {
+                name: name.to_owned(),
+                source,
+            }),
+        }
+    }
+
+    fn decode_whole(&self, name: &str, into: &mut Picture) -> Result<(), SourceError> {
+        let refuse =
+            |why: &dyn fmt::Display| malformed(name, format!("its JPEG picture is damaged: {why}"));
+        let side = LARGEST_SIDE as usize;
+        let options = DecoderOptions::default()
+            .set_strict_mode(false)
+            .set_max_width(side)
+            .set_max_height(side)
+            .jpeg_set_out_colorspace(ColorSpace::RGB);
+        let bytes = self.whole.as_slice();
+        // The decoder's authors take panics at damaged pictures for errors: they must not end a call.
+        catch_unwind(AssertUnwindSafe(|| {
+            let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+            decoder.decode_headers().map_err(|why| refuse(&why))?;
+            let (width, height) = decoder.info().map_or((0, 0), |info| {
+                (u32::from(info.width), u32::from(info.height))
+            });
+            within_limits(name, width, height)?;
+            if decoder.output_buffer_size() != Some(bytes_of(width, height)) {
+                return Err(refuse(&"its colours are of an unknown kind"));
+            }
+            into.resize(width, height);
+            decoder
+                .decode_into(&mut into.rgb)
+                .map_err(|why| refuse(&why))
+        }))
+        .unwrap_or_else(|_| Err(refuse(&"the decoder gave up")))
+    }
+}
+
+fn malformed(name: &str, why: String) -> SourceError {
+    SourceError::Malformed {
+        name: name.to_owned(),
+        why,
+    }
+}
+
+fn too_long() -> String {
+    format!(
+        "a JPEG picture of it has more than {} MiB",
+        MOST_BYTES >> 20
+    )
+}
+
+#[derive(Debug, PartialEq, Eq)]
+enum Found {
+    Whole,
+    /// The input ends in a picture.
+    Cut,
+    /// The input ends, or goes on without a picture for long.
+    None,
+    /// The picture does not end within [`MOST_BYTES`].
+    TooLong,
+}
+
+/// Reads the input to the end of its next picture, and leaves the picture in `whole`.
+fn next_picture(input: &mut impl BufRead, whole: &mut Vec<u8>) -> io::Result<Found> {
+    whole.clear();
+    if !skip_to_start(input)? {
+        return Ok(Found::None);
+    }
+    whole.extend([0xff, 0xd8]);
+    let mut has_tables = false;
+    // The last marker read; entropy-coded bytes may follow it.
+    loop {
+        let Some(marker) = read_marker(input, whole)? else {
+            return Ok(if whole.len() > MOST_BYTES {
+                Found::TooLong
+            } else {
+                Found::Cut
+            });
+        };
+        match marker {
+            END => break,
+            START | 0x01 | 0xd0..=0xd7 => {}
+            _ => {
+                has_tables |= marker == HUFFMAN_TABLES;
+                let mut length = [0; 2];
+                if !read_exact(input, &mut length)? {
+                    return Ok(Found::Cut);
+                }
+                whole.extend(length);
+                let rest = usize::from(u16::from_be_bytes(length)).saturating_sub(2);
+                if !copy(input, rest, whole)? {
+                    return Ok(Found::Cut);
+                }
+            }
+        }
+        if whole.len() > MOST_BYTES {
+            return Ok(Found::TooLong);
+        }
+    }
+    if !has_tables {
+        whole.splice(2..2, STANDARD_TABLES);
+    }
+    Ok(Found::Whole)
+}
+
+const START: u8 = 0xd8;
+const END: u8 = 0xd9;
+const HUFFMAN_TABLES: u8 = 0xc4;
+
+/// Passes over what is no picture. False where the input ends, or none comes for long.
+fn skip_to_start(input: &mut impl BufRead) -> io::Result<bool> {
+    let mut passed = 0;
+    let mut before = 0;
+    while passed <= MOST_BETWEEN {
+        let Some(byte) = read_byte(input)? else {
+            return Ok(false);
+        };
+        if before == 0xff && byte == START {
+            return Ok(true);
+        }
+        before = byte;
+        passed += 1;
+    }
+    Ok(false)
+}
+
+/// Copies up to the next marker and gives it: passes over entropy-coded bytes with their stuffed zeros and restart markers.
+/// `None` where the input ends, or the picture is too long.
+fn read_marker(input: &mut impl BufRead, whole: &mut Vec<u8>) -> io::Result<Option<u8>> {
+    while whole.len() <= MOST_BYTES {
+        let buffer = input.fill_buf()?;
+        if buffer.is_empty() {
+            return Ok(None);
+        }
+        let Some(at) = buffer.iter().position(|byte| *byte == 0xff) else {
+            let all = buffer.len();
+            whole.extend_from_slice(buffer);
+            input.consume(all);
+            continue;
+        };
+        whole.extend_from_slice(&buffer[..=at]);
+        input.consume(at + 1);
+        // Any number of 0xff may stand before a marker.
+        let marker = loop {
+            match read_byte(input)? {
+                None => return Ok(None),
+                Some(0xff) => {}
+                Some(marker) => break marker,
+            }
+        };
+        whole.push(marker);
+        if marker != 0 && !(0xd0..=0xd7).contains(&marker) {
+            return Ok(Some(marker));
+        }
+    }
+    Ok(None)
+}
+
+fn read_byte(input: &mut impl BufRead) -> io::Result<Option<u8>> {
+    let byte = input.fill_buf()?.first().copied();
+    if byte.is_some() {
+        input.consume(1);
+    }
+    Ok(byte)
+}
+
+fn read_exact(input: &mut impl BufRead, bytes: &mut [u8]) -> io::Result<bool> {
+    for byte in bytes {
+        let Some(read) = read_byte(input)? else {
+            return Ok(false);
+        };
+        *byte = read;
+    }
+    Ok(true)
+}
+
+/// False where the input ends before.
+fn copy(input: &mut impl BufRead, mut count: usize, whole: &mut Vec<u8>) -> io::Result<bool> {
+    while count > 0 {
+        let buffer = input.fill_buf()?;
+        if buffer.is_empty() {
+            return Ok(false);
+        }
+        let part = buffer.len().min(count);
+        whole.extend_from_slice(&buffer[..part]);
+        input.consume(part);
+        count -= part;
+    }
+    Ok(true)
+}
+
+/// The pictures of a motion JPEG stream. It has no times: they come at the rate that is asked for.
+#[derive(Debug)]
+pub(super) struct MotionJpeg<R> {
+    info: SourceInfo,
+    input: R,
+    jpeg: JpegPictures,
+    first: Option<Picture>,
+    number: u64,
+    period_seconds: f64,
+    ended: bool,
+}
+
+impl<R: BufRead> MotionJpeg<R> {
+    /// Reads the first picture.
+    pub(super) fn open(name: String, input: R, wanted: &Wanted) -> Result<Self, SourceError> {
+        let rate_hz = wanted.rate_of_recording_hz();
+        let mut stream = Self {
+            info: SourceInfo {
+                name,
+                width: 0,
+                height: 0,
+                rate_hz: Some(rate_hz),
+                live: false,
+                frames: None,
+            },
+            input,
+            jpeg: JpegPictures::default(),
+            first: None,
+            number: 0,
+            period_seconds: rate_hz.recip(),
+            ended: false,
+        };
+        let mut first = Picture::empty();
+        if !stream.read(&mut first)? {
+            return Err(SourceError::NoPicture {
+                name: stream.info.name,
+                why: "it has no whole JPEG picture".to_owned(),
+            });
+        }
+        (stream.info.width, stream.info.height) = (first.width, first.height);
+        stream.first = Some(first);
+        Ok(stream)
+    }
+
+    fn read(&mut self, into: &mut Picture) -> Result<bool, SourceError> {
+        let name = &self.info.name;
+        let found = next_picture(&mut self.input, &mut self.jpeg.whole).map_err(|source| {
+            SourceError::Read {
+                name: name.clone(),
+                source,
+            }
+        })?;
+        into.at = Instant::now();
+        match found {
+            Found::Whole => self.jpeg.decode_whole(name, into).map(|()| true),
+            Found::Cut => {
+                log::warn!(
+                    "{name} breaks off in picture {}: it ends there",
+                    self.number
+                );
+                Ok(false)
+            }
+            Found::None => Ok(false),
+            Found::TooLong => Err(malformed(name, too_long())),
+        }
+    }
+}
+
+impl<R: BufRead + Send> Source for MotionJpeg<R> {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn next(&mut self, into: &mut Picture) -> Result<bool, SourceError> {
+        if self.ended {
+            return Ok(false);
+        }
+        self.ended = true;
+        if let Some(mut first) = self.first.take() {
+            std::mem::swap(&mut into.rgb, &mut first.rgb);
+            (into.width, into.height, into.at) = (first.width, first.height, first.at);
+        } else if !self.read(into)? {
+            return Ok(false);
+        }
+        if (into.width, into.height) != (self.info.width, self.info.height) {
+            return Err(SourceError::SizeChanged {
+                name: self.info.name.clone(),
+                number: self.number,
+                width: into.width,
+                height: into.height,
+                first_width: self.info.width,
+                first_height: self.info.height,
+            });
+        }
+        self.ended = false;
+        into.number = self.number;
+        #[allow(clippy::cast_precision_loss, reason = "below 2^53 pictures")]
+        {
+            into.seconds = self.number as f64 * self.period_seconds;
+        }
+        self.number += 1;
+        Ok(true)
+    }
+}
+
+#[cfg(test)]
+#[path = "jpeg_tests.rs"]
+mod tests;

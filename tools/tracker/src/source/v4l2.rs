@@ -1,0 +1,630 @@
+//! Video4Linux 2: a camera's modes, its buffers mapped into memory, and its clock. Laid out as `linux/videodev2.h` has it on
+//! systems of 64 bits.
+
+use std::fs::{File, OpenOptions, read_dir, read_to_string};
+use std::io;
+use std::os::fd::AsFd;
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::path::Path;
+use std::ptr::null_mut;
+use std::slice::from_raw_parts;
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::OFlags;
+use rustix::io::Errno;
+use rustix::ioctl::{Getter, Opcode, Setter, Updater, ioctl, opcode};
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::time::{ClockId, clock_gettime};
+
+use super::camera::{Driver, Filled, FourCc, Layout, Mode};
+use super::colour::{Matrix, Range};
+use super::error::SourceError;
+
+const VIDEO_CAPTURE: u32 = 1;
+const MAPPED: u32 = 1;
+
+const CAN_CAPTURE: u32 = 1;
+const CAN_CAPTURE_IN_PLANES: u32 = 0x1000;
+const CAN_STREAM: u32 = 0x0400_0000;
+const HAS_DEVICE_CAPABILITIES: u32 = 0x8000_0000;
+
+const DAMAGED: u32 = 0x40;
+const CLOCK_MASK: u32 = 0xe000;
+const CLOCK_MONOTONIC: u32 = 0x2000;
+
+const DISCRETE: u32 = 1;
+const ENCODING_601: u32 = 1;
+const ENCODING_709: u32 = 2;
+const COLOURS_709: u32 = 3;
+const COLOURS_JPEG: u32 = 7;
+const FULL_RANGE: u32 = 1;
+const CAN_SET_RATE: u32 = 0x1000;
+
+/// More than drivers give, and few enough that a hostile one cannot fill the memory.
+const MOST_LISTED: u32 = 256;
+/// Two pictures wait while one is converted and one is filled.
+const BUFFERS: u32 = 4;
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default)]
+struct Capability {
+    driver: [u8; 16],
+    card: [u8; 32],
+    bus: [u8; 32],
+    version: u32,
+    capabilities: u32,
+    device_capabilities: u32,
+    reserved: [u32; 3],
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default)]
+struct FormatDescription {
+    index: u32,
+    kind: u32,
+    flags: u32,
+    description: [u8; 32],
+    pixel_format: u32,
+    bus_code: u32,
+    reserved: [u32; 3],
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default)]
+struct FrameSize {
+    index: u32,
+    pixel_format: u32,
+    kind: u32,
+    /// Discrete: width, height. Else: least, most and step of width, then of height.
+    sizes: [u32; 6],
+    reserved: [u32; 2],
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default)]
+struct FrameInterval {
+    index: u32,
+    pixel_format: u32,
+    width: u32,
+    height: u32,
+    kind: u32,
+    /// Discrete: one fraction of a second. Else: least, most and step.
+    fractions: [u32; 6],
+    reserved: [u32; 2],
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default)]
+struct PixelFormat {
+    width: u32,
+    height: u32,
+    pixel_format: u32,
+    field: u32,
+    bytes_per_line: u32,
+    size: u32,
+    colours: u32,
+    private: u32,
+    flags: u32,
+    encoding: u32,
+    quantization: u32,
+    transfer: u32,
+}
+
+/// Aligned as the pointers in the union's other members are.
+#[repr(C, align(8))]
+#[derive(Debug, Clone, Copy)]
+struct Format {
+    kind: u32,
+    padding: u32,
+    pixels: PixelFormat,
+    rest: [u8; 152],
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+struct StreamParameters {
+    kind: u32,
+    capability: u32,
+    mode: u32,
+    /// Seconds a picture: numerator, denominator.
+    interval: [u32; 2],
+    rest: [u8; 184],
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default)]
+struct RequestBuffers {
+    count: u32,
+    kind: u32,
+    memory: u32,
+    capabilities: u32,
+    flags: [u8; 4],
+}
+
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default)]
+struct Buffer {
+    index: u32,
+    kind: u32,
+    bytes_used: u32,
+    flags: u32,
+    field: u32,
+    seconds: i64,
+    microseconds: i64,
+    timecode: [u32; 4],
+    sequence: u32,
+    memory: u32,
+    /// The lower half is the offset, on both orders of bytes in memory, because the union starts with it.
+    offset: u32,
+    offset_rest: u32,
+    length: u32,
+    reserved: u32,
+    request: i32,
+}
+
+const QUERY_CAPABILITIES: Opcode = opcode::read::<Capability>(b'V', 0);
+const LIST_FORMATS: Opcode = opcode::read_write::<FormatDescription>(b'V', 2);
+const SET_FORMAT: Opcode = opcode::read_write::<Format>(b'V', 5);
+const REQUEST_BUFFERS: Opcode = opcode::read_write::<RequestBuffers>(b'V', 8);
+const QUERY_BUFFER: Opcode = opcode::read_write::<Buffer>(b'V', 9);
+const QUEUE: Opcode = opcode::read_write::<Buffer>(b'V', 15);
+const DEQUEUE: Opcode = opcode::read_write::<Buffer>(b'V', 17);
+const START: Opcode = opcode::write::<u32>(b'V', 18);
+const STOP: Opcode = opcode::write::<u32>(b'V', 19);
+const GET_PARAMETERS: Opcode = opcode::read_write::<StreamParameters>(b'V', 21);
+const SET_PARAMETERS: Opcode = opcode::read_write::<StreamParameters>(b'V', 22);
+const LIST_SIZES: Opcode = opcode::read_write::<FrameSize>(b'V', 74);
+const LIST_INTERVALS: Opcode = opcode::read_write::<FrameInterval>(b'V', 75);
+
+/// One of the driver's buffers, in this process's memory.
+#[derive(Debug)]
+struct Mapping {
+    start: *mut core::ffi::c_void,
+    length: usize,
+}
+
+// SAFETY: the mapping belongs to this value alone, and memory is no thread's.
+unsafe impl Send for Mapping {}
+
+impl Drop for Mapping {
+    fn drop(&mut self) {
+        // SAFETY: it was mapped with this length, and no slice of it outlives `&self`.
+        if let Err(why) = unsafe { munmap(self.start, self.length) } {
+            log::debug!("a camera's buffer stays mapped: {why}");
+        }
+    }
+}
+
+/// An open camera.
+#[derive(Debug)]
+pub(super) struct Device {
+    file: File,
+    card: String,
+    mappings: Vec<Mapping>,
+    started: bool,
+}
+
+impl Device {
+    /// Opens a camera; what is none is refused.
+    pub(super) fn open(path: &Path) -> Result<Self, SourceError> {
+        let device = path.display().to_string();
+        let none = |why: &str| SourceError::NotACamera {
+            device: device.clone(),
+            why: why.to_owned(),
+            present: present(),
+        };
+        let failed = |source: io::Error| {
+            let device = device.clone();
+            match Errno::from_io_error(&source) {
+                Some(Errno::NOENT | Errno::NODEV | Errno::NXIO | Errno::NOTDIR) => {
+                    SourceError::NoDevice {
+                        device,
+                        present: present(),
+                    }
+                }
+                Some(Errno::ACCESS | Errno::PERM) => SourceError::NoPermission { device },
+                Some(Errno::BUSY) => SourceError::Busy { device },
+                _ => SourceError::Device {
+                    device,
+                    doing: "to open",
+                    source,
+                },
+            }
+        };
+        // Before it is opened: opening a pipe or a tape has effects.
+        if !path
+            .metadata()
+            .map_err(failed)?
+            .file_type()
+            .is_char_device()
+        {
+            return Err(none("it is no device"));
+        }
+        #[allow(
+            clippy::cast_possible_wrap,
+            reason = "the flags are those that the system takes as an int"
+        )]
+        let flags = (OFlags::NONBLOCK | OFlags::CLOEXEC).bits() as i32;
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .custom_flags(flags)
+            .open(path)
+            .map_err(failed)?;
+        let mut said = Capability::default();
+        // SAFETY: the code is that of the structure, which the driver fills.
+        let asked = unsafe { ioctl(&file, Getter::<QUERY_CAPABILITIES, Capability>::new()) };
+        match asked {
+            Ok(answer) => said = answer,
+            Err(Errno::NOTTY | Errno::INVAL) => return Err(none("it is no video device")),
+            Err(why) => return Err(failed(why.into())),
+        }
+        let can = if said.capabilities & HAS_DEVICE_CAPABILITIES != 0 {
+            said.device_capabilities
+        } else {
+            said.capabilities
+        };
+        if can & CAN_CAPTURE == 0 {
+            return Err(none(if can & CAN_CAPTURE_IN_PLANES != 0 {
+                "it gives pictures in several planes only: use a pipe of y4m, as from libcamera or ffmpeg"
+            } else {
+                "it gives no pictures (a camera often has a second device, of numbers only)"
+            }));
+        }
+        if can & CAN_STREAM == 0 {
+            return Err(none("its driver cannot stream"));
+        }
+        Ok(Self {
+            file,
+            card: text(&said.card),
+            mappings: Vec::new(),
+            started: false,
+        })
+    }
+
+    /// For messages.
+    pub(super) fn name(&self, path: &Path) -> String {
+        if self.card.is_empty() {
+            path.display().to_string()
+        } else {
+            format!("{} ({})", path.display(), self.card)
+        }
+    }
+
+    /// An ioctl that reads and writes a structure.
+    fn update<const CODE: Opcode, T>(&self, value: &mut T) -> Result<(), Errno> {
+        loop {
+            // SAFETY: every code is made of the type of its structure, at the constants above; these structures are plain numbers
+            // without pointers.
+            match unsafe { ioctl(&self.file, Updater::<CODE, T>::new(value)) } {
+                Err(Errno::INTR) => {}
+                other => return other,
+            }
+        }
+    }
+
+    fn sizes(&self, format: u32, wanted: (u32, u32)) -> Vec<(u32, u32)> {
+        let mut sizes = Vec::new();
+        for index in 0..MOST_LISTED {
+            let mut size = FrameSize {
+                index,
+                pixel_format: format,
+                ..FrameSize::default()
+            };
+            if self.update::<LIST_SIZES, _>(&mut size).is_err() {
+                break;
+            }
+            let [a, b, c, d, e, f] = size.sizes;
+            if size.kind == DISCRETE {
+                sizes.push((a, b));
+            } else {
+                sizes.push((nearest(wanted.0, a, b, c), nearest(wanted.1, d, e, f)));
+                break;
+            }
+        }
+        if sizes.is_empty() {
+            // Not all drivers list them: they make of what they are asked for what they can.
+            sizes.push(wanted);
+        }
+        sizes
+    }
+
+    fn fastest_hz(&self, format: u32, (width, height): (u32, u32)) -> Option<f64> {
+        let mut fastest: Option<f64> = None;
+        for index in 0..MOST_LISTED {
+            let mut interval = FrameInterval {
+                index,
+                pixel_format: format,
+                width,
+                height,
+                ..FrameInterval::default()
+            };
+            if self.update::<LIST_INTERVALS, _>(&mut interval).is_err() {
+                break;
+            }
+            let [num, den, ..] = interval.fractions;
+            fastest = [fastest, rate(num, den)]
+                .into_iter()
+                .flatten()
+                .reduce(f64::max);
+            if interval.kind != DISCRETE {
+                break;
+            }
+        }
+        fastest
+    }
+
+    /// Where the driver lets it be set.
+    fn set_rate(&self, rate_hz: f64) -> Option<f64> {
+        let mut parameters = StreamParameters {
+            kind: VIDEO_CAPTURE,
+            capability: 0,
+            mode: 0,
+            interval: [0; 2],
+            rest: [0; 184],
+        };
+        self.update::<GET_PARAMETERS, _>(&mut parameters).ok()?;
+        if parameters.capability & CAN_SET_RATE != 0 {
+            let before = parameters;
+            #[allow(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "clamped"
+            )]
+            let thousandths = (rate_hz * 1000.0).clamp(1.0, 1e9) as u32;
+            parameters.interval = [1000, thousandths];
+            if self.update::<SET_PARAMETERS, _>(&mut parameters).is_err() {
+                parameters = before;
+            }
+        }
+        rate(parameters.interval[0], parameters.interval[1])
+    }
+
+    fn map(&mut self) -> io::Result<()> {
+        let mut request = RequestBuffers {
+            count: BUFFERS,
+            kind: VIDEO_CAPTURE,
+            memory: MAPPED,
+            ..RequestBuffers::default()
+        };
+        self.update::<REQUEST_BUFFERS, _>(&mut request)?;
+        for index in 0..request.count.min(MOST_LISTED) {
+            let mut buffer = empty(index);
+            self.update::<QUERY_BUFFER, _>(&mut buffer)?;
+            let length = buffer.length as usize;
+            // SAFETY: a new mapping, where the system puts it, of what the driver says the buffer is.
+            let start = unsafe {
+                mmap(
+                    null_mut(),
+                    length,
+                    ProtFlags::READ | ProtFlags::WRITE,
+                    MapFlags::SHARED,
+                    &self.file,
+                    u64::from(buffer.offset),
+                )
+            }?;
+            self.mappings.push(Mapping { start, length });
+            self.update::<QUEUE, _>(&mut empty(index))?;
+        }
+        if self.mappings.is_empty() {
+            return Err(io::Error::from(Errno::NOMEM));
+        }
+        Ok(())
+    }
+}
+
+fn empty(index: u32) -> Buffer {
+    Buffer {
+        index,
+        kind: VIDEO_CAPTURE,
+        memory: MAPPED,
+        ..Buffer::default()
+    }
+}
+
+fn rate(seconds_num: u32, seconds_den: u32) -> Option<f64> {
+    (seconds_num > 0 && seconds_den > 0).then(|| f64::from(seconds_den) / f64::from(seconds_num))
+}
+
+fn nearest(wanted: u32, least: u32, most: u32, step: u32) -> u32 {
+    let within = wanted.clamp(least.min(most), most);
+    within - (within - least.min(within)) % step.max(1)
+}
+
+fn text(bytes: &[u8]) -> String {
+    let end = bytes
+        .iter()
+        .position(|byte| *byte == 0)
+        .unwrap_or(bytes.len());
+    String::from_utf8_lossy(&bytes[..end]).trim().to_owned()
+}
+
+/// Which cameras there are, as a part of a message.
+fn present() -> String {
+    list(Path::new("/dev"), Path::new("/sys/class/video4linux"))
+}
+
+fn list(devices: &Path, names: &Path) -> String {
+    let mut found: Vec<(u32, String)> = read_dir(devices)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| {
+            let file = entry.file_name().to_str()?.to_owned();
+            let number = file.strip_prefix("video")?.parse().ok()?;
+            let card = read_to_string(names.join(&file).join("name")).unwrap_or_default();
+            let shown = if card.trim().is_empty() {
+                String::new()
+            } else {
+                format!(" ({})", card.trim())
+            };
+            Some((number, format!("{}{shown}", entry.path().display())))
+        })
+        .collect();
+    found.sort();
+    if found.is_empty() {
+        return "this system has none (in a container or virtual machine, it has to be handed in); a video file will do too".to_owned();
+    }
+    let names: Vec<String> = found.into_iter().map(|(_, name)| name).collect();
+    format!("there are {}", names.join(", "))
+}
+
+impl Driver for Device {
+    fn modes(&mut self, size: (u32, u32)) -> io::Result<Vec<Mode>> {
+        let mut modes = Vec::new();
+        for index in 0..MOST_LISTED {
+            let mut format = FormatDescription {
+                index,
+                kind: VIDEO_CAPTURE,
+                ..FormatDescription::default()
+            };
+            match self.update::<LIST_FORMATS, _>(&mut format) {
+                Ok(()) => {}
+                Err(Errno::INVAL | Errno::NOTTY) => break,
+                Err(why) => return Err(why.into()),
+            }
+            for (width, height) in self.sizes(format.pixel_format, size) {
+                modes.push(Mode {
+                    format: format.pixel_format.to_le_bytes(),
+                    width,
+                    height,
+                    fastest_hz: self.fastest_hz(format.pixel_format, (width, height)),
+                });
+            }
+        }
+        Ok(modes)
+    }
+
+    fn start(&mut self, mode: Mode, rate_hz: f64) -> io::Result<Layout> {
+        let mut format = Format {
+            kind: VIDEO_CAPTURE,
+            padding: 0,
+            pixels: PixelFormat {
+                width: mode.width,
+                height: mode.height,
+                pixel_format: u32::from_le_bytes(mode.format),
+                ..PixelFormat::default()
+            },
+            rest: [0; 152],
+        };
+        self.update::<SET_FORMAT, _>(&mut format)?;
+        let rate_hz = self.set_rate(rate_hz);
+        self.map()?;
+        // SAFETY: the code is that of a number, the kind of buffers.
+        unsafe { ioctl(&self.file, Setter::<START, u32>::new(VIDEO_CAPTURE)) }?;
+        self.started = true;
+        Ok(layout(&format.pixels, rate_hz))
+    }
+
+    fn buffers(&self) -> usize {
+        self.mappings.len()
+    }
+
+    fn dequeue(&mut self, patience: Duration) -> io::Result<Option<Filled>> {
+        let deadline = Instant::now() + patience;
+        loop {
+            let mut buffer = empty(0);
+            match self.update::<DEQUEUE, _>(&mut buffer) {
+                Ok(()) => return Ok(Some(filled(&buffer))),
+                Err(Errno::AGAIN) => {}
+                // The driver lost a picture, and goes on.
+                Err(Errno::IO) if patience.is_zero() => return Ok(None),
+                Err(Errno::IO) => {}
+                Err(why) => return Err(why.into()),
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            let left = Timespec {
+                tv_sec: i64::try_from(left.as_secs()).unwrap_or(i64::MAX),
+                tv_nsec: left.subsec_nanos().into(),
+            };
+            let mut ready = [PollFd::from_borrowed_fd(self.file.as_fd(), PollFlags::IN)];
+            match poll(&mut ready, Some(&left)) {
+                Ok(0) => return Ok(None),
+                Ok(_) if ready[0].revents().contains(PollFlags::IN) => {}
+                // It has been unplugged, or stopped.
+                Ok(_) => return Err(Errno::NODEV.into()),
+                Err(Errno::INTR) => {}
+                Err(why) => return Err(why.into()),
+            }
+        }
+    }
+
+    fn bytes(&self, filled: &Filled) -> &[u8] {
+        let Some(mapping) = self.mappings.get(filled.index) else {
+            return &[];
+        };
+        // SAFETY: mapped for as long as `self` is. Between its being taken and given back, the driver does not write to it.
+        unsafe { from_raw_parts(mapping.start.cast::<u8>().cast_const(), mapping.length) }
+    }
+
+    fn requeue(&mut self, index: usize) -> io::Result<()> {
+        let index = u32::try_from(index).map_err(|_| io::ErrorKind::InvalidInput)?;
+        Ok(self.update::<QUEUE, _>(&mut empty(index))?)
+    }
+}
+
+fn filled(buffer: &Buffer) -> Filled {
+    let monotonic = buffer.flags & CLOCK_MASK == CLOCK_MONOTONIC;
+    Filled {
+        index: buffer.index as usize,
+        bytes: buffer.bytes_used as usize,
+        at: monotonic
+            .then(|| instant_of(buffer.seconds, buffer.microseconds))
+            .flatten(),
+        sequence: buffer.sequence,
+        damaged: buffer.flags & DAMAGED != 0,
+    }
+}
+
+/// A time of the system's monotonic clock, which is not after now.
+fn instant_of(seconds: i64, microseconds: i64) -> Option<Instant> {
+    let clock = clock_gettime(ClockId::Monotonic);
+    let now = Instant::now();
+    let then = Duration::from_secs(u64::try_from(seconds).ok()?)
+        .checked_add(Duration::from_micros(u64::try_from(microseconds).ok()?))?;
+    let clock = Duration::new(
+        u64::try_from(clock.tv_sec).ok()?,
+        u32::try_from(clock.tv_nsec).ok()?,
+    );
+    now.checked_sub(clock.saturating_sub(then))
+}
+
+/// As `V4L2_MAP_YCBCR_ENC_DEFAULT` and `V4L2_MAP_QUANTIZATION_DEFAULT` have it for formats that are not RGB.
+fn layout(pixels: &PixelFormat, rate_hz: Option<f64>) -> Layout {
+    let format: FourCc = pixels.pixel_format.to_le_bytes();
+    Layout {
+        format,
+        width: pixels.width,
+        height: pixels.height,
+        stride: pixels.bytes_per_line as usize,
+        matrix: match (pixels.encoding, pixels.colours) {
+            (ENCODING_709, _) | (0, COLOURS_709) => Matrix::Bt709,
+            (ENCODING_601, _) | (_, _) => Matrix::Bt601,
+        },
+        range: match (pixels.quantization, pixels.colours) {
+            (FULL_RANGE, _) | (0, COLOURS_JPEG) => Range::Full,
+            _ => Range::Limited,
+        },
+        rate_hz,
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        if self.started {
+            // SAFETY: the code is that of a number, the kind of buffers.
+            if let Err(why) = unsafe { ioctl(&self.file, Setter::<STOP, u32>::new(VIDEO_CAPTURE)) }
+            {
+                log::debug!("a camera does not stop: {why}");
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "v4l2_tests.rs"]
+mod tests;
