@@ -1,6 +1,7 @@
 //! A camera as a source of motion: its pictures, the networks that look at them, and the fit to the avatar.
 
 use crate::device_options::{DeviceOptions, networks};
+use crate::notice::Notices;
 use anyhow::Context;
 use glam::Vec2;
 use motion_fit::landmarks::{Camera, Observation};
@@ -12,8 +13,11 @@ use spmm3::Avatar;
 use std::ffi::OsString;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use tracker::picture;
 use tracker::source::{self, Picture, Source, SourceChoice, Wanted};
-use tracker::{NetworkSet, Notice, PictureView, StageTimes, Tracker};
+use tracker::Tracker;
+use tracker::mediapipe;
+use tracker::workers::StageTimes;
 
 /// Options that choose a camera.
 #[derive(Debug, Clone, clap::Args)]
@@ -77,6 +81,7 @@ pub(crate) struct CameraFigures {
     /// Of a live source, pictures that came while another was looked at.
     pub(crate) skipped: u64,
     pub(crate) body_ms: f64,
+    /// The slower hand: both have networks of their own.
     pub(crate) hands_ms: f64,
     pub(crate) face_ms: f64,
     /// All networks of a picture together: they run beside one another.
@@ -94,8 +99,8 @@ pub(crate) struct CameraCapture {
     avatar: Arc<Avatar>,
     lens: LensOptions,
     fit: Option<(MotionFit, (u32, u32))>,
-    picture: Picture,
-    notice: Option<Notice>,
+    picture: Arc<Picture>,
+    notices: Notices,
     times: Vec<(StageTimes, f64, f64)>,
     last: Option<u64>,
     skipped: u64,
@@ -139,15 +144,15 @@ impl CameraCapture {
         avatar: &Arc<Avatar>,
         runtime: &Runtime,
     ) -> anyhow::Result<Self> {
-        let networks = NetworkSet::open(&networks()?)?;
+        let models = mediapipe::Options::default().load(&networks()?, runtime)?;
         Ok(Self {
             source,
-            tracker: Tracker::new(runtime, &networks)?,
+            tracker: Tracker::new(models)?,
             avatar: Arc::clone(avatar),
             lens,
             fit: None,
-            picture: Picture::empty(),
-            notice: None,
+            picture: Arc::default(),
+            notices: Notices::default(),
             times: Vec::new(),
             last: None,
             skipped: 0,
@@ -162,7 +167,12 @@ impl CameraCapture {
 
     /// Waits for the next picture and tracks it; nothing at the end.
     pub(crate) fn track(&mut self) -> anyhow::Result<Option<Tracked<'_>>> {
-        if !self.source.next(&mut self.picture)? {
+        // The networks' threads have let go of the last picture as a rule; else it is theirs.
+        if Arc::get_mut(&mut self.picture).is_none() {
+            self.picture = Arc::default();
+        }
+        let buffer = Arc::make_mut(&mut self.picture);
+        if !self.source.next(buffer)? {
             return Ok(None);
         }
         let picture = &self.picture;
@@ -179,13 +189,10 @@ impl CameraCapture {
             *fit = MotionFit::new(&subject(&self.avatar), self.lens.camera(size.0, size.1));
             *of_size = size;
         }
-        let view = PictureView {
-            width: size.0,
-            height: size.1,
-            rgb: &picture.rgb,
-        };
-        let (mut observation, times) = self.tracker.observe(view)?;
-        observation.seconds = picture.seconds;
+        let shared: Arc<dyn picture::Picture> = Arc::clone(&self.picture) as _;
+        let seen = self.tracker.observe(&shared)?;
+        let (times, people) = (seen.times, seen.people);
+        let observation = seen.into_observation();
         let began = Instant::now();
         let fitted = fit.step(&observation);
         let ended = Instant::now();
@@ -193,12 +200,9 @@ impl CameraCapture {
             let ms = |from: Instant| ended.saturating_duration_since(from).as_secs_f64() * 1e3;
             self.times.push((times, ms(began), ms(picture.at)));
         }
-        let notice = self.tracker.notice();
-        if notice != self.notice {
-            if let Some(notice) = &notice {
-                log::warn!("{}: {notice}", self.source.info().name);
-            }
-            self.notice = notice;
+        let notice = (self.notices).after(&self.picture, fitted.sees_person, people);
+        if let Some(notice) = notice {
+            log::warn!("{}: {notice}", self.source.info().name);
         }
         Ok(Some(Tracked {
             picture: &self.picture,
@@ -217,10 +221,10 @@ impl CameraCapture {
         CameraFigures {
             pictures: self.last.map_or(0, |last| last + 1 - self.skipped),
             skipped: self.skipped,
-            body_ms: median(&|(times, _, _)| times.body_ms),
-            hands_ms: median(&|(times, _, _)| times.hands_ms),
-            face_ms: median(&|(times, _, _)| times.face_ms),
-            networks_ms: median(&|(times, _, _)| times.all_ms),
+            body_ms: median(&|(times, _, _)| times.body_ms.into()),
+            hands_ms: median(&|(times, _, _)| times.hands_ms[0].max(times.hands_ms[1]).into()),
+            face_ms: median(&|(times, _, _)| times.face_ms.into()),
+            networks_ms: median(&|(times, _, _)| times.total_ms.into()),
             fit_ms: median(&|(_, fit, _)| *fit),
             latency_ms: median(&|(_, _, latency)| *latency),
         }

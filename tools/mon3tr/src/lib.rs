@@ -14,6 +14,7 @@ mod lanes;
 mod moments;
 mod monado;
 pub mod network;
+mod notice;
 pub mod performance;
 mod place;
 pub mod program;

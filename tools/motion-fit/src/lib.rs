@@ -2,9 +2,12 @@
 //!
 //! It knows landmarks and time, but no images, networks or devices.
 
-pub mod body;
 pub mod align;
+pub mod body;
 pub mod face;
 pub mod hands;
 pub mod landmarks;
+mod motion_fit;
 pub mod smoother;
+
+pub use motion_fit::{Fitted, MotionFit, Subject};

@@ -6,8 +6,8 @@ pub mod mediapipe;
 pub mod models;
 pub mod networks;
 pub mod picture;
+pub mod source;
 pub mod workers;
 
 pub use error::TrackerError;
 pub use workers::Tracker;
-pub mod source;

@@ -14,8 +14,10 @@ use renderer_splat::options::Filter;
 use spmm3::Avatar;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
+use tracker::Tracker;
+use tracker::mediapipe::Options;
 use tracker::source::{self, Picture, SourceChoice, Wanted};
-use tracker::{NetworkSet, PictureView, Tracker};
 
 /// Looks at pictures, or reads what was seen in them before.
 pub(super) struct Keeper<'a> {
@@ -27,11 +29,10 @@ pub(super) struct Keeper<'a> {
 
 impl<'a> Keeper<'a> {
     pub(super) fn new(folder: Option<&'a Path>, device: &'a DeviceOptions) -> anyhow::Result<Self> {
-        let networks = NetworkSet::open(&networks()?)?;
         Ok(Self {
             folder,
             device,
-            tracker: Tracker::new(&device.runtime()?, &networks)?,
+            tracker: start(device)?,
             times: StageTimes::default(),
         })
     }
@@ -101,15 +102,17 @@ impl<'a> Keeper<'a> {
         let label = format!("{} from {}", take.motion, take.camera_name);
         let bar = progress::bar(&label, take.frames.len());
         let mut seen = Vec::new();
-        self.tracker.forget();
+        self.forget()?;
         renderer.draw(&setting, stills, |k, views| {
             let picture = views.first().context("the renderer returned no picture")?;
-            let view = PictureView {
+            seen.push(self.look(Picture {
                 width: picture.width(),
                 height: picture.height(),
-                rgb: picture.as_raw(),
-            };
-            seen.push(self.look(view, k as f64 / RATE)?);
+                rgb: picture.as_raw().clone(),
+                at: Instant::now(),
+                seconds: k as f64 / RATE,
+                number: k as u64,
+            })?);
             bar.inc(1);
             Ok(())
         })?;
@@ -120,25 +123,33 @@ impl<'a> Keeper<'a> {
     fn decode(&mut self, file: &Path) -> anyhow::Result<Vec<Observation>> {
         let choice = SourceChoice::File(file.to_owned());
         let mut source = source::open(&choice, &Wanted::default())?;
-        let mut picture = Picture::empty();
         let mut seen = Vec::new();
-        self.tracker.forget();
-        while source.next(&mut picture)? {
-            let view = PictureView {
-                width: picture.width,
-                height: picture.height,
-                rgb: &picture.rgb,
-            };
-            let seconds = picture.seconds;
-            seen.push(self.look(view, seconds)?);
+        self.forget()?;
+        loop {
+            let mut picture = Picture::empty();
+            if !source.next(&mut picture)? {
+                return Ok(seen);
+            }
+            seen.push(self.look(picture)?);
         }
-        Ok(seen)
     }
 
-    fn look(&mut self, view: PictureView<'_>, seconds: f64) -> anyhow::Result<Observation> {
-        let (mut observation, stages) = self.tracker.observe(view)?;
-        observation.seconds = seconds;
-        self.times.add(&stages);
-        Ok(observation)
+    fn look(&mut self, picture: Picture) -> anyhow::Result<Observation> {
+        let picture: Arc<dyn tracker::picture::Picture> = Arc::new(picture);
+        let seen = self.tracker.observe(&picture)?;
+        self.times.add(&seen.times);
+        Ok(seen.into_observation())
     }
+
+    /// Another person comes.
+    fn forget(&mut self) -> anyhow::Result<()> {
+        self.tracker = start(self.device)?;
+        Ok(())
+    }
+}
+
+/// A tracker that has seen nothing.
+fn start(device: &DeviceOptions) -> anyhow::Result<Tracker> {
+    let models = Options::default().load(&networks()?, &device.runtime()?)?;
+    Ok(Tracker::new(models)?)
 }

@@ -2,6 +2,7 @@
 
 use super::score::Scores;
 use serde::Serialize;
+use tracker::workers;
 
 /// One motion from one camera.
 #[derive(Debug, Serialize)]
@@ -21,6 +22,28 @@ pub(super) struct StageTimes {
     pub(super) hands_ms: Vec<f64>,
     pub(super) face_ms: Vec<f64>,
     pub(super) all_ms: Vec<f64>,
+}
+
+impl StageTimes {
+    pub(super) fn add(&mut self, times: &workers::StageTimes) {
+        let [left, right] = times.hands_ms;
+        self.body_ms.push(times.body_ms.into());
+        self.hands_ms.push(left.max(right).into());
+        self.face_ms.push(times.face_ms.into());
+        self.all_ms.push(times.total_ms.into());
+    }
+
+    pub(super) fn print(&self) {
+        let of = |values: &[f64]| text(median(values.to_vec()));
+        println!(
+            "\nmedian ms of {} pictures: body {}, the slower hand {}, face {}, from picture to landmarks {}",
+            self.all_ms.len(),
+            of(&self.body_ms),
+            of(&self.hands_ms),
+            of(&self.face_ms),
+            of(&self.all_ms)
+        );
+    }
 }
 
 /// A figure of a row, for the median over all of them.

@@ -4,6 +4,8 @@ use std::fmt;
 use std::time::Instant;
 
 use super::error::SourceError;
+use crate::TrackerError;
+use crate::picture::PictureView;
 
 /// The longest side of a picture that a source accepts, in pixels.
 pub const LARGEST_SIDE: u32 = 8192;
@@ -51,6 +53,16 @@ impl Picture {
 impl Default for Picture {
     fn default() -> Self {
         Self::empty()
+    }
+}
+
+impl crate::picture::Picture for Picture {
+    fn view(&self) -> Result<PictureView<'_>, TrackerError> {
+        PictureView::new(self.width as usize, self.height as usize, &self.rgb)
+    }
+
+    fn seconds(&self) -> f64 {
+        self.seconds
     }
 }
 

@@ -1,0 +1,268 @@
+//! [`MotionFit`]: what the networks saw of body, hands and face becomes one frame of motion parameters.
+
+use crate::body::{BodyFit, BodyPose, FitConfig, Limb};
+use crate::face::{self, FaceFit, FacePose};
+use crate::hands::{FINGER_JOINTS, HandFit, HandPose, Side};
+use crate::landmarks::{Camera, Observation};
+use crate::smoother::{Confidence, SmoothConfig, Smoother};
+use glam::{Affine3A, DQuat, Mat3A, Quat, Vec3, Vec3A};
+use spmm3::{Expressions, Joint, MotionParams, Skeleton};
+
+/// A hand or face that is no longer seen is kept for so long, then relaxes within [`RELAX`], seconds.
+const HOLD: f64 = 0.3;
+const RELAX: f64 = 0.6;
+/// Below this confidence the wrist is where the body's landmarks have it.
+const WRIST_FROM: f64 = 0.3;
+/// Farthest that a head turns against the chest, radians.
+const MOST_HEAD: f32 = 1.4;
+/// How much of the head's turn against the chest the neck makes.
+const NECK_SHARE: f32 = 0.4;
+
+/// Whose motion is fitted: the avatar's own skeleton and face.
+#[derive(Debug, Clone, Copy)]
+pub struct Subject<'a> {
+    /// The avatar's skeleton.
+    pub skeleton: &'a Skeleton,
+    /// The avatar's named expressions.
+    pub expressions: &'a Expressions,
+}
+
+/// One frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fitted {
+    /// The motion, smoothed.
+    pub motion: MotionParams,
+    /// From the room that the motion is in (y up, the floor at y = 0) to the camera's axes (x right, y down, z away), metres.
+    pub camera_from_room: Affine3A,
+    /// Whether a body was seen; otherwise the person eases to rest.
+    pub sees_person: bool,
+    /// Of each limb, in the order of [`Limb::ALL`], 0..=1.
+    pub limbs: [f32; 6],
+    /// Of the left and the right hand's fingers, 0..=1.
+    pub hands: [f32; 2],
+    /// Of the face, 0..=1.
+    pub face: f32,
+    /// Root mean square distance of the body's landmarks from the fitted pose, pixels.
+    pub reprojection_px: f32,
+    /// Whether the network had left and right exchanged.
+    pub swapped: bool,
+}
+
+/// Follows one person in one camera's pictures.
+#[derive(Debug, Clone)]
+pub struct MotionFit {
+    skeleton: Skeleton,
+    body: BodyFit,
+    hands: [Hand; 2],
+    face: Face,
+    smoother: Smoother,
+}
+
+/// The face as last seen.
+#[derive(Debug, Clone)]
+struct Face {
+    fit: FaceFit,
+    camera: Camera,
+    presets: Expressions,
+    pose: Option<FacePose>,
+    last_seen: f64,
+    confidence: f64,
+}
+
+#[derive(Debug, Clone)]
+struct Hand {
+    fit: HandFit,
+    side: Side,
+    /// The fingers of a relaxed hand, and those that are shown.
+    relaxed: [DQuat; FINGER_JOINTS],
+    shown: [DQuat; FINGER_JOINTS],
+    last_seen: Option<f64>,
+    confidence: f64,
+}
+
+impl MotionFit {
+    /// A fit that has seen nothing.
+    #[must_use]
+    pub fn new(subject: &Subject<'_>, camera: Camera) -> Self {
+        let Subject {
+            skeleton,
+            expressions,
+        } = subject;
+        Self {
+            skeleton: (*skeleton).clone(),
+            body: BodyFit::new(skeleton, FitConfig::new(camera)),
+            hands: [Side::Left, Side::Right].map(|side| Hand::new(skeleton, side)),
+            face: Face {
+                fit: FaceFit::new(),
+                camera,
+                presets: (*expressions).clone(),
+                pose: None,
+                last_seen: f64::NEG_INFINITY,
+                confidence: 0.0,
+            },
+            smoother: Smoother::new(SmoothConfig::default()),
+        }
+    }
+
+    /// The motion of one picture. Never fails: what is not seen is held, then eases to rest.
+    pub fn step(&mut self, seen: &Observation) -> Fitted {
+        let pose = self.body.fit(seen.seconds, seen.body.as_ref());
+        let mut motion = MotionParams::default();
+        pose.write(&mut motion);
+        let mut confidence = Confidence::default();
+        for joint in Joint::ALL {
+            confidence.joints[joint.index()] = pose.confidence[Limb::of(joint) as usize];
+        }
+        let camera_from_room = camera_from_room(&pose);
+        self.head(seen, &pose, &mut motion, &mut confidence);
+        for hand in 0..2 {
+            self.hand(hand, seen, &pose, &mut motion, &mut confidence);
+        }
+        self.smoother.smooth(seen.seconds, &mut motion, &confidence);
+        Fitted {
+            motion,
+            camera_from_room,
+            sees_person: pose.seen,
+            limbs: pose.confidence,
+            hands: self.hands.each_ref().map(|hand| narrow(hand.confidence)),
+            face: narrow(self.face.confidence),
+            reprojection_px: pose.reprojection_px,
+            swapped: pose.swapped,
+        }
+    }
+
+    /// Turns neck and head to where the face looks, and sets jaw, eyes and expression.
+    fn head(
+        &mut self,
+        seen: &Observation,
+        pose: &BodyPose,
+        motion: &mut MotionParams,
+        confidence: &mut Confidence,
+    ) {
+        let face = &mut self.face;
+        let measured = seen
+            .face
+            .as_ref()
+            .and_then(|landmarks| (face.fit).measure(landmarks, seen.seconds, Some(&face.camera)));
+        if let Some(measured) = &measured {
+            face.pose = Some(face::apply(measured, &face.presets));
+            face.last_seen = seen.seconds;
+            face.confidence = measured.confidence;
+            let joints = self.skeleton.pose(motion);
+            let chest = Quat::from_mat3a(&joints.person_from_joint[Joint::Spine3.index()].matrix3);
+            let camera = Quat::from_mat3(&pose.camera.camera_from_world);
+            // Against the chest, and no further than a neck goes.
+            let turn = chest.inverse() * camera.inverse() * measured.camera_from_head.as_quat();
+            let turn = if turn.w < 0.0 { -turn } else { turn };
+            let turn = Quat::from_scaled_axis(turn.to_scaled_axis().clamp_length_max(MOST_HEAD));
+            if turn.is_finite() {
+                let neck = Quat::IDENTITY.slerp(turn, NECK_SHARE);
+                motion.set_rotation(Joint::Neck, neck);
+                motion.set_rotation(Joint::Head, neck.inverse() * turn);
+            }
+        } else {
+            face.confidence *= 0.8;
+        }
+        let unseen = seen.seconds - face.last_seen;
+        let kept = 1.0 - ((unseen - HOLD) / RELAX).clamp(0.0, 1.0);
+        if let Some(shown) = &face.pose {
+            let kept = narrow(kept);
+            for (to, from) in motion.expression_mut().iter_mut().zip(shown.expression) {
+                *to = kept * from;
+            }
+            motion.set_axis_angle(Joint::Jaw, Vec3::X * (kept * narrow(shown.jaw)));
+            for (joint, eye) in [Joint::LeftEye, Joint::RightEye].into_iter().zip(shown.eyes) {
+                motion.set_rotation(joint, Quat::IDENTITY.slerp(eye.as_quat(), kept));
+            }
+        }
+        confidence.expression = narrow(face.confidence);
+        for joint in [Joint::Jaw, Joint::LeftEye, Joint::RightEye] {
+            confidence.joints[joint.index()] = narrow(face.confidence);
+        }
+    }
+
+    /// Sets the fingers and the wrist of one hand.
+    fn hand(
+        &mut self,
+        number: usize,
+        seen: &Observation,
+        pose: &BodyPose,
+        motion: &mut MotionParams,
+        confidence: &mut Confidence,
+    ) {
+        let hand = &mut self.hands[number];
+        let fitted: Option<HandPose> = (seen.hands[number].as_ref())
+            .map(|landmarks| hand.fit.fit(landmarks))
+            .filter(|fitted| pose.seen && fitted.confidence > 0.0);
+        hand.follow(seen.seconds, fitted.as_ref());
+        let first = hand.side.first_finger_joint().index();
+        for (joint, rotation) in Joint::ALL.into_iter().skip(first).zip(hand.shown) {
+            motion.set_rotation(joint, rotation.as_quat());
+            confidence.joints[joint.index()] = narrow(hand.confidence);
+        }
+        let palm = fitted.filter(|fitted| fitted.confidence >= WRIST_FROM);
+        let Some(palm) = palm.and_then(|fitted| fitted.camera_from_palm) else {
+            return;
+        };
+        let [elbow, wrist] = match hand.side {
+            Side::Left => [Joint::LeftElbow, Joint::LeftWrist],
+            Side::Right => [Joint::RightElbow, Joint::RightWrist],
+        };
+        let joints = self.skeleton.pose(motion);
+        let forearm = joints.person_from_joint[elbow.index()].matrix3;
+        let camera = Mat3A::from(pose.camera.camera_from_world);
+        let turn = (hand.fit).wrist(Quat::from_mat3a(&(camera * forearm)).as_dquat(), palm);
+        motion.set_rotation(elbow, motion.rotation(elbow) * turn.elbow_share.as_quat());
+        motion.set_rotation(wrist, turn.wrist.as_quat());
+    }
+}
+
+impl Hand {
+    fn new(skeleton: &Skeleton, side: Side) -> Self {
+        let ease = spmm3::at_ease(skeleton);
+        let first = side.first_finger_joint().index();
+        let mut relaxed = [DQuat::IDENTITY; FINGER_JOINTS];
+        for (rotation, joint) in relaxed.iter_mut().zip(Joint::ALL.into_iter().skip(first)) {
+            *rotation = ease.rotation(joint).as_dquat();
+        }
+        Self {
+            fit: HandFit::new(skeleton, side),
+            side,
+            relaxed,
+            shown: relaxed,
+            last_seen: None,
+            confidence: 0.0,
+        }
+    }
+
+    /// Shows the fingers that were fitted; without any, the last ones, which relax after a while.
+    fn follow(&mut self, seconds: f64, fitted: Option<&HandPose>) {
+        if let Some(fitted) = fitted {
+            self.shown = fitted.fingers;
+            self.last_seen = Some(seconds);
+            self.confidence = fitted.confidence;
+            return;
+        }
+        let unseen = self.last_seen.map_or(f64::INFINITY, |last| seconds - last);
+        if unseen > HOLD {
+            let share = ((unseen - HOLD) / RELAX).clamp(0.0, 1.0);
+            for (shown, relaxed) in self.shown.iter_mut().zip(self.relaxed) {
+                *shown = shown.slerp(relaxed, share);
+            }
+        }
+        self.confidence *= 0.8;
+    }
+}
+
+fn camera_from_room(pose: &BodyPose) -> Affine3A {
+    let rotation = Mat3A::from(pose.camera.camera_from_world);
+    Affine3A {
+        matrix3: rotation,
+        translation: -(rotation * Vec3A::from(pose.camera.position)),
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "a confidence, or radians")]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}
