@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes reference/NAME.bin: what LiteRT (Google's runtime of TensorFlow Lite) computes from a picture, which litert.rs makes as well. For
+"""Writes reference/NAME.bin, and operators.tflite: what LiteRT (Google's runtime of TensorFlow Lite) computes from a picture, which litert.rs makes as well. For
 face_landmark_with_attention, whose custom operators LiteRT lacks, what MediaPipe computes.
 
     pip install ai-edge-litert==2.3.0 mediapipe==0.10.21
@@ -13,6 +13,7 @@ import struct
 from pathlib import Path
 
 import numpy as np
+import operators
 
 # Name, side of the picture, whether its values are -1 to 1, instead of 0 to 1.
 NETWORKS = [
@@ -24,8 +25,10 @@ NETWORKS = [
     ("palm_detection_full", 192, False),
     ("face_detection_short_range", 128, True),
     ("face_landmark_with_attention", 192, False),
+    ("operators", 16, False),
 ]
-SAMPLES = 500
+# Most values that are kept of an output, if a network has few of them or many.
+SAMPLES, SAMPLES_OF_MANY = 500, 100
 
 
 def picture(side):
@@ -103,7 +106,7 @@ def write(file, outputs):
     parts = [struct.pack("<I", len(outputs))]
     for values in outputs:
         # Odd, so that it does not walk along one channel of an even number.
-        step = max(1, len(values) // SAMPLES) | 1
+        step = max(1, len(values) // (SAMPLES if len(outputs) < 10 else SAMPLES_OF_MANY)) | 1
         parts.append(struct.pack("<IIff", len(values), step, values.min(), values.max()))
         parts.append(values[::step].astype("<f4").tobytes())
     file.write_bytes(b"".join(parts))
@@ -114,8 +117,9 @@ def main():
     folder = Path(os.environ["MON3TR_NETWORKS"])
     here = Path(__file__).parent / "reference"
     here.mkdir(exist_ok=True)
+    operators.write(here / "operators.tflite")
     for name, side, signed in NETWORKS:
-        file, bytes_ = folder / f"{name}.tflite", picture(side)
+        file, bytes_ = (here if name == "operators" else folder) / f"{name}.tflite", picture(side)
         if name == "face_landmark_with_attention":
             outputs = by_mediapipe(file, bytes_)
         else:

@@ -22,7 +22,7 @@ fn structure(bytes: &[u8]) -> Vec<usize> {
     let whole = convert(bytes, &Options::default()).unwrap();
     let mut damaged = bytes.to_vec();
     let mut found = Vec::new();
-    let block = bytes.len().div_ceil(1000);
+    let block = bytes.len().div_ceil(300);
     for start in (0..bytes.len()).step_by(block) {
         let end = (start + block).min(bytes.len());
         damaged[start..end].fill(0xff);
@@ -70,6 +70,7 @@ fn survives_corruption(name: &str, times: usize) {
 
 #[test]
 fn a_corrupted_network_ends_in_an_error_or_a_graph() {
+    survives_corruption("operators", 20_000);
     survives_corruption("hand_recrop", 4000);
 }
 

@@ -1,9 +1,8 @@
 //! Each network, converted and run by ONNX Runtime, against what LiteRT, Google's own runtime, computed from the same picture; the
 //! references are written by `reference.py`.
 
-use crate::files::{network, skip};
+use crate::files::{network, reference, skip};
 use npu_runtime::{Outputs, Provider, Runtime, Session, TensorSpec};
-use std::path::Path;
 use tflite_to_onnx::{Options, Port, convert};
 
 /// Largest error of an output, by its range.
@@ -42,8 +41,7 @@ struct Reference {
 }
 
 fn references(name: &str) -> Vec<Reference> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/reference/{name}.bin"));
-    let bytes = std::fs::read(path).unwrap();
+    let bytes = reference(&format!("{name}.bin"));
     let mut words = bytes
         .chunks_exact(4)
         .map(|word| <[u8; 4]>::try_from(word).unwrap());
@@ -149,6 +147,12 @@ fn agrees(name: &str, signed: bool, kept: Option<&[usize]>) {
             reference.range
         );
     }
+}
+
+/// A network made for this test, by `operators.py`.
+#[test]
+fn each_operator_computes_what_litert_s_does() {
+    agrees("operators", false, None);
 }
 
 #[test]
