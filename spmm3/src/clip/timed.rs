@@ -44,6 +44,7 @@ impl MotionClip {
             frames: frames.collect(),
             frame_seconds: rate_hz.recip(),
             notes: Vec::new(),
+            expression_basis: None,
             unmapped: Vec::new(),
         })
     }

@@ -13,7 +13,7 @@ const ALIGNMENT: usize = 64;
 impl MotionClip {
     /// The clip as AMASS writes SMPL-X motion: z up, `poses` [F, 165] (axis-angle, radians), `trans` [F, 3] (metres, of the root
     /// relative to the pelvis at rest in `skeleton`), `expression` [F, 50], `betas` (zero: the body is the avatar's own),
-    /// `mocap_frame_rate`, `gender` and `surface_model_type`.
+    /// `mocap_frame_rate`, `gender`, `surface_model_type`, and `expression_basis` where it is known.
     ///
     /// # Errors
     /// [`MotionError`] if the archive cannot be written.
@@ -40,6 +40,9 @@ impl MotionClip {
         write_array(&mut archive, "mocap_frame_rate", "<f8", &[], &rate)?;
         write_text(&mut archive, "gender", "neutral")?;
         write_text(&mut archive, "surface_model_type", "smplx")?;
+        if let Some(basis) = &self.expression_basis {
+            write_text(&mut archive, "expression_basis", basis.name())?;
+        }
         Ok(archive.finish()?.into_inner())
     }
 }

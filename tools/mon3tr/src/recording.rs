@@ -90,7 +90,7 @@ impl TrackedRecording {
         };
         let clip = MotionClip::evenly(&self.info.name, &timed, rate)?;
         Ok(MotionClip {
-            basis: avatar.basis.clone(),
+            expression_basis: Some(avatar.expression_basis.clone()),
             ..clip
         })
     }

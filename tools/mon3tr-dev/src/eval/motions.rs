@@ -34,6 +34,7 @@ pub(super) fn made(avatar: &Avatar, seconds: f64) -> Vec<MotionClip> {
         frame_seconds: 1.0 / RATE,
         notes: Vec::new(),
         unmapped: Vec::new(),
+        expression_basis: None,
     };
     MOTIONS.into_iter().map(clip).collect()
 }
