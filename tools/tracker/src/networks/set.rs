@@ -81,8 +81,8 @@ impl NetworkSet {
         let options = Options {
             outputs: Some(places.to_vec()),
         };
-        let converted = convert(&tflite, &options)
-            .map_err(|source| TrackerError::Convert { path, source })?;
+        let converted =
+            convert(&tflite, &options).map_err(|source| TrackerError::Convert { path, source })?;
         let specs = |ports: &[Port]| {
             ports
                 .iter()
