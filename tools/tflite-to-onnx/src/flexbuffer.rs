@@ -184,3 +184,62 @@ impl Value<'_> {
             .collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Written by Google's own writer (Python's flatbuffers 25.12.19): {"any": [1, 2, 70000], "neg": -3, "output_width": 16, "scale_x":
+    /// 1.5, "subset_idxs": [61, 146, 300]}, the last a list of one type, the first one of any.
+    #[rustfmt::skip]
+    const SETTINGS: [u8; 120] = [
+        111, 117, 116, 112, 117, 116, 95, 119, 105, 100, 116, 104, 0, 115, 99, 97, 108, 101, 95, 120, 0, 115, 117, 98,
+        115, 101, 116, 95, 105, 100, 120, 115, 0, 0, 3, 0, 61, 0, 146, 0, 44, 1, 110, 101, 103, 0, 97, 110, 121, 0, 0,
+        0, 3, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 112, 17, 1, 0, 6, 6, 6, 5, 26, 31, 74, 62, 55, 0, 0, 0, 8, 0, 0, 0, 1, 0,
+        0, 0, 5, 0, 0, 0, 36, 0, 0, 0, 253, 255, 255, 255, 16, 0, 0, 0, 0, 0, 192, 63, 72, 0, 0, 0, 42, 6, 6, 14, 45,
+        25, 38, 1,
+    ];
+
+    #[test]
+    fn what_googles_writer_wrote_is_read() {
+        let map = Map::read(&SETTINGS).unwrap();
+        assert_eq!(map.integers("any"), Ok(vec![1, 2, 70000]), "any types");
+        assert_eq!(
+            map.integers("subset_idxs"),
+            Ok(vec![61, 146, 300]),
+            "one type"
+        );
+        assert_eq!(map.integer("output_width"), Ok(16), "an integer");
+        assert_eq!(
+            map.number("output_width"),
+            Ok(16.0),
+            "an integer as a number"
+        );
+        assert_eq!(map.number("scale_x"), Ok(1.5), "a number");
+        assert!(map.integer("neg").is_err(), "a negative one");
+        assert!(map.integer("scale_x").is_err(), "a fraction");
+        assert!(map.integer("scale").is_err(), "part of a name");
+        assert!(map.integers("neg").is_err(), "no list");
+    }
+
+    #[test]
+    fn damaged_settings_are_read_or_refused() {
+        let all = |bytes: &[u8]| {
+            if let Ok(map) = Map::read(bytes) {
+                for name in ["any", "neg", "output_width", "scale_x", "subset_idxs"] {
+                    let _ = (map.integer(name), map.number(name), map.integers(name));
+                }
+            }
+        };
+        for length in 0..SETTINGS.len() {
+            all(&SETTINGS[..length]);
+        }
+        for place in 0..SETTINGS.len() {
+            for value in 0..=255 {
+                let mut damaged = SETTINGS;
+                damaged[place] = value;
+                all(&damaged);
+            }
+        }
+    }
+}

@@ -242,7 +242,7 @@ fn kind_of(table: Table<'_>) -> Result<Kind, ConvertError> {
             b"TransformLandmarks" => Kind::TransformLandmarks,
             other => {
                 let shown = other.get(..64).unwrap_or(other);
-                Kind::Other(format!("custom {}", String::from_utf8_lossy(shown)))
+                Kind::Other(format!("custom {}", shown.escape_ascii()))
             }
         },
         code => Kind::Other(format!("BuiltinOperator {code}")),

@@ -99,7 +99,9 @@ impl Walk<'_> {
             }
             Level::Sparse { segments, indices } => {
                 let range = segments.get(parent).zip(segments.get(parent + 1));
-                let (from, to) = range.ok_or_else(|| damaged("segments that lead nowhere"))?;
+                let (from, to) = range
+                    .filter(|(from, to)| from <= to)
+                    .ok_or_else(|| damaged("segments that lead nowhere"))?;
                 // Rising indices below the length: a node has at most as many children as its dimension has indices.
                 let mut next = 0;
                 for child in from..to {
@@ -113,5 +115,172 @@ impl Walk<'_> {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Integers;
+    use proptest::prelude::*;
+
+    /// The list as a file has it, in `size` bytes each.
+    fn stored(values: &[u32], size: usize) -> Vec<u8> {
+        let bytes = values.iter().map(|value| value.to_le_bytes());
+        bytes.flat_map(|b| b[..size].to_vec()).collect()
+    }
+
+    fn sparse<'a>(segments: &'a [u8], indices: &'a [u8], size: usize) -> Level<'a> {
+        Level::Sparse {
+            segments: Integers {
+                bytes: segments,
+                size,
+            },
+            indices: Integers {
+                bytes: indices,
+                size,
+            },
+        }
+    }
+
+    /// The example of compressed sparse rows in every textbook.
+    #[test]
+    fn compressed_rows_become_a_matrix() {
+        let sparsity = Sparsity {
+            order: vec![0, 1],
+            blocks: vec![],
+            levels: vec![Level::Dense(3), sparse(&[0, 2, 2, 3], &[0, 3, 1], 1)],
+        };
+        let dense = densify(&[3, 4], &sparsity, &[1.0, 2.0, 3.0]).unwrap();
+        let rows = [1.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0];
+        assert_eq!(dense, rows, "row by row");
+    }
+
+    /// Blocks of 2x2: the example of TensorFlow Lite's schema.fbs, whose second row of blocks holds two.
+    #[test]
+    fn blocks_lie_where_their_indices_say() {
+        let sparsity = Sparsity {
+            order: vec![0, 1, 2, 3],
+            blocks: vec![0, 1],
+            levels: vec![
+                Level::Dense(2),
+                sparse(&[0, 1, 3], &[1, 0, 1], 1),
+                Level::Dense(2),
+                Level::Dense(2),
+            ],
+        };
+        let values: Vec<f32> = (1_u8..=12).map(f32::from).collect();
+        let dense = densify(&[4, 4], &sparsity, &values).unwrap();
+        let rows = [
+            0.0, 0.0, 1.0, 2.0, //
+            0.0, 0.0, 3.0, 4.0, //
+            5.0, 6.0, 9.0, 10.0, //
+            7.0, 8.0, 11.0, 12.0,
+        ];
+        assert_eq!(dense, rows, "row by row");
+    }
+
+    #[test]
+    fn trees_that_do_not_fit_are_refused() {
+        let rows = |segments: &'static [u8], indices: &'static [u8]| Sparsity {
+            order: vec![0, 1],
+            blocks: vec![],
+            levels: vec![Level::Dense(2), sparse(segments, indices, 1)],
+        };
+        let good = rows(&[0, 1, 2], &[0, 1]);
+        assert_eq!(
+            densify(&[2, 2], &good, &[1.0, 2.0]),
+            Ok(vec![1.0, 0.0, 0.0, 2.0]),
+            "the good one"
+        );
+        let refused = |shape: &[usize], sparsity: &Sparsity<'_>, values: &[f32], why: &str| {
+            assert!(densify(shape, sparsity, values).is_err(), "{why}");
+        };
+        refused(&[2, 2], &good, &[1.0], "a value is missing");
+        refused(&[2, 2], &good, &[1.0; 3], "a value is too many");
+        refused(&[3, 2], &good, &[1.0; 2], "another shape");
+        refused(&[2, 2, 2], &good, &[1.0; 2], "more dimensions");
+        refused(
+            &[2, 2],
+            &rows(&[0, 1], &[0, 1]),
+            &[1.0; 2],
+            "segments cut short",
+        );
+        refused(
+            &[2, 2],
+            &rows(&[0, 1, 9], &[0, 1]),
+            &[1.0; 2],
+            "segments beyond the indices",
+        );
+        refused(
+            &[2, 2],
+            &rows(&[1, 0, 2], &[0, 1]),
+            &[1.0; 2],
+            "segments that go back",
+        );
+        refused(
+            &[2, 2],
+            &rows(&[0, 1, 2], &[0, 2]),
+            &[1.0; 2],
+            "an index beyond the shape",
+        );
+        refused(
+            &[2, 2],
+            &rows(&[0, 2, 2], &[1, 1]),
+            &[1.0; 2],
+            "an index twice",
+        );
+        let order = Sparsity {
+            order: vec![0, 0],
+            ..good.clone()
+        };
+        refused(&[2, 2], &order, &[1.0; 2], "a dimension twice");
+        let blocks = Sparsity {
+            order: vec![0, 1, 2],
+            blocks: vec![1],
+            levels: vec![Level::Dense(2), Level::Dense(1), Level::Dense(3)],
+        };
+        refused(
+            &[2, 4],
+            &blocks,
+            &[1.0; 8],
+            "blocks that do not divide the shape",
+        );
+    }
+
+    proptest! {
+        /// A matrix is stored in blocks of columns by a search for those that are not zero, and comes back.
+        #[test]
+        fn what_was_stored_sparsely_comes_back(
+            rows in 1..6_usize,
+            columns in 1..6_usize,
+            block in 1..4_usize,
+            size in prop::sample::select(vec![1_usize, 2, 4]),
+            seed in prop::collection::vec(prop::option::of(1.0..2.0_f32), 125),
+        ) {
+            let width = columns * block;
+            let matrix: Vec<f32> = (0..rows * width).map(|k| seed[k].unwrap_or(0.0)).collect();
+            let (mut segments, mut indices, mut values) = (vec![0], vec![], vec![]);
+            for row in matrix.chunks_exact(width) {
+                for (index, part) in row.chunks_exact(block).enumerate() {
+                    if part.iter().any(|value| *value != 0.0) {
+                        indices.push(u32::try_from(index).unwrap());
+                        values.extend_from_slice(part);
+                    }
+                }
+                segments.push(u32::try_from(indices.len()).unwrap());
+            }
+            let (segments, indices) = (stored(&segments, size), stored(&indices, size));
+            let sparsity = Sparsity {
+                order: vec![0, 1, 2],
+                blocks: vec![1],
+                levels: vec![
+                    Level::Dense(rows),
+                    sparse(&segments, &indices, size),
+                    Level::Dense(block),
+                ],
+            };
+            prop_assert_eq!(densify(&[rows, width], &sparsity, &values), Ok(matrix));
+        }
     }
 }

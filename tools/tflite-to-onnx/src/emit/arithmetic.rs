@@ -41,7 +41,7 @@ impl Emitter<'_> {
         }
         let value = self.value(tensor)?;
         let value = self.graph.reshape(value, &wide);
-        Ok(self.from_stored(value, &wide))
+        Ok(self.turned_from_stored(value, &wide))
     }
 
     /// Both operands.

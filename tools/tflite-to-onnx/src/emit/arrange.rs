@@ -41,7 +41,7 @@ pub(super) fn reshape(emitter: &mut Emitter<'_>, op: &Operator<'_>) -> Result<Va
         [n, h, w, c] if c == 1 || h * w == 1 => Ok(emitter.graph.reshape(value, &[n, c, h, w])),
         _ => {
             let value = emitter.graph.reshape(value, shape);
-            Ok(emitter.from_stored(value, shape))
+            Ok(emitter.turned_from_stored(value, shape))
         }
     }
 }
@@ -63,7 +63,7 @@ pub(super) fn transpose(
     let order: Vec<i64> = order.into_iter().map(i64_of).collect();
     let value = emitter.stored(input)?;
     let value = emitter.graph.transpose(value, &order);
-    Ok(emitter.from_stored(value, emitter.output_shape(op)))
+    Ok(emitter.turned_from_stored(value, emitter.output_shape(op)))
 }
 
 /// CONCATENATION. Its settings: axis, activation.
@@ -211,5 +211,5 @@ pub(super) fn strided_slice(
         return Ok(value);
     }
     let value = emitter.graph.reshape(value, shape);
-    Ok(emitter.from_stored(value, shape))
+    Ok(emitter.turned_from_stored(value, shape))
 }

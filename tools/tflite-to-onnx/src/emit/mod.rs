@@ -306,7 +306,7 @@ impl<'a> Emitter<'a> {
     }
 
     /// A value of `shape` in TensorFlow Lite's order, in ONNX's.
-    fn from_stored(&mut self, value: Value, shape: &[usize]) -> Value {
+    fn turned_from_stored(&mut self, value: Value, shape: &[usize]) -> Value {
         match *shape {
             [n, h, w, c] if c == 1 || h * w == 1 => self.graph.reshape(value, &[n, c, h, w]),
             [_, _, _, _] => self.graph.transpose(value, &[0, 3, 1, 2]),

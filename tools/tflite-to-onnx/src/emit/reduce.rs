@@ -57,7 +57,7 @@ pub(super) fn fully_connected(
     let [outputs, inputs] = weights.shape[..] else {
         return Err(emitter.unsupported("its weights are no matrix"));
     };
-    if inputs == 0 || elements % inputs != 0 {
+    if inputs == 0 || !elements.is_multiple_of(inputs) {
         return Err(emitter.unsupported("its weights do not fit its input"));
     }
     let rows = elements / inputs;
@@ -82,5 +82,5 @@ pub(super) fn fully_connected(
         return Ok(value);
     }
     let value = emitter.graph.reshape(value, shape);
-    Ok(emitter.from_stored(value, shape))
+    Ok(emitter.turned_from_stored(value, shape))
 }

@@ -1,0 +1,5 @@
+//! Real networks: what they compute once converted, and what becomes of damaged ones.
+
+mod files;
+mod hostile;
+mod litert;
