@@ -36,10 +36,6 @@ impl Region {
 
     /// The smallest square about the whole picture.
     #[must_use]
-    #[allow(
-        clippy::cast_precision_loss,
-        reason = "pictures are far smaller than 2^24 pixels a side"
-    )]
     pub fn whole(picture: PictureView<'_>) -> Option<Self> {
         let size = Vec2::new(picture.width() as f32, picture.height() as f32);
         Self::new(size * 0.5, size.max_element(), 0.0)
@@ -103,7 +99,6 @@ impl Crop {
     /// Samples `region` of `picture` bilinearly into `planes`: red, green and blue, each `size` x `size`, row after row. Does nothing
     /// if `planes` has another length.
     #[allow(
-        clippy::cast_precision_loss,
         clippy::cast_possible_truncation,
         reason = "inputs and pictures are far smaller than 2^24 pixels a side; casts from float to integer saturate"
     )]
@@ -159,7 +154,6 @@ struct Sampler<'a> {
 }
 
 #[allow(
-    clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
     reason = "pictures are far smaller than 2^24 pixels a side; casts from float to integer saturate"
 )]

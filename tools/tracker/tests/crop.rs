@@ -1,4 +1,8 @@
 //! Crops against a reference in f64 that shares no code.
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "the reference computes in f64 what the crop does in f32"
+)]
 
 use glam::Vec2;
 use tracker::crop::{Border, Crop, Region};

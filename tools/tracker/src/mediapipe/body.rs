@@ -2,7 +2,7 @@
 
 use super::one_euro::OneEuro;
 use super::regions::{Rect, Towards};
-use super::{Detector, SEEN, sigmoid};
+use super::{Detector, SEEN, exceeds, sigmoid};
 use crate::TrackerError;
 use crate::crop::{Border, Region};
 use crate::models::{BodyEstimate, BodyModel};
@@ -88,7 +88,7 @@ impl Body {
         seconds: f64,
     ) -> Result<Option<BodyLandmarks>, TrackerError> {
         self.landmarks.run(picture, region)?;
-        if !(self.landmarks.number(1) > SEEN) {
+        if !exceeds(self.landmarks.number(1), SEEN) {
             return Ok(None);
         }
         let network = &self.landmarks;
@@ -190,9 +190,7 @@ impl Seen {
 /// `at` (0..1) moved to the mean of landmark `index`'s heat map about it, where that is sure of itself
 /// (`RefineLandmarksFromHeatmapCalculator`).
 #[allow(
-    clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
     reason = "64 places a side; casts saturate, and what is beyond the map is refused before"
 )]
 fn refined(at: Vec2, heat: &[f32], index: usize) -> Vec2 {

@@ -146,10 +146,6 @@ impl Detector {
 
 /// The anchors' centres, 0..1 of the input: two for each layer at each place of a grid (`SsdAnchorsCalculator` with
 /// `fixed_anchor_size` and an interpolated scale).
-#[allow(
-    clippy::cast_precision_loss,
-    reason = "grids have fewer than 2^24 places"
-)]
 fn anchors(size: usize, strides: &[usize]) -> Vec<Vec2> {
     let mut anchors = Vec::new();
     for layers in strides.chunk_by(|a, b| a == b) {
@@ -167,10 +163,6 @@ fn anchors(size: usize, strides: &[usize]) -> Vec<Vec2> {
 }
 
 /// What scores enough, in the region's coordinates, best first (`TensorsToDetectionsCalculator`).
-#[allow(
-    clippy::cast_precision_loss,
-    reason = "inputs are far smaller than 2^24 pixels"
-)]
 fn decode(
     boxes: &[f32],
     scores: &[f32],

@@ -2,7 +2,7 @@
 
 use super::face_mesh::{self, LEFT_EYE, LIPS, MESH, RIGHT_EYE};
 use super::regions::{Rect, Towards, Tracking, rotation};
-use super::{Detector, SEEN, sigmoid};
+use super::{Detector, SEEN, exceeds, sigmoid};
 use crate::TrackerError;
 use crate::crop::{Border, Region};
 use crate::models::{FaceEstimate, FaceHint, FaceModel};
@@ -201,7 +201,7 @@ fn read(outputs: [&[f32]; 7], region: &Region) -> Option<FaceLandmarks> {
         presence,
     ] = outputs;
     let confidence = sigmoid(*presence.first()?);
-    if !(confidence > SEEN) {
+    if !exceeds(confidence, SEEN) {
         return None;
     }
     let mut points = Box::new([Vec3::ZERO; FACE_LANDMARKS]);

@@ -1,7 +1,7 @@
 //! The hands: searched where the body has its wrists, then followed from landmarks to landmarks.
 
-use super::SEEN;
 use super::regions::{Rect, Towards, Tracking, rotation};
+use super::{SEEN, exceeds};
 use crate::TrackerError;
 use crate::crop::{Border, Region};
 use crate::models::{HandEstimate, HandHint, HandModel, Side};
@@ -136,10 +136,6 @@ impl Hands {
         let [x0, y0, x1, y1] = *self.recrop.output(0) else {
             return Ok(None);
         };
-        #[allow(
-            clippy::cast_precision_loss,
-            reason = "inputs are far smaller than 2^24 pixels"
-        )]
         let size = self.recrop.size() as f32;
         let [centre, edge] = [Vec2::new(x0, y0), Vec2::new(x1, y1)]
             .map(|p| region.picture_from_region().transform_point2(p / size));
@@ -187,8 +183,7 @@ impl HandModel for Hands {
         hint: &HandHint,
         followed: Option<HandEstimate>,
     ) -> Result<Option<HandEstimate>, TrackerError> {
-        // No number is no visibility.
-        if !(hint.confidence > WRIST_SEEN) {
+        if !exceeds(hint.confidence, WRIST_SEEN) {
             self.forget(side);
             return Ok(None);
         }
@@ -238,7 +233,7 @@ fn read(outputs: [&[f32]; 4], region: &Region, side: Side) -> Option<HandLandmar
         Side::Left => 1.0 - right,
         Side::Right => right,
     };
-    if !(confidence > SEEN && this_side > THIS_SIDE) {
+    if !(exceeds(confidence, SEEN) && exceeds(this_side, THIS_SIDE)) {
         return None;
     }
     let picture_from_region = region.picture_from_region();
