@@ -128,16 +128,16 @@ impl BodyModel for Body {
         picture: PictureView<'_>,
         seconds: f64,
     ) -> Result<Option<BodyEstimate>, TrackerError> {
-        let region = match self.region.take() {
-            Some(region) => Some(region),
-            None => {
-                for filter in &mut self.filters {
-                    filter.reset();
-                }
-                self.detect(picture)?
+        if let Some(region) = self.region.take() {
+            let seen = self.look(picture, &region, seconds)?;
+            if seen.is_some() {
+                return Ok(seen.map(BodyEstimate::Landmarks));
             }
-        };
-        let Some(region) = region else {
+        }
+        for filter in &mut self.filters {
+            filter.reset();
+        }
+        let Some(region) = self.detect(picture)? else {
             return Ok(None);
         };
         let seen = self.look(picture, &region, seconds)?;
