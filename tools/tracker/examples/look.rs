@@ -7,9 +7,10 @@
 use image::{Rgb, RgbImage};
 use motion_fit::landmarks::Observation;
 use npu_runtime::Runtime;
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use tracker::mediapipe::{HandNetwork, HandsBy, Options};
 use tracker::networks::NetworkSet;
 use tracker::picture::{Picture, PictureView};
@@ -29,6 +30,36 @@ impl Picture for Still {
     fn seconds(&self) -> f64 {
         self.seconds
     }
+}
+
+/// Collects what networks say of their times, by the rest of the line before the number.
+struct Times(Mutex<BTreeMap<String, Vec<f64>>>);
+
+static TIMES: Times = Times(Mutex::new(BTreeMap::new()));
+
+impl log::Log for Times {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.target().starts_with("tracker::networks")
+    }
+
+    fn log(&self, record: &log::Record<'_>) {
+        let text = record.args().to_string();
+        let Some((name, parts)) = text
+            .split_once(": ")
+            .filter(|_| self.enabled(record.metadata()))
+        else {
+            return;
+        };
+        for part in parts.split(", ") {
+            if let [what, ms, _] = part.split(' ').collect::<Vec<_>>()[..]
+                && let (Ok(ms), Ok(mut times)) = (ms.parse(), self.0.lock())
+            {
+                times.entry(format!("{name} {what}")).or_default().push(ms);
+            }
+        }
+    }
+
+    fn flush(&self) {}
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -53,6 +84,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             _ => files.push(PathBuf::from(argument)),
         }
     }
+    log::set_logger(&TIMES).map_err(|error| error.to_string())?;
+    log::set_max_level(log::LevelFilter::Trace);
     let models = options.load(&NetworkSet::folder_of_environment()?, &Runtime::open(None)?)?;
     let mut tracker = Tracker::new(models)?;
     let mut times: [Vec<f32>; 5] = Default::default();
@@ -113,6 +146,17 @@ fn main() -> Result<(), Box<dyn Error>> {
             |share: usize| list.get((list.len() * share / 100).min(list.len().saturating_sub(1)));
         if let (Some(least), Some(median), Some(most)) = (at(0), at(50), at(95)) {
             println!("{name:10} ms: least {least:6.2}  median {median:6.2}  95 % {most:6.2}");
+        }
+    }
+    let times = TIMES.0.lock().map_err(|_| "a thread panicked")?;
+    for (what, list) in times.iter() {
+        let mut list = list.clone();
+        list.sort_by(f64::total_cmp);
+        if let (Some(least), Some(median)) = (list.first(), list.get(list.len() / 2)) {
+            println!(
+                "{what:42} ms: least {least:6.2}  median {median:6.2}  ({} runs)",
+                list.len()
+            );
         }
     }
     Ok(())

@@ -36,10 +36,6 @@ impl Region {
 
     /// The smallest square about the whole picture.
     #[must_use]
-    #[allow(
-        clippy::cast_precision_loss,
-        reason = "pictures are far smaller than 2^24 pixels a side"
-    )]
     pub fn whole(picture: PictureView<'_>) -> Option<Self> {
         let size = Vec2::new(picture.width() as f32, picture.height() as f32);
         Self::new(size * 0.5, size.max_element(), 0.0)
@@ -103,7 +99,6 @@ impl Crop {
     /// Samples `region` of `picture` bilinearly into `planes`: red, green and blue, each `size` x `size`, row after row. Does nothing
     /// if `planes` has another length.
     #[allow(
-        clippy::cast_precision_loss,
         clippy::cast_possible_truncation,
         reason = "inputs and pictures are far smaller than 2^24 pixels a side; casts from float to integer saturate"
     )]
@@ -139,7 +134,8 @@ impl Crop {
             {
                 let at = start + along * column as f32;
                 let colour = if inside.contains(&column) {
-                    sampler.between_four(at)
+                    // Nothing below zero is inside: truncation is the floor.
+                    sampler.between_four(at, at.x as usize, at.y as usize)
                 } else {
                     None
                 };
@@ -159,7 +155,6 @@ struct Sampler<'a> {
 }
 
 #[allow(
-    clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
     reason = "pictures are far smaller than 2^24 pixels a side; casts from float to integer saturate"
 )]
@@ -189,11 +184,9 @@ impl Sampler<'_> {
         from.ceil() as usize..to.floor() as usize
     }
 
-    /// The colour at `at`, 0..=255 a channel, if four pixels surround it.
+    /// The colour at `at`, 0..=255 a channel, between the pixel in column `x` and row `y` and those right of it and below.
     #[inline]
-    fn between_four(&self, at: Vec2) -> Option<[f32; 3]> {
-        // Nothing below zero comes here: truncation is the floor.
-        let (x, y) = (at.x as usize, at.y as usize);
+    fn between_four(&self, at: Vec2, x: usize, y: usize) -> Option<[f32; 3]> {
         let (fx, fy) = (at.x - x as f32, at.y - y as f32);
         let stride = self.picture.width() * 3;
         let first = y * stride + x * 3;
@@ -216,6 +209,21 @@ impl Sampler<'_> {
     /// The colour at `at`, 0..=255 a channel, wherever it is.
     #[inline(never)]
     fn near_the_edge(&self, at: Vec2) -> [f32; 3] {
+        let (width, height) = (self.picture.width(), self.picture.height());
+        let last = Vec2::new(width as f32 - 1.0, height as f32 - 1.0);
+        if self.border == Border::Zero {
+            if at.min_element() <= -1.0 || (at - last).max_element() >= 1.0 {
+                return [0.0; 3];
+            }
+        } else if width > 1 && height > 1 {
+            // Between repeated pixels the colour is that of the edge.
+            let at = at.clamp(Vec2::ZERO, last);
+            let (x, y) = (at.x as usize, at.y as usize);
+            let colour = self.between_four(at, x.min(width - 2), y.min(height - 2));
+            if let Some(colour) = colour {
+                return colour;
+            }
+        }
         let floor = at.floor();
         let fraction = at - floor;
         let (x, y) = (floor.x as i64, floor.y as i64);

@@ -1,7 +1,9 @@
 //! What can go wrong between a camera and what was seen in its pictures.
 
-use crate::networks::NETWORKS_VARIABLE;
 use std::path::PathBuf;
+
+/// The environment variable that names the folder of the tracking networks.
+pub const NETWORKS_VARIABLE: &str = "MON3TR_NETWORKS";
 
 /// An error of the tracker.
 #[derive(Debug, thiserror::Error)]

@@ -72,6 +72,10 @@ pub struct FaceHint {
 
 /// What a body's model gives.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "the usual one is the large one: boxed, it would be allocated for every picture"
+)]
 pub enum BodyEstimate {
     /// Landmarks in the picture.
     Landmarks(BodyLandmarks),
@@ -110,6 +114,10 @@ impl BodyEstimate {
 
 /// What a hand's model gives.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "the usual one is the large one: boxed, it would be allocated for every picture"
+)]
 pub enum HandEstimate {
     /// Landmarks in the picture.
     Landmarks(HandLandmarks),

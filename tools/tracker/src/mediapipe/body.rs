@@ -2,7 +2,7 @@
 
 use super::one_euro::OneEuro;
 use super::regions::{Rect, Towards};
-use super::{Detector, SEEN, sigmoid};
+use super::{Detector, SEEN, exceeds, sigmoid};
 use crate::TrackerError;
 use crate::crop::{Border, Region};
 use crate::models::{BodyEstimate, BodyModel};
@@ -15,6 +15,8 @@ use motion_fit::landmarks::{BODY_LANDMARKS, BodyLandmarks, BodyPoint};
 const ALL: usize = 39;
 /// Numbers of a landmark: x, y, z in the input's pixels, visibility and presence as logits.
 const NUMBERS: usize = 5;
+/// The side of the input in which landmarks are given, pixels.
+const SIDE: f32 = 256.0;
 /// Places along a side of the heat maps.
 const HEAT: usize = 64;
 /// Places to each side of a landmark that refine it.
@@ -86,10 +88,12 @@ impl Body {
         seconds: f64,
     ) -> Result<Option<BodyLandmarks>, TrackerError> {
         self.landmarks.run(picture, region)?;
-        if !(self.landmarks.number(1) > SEEN) {
+        if !exceeds(self.landmarks.number(1), SEEN) {
             return Ok(None);
         }
-        let Some(seen) = Seen::read(&self.landmarks, region) else {
+        let network = &self.landmarks;
+        let [numbers, heat, metres] = [0, 2, 3].map(|i| network.output(i));
+        let Some(seen) = Seen::read(numbers, heat, metres, region) else {
             return Ok(None);
         };
         let [centre, edge] = seen.next;
@@ -124,16 +128,16 @@ impl BodyModel for Body {
         picture: PictureView<'_>,
         seconds: f64,
     ) -> Result<Option<BodyEstimate>, TrackerError> {
-        let region = match self.region.take() {
-            Some(region) => Some(region),
-            None => {
-                for filter in &mut self.filters {
-                    filter.reset();
-                }
-                self.detect(picture)?
+        if let Some(region) = self.region.take() {
+            let seen = self.look(picture, &region, seconds)?;
+            if seen.is_some() {
+                return Ok(seen.map(BodyEstimate::Landmarks));
             }
-        };
-        let Some(region) = region else {
+        }
+        for filter in &mut self.filters {
+            filter.reset();
+        }
+        let Some(region) = self.detect(picture)? else {
             return Ok(None);
         };
         let seen = self.look(picture, &region, seconds)?;
@@ -154,13 +158,7 @@ struct Seen {
 
 impl Seen {
     /// Nothing if a number that matters is not finite.
-    #[allow(
-        clippy::cast_precision_loss,
-        reason = "inputs are far smaller than 2^24 pixels"
-    )]
-    fn read(network: &Network, region: &Region) -> Option<Self> {
-        let size = network.size() as f32;
-        let (numbers, heat, metres) = (network.output(0), network.output(2), network.output(3));
+    fn read(numbers: &[f32], heat: &[f32], metres: &[f32], region: &Region) -> Option<Self> {
         let picture_from_region = region.picture_from_region();
         let turn = Vec2::from_angle(region.radians());
         let mut body = BodyLandmarks {
@@ -169,7 +167,7 @@ impl Seen {
         let mut next = [Vec2::ZERO; 2];
         let landmarks = numbers.chunks_exact(NUMBERS).zip(metres.chunks_exact(3));
         for (index, (numbers, metres)) in landmarks.enumerate() {
-            let at = refined(Vec2::new(numbers[0], numbers[1]) / size, heat, index);
+            let at = refined(Vec2::new(numbers[0], numbers[1]) / SIDE, heat, index);
             let pixel = picture_from_region.transform_point2(at);
             if let Some(point) = body.points.get_mut(index) {
                 let across = turn.rotate(Vec2::new(metres[0], metres[1]));
@@ -192,9 +190,7 @@ impl Seen {
 /// `at` (0..1) moved to the mean of landmark `index`'s heat map about it, where that is sure of itself
 /// (`RefineLandmarksFromHeatmapCalculator`).
 #[allow(
-    clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
     reason = "64 places a side; casts saturate, and what is beyond the map is refused before"
 )]
 fn refined(at: Vec2, heat: &[f32], index: usize) -> Vec2 {
@@ -220,5 +216,66 @@ fn refined(at: Vec2, heat: &[f32], index: usize) -> Vec2 {
         mean / (sum * HEAT as f32)
     } else {
         at
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn region() -> Region {
+        Region::new(Vec2::new(320.0, 240.0), 512.0, 0.0).unwrap()
+    }
+
+    /// Every landmark at the input's middle, with a heat map whose only warm place is `warm` (column, row).
+    fn outputs(warm: (usize, usize), logit: f32) -> [Vec<f32>; 3] {
+        let mut heat = vec![-20.0; HEAT * HEAT * ALL];
+        for index in 0..ALL {
+            heat[(warm.1 * HEAT + warm.0) * ALL + index] = logit;
+        }
+        [
+            [128.0, 128.0, 0.0, 3.0, 3.0].repeat(ALL),
+            heat,
+            vec![0.5; ALL * 3],
+        ]
+    }
+
+    #[test]
+    fn a_landmark_moves_to_its_warm_place_only_where_the_heat_map_is_sure() {
+        for (logit, expected) in [(5.0, 34.0 / 64.0), (-1.0, 0.5)] {
+            let [numbers, heat, metres] = outputs((34, 32), logit);
+            let seen = Seen::read(&numbers, &heat, &metres, &region()).unwrap();
+            let x = seen.body.points[0].pixel.x;
+            let expected = 320.0 + (expected - 0.5) * 512.0;
+            assert!((x - expected).abs() < 0.01, "{x} against {expected}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_no_body_and_do_not_panic() {
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
+            for which in 0..3 {
+                let mut all = outputs((34, 32), 5.0);
+                let middle = if which == 1 {
+                    (32 * HEAT + 32) * ALL
+                } else {
+                    0
+                };
+                all[which][middle] = bad;
+                let [numbers, heat, metres] = all;
+                if let Some(seen) = Seen::read(&numbers, &heat, &metres, &region()) {
+                    let fine = seen
+                        .body
+                        .points
+                        .iter()
+                        .all(|p| p.pixel.is_finite() && p.metres.is_finite());
+                    assert!(fine, "{bad} in output {which}");
+                }
+            }
+        }
+        assert!(
+            Seen::read(&[f32::NAN; ALL * NUMBERS], &[], &[0.0; ALL * 3], &region()).is_none(),
+            "none"
+        );
     }
 }

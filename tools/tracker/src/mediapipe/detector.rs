@@ -146,10 +146,6 @@ impl Detector {
 
 /// The anchors' centres, 0..1 of the input: two for each layer at each place of a grid (`SsdAnchorsCalculator` with
 /// `fixed_anchor_size` and an interpolated scale).
-#[allow(
-    clippy::cast_precision_loss,
-    reason = "grids have fewer than 2^24 places"
-)]
 fn anchors(size: usize, strides: &[usize]) -> Vec<Vec2> {
     let mut anchors = Vec::new();
     for layers in strides.chunk_by(|a, b| a == b) {
@@ -167,10 +163,6 @@ fn anchors(size: usize, strides: &[usize]) -> Vec<Vec2> {
 }
 
 /// What scores enough, in the region's coordinates, best first (`TensorsToDetectionsCalculator`).
-#[allow(
-    clippy::cast_precision_loss,
-    reason = "inputs are far smaller than 2^24 pixels"
-)]
 fn decode(
     boxes: &[f32],
     scores: &[f32],
@@ -232,4 +224,71 @@ fn merge(mut raw: Vec<Detection>) -> Vec<Detection> {
         raw = rest.into_iter().map(|(_, d)| *d).collect();
     }
     merged
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn anchors_are_those_of_the_published_tables() {
+        // Places of the grids and anchors at each: 28 x 28 x 2, 14 x 14 x 2, 7 x 7 x 6; 16 x 16 x 2, 8 x 8 x 6.
+        let person = anchors(224, PERSON.strides);
+        let face = anchors(128, FACE.strides);
+        assert_eq!((person.len(), face.len()), (2254, 896), "numbers of boxes");
+        for (table, at, x, y) in [
+            (&person, 0, 0.017_857_144, 0.017_857_144),
+            (&person, 1, 0.017_857_144, 0.017_857_144),
+            (&person, 2, 0.053_571_43, 0.017_857_144),
+            (&person, 1567, 0.982_142_9, 0.982_142_9),
+            (&person, 1568, 0.035_714_287, 0.035_714_287),
+            (&person, 1960, 0.071_428_57, 0.071_428_57),
+            (&person, 1966, 0.214_285_72, 0.071_428_57),
+            (&person, 2253, 0.928_571_4, 0.928_571_4),
+            (&face, 0, 0.031_25, 0.031_25),
+            (&face, 511, 0.968_75, 0.968_75),
+            (&face, 512, 0.0625, 0.0625),
+            (&face, 895, 0.9375, 0.9375),
+        ] {
+            assert!(
+                table[at].distance(Vec2::new(x, y)) < 1e-6,
+                "anchor {at}: {}",
+                table[at]
+            );
+        }
+    }
+
+    /// A box of 40 pixels about the middle of 100, moved by `dx`, with one key point at its centre.
+    fn boxes(dx: &[f32]) -> (Vec<f32>, Vec<Vec2>) {
+        let numbers = dx
+            .iter()
+            .flat_map(|dx| [*dx, 0.0, 40.0, 40.0, *dx, 0.0])
+            .collect();
+        (numbers, vec![Vec2::splat(0.5); dx.len()])
+    }
+
+    #[test]
+    fn overlapping_detections_become_their_weighted_mean_and_others_stay() {
+        let (numbers, anchors) = boxes(&[0.0, 4.0, 45.0, 90.0]);
+        // Probabilities 0.9, 0.6, 0.75, and one that is too low.
+        let scores = [9.0_f32.ln(), 1.5_f32.ln(), 3.0_f32.ln(), -1.0];
+        let merged = merge(decode(&numbers, &scores, &anchors, 100, 1));
+        let x: Vec<f32> = merged.iter().map(|d| d.points()[0].x).collect();
+        assert_eq!(x.len(), 2, "{x:?}");
+        assert!((x[0] - (0.5 + 0.04 * 0.6 / 1.5)).abs() < 1e-5, "{x:?}");
+        assert!((x[1] - 0.95).abs() < 1e-5, "{x:?}");
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_no_detection() {
+        let (mut numbers, anchors) = boxes(&[0.0, 4.0, 45.0]);
+        numbers[4] = f32::NAN;
+        let scores = [9.0, f32::NAN, f32::INFINITY];
+        assert_eq!(
+            merge(decode(&numbers, &scores, &anchors, 100, 1)).len(),
+            1,
+            "the last"
+        );
+        assert!(decode(&[], &scores, &anchors, 100, 1).is_empty(), "nothing");
+    }
 }

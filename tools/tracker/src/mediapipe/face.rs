@@ -2,7 +2,7 @@
 
 use super::face_mesh::{self, LEFT_EYE, LIPS, MESH, RIGHT_EYE};
 use super::regions::{Rect, Towards, Tracking, rotation};
-use super::{Detector, SEEN, sigmoid};
+use super::{Detector, SEEN, exceeds, sigmoid};
 use crate::TrackerError;
 use crate::crop::{Border, Region};
 use crate::models::{FaceEstimate, FaceHint, FaceModel};
@@ -26,6 +26,9 @@ const LANDMARKS: Signature = Signature {
     border: Border::Replicate,
     black: 0.0,
 };
+
+/// The side of the input in which the landmarks are given, pixels.
+const SIDE: f32 = 192.0;
 
 /// How far the followed region may be from the detected one (`face_tracking.pbtxt`).
 const TRACKING: Tracking = Tracking {
@@ -114,7 +117,8 @@ impl Face {
         followed: u32,
     ) -> Result<Option<FaceEstimate>, TrackerError> {
         self.landmarks.run(picture, region)?;
-        let seen = read(&self.landmarks, region);
+        let network = &self.landmarks;
+        let seen = read(std::array::from_fn(|i| network.output(i)), region);
         self.last = seen.as_ref().and_then(|seen| {
             Some(Last {
                 points: seen.points.clone(),
@@ -185,29 +189,61 @@ fn region_after(points: &[Vec3; FACE_LANDMARKS]) -> Option<Region> {
     Rect::about(points.iter().map(|p| p.truncate()), radians).square(0.0, 1.5)
 }
 
-/// What the landmarks' network saw; nothing if there is no face, or a number is not finite.
-fn read(network: &Network, region: &Region) -> Option<FaceLandmarks> {
-    let confidence = sigmoid(network.number(6));
-    if !(confidence > SEEN) {
+/// What the landmarks' network saw: its outputs in order. Nothing if there is no face, or a number is not finite.
+fn read(outputs: [&[f32]; 7], region: &Region) -> Option<FaceLandmarks> {
+    let [
+        mesh,
+        lips,
+        right_eye,
+        left_eye,
+        right_iris,
+        left_iris,
+        presence,
+    ] = outputs;
+    let confidence = sigmoid(*presence.first()?);
+    if !exceeds(confidence, SEEN) {
         return None;
     }
     let mut points = Box::new([Vec3::ZERO; FACE_LANDMARKS]);
     face_mesh::combine(
-        network.output(0),
-        [1, 2, 3].map(|i| network.output(i)),
-        [4, 5].map(|i| network.output(i)),
+        mesh,
+        [lips, right_eye, left_eye],
+        [right_iris, left_iris],
         &mut points,
     );
-    #[allow(
-        clippy::cast_precision_loss,
-        reason = "inputs are far smaller than 2^24 pixels"
-    )]
-    let size = network.size() as f32;
     let picture_from_region = region.picture_from_region();
     for point in points.iter_mut() {
-        let pixel = picture_from_region.transform_point2(point.truncate() / size);
-        *point = pixel.extend(point.z / size * region.side());
+        let pixel = picture_from_region.transform_point2(point.truncate() / SIDE);
+        *point = pixel.extend(point.z / SIDE * region.side());
     }
     let sane = points.iter().all(|p| p.is_finite());
     sane.then_some(FaceLandmarks { points, confidence })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec2;
+
+    #[test]
+    fn numbers_that_are_none_are_no_face_and_do_not_panic() {
+        let region = Region::new(Vec2::new(100.0, 100.0), 50.0, 0.5).unwrap();
+        let good = [MESH * 3, 160, 142, 142, 10, 10, 1].map(|length| vec![1.0_f32; length]);
+        let seen =
+            |outputs: &[Vec<f32>; 7]| read(std::array::from_fn(|i| &outputs[i][..]), &region);
+        assert!(seen(&good).is_some(), "all is well");
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for which in 0..7 {
+                let mut outputs = good.clone();
+                outputs[which][0] = bad;
+                if let Some(face) = seen(&outputs) {
+                    assert!(
+                        face.points.iter().all(|p| p.is_finite()),
+                        "{bad} in output {which}"
+                    );
+                }
+            }
+        }
+        assert!(read([&[]; 7], &region).is_none(), "nothing");
+    }
 }

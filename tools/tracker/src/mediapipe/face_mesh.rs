@@ -53,7 +53,6 @@ pub(super) fn combine(
         }
     }
     for (side, (eye, numbers)) in [&RIGHT_EYE, &LEFT_EYE].into_iter().zip(irises).enumerate() {
-        #[allow(clippy::cast_precision_loss, reason = "sixteen landmarks")]
         let depth = eye[..EDGE].iter().map(|i| points[*i].z).sum::<f32>() / EDGE as f32;
         let iris = points.iter_mut().skip(MESH + side * IRIS).take(IRIS);
         for (point, numbers) in iris.zip(numbers.chunks_exact(2)) {

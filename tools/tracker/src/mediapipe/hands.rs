@@ -1,7 +1,7 @@
 //! The hands: searched where the body has its wrists, then followed from landmarks to landmarks.
 
-use super::SEEN;
 use super::regions::{Rect, Towards, Tracking, rotation};
+use super::{SEEN, exceeds};
 use crate::TrackerError;
 use crate::crop::{Border, Region};
 use crate::models::{HandEstimate, HandHint, HandModel, Side};
@@ -17,6 +17,13 @@ const RECROP: Signature = Signature {
     border: Border::Replicate,
     black: 0.0,
 };
+
+/// A hand that is less probably of the side that was looked for is the other one: two hands close together draw both regions to one,
+/// and MediaPipe's graph, which does not ask, then gives it twice.
+const THIS_SIDE: f32 = 0.2;
+
+/// The side of the input in which the landmarks are given, pixels.
+const SIDE: f32 = 224.0;
 
 /// Wrists that are less visible are not looked at.
 const WRIST_SEEN: f32 = 0.1;
@@ -53,7 +60,12 @@ impl HandNetwork {
                 Self::Lite => "hand_landmark_lite",
             },
             size: 224,
-            outputs: &[(0, HAND_LANDMARKS * 3), (1, 1), (3, HAND_LANDMARKS * 3)],
+            outputs: &[
+                (0, HAND_LANDMARKS * 3),
+                (1, 1),
+                (2, 1),
+                (3, HAND_LANDMARKS * 3),
+            ],
             border: Border::Replicate,
             black: 0.0,
         }
@@ -124,10 +136,6 @@ impl Hands {
         let [x0, y0, x1, y1] = *self.recrop.output(0) else {
             return Ok(None);
         };
-        #[allow(
-            clippy::cast_precision_loss,
-            reason = "inputs are far smaller than 2^24 pixels"
-        )]
         let size = self.recrop.size() as f32;
         let [centre, edge] = [Vec2::new(x0, y0), Vec2::new(x1, y1)]
             .map(|p| region.picture_from_region().transform_point2(p / size));
@@ -142,7 +150,8 @@ impl Hands {
         followed: u32,
     ) -> Result<Option<HandEstimate>, TrackerError> {
         self.landmarks.run(picture, region)?;
-        let seen = read(&self.landmarks, region);
+        let network = &self.landmarks;
+        let seen = read([0, 1, 2, 3].map(|i| network.output(i)), region, side);
         self.sides[side.index()] = seen.as_ref().and_then(|seen| {
             Some(Last {
                 pixels: seen.pixels,
@@ -174,8 +183,7 @@ impl HandModel for Hands {
         hint: &HandHint,
         followed: Option<HandEstimate>,
     ) -> Result<Option<HandEstimate>, TrackerError> {
-        // No number is no visibility.
-        if !(hint.confidence > WRIST_SEEN) {
+        if !exceeds(hint.confidence, WRIST_SEEN) {
             self.forget(side);
             return Ok(None);
         }
@@ -192,11 +200,16 @@ impl HandModel for Hands {
             self.forget(side);
             return Ok(None);
         };
-        let region = match &self.sides[side.index()] {
-            Some(last) if TRACKING.holds(&last.region, &searched, last.pixels) => last.region,
-            _ => searched,
-        };
-        self.look(picture, &region, side, 0)
+        if let Some(last) = &self.sides[side.index()]
+            && TRACKING.holds(&last.region, &searched, last.pixels)
+        {
+            let region = last.region;
+            let seen = self.look(picture, &region, side, 0)?;
+            if seen.is_some() {
+                return Ok(seen);
+            }
+        }
+        self.look(picture, &searched, side, 0)
     }
 
     fn forget(&mut self, side: Side) {
@@ -211,17 +224,18 @@ fn region_after(pixels: &[Vec2; HAND_LANDMARKS]) -> Option<Region> {
     Rect::turned_about(PALM.map(|i| pixels[i]), radians).square(-0.1, 2.0)
 }
 
-/// What the landmarks' network saw; nothing if there is no hand, or a number is not finite.
-fn read(network: &Network, region: &Region) -> Option<HandLandmarks> {
-    let confidence = network.number(1);
-    if !(confidence > SEEN) {
+/// What the landmarks' network saw: landmarks, presence, the probability of a right hand, metres. Nothing if there is no hand, or
+/// one of the other `side`, or a number is not finite.
+fn read(outputs: [&[f32]; 4], region: &Region, side: Side) -> Option<HandLandmarks> {
+    let [landmarks, presence, right, metres] = outputs;
+    let (confidence, right) = (*presence.first()?, *right.first()?);
+    let this_side = match side {
+        Side::Left => 1.0 - right,
+        Side::Right => right,
+    };
+    if !(exceeds(confidence, SEEN) && exceeds(this_side, THIS_SIDE)) {
         return None;
     }
-    #[allow(
-        clippy::cast_precision_loss,
-        reason = "inputs are far smaller than 2^24 pixels"
-    )]
-    let size = network.size() as f32;
     let picture_from_region = region.picture_from_region();
     let turn = Vec2::from_angle(region.radians());
     let mut hand = HandLandmarks {
@@ -229,21 +243,81 @@ fn read(network: &Network, region: &Region) -> Option<HandLandmarks> {
         metres: [Vec3::ZERO; HAND_LANDMARKS],
         confidence: confidence.min(1.0),
     };
-    for (pixel, at) in hand
-        .pixels
-        .iter_mut()
-        .zip(network.output(0).chunks_exact(3))
-    {
-        *pixel = picture_from_region.transform_point2(Vec2::new(at[0], at[1]) / size);
+    for (pixel, at) in hand.pixels.iter_mut().zip(landmarks.chunks_exact(3)) {
+        *pixel = picture_from_region.transform_point2(Vec2::new(at[0], at[1]) / SIDE);
     }
-    for (metres, at) in hand
-        .metres
-        .iter_mut()
-        .zip(network.output(2).chunks_exact(3))
-    {
+    for (metres, at) in hand.metres.iter_mut().zip(metres.chunks_exact(3)) {
         *metres = turn.rotate(Vec2::new(at[0], at[1])).extend(at[2]);
     }
     let sane =
         hand.pixels.iter().all(|p| p.is_finite()) && hand.metres.iter().all(|p| p.is_finite());
     sane.then_some(hand)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn region() -> Region {
+        Region::new(Vec2::new(100.0, 100.0), 50.0, 0.5).unwrap()
+    }
+
+    #[test]
+    fn a_hand_of_the_other_side_is_not_this_one() {
+        let (at, metres) = ([112.0; 63], [0.0; 63]);
+        for (right, sides) in [
+            (0.95, [false, true]),
+            (0.05, [true, false]),
+            (0.5, [true, true]),
+        ] {
+            let seen = Side::BOTH
+                .map(|side| read([&at, &[0.9], &[right], &metres], &region(), side).is_some());
+            assert_eq!(seen, sides, "{right}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_no_hand_and_do_not_panic() {
+        let good = [vec![112.0; 63], vec![0.9], vec![0.5], vec![0.0; 63]];
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for which in 0..4 {
+                let mut outputs = good.clone();
+                outputs[which][0] = bad;
+                let [a, b, c, d] = &outputs;
+                if let Some(hand) = read([a, b, c, d], &region(), Side::Right) {
+                    let fine = hand.pixels.iter().all(|p| p.is_finite()) && hand.confidence <= 1.0;
+                    assert!(fine, "{bad} in output {which}");
+                }
+            }
+        }
+        assert!(
+            read([&[], &[], &[], &[]], &region(), Side::Left).is_none(),
+            "nothing"
+        );
+        let point = [Vec2::ONE; HAND_LANDMARKS];
+        assert!(
+            region_after(&point).is_none(),
+            "no region about a single point"
+        );
+    }
+
+    #[test]
+    fn the_region_about_a_hand_has_the_fingers_up_and_twice_the_palms_length() {
+        // A hand that points right: wrist at (10, 50), knuckles at x = 60, tips beyond.
+        let mut pixels = [Vec2::new(60.0, 50.0); HAND_LANDMARKS];
+        pixels[0] = Vec2::new(10.0, 50.0);
+        pixels[5].y = 40.0;
+        pixels[13].y = 60.0;
+        let region = region_after(&pixels).unwrap();
+        assert!(
+            (region.radians() - std::f32::consts::FRAC_PI_2).abs() < 1e-5,
+            "{region:?}"
+        );
+        assert!((region.side() - 100.0).abs() < 1e-3, "{region:?}");
+        // A tenth of the palm's length towards the fingers.
+        assert!(
+            region.centre().distance(Vec2::new(40.0, 50.0)) < 1e-3,
+            "{region:?}"
+        );
+    }
 }

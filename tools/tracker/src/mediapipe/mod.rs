@@ -23,6 +23,11 @@ use std::path::Path;
 /// Where a network stops to believe in what it sees, 0..=1.
 const SEEN: f32 = 0.5;
 
+/// Whether `value` is above `limit`; no number is not.
+fn exceeds(value: f32, limit: f32) -> bool {
+    value > limit
+}
+
 /// The logistic function.
 fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + (-x.clamp(-100.0, 100.0)).exp())

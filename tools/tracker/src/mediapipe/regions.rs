@@ -125,3 +125,60 @@ impl Tracking {
                 .all(|p| back.rotate(p - searched.centre()).abs().max_element() < reach)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_region_is_turned_until_its_vector_points_where_it_should() {
+        // MediaPipe's formula by hand: target - atan2(-dy, dx).
+        for (end, towards, degrees) in [
+            (Vec2::new(0.0, -1.0), Towards::Top, 0.0),
+            (Vec2::new(1.0, 0.0), Towards::Top, 90.0),
+            (Vec2::new(-1.0, 0.0), Towards::Top, -90.0),
+            (Vec2::new(0.0, 1.0), Towards::Bottom, 0.0),
+            (Vec2::new(1.0, 0.0), Towards::Bottom, -90.0),
+            (Vec2::new(1.0, 1.0), Towards::Right, 45.0),
+        ] {
+            let got = rotation(Vec2::ZERO, end, towards).to_degrees();
+            assert!((got - degrees).abs() < 1e-3, "{end} {towards:?}: {got}");
+        }
+    }
+
+    #[test]
+    fn the_last_region_holds_while_it_is_near_the_searched_one() {
+        let tracking = Tracking {
+            rotation: 0.7,
+            translation: 0.2,
+            scale: 0.4,
+            margin: -0.1,
+        };
+        let at = |x: f32, side: f32, radians: f32| {
+            Region::new(Vec2::new(x, 50.0), side, radians).unwrap()
+        };
+        let searched = at(50.0, 100.0, 3.0);
+        let inside = [Vec2::new(50.0, 60.0)];
+        for (last, points, holds, why) in [
+            (at(55.0, 100.0, 3.0), inside, true, "near"),
+            (at(75.0, 100.0, 3.0), inside, false, "too far"),
+            (at(50.0, 150.0, 3.0), inside, false, "too large"),
+            (
+                at(50.0, 100.0, -3.0),
+                inside,
+                true,
+                "turned by less than it seems",
+            ),
+            (at(50.0, 100.0, 2.0), inside, false, "turned too far"),
+            (
+                at(50.0, 100.0, 3.0),
+                [Vec2::new(100.0, 50.0)],
+                false,
+                "a landmark beyond",
+            ),
+            (at(50.0, 100.0, 3.0), [Vec2::NAN], false, "no number"),
+        ] {
+            assert_eq!(tracking.holds(&last, &searched, points), holds, "{why}");
+        }
+    }
+}

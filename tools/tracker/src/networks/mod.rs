@@ -4,4 +4,4 @@ mod network;
 mod set;
 
 pub use network::{Network, Signature};
-pub use set::{NETWORKS_VARIABLE, NetworkSet};
+pub use set::NetworkSet;

@@ -5,6 +5,7 @@ use crate::TrackerError;
 use crate::crop::{Border, Crop, Region};
 use crate::picture::PictureView;
 use npu_runtime::{Outputs, Provider, RuntimeError, Session, TensorSpec};
+use std::time::Instant;
 
 /// What a network takes and gives, as its user knows it.
 #[derive(Debug, Clone, Copy)]
@@ -34,7 +35,7 @@ impl Network {
     /// Loads the network that `signature` describes, to run on the CPU by `threads` threads.
     ///
     /// # Errors
-    /// Those of [`NetworkSet::onnx`], [`TrackerError::Runtime`] if the runtime refuses it, [`TrackerError::Shape`] if it is not as
+    /// [`TrackerError::Read`] and [`TrackerError::Convert`] if its file is damaged, [`TrackerError::Runtime`] if the runtime refuses it, [`TrackerError::Shape`] if it is not as
     /// `signature` says.
     pub fn open(
         set: &NetworkSet,
@@ -97,7 +98,7 @@ impl Network {
     }
 
     /// Samples `region` into the network's input.
-    pub fn fill(&mut self, picture: PictureView<'_>, region: &Region) {
+    fn fill(&mut self, picture: PictureView<'_>, region: &Region) {
         self.crop.fill(picture, region, self.session.input_mut(0));
     }
 
@@ -105,7 +106,7 @@ impl Network {
     ///
     /// # Errors
     /// [`TrackerError::Runtime`] if it fails.
-    pub fn infer(&mut self) -> Result<(), TrackerError> {
+    fn infer(&mut self) -> Result<(), TrackerError> {
         self.session
             .run(&mut self.outputs)
             .map_err(|source| runtime_error(self.name, source))
@@ -116,8 +117,18 @@ impl Network {
     /// # Errors
     /// [`TrackerError::Runtime`] if it fails.
     pub fn run(&mut self, picture: PictureView<'_>, region: &Region) -> Result<(), TrackerError> {
+        let start = Instant::now();
         self.fill(picture, region);
-        self.infer()
+        let filled = start.elapsed();
+        self.infer()?;
+        let all = start.elapsed();
+        log::trace!(
+            "{}: crop {:.3} ms, network {:.3} ms",
+            self.name,
+            filled.as_secs_f64() * 1e3,
+            (all - filled).as_secs_f64() * 1e3
+        );
+        Ok(())
     }
 
     /// The wanted output `index`, in the order of [`Signature::outputs`], of the last run: as long as that says, or empty before the

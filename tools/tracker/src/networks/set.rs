@@ -1,12 +1,9 @@
 //! The folder of the networks, as set-up fetched them.
 
-use crate::TrackerError;
+use crate::error::{NETWORKS_VARIABLE, TrackerError};
 use npu_runtime::{Runtime, TensorSpec};
 use std::path::{Path, PathBuf};
 use tflite_to_onnx::{Options, Port, convert};
-
-/// The environment variable that names the folder of the tracking networks.
-pub const NETWORKS_VARIABLE: &str = "MON3TR_NETWORKS";
 
 /// The files' ending.
 const ENDING: &str = "tflite";
@@ -81,8 +78,8 @@ impl NetworkSet {
         let options = Options {
             outputs: Some(places.to_vec()),
         };
-        let converted = convert(&tflite, &options)
-            .map_err(|source| TrackerError::Convert { path, source })?;
+        let converted =
+            convert(&tflite, &options).map_err(|source| TrackerError::Convert { path, source })?;
         let specs = |ports: &[Port]| {
             ports
                 .iter()

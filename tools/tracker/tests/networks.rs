@@ -1,0 +1,373 @@
+//! MediaPipe's networks on a picture of a person: against MediaPipe itself, and where there is nothing to see.
+//!
+//! `person/waist-up.webp` is a render of this project's own avatar (a part of `docs/stills.webp`); `person/mediapipe.txt` is what the
+//! Python package mediapipe 0.10.21 gives for it (`solutions.holistic`, `model_complexity=1`, `smooth_landmarks=False`,
+//! `refine_face_landmarks=True`, the tenth time): part, number, x and y in pixels, every eighth landmark of the face.
+
+use glam::Vec2;
+use motion_fit::landmarks::Observation;
+use npu_runtime::Runtime;
+use std::path::Path;
+use std::sync::Arc;
+use tracker::mediapipe::{HandNetwork, HandsBy, Options};
+use tracker::networks::NetworkSet;
+use tracker::picture::{Picture, PictureView};
+use tracker::workers::Seen;
+use tracker::{Tracker, TrackerError};
+
+#[derive(Clone)]
+struct Still {
+    width: usize,
+    height: usize,
+    rgb: Vec<u8>,
+    seconds: f64,
+}
+
+impl Picture for Still {
+    fn view(&self) -> Result<PictureView<'_>, TrackerError> {
+        PictureView::new(self.width, self.height, &self.rgb)
+    }
+
+    fn seconds(&self) -> f64 {
+        self.seconds
+    }
+}
+
+impl Still {
+    fn black(width: usize, height: usize) -> Self {
+        Self {
+            width,
+            height,
+            rgb: vec![0; width * height * 3],
+            seconds: 0.0,
+        }
+    }
+
+    fn person() -> Self {
+        let bytes: &[u8] = include_bytes!("person/waist-up.webp");
+        let mut decoder = image_webp::WebPDecoder::new(std::io::Cursor::new(bytes)).unwrap();
+        let (width, height) = decoder.dimensions();
+        let mut still = Self::black(width as usize, height as usize);
+        decoder.read_image(&mut still.rgb).unwrap();
+        still
+    }
+
+    /// Every pixel from where `from` says, black where that is nothing.
+    fn rearranged(
+        &self,
+        width: usize,
+        height: usize,
+        from: impl Fn(usize, usize) -> Option<(usize, usize)>,
+    ) -> Self {
+        let mut new = Self::black(width, height);
+        for y in 0..height {
+            for x in 0..width {
+                if let Some((from_x, from_y)) =
+                    from(x, y).filter(|(x, y)| *x < self.width && *y < self.height)
+                {
+                    let (to, from) = ((y * width + x) * 3, (from_y * self.width + from_x) * 3);
+                    new.rgb[to..to + 3].copy_from_slice(&self.rgb[from..from + 3]);
+                }
+            }
+        }
+        new
+    }
+
+    fn mirrored(&self) -> Self {
+        self.rearranged(self.width, self.height, |x, y| {
+            Some((self.width - 1 - x, y))
+        })
+    }
+}
+
+/// A tracker, if this machine has the networks and a runtime; in CI it must.
+fn tracker(options: Options) -> Option<Tracker> {
+    let models = NetworkSet::folder_of_environment().and_then(|folder| {
+        let runtime = Runtime::open(None).map_err(|source| TrackerError::Runtime {
+            network: "of any name".into(),
+            source,
+        })?;
+        options.load(&folder, &runtime)
+    });
+    match models {
+        Ok(models) => Some(Tracker::new(models).unwrap()),
+        Err(
+            why @ (TrackerError::NoFolder
+            | TrackerError::Missing { .. }
+            | TrackerError::Runtime { .. }),
+        ) => {
+            assert!(std::env::var("CI").as_deref() != Ok("true"), "{why}");
+            println!("skipped: {why}");
+            None
+        }
+        Err(fault) => panic!("{fault}"),
+    }
+}
+
+/// What is seen after `still` was shown for ten pictures, 30 a second.
+fn watched(tracker: &mut Tracker, still: &Still) -> Seen {
+    let mut seen = None;
+    for number in 0..10 {
+        let picture: Arc<dyn Picture> = Arc::new(Still {
+            seconds: f64::from(number) / 30.0,
+            ..still.clone()
+        });
+        seen = Some(tracker.observe(&picture).unwrap());
+    }
+    seen.unwrap()
+}
+
+/// The landmarks that the reference has: part, number, pixels.
+fn reference() -> Vec<(&'static str, usize, Vec2)> {
+    include_str!("person/mediapipe.txt")
+        .lines()
+        .map(|line| {
+            let words: Vec<_> = line.split(' ').collect();
+            let number = |i: usize| words[i].parse::<f32>().unwrap();
+            (
+                words[0],
+                words[1].parse().unwrap(),
+                Vec2::new(number(2), number(3)),
+            )
+        })
+        .collect()
+}
+
+/// The same of what was seen.
+fn pixel(seen: &Observation, part: &str, number: usize) -> Option<Vec2> {
+    match part {
+        "body" => seen.body.as_ref().map(|body| body.points[number].pixel),
+        "left" => seen.hands[0].as_ref().map(|hand| hand.pixels[number]),
+        "right" => seen.hands[1].as_ref().map(|hand| hand.pixels[number]),
+        _ => seen
+            .face
+            .as_ref()
+            .map(|face| face.points[number].truncate()),
+    }
+}
+
+#[test]
+fn landmarks_are_those_of_mediapipe() {
+    let Some(mut tracker) = tracker(Options {
+        // As MediaPipe does.
+        search_every: 1,
+        ..Options::default()
+    }) else {
+        return;
+    };
+    let seen = watched(&mut tracker, &Still::person());
+    assert_eq!(seen.people, Some(1), "one person");
+    let seen = seen.into_observation();
+    // MediaPipe lays half a pixel of the network's input elsewhere: up to 3 pixels of this picture for the body.
+    for (part, mean_percent, worst_percent) in [
+        ("body", 0.5, 1.0),
+        ("left", 3.0, 6.0),
+        ("right", 3.0, 6.0),
+        ("face", 0.5, 1.0),
+    ] {
+        let all: Vec<_> = reference()
+            .into_iter()
+            .filter(|(of, ..)| *of == part)
+            .collect();
+        let low = all
+            .iter()
+            .fold(Vec2::INFINITY, |low, (_, _, p)| low.min(*p));
+        let high = all
+            .iter()
+            .fold(Vec2::NEG_INFINITY, |high, (_, _, p)| high.max(*p));
+        let size = (high - low).max_element();
+        let errors: Vec<f32> = all
+            .iter()
+            .map(|(_, number, expected)| {
+                let got = pixel(&seen, part, *number).unwrap_or_else(|| panic!("no {part}"));
+                got.distance(*expected) / size * 100.0
+            })
+            .collect();
+        let mean = errors.iter().sum::<f32>() / errors.len() as f32;
+        let worst = errors.iter().copied().fold(0.0, f32::max);
+        println!(
+            "{part}: {} landmarks, mean {mean:.2} %, worst {worst:.2} % of {size:.0} pixels",
+            errors.len()
+        );
+        assert!(
+            mean < mean_percent && worst < worst_percent,
+            "{part}: mean {mean} %, worst {worst} %"
+        );
+    }
+    let body = seen.body.unwrap();
+    let metres = body.points[11].metres.distance(body.points[12].metres);
+    assert!((0.2..0.5).contains(&metres), "shoulders {metres} m apart");
+    assert!(
+        body.points[11].metres.x > body.points[12].metres.x,
+        "the left shoulder is right in the picture"
+    );
+}
+
+#[test]
+fn a_mirrored_picture_has_mirrored_landmarks() {
+    let Some(mut tracker) = tracker(Options::default()) else {
+        return;
+    };
+    let person = Still::person();
+    let plain = watched(&mut tracker, &person).into_observation();
+    let mirrored = watched(&mut tracker, &person.mirrored()).into_observation();
+    let (plain, mirrored) = (plain.body.unwrap(), mirrored.body.unwrap());
+    // The nose and pairs of joints; what a body's half pixel of the input would do is 8 pixels, twice that offset.
+    let twin = |i: usize| if i == 0 { 0 } else { i + 2 * (i % 2) - 1 };
+    let places = [0, 11, 12, 13, 14, 15, 16];
+    let apart = places.map(|i| {
+        let there = person.width as f32 - mirrored.points[twin(i)].pixel.x;
+        plain.points[i].pixel.x - there
+    });
+    let mean = apart.iter().sum::<f32>() / apart.len() as f32;
+    println!("apart: {apart:?}, mean {mean} pixels");
+    assert!(mean.abs() < 4.0, "{apart:?}");
+}
+
+#[test]
+fn every_way_to_look_at_hands_finds_both() {
+    for (hands, hand_network) in [
+        (HandsBy::Shared, HandNetwork::Full),
+        (HandsBy::Each, HandNetwork::Lite),
+        (HandsBy::None, HandNetwork::Full),
+        (HandsBy::Alternating, HandNetwork::Full),
+    ] {
+        let Some(mut tracker) = tracker(Options {
+            hands,
+            hand_network,
+            ..Options::default()
+        }) else {
+            return;
+        };
+        let seen = watched(&mut tracker, &Still::person());
+        let expected = match hands {
+            HandsBy::None => [false, false],
+            // The tenth picture is the right one's.
+            HandsBy::Alternating => [false, true],
+            _ => [true, true],
+        };
+        assert_eq!(seen.hands_looked_at, expected, "{hands:?}");
+        assert_eq!(
+            seen.hands.each_ref().map(Option::is_some),
+            expected,
+            "{hands:?}"
+        );
+        assert!(seen.face.is_some(), "{hands:?}");
+    }
+}
+
+#[test]
+fn of_two_people_the_nearer_one_is_tracked_and_both_are_counted() {
+    let Some(mut tracker) = tracker(Options::default()) else {
+        return;
+    };
+    let person = Still::person();
+    // One at half size on the left, one as it is on the right.
+    let two = person.rearranged(1000, 600, |x, y| {
+        if x < 400 {
+            Some((x.checked_sub(50)? * 2, y.checked_sub(300)? * 2))
+        } else {
+            Some((x - 400, y))
+        }
+    });
+    let picture: Arc<dyn Picture> = Arc::new(two.clone());
+    let first = tracker.observe(&picture).unwrap();
+    assert_eq!(first.people, Some(2), "two people");
+    let seen = watched(&mut tracker, &two).into_observation();
+    let nose = seen.body.unwrap().points[0].pixel;
+    let expected = reference()[0].2 + Vec2::new(400.0, 0.0);
+    assert!(
+        nose.distance(expected) < 10.0,
+        "the nose is at {nose}, not {expected}"
+    );
+}
+
+#[test]
+fn where_there_is_nobody_nothing_is_seen_and_a_person_is_found_again() {
+    let Some(mut tracker) = tracker(Options::default()) else {
+        return;
+    };
+    let grey = Still {
+        rgb: vec![128; 640 * 480 * 3],
+        ..Still::black(640, 480)
+    };
+    let person = Still::person();
+    for still in [
+        Still::black(640, 480),
+        Still::black(1, 1),
+        Still::black(1, 700),
+        Still::black(700, 1),
+        Still::black(3, 3),
+        person.clone(),
+        grey,
+    ] {
+        let expected = still.width == person.width;
+        let seen = watched(&mut tracker, &still).into_observation();
+        let parts = [
+            seen.body.is_some(),
+            seen.hands[0].is_some(),
+            seen.hands[1].is_some(),
+            seen.face.is_some(),
+        ];
+        assert_eq!(parts, [expected; 4], "{} x {}", still.width, still.height);
+    }
+}
+
+#[test]
+fn a_person_who_jumps_aside_is_found_again() {
+    let Some(mut tracker) = tracker(Options::default()) else {
+        return;
+    };
+    let person = Still::person();
+    let at =
+        |left: usize| person.rearranged(1800, 600, move |x, y| Some((x.checked_sub(left)?, y)));
+    for left in [0, 1200, 300] {
+        let seen = watched(&mut tracker, &at(left)).into_observation();
+        for (part, number, expected) in reference()
+            .into_iter()
+            .filter(|(_, number, _)| *number == 0)
+        {
+            let got = pixel(&seen, part, number).unwrap_or_else(|| panic!("no {part} at {left}"));
+            let expected = expected + Vec2::new(left as f32, 0.0);
+            // A hand's wrist is half hidden by the cuff: networks and regions differ by a third of the hand.
+            assert!(
+                got.distance(expected) < 40.0,
+                "{part} at {left}: {got}, not {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn missing_and_damaged_networks_are_named() {
+    let Ok(runtime) = Runtime::open(None) else {
+        assert!(
+            std::env::var("CI").as_deref() != Ok("true"),
+            "no ONNX Runtime"
+        );
+        println!("skipped: no ONNX Runtime");
+        return;
+    };
+    let folder = std::env::temp_dir().join(format!("tracker-networks-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let load = |folder: &Path| {
+        Options::default()
+            .load(folder, &runtime)
+            .unwrap_err()
+            .to_string()
+    };
+    let error = load(&folder);
+    assert!(
+        error.contains("pose_detection.tflite") && error.contains("./run setup"),
+        "{error}"
+    );
+    for name in Options::default().names() {
+        std::fs::write(folder.join(format!("{name}.tflite")), b"no network").unwrap();
+    }
+    let error = load(&folder);
+    assert!(
+        error.contains("pose_detection.tflite") && error.contains("./run setup"),
+        "{error}"
+    );
+    std::fs::remove_dir_all(&folder).unwrap();
+}
