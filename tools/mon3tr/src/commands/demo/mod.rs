@@ -29,6 +29,7 @@ use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tracker::source::SourceChoice;
 
 /// Longest call of the demo, seconds: as long as an animation may be.
 const LONGEST_CALL: f64 = 20.0;
@@ -205,12 +206,15 @@ impl Options {
         let choice = match &self.camera.camera {
             None => return self.motion.load(avatar).map(Some),
             Some(choice) if choice.is_live() => return Ok(None),
+            Some(SourceChoice::Stdin) => bail!(
+                "the demo reads a recording more than once, and standard input cannot be: write it to a file first"
+            ),
             Some(choice) => choice,
         };
         let lens = self.camera.lens;
         let recording = TrackedRecording::track(choice, lens, avatar, device, LONGEST_RECORDING)?;
         recording.figures.print();
-        if self.display == Display::Offscreen && choice.can_be_read_again() {
+        if self.display == Display::Offscreen {
             let file = self.out.join("side-by-side.webp");
             side_by_side::draw(choice, &recording, avatar, device, &file)?;
             println!("  {}", file.display());
