@@ -18,8 +18,8 @@ pub struct FacePose {
     pub eyes: [DQuat; 2],
 }
 
-/// What a mouth's preset does at full strength to opening, width, corners and lips' pressing, as [`FaceMeasures`] has them. Measured on renders
-/// of the demo avatar with MediaPipe's face mesh, but for `mbp`, whose pressed lips that mesh hardly sees there.
+/// What a mouth's preset does at full strength to opening, width, corners and lips' pressing, as [`FaceMeasures`] has them.
+/// Measured on renders of the demo avatar with MediaPipe's face mesh, but for `mbp`: that mesh hardly sees its pressed lips.
 const MOUTH: [(&str, [f64; 4]); 8] = [
     ("a", [0.47, 0.36, -0.49, -0.18]),
     ("e", [0.60, 0.76, 0.11, 0.40]),

@@ -1,5 +1,7 @@
 //! Faces that a network saw on renders whose expression is known, and faces made here.
 
+#![allow(clippy::cast_possible_truncation, reason = "small random numbers")]
+
 use super::*;
 use crate::landmarks::FACE_LANDMARKS;
 use glam::{DMat3, Vec2, Vec3};
