@@ -5,7 +5,10 @@
 //! avatar's own rest pose, within what joints can do. No finger turns about its own length. A hand that is small in the picture
 //! or doubtful is blended towards a relaxed one, whose fingers say nothing.
 
+mod bias;
 mod finger;
+
+pub use bias::FlexionBias;
 
 use crate::align::{Pair, Similarity};
 use crate::landmarks::{HAND_LANDMARKS, HandLandmarks};
@@ -114,6 +117,7 @@ pub struct HandFit {
     /// Along the forearm, the axis that the fingers curl about, and square to both; at rest.
     wrist_axes: [DVec3; 3],
     fingers: [Option<Finger>; 5],
+    bias: Option<FlexionBias>,
 }
 
 impl HandFit {
@@ -158,7 +162,15 @@ impl HandFit {
             palm,
             wrist_axes: [forearm, bend, forearm.cross(bend)],
             fingers,
+            bias: None,
         }
+    }
+
+    /// For landmarks of a network whose bias is known; without, they are taken for the middles of the joints.
+    #[must_use]
+    pub fn with_bias(mut self, bias: FlexionBias) -> Self {
+        self.bias = Some(bias);
+        self
     }
 
     /// The pose that `hand` shows. Landmarks that show no hand (coincident, not finite) give a relaxed one of confidence 0.
@@ -194,7 +206,10 @@ impl HandFit {
                 ..Angles::default()
             };
             let angles = directions(&points, ROOTS[number]).map_or(relaxed, |directions| {
-                let seen = finger.angles(directions.map(|d| palm_from_camera * d));
+                let mut seen = finger.angles(directions.map(|d| palm_from_camera * d));
+                if let Some(bias) = self.bias.filter(|_| number != THUMB) {
+                    seen.flexion[0] = bias.undo(seen.flexion[0]);
+                }
                 relaxed.blend(&seen.limited(limits), confidence)
             });
             joints.copy_from_slice(&finger.rotations(&angles));

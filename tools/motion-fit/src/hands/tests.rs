@@ -1,4 +1,6 @@
-//! Random hands, posed by forward kinematics of this test's own, are found again.
+//! Random hands, posed by forward kinematics of this test's own, are found again; and what a network saw on renders of known hands.
+
+#![allow(clippy::cast_possible_truncation, reason = "small random numbers")]
 
 use super::*;
 use glam::{DMat3, Vec2, Vec3};
@@ -380,4 +382,65 @@ fn the_forearms_twist_is_halved_and_the_rest_bends_the_wrist() {
     let found = fit.wrist(DQuat::IDENTITY, backwards);
     let angle = found.wrist.to_axis_angle().1.to_degrees();
     assert!((angle - 80.0).abs() < 0.01, "no wrist bends by {angle}");
+}
+
+/// Mean error of each of the fingers' three joints on the recorded renders, degrees, and the correlation of the whole curl.
+fn errors_on_renders(fit: &HandFit) -> ([f64; 3], f64) {
+    let (mut sums, mut curls) = ([0.0; 3], Vec::new());
+    let rows: Vec<Vec<f32>> = include_str!("seen.txt")
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .map(|line| {
+            line.split(' ')
+                .map(|w| w.parse().expect("a number"))
+                .collect()
+        })
+        .collect();
+    for row in &rows {
+        let (truth, points) = row.split_at(12);
+        let at = |k: usize| &points[5 * k..5 * k + 5];
+        let hand = HandLandmarks {
+            pixels: std::array::from_fn(|k| Vec2::from_slice(at(k))),
+            metres: std::array::from_fn(|k| Vec3::from_slice(&at(k)[2..]) / 10_000.0),
+            confidence: 1.0,
+        };
+        // What a small hand's fingers would be relaxed to is no measurement.
+        let hand = HandLandmarks {
+            pixels: hand.pixels.map(|p| p * 10.0),
+            ..hand
+        };
+        let pose = fit.fit(&hand);
+        let (mut curl, mut true_curl) = (0.0, 0.0);
+        for (k, truth) in truth.iter().enumerate() {
+            let rotation = pose.fingers[k];
+            let [axis, _] = axes(Side::Left, k / 3, 0);
+            let flexion = 2.0 * rotation.xyz().dot(axis).atan2(rotation.w).to_degrees();
+            sums[k % 3] += (flexion - f64::from(*truth)).abs();
+            curl += flexion;
+            true_curl += f64::from(*truth);
+        }
+        curls.push((curl, true_curl));
+    }
+    let count = rows.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| curls.iter().map(of).sum::<f64>() / count;
+    let (a, b) = (mean(|c| c.0), mean(|c| c.1));
+    let moment = |x: fn(&(f64, f64)) -> f64, mx: f64, y: fn(&(f64, f64)) -> f64, my: f64| {
+        curls.iter().map(|c| (x(c) - mx) * (y(c) - my)).sum::<f64>()
+    };
+    let both = moment(|c| c.0, a, |c| c.1, b);
+    let own = moment(|c| c.0, a, |c| c.0, a) * moment(|c| c.1, b, |c| c.1, b);
+    (sums.map(|sum| sum / (4.0 * count)), both / own.sqrt())
+}
+
+#[test]
+fn rendered_fingers_curl_with_the_true_ones_and_closer_without_the_networks_bias() {
+    let plain = HandFit::new(&skeleton(), Side::Left);
+    let (raw, raw_curl) = errors_on_renders(&plain);
+    let (undone, curl) = errors_on_renders(&plain.with_bias(FlexionBias::MEDIAPIPE));
+    println!(
+        "on renders, knuckle, middle and last joint off by {raw:.1?} degrees, correlation of curl {raw_curl:.2}"
+    );
+    println!("without MediaPipe's bias                         {undone:.1?} degrees, {curl:.2}");
+    assert!(undone[0] < 0.75 * raw[0], "{undone:?} against {raw:?}");
+    assert!(curl > 0.85, "{curl}");
 }
