@@ -1,22 +1,23 @@
 # shellcheck shell=bash disable=SC2154 # prepare.sh sets what is not assigned here
-# ffmpeg, which decodes videos and addresses: the machine's own, or the static one in the wheel that imageio publishes on PyPI; only
+# ffmpeg, which decodes videos and addresses: the machine's own, or the one in the wheel that imageio publishes on PyPI; only
 # that file and the wheel's licence are unpacked. Sourced by ./run.
 #
 #   $MON3TR_CACHE/ffmpeg/ffmpeg
 
-ffmpeg_wheel=0.6.0
-ffmpeg_version=7.0.2
+# The wheels before 0.8 hold one that is linked statically: it crashes on every network address.
+ffmpeg_wheel=0.8.1
+ffmpeg_version=9.0.2
 ffmpeg_files=https://files.pythonhosted.org/packages
 case $debian_arch in
 amd64)
-	ffmpeg_url=$ffmpeg_files/a0/2d/43c8522a2038e9d0e7dbdf3a61195ecc31ca576fb1527a528c877e87d973/imageio_ffmpeg-$ffmpeg_wheel-py3-none-manylinux2014_x86_64.whl
-	ffmpeg_sha256=c7e46fcec401dd990405049d2e2f475e2b397779df2519b544b8aab515195282
-	ffmpeg_megabytes=29
+	ffmpeg_url=$ffmpeg_files/de/0f/49292fbef69ee10ebcf97bb741602521caafcc6966d5fa1a2b868cc15655/imageio_ffmpeg-$ffmpeg_wheel-py3-none-manylinux_2_28_x86_64.whl
+	ffmpeg_sha256=050d6850601c3b3890bd2b28306f3b842b3daea390a561101174375a1c460bda
+	ffmpeg_megabytes=68
 	;;
 arm64)
-	ffmpeg_url=$ffmpeg_files/33/e7/1925bfbc563c39c1d2e82501d8372734a5c725e53ac3b31b4c2d081e895b/imageio_ffmpeg-$ffmpeg_wheel-py3-none-manylinux2014_aarch64.whl
-	ffmpeg_sha256=1d47bebd83d2c5fc770720d211855f208af8a596c82d17730aa51e815cdee6dc
-	ffmpeg_megabytes=26
+	ffmpeg_url=$ffmpeg_files/53/02/e139e53a71f33f728cb2ce6c1124edc29e4c008427923f01a4d37f9a1867/imageio_ffmpeg-$ffmpeg_wheel-py3-none-manylinux_2_28_aarch64.whl
+	ffmpeg_sha256=fad3176f859b25869e60a8ed79957d4e3ed74a97a95e5f0cdcb91455f6c6d00e
+	ffmpeg_megabytes=61
 	;;
 esac
 
@@ -36,7 +37,7 @@ install_ffmpeg() {
 		wheel, folder, version = sys.argv[1:]
 		with zipfile.ZipFile(wheel) as archive:
 		    [program] = [name for name in archive.namelist() if name.startswith("imageio_ffmpeg/binaries/ffmpeg-linux-")]
-		    for member, name in {program: "ffmpeg", f"imageio_ffmpeg-{version}.dist-info/LICENSE": "LICENSE"}.items():
+		    for member, name in {program: "ffmpeg", f"imageio_ffmpeg-{version}.dist-info/licenses/LICENSE": "LICENSE"}.items():
 		        with archive.open(member) as source, open(os.path.join(folder, name), "wb") as target:
 		            shutil.copyfileobj(source, target)
 	PY

@@ -151,7 +151,7 @@ fn a_real_clip_is_decoded_whole() {
 fn a_variable_rate_keeps_its_times() {
     let Some(ffmpeg) = Ffmpeg::find() else { return };
     let path = ffmpeg.make(
-        "-f lavfi -i testsrc=s=64x48:r=10:d=1 -vf settb=1/1000,setpts=N*N*20+500 -fps_mode passthrough -c:v ffv1",
+        "-f lavfi -i testsrc=s=64x48:r=10:d=1 -vf settb=1/1000,setpts=N*N*20+500 -fps_mode passthrough -enc_time_base 1:1000 -c:v ffv1",
         "variable.mkv",
     );
     let pictures = all(opened(&path).expect("a video"));
@@ -218,7 +218,12 @@ fn every_layout_of_y4m_shows_what_ffmpeg_shows() {
             assert_eq!((ours.len(), theirs.len()), (2, 2), "{format}");
             let mean = mean_difference(&ours[1], &theirs[1]);
             println!("{format} {size} {range}: {mean:.2} codes in the mean");
-            assert!(mean < 1.5, "{format} {size} {range}: {mean}");
+            // ffmpeg interpolates chroma. Another matrix, or another range, is four codes and more.
+            let whole = format.contains("444") || format.contains("gray");
+            assert!(
+                mean < if whole { 0.6 } else { 2.5 },
+                "{format} {size} {range}: {mean}"
+            );
         }
     }
 }
