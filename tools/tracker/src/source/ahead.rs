@@ -280,7 +280,7 @@ mod tests {
 
     #[test]
     fn the_newest_picture_is_given_and_older_ones_are_counted() {
-        let (go, wait) = channel();
+        let (go, wait) = channel::<()>();
         let queue = Queue::start(
             "test",
             Keep::Newest,

@@ -140,6 +140,8 @@ impl Running {
             .args([OsStr::new("-i"), &input.argument]);
         // Only the first video stream, each of its pictures once, at its own time.
         command.args(["-map", "0:v:0", "-fps_mode", "passthrough"]);
+        // In microseconds: without it, times are rounded to the video's mean rate.
+        command.args(["-enc_time_base", "1:1000000"]);
         if let Some((width, height)) = wanted
             .size
             .filter(|(width, height)| *width > 0 && *height > 0)
@@ -236,7 +238,12 @@ impl Running {
                     name: name.to_owned(),
                     why: match status {
                         Some(status) if status.success() => "its video stream is empty".to_owned(),
-                        Some(status) => format!("ffmpeg ended with {status} and said nothing"),
+                        // Statically linked ones crash as they look up an address.
+                        Some(status) => {
+                            format!(
+                                "ffmpeg crashed ({status}): set MON3TR_FFMPEG to another build of it"
+                            )
+                        }
                         None => "ffmpeg does not end".to_owned(),
                     },
                 };

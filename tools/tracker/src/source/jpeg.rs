@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io::{self, BufRead};
+use std::mem::swap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;
 
@@ -311,7 +312,7 @@ impl<R: BufRead + Send> Source for MotionJpeg<R> {
         }
         self.ended = true;
         if let Some(mut first) = self.first.take() {
-            std::mem::swap(&mut into.rgb, &mut first.rgb);
+            swap(&mut into.rgb, &mut first.rgb);
             (into.width, into.height, into.at) = (first.width, first.height, first.at);
         } else if !self.read(into)? {
             return Ok(false);
@@ -339,4 +340,4 @@ impl<R: BufRead + Send> Source for MotionJpeg<R> {
 
 #[cfg(test)]
 #[path = "jpeg_tests.rs"]
-mod tests;
+pub(super) mod tests;

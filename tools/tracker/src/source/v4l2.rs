@@ -34,7 +34,6 @@ const CLOCK_MASK: u32 = 0xe000;
 const CLOCK_MONOTONIC: u32 = 0x2000;
 
 const DISCRETE: u32 = 1;
-const ENCODING_601: u32 = 1;
 const ENCODING_709: u32 = 2;
 const COLOURS_709: u32 = 3;
 const COLOURS_JPEG: u32 = 7;
@@ -214,24 +213,7 @@ impl Device {
             why: why.to_owned(),
             present: present(),
         };
-        let failed = |source: io::Error| {
-            let device = device.clone();
-            match Errno::from_io_error(&source) {
-                Some(Errno::NOENT | Errno::NODEV | Errno::NXIO | Errno::NOTDIR) => {
-                    SourceError::NoDevice {
-                        device,
-                        present: present(),
-                    }
-                }
-                Some(Errno::ACCESS | Errno::PERM) => SourceError::NoPermission { device },
-                Some(Errno::BUSY) => SourceError::Busy { device },
-                _ => SourceError::Device {
-                    device,
-                    doing: "to open",
-                    source,
-                },
-            }
-        };
+        let failed = |source| refusal(&device, source);
         // Before it is opened: opening a pipe or a tape has effects.
         if !path
             .metadata()
@@ -252,14 +234,12 @@ impl Device {
             .custom_flags(flags)
             .open(path)
             .map_err(failed)?;
-        let mut said = Capability::default();
-        // SAFETY: the code is that of the structure, which the driver fills.
-        let asked = unsafe { ioctl(&file, Getter::<QUERY_CAPABILITIES, Capability>::new()) };
-        match asked {
-            Ok(answer) => said = answer,
+        // SAFETY: the code is that of the structure, which is plain numbers and which the driver fills.
+        let said = match unsafe { ioctl(&file, Getter::<QUERY_CAPABILITIES, Capability>::new()) } {
+            Ok(said) => said,
             Err(Errno::NOTTY | Errno::INVAL) => return Err(none("it is no video device")),
             Err(why) => return Err(failed(why.into())),
-        }
+        };
         let can = if said.capabilities & HAS_DEVICE_CAPABILITIES != 0 {
             said.device_capabilities
         } else {
@@ -440,6 +420,24 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(&bytes[..end]).trim().to_owned()
 }
 
+/// Of the system, to open a camera.
+fn refusal(device: &str, source: io::Error) -> SourceError {
+    let device = device.to_owned();
+    match Errno::from_io_error(&source) {
+        Some(Errno::NOENT | Errno::NODEV | Errno::NXIO | Errno::NOTDIR) => SourceError::NoDevice {
+            device,
+            present: present(),
+        },
+        Some(Errno::ACCESS | Errno::PERM) => SourceError::NoPermission { device },
+        Some(Errno::BUSY) => SourceError::Busy { device },
+        _ => SourceError::Device {
+            device,
+            doing: "to open",
+            source,
+        },
+    }
+}
+
 /// Which cameras there are, as a part of a message.
 fn present() -> String {
     list(Path::new("/dev"), Path::new("/sys/class/video4linux"))
@@ -603,7 +601,7 @@ fn layout(pixels: &PixelFormat, rate_hz: Option<f64>) -> Layout {
         stride: pixels.bytes_per_line as usize,
         matrix: match (pixels.encoding, pixels.colours) {
             (ENCODING_709, _) | (0, COLOURS_709) => Matrix::Bt709,
-            (ENCODING_601, _) | (_, _) => Matrix::Bt601,
+            _ => Matrix::Bt601,
         },
         range: match (pixels.quantization, pixels.colours) {
             (FULL_RANGE, _) | (0, COLOURS_JPEG) => Range::Full,
