@@ -5,12 +5,9 @@
 # prepare exports, besides MON3TR_CACHE:
 #   ORT_DYLIB_PATH                            ONNX Runtime's shared library
 #   MON3TR_MAKEHUMAN                          the demo person's raw material, only where it was asked for
-<<<<<<< HEAD
 #   MON3TR_NETWORKS                           the folder of the camera's networks, only where they were asked for
-=======
 #   MON3TR_FFMPEG                             ffmpeg, only where it was asked for and the PATH has none
 #   MON3TR_FOOTAGE                            the folder of clips of people, only where it was asked for
->>>>>>> source
 #   MON3TR_SPIRV_VAL                          the SPIR-V validator, only where it was asked for
 #   MON3TR_QNN                                the folder of ONNX Runtime's QNN plugin, only where it was asked for
 #   MON3TR_MONADO                             the folder of an OpenXR runtime and its loader, only where it was asked for
@@ -190,27 +187,17 @@ choose_vulkan() {
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
-<<<<<<< HEAD
-# prepare GPU [--makehuman] [--networks] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--adreno] [--arm64] [--android] [--android-qnn] [--android-tools] [--rehearsal]
+# prepare GPU [--makehuman] [--networks] [--ffmpeg] [--footage] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--adreno] [--arm64] [--android] [--android-qnn] [--android-tools] [--rehearsal]
 # GPU is `none` where nothing is drawn: then no Vulkan is looked for, and ONNX Runtime only for the camera's networks.
 prepare() {
-	local gpu=$1 with_makehuman=0 with_networks=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_adreno=0 with_arm64=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_rehearsal=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
-=======
-# prepare GPU [--makehuman] [--ffmpeg] [--footage] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--adreno] [--arm64] [--android] [--android-qnn] [--android-tools] [--rehearsal]
-# GPU is `none` where nothing is drawn or inferred: then neither Vulkan nor ONNX Runtime is looked for.
-prepare() {
-	local gpu=$1 with_makehuman=0 with_ffmpeg=0 with_footage=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_adreno=0 with_arm64=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_rehearsal=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
->>>>>>> source
+	local gpu=$1 with_makehuman=0 with_networks=0 with_ffmpeg=0 with_footage=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_adreno=0 with_arm64=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_rehearsal=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
 	shift
 	for one in "$@"; do
 		case $one in
 		--makehuman) with_makehuman=1 ;;
-<<<<<<< HEAD
 		--networks) with_networks=1 ;;
-=======
 		--ffmpeg) with_ffmpeg=1 ;;
 		--footage) with_footage=1 ;;
->>>>>>> source
 		--layer) with_layer=(--layer) ;;
 		--spirv-val) with_spirv_val=1 ;;
 		--interop) with_interop=1 ;;
@@ -373,13 +360,10 @@ export_environment() {
 	if [ "$with_android" = 1 ]; then export_android; fi
 	if [ "$with_android_tools" = 1 ] && android_tools_are_there && java_is_there; then export_android_tools; fi
 	if [ "$with_rehearsal" = 1 ]; then export_rehearsal; fi
-<<<<<<< HEAD
 	if needs_onnxruntime; then export ORT_DYLIB_PATH=${ORT_DYLIB_PATH:-$MON3TR_CACHE/onnxruntime/libonnxruntime.so}; fi
 	if [ "$with_networks" = 1 ]; then export_networks; fi
-=======
 	if [ "$with_ffmpeg" = 1 ]; then export_ffmpeg; fi
 	if [ "$with_footage" = 1 ]; then export_footage; fi
->>>>>>> source
 	if [ "$vulkan_from" = none ]; then return; fi
 	lists=$(path_for_lists) || lists=
 	if [ "$with_makehuman" = 1 ]; then export MON3TR_MAKEHUMAN=${MON3TR_MAKEHUMAN:-$MON3TR_CACHE/makehuman}; fi

@@ -21,21 +21,21 @@ use tracker::workers::StageTimes;
 
 /// Options that choose a camera.
 #[derive(Debug, Clone, clap::Args)]
-pub struct CameraOptions {
+pub(crate) struct CameraOptions {
     /// Capture the motion from a camera: its number or device (0, /dev/video0), or what stands in for one: a video file or URL, a folder of
     /// pictures, or - for a .y4m or MJPEG stream on standard input
     #[arg(long, value_name = "0|FILE|URL", conflicts_with_all = ["motion", "bvh_scale", "frames"])]
-    pub camera: Option<SourceChoice>,
+    pub(crate) camera: Option<SourceChoice>,
     #[command(flatten)]
-    pub lens: LensOptions,
+    pub(crate) lens: LensOptions,
 }
 
 /// Options that describe a camera's lens.
 #[derive(Debug, Clone, Copy, clap::Args)]
-pub struct LensOptions {
+pub(crate) struct LensOptions {
     /// The camera's field of view along the picture's longer side, degrees
     #[arg(long, value_name = "DEGREES", default_value = "65", value_parser = parse_fov)]
-    pub fov: f32,
+    pub(crate) fov: f32,
 }
 
 impl CameraOptions {

@@ -186,10 +186,8 @@ fn as_long_as(skeleton: &Skeleton, truth: &[[DVec3; LIMBS.len()]]) -> anyhow::Re
     let (hips, shoulders) = (apart(0)?, apart(6)?);
     let rest = skeleton.rest_positions();
     let at = |joint: Joint| rest[joint.index()].as_dvec3();
-    let own_torso = (at(Joint::LeftShoulder).y + at(Joint::RightShoulder).y
-        - at(Joint::LeftHip).y
-        - at(Joint::RightHip).y)
-        / 2.0;
+    use Joint::*;
+    let own_torso = (at(LeftShoulder).y + at(RightShoulder).y - at(LeftHip).y - at(RightHip).y) / 2.0;
     let own = |a: Joint, b: Joint| at(a).distance(at(b));
     let mut offsets: Vec<DVec3> = Joint::ALL
         .iter()
@@ -200,7 +198,6 @@ fn as_long_as(skeleton: &Skeleton, truth: &[[DVec3; LIMBS.len()]]) -> anyhow::Re
             offsets[joint.index()] *= share;
         }
     };
-    use Joint::*;
     stretch([LeftHip, RightHip], hips / own(LeftHip, RightHip));
     stretch([LeftKnee, RightKnee], thigh / own(LeftHip, LeftKnee));
     stretch([LeftAnkle, RightAnkle], shank / own(LeftKnee, LeftAnkle));
