@@ -9,6 +9,7 @@ mod ahead;
 mod camera;
 mod choice;
 mod colour;
+mod driver;
 mod error;
 mod ffmpeg;
 mod folder;

@@ -100,34 +100,65 @@ impl Conversion {
     }
 
     #[inline]
-    fn put(&self, y: u16, chroma: Chroma, rgb: &mut [u8]) {
+    fn pixel(&self, y: u16, chroma: Chroma) -> [u8; 3] {
         let luma = self.luma * (i32::from(y) - self.black);
-        for (out, add) in rgb.iter_mut().zip(chroma.0) {
-            #[allow(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "clamped to 0..=255"
-            )]
-            {
-                *out = ((luma + add) >> self.fraction).clamp(0, 255) as u8;
-            }
-        }
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped to 0..=255"
+        )]
+        chroma
+            .0
+            .map(|add| ((luma + add) >> self.fraction).clamp(0, 255) as u8)
     }
 
     /// A row whose chroma has as many samples as luma. Ends with the shortest of the slices.
     pub(super) fn row_444<T: Copy + Into<u16>>(&self, y: &[T], cb: &[T], cr: &[T], rgb: &mut [u8]) {
-        for (((y, cb), cr), rgb) in y.iter().zip(cb).zip(cr).zip(rgb.chunks_exact_mut(3)) {
-            self.put((*y).into(), self.chroma((*cb).into(), (*cr).into()), rgb);
+        let (pixels, _) = rgb.as_chunks_mut();
+        for (((y, cb), cr), rgb) in y.iter().zip(cb).zip(cr).zip(pixels) {
+            *rgb = self.pixel((*y).into(), self.chroma((*cb).into(), (*cr).into()));
         }
     }
 
     /// A row in which two pixels share a sample of chroma; the last one may be of one pixel.
     pub(super) fn row_422<T: Copy + Into<u16>>(&self, y: &[T], cb: &[T], cr: &[T], rgb: &mut [u8]) {
-        for (((y, cb), cr), rgb) in y.chunks(2).zip(cb).zip(cr).zip(rgb.chunks_mut(6)) {
-            let chroma = self.chroma((*cb).into(), (*cr).into());
-            for (y, rgb) in y.iter().zip(rgb.chunks_exact_mut(3)) {
-                self.put((*y).into(), chroma, rgb);
-            }
+        self.row_of_pairs(
+            y,
+            cb.iter()
+                .zip(cr)
+                .map(|(cb, cr)| ((*cb).into(), (*cr).into())),
+            rgb,
+        );
+    }
+
+    /// A row of luma with one of `Cb Cr` bytes, which two pixels share.
+    pub(super) fn row_nv12(&self, y: &[u8], cbcr: &[u8], rgb: &mut [u8]) {
+        let (pairs, _) = cbcr.as_chunks();
+        self.row_of_pairs(
+            y,
+            pairs
+                .iter()
+                .map(|[cb, cr]| (u16::from(*cb), u16::from(*cr))),
+            rgb,
+        );
+    }
+
+    #[inline]
+    fn row_of_pairs<T: Copy + Into<u16>>(
+        &self,
+        y: &[T],
+        mut chroma: impl Iterator<Item = (u16, u16)>,
+        rgb: &mut [u8],
+    ) {
+        let (y, last) = y.as_chunks::<2>();
+        let (pixels, rest) = rgb.as_chunks_mut::<6>();
+        for ((y, (cb, cr)), rgb) in y.iter().zip(&mut chroma).zip(pixels) {
+            let chroma = self.chroma(cb, cr);
+            let [a, b] = y.map(|y| self.pixel(y.into(), chroma));
+            *rgb = [a[0], a[1], a[2], b[0], b[1], b[2]];
+        }
+        if let ([y], Some((cb, cr)), Some(rgb)) = (last, chroma.next(), rest.first_chunk_mut()) {
+            *rgb = self.pixel((*y).into(), self.chroma(cb, cr));
         }
     }
 
@@ -139,28 +170,26 @@ impl Conversion {
             reason = "at most 2^11"
         )]
         let none = self.chroma(self.grey as u16, self.grey as u16);
-        for (y, rgb) in y.iter().zip(rgb.chunks_exact_mut(3)) {
-            self.put((*y).into(), none, rgb);
+        let (pixels, _) = rgb.as_chunks_mut();
+        for (y, rgb) in y.iter().zip(pixels) {
+            *rgb = self.pixel((*y).into(), none);
         }
     }
 
-    /// A row of `Y0 Cb Y1 Cr` bytes, two pixels each.
+    /// A row of `Y0 Cb Y1 Cr` bytes, two pixels each; the last may be of one pixel.
     pub(super) fn row_yuyv(&self, yuyv: &[u8], rgb: &mut [u8]) {
-        for (four, rgb) in yuyv.chunks_exact(4).zip(rgb.chunks_mut(6)) {
-            let chroma = self.chroma(four[1].into(), four[3].into());
-            for (y, rgb) in [four[0], four[2]].into_iter().zip(rgb.chunks_exact_mut(3)) {
-                self.put(y.into(), chroma, rgb);
-            }
+        let (quads, _) = yuyv.as_chunks::<4>();
+        let (pixels, rest) = rgb.as_chunks_mut::<6>();
+        let both = |[first, cb, second, cr]: [u8; 4]| {
+            let chroma = self.chroma(cb.into(), cr.into());
+            [first, second].map(|y| self.pixel(y.into(), chroma))
+        };
+        for (four, rgb) in quads.iter().zip(pixels.iter_mut()) {
+            let [a, b] = both(*four);
+            *rgb = [a[0], a[1], a[2], b[0], b[1], b[2]];
         }
-    }
-
-    /// A row of luma with one of `Cb Cr` bytes, which two pixels share.
-    pub(super) fn row_nv12(&self, y: &[u8], cbcr: &[u8], rgb: &mut [u8]) {
-        for ((y, pair), rgb) in y.chunks(2).zip(cbcr.chunks_exact(2)).zip(rgb.chunks_mut(6)) {
-            let chroma = self.chroma(pair[0].into(), pair[1].into());
-            for (y, rgb) in y.iter().zip(rgb.chunks_exact_mut(3)) {
-                self.put((*y).into(), chroma, rgb);
-            }
+        if let (Some(four), Some(rgb)) = (quads.get(pixels.len()), rest.first_chunk_mut()) {
+            *rgb = both(*four)[0];
         }
     }
 }

@@ -116,7 +116,9 @@ pub enum SourceError {
         why: String,
     },
     /// Too many pixels.
-    #[error("{name} has pictures of {width} x {height}: at most {largest} a side are read; make it smaller", largest = super::picture::LARGEST_SIDE)]
+    #[error(
+        "{name} has pictures of {width} x {height}: at most {largest} a side are read; make it smaller"
+    )]
     TooLarge {
         /// The source's name.
         name: String,
@@ -124,6 +126,8 @@ pub enum SourceError {
         width: u32,
         /// In pixels.
         height: u32,
+        /// The longest side that is read, in pixels.
+        largest: u32,
     },
     /// A picture's size differs from the first one's.
     #[error(

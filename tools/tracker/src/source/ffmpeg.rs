@@ -1,14 +1,13 @@
 //! Videos and addresses, decoded by the program ffmpeg: it writes RGB with times, as NUT, to a pipe. It turns pictures
 //! upright where the video says how.
 
-use std::ffi::{OsStr, OsString};
-use std::io::{BufRead, BufReader, Read};
+mod program;
+
+use std::ffi::OsString;
+use std::io::BufReader;
 use std::mem::take;
-use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
+use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use super::READ_AHEAD;
@@ -17,18 +16,12 @@ use super::choice::{url_is_live, without_password};
 use super::error::SourceError;
 use super::nut::Nut;
 use super::picture::{Picture, Source, SourceInfo, Wanted, within_limits};
+use program::Running;
 
 /// From its start to the first picture's size: an address has to answer, and a large file may have its index at its end.
 const LONGEST_START: Duration = Duration::from_secs(30);
 /// Without a picture.
 const LONGEST_SILENCE: Duration = Duration::from_secs(20);
-/// From the end of its output to its own.
-const LONGEST_END: Duration = Duration::from_secs(2);
-/// Of what it says, a line.
-const LONGEST_LINE: u64 = 4096;
-/// Of the pipe, in bytes: the system's 64 KiB are a hundredth of a picture.
-#[cfg(target_os = "linux")]
-const PIPE: usize = 1 << 20;
 
 /// What ffmpeg is to read.
 #[derive(Debug)]
@@ -72,230 +65,6 @@ impl Input {
                 (true, false) => &["-fflags", "nobuffer", "-flags", "low_delay"],
                 (false, _) => &[],
             },
-        }
-    }
-}
-
-/// `MON3TR_FFMPEG`, or else `ffmpeg` on the `PATH`.
-fn program(name: &str) -> Result<PathBuf, SourceError> {
-    find(std::env::var_os("MON3TR_FFMPEG"), std::env::var_os("PATH")).map_err(|looked| {
-        SourceError::NoFfmpeg {
-            name: name.to_owned(),
-            looked,
-        }
-    })
-}
-
-fn find(named: Option<OsString>, path: Option<OsString>) -> Result<PathBuf, String> {
-    if let Some(named) = named.filter(|named| !named.is_empty()) {
-        let named = PathBuf::from(named);
-        return if named.is_file() {
-            Ok(named)
-        } else {
-            Err(format!(
-                "MON3TR_FFMPEG is {}, which is no file",
-                named.display()
-            ))
-        };
-    }
-    let file = format!("ffmpeg{}", std::env::consts::EXE_SUFFIX);
-    std::env::split_paths(&path.unwrap_or_default())
-        .map(|folder| folder.join(&file))
-        .find(|path| path.is_file())
-        .ok_or_else(|| "there is none on the PATH".to_owned())
-}
-
-/// What ffmpeg has said.
-#[derive(Debug, Default)]
-struct Said {
-    rate_hz: Option<f64>,
-    /// The input has been described, and the output comes.
-    described: bool,
-    /// The first error, which mostly is the cause of the others, and the last one.
-    first: Option<String>,
-    last: Option<String>,
-}
-
-/// ffmpeg as a child: killed and waited for when it is dropped.
-#[derive(Debug)]
-struct Running {
-    child: Child,
-    said: Arc<Mutex<Said>>,
-    listener: Option<JoinHandle<()>>,
-}
-
-impl Running {
-    fn start(input: &Input, wanted: &Wanted) -> Result<(Self, ChildStdout), SourceError> {
-        let program = program(&input.name)?;
-        let mut command = Command::new(&program);
-        command.args([
-            "-nostdin",
-            "-hide_banner",
-            "-nostats",
-            "-loglevel",
-            "level+info",
-        ]);
-        command
-            .args(input.before)
-            .args([OsStr::new("-i"), &input.argument]);
-        // Only the first video stream, each of its pictures once, at its own time.
-        command.args(["-map", "0:v:0", "-fps_mode", "passthrough"]);
-        // In microseconds: without it, times are rounded to the video's mean rate.
-        command.args(["-enc_time_base", "1:1000000"]);
-        if let Some((width, height)) = wanted
-            .size
-            .filter(|(width, height)| *width > 0 && *height > 0)
-        {
-            command.args([
-                "-vf",
-                &format!("scale=w='min(iw,{width})':h='min(ih,{height})':force_original_aspect_ratio=decrease"),
-            ]);
-        }
-        command.args([
-            "-sws_flags",
-            "bicubic+accurate_rnd+full_chroma_int",
-            "-pix_fmt",
-            "rgb24",
-            "-c:v",
-            "rawvideo",
-        ]);
-        command.args(["-f", "nut", "-flush_packets", "1", "pipe:1"]);
-        // What it says is read by us: not in the user's language.
-        command
-            .env("LC_ALL", "C")
-            .env_remove("FFREPORT")
-            .env_remove("AV_LOG_FORCE_COLOR");
-        let failed = |why: String| SourceError::Ffmpeg {
-            name: input.name.clone(),
-            why,
-        };
-        let mut child = command
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .map_err(|why| failed(format!("{} cannot be started: {why}", program.display())))?;
-        let (pictures, words) = (child.stdout.take(), child.stderr.take());
-        let mut running = Self {
-            child,
-            said: Arc::default(),
-            listener: None,
-        };
-        let (Some(pictures), Some(words)) = (pictures, words) else {
-            return Err(failed("its output cannot be read".to_owned()));
-        };
-        #[cfg(target_os = "linux")]
-        if let Err(why) = rustix::pipe::fcntl_setpipe_size(&pictures, PIPE) {
-            log::debug!("ffmpeg's pipe stays small: {why}");
-        }
-        let said = Arc::clone(&running.said);
-        running.listener = Some(
-            Builder::new()
-                .name("ffmpeg's words".to_owned())
-                .spawn(move || listen(BufReader::new(words), &said))
-                .map_err(|source| SourceError::Thread {
-                    name: input.name.clone(),
-                    source,
-                })?,
-        );
-        Ok((running, pictures))
-    }
-
-    fn said(&self) -> MutexGuard<'_, Said> {
-        self.said.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// After the end of its pictures: how it ended, and all that it said. Where it does not end it is killed.
-    fn end(&mut self) -> Option<ExitStatus> {
-        let begun = Instant::now();
-        let mut status = self.child.try_wait().ok().flatten();
-        while status.is_none() && begun.elapsed() < LONGEST_END {
-            sleep(Duration::from_millis(2));
-            status = self.child.try_wait().ok().flatten();
-        }
-        self.kill();
-        status
-    }
-
-    fn kill(&mut self) {
-        // Fails only where it has ended.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-        if let Some(listener) = self.listener.take() {
-            let _ = listener.join();
-        }
-    }
-
-    /// Why there is no picture.
-    fn failure(&mut self, name: &str) -> SourceError {
-        let status = self.end();
-        let said = self.said();
-        let why = match (&said.first, &said.last) {
-            (Some(first), Some(last)) if first != last => format!("{last} ({first})"),
-            (_, Some(last)) => last.clone(),
-            _ => {
-                return SourceError::NoPicture {
-                    name: name.to_owned(),
-                    why: match status {
-                        Some(status) if status.success() => "its video stream is empty".to_owned(),
-                        // Statically linked ones crash as they look up an address.
-                        Some(status) => {
-                            format!(
-                                "ffmpeg crashed ({status}): set MON3TR_FFMPEG to another build of it"
-                            )
-                        }
-                        None => "ffmpeg does not end".to_owned(),
-                    },
-                };
-            }
-        };
-        SourceError::Ffmpeg {
-            name: name.to_owned(),
-            why,
-        }
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        self.kill();
-    }
-}
-
-/// Keeps what matters of ffmpeg's words, until it ends.
-fn listen(mut words: impl BufRead, said: &Mutex<Said>) {
-    let mut line = Vec::new();
-    loop {
-        line.clear();
-        match (&mut words).take(LONGEST_LINE).read_until(b'\n', &mut line) {
-            Ok(0) | Err(_) => return,
-            Ok(_) => said
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .hear(&String::from_utf8_lossy(&line)),
-        }
-    }
-}
-
-impl Said {
-    fn hear(&mut self, line: &str) {
-        let line = line.trim();
-        let words = ["[error] ", "[fatal] ", "[panic] "]
-            .iter()
-            .find_map(|level| line.split_once(level));
-        if let Some((_, words)) = words {
-            let words = words.trim();
-            if !words.is_empty() {
-                self.first.get_or_insert_with(|| words.to_owned());
-                self.last = Some(words.to_owned());
-            }
-        } else if line.contains("Output #0") || line.contains("Stream mapping:") {
-            self.described = true;
-        } else if !self.described && self.rate_hz.is_none() && line.contains(" Video: ") {
-            self.rate_hz = line
-                .split(", ")
-                .find_map(|part| part.trim().strip_suffix(" fps")?.parse().ok())
-                .filter(|rate: &f64| rate.is_finite() && *rate > 0.0);
         }
     }
 }
@@ -459,67 +228,6 @@ impl Drop for Decoded {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_program_is_the_named_one_or_the_paths() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let there = folder
-            .path()
-            .join(format!("ffmpeg{}", std::env::consts::EXE_SUFFIX));
-        std::fs::write(&there, "").expect("a file");
-        let path = std::env::join_paths([Path::new("/nowhere"), folder.path()]).expect("a path");
-        assert_eq!(
-            find(None, Some(path.clone())),
-            Ok(there.clone()),
-            "the path's"
-        );
-        assert_eq!(
-            find(Some("".into()), Some(path)),
-            Ok(there.clone()),
-            "an empty name is none"
-        );
-        assert_eq!(
-            find(Some(there.clone().into()), None),
-            Ok(there),
-            "the named one"
-        );
-        let absent = find(Some("/nowhere/ffmpeg".into()), None).expect_err("it is not there");
-        assert!(
-            absent.contains("MON3TR_FFMPEG") && absent.contains("/nowhere/ffmpeg"),
-            "{absent}"
-        );
-        let message = SourceError::NoFfmpeg {
-            name: "clip.mp4".to_owned(),
-            looked: find(None, None).expect_err("no path"),
-        }
-        .to_string();
-        assert!(
-            message.contains("clip.mp4") && message.contains("install"),
-            "{message}"
-        );
-    }
-
-    #[test]
-    fn its_words_give_the_rate_and_the_errors() {
-        let mut said = Said::default();
-        for line in [
-            "[info]   Stream #0:1[0x2](eng): Audio: aac (LC) (mp4a / 0x6134706D), 44100 Hz, stereo, fltp, 127 kb/s (default)",
-            "[info]   Stream #0:0[0x1](und): Video: h264 (High) (avc1 / 0x31), yuv420p, 176x144, 588 kb/s, 29.97 fps, 29.97 tbr, 30k tbn (default)",
-            "[h264 @ 0x1] [error] first",
-            "[error]  ",
-            "[info] Output #0, nut, to 'pipe:1':",
-            "[info]   Stream #0:0: Video: rawvideo, 25 fps, 25 tbn",
-            "[out#0/nut @ 0x2] [fatal] last",
-        ] {
-            said.hear(line);
-        }
-        assert_eq!(said.rate_hz, Some(29.97), "rate");
-        assert_eq!(
-            (said.first.as_deref(), said.last.as_deref()),
-            (Some("first"), Some("last")),
-            "errors"
-        );
-    }
 
     #[test]
     fn times_start_at_zero_and_never_fall() {

@@ -339,5 +339,4 @@ impl<R: BufRead + Send> Source for MotionJpeg<R> {
 }
 
 #[cfg(test)]
-#[path = "jpeg_tests.rs"]
 pub(super) mod tests;

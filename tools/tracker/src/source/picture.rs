@@ -96,6 +96,7 @@ pub(super) fn within_limits(name: &str, width: u32, height: u32) -> Result<(), S
             name: name.to_owned(),
             width,
             height,
+            largest: LARGEST_SIDE,
         });
     }
     Ok(())

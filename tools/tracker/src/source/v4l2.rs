@@ -1,5 +1,6 @@
-//! Video4Linux 2: a camera's modes, its buffers mapped into memory, and its clock. Laid out as `linux/videodev2.h` has it on
-//! systems of 64 bits.
+//! Video4Linux 2: a camera's modes, its buffers mapped into memory, and its clock.
+
+mod abi;
 
 use std::fs::{File, OpenOptions, read_dir, read_to_string};
 use std::io;
@@ -13,168 +14,26 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::io::Errno;
-use rustix::ioctl::{Getter, Opcode, Setter, Updater, ioctl, opcode};
+use rustix::ioctl::{Getter, Opcode, Setter, Updater, ioctl};
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::time::{ClockId, clock_gettime};
 
-use super::camera::{Driver, Filled, FourCc, Layout, Mode};
 use super::colour::{Matrix, Range};
+use super::driver::{Driver, Filled, FourCc, Layout, Mode};
 use super::error::SourceError;
-
-const VIDEO_CAPTURE: u32 = 1;
-const MAPPED: u32 = 1;
-
-const CAN_CAPTURE: u32 = 1;
-const CAN_CAPTURE_IN_PLANES: u32 = 0x1000;
-const CAN_STREAM: u32 = 0x0400_0000;
-const HAS_DEVICE_CAPABILITIES: u32 = 0x8000_0000;
-
-const DAMAGED: u32 = 0x40;
-const CLOCK_MASK: u32 = 0xe000;
-const CLOCK_MONOTONIC: u32 = 0x2000;
-
-const DISCRETE: u32 = 1;
-const ENCODING_709: u32 = 2;
-const COLOURS_709: u32 = 3;
-const COLOURS_JPEG: u32 = 7;
-const FULL_RANGE: u32 = 1;
-const CAN_SET_RATE: u32 = 0x1000;
+use abi::{
+    Buffer, CAN_CAPTURE, CAN_CAPTURE_IN_PLANES, CAN_SET_RATE, CAN_STREAM, CLOCK_MASK,
+    CLOCK_MONOTONIC, COLOURS_709, COLOURS_JPEG, Capability, DAMAGED, DEQUEUE, DISCRETE,
+    ENCODING_709, FULL_RANGE, Format, FormatDescription, FrameInterval, FrameSize, GET_PARAMETERS,
+    HAS_DEVICE_CAPABILITIES, LIST_FORMATS, LIST_INTERVALS, LIST_SIZES, MAPPED, PixelFormat,
+    QUERY_BUFFER, QUERY_CAPABILITIES, QUEUE, REQUEST_BUFFERS, RequestBuffers, SET_FORMAT,
+    SET_PARAMETERS, START, STOP, StreamParameters, VIDEO_CAPTURE, empty,
+};
 
 /// More than drivers give, and few enough that a hostile one cannot fill the memory.
 const MOST_LISTED: u32 = 256;
 /// Two pictures wait while one is converted and one is filled.
 const BUFFERS: u32 = 4;
-
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default)]
-struct Capability {
-    driver: [u8; 16],
-    card: [u8; 32],
-    bus: [u8; 32],
-    version: u32,
-    capabilities: u32,
-    device_capabilities: u32,
-    reserved: [u32; 3],
-}
-
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default)]
-struct FormatDescription {
-    index: u32,
-    kind: u32,
-    flags: u32,
-    description: [u8; 32],
-    pixel_format: u32,
-    bus_code: u32,
-    reserved: [u32; 3],
-}
-
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default)]
-struct FrameSize {
-    index: u32,
-    pixel_format: u32,
-    kind: u32,
-    /// Discrete: width, height. Else: least, most and step of width, then of height.
-    sizes: [u32; 6],
-    reserved: [u32; 2],
-}
-
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default)]
-struct FrameInterval {
-    index: u32,
-    pixel_format: u32,
-    width: u32,
-    height: u32,
-    kind: u32,
-    /// Discrete: one fraction of a second. Else: least, most and step.
-    fractions: [u32; 6],
-    reserved: [u32; 2],
-}
-
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default)]
-struct PixelFormat {
-    width: u32,
-    height: u32,
-    pixel_format: u32,
-    field: u32,
-    bytes_per_line: u32,
-    size: u32,
-    colours: u32,
-    private: u32,
-    flags: u32,
-    encoding: u32,
-    quantization: u32,
-    transfer: u32,
-}
-
-/// Aligned as the pointers in the union's other members are.
-#[repr(C, align(8))]
-#[derive(Debug, Clone, Copy)]
-struct Format {
-    kind: u32,
-    padding: u32,
-    pixels: PixelFormat,
-    rest: [u8; 152],
-}
-
-#[repr(C)]
-#[derive(Debug, Clone, Copy)]
-struct StreamParameters {
-    kind: u32,
-    capability: u32,
-    mode: u32,
-    /// Seconds a picture: numerator, denominator.
-    interval: [u32; 2],
-    rest: [u8; 184],
-}
-
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default)]
-struct RequestBuffers {
-    count: u32,
-    kind: u32,
-    memory: u32,
-    capabilities: u32,
-    flags: [u8; 4],
-}
-
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default)]
-struct Buffer {
-    index: u32,
-    kind: u32,
-    bytes_used: u32,
-    flags: u32,
-    field: u32,
-    seconds: i64,
-    microseconds: i64,
-    timecode: [u32; 4],
-    sequence: u32,
-    memory: u32,
-    /// The lower half is the offset, on both orders of bytes in memory, because the union starts with it.
-    offset: u32,
-    offset_rest: u32,
-    length: u32,
-    reserved: u32,
-    request: i32,
-}
-
-const QUERY_CAPABILITIES: Opcode = opcode::read::<Capability>(b'V', 0);
-const LIST_FORMATS: Opcode = opcode::read_write::<FormatDescription>(b'V', 2);
-const SET_FORMAT: Opcode = opcode::read_write::<Format>(b'V', 5);
-const REQUEST_BUFFERS: Opcode = opcode::read_write::<RequestBuffers>(b'V', 8);
-const QUERY_BUFFER: Opcode = opcode::read_write::<Buffer>(b'V', 9);
-const QUEUE: Opcode = opcode::read_write::<Buffer>(b'V', 15);
-const DEQUEUE: Opcode = opcode::read_write::<Buffer>(b'V', 17);
-const START: Opcode = opcode::write::<u32>(b'V', 18);
-const STOP: Opcode = opcode::write::<u32>(b'V', 19);
-const GET_PARAMETERS: Opcode = opcode::read_write::<StreamParameters>(b'V', 21);
-const SET_PARAMETERS: Opcode = opcode::read_write::<StreamParameters>(b'V', 22);
-const LIST_SIZES: Opcode = opcode::read_write::<FrameSize>(b'V', 74);
-const LIST_INTERVALS: Opcode = opcode::read_write::<FrameInterval>(b'V', 75);
 
 /// One of the driver's buffers, in this process's memory.
 #[derive(Debug)]
@@ -273,10 +132,16 @@ impl Device {
     }
 
     /// An ioctl that reads and writes a structure.
-    fn update<const CODE: Opcode, T>(&self, value: &mut T) -> Result<(), Errno> {
+    fn update<const CODE: Opcode, T: Copy>(&self, value: &mut T) -> Result<(), Errno> {
+        // The size is a part of the code.
+        const {
+            assert!(
+                (CODE >> 16) as usize & 0x3fff == size_of::<T>(),
+                "another structure's code"
+            );
+        };
         loop {
-            // SAFETY: every code is made of the type of its structure, at the constants above; these structures are plain numbers
-            // without pointers.
+            // SAFETY: the structure has the size that the driver writes, and is made of numbers, which may have any value.
             match unsafe { ioctl(&self.file, Updater::<CODE, T>::new(value)) } {
                 Err(Errno::INTR) => {}
                 other => return other,
@@ -391,15 +256,6 @@ impl Device {
             return Err(io::Error::from(Errno::NOMEM));
         }
         Ok(())
-    }
-}
-
-fn empty(index: u32) -> Buffer {
-    Buffer {
-        index,
-        kind: VIDEO_CAPTURE,
-        memory: MAPPED,
-        ..Buffer::default()
     }
 }
 
@@ -624,5 +480,4 @@ impl Drop for Device {
 }
 
 #[cfg(test)]
-#[path = "v4l2_tests.rs"]
 mod tests;

@@ -338,5 +338,4 @@ impl<R: BufRead + Send> Source for Y4m<R> {
 }
 
 #[cfg(test)]
-#[path = "y4m_tests.rs"]
 mod tests;

@@ -1,6 +1,8 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
+use super::super::colour::{Matrix, Range};
+use super::super::driver::FourCc;
 use super::*;
 
 /// A driver that plays what the test wrote down.
@@ -346,7 +348,7 @@ fn each_format_of_pixels_is_converted_with_its_stride() {
     let expected = [255, 255, 255, 0, 0, 0, 254, 0, 0, 254, 0, 0];
     let nv12 = vec![235, 16, 9, 235, 16, 9, 128, 128, 9];
     let nv12_expected = [255, 255, 255, 0, 0, 0, 255, 255, 255, 0, 0, 0];
-    let jpeg = super::super::jpeg::tests::grey(true, false);
+    let jpeg = crate::source::jpeg::tests::grey(true, false);
     for (format, stride, side, bytes, expected) in [
         (YUYV, 6, 2, yuyv, expected.to_vec()),
         (NV12, 3, 2, nv12, nv12_expected.to_vec()),
