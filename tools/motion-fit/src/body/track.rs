@@ -121,7 +121,7 @@ impl Track {
         // The integral of a speed that fades.
         let reach = FADE * (1.0 - (-step / FADE).exp());
         Posture {
-            position: self.posture.position + self.drift * reach,
+            position: self.posture.position + self.drift * step,
             rotations: std::array::from_fn(|joint| {
                 so3::exp(&(self.spin[joint] * reach)) * self.posture.rotations[joint]
             }),

@@ -6,10 +6,10 @@
 use crate::common::{M3, Random, V3, add, forward, mul_v, norm, scale, sub, transpose};
 use glam::{Vec2, Vec3};
 use motion_fit::{
-    body::BodyPose,
+    body::{BodyFit, BodyPose, FitConfig, Parts},
     landmarks::{BodyLandmarks, BodyPoint, Camera},
 };
-use spmm3::{MotionParams, Skeleton};
+use spmm3::{Joint, MotionParams, Skeleton};
 
 /// Landmark, joint, where it sits (left or middle; of the right twin in a mirror).
 const PLACES: [(usize, usize, V3); 17] = [
@@ -291,4 +291,57 @@ pub fn motion(pose: &BodyPose) -> MotionParams {
     let mut motion = MotionParams::default();
     pose.write(&mut motion);
     motion
+}
+
+/// Pictures a second.
+pub const RATE: f64 = 30.0;
+
+/// The recording at 30 Hz, turned about the floor's origin and moved there with the middle of its way.
+pub fn performance(name: &str, yaw: f32) -> Option<Vec<MotionParams>> {
+    let clip = crate::common::recording(name)?;
+    let mut frames = crate::common::frames(&clip, RATE);
+    let turn = glam::Quat::from_rotation_y(yaw);
+    let pelvis = crate::common::skeleton().rest_positions()[0] * glam::Vec3::new(1.0, 0.0, 1.0);
+    let middle = (frames[0].root_translation + frames[frames.len() - 1].root_translation) / 2.0;
+    for frame in &mut frames {
+        let rotation = turn * frame.rotation(Joint::Pelvis);
+        frame.set_rotation(Joint::Pelvis, rotation);
+        let mut at = frame.root_translation - middle * glam::Vec3::new(1.0, 0.0, 1.0);
+        at = turn * (at + pelvis) - pelvis;
+        frame.root_translation = at;
+    }
+    Some(frames)
+}
+
+/// Fits all frames; `mistake` says in which left and right are exchanged.
+pub fn run(
+    truth: &[MotionParams],
+    eye: Eye,
+    errors: Errors,
+    parts: Parts,
+    mistake: impl Fn(usize) -> bool,
+) -> Vec<BodyPose> {
+    let skeleton = crate::common::skeleton();
+    let mut network = Network::new(eye, errors, 11);
+    let config = FitConfig {
+        parts,
+        ..FitConfig::new(eye.camera)
+    };
+    let mut fit = BodyFit::new(&skeleton, config);
+    truth
+        .iter()
+        .enumerate()
+        .map(|(i, frame)| {
+            let mut seen = network.look(&skeleton, frame, 1.0 / RATE);
+            if mistake(i) {
+                seen = swapped(&seen);
+            }
+            fit.fit(i as f64 / RATE, Some(&seen))
+        })
+        .collect()
+}
+
+/// The poses as motion parameters.
+pub fn moves(poses: &[BodyPose]) -> Vec<MotionParams> {
+    poses.iter().map(motion).collect()
 }
