@@ -145,6 +145,7 @@ const TRIAL: u32 = 10;
 const CLEARLY: f64 = 0.85;
 /// Left and right exchanged for so long without a break: perhaps the account is the mistaken one, seconds.
 const DOUBTFUL: f64 = 0.7;
+const LONGEST_PATIENCE: f64 = 20.0;
 /// A body gone for so long is met anew, seconds.
 const GONE: f64 = 1.0;
 /// A body gone for so long eases to rest, and how fast, seconds.
@@ -305,24 +306,27 @@ impl BodyFit {
         self.track = Some(track);
     }
 
-    /// Ends the trial of two accounts, or begins one.
+    /// Tells the better of two accounts, ends their trial, or begins one.
     fn judge(&mut self, track: &mut Track) {
-        match &self.rival {
-            Some(rival) if rival.doubt.1 >= TRIAL => {
-                if rival.mean_doubt() < CLEARLY * track.mean_doubt() {
-                    *track = *rival;
-                    self.patience = DOUBTFUL;
-                } else {
-                    self.patience = (self.patience * 2.0).min(20.0);
-                }
-                track.contrary = 0.0;
-                self.rival = None;
-            }
-            None if track.contrary > self.patience => {
+        let Some(rival) = &mut self.rival else {
+            if track.contrary > self.patience {
+                // It doubles while rivals lose: perhaps the network is wrong for long.
+                self.patience = (self.patience * 2.0).min(LONGEST_PATIENCE);
                 track.doubt = (0.0, 0);
                 self.rival = Some(Track::new(self.solver.prior.posture()));
             }
-            _ => {}
+            return;
+        };
+        // Accounts that began together are told apart by their first picture; one that begins later fits it more freely.
+        let together = track.age == rival.age;
+        let trial = if together { 1 } else { TRIAL / 2 };
+        if rival.doubt.1 >= trial && rival.mean_doubt() < CLEARLY * track.mean_doubt() {
+            std::mem::swap(track, rival);
+            self.patience = DOUBTFUL;
+        }
+        if rival.doubt.1 >= TRIAL {
+            track.contrary = 0.0;
+            self.rival = None;
         }
     }
 

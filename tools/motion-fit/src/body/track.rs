@@ -93,7 +93,8 @@ pub(super) struct Track {
     pub(super) doubt: (f64, u32),
     /// Root mean square of the last fit's reprojection, pixels.
     pub(super) reprojection: f64,
-    begun: bool,
+    /// Pictures fitted.
+    pub(super) age: u64,
 }
 
 impl Track {
@@ -107,8 +108,12 @@ impl Track {
             contrary: 0.0,
             doubt: (0.0, 0),
             reprojection: 0.0,
-            begun: false,
+            age: 0,
         }
+    }
+
+    fn begun(&self) -> bool {
+        self.age > 0
     }
 
     /// Mean cost of the fits since the last count began.
@@ -172,7 +177,7 @@ impl Track {
         let placed = solver.chain().place(&predicted);
         self.exchange = match exchange {
             Some(exchange) => exchange,
-            None if self.begun && body.parts.labels => guess(body, &placed, reading),
+            None if self.begun() && body.parts.labels => guess(body, &placed, reading),
             None => Exchange::NONE,
         };
         self.contrary = if self.exchange == Exchange::BOTH {
@@ -182,7 +187,7 @@ impl Track {
         };
         let reading = reading.exchanged(self.exchange);
         let mut posture = predicted;
-        if !self.begun {
+        if !self.begun() {
             posture = begin(body, solver, scene, &reading);
         }
         let placed = solver.chain().place(&posture);
@@ -191,16 +196,16 @@ impl Track {
         solver.views.clear();
         solver.views.push(scene.view);
         see(body, solver, scene, &reading, &placed);
-        if self.begun {
+        if self.begun() {
             keep(solver, scene, &posture);
         }
         if body.parts.upright {
             stand_upright(solver, scene, &reading);
         }
-        if body.parts.ground && self.begun {
+        if body.parts.ground && self.begun() {
             self.ground(body, solver, scene, &reading, &placed);
         }
-        let solved = solver.solve(&mut posture, if self.begun { STEPS } else { FIRST_STEPS });
+        let solved = solver.solve(&mut posture, if self.begun() { STEPS } else { FIRST_STEPS });
         if solved.cost.is_finite() {
             self.doubt.0 += solved.cost;
             self.doubt.1 += 1;
@@ -213,7 +218,7 @@ impl Track {
             posture.position = ray * depth.clamp(DEPTHS.0, DEPTHS.1);
         }
 
-        if self.begun {
+        if self.begun() {
             let blend = 0.5;
             for joint in 0..BODY_JOINTS {
                 let turn = posture.rotations[joint] * self.posture.rotations[joint].inverse();
@@ -224,7 +229,7 @@ impl Track {
             self.drift += (speed - self.drift) * blend;
         }
         self.posture = posture;
-        self.begun = true;
+        self.age += 1;
         self.reprojection = reprojection(body, solver, scene, &reading, &posture);
     }
 
