@@ -4,7 +4,7 @@ mod common;
 #[path = "common/synthetic.rs"]
 mod synthetic;
 
-use motion_fit::body::{BodyPose, Parts};
+use motion_fit::body::{FootLock, Parts};
 use motion_fit::smoother::{Confidence, SmoothConfig, Smoother};
 use spmm3::MotionParams;
 use synthetic::{Errors, Eye, Network, RATE, Score, moves, performance, run, score};
@@ -63,6 +63,12 @@ fn each_part_of_the_fit_brings_it_nearer_to_recorded_motion() {
                 }
                 let s = score(&skeleton, &truth, &smooth, RATE, 15);
                 print(&format!("{name} all, smoothed"), &s);
+                let mut lock = FootLock::new(&skeleton);
+                for (i, (frame, pose)) in smooth.iter_mut().zip(&poses).enumerate() {
+                    lock.apply(i as f64 / RATE, frame, pose.standing);
+                }
+                let s = score(&skeleton, &truth, &smooth, RATE, 15);
+                print(&format!("{name} all, smoothed, feet locked"), &s);
                 for late in 1..4 {
                     let s = score(&skeleton, &truth[..truth.len()-late], &smooth[late..], RATE, 15);
                     print(&format!("   truth {late} frames ago"), &s);

@@ -2,10 +2,11 @@
 
 use super::{
     bindings,
-    chain::{Attachment, BODY_JOINTS, Chain, wide},
+    chain::{BODY_JOINTS, Chain, wide},
     prior::PosePrior,
     reading::{ANKLES, ELBOWS, Exchange, HIPS, KNEES, NOSE, Reading, SHOULDERS, WRISTS},
     so3,
+    soles::soles,
     solver::SkeletonSolver,
     terms::View,
     track::{Body, Parts, Scene, Track, stands},
@@ -123,8 +124,8 @@ pub struct BodyPose {
     pub swapped: bool,
     /// The camera's pose that was used.
     pub camera: CameraPose,
-    /// Whether the left and the right foot stand on the floor.
-    pub standing: [bool; 2],
+    /// Whether heel and ball of the left and of the right foot stand on the floor: for [`super::FootLock`].
+    pub standing: [[bool; 2]; 2],
     /// Whether a body was seen; otherwise the pose coasts to rest.
     pub seen: bool,
 }
@@ -186,12 +187,6 @@ impl BodyFit {
     #[must_use]
     pub fn new(skeleton: &Skeleton, config: FitConfig) -> Self {
         let at = |joint: Joint| wide(skeleton.rest_positions()[joint.index()]);
-        let sole = |ankle: Joint, joint: Joint, back: f64| {
-            let under = at(joint);
-            let point = Vector3::new(under.x, 0.0, under.z - back);
-            Attachment::new(ankle, point - at(ankle))
-        };
-        use Joint::{LeftAnkle, LeftFoot, RightAnkle, RightFoot};
         let ease = spmm3::at_ease(skeleton);
         Self {
             config: FitConfig {
@@ -200,12 +195,7 @@ impl BodyFit {
             },
             body: Body {
                 bindings: bindings::bind(skeleton),
-                soles: [
-                    sole(LeftAnkle, LeftAnkle, 0.05),
-                    sole(LeftAnkle, LeftFoot, 0.0),
-                    sole(RightAnkle, RightAnkle, 0.05),
-                    sole(RightAnkle, RightFoot, 0.0),
-                ],
+                soles: soles(skeleton),
                 parts: config.parts,
             },
             solver: SkeletonSolver::new(Chain::new(skeleton), PosePrior::default()),
@@ -514,9 +504,7 @@ impl BodyFit {
                 ),
                 position: narrow(&-origin),
             },
-            standing: [0, 2].map(|foot| {
-                seen && track.contacts[foot..foot + 2].iter().any(|c| c.stands())
-            }),
+            standing: [0, 2].map(|foot| [0, 1].map(|sole| seen && track.contacts[foot + sole].stands())),
             seen,
         }
     }

@@ -7,15 +7,18 @@ mod bindings;
 pub mod chain;
 mod contact;
 pub mod fit;
+pub mod foot_lock;
 mod limits;
 pub mod prior;
 mod prior_table;
 mod reading;
 pub mod so3;
+mod soles;
 pub mod solver;
 pub mod terms;
 mod track;
 mod upright;
 
 pub use fit::{BodyFit, BodyPose, CameraPose, FitConfig, Limb};
+pub use foot_lock::FootLock;
 pub use track::Parts;
