@@ -64,7 +64,7 @@ fn exchanged_labels_in_a_third_of_the_pictures_do_not_turn_the_body_about() {
             ("all", Parts::default()),
             ("labels as they are", Parts { labels: false, ..Parts::default() }),
         ] {
-            let poses = run(&truth, eye(), Errors::USUAL, parts, |i| lots[i]);
+            let poses = run(&truth, eye(), Errors::USUAL, parts, 11, |i| lots[i]);
             let s = score(&skeleton, &truth, &moves(&poses), RATE, 15);
             let about = turned_about(&truth, &poses);
             let count = about.iter().filter(|a| **a).count();
@@ -91,7 +91,7 @@ fn a_clip_that_starts_exchanged_is_recovered() {
             return;
         };
         for count in [5, 30, 60] {
-            let poses = run(&truth, eye(), Errors::USUAL, Parts::default(), |i| i < count);
+            let poses = run(&truth, eye(), Errors::USUAL, Parts::default(), 11, |i| i < count);
             let about = turned_about(&truth, &poses);
             println!(
                 "{name}, {count} pictures exchanged at the start: {} turned about, the last at {:?}",

@@ -32,8 +32,8 @@ const LEAN: [f64; 2] = [0.35, 0.45];
 /// How far a standing body's chest is from above its feet along the line of sight, metres.
 const BALANCE: f64 = 0.12;
 /// How near to its pin a standing sole is held, metres; to the floor; and how firmly no sole sinks below it.
-const PIN: f64 = 0.01;
-const FLOOR: f64 = 0.02;
+const PIN: f64 = 0.03;
+const FLOOR: f64 = 0.05;
 /// Nearest and furthest that a body is placed, metres.
 const DEPTHS: (f64, f64) = (0.4, 30.0);
 
@@ -242,6 +242,11 @@ impl Track {
         reading: &Reading,
         placed: &Placed,
     ) {
+        let hips = HIPS
+            .iter()
+            .filter_map(|hip| body.bindings.iter().find(|b| b.landmark == *hip))
+            .map(|b| placed.point(&b.at) * 0.5)
+            .sum::<Vector3<f64>>();
         let landmarks = [HEELS[0], TOES[0], HEELS[1], TOES[1]];
         let lowest = body
             .soles
@@ -255,7 +260,7 @@ impl Track {
             let seen = &reading.points[landmark];
             let measured = binding.filter(|_| seen.confidence > 0.4).map(|binding| {
                 let carried = placed.point(&binding.at);
-                expected + unproject(&scene.view, seen, &carried) - carried
+                expected + unproject(&scene.view, seen, &(hips + seen.metres)) - carried
             });
             contact.update(
                 scene.seconds,

@@ -319,10 +319,11 @@ pub fn run(
     eye: Eye,
     errors: Errors,
     parts: Parts,
+    seed: u64,
     mistake: impl Fn(usize) -> bool,
 ) -> Vec<BodyPose> {
     let skeleton = crate::common::skeleton();
-    let mut network = Network::new(eye, errors, 11);
+    let mut network = Network::new(eye, errors, seed);
     let config = FitConfig {
         parts,
         ..FitConfig::new(eye.camera)
