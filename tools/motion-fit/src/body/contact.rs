@@ -18,9 +18,9 @@ const TORN: f64 = 0.05;
 const HOLD: f64 = 0.05;
 /// A pin is the mean of where its sole was seen since it stands, for at most so long, seconds: what one picture says of its depth is wrong by
 /// centimetres, and a wrong pin would turn the pelvis.
-const MEAN: f64 = 2.0;
+const MEAN: f64 = 6.0;
 /// How long the place that is expected of the sole counts in that mean, seconds.
-const EXPECTED: f64 = 0.15;
+const EXPECTED: f64 = 0.5;
 /// How fast a pin comes to the floor's height, 1/s: that is an estimate, too.
 const SINK: f64 = 3.0;
 

@@ -14,6 +14,8 @@ use spmm3::{Joint, MotionParams, Skeleton};
 
 /// A foot further from where it should stand is let go, metres.
 const TORN: f64 = 0.12;
+/// A held foot creeps towards its own way, where it may have been put down wrongly: too slowly to be seen, m/s.
+const CREEP: f64 = 0.05;
 /// How fast a foot that was let go comes back to its own way, seconds.
 const RELEASE: f64 = 0.1;
 /// Corrections smaller than this are left out, metres.
@@ -149,7 +151,9 @@ impl Foot {
                 if offset.norm() > TORN {
                     self.anchor = None;
                 } else {
-                    self.offset = offset;
+                    let creep = (CREEP * step / offset.norm().max(1e-6)).min(1.0);
+                    self.offset = offset * (1.0 - creep);
+                    self.anchor = Some((sole, at[sole] + self.offset));
                 }
             }
             (Some(sole), _) => {

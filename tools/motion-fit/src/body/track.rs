@@ -32,8 +32,8 @@ const LEAN: [f64; 2] = [0.35, 0.45];
 /// How far a standing body's chest is from above its feet along the line of sight, metres.
 const BALANCE: f64 = 0.12;
 /// How near to its pin a standing sole is held, metres; to the floor; and how firmly no sole sinks below it.
-const PIN: f64 = 0.03;
-const FLOOR: f64 = 0.05;
+const PIN: f64 = 0.02;
+const FLOOR: f64 = 0.04;
 /// Nearest and furthest that a body is placed, metres.
 const DEPTHS: (f64, f64) = (0.4, 30.0);
 
