@@ -44,12 +44,12 @@ impl Default for SmoothConfig {
             speed_hz: 2.0,
         };
         Self {
-            trunk: cutoff(2.5, 3.0),
-            limbs: cutoff(2.5, 1.5),
-            fingers: cutoff(2.0, 1.0),
-            face: cutoff(4.0, 3.0),
-            expression: cutoff(3.0, 1.0),
-            root: cutoff(2.5, 12.0),
+            trunk: cutoff(1.5, 1.5),
+            limbs: cutoff(1.5, 0.8),
+            fingers: cutoff(1.5, 0.7),
+            face: cutoff(3.0, 2.0),
+            expression: cutoff(2.5, 0.7),
+            root: cutoff(1.5, 6.0),
         }
     }
 }
