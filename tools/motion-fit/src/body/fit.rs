@@ -2,8 +2,9 @@
 
 use super::{
     bindings,
-    chain::{BODY_JOINTS, Chain, wide},
+    chain::{BODY_JOINTS, Chain, Posture, wide},
     prior::PosePrior,
+    proportions::Proportions,
     reading::{ANKLES, ELBOWS, Exchange, HIPS, KNEES, NOSE, Reading, SHOULDERS, WRISTS},
     so3,
     soles::soles,
@@ -155,8 +156,6 @@ const EASE: f64 = 0.6;
 /// Steps of time that are believed, seconds.
 const SHORTEST: f64 = 0.002;
 const LONGEST: f64 = 0.25;
-/// Memory of a body's size, seconds.
-const SIZE_MEMORY: f64 = 20.0;
 
 /// Follows one body in one camera's pictures.
 #[derive(Debug, Clone)]
@@ -173,8 +172,7 @@ pub struct BodyFit {
     rival: Option<Track>,
     /// The point of the floor, x and z, that is the avatar's origin.
     origin: Option<Vector2<f64>>,
-    /// Summed lengths of bones: the avatar's, the network's.
-    size: [f64; 2],
+    proportions: Proportions,
     last_seconds: Option<f64>,
     unseen: f64,
     /// After a rival lost, the next may come later, seconds.
@@ -188,17 +186,20 @@ impl BodyFit {
     pub fn new(skeleton: &Skeleton, config: FitConfig) -> Self {
         let at = |joint: Joint| wide(skeleton.rest_positions()[joint.index()]);
         let ease = spmm3::at_ease(skeleton);
+        let bindings = bindings::bind(skeleton);
+        let chain = Chain::new(skeleton);
+        let proportions = Proportions::new(chain.clone(), &bindings);
         Self {
             config: FitConfig {
                 camera: usable(config.camera),
                 ..config
             },
             body: Body {
-                bindings: bindings::bind(skeleton),
+                bindings,
                 soles: soles(skeleton),
                 parts: config.parts,
             },
-            solver: SkeletonSolver::new(Chain::new(skeleton), PosePrior::default()),
+            solver: SkeletonSolver::new(chain, PosePrior::default()),
             rest: std::array::from_fn(|joint| {
                 Joint::ALL
                     .get(joint)
@@ -211,7 +212,7 @@ impl BodyFit {
             track: None,
             rival: None,
             origin: None,
-            size: [0.0; 2],
+            proportions,
             last_seconds: None,
             unseen: 0.0,
             patience: DOUBTFUL,
@@ -248,12 +249,15 @@ impl BodyFit {
             self.rival = None;
         }
         self.unseen = 0.0;
-        self.measure(step, reading);
+        self.proportions.measure(step, reading);
+        if self.config.parts.proportions {
+            self.proportions.shape(self.solver.chain_mut());
+        }
         if self.config.parts.upright {
             self.lift(step, reading);
         }
         let level = self.upright.level();
-        let levelled = reading.levelled(&level, self.scale());
+        let levelled = reading.levelled(&level, self.proportions.scale());
         let scene = Scene {
             seconds,
             step,
@@ -344,60 +348,6 @@ impl BodyFit {
         self.rival = None;
     }
 
-    /// Learns the body's size: the network's metres are of a person of its own imagination.
-    fn measure(&mut self, step: f64, reading: &Reading) {
-        let keep = (-step / SIZE_MEMORY).exp();
-        self.size = self.size.map(|v| v * keep);
-        let chain = self.solver.chain();
-        let bones = [
-            (KNEES, HIPS, None),
-            (ANKLES, KNEES, Some(Joint::LeftAnkle)),
-            (ELBOWS, SHOULDERS, Some(Joint::LeftElbow)),
-            (WRISTS, ELBOWS, Some(Joint::LeftWrist)),
-        ];
-        for (ends, starts, bone) in bones {
-            let Some(bone) = bone else {
-                continue;
-            };
-            for (end, start) in ends.into_iter().zip(starts) {
-                let [end, start] = [end, start].map(|p| &reading.points[p]);
-                let sure = end.confidence * start.confidence;
-                if sure > 0.25 {
-                    self.size[0] += sure * step * chain.length(bone);
-                    self.size[1] += sure * step * (end.metres - start.metres).norm();
-                }
-            }
-        }
-        if reading.both(SHOULDERS, 0.5) && reading.both(HIPS, 0.5) {
-            let torso = reading.middle(SHOULDERS) - reading.middle(HIPS);
-            self.size[0] += 2.0 * step * self.torso();
-            self.size[1] += 2.0 * step * torso.norm();
-        }
-    }
-
-    /// From the middle of the hips' landmarks to the shoulders', metres.
-    fn torso(&self) -> f64 {
-        let placed = self.solver.chain().place(&super::chain::Posture::default());
-        let middle = |pair: [usize; 2]| {
-            self.body
-                .bindings
-                .iter()
-                .filter(|b| pair.contains(&b.landmark))
-                .map(|b| placed.point(&b.at) * 0.5)
-                .sum::<Vector3<f64>>()
-        };
-        (middle(SHOULDERS) - middle(HIPS)).norm()
-    }
-
-    /// Avatar's metres per metre of the network.
-    fn scale(&self) -> f64 {
-        if self.size[1] > 1e-6 {
-            (self.size[0] / self.size[1]).clamp(0.3, 3.0)
-        } else {
-            1.0
-        }
-    }
-
     /// Takes a standing body's axis into the estimate of the camera's tilt, and turns the accounts into the new level.
     fn lift(&mut self, step: f64, reading: &Reading) {
         let before = self.upright.level();
@@ -446,6 +396,16 @@ impl BodyFit {
         }
     }
 
+    /// By how much the avatar's pelvis must be higher than the person's for its soles to be as high, metres.
+    fn leg_difference(&self, posture: &Posture) -> f64 {
+        let lowest = |chain: &Chain| {
+            let placed = chain.place(posture);
+            let heights = self.body.soles.iter().map(|sole| placed.point(sole).y);
+            heights.fold(f64::INFINITY, f64::min)
+        };
+        lowest(self.solver.chain()) - lowest(self.proportions.avatar())
+    }
+
     fn fade_confidence(&mut self, reading: Option<&Reading>, step: f64) {
         let follow = 1.0 - (-step / 0.08_f64).exp();
         for (limb, confidence) in Limb::ALL.into_iter().zip(&mut self.confidence) {
@@ -476,7 +436,7 @@ impl BodyFit {
         let level = self.upright.level();
         let view = self.view(&level);
         let floor = -self.upright.height();
-        let rest = Track::new(super::chain::Posture {
+        let rest = Track::new(Posture {
             position: Vector3::new(0.0, self.pelvis.y + floor, 0.0),
             rotations: self.rest,
         });
@@ -484,9 +444,11 @@ impl BodyFit {
         let at = track.posture.position;
         let origin = self.origin.unwrap_or(Vector2::new(at.x, at.z));
         let origin = Vector3::new(origin.x - self.pelvis.x, floor, origin.y - self.pelvis.z);
+        let mut root = at - origin - self.pelvis;
+        root.y += self.leg_difference(&track.posture);
         let forward = view.camera_from_world.row(2).transpose();
         BodyPose {
-            root_translation: narrow(&(at - origin - self.pelvis)),
+            root_translation: narrow(&root),
             rotations: track.posture.rotations.map(|q| {
                 let [x, y, z, w] = [q.i, q.j, q.k, q.w].map(single);
                 Quat::from_xyzw(x, y, z, w).normalize()

@@ -11,6 +11,7 @@ pub mod foot_lock;
 mod limits;
 pub mod prior;
 mod prior_table;
+mod proportions;
 mod reading;
 pub mod so3;
 mod soles;

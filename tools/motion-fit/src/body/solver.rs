@@ -194,6 +194,11 @@ impl SkeletonSolver {
         &self.chain
     }
 
+    /// The bones, to change their lengths.
+    pub(super) fn chain_mut(&mut self) -> &mut Chain {
+        &mut self.chain
+    }
+
     /// Moves `posture` towards the least cost by at most `iterations` steps. Where nothing finite comes out, `posture` stays.
     pub fn solve(&mut self, posture: &mut Posture, iterations: usize) -> Solved {
         let mut best = *posture;

@@ -46,6 +46,8 @@ pub struct Parts {
     pub upright: bool,
     /// Standing soles are pinned, and no sole sinks below the floor.
     pub ground: bool,
+    /// Bones are as long as the person's, not as the avatar's.
+    pub proportions: bool,
 }
 
 impl Default for Parts {
@@ -54,6 +56,7 @@ impl Default for Parts {
             labels: true,
             upright: true,
             ground: true,
+            proportions: true,
         }
     }
 }

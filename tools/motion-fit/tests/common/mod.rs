@@ -2,7 +2,7 @@
 
 #![allow(
     unreachable_pub,
-    reason = "a module of several test programs"
+    reason = "it is a module of several test programs"
 )]
 #![allow(dead_code, reason = "each program of tests uses a part of it")]
 #![allow(

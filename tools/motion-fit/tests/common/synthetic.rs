@@ -1,10 +1,11 @@
 //! A made-up network that looks at a known motion through a known camera, with the errors that BlazePose was measured to have: it places hips,
 //! shoulders and head otherwise than the skeleton, and its depth leans to and fro.
 
+#![allow(unreachable_pub, reason = "it is a module of several test programs")]
 #![allow(dead_code, reason = "each program of tests uses a part of it")]
 
 use crate::common::{M3, Random, V3, add, forward, mul_v, norm, scale, sub, transpose};
-use glam::{Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use motion_fit::{
     body::{BodyFit, BodyPose, FitConfig, Parts},
     landmarks::{BodyLandmarks, BodyPoint, Camera},
@@ -300,13 +301,13 @@ pub const RATE: f64 = 30.0;
 pub fn performance(name: &str, yaw: f32) -> Option<Vec<MotionParams>> {
     let clip = crate::common::recording(name)?;
     let mut frames = crate::common::frames(&clip, RATE);
-    let turn = glam::Quat::from_rotation_y(yaw);
-    let pelvis = crate::common::skeleton().rest_positions()[0] * glam::Vec3::new(1.0, 0.0, 1.0);
+    let turn = Quat::from_rotation_y(yaw);
+    let pelvis = crate::common::skeleton().rest_positions()[0] * Vec3::new(1.0, 0.0, 1.0);
     let middle = (frames[0].root_translation + frames[frames.len() - 1].root_translation) / 2.0;
     for frame in &mut frames {
         let rotation = turn * frame.rotation(Joint::Pelvis);
         frame.set_rotation(Joint::Pelvis, rotation);
-        let mut at = frame.root_translation - middle * glam::Vec3::new(1.0, 0.0, 1.0);
+        let mut at = frame.root_translation - middle * Vec3::new(1.0, 0.0, 1.0);
         at = turn * (at + pelvis) - pelvis;
         frame.root_translation = at;
     }
