@@ -150,7 +150,11 @@ impl State {
         for (state, value) in state.expression.iter_mut().zip(motion.expression()) {
             state[0] = f64::from(*value);
         }
-        for (state, value) in state.root.iter_mut().zip(motion.root_translation.to_array()) {
+        for (state, value) in state
+            .root
+            .iter_mut()
+            .zip(motion.root_translation.to_array())
+        {
             state[0] = f64::from(value);
         }
         state
@@ -175,7 +179,9 @@ impl State {
         }
         let face = confidence.expression;
         for (state, value) in self.expression.iter_mut().zip(motion.expression()) {
-            config.expression.number(state, f64::from(*value), step, face);
+            config
+                .expression
+                .number(state, f64::from(*value), step, face);
         }
         // One cutoff for all three axes keeps the root's way straight.
         let target = motion.root_translation.to_array().map(f64::from);
@@ -191,10 +197,7 @@ impl State {
         }
     }
 
-    #[allow(
-        clippy::cast_possible_truncation,
-        reason = "motion parameters are f32"
-    )]
+    #[allow(clippy::cast_possible_truncation, reason = "motion parameters are f32")]
     fn tell(&self, motion: &mut MotionParams) {
         for (joint, q) in Joint::ALL.into_iter().zip(&self.rotations) {
             let [x, y, z, w] = [q.i, q.j, q.k, q.w].map(|v| v as f32);

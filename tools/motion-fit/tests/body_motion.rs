@@ -12,7 +12,16 @@ use synthetic::{Errors, Eye, Network, RATE, Score, motion, moves, performance, r
 fn print(name: &str, s: &Score) {
     println!(
         "{name:28} limbs {:4.0} mm, pelvis {:4.1} deg, lean {:+5.1} (rms {:4.1}) deg, slide {:.2} m/s (truth {:.2}), jitter {:4.1} (truth {:4.1}) mm/frame2, root {:4.0} mm, height {:+4.0} mm",
-        s.limbs_mm, s.pelvis_degrees, s.lean_degrees[0], s.lean_degrees[1], s.slide[0], s.slide[1], s.jitter[0], s.jitter[1], s.root_mm, s.height_mm
+        s.limbs_mm,
+        s.pelvis_degrees,
+        s.lean_degrees[0],
+        s.lean_degrees[1],
+        s.slide[0],
+        s.slide[1],
+        s.jitter[0],
+        s.jitter[1],
+        s.root_mm,
+        s.height_mm
     );
 }
 
@@ -83,9 +92,31 @@ fn each_part_of_the_fit_brings_it_nearer_to_recorded_motion() {
         let kinds = [
             ("no errors", Parts::default(), Errors::NONE),
             ("no parts", none, Errors::USUAL),
-            ("ground", Parts { ground: true, ..none }, Errors::USUAL),
-            ("upright", Parts { upright: true, ..none }, Errors::USUAL),
-            ("upright, ground", Parts { upright: true, ground: true, ..none }, Errors::USUAL),
+            (
+                "ground",
+                Parts {
+                    ground: true,
+                    ..none
+                },
+                Errors::USUAL,
+            ),
+            (
+                "upright",
+                Parts {
+                    upright: true,
+                    ..none
+                },
+                Errors::USUAL,
+            ),
+            (
+                "upright, ground",
+                Parts {
+                    upright: true,
+                    ground: true,
+                    ..none
+                },
+                Errors::USUAL,
+            ),
             ("all", Parts::default(), Errors::USUAL),
         ];
         let mut results = Vec::new();
@@ -119,11 +150,26 @@ fn each_part_of_the_fit_brings_it_nearer_to_recorded_motion() {
         let [exact, bare, _, _, _, all, locked] = results[..] else {
             panic!("seven results");
         };
-        assert!(exact.limbs_mm < 40.0, "{name}: the fit itself errs by {:.0} mm", exact.limbs_mm);
-        assert!(all.limbs_mm < 0.9 * bare.limbs_mm, "{name}: the parts bring nothing");
+        assert!(
+            exact.limbs_mm < 40.0,
+            "{name}: the fit itself errs by {:.0} mm",
+            exact.limbs_mm
+        );
+        assert!(
+            all.limbs_mm < 0.9 * bare.limbs_mm,
+            "{name}: the parts bring nothing"
+        );
         assert!(locked.limbs_mm < 55.0, "{name}: {:.0} mm", locked.limbs_mm);
-        assert!(locked.lean_degrees[0].abs() < 5.0, "{name}: it leans by {:.1} degrees", locked.lean_degrees[0]);
-        assert!(locked.slide[0] < 0.25, "{name}: feet slide at {:.2} m/s", locked.slide[0]);
+        assert!(
+            locked.lean_degrees[0].abs() < 5.0,
+            "{name}: it leans by {:.1} degrees",
+            locked.lean_degrees[0]
+        );
+        assert!(
+            locked.slide[0] < 0.25,
+            "{name}: feet slide at {:.2} m/s",
+            locked.slide[0]
+        );
         assert!(
             locked.jitter[0] < 1.8 * locked.jitter[1],
             "{name}: it jitters by {:.1} mm a frame squared",
@@ -137,15 +183,30 @@ fn other_person() -> Skeleton {
     let mut rest = *common::skeleton().rest_positions();
     let own = rest;
     let longer = [
-        (4, 1.1_f32), (5, 1.1), (7, 0.92), (8, 0.92), (18, 0.92), (19, 0.92), (20, 1.1), (21, 1.1),
-        (3, 0.95), (6, 0.95), (9, 0.95), (12, 0.95), (13, 0.95), (14, 0.95),
+        (4, 1.1_f32),
+        (5, 1.1),
+        (7, 0.92),
+        (8, 0.92),
+        (18, 0.92),
+        (19, 0.92),
+        (20, 1.1),
+        (21, 1.1),
+        (3, 0.95),
+        (6, 0.95),
+        (9, 0.95),
+        (12, 0.95),
+        (13, 0.95),
+        (14, 0.95),
     ];
     for joint in Joint::ALL.into_iter().skip(1) {
         let Some(parent) = joint.parent() else {
             continue;
         };
         let (i, p) = (joint.index(), parent.index());
-        let ratio = longer.iter().find(|(j, _)| *j == i).map_or(1.0, |(_, r)| *r);
+        let ratio = longer
+            .iter()
+            .find(|(j, _)| *j == i)
+            .map_or(1.0, |(_, r)| *r);
         rest[i] = rest[p] + (own[i] - own[p]) * ratio;
     }
     Skeleton::new(rest.map(|v| v * 1.08)).expect("finite")
@@ -162,8 +223,17 @@ fn a_person_of_other_proportions_bends_the_avatar_alike() {
         let mut errors = Vec::new();
         for (label, proportions) in [("the avatar's bones", false), ("the person's bones", true)] {
             let mut network = Network::new(eye(), Errors::USUAL, 3);
-            let parts = Parts { proportions, ..Parts::default() };
-            let mut fit = BodyFit::new(&avatar, FitConfig { parts, ..FitConfig::new(network.eye.camera) });
+            let parts = Parts {
+                proportions,
+                ..Parts::default()
+            };
+            let mut fit = BodyFit::new(
+                &avatar,
+                FitConfig {
+                    parts,
+                    ..FitConfig::new(network.eye.camera)
+                },
+            );
             let mut degrees = 0.0;
             let mut count = 0.0;
             let mut height = 0.0;
@@ -173,16 +243,31 @@ fn a_person_of_other_proportions_bends_the_avatar_alike() {
                 if i < 45 {
                     continue;
                 }
-                let (t, (f, at)) = (common::forward(&avatar, frame).0, common::forward(&avatar, &fitted));
+                let (t, (f, at)) = (
+                    common::forward(&avatar, frame).0,
+                    common::forward(&avatar, &fitted),
+                );
                 // Where bones point: their twist is not seen.
-                for (joint, child) in [(1, 4), (2, 5), (4, 7), (5, 8), (16, 18), (17, 19), (18, 20), (19, 21)] {
+                for (joint, child) in [
+                    (1, 4),
+                    (2, 5),
+                    (4, 7),
+                    (5, 8),
+                    (16, 18),
+                    (17, 19),
+                    (18, 20),
+                    (19, 21),
+                ] {
                     let bone = common::sub(
                         avatar.rest_positions()[child].to_array().map(f64::from),
                         avatar.rest_positions()[joint].to_array().map(f64::from),
                     );
                     let [a, b] = [&t[joint], &f[joint]].map(|m| common::mul_v(m, bone));
                     let dot: f64 = (0..3).map(|k| a[k] * b[k]).sum();
-                    degrees += (dot / common::norm(a) / common::norm(b)).clamp(-1.0, 1.0).acos().to_degrees();
+                    degrees += (dot / common::norm(a) / common::norm(b))
+                        .clamp(-1.0, 1.0)
+                        .acos()
+                        .to_degrees();
                     count += 1.0;
                 }
                 height += (at[7][1].min(at[8][1]) - 0.1119).abs();
@@ -194,6 +279,9 @@ fn a_person_of_other_proportions_bends_the_avatar_alike() {
             );
             errors.push(degrees / count);
         }
-        assert!(errors[1] < errors[0], "{name}: the person's bones are no better: {errors:?}");
+        assert!(
+            errors[1] < errors[0],
+            "{name}: the person's bones are no better: {errors:?}"
+        );
     }
 }

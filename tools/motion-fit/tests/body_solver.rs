@@ -50,16 +50,26 @@ fn the_gradient_is_that_of_the_cost() {
             let a = Matrix3::from_fn(|_, _| random.normal());
             a * a.transpose()
         };
-        for joint in [Joint::LeftWrist, Joint::RightFoot, Joint::Head, Joint::Pelvis] {
+        for joint in [
+            Joint::LeftWrist,
+            Joint::RightFoot,
+            Joint::Head,
+            Joint::Pelvis,
+        ] {
             let at = Attachment::new(joint, vector(&mut random, 0.1));
             let others = [
                 (at, 1.0),
                 (Attachment::centre(Joint::LeftHip), -0.5),
-                (Attachment::new(Joint::RightHip, vector(&mut random, 0.1)), -0.5),
+                (
+                    Attachment::new(Joint::RightHip, vector(&mut random, 0.1)),
+                    -0.5,
+                ),
             ];
             let target = vector(&mut random, 0.5);
             let information = spread(&mut random);
-            solver.terms.push(Term::sum(&others, target, information).robustly(2.0));
+            solver
+                .terms
+                .push(Term::sum(&others, target, information).robustly(2.0));
             solver.terms.push(Term::at(at, target, information));
             let pixel = Term::Pixel {
                 point: at,
@@ -203,10 +213,7 @@ fn seen_poses_are_found_to_a_millimetre_and_half_a_degree() {
             let distance = (placed.positions[joint] - Vector3::from(positions[joint])).norm();
             let ours: common::M3 =
                 std::array::from_fn(|i| std::array::from_fn(|k| placed.rotations[joint][(i, k)]));
-            let turn = common::angle(&common::mul(
-                &ours,
-                &common::transpose(&rotations[joint]),
-            ));
+            let turn = common::angle(&common::mul(&ours, &common::transpose(&rotations[joint])));
             bad = [bad[0].max(distance * 1e3), bad[1].max(turn.to_degrees())];
         }
         if bad[0] > 1.0 || bad[1] > 0.5 {
@@ -214,6 +221,9 @@ fn seen_poses_are_found_to_a_millimetre_and_half_a_degree() {
         }
         worst = [worst[0].max(bad[0]), worst[1].max(bad[1])];
     }
-    println!("worst of 60 poses: {:.4} mm, {:.4} degrees", worst[0], worst[1]);
+    println!(
+        "worst of 60 poses: {:.4} mm, {:.4} degrees",
+        worst[0], worst[1]
+    );
     assert_eq!(failed, 0, "poses not found; worst {worst:?}");
 }

@@ -51,7 +51,10 @@ fn what_moves_lags_by_less_than_forty_milliseconds() {
             out[joints.len()].push(f64::from(motion.expression()[7]));
             out[joints.len() + 1].push(f64::from(motion.root_translation.x));
         }
-        let names = joints.iter().map(|j| j.name()).chain(["expression", "root"]);
+        let names = joints
+            .iter()
+            .map(|j| j.name())
+            .chain(["expression", "root"]);
         for (name, out) in names.zip(&out) {
             let lag = lag_ms(out, rate);
             println!("{rate} Hz, {name}: {lag:.0} ms");
@@ -104,7 +107,10 @@ fn an_unsure_joint_is_smoothed_more() {
         after(0.0),
         after(1.0)
     );
-    assert!(after(f32::NAN) > 0.0, "a confidence without sense stops the joint");
+    assert!(
+        after(f32::NAN) > 0.0,
+        "a confidence without sense stops the joint"
+    );
 }
 
 #[test]

@@ -117,7 +117,9 @@ impl Contact {
 
     /// Speed over the newest `window` pictures by the line of least squares, m/s; `None` before there are as many.
     fn speed(&self, window: usize) -> Option<f64> {
-        let newest = self.history.get(self.count.checked_sub(window)?..self.count)?;
+        let newest = self
+            .history
+            .get(self.count.checked_sub(window)?..self.count)?;
         let n = newest.len() as f64;
         let middle = newest.iter().map(|(t, _)| t).sum::<f64>() / n;
         let mut above = Vector3::zeros();

@@ -3,79 +3,22 @@
 use super::{
     bindings,
     chain::{BODY_JOINTS, Chain, Posture, wide},
+    evidence::{Body, Parts, Scene, stands},
+    pose::{BodyPose, CameraPose, Limb},
     prior::PosePrior,
     proportions::Proportions,
-    reading::{ANKLES, ELBOWS, Exchange, HIPS, KNEES, NOSE, Reading, SHOULDERS, WRISTS},
+    reading::{ANKLES, Exchange, Reading, SHOULDERS},
     so3,
     soles::soles,
     solver::SkeletonSolver,
     terms::View,
-    track::{Body, Parts, Scene, Track, stands},
+    track::Track,
     upright::Upright,
 };
 use crate::landmarks::{BodyLandmarks, Camera};
 use glam::{Mat3, Quat, Vec3};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
-use spmm3::{Joint, MotionParams, Skeleton};
-
-/// Parts of the body that have a confidence of their own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(usize)]
-pub enum Limb {
-    /// Pelvis, spine and collars.
-    Torso,
-    /// Neck and head.
-    Head,
-    /// Left shoulder to wrist.
-    LeftArm,
-    /// Right shoulder to wrist.
-    RightArm,
-    /// Left hip to foot.
-    LeftLeg,
-    /// Right hip to foot.
-    RightLeg,
-}
-
-impl Limb {
-    /// All limbs, in the order of [`BodyPose::confidence`].
-    pub const ALL: [Self; 6] = [
-        Self::Torso,
-        Self::Head,
-        Self::LeftArm,
-        Self::RightArm,
-        Self::LeftLeg,
-        Self::RightLeg,
-    ];
-
-    /// The limb that a joint belongs to; fingers to their arm, jaw and eyes to the head.
-    #[must_use]
-    pub fn of(joint: Joint) -> Self {
-        let name = joint.name();
-        let left = name.starts_with("left");
-        if name.contains("eye") || matches!(joint, Joint::Neck | Joint::Head | Joint::Jaw) {
-            Self::Head
-        } else if ["hip", "knee", "ankle", "foot"].iter().any(|n| name.ends_with(n)) {
-            if left { Self::LeftLeg } else { Self::RightLeg }
-        } else if matches!(joint, Joint::LeftCollar | Joint::RightCollar) || name.starts_with("spine") || joint == Joint::Pelvis {
-            Self::Torso
-        } else if left {
-            Self::LeftArm
-        } else {
-            Self::RightArm
-        }
-    }
-
-    fn landmarks(self) -> [usize; 4] {
-        match self {
-            Self::Torso => [SHOULDERS[0], SHOULDERS[1], HIPS[0], HIPS[1]],
-            Self::Head => [NOSE, NOSE, 7, 8],
-            Self::LeftArm => [ELBOWS[0], ELBOWS[0], WRISTS[0], WRISTS[0]],
-            Self::RightArm => [ELBOWS[1], ELBOWS[1], WRISTS[1], WRISTS[1]],
-            Self::LeftLeg => [KNEES[0], KNEES[0], ANKLES[0], ANKLES[0]],
-            Self::RightLeg => [KNEES[1], KNEES[1], ANKLES[1], ANKLES[1]],
-        }
-    }
-}
+use spmm3::{Joint, Skeleton};
 
 /// What a fit is told beforehand.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -94,50 +37,6 @@ impl FitConfig {
             camera,
             parts: Parts::default(),
         }
-    }
-}
-
-/// Where the camera is, as far as the pictures tell.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CameraPose {
-    /// How far it looks down, radians.
-    pub pitch_radians: f32,
-    /// Its height above the floor in metres of the avatar's size.
-    pub height_metres: f32,
-    /// Rotation from the avatar's world (y up) to camera axes (y down, z away).
-    pub camera_from_world: Mat3,
-    /// The camera in the avatar's world, metres.
-    pub position: Vec3,
-}
-
-/// A fitted pose, in the conventions of [`MotionParams`]: y up, metres, the floor at y = 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BodyPose {
-    /// As [`MotionParams::root_translation`]. The first seen place is above the origin.
-    pub root_translation: Vec3,
-    /// Of each body joint relative to its parent, the pelvis relative to the world.
-    pub rotations: [Quat; BODY_JOINTS],
-    /// 0..=1 of each limb, in the order of [`Limb::ALL`]: how sure its landmarks were.
-    pub confidence: [f32; 6],
-    /// Root mean square distance of the landmarks from the fitted pose in the picture, pixels.
-    pub reprojection_px: f32,
-    /// Whether left and right had been mistaken, at least in one half of the body.
-    pub swapped: bool,
-    /// The camera's pose that was used.
-    pub camera: CameraPose,
-    /// Whether heel and ball of the left and of the right foot stand on the floor: for [`super::FootLock`].
-    pub standing: [[bool; 2]; 2],
-    /// Whether a body was seen; otherwise the pose coasts to rest.
-    pub seen: bool,
-}
-
-impl BodyPose {
-    /// Writes the body's joints and the root into `motion`; face and fingers stay.
-    pub fn write(&self, motion: &mut MotionParams) {
-        for (joint, rotation) in Joint::ALL.into_iter().zip(self.rotations) {
-            motion.set_rotation(joint, rotation);
-        }
-        motion.root_translation = self.root_translation;
     }
 }
 
@@ -222,9 +121,7 @@ impl BodyFit {
 
     /// Fits one picture, whose light fell at `seconds`. Never fails: without a body the pose coasts, comes to rest and waits.
     pub fn fit(&mut self, seconds: f64, body: Option<&BodyLandmarks>) -> BodyPose {
-        let step = self
-            .last_seconds
-            .map_or(1.0 / 30.0, |last| seconds - last);
+        let step = self.last_seconds.map_or(1.0 / 30.0, |last| seconds - last);
         let step = if step.is_finite() {
             step.clamp(SHORTEST, LONGEST)
         } else {
@@ -273,14 +170,13 @@ impl BodyFit {
             self.rival = Some(Track::new(posture));
         }
         if let Some(rival) = &mut self.rival {
-            let given = (rival.doubt.1 == 0).then(|| {
-                if first {
-                    Exchange::BOTH
-                } else {
-                    // The account that is told exchanges all; the rival takes the labels as they are.
-                    Exchange::NONE
-                }
-            });
+            // One that begins later takes the labels as they are: the account that is told exchanges all.
+            let opposite = if first {
+                Exchange::BOTH
+            } else {
+                Exchange::NONE
+            };
+            let given = (rival.doubt.1 == 0).then_some(opposite);
             rival.follow(&self.body, &mut self.solver, &scene, &levelled, given);
         }
         if first && self.origin.is_none() {
@@ -466,7 +362,8 @@ impl BodyFit {
                 ),
                 position: narrow(&-origin),
             },
-            standing: [0, 2].map(|foot| [0, 1].map(|sole| seen && track.contacts[foot + sole].stands())),
+            standing: [0, 2]
+                .map(|foot| [0, 1].map(|sole| seen && track.contacts[foot + sole].stands())),
             seen,
         }
     }

@@ -64,7 +64,11 @@ impl FootLock {
     /// as [`super::BodyPose::standing`].
     pub fn apply(&mut self, seconds: f64, motion: &mut MotionParams, standing: [[bool; 2]; 2]) {
         let step = self.last_seconds.map_or(0.0, |last| seconds - last);
-        let step = if step.is_finite() { step.clamp(0.0, 1.0) } else { 0.0 };
+        let step = if step.is_finite() {
+            step.clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
         self.last_seconds = seconds.is_finite().then_some(seconds);
         if !motion.is_finite() {
             return;
@@ -120,10 +124,7 @@ impl FootLock {
         self.tell(&posture, motion);
     }
 
-    #[allow(
-        clippy::cast_possible_truncation,
-        reason = "motion parameters are f32"
-    )]
+    #[allow(clippy::cast_possible_truncation, reason = "motion parameters are f32")]
     fn tell(&self, posture: &Posture, motion: &mut MotionParams) {
         for joint in Joint::ALL.into_iter().take(BODY_JOINTS).filter(|j| leg(*j)) {
             let q = &posture.rotations[joint.index()];

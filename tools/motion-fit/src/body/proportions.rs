@@ -138,7 +138,10 @@ impl Proportions {
             (SHANK, &[LeftAnkle, RightAnkle]),
             (UPPER_ARM, &[LeftElbow, RightElbow]),
             (FOREARM, &[LeftWrist, RightWrist]),
-            (TORSO, &[Spine1, Spine2, Spine3, LeftCollar, RightCollar, Neck]),
+            (
+                TORSO,
+                &[Spine1, Spine2, Spine3, LeftCollar, RightCollar, Neck],
+            ),
         ];
         for (part, joints) in parts {
             let ratio = ratio(part);

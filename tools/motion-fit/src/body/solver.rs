@@ -395,11 +395,9 @@ impl Frames<'_> {
                 robust,
             } => {
                 let joint = body_index(*joint);
-                let rotation = nalgebra::Rotation3::from_matrix_unchecked(
-                    self.placed.rotations[joint],
-                );
                 let rotation =
-                    nalgebra::UnitQuaternion::from_rotation_matrix(&rotation);
+                    nalgebra::Rotation3::from_matrix_unchecked(self.placed.rotations[joint]);
+                let rotation = nalgebra::UnitQuaternion::from_rotation_matrix(&rotation);
                 let residual = so3::log(&(rotation * target.inverse()));
                 self.turn(joint, &so3::log_by_left_turn(&residual), &mut rows);
                 finish(system, &rows, &residual, information, *robust);

@@ -33,8 +33,8 @@ const PLACES: [(usize, usize, V3); 17] = [
     (31, 7, [0.015, -0.07, 0.17]),
 ];
 pub const TWINS: [usize; 33] = [
-    0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15, 18, 17, 20, 19, 22, 21, 24, 23, 26, 25,
-    28, 27, 30, 29, 32, 31,
+    0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15, 18, 17, 20, 19, 22, 21, 24, 23, 26,
+    25, 28, 27, 30, 29, 32, 31,
 ];
 const JOINT_TWINS: [usize; 22] = [
     0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20,
@@ -153,7 +153,11 @@ impl Network {
     }
 
     pub fn look(&mut self, skeleton: &Skeleton, motion: &MotionParams, step: f64) -> BodyLandmarks {
-        let keep = if self.begun { (-step / MEMORY).exp() } else { 0.0 };
+        let keep = if self.begun {
+            (-step / MEMORY).exp()
+        } else {
+            0.0
+        };
         let fresh = (1.0 - keep * keep).sqrt();
         self.begun = true;
         let random = &mut self.random;
