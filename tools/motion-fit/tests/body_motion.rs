@@ -1,5 +1,10 @@
 //! The fit against recorded motion seen by a made-up network: what each part of it is worth.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "the landmarks and the avatar are f32, and counts of frames are small"
+)]
+
 mod common;
 #[path = "common/synthetic.rs"]
 mod synthetic;

@@ -1,5 +1,10 @@
 //! The fit against mistakes of networks: left and right exchanged, limbs hidden, bodies gone, and numbers without sense.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "the landmarks and the avatar are f32, and counts of frames are small"
+)]
+
 mod common;
 #[path = "common/synthetic.rs"]
 mod synthetic;

@@ -1,5 +1,10 @@
 //! Lag and jitter of smoothing.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "the landmarks and the avatar are f32, and counts of frames are small"
+)]
+
 mod common;
 
 use common::Random;

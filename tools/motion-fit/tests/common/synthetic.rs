@@ -1,6 +1,10 @@
 //! A made-up network that looks at a known motion through a known camera, with the errors that BlazePose was measured to have: it places hips,
 //! shoulders and head otherwise than the skeleton, and its depth leans to and fro.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "the landmarks and the avatar are f32, and counts of frames are small"
+)]
 #![allow(unreachable_pub, reason = "it is a module of several test programs")]
 #![allow(dead_code, reason = "each program of tests uses a part of it")]
 
