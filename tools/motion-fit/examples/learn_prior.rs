@@ -49,8 +49,10 @@ fn main() {
         "human/walk1.bvh",
     ];
     let clips: Vec<_> = names.into_iter().filter_map(common::recording).collect();
-    let mut all: Vec<Vec<MotionParams>> =
-        clips.iter().map(|clip| common::frames(clip, RATE)).collect();
+    let mut all: Vec<Vec<MotionParams>> = clips
+        .iter()
+        .map(|clip| common::frames(clip, RATE))
+        .collect();
     // The recordings walk and fight; a person in a call mostly stands.
     all.push(vec![spmm3::at_ease(&common::skeleton())]);
     let mut samples: Vec<(f64, DVector<f64>)> = Vec::new();
@@ -74,9 +76,16 @@ fn main() {
     let mut order: Vec<usize> = (0..VALUES).collect();
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
     let whole: f64 = eigen.eigenvalues.iter().sum();
-    let kept: f64 = order.iter().take(COMPONENTS).map(|i| eigen.eigenvalues[*i]).sum();
+    let kept: f64 = order
+        .iter()
+        .take(COMPONENTS)
+        .map(|i| eigen.eigenvalues[*i])
+        .sum();
 
-    println!("//! Made by `cargo run -p motion-fit --example learn_prior`, which says from what. The components hold {:.1} % of the variance.", 100.0 * kept / whole);
+    println!(
+        "//! Made by `cargo run -p motion-fit --example learn_prior`, which says from what. The components hold {:.1} % of the variance.",
+        100.0 * kept / whole
+    );
     println!("\n#![cfg_attr(rustfmt, rustfmt_skip)]\n");
     println!("/// Components of [`COMPONENTS`].\npub(super) const COUNT: usize = {COMPONENTS};\n");
     let print = |values: &mut dyn Iterator<Item = f64>| {
@@ -85,13 +94,20 @@ fn main() {
             .collect();
         text.join(", ")
     };
-    println!("/// Mean rotation vectors by joint, radians.\npub(super) const MEAN: [f64; {VALUES}] = [");
+    println!(
+        "/// Mean rotation vectors by joint, radians.\npub(super) const MEAN: [f64; {VALUES}] = ["
+    );
     println!("    {},\n];\n", print(&mut mean.iter().copied()));
-    println!("/// Principal components times their standard deviations, radians.\npub(super) const COMPONENTS: [[f64; {VALUES}]; COUNT] = [");
+    println!(
+        "/// Principal components times their standard deviations, radians.\npub(super) const COMPONENTS: [[f64; {VALUES}]; COUNT] = ["
+    );
     for i in order.into_iter().take(COMPONENTS) {
         let deviation = eigen.eigenvalues[i].max(0.0).sqrt();
         let column = eigen.eigenvectors.column(i);
-        println!("    [{}],", print(&mut column.iter().map(|v| v * deviation)));
+        println!(
+            "    [{}],",
+            print(&mut column.iter().map(|v| v * deviation))
+        );
     }
     println!("];");
 }

@@ -1,5 +1,10 @@
 //! The solver against derivatives by differences and against a forward kinematics that shares no code with it.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "the landmarks and the avatar are f32, and counts of frames are small"
+)]
+
 mod common;
 
 use common::{Random, V3};
@@ -50,16 +55,26 @@ fn the_gradient_is_that_of_the_cost() {
             let a = Matrix3::from_fn(|_, _| random.normal());
             a * a.transpose()
         };
-        for joint in [Joint::LeftWrist, Joint::RightFoot, Joint::Head, Joint::Pelvis] {
+        for joint in [
+            Joint::LeftWrist,
+            Joint::RightFoot,
+            Joint::Head,
+            Joint::Pelvis,
+        ] {
             let at = Attachment::new(joint, vector(&mut random, 0.1));
             let others = [
                 (at, 1.0),
                 (Attachment::centre(Joint::LeftHip), -0.5),
-                (Attachment::new(Joint::RightHip, vector(&mut random, 0.1)), -0.5),
+                (
+                    Attachment::new(Joint::RightHip, vector(&mut random, 0.1)),
+                    -0.5,
+                ),
             ];
             let target = vector(&mut random, 0.5);
             let information = spread(&mut random);
-            solver.terms.push(Term::sum(&others, target, information).robustly(2.0));
+            solver
+                .terms
+                .push(Term::sum(&others, target, information).robustly(2.0));
             solver.terms.push(Term::at(at, target, information));
             let pixel = Term::Pixel {
                 point: at,
@@ -122,7 +137,7 @@ fn the_gradient_is_that_of_the_cost() {
 #[test]
 fn tangents_and_rotations_are_inverse_up_to_half_a_turn() {
     let mut random = Random(9);
-    for size in [1e-9, 1e-5, 0.1, 1.0, 3.1, 3.141_592] {
+    for size in [1e-9, 1e-5, 0.1, 1.0, 3.1, std::f64::consts::PI - 1e-6] {
         for _ in 0..50 {
             let v = vector(&mut random, 1.0).normalize() * size;
             let back = so3::log(&so3::exp(&v));
@@ -203,10 +218,7 @@ fn seen_poses_are_found_to_a_millimetre_and_half_a_degree() {
             let distance = (placed.positions[joint] - Vector3::from(positions[joint])).norm();
             let ours: common::M3 =
                 std::array::from_fn(|i| std::array::from_fn(|k| placed.rotations[joint][(i, k)]));
-            let turn = common::angle(&common::mul(
-                &ours,
-                &common::transpose(&rotations[joint]),
-            ));
+            let turn = common::angle(&common::mul(&ours, &common::transpose(&rotations[joint])));
             bad = [bad[0].max(distance * 1e3), bad[1].max(turn.to_degrees())];
         }
         if bad[0] > 1.0 || bad[1] > 0.5 {
@@ -214,6 +226,9 @@ fn seen_poses_are_found_to_a_millimetre_and_half_a_degree() {
         }
         worst = [worst[0].max(bad[0]), worst[1].max(bad[1])];
     }
-    println!("worst of 60 poses: {:.4} mm, {:.4} degrees", worst[0], worst[1]);
+    println!(
+        "worst of 60 poses: {:.4} mm, {:.4} degrees",
+        worst[0], worst[1]
+    );
     assert_eq!(failed, 0, "poses not found; worst {worst:?}");
 }

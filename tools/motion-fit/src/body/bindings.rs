@@ -68,6 +68,12 @@ pub(super) fn bind(skeleton: &Skeleton) -> [Binding; COUNT] {
         binding(HEELS[0], LeftAnkle, heel(LeftAnkle), 0.5, 0.5),
         binding(HEELS[1], RightAnkle, heel(RightAnkle), 0.5, 0.5),
         binding(TOES[0], LeftAnkle, toe(LeftAnkle, LeftFoot, 1.0), 0.5, 0.5),
-        binding(TOES[1], RightAnkle, toe(RightAnkle, RightFoot, -1.0), 0.5, 0.5),
+        binding(
+            TOES[1],
+            RightAnkle,
+            toe(RightAnkle, RightFoot, -1.0),
+            0.5,
+            0.5,
+        ),
     ]
 }

@@ -128,12 +128,6 @@ impl Chain {
         chain
     }
 
-    /// Length of the bone from the parent to `joint`, metres.
-    #[must_use]
-    pub fn length(&self, joint: Joint) -> f64 {
-        self.offsets.get(joint.index()).map_or(0.0, Vector3::norm)
-    }
-
     /// Forward kinematics.
     #[must_use]
     pub fn place(&self, posture: &Posture) -> Placed {

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 const WINDOW: usize = 5;
 const SHORT: usize = 3;
 /// A sole slower than this may be standing, one faster than the other is not, m/s.
-const STILL: f64 = 0.30;
+const STILL: f64 = 0.40;
 const MOVING: f64 = 0.50;
 /// A sole lower than this may be standing, one higher than the other is not, metres above the floor.
 const LOW: f64 = 0.09;
@@ -15,9 +15,12 @@ const HIGH: f64 = 0.14;
 /// A pin this far from where its sole is seen lets go, metres across the line of sight.
 const TORN: f64 = 0.05;
 /// Time for a pin to take hold and to let go, seconds.
-const HOLD: f64 = 0.1;
-/// How fast a pin follows what is seen, 1/s: it may have been put down wrongly.
-const FOLLOW: f64 = 0.6;
+const HOLD: f64 = 0.05;
+/// A pin is the mean of where its sole was seen since it stands, for at most so long, seconds: what one picture says of its depth is wrong by
+/// centimetres, and a wrong pin would turn the pelvis.
+const MEAN: f64 = 6.0;
+/// How long the place that is expected of the sole counts in that mean, seconds.
+const EXPECTED: f64 = 0.5;
 /// How fast a pin comes to the floor's height, 1/s: that is an estimate, too.
 const SINK: f64 = 3.0;
 
@@ -27,6 +30,8 @@ pub(super) struct Contact {
     history: [(f64, Vector3<f64>); WINDOW],
     count: usize,
     pin: Option<Vector3<f64>>,
+    /// For how long it stands, seconds.
+    standing: f64,
     /// How firmly the pin holds, 0..=1.
     hold: f64,
 }
@@ -39,10 +44,10 @@ impl Contact {
 
     /// Whether the sole stands.
     pub(super) fn stands(&self) -> bool {
-        self.pin.is_some() && self.hold > 0.5
+        self.pin.is_some() && self.hold > 0.3
     }
 
-    /// One picture: where the sole is seen (at the depth that is expected of it), where the last fit's motion has it, the height of the
+    /// One picture: where the sole is seen, where the last fit's motion has it, the height of the
     /// lowest sole or the floor, whichever is higher, and the floor's.
     pub(super) fn update(
         &mut self,
@@ -81,8 +86,10 @@ impl Contact {
             self.hold = (self.hold + change).min(1.0);
             let mut pin = self.pin.unwrap_or(expected);
             if let Some(seen) = seen {
-                let follow = (FOLLOW * step).min(1.0);
+                self.standing = (self.standing + step).min(MEAN);
+                let follow = step / (EXPECTED + self.standing);
                 pin.x += (seen.x - pin.x) * follow;
+                pin.z += (seen.z - pin.z) * follow;
             }
             pin.y += (floor - pin.y) * (SINK * step).min(1.0);
             self.pin = Some(pin);
@@ -110,7 +117,9 @@ impl Contact {
 
     /// Speed over the newest `window` pictures by the line of least squares, m/s; `None` before there are as many.
     fn speed(&self, window: usize) -> Option<f64> {
-        let newest = self.history.get(self.count.checked_sub(window)?..self.count)?;
+        let newest = self
+            .history
+            .get(self.count.checked_sub(window)?..self.count)?;
         let n = newest.len() as f64;
         let middle = newest.iter().map(|(t, _)| t).sum::<f64>() / n;
         let mut above = Vector3::zeros();
@@ -119,6 +128,7 @@ impl Contact {
             above += at * (t - middle);
             below += (t - middle) * (t - middle);
         }
-        (below > 1e-9).then(|| (above / below).norm())
+        // Depth is too rough to tell a speed.
+        (below > 1e-9).then(|| (above / below).xy().norm())
     }
 }

@@ -2,78 +2,23 @@
 
 use super::{
     bindings,
-    chain::{Attachment, BODY_JOINTS, Chain, wide},
+    chain::{BODY_JOINTS, Chain, Posture, wide},
+    evidence::{Body, Parts, Scene, stands},
+    pose::{BodyPose, CameraPose, Limb},
     prior::PosePrior,
-    reading::{ANKLES, ELBOWS, Exchange, HIPS, KNEES, NOSE, Reading, SHOULDERS, WRISTS},
+    proportions::Proportions,
+    reading::{ANKLES, Exchange, Reading, SHOULDERS},
     so3,
+    soles::soles,
     solver::SkeletonSolver,
     terms::View,
-    track::{Body, Parts, Scene, Track, stands},
+    track::Track,
     upright::Upright,
 };
 use crate::landmarks::{BodyLandmarks, Camera};
 use glam::{Mat3, Quat, Vec3};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
-use spmm3::{Joint, MotionParams, Skeleton};
-
-/// Parts of the body that have a confidence of their own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(usize)]
-pub enum Limb {
-    /// Pelvis, spine and collars.
-    Torso,
-    /// Neck and head.
-    Head,
-    /// Left shoulder to wrist.
-    LeftArm,
-    /// Right shoulder to wrist.
-    RightArm,
-    /// Left hip to foot.
-    LeftLeg,
-    /// Right hip to foot.
-    RightLeg,
-}
-
-impl Limb {
-    /// All limbs, in the order of [`BodyPose::confidence`].
-    pub const ALL: [Self; 6] = [
-        Self::Torso,
-        Self::Head,
-        Self::LeftArm,
-        Self::RightArm,
-        Self::LeftLeg,
-        Self::RightLeg,
-    ];
-
-    /// The limb that a joint belongs to; fingers to their arm, jaw and eyes to the head.
-    #[must_use]
-    pub fn of(joint: Joint) -> Self {
-        let name = joint.name();
-        let left = name.starts_with("left");
-        if name.contains("eye") || matches!(joint, Joint::Neck | Joint::Head | Joint::Jaw) {
-            Self::Head
-        } else if ["hip", "knee", "ankle", "foot"].iter().any(|n| name.ends_with(n)) {
-            if left { Self::LeftLeg } else { Self::RightLeg }
-        } else if matches!(joint, Joint::LeftCollar | Joint::RightCollar) || name.starts_with("spine") || joint == Joint::Pelvis {
-            Self::Torso
-        } else if left {
-            Self::LeftArm
-        } else {
-            Self::RightArm
-        }
-    }
-
-    fn landmarks(self) -> [usize; 4] {
-        match self {
-            Self::Torso => [SHOULDERS[0], SHOULDERS[1], HIPS[0], HIPS[1]],
-            Self::Head => [NOSE, NOSE, 7, 8],
-            Self::LeftArm => [ELBOWS[0], ELBOWS[0], WRISTS[0], WRISTS[0]],
-            Self::RightArm => [ELBOWS[1], ELBOWS[1], WRISTS[1], WRISTS[1]],
-            Self::LeftLeg => [KNEES[0], KNEES[0], ANKLES[0], ANKLES[0]],
-            Self::RightLeg => [KNEES[1], KNEES[1], ANKLES[1], ANKLES[1]],
-        }
-    }
-}
+use spmm3::{Joint, Skeleton};
 
 /// What a fit is told beforehand.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,56 +40,13 @@ impl FitConfig {
     }
 }
 
-/// Where the camera is, as far as the pictures tell.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CameraPose {
-    /// How far it looks down, radians.
-    pub pitch_radians: f32,
-    /// Its height above the floor in metres of the avatar's size.
-    pub height_metres: f32,
-    /// Rotation from the avatar's world (y up) to camera axes (y down, z away).
-    pub camera_from_world: Mat3,
-    /// The camera in the avatar's world, metres.
-    pub position: Vec3,
-}
-
-/// A fitted pose, in the conventions of [`MotionParams`]: y up, metres, the floor at y = 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BodyPose {
-    /// As [`MotionParams::root_translation`]. The first seen place is above the origin.
-    pub root_translation: Vec3,
-    /// Of each body joint relative to its parent, the pelvis relative to the world.
-    pub rotations: [Quat; BODY_JOINTS],
-    /// 0..=1 of each limb, in the order of [`Limb::ALL`]: how sure its landmarks were.
-    pub confidence: [f32; 6],
-    /// Root mean square distance of the landmarks from the fitted pose in the picture, pixels.
-    pub reprojection_px: f32,
-    /// Whether left and right had been mistaken, at least in one half of the body.
-    pub swapped: bool,
-    /// The camera's pose that was used.
-    pub camera: CameraPose,
-    /// Whether the left and the right foot stand on the floor.
-    pub standing: [bool; 2],
-    /// Whether a body was seen; otherwise the pose coasts to rest.
-    pub seen: bool,
-}
-
-impl BodyPose {
-    /// Writes the body's joints and the root into `motion`; face and fingers stay.
-    pub fn write(&self, motion: &mut MotionParams) {
-        for (joint, rotation) in Joint::ALL.into_iter().zip(self.rotations) {
-            motion.set_rotation(joint, rotation);
-        }
-        motion.root_translation = self.root_translation;
-    }
-}
-
 /// Pictures after which one of two accounts is dropped.
 const TRIAL: u32 = 10;
 /// How much better the unlikely account must be.
 const CLEARLY: f64 = 0.85;
 /// Left and right exchanged for so long without a break: perhaps the account is the mistaken one, seconds.
 const DOUBTFUL: f64 = 0.7;
+const LONGEST_PATIENCE: f64 = 20.0;
 /// A body gone for so long is met anew, seconds.
 const GONE: f64 = 1.0;
 /// A body gone for so long eases to rest, and how fast, seconds.
@@ -153,8 +55,6 @@ const EASE: f64 = 0.6;
 /// Steps of time that are believed, seconds.
 const SHORTEST: f64 = 0.002;
 const LONGEST: f64 = 0.25;
-/// Memory of a body's size, seconds.
-const SIZE_MEMORY: f64 = 20.0;
 
 /// Follows one body in one camera's pictures.
 #[derive(Debug, Clone)]
@@ -171,8 +71,7 @@ pub struct BodyFit {
     rival: Option<Track>,
     /// The point of the floor, x and z, that is the avatar's origin.
     origin: Option<Vector2<f64>>,
-    /// Summed lengths of bones: the avatar's, the network's.
-    size: [f64; 2],
+    proportions: Proportions,
     last_seconds: Option<f64>,
     unseen: f64,
     /// After a rival lost, the next may come later, seconds.
@@ -185,29 +84,21 @@ impl BodyFit {
     #[must_use]
     pub fn new(skeleton: &Skeleton, config: FitConfig) -> Self {
         let at = |joint: Joint| wide(skeleton.rest_positions()[joint.index()]);
-        let sole = |ankle: Joint, joint: Joint, back: f64| {
-            let under = at(joint);
-            let point = Vector3::new(under.x, 0.0, under.z - back);
-            Attachment::new(ankle, point - at(ankle))
-        };
-        use Joint::{LeftAnkle, LeftFoot, RightAnkle, RightFoot};
         let ease = spmm3::at_ease(skeleton);
+        let bindings = bindings::bind(skeleton);
+        let chain = Chain::new(skeleton);
+        let proportions = Proportions::new(chain.clone(), &bindings);
         Self {
             config: FitConfig {
                 camera: usable(config.camera),
                 ..config
             },
             body: Body {
-                bindings: bindings::bind(skeleton),
-                soles: [
-                    sole(LeftAnkle, LeftAnkle, 0.05),
-                    sole(LeftAnkle, LeftFoot, 0.0),
-                    sole(RightAnkle, RightAnkle, 0.05),
-                    sole(RightAnkle, RightFoot, 0.0),
-                ],
+                bindings,
+                soles: soles(skeleton),
                 parts: config.parts,
             },
-            solver: SkeletonSolver::new(Chain::new(skeleton), PosePrior::default()),
+            solver: SkeletonSolver::new(chain, PosePrior::default()),
             rest: std::array::from_fn(|joint| {
                 Joint::ALL
                     .get(joint)
@@ -220,7 +111,7 @@ impl BodyFit {
             track: None,
             rival: None,
             origin: None,
-            size: [0.0; 2],
+            proportions,
             last_seconds: None,
             unseen: 0.0,
             patience: DOUBTFUL,
@@ -230,9 +121,7 @@ impl BodyFit {
 
     /// Fits one picture, whose light fell at `seconds`. Never fails: without a body the pose coasts, comes to rest and waits.
     pub fn fit(&mut self, seconds: f64, body: Option<&BodyLandmarks>) -> BodyPose {
-        let step = self
-            .last_seconds
-            .map_or(1.0 / 30.0, |last| seconds - last);
+        let step = self.last_seconds.map_or(1.0 / 30.0, |last| seconds - last);
         let step = if step.is_finite() {
             step.clamp(SHORTEST, LONGEST)
         } else {
@@ -257,12 +146,15 @@ impl BodyFit {
             self.rival = None;
         }
         self.unseen = 0.0;
-        self.measure(step, reading);
+        self.proportions.measure(step, reading);
+        if self.config.parts.proportions {
+            self.proportions.shape(self.solver.chain_mut());
+        }
         if self.config.parts.upright {
             self.lift(step, reading);
         }
         let level = self.upright.level();
-        let levelled = reading.levelled(&level, self.scale());
+        let levelled = reading.levelled(&level, self.proportions.scale());
         let scene = Scene {
             seconds,
             step,
@@ -278,14 +170,13 @@ impl BodyFit {
             self.rival = Some(Track::new(posture));
         }
         if let Some(rival) = &mut self.rival {
-            let given = (rival.doubt.1 == 0).then(|| {
-                if first {
-                    Exchange::BOTH
-                } else {
-                    // The account that is told exchanges all; the rival takes the labels as they are.
-                    Exchange::NONE
-                }
-            });
+            // One that begins later takes the labels as they are: the account that is told exchanges all.
+            let opposite = if first {
+                Exchange::BOTH
+            } else {
+                Exchange::NONE
+            };
+            let given = (rival.doubt.1 == 0).then_some(opposite);
             rival.follow(&self.body, &mut self.solver, &scene, &levelled, given);
         }
         if first && self.origin.is_none() {
@@ -305,24 +196,27 @@ impl BodyFit {
         self.track = Some(track);
     }
 
-    /// Ends the trial of two accounts, or begins one.
+    /// Tells the better of two accounts, ends their trial, or begins one.
     fn judge(&mut self, track: &mut Track) {
-        match &self.rival {
-            Some(rival) if rival.doubt.1 >= TRIAL => {
-                if rival.mean_doubt() < CLEARLY * track.mean_doubt() {
-                    *track = *rival;
-                    self.patience = DOUBTFUL;
-                } else {
-                    self.patience = (self.patience * 2.0).min(20.0);
-                }
-                track.contrary = 0.0;
-                self.rival = None;
-            }
-            None if track.contrary > self.patience => {
+        let Some(rival) = &mut self.rival else {
+            if track.contrary > self.patience {
+                // It doubles while rivals lose: perhaps the network is wrong for long.
+                self.patience = (self.patience * 2.0).min(LONGEST_PATIENCE);
                 track.doubt = (0.0, 0);
                 self.rival = Some(Track::new(self.solver.prior.posture()));
             }
-            _ => {}
+            return;
+        };
+        // Accounts that began together are told apart by their first picture; one that begins later fits it more freely.
+        let together = track.age == rival.age;
+        let trial = if together { 1 } else { TRIAL / 2 };
+        if rival.doubt.1 >= trial && rival.mean_doubt() < CLEARLY * track.mean_doubt() {
+            std::mem::swap(track, rival);
+            self.patience = DOUBTFUL;
+        }
+        if rival.doubt.1 >= TRIAL {
+            track.contrary = 0.0;
+            self.rival = None;
         }
     }
 
@@ -348,60 +242,6 @@ impl BodyFit {
             track.posture.position.y += (stand - track.posture.position.y) * ease;
         }
         self.rival = None;
-    }
-
-    /// Learns the body's size: the network's metres are of a person of its own imagination.
-    fn measure(&mut self, step: f64, reading: &Reading) {
-        let keep = (-step / SIZE_MEMORY).exp();
-        self.size = self.size.map(|v| v * keep);
-        let chain = self.solver.chain();
-        let bones = [
-            (KNEES, HIPS, None),
-            (ANKLES, KNEES, Some(Joint::LeftAnkle)),
-            (ELBOWS, SHOULDERS, Some(Joint::LeftElbow)),
-            (WRISTS, ELBOWS, Some(Joint::LeftWrist)),
-        ];
-        for (ends, starts, bone) in bones {
-            let Some(bone) = bone else {
-                continue;
-            };
-            for (end, start) in ends.into_iter().zip(starts) {
-                let [end, start] = [end, start].map(|p| &reading.points[p]);
-                let sure = end.confidence * start.confidence;
-                if sure > 0.25 {
-                    self.size[0] += sure * step * chain.length(bone);
-                    self.size[1] += sure * step * (end.metres - start.metres).norm();
-                }
-            }
-        }
-        if reading.both(SHOULDERS, 0.5) && reading.both(HIPS, 0.5) {
-            let torso = reading.middle(SHOULDERS) - reading.middle(HIPS);
-            self.size[0] += 2.0 * step * self.torso();
-            self.size[1] += 2.0 * step * torso.norm();
-        }
-    }
-
-    /// From the middle of the hips' landmarks to the shoulders', metres.
-    fn torso(&self) -> f64 {
-        let placed = self.solver.chain().place(&super::chain::Posture::default());
-        let middle = |pair: [usize; 2]| {
-            self.body
-                .bindings
-                .iter()
-                .filter(|b| pair.contains(&b.landmark))
-                .map(|b| placed.point(&b.at) * 0.5)
-                .sum::<Vector3<f64>>()
-        };
-        (middle(SHOULDERS) - middle(HIPS)).norm()
-    }
-
-    /// Avatar's metres per metre of the network.
-    fn scale(&self) -> f64 {
-        if self.size[1] > 1e-6 {
-            (self.size[0] / self.size[1]).clamp(0.3, 3.0)
-        } else {
-            1.0
-        }
     }
 
     /// Takes a standing body's axis into the estimate of the camera's tilt, and turns the accounts into the new level.
@@ -452,6 +292,16 @@ impl BodyFit {
         }
     }
 
+    /// By how much the avatar's pelvis must be higher than the person's for its soles to be as high, metres.
+    fn leg_difference(&self, posture: &Posture) -> f64 {
+        let lowest = |chain: &Chain| {
+            let placed = chain.place(posture);
+            let heights = self.body.soles.iter().map(|sole| placed.point(sole).y);
+            heights.fold(f64::INFINITY, f64::min)
+        };
+        lowest(self.solver.chain()) - lowest(self.proportions.avatar())
+    }
+
     fn fade_confidence(&mut self, reading: Option<&Reading>, step: f64) {
         let follow = 1.0 - (-step / 0.08_f64).exp();
         for (limb, confidence) in Limb::ALL.into_iter().zip(&mut self.confidence) {
@@ -482,7 +332,7 @@ impl BodyFit {
         let level = self.upright.level();
         let view = self.view(&level);
         let floor = -self.upright.height();
-        let rest = Track::new(super::chain::Posture {
+        let rest = Track::new(Posture {
             position: Vector3::new(0.0, self.pelvis.y + floor, 0.0),
             rotations: self.rest,
         });
@@ -490,9 +340,11 @@ impl BodyFit {
         let at = track.posture.position;
         let origin = self.origin.unwrap_or(Vector2::new(at.x, at.z));
         let origin = Vector3::new(origin.x - self.pelvis.x, floor, origin.y - self.pelvis.z);
+        let mut root = at - origin - self.pelvis;
+        root.y += self.leg_difference(&track.posture);
         let forward = view.camera_from_world.row(2).transpose();
         BodyPose {
-            root_translation: narrow(&(at - origin - self.pelvis)),
+            root_translation: narrow(&root),
             rotations: track.posture.rotations.map(|q| {
                 let [x, y, z, w] = [q.i, q.j, q.k, q.w].map(single);
                 Quat::from_xyzw(x, y, z, w).normalize()
@@ -510,9 +362,8 @@ impl BodyFit {
                 ),
                 position: narrow(&-origin),
             },
-            standing: [0, 2].map(|foot| {
-                seen && track.contacts[foot..foot + 2].iter().any(|c| c.stands())
-            }),
+            standing: [0, 2]
+                .map(|foot| [0, 1].map(|sole| seen && track.contacts[foot + sole].stands())),
             seen,
         }
     }

@@ -6,16 +6,23 @@
 mod bindings;
 pub mod chain;
 mod contact;
+mod evidence;
 pub mod fit;
+pub mod foot_lock;
 mod limits;
+mod pose;
 pub mod prior;
 mod prior_table;
+mod proportions;
 mod reading;
 pub mod so3;
+mod soles;
 pub mod solver;
 pub mod terms;
 mod track;
 mod upright;
 
-pub use fit::{BodyFit, BodyPose, CameraPose, FitConfig, Limb};
-pub use track::Parts;
+pub use evidence::Parts;
+pub use fit::{BodyFit, FitConfig};
+pub use foot_lock::FootLock;
+pub use pose::{BodyPose, CameraPose, Limb};

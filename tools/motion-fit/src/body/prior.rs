@@ -59,7 +59,9 @@ impl Default for PosePrior {
             .cholesky()
             .map_or_else(|| DMatrix::identity(VALUES, VALUES), |c| c.inverse());
         Self {
-            mean: std::array::from_fn(|joint| Vector3::from_column_slice(&MEAN[3 * joint..3 * joint + 3])),
+            mean: std::array::from_fn(|joint| {
+                Vector3::from_column_slice(&MEAN[3 * joint..3 * joint + 3])
+            }),
             information: (0..BODY_JOINTS)
                 .map(|row| {
                     std::array::from_fn(|column| {

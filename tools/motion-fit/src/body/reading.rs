@@ -59,7 +59,11 @@ impl Reading {
                 && pixel.iter().all(|v| v.abs() < OUTERMOST)
                 && confidence >= UNSEEN;
             if possible {
-                Seen { pixel, metres, confidence }
+                Seen {
+                    pixel,
+                    metres,
+                    confidence,
+                }
             } else {
                 Seen {
                     pixel: Vector2::zeros(),
@@ -70,7 +74,11 @@ impl Reading {
         });
         let seen = |point: usize| points[point].confidence > 0.3;
         let hips = HIPS.map(|h| points[h].confidence > 0.0);
-        let torso = SHOULDERS.into_iter().chain(HIPS).filter(|p| seen(*p)).count();
+        let torso = SHOULDERS
+            .into_iter()
+            .chain(HIPS)
+            .filter(|p| seen(*p))
+            .count();
         if torso < 2 || hips == [false, false] {
             return None;
         }
@@ -92,14 +100,19 @@ impl Reading {
 
     /// Whether both of a pair are seen with at least so much confidence.
     pub(super) fn both(&self, pair: [usize; 2], confidence: f64) -> bool {
-        pair.iter().all(|p| self.points[*p].confidence >= confidence)
+        pair.iter()
+            .all(|p| self.points[*p].confidence >= confidence)
     }
 
     /// Left and right of face and arms, and of hips and legs, exchanged as asked for.
     pub(super) fn exchanged(&self, exchange: Exchange) -> Self {
         Self {
             points: std::array::from_fn(|i| {
-                let swap = if i < LOWER { exchange.upper } else { exchange.lower };
+                let swap = if i < LOWER {
+                    exchange.upper
+                } else {
+                    exchange.lower
+                };
                 self.points[if swap { TWINS[i] } else { i }]
             }),
         }
@@ -125,29 +138,38 @@ pub(super) struct Exchange {
 }
 
 impl Exchange {
-    pub(super) const NONE: Self = Self { upper: false, lower: false };
-    pub(super) const BOTH: Self = Self { upper: true, lower: true };
+    pub(super) const NONE: Self = Self {
+        upper: false,
+        lower: false,
+    };
+    pub(super) const BOTH: Self = Self {
+        upper: true,
+        lower: true,
+    };
 
     /// Which labelling of `reading` (levelled, scaled) is nearer to where `expected` has each landmark, relative to the hips.
     ///
     /// A network that mistakes left for right is as sure as ever (0.999 was seen), so only continuity tells.
-    pub(super) fn guess(reading: &Reading, expected: &[Option<Vector3<f64>>; BODY_LANDMARKS]) -> Self {
+    pub(super) fn guess(
+        reading: &Reading,
+        expected: &[Option<Vector3<f64>>; BODY_LANDMARKS],
+    ) -> Self {
         const LABELLED: [[usize; 2]; 7] = [EARS, SHOULDERS, ELBOWS, WRISTS, HIPS, KNEES, ANKLES];
         let mut halves = [[0.0_f64; 2]; 2];
         for pair in LABELLED {
             let half = usize::from(pair[0] >= LOWER);
             for (side, twin) in [(pair[0], pair[1]), (pair[1], pair[0])] {
-                let (Some(expected), own, other) = (
-                    expected[side],
-                    &reading.points[side],
-                    &reading.points[twin],
-                ) else {
+                let (Some(expected), own, other) =
+                    (expected[side], &reading.points[side], &reading.points[twin])
+                else {
                     continue;
                 };
                 let weight = own.confidence.min(other.confidence);
                 let distance = |seen: &Vector3<f64>| {
                     // Depth is the least sure.
-                    (seen - expected).component_mul(&Vector3::new(1.0, 1.0, 0.5)).norm()
+                    (seen - expected)
+                        .component_mul(&Vector3::new(1.0, 1.0, 0.5))
+                        .norm()
                 };
                 halves[half][0] += weight * distance(&own.metres);
                 halves[half][1] += weight * distance(&other.metres);

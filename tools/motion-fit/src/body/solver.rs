@@ -194,6 +194,11 @@ impl SkeletonSolver {
         &self.chain
     }
 
+    /// The bones, to change their lengths.
+    pub(super) fn chain_mut(&mut self) -> &mut Chain {
+        &mut self.chain
+    }
+
     /// Moves `posture` towards the least cost by at most `iterations` steps. Where nothing finite comes out, `posture` stays.
     pub fn solve(&mut self, posture: &mut Posture, iterations: usize) -> Solved {
         let mut best = *posture;
@@ -390,11 +395,9 @@ impl Frames<'_> {
                 robust,
             } => {
                 let joint = body_index(*joint);
-                let rotation = nalgebra::Rotation3::from_matrix_unchecked(
-                    self.placed.rotations[joint],
-                );
                 let rotation =
-                    nalgebra::UnitQuaternion::from_rotation_matrix(&rotation);
+                    nalgebra::Rotation3::from_matrix_unchecked(self.placed.rotations[joint]);
+                let rotation = nalgebra::UnitQuaternion::from_rotation_matrix(&rotation);
                 let residual = so3::log(&(rotation * target.inverse()));
                 self.turn(joint, &so3::log_by_left_turn(&residual), &mut rows);
                 finish(system, &rows, &residual, information, *robust);

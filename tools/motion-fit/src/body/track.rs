@@ -1,81 +1,25 @@
 //! One account of how a body moved: a posture with its speed, followed from picture to picture.
 
 use super::{
-    bindings::{Binding, COUNT},
-    chain::{Attachment, BODY_JOINTS, Placed, Posture},
+    chain::{BODY_JOINTS, Placed, Posture},
     contact::Contact,
-    reading::{ANKLES, Exchange, HEELS, HIPS, Reading, SHOULDERS, TOES},
+    evidence::{Body, DEPTHS, Scene, begin, keep, reprojection, see, stand_upright, unproject},
+    reading::{Exchange, HEELS, HIPS, Reading, TOES},
     so3,
     solver::SkeletonSolver,
-    terms::{Term, View},
+    terms::Term,
 };
 use crate::landmarks::BODY_LANDMARKS;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use spmm3::Joint;
 
 /// Steps of the solver for a picture, and for the first one.
 const STEPS: usize = 4;
 const FIRST_STEPS: usize = 25;
-/// Standard deviations of a landmark in metres across the line of sight and along it.
-const ACROSS: f64 = 0.04;
-const ALONG: f64 = 0.15;
-/// Of a landmark's pixel, metres at its depth.
-const PIXEL: f64 = 0.02;
-/// How fast a joint's turn may depart from constant speed: its standard deviation in a frame per second of that frame's length, rad/s.
-const TURN_CHANGE: f64 = 4.0;
-/// Likewise of the pelvis, across and along the line of sight, m/s.
-const MOVE_CHANGE: [f64; 2] = [1.0, 1.5];
 /// Speeds fade with this time, seconds: what is hidden comes to rest.
 const FADE: f64 = 0.15;
-/// Standard deviations of spine and pelvis from upright, radians, while standing.
-const LEAN: [f64; 2] = [0.35, 0.45];
-/// How far a standing body's chest is from above its feet along the line of sight, metres.
-const BALANCE: f64 = 0.12;
 /// How near to its pin a standing sole is held, metres; to the floor; and how firmly no sole sinks below it.
-const PIN: f64 = 0.01;
-const FLOOR: f64 = 0.02;
-/// Nearest and furthest that a body is placed, metres.
-const DEPTHS: (f64, f64) = (0.4, 30.0);
-
-/// Where the parts of the fit are switched, to see what each is worth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Parts {
-    /// Left and right are told apart by continuity and anatomy.
-    pub labels: bool,
-    /// The camera's tilt is estimated and leaning costs.
-    pub upright: bool,
-    /// Standing soles are pinned, and no sole sinks below the floor.
-    pub ground: bool,
-}
-
-impl Default for Parts {
-    fn default() -> Self {
-        Self {
-            labels: true,
-            upright: true,
-            ground: true,
-        }
-    }
-}
-
-/// What does not change from picture to picture.
-#[derive(Debug, Clone)]
-pub(super) struct Body {
-    pub(super) bindings: [Binding; COUNT],
-    /// Heel and ball of the left foot, then of the right; points of the floor at rest.
-    pub(super) soles: [Attachment; 4],
-    pub(super) parts: Parts,
-}
-
-/// The surroundings of one picture.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Scene {
-    pub(super) seconds: f64,
-    pub(super) step: f64,
-    pub(super) view: View,
-    /// Height of the floor, metres; the camera is at 0.
-    pub(super) floor: f64,
-}
+const PIN: f64 = 0.02;
+const FLOOR: f64 = 0.04;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Track {
@@ -93,7 +37,8 @@ pub(super) struct Track {
     pub(super) doubt: (f64, u32),
     /// Root mean square of the last fit's reprojection, pixels.
     pub(super) reprojection: f64,
-    begun: bool,
+    /// Pictures fitted.
+    pub(super) age: u64,
 }
 
 impl Track {
@@ -107,8 +52,12 @@ impl Track {
             contrary: 0.0,
             doubt: (0.0, 0),
             reprojection: 0.0,
-            begun: false,
+            age: 0,
         }
+    }
+
+    fn begun(&self) -> bool {
+        self.age > 0
     }
 
     /// Mean cost of the fits since the last count began.
@@ -121,7 +70,7 @@ impl Track {
         // The integral of a speed that fades.
         let reach = FADE * (1.0 - (-step / FADE).exp());
         Posture {
-            position: self.posture.position + self.drift * reach,
+            position: self.posture.position + self.drift * step,
             rotations: std::array::from_fn(|joint| {
                 so3::exp(&(self.spin[joint] * reach)) * self.posture.rotations[joint]
             }),
@@ -129,12 +78,20 @@ impl Track {
     }
 
     /// Goes on without a picture; eases towards `rest` (of each joint; the pelvis' is in the world) as `ease` 0..=1 says.
-    pub(super) fn coast(&mut self, step: f64, rest: &[UnitQuaternion<f64>; BODY_JOINTS], ease: f64) {
+    pub(super) fn coast(
+        &mut self,
+        step: f64,
+        rest: &[UnitQuaternion<f64>; BODY_JOINTS],
+        ease: f64,
+    ) {
         self.posture = self.predicted(step);
         let fade = (-step / FADE).exp();
         self.drift *= fade;
-        for ((spin, rotation), rest) in
-            self.spin.iter_mut().zip(&mut self.posture.rotations).zip(rest)
+        for ((spin, rotation), rest) in self
+            .spin
+            .iter_mut()
+            .zip(&mut self.posture.rotations)
+            .zip(rest)
         {
             *spin *= fade;
             let to_rest = so3::log(&(*rest * rotation.inverse()));
@@ -172,7 +129,7 @@ impl Track {
         let placed = solver.chain().place(&predicted);
         self.exchange = match exchange {
             Some(exchange) => exchange,
-            None if self.begun && body.parts.labels => guess(body, &placed, reading),
+            None if self.begun() && body.parts.labels => guess(body, &placed, reading),
             None => Exchange::NONE,
         };
         self.contrary = if self.exchange == Exchange::BOTH {
@@ -182,7 +139,7 @@ impl Track {
         };
         let reading = reading.exchanged(self.exchange);
         let mut posture = predicted;
-        if !self.begun {
+        if !self.begun() {
             posture = begin(body, solver, scene, &reading);
         }
         let placed = solver.chain().place(&posture);
@@ -191,16 +148,16 @@ impl Track {
         solver.views.clear();
         solver.views.push(scene.view);
         see(body, solver, scene, &reading, &placed);
-        if self.begun {
+        if self.begun() {
             keep(solver, scene, &posture);
         }
         if body.parts.upright {
             stand_upright(solver, scene, &reading);
         }
-        if body.parts.ground && self.begun {
+        if body.parts.ground && self.begun() {
             self.ground(body, solver, scene, &reading, &placed);
         }
-        let solved = solver.solve(&mut posture, if self.begun { STEPS } else { FIRST_STEPS });
+        let solved = solver.solve(&mut posture, if self.begun() { STEPS } else { FIRST_STEPS });
         if solved.cost.is_finite() {
             self.doubt.0 += solved.cost;
             self.doubt.1 += 1;
@@ -213,7 +170,7 @@ impl Track {
             posture.position = ray * depth.clamp(DEPTHS.0, DEPTHS.1);
         }
 
-        if self.begun {
+        if self.begun() {
             let blend = 0.5;
             for joint in 0..BODY_JOINTS {
                 let turn = posture.rotations[joint] * self.posture.rotations[joint].inverse();
@@ -224,7 +181,7 @@ impl Track {
             self.drift += (speed - self.drift) * blend;
         }
         self.posture = posture;
-        self.begun = true;
+        self.age += 1;
         self.reprojection = reprojection(body, solver, scene, &reading, &posture);
     }
 
@@ -237,20 +194,26 @@ impl Track {
         reading: &Reading,
         placed: &Placed,
     ) {
+        let hips = HIPS
+            .iter()
+            .filter_map(|hip| body.bindings.iter().find(|b| b.landmark == *hip))
+            .map(|b| placed.point(&b.at) * 0.5)
+            .sum::<Vector3<f64>>();
         let landmarks = [HEELS[0], TOES[0], HEELS[1], TOES[1]];
         let lowest = body
             .soles
             .iter()
             .map(|sole| placed.point(sole).y)
             .fold(f64::INFINITY, f64::min);
-        for ((contact, sole), landmark) in self.contacts.iter_mut().zip(&body.soles).zip(landmarks) {
+        for ((contact, sole), landmark) in self.contacts.iter_mut().zip(&body.soles).zip(landmarks)
+        {
             let expected = placed.point(sole);
             // The landmark sits on the shoe, not under it: its own movement is taken, the place is the skeleton's.
             let binding = body.bindings.iter().find(|b| b.landmark == landmark);
             let seen = &reading.points[landmark];
             let measured = binding.filter(|_| seen.confidence > 0.4).map(|binding| {
                 let carried = placed.point(&binding.at);
-                expected + unproject(&scene.view, seen, &carried) - carried
+                expected + unproject(&scene.view, seen, &(hips + seen.metres)) - carried
             });
             contact.update(
                 scene.seconds,
@@ -262,10 +225,13 @@ impl Track {
             );
             if let Some((pin, hold)) = contact.pin() {
                 let information = Matrix3::identity() * (hold / (PIN * PIN));
-                solver.terms.push(Term::at(*sole, pin, information).robustly(2.0));
+                solver
+                    .terms
+                    .push(Term::at(*sole, pin, information).robustly(2.0));
             }
             // One-sided: nothing sinks. The lowest sole, if it is near, stands on the floor.
-            if expected.y < scene.floor || (expected.y <= lowest && expected.y < scene.floor + 0.1) {
+            if expected.y < scene.floor || (expected.y <= lowest && expected.y < scene.floor + 0.1)
+            {
                 let target = Vector3::new(0.0, scene.floor, 0.0);
                 let up = Matrix3::from_diagonal(&Vector3::new(0.0, 1.0 / (FLOOR * FLOOR), 0.0));
                 solver.terms.push(Term::at(*sole, target, up).robustly(3.0));
@@ -289,177 +255,4 @@ fn guess(body: &Body, placed: &Placed, reading: &Reading) -> Exchange {
         *at -= middle;
     }
     Exchange::guess(reading, &expected)
-}
-
-/// A first posture: the pelvis turned as the torso is, at the depth that the torso's size in the picture tells.
-fn begin(body: &Body, solver: &SkeletonSolver, scene: &Scene, reading: &Reading) -> Posture {
-    let mut posture = solver.prior.posture();
-    if reading.both(HIPS, 0.2) && reading.both(SHOULDERS, 0.2) {
-        let across = reading.points[HIPS[0]].metres - reading.points[HIPS[1]].metres
-            + reading.points[SHOULDERS[0]].metres
-            - reading.points[SHOULDERS[1]].metres;
-        let along = reading.middle(SHOULDERS) - reading.middle(HIPS);
-        let forward = across.cross(&along).try_normalize(1e-6);
-        if let (Some(forward), Some(x)) = (forward, across.try_normalize(1e-6)) {
-            let y = forward.cross(&x);
-            let axes = nalgebra::Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[
-                x, y, forward,
-            ]));
-            posture.rotations[0] = UnitQuaternion::from_rotation_matrix(&axes);
-        }
-    }
-    // Each seen landmark at metres + t projects to its pixel: two equations, linear in t.
-    let view = &scene.view;
-    let mut normal = Matrix3::identity() * 1e-9;
-    let mut right = Vector3::zeros();
-    for binding in &body.bindings {
-        let seen = &reading.points[binding.landmark];
-        let at = view.camera_from_world * seen.metres;
-        let ray = (seen.pixel - view.centre) / view.focal;
-        for axis in 0..2 {
-            let mut row = Vector3::new(0.0, 0.0, -ray[axis]);
-            row[axis] = 1.0;
-            normal += row * row.transpose() * seen.confidence;
-            right += row * ((ray[axis] * at.z - at[axis]) * seen.confidence);
-        }
-    }
-    let middle = normal
-        .cholesky()
-        .map(|c| c.solve(&right))
-        .filter(|t| t.iter().all(|v| v.is_finite()) && t.z > 0.0)
-        .unwrap_or(Vector3::new(0.0, 0.0, 3.0));
-    let middle = middle * (middle.z.clamp(DEPTHS.0, DEPTHS.1) / middle.z);
-    let hips = view.camera_from_world.transpose() * (middle - view.translation);
-    // The pelvis is a little above the hips' middle.
-    let placed = solver.chain().place(&posture);
-    let mut offset = Vector3::zeros();
-    for binding in body.bindings.iter().filter(|b| HIPS.contains(&b.landmark)) {
-        offset += (placed.point(&binding.at) - placed.positions[0]) * 0.5;
-    }
-    posture.position = hips - offset;
-    posture
-}
-
-/// The landmarks' terms.
-fn see(
-    body: &Body,
-    solver: &mut SkeletonSolver,
-    scene: &Scene,
-    reading: &Reading,
-    placed: &Placed,
-) {
-    let view = &scene.view;
-    let axes = view.camera_from_world;
-    let spread = Vector3::new(ACROSS, ACROSS, ALONG).map(|s| 1.0 / (s * s));
-    let solid = axes.transpose() * Matrix3::from_diagonal(&spread) * axes;
-    let hip = |side: usize| {
-        body.bindings
-            .iter()
-            .find(|b| b.landmark == HIPS[side])
-            .map_or(Attachment::centre(Joint::Pelvis), |b| b.at)
-    };
-    let hips = [hip(0), hip(1)];
-    for binding in &body.bindings {
-        let seen = &reading.points[binding.landmark];
-        let sure = seen.confidence * seen.confidence;
-        if seen.confidence == 0.0 {
-            continue;
-        }
-        let points = [(binding.at, 1.0), (hips[0], -0.5), (hips[1], -0.5)];
-        let weight = sure * binding.solid * binding.solid;
-        solver
-            .terms
-            .push(Term::sum(&points, seen.metres, solid * weight).robustly(3.0));
-        let depth = (axes.row(2) * placed.point(&binding.at))[0] + view.translation.z;
-        let deviation = (PIXEL * view.focal / depth.max(0.2)).clamp(1.0, 40.0);
-        solver.terms.push(Term::Pixel {
-            point: binding.at,
-            view: 0,
-            target: seen.pixel,
-            information: sure * binding.pixel * binding.pixel / (deviation * deviation),
-            robust: Some(4.0),
-        });
-    }
-}
-
-/// Continuity with the predicted posture.
-fn keep(solver: &mut SkeletonSolver, scene: &Scene, predicted: &Posture) {
-    let turn = 1.0 / (TURN_CHANGE * scene.step).powi(2);
-    for joint in Joint::ALL.into_iter().take(BODY_JOINTS) {
-        solver.terms.push(Term::Rotation {
-            joint,
-            target: predicted.rotations[joint.index()],
-            information: Matrix3::identity() * turn,
-            robust: None,
-        });
-    }
-    let [across, along] = MOVE_CHANGE.map(|s| 1.0 / (s * scene.step).powi(2));
-    let axes = scene.view.camera_from_world;
-    let information =
-        axes.transpose() * Matrix3::from_diagonal(&Vector3::new(across, across, along)) * axes;
-    let pelvis = Attachment::centre(Joint::Pelvis);
-    solver
-        .terms
-        .push(Term::at(pelvis, predicted.position, information));
-}
-
-/// Whether the body stands or walks: legs seen, and about as long as a standing body's from feet to shoulders.
-pub(super) fn stands(reading: &Reading) -> bool {
-    let axis = reading.middle(SHOULDERS) - reading.middle(ANKLES);
-    reading.both(ANKLES, 0.4) && reading.both(SHOULDERS, 0.4) && axis.norm() > 1.05 && axis.y > 0.8
-}
-
-/// A standing body leans little, above all not along the line of sight, where a network sees it least.
-fn stand_upright(solver: &mut SkeletonSolver, scene: &Scene, reading: &Reading) {
-    if !stands(reading) {
-        return;
-    }
-    let up = Vector3::y();
-    for (joint, lean) in [(Joint::Spine3, LEAN[0]), (Joint::Pelvis, LEAN[1])] {
-        solver.terms.push(Term::Direction {
-            joint,
-            axis: up,
-            target: up,
-            information: Matrix3::identity() / (lean * lean),
-            robust: Some(1.5),
-        });
-    }
-    let chest_over_feet = [
-        (Attachment::centre(Joint::Spine3), 1.0),
-        (Attachment::centre(Joint::LeftAnkle), -0.5),
-        (Attachment::centre(Joint::RightAnkle), -0.5),
-    ];
-    let sight = scene.view.camera_from_world.row(2).transpose();
-    let along = Vector3::new(sight.x, 0.0, sight.z);
-    let information = along * along.transpose() / (BALANCE * BALANCE);
-    solver
-        .terms
-        .push(Term::sum(&chest_over_feet, Vector3::zeros(), information).robustly(2.0));
-}
-
-/// The place on a landmark's ray that is as far away as `like`.
-fn unproject(view: &View, seen: &super::reading::Seen, like: &Vector3<f64>) -> Vector3<f64> {
-    let depth = (view.camera_from_world * like + view.translation).z;
-    let ray = (seen.pixel - view.centre) / view.focal;
-    view.camera_from_world.transpose()
-        * (Vector3::new(ray.x, ray.y, 1.0) * depth - view.translation)
-}
-
-/// Root mean square distance of the seen landmarks from their pixels.
-fn reprojection(
-    body: &Body,
-    solver: &SkeletonSolver,
-    scene: &Scene,
-    reading: &Reading,
-    posture: &Posture,
-) -> f64 {
-    let placed = solver.chain().place(posture);
-    let mut sum = (0.0, 0.0);
-    for binding in &body.bindings {
-        let seen = &reading.points[binding.landmark];
-        let weight = seen.confidence * binding.pixel;
-        let off = scene.view.project(&placed.point(&binding.at)) - seen.pixel;
-        sum = (sum.0 + weight * off.norm_squared(), sum.1 + weight);
-    }
-    if sum.1 > 0.0 { (sum.0 / sum.1).sqrt() } else { 0.0 }
 }

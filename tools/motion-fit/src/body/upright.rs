@@ -90,11 +90,6 @@ impl Default for Upright {
 }
 
 impl Upright {
-    /// The up axis.
-    pub(super) fn up(&self) -> Vector3<f64> {
-        self.up
-    }
-
     /// The camera's height above the floor where the person is, metres.
     pub(super) fn height(&self) -> f64 {
         -self.up.dot(&self.soles.1) / self.soles.0

@@ -1,9 +1,6 @@
 //! A realistic skeleton, recordings, random numbers and an independent forward kinematics.
 
-#![allow(
-    unreachable_pub,
-    reason = "a module of several test programs"
-)]
+#![allow(unreachable_pub, reason = "it is a module of several test programs")]
 #![allow(dead_code, reason = "each program of tests uses a part of it")]
 #![allow(
     clippy::unwrap_used,
@@ -47,10 +44,7 @@ pub fn skeleton() -> Skeleton {
         }
     };
     for (joint, [x, y, z]) in REST {
-        set(
-            Joint::ALL[joint],
-            Vec3::new(x as f32, y as f32, z as f32),
-        );
+        set(Joint::ALL[joint], Vec3::new(x as f32, y as f32, z as f32));
     }
     let wrist = Vec3::new(0.6827, 1.4242, -0.0451);
     for (first, side, along) in [
@@ -166,11 +160,7 @@ pub fn rodrigues(v: V3) -> M3 {
 }
 /// Angle of a rotation matrix, radians.
 pub fn angle(m: &M3) -> f64 {
-    let w = [
-        m[2][1] - m[1][2],
-        m[0][2] - m[2][0],
-        m[1][0] - m[0][1],
-    ];
+    let w = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]];
     (norm(w) / 2.0).atan2((m[0][0] + m[1][1] + m[2][2] - 1.0) / 2.0)
 }
 

@@ -1,15 +1,20 @@
 //! A made-up network that looks at a known motion through a known camera, with the errors that BlazePose was measured to have: it places hips,
 //! shoulders and head otherwise than the skeleton, and its depth leans to and fro.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "the landmarks and the avatar are f32, and counts of frames are small"
+)]
+#![allow(unreachable_pub, reason = "it is a module of several test programs")]
 #![allow(dead_code, reason = "each program of tests uses a part of it")]
 
 use crate::common::{M3, Random, V3, add, forward, mul_v, norm, scale, sub, transpose};
-use glam::{Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use motion_fit::{
-    body::BodyPose,
+    body::{BodyFit, BodyPose, FitConfig, Parts},
     landmarks::{BodyLandmarks, BodyPoint, Camera},
 };
-use spmm3::{MotionParams, Skeleton};
+use spmm3::{Joint, MotionParams, Skeleton};
 
 /// Landmark, joint, where it sits (left or middle; of the right twin in a mirror).
 const PLACES: [(usize, usize, V3); 17] = [
@@ -32,8 +37,8 @@ const PLACES: [(usize, usize, V3); 17] = [
     (31, 7, [0.015, -0.07, 0.17]),
 ];
 pub const TWINS: [usize; 33] = [
-    0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15, 18, 17, 20, 19, 22, 21, 24, 23, 26, 25,
-    28, 27, 30, 29, 32, 31,
+    0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15, 18, 17, 20, 19, 22, 21, 24, 23, 26,
+    25, 28, 27, 30, 29, 32, 31,
 ];
 const JOINT_TWINS: [usize; 22] = [
     0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20,
@@ -152,7 +157,11 @@ impl Network {
     }
 
     pub fn look(&mut self, skeleton: &Skeleton, motion: &MotionParams, step: f64) -> BodyLandmarks {
-        let keep = if self.begun { (-step / MEMORY).exp() } else { 0.0 };
+        let keep = if self.begun {
+            (-step / MEMORY).exp()
+        } else {
+            0.0
+        };
         let fresh = (1.0 - keep * keep).sqrt();
         self.begun = true;
         let random = &mut self.random;
@@ -291,4 +300,58 @@ pub fn motion(pose: &BodyPose) -> MotionParams {
     let mut motion = MotionParams::default();
     pose.write(&mut motion);
     motion
+}
+
+/// Pictures a second.
+pub const RATE: f64 = 30.0;
+
+/// The recording at 30 Hz, turned about the floor's origin and moved there with the middle of its way.
+pub fn performance(name: &str, yaw: f32) -> Option<Vec<MotionParams>> {
+    let clip = crate::common::recording(name)?;
+    let mut frames = crate::common::frames(&clip, RATE);
+    let turn = Quat::from_rotation_y(yaw);
+    let pelvis = crate::common::skeleton().rest_positions()[0] * Vec3::new(1.0, 0.0, 1.0);
+    let middle = (frames[0].root_translation + frames[frames.len() - 1].root_translation) / 2.0;
+    for frame in &mut frames {
+        let rotation = turn * frame.rotation(Joint::Pelvis);
+        frame.set_rotation(Joint::Pelvis, rotation);
+        let mut at = frame.root_translation - middle * Vec3::new(1.0, 0.0, 1.0);
+        at = turn * (at + pelvis) - pelvis;
+        frame.root_translation = at;
+    }
+    Some(frames)
+}
+
+/// Fits all frames; `mistake` says in which left and right are exchanged.
+pub fn run(
+    truth: &[MotionParams],
+    eye: Eye,
+    errors: Errors,
+    parts: Parts,
+    seed: u64,
+    mistake: impl Fn(usize) -> bool,
+) -> Vec<BodyPose> {
+    let skeleton = crate::common::skeleton();
+    let mut network = Network::new(eye, errors, seed);
+    let config = FitConfig {
+        parts,
+        ..FitConfig::new(eye.camera)
+    };
+    let mut fit = BodyFit::new(&skeleton, config);
+    truth
+        .iter()
+        .enumerate()
+        .map(|(i, frame)| {
+            let mut seen = network.look(&skeleton, frame, 1.0 / RATE);
+            if mistake(i) {
+                seen = swapped(&seen);
+            }
+            fit.fit(i as f64 / RATE, Some(&seen))
+        })
+        .collect()
+}
+
+/// The poses as motion parameters.
+pub fn moves(poses: &[BodyPose]) -> Vec<MotionParams> {
+    poses.iter().map(motion).collect()
 }

@@ -1,0 +1,177 @@
+//! Standing feet held in their places after smoothing, which would let them slide.
+
+use super::{
+    chain::{Attachment, BODY_JOINTS, Chain, Posture, body_index, wide},
+    prior::PosePrior,
+    so3,
+    soles::soles,
+    solver::SkeletonSolver,
+    terms::Term,
+};
+use glam::Quat;
+use nalgebra::{Matrix3, Vector3};
+use spmm3::{Joint, MotionParams, Skeleton};
+
+/// A foot further from where it should stand is let go, metres.
+const TORN: f64 = 0.12;
+/// A held foot creeps towards its own way, where it may have been put down wrongly: too slowly to be seen, m/s.
+const CREEP: f64 = 0.05;
+/// How fast a foot that was let go comes back to its own way, seconds.
+const RELEASE: f64 = 0.1;
+/// Corrections smaller than this are left out, metres.
+const SMALLEST: f64 = 2e-4;
+/// Standard deviations of a sole from its place and of the root's shift, metres; of joints of the legs and others, radians.
+const PLACE: f64 = 0.001;
+const ROOT: f64 = 0.01;
+const LEGS: f64 = 0.1;
+const OTHERS: f64 = 0.002;
+const STEPS: usize = 3;
+
+/// Holds standing feet in place by bending the legs, and lets lifted feet come back to their own way.
+#[derive(Debug, Clone)]
+pub struct FootLock {
+    solver: SkeletonSolver,
+    pelvis: Vector3<f64>,
+    soles: [Attachment; 4],
+    feet: [Foot; 2],
+    last_seconds: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Foot {
+    /// Which sole holds, heel 0 or ball 1, and where on the floor.
+    anchor: Option<(usize, Vector3<f64>)>,
+    /// By how much the foot is moved from its own way, metres.
+    offset: Vector3<f64>,
+}
+
+impl FootLock {
+    /// A lock for the feet of `skeleton`.
+    #[must_use]
+    pub fn new(skeleton: &Skeleton) -> Self {
+        let mut solver = SkeletonSolver::new(Chain::new(skeleton), PosePrior::default());
+        solver.prior_weight = 0.0;
+        Self {
+            solver,
+            pelvis: wide(skeleton.rest_positions()[Joint::Pelvis.index()]),
+            soles: soles(skeleton),
+            feet: [Foot::default(); 2],
+            last_seconds: None,
+        }
+    }
+
+    /// Holds the feet of `motion`, which is of `seconds`. `standing` says of the left and the right foot whether heel and ball stand,
+    /// as [`super::BodyPose::standing`].
+    pub fn apply(&mut self, seconds: f64, motion: &mut MotionParams, standing: [[bool; 2]; 2]) {
+        let step = self.last_seconds.map_or(0.0, |last| seconds - last);
+        let step = if step.is_finite() {
+            step.clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        self.last_seconds = seconds.is_finite().then_some(seconds);
+        if !motion.is_finite() {
+            return;
+        }
+        let mut posture = Posture {
+            position: wide(motion.root_translation) + self.pelvis,
+            ..Posture::default()
+        };
+        for (joint, rotation) in Joint::ALL.into_iter().zip(&mut posture.rotations) {
+            *rotation = so3::exp(&wide(motion.axis_angle(joint)));
+        }
+        let placed = self.solver.chain().place(&posture);
+        self.solver.terms.clear();
+        let mut moved = false;
+        for (index, foot) in self.feet.iter_mut().enumerate() {
+            let at = [0, 1].map(|sole| placed.point(&self.soles[2 * index + sole]));
+            foot.follow(&at, standing[index], step);
+            let sole = foot.anchor.map_or(1, |(sole, _)| sole);
+            moved |= foot.offset.norm() > SMALLEST;
+            let firm = Matrix3::identity() / (PLACE * PLACE);
+            let point = self.soles[2 * index + sole];
+            self.solver
+                .terms
+                .push(Term::at(point, at[sole] + foot.offset, firm));
+            let ankle = [Joint::LeftAnkle, Joint::RightAnkle][index];
+            let rotation = placed.rotations[body_index(ankle)];
+            let rotation = nalgebra::Rotation3::from_matrix_unchecked(rotation);
+            self.solver.terms.push(Term::Orientation {
+                joint: ankle,
+                target: nalgebra::UnitQuaternion::from_rotation_matrix(&rotation),
+                information: Matrix3::identity() / (LEGS * LEGS / 100.0),
+                robust: None,
+            });
+        }
+        if !moved {
+            return;
+        }
+        let pelvis = Attachment::centre(Joint::Pelvis);
+        let loose = Matrix3::identity() / (ROOT * ROOT);
+        self.solver
+            .terms
+            .push(Term::at(pelvis, posture.position, loose));
+        for joint in Joint::ALL.into_iter().take(BODY_JOINTS) {
+            let spread = if leg(joint) { LEGS } else { OTHERS };
+            self.solver.terms.push(Term::Rotation {
+                joint,
+                target: posture.rotations[joint.index()],
+                information: Matrix3::identity() / (spread * spread),
+                robust: None,
+            });
+        }
+        self.solver.solve(&mut posture, STEPS);
+        self.tell(&posture, motion);
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "motion parameters are f32")]
+    fn tell(&self, posture: &Posture, motion: &mut MotionParams) {
+        for joint in Joint::ALL.into_iter().take(BODY_JOINTS).filter(|j| leg(*j)) {
+            let q = &posture.rotations[joint.index()];
+            let [x, y, z, w] = [q.i, q.j, q.k, q.w].map(|v| v as f32);
+            motion.set_rotation(joint, Quat::from_xyzw(x, y, z, w).normalize());
+        }
+        let root = posture.position - self.pelvis;
+        motion.root_translation = glam::DVec3::new(root.x, root.y, root.z).as_vec3();
+    }
+}
+
+impl Foot {
+    /// `at`: where heel and ball would be by themselves.
+    fn follow(&mut self, at: &[Vector3<f64>; 2], standing: [bool; 2], step: f64) {
+        // The ball stands longest; a foot rolls from the heel onto it.
+        let wanted = match standing {
+            [_, true] => Some(1),
+            [true, false] => Some(0),
+            [false, false] => None,
+        };
+        match (wanted, self.anchor) {
+            (Some(sole), Some((held, place))) if sole == held => {
+                let mut offset = place - at[sole];
+                offset.y = 0.0;
+                if offset.norm() > TORN {
+                    self.anchor = None;
+                } else {
+                    let creep = (CREEP * step / offset.norm().max(1e-6)).min(1.0);
+                    self.offset = offset * (1.0 - creep);
+                    self.anchor = Some((sole, at[sole] + self.offset));
+                }
+            }
+            (Some(sole), _) => {
+                self.anchor = Some((sole, at[sole] + self.offset));
+            }
+            (None, _) => self.anchor = None,
+        }
+        if self.anchor.is_none() {
+            self.offset *= (-step / RELEASE).exp();
+        }
+    }
+}
+
+fn leg(joint: Joint) -> bool {
+    use Joint::{LeftAnkle, LeftHip, LeftKnee, RightAnkle, RightHip, RightKnee};
+    matches!(
+        joint,
+        LeftHip | LeftKnee | LeftAnkle | RightHip | RightKnee | RightAnkle
+    )
+}
