@@ -124,12 +124,7 @@ fn rendered_heads_are_turned_as_they_were_posed() {
         }
         let found = measure(name).camera_from_head;
         let error = degrees_between(camera_from(head), found);
-        let limit = if *name == "blink_yaw" || *name == "o_yaw" {
-            40.0
-        } else {
-            6.0
-        };
-        assert!(error < limit, "{name}: off by {error:.1} degrees");
+        assert!(error < 6.0, "{name}: off by {error:.1} degrees");
         (sum, most, count) = (sum + error, most.max(error), count + 1.0);
     }
     println!(
