@@ -84,7 +84,7 @@ pub struct StillRenderer<'a> {
 #[derive(Debug)]
 pub struct StillsReport {
     /// What each stage took.
-    pub times: StageTable,
+    pub(crate) times: StageTable,
     /// The device that drew the last one: another than at first after a loss.
     pub gpu: Arc<Gpu>,
 }

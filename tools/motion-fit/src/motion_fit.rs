@@ -1,6 +1,6 @@
 //! [`MotionFit`]: what the networks saw of body, hands and face becomes one frame of motion parameters.
 
-use crate::body::{BodyFit, BodyPose, FitConfig, Limb};
+use crate::body::{BodyFit, BodyPose, FitConfig, FootLock, Limb};
 use crate::face::{self, FaceFit, FacePose};
 use crate::hands::{FINGER_JOINTS, HandFit, HandPose, Side};
 use crate::landmarks::{Camera, Observation};
@@ -56,6 +56,7 @@ pub struct MotionFit {
     hands: [Hand; 2],
     face: Face,
     smoother: Smoother,
+    feet: FootLock,
 }
 
 /// The face as last seen.
@@ -101,6 +102,7 @@ impl MotionFit {
                 confidence: 0.0,
             },
             smoother: Smoother::new(SmoothConfig::default()),
+            feet: FootLock::new(skeleton),
         }
     }
 
@@ -119,6 +121,8 @@ impl MotionFit {
             self.hand(hand, seen, &pose, &mut motion, &mut confidence);
         }
         self.smoother.smooth(seen.seconds, &mut motion, &confidence);
+        // Last: what is smoothed slides.
+        (self.feet).apply(seen.seconds, &mut motion, pose.standing);
         Fitted {
             motion,
             camera_from_room,
