@@ -2,7 +2,7 @@
 
 use crate::body::{BodyFit, BodyPose, FitConfig, FootLock, Limb};
 use crate::face::{self, FaceFit, FacePose};
-use crate::hands::{FINGER_JOINTS, HandFit, HandPose, Side};
+use crate::hands::{FINGER_JOINTS, FlexionBias, HandFit, HandPose, Side};
 use crate::landmarks::{Camera, Observation};
 use crate::smoother::{Confidence, SmoothConfig, Smoother};
 use glam::{Affine3A, DQuat, Mat3A, Quat, Vec3, Vec3A};
@@ -230,7 +230,7 @@ impl Hand {
             *rotation = ease.rotation(joint).as_dquat();
         }
         Self {
-            fit: HandFit::new(skeleton, side),
+            fit: HandFit::new(skeleton, side).with_bias(FlexionBias::MEDIAPIPE),
             side,
             relaxed,
             shown: relaxed,
