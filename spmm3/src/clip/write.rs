@@ -89,7 +89,11 @@ fn write_array(
     let length = u16::try_from(header.len()).unwrap_or(u16::MAX);
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
     archive.start_file(format!("{name}.npy"), options)?;
-    let mut write = |bytes: &[u8]| archive.write_all(bytes).map_err(zip::result::ZipError::from);
+    let mut write = |bytes: &[u8]| {
+        archive
+            .write_all(bytes)
+            .map_err(zip::result::ZipError::from)
+    };
     write(b"\x93NUMPY\x01\x00")?;
     write(&length.to_le_bytes())?;
     write(header.as_bytes())?;

@@ -348,8 +348,8 @@ fn a_bvh_scale_is_refused_where_there_is_no_bvh() {
 #[test]
 fn what_the_clip_writes_is_amass_and_comes_back() {
     let skeleton = man();
-    let mut clip =
-        MotionClip::built_in(&skeleton, &Expressions::new(), 1.0, 25.0).expect("the built-in motion");
+    let mut clip = MotionClip::built_in(&skeleton, &Expressions::new(), 1.0, 25.0)
+        .expect("the built-in motion");
     for (k, frame) in clip.frames.iter_mut().enumerate() {
         for (at, value) in frame.values_mut().iter_mut().enumerate() {
             *value += 0.002 * (((at * 7 + k) % 11) as f32 - 5.0);
@@ -359,8 +359,15 @@ fn what_the_clip_writes_is_amass_and_comes_back() {
     let bytes = clip.to_npz(&skeleton).expect("an archive");
     let read = read(&bytes).expect("it is read");
     assert_eq!(read.frames.len(), clip.frames.len());
-    assert!((read.frame_seconds - clip.frame_seconds).abs() < 1e-9, "the rate");
-    assert!(read.notes.iter().any(|note| note.contains("AMASS")), "{:?}", read.notes);
+    assert!(
+        (read.frame_seconds - clip.frame_seconds).abs() < 1e-9,
+        "the rate"
+    );
+    assert!(
+        read.notes.iter().any(|note| note.contains("AMASS")),
+        "{:?}",
+        read.notes
+    );
     let travel = |clip: &MotionClip, k: usize| {
         clip.frames[k].root_translation - clip.frames[0].root_translation
     };

@@ -13,10 +13,10 @@ use spmm3::Avatar;
 use std::ffi::OsString;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tracker::picture;
-use tracker::source::{self, Picture, Source, SourceChoice, Wanted};
 use tracker::Tracker;
 use tracker::mediapipe;
+use tracker::picture;
+use tracker::source::{self, Picture, Source, SourceChoice, Wanted};
 use tracker::workers::StageTimes;
 
 /// Options that choose a camera.
@@ -43,7 +43,11 @@ impl CameraOptions {
     pub(crate) fn arguments(&self) -> Option<Vec<OsString>> {
         let camera = self.camera.as_ref()?.to_string();
         let fov = self.lens.fov.to_string();
-        Some(["--camera", &camera, "--fov", &fov].map(OsString::from).to_vec())
+        Some(
+            ["--camera", &camera, "--fov", &fov]
+                .map(OsString::from)
+                .to_vec(),
+        )
     }
 }
 
@@ -135,7 +139,12 @@ impl CameraCapture {
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
         let source = source::open(choice, &Wanted::default());
-        Self::new(source.context("cannot track")?, lens, avatar, &device.runtime()?)
+        Self::new(
+            source.context("cannot track")?,
+            lens,
+            avatar,
+            &device.runtime()?,
+        )
     }
 
     fn new(

@@ -72,7 +72,9 @@ impl Notices {
 
 fn is_dark(rgb: &[u8]) -> bool {
     let some = rgb.iter().step_by(3 * SPARSE + 1);
-    let (sum, count) = some.fold((0u64, 0u64), |(sum, count), v| (sum + u64::from(*v), count + 1));
+    let (sum, count) = some.fold((0u64, 0u64), |(sum, count), v| {
+        (sum + u64::from(*v), count + 1)
+    });
     sum < DARK * count
 }
 

@@ -89,8 +89,13 @@ pub(crate) fn draw(
     let mut picture = Picture::empty();
     let first = shown.first().map_or(0.0, |seen| seen.seconds);
     renderer.draw(&setting, stills, |k, views| {
-        let seen = shown.get(k).context("the renderer drew more than was asked for")?;
-        anyhow::ensure!(source.next(&mut picture)?, "the video is shorter when it is read again");
+        let seen = shown
+            .get(k)
+            .context("the renderer drew more than was asked for")?;
+        anyhow::ensure!(
+            source.next(&mut picture)?,
+            "the video is shorter when it is read again"
+        );
         let view = views.first().context("the renderer returned no picture")?;
         let mut both = RgbImage::new(2 * size.width, size.height);
         let left = RgbImage::from_raw(picture.width, picture.height, picture.rgb.clone())
@@ -99,7 +104,10 @@ pub(crate) fn draw(
         overlay(&mut left, &seen.observation, scale);
         imageops::replace(&mut both, &left, 0, 0);
         imageops::replace(&mut both, view, i64::from(size.width), 0);
-        film.add(both, Duration::from_secs_f64((seen.seconds - first).max(0.0)));
+        film.add(
+            both,
+            Duration::from_secs_f64((seen.seconds - first).max(0.0)),
+        );
         bar.inc(1);
         Ok(())
     })?;
@@ -146,7 +154,12 @@ pub(crate) fn overlay(picture: &mut RgbImage, seen: &Observation, scale: f32) {
         for k in 1..hand.pixels.len() {
             // Each finger begins at the wrist.
             let from = if k % 4 == 1 { 0 } else { k - 1 };
-            line(picture, hand.pixels[from] * scale, hand.pixels[k] * scale, colour);
+            line(
+                picture,
+                hand.pixels[from] * scale,
+                hand.pixels[k] * scale,
+                colour,
+            );
         }
     }
     if let Some(face) = &seen.face {

@@ -175,7 +175,10 @@ impl MotionFit {
                 *to = kept * from;
             }
             motion.set_axis_angle(Joint::Jaw, Vec3::X * (kept * narrow(shown.jaw)));
-            for (joint, eye) in [Joint::LeftEye, Joint::RightEye].into_iter().zip(shown.eyes) {
+            for (joint, eye) in [Joint::LeftEye, Joint::RightEye]
+                .into_iter()
+                .zip(shown.eyes)
+            {
                 motion.set_rotation(joint, Quat::IDENTITY.slerp(eye.as_quat(), kept));
             }
         }

@@ -25,12 +25,7 @@ pub(crate) struct Options {
     )]
     pub(crate) up: UpChoice,
     /// Which of the cameras [default: the first]
-    #[arg(
-        long,
-        value_name = "N",
-        requires = "view",
-        allow_hyphen_values = true
-    )]
+    #[arg(long, value_name = "N", requires = "view", allow_hyphen_values = true)]
     pub(crate) id: Option<i64>,
     /// Size of one picture in pixels [default: the standard table's three, or 1024x1024 for a scene]
     #[arg(long, value_name = "WxH")]

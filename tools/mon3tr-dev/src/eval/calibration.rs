@@ -103,7 +103,10 @@ pub(super) fn triangulate(cameras: &[Calibrated], seen: &[(DVec2, f64)]) -> Opti
     let rays: Vec<DVec2> = (cameras.iter().zip(seen))
         .map(|(camera, (pixel, _))| camera.undistorted(*pixel))
         .collect();
-    let mut weights: Vec<f64> = seen.iter().map(|(_, confidence)| confidence + 0.01).collect();
+    let mut weights: Vec<f64> = seen
+        .iter()
+        .map(|(_, confidence)| confidence + 0.01)
+        .collect();
     let mut point = None;
     for _ in 0..4 {
         let mut rows = DMatrix::<f64>::zeros(2 * cameras.len(), 4);

@@ -85,11 +85,14 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     keeper.times().print();
     let footage = footage::evaluate(&avatar, &mut keeper)?;
     footage.print();
-    write_json(options.json.as_deref(), &serde_json::json!({
-        "renders": rows,
-        "footage": footage,
-        "stages": keeper.times(),
-    }))
+    write_json(
+        options.json.as_deref(),
+        &serde_json::json!({
+            "renders": rows,
+            "footage": footage,
+            "stages": keeper.times(),
+        }),
+    )
 }
 
 fn fit(avatar: &Avatar, take: &Take, seen: &[Observation]) -> Vec<Fitted> {
@@ -109,9 +112,9 @@ fn compare(avatar: &Avatar, take: &Take, fitted: &[Fitted]) -> Scores {
         .collect();
     let tracked: Vec<Option<Posed>> = (fitted.iter())
         .map(|fitted| {
-            fitted.sees_person.then(|| {
-                renders::posed(avatar, &fitted.motion, fitted.camera_from_room, &pinhole)
-            })
+            fitted
+                .sees_person
+                .then(|| renders::posed(avatar, &fitted.motion, fitted.camera_from_room, &pinhole))
         })
         .collect();
     score(&truth, &tracked, RATE, FINDING)

@@ -86,13 +86,17 @@ fn four_cameras(
         seen.push(keeper.video(&format!("pose2sim-{k}"), &file)?);
     }
     let frames = seen.iter().map(Vec::len).min().unwrap_or(0);
-    let truth = smooth(&(0..frames).map(|k| limbs_of(&cameras, &seen, k)).collect::<Vec<_>>());
+    let truth = smooth(
+        &(0..frames)
+            .map(|k| limbs_of(&cameras, &seen, k))
+            .collect::<Vec<_>>(),
+    );
     let skeleton = as_long_as(&avatar.skeleton, &truth)?;
     let mut figures = Vec::new();
     for (number, (camera, seen)) in cameras.iter().zip(&seen).enumerate() {
         let pinhole = landmarks::Camera {
             size: 2.0 * camera.centre.as_vec2(),
-            focal: camera.focal.x as f32,
+            focal: camera.focal.as_vec2().x,
             centre: camera.centre.as_vec2(),
         };
         let true_frames: Vec<Posed> = (truth.iter())
@@ -120,13 +124,15 @@ fn four_cameras(
 fn limbs_of(cameras: &[Calibrated], seen: &[Vec<Observation>], k: usize) -> [DVec3; LIMBS.len()] {
     let mut limbs = LANDMARKS.map(|landmark| {
         let views: Vec<(DVec2, f64)> = (seen.iter())
-            .map(|frames| match frames.get(k).and_then(|seen| seen.body.as_ref()) {
-                Some(body) => {
-                    let point = body.points[landmark];
-                    (point.pixel.as_dvec2(), f64::from(point.confidence))
-                }
-                None => (DVec2::ZERO, 0.0),
-            })
+            .map(
+                |frames| match frames.get(k).and_then(|seen| seen.body.as_ref()) {
+                    Some(body) => {
+                        let point = body.points[landmark];
+                        (point.pixel.as_dvec2(), f64::from(point.confidence))
+                    }
+                    None => (DVec2::ZERO, 0.0),
+                },
+            )
             .collect();
         triangulate(cameras, &views).unwrap_or(DVec3::ZERO)
     });
@@ -187,7 +193,8 @@ fn as_long_as(skeleton: &Skeleton, truth: &[[DVec3; LIMBS.len()]]) -> anyhow::Re
     let rest = skeleton.rest_positions();
     let at = |joint: Joint| rest[joint.index()].as_dvec3();
     use Joint::*;
-    let own_torso = (at(LeftShoulder).y + at(RightShoulder).y - at(LeftHip).y - at(RightHip).y) / 2.0;
+    let own_torso =
+        (at(LeftShoulder).y + at(RightShoulder).y - at(LeftHip).y - at(RightHip).y) / 2.0;
     let own = |a: Joint, b: Joint| at(a).distance(at(b));
     let mut offsets: Vec<DVec3> = Joint::ALL
         .iter()
@@ -201,7 +208,10 @@ fn as_long_as(skeleton: &Skeleton, truth: &[[DVec3; LIMBS.len()]]) -> anyhow::Re
     stretch([LeftHip, RightHip], hips / own(LeftHip, RightHip));
     stretch([LeftKnee, RightKnee], thigh / own(LeftHip, LeftKnee));
     stretch([LeftAnkle, RightAnkle], shank / own(LeftKnee, LeftAnkle));
-    stretch([LeftElbow, RightElbow], upper_arm / own(LeftShoulder, LeftElbow));
+    stretch(
+        [LeftElbow, RightElbow],
+        upper_arm / own(LeftShoulder, LeftElbow),
+    );
     stretch([LeftWrist, RightWrist], forearm / own(LeftElbow, LeftWrist));
     for joint in [Spine1, Spine2, Spine3] {
         offsets[joint.index()] *= torso / own_torso;

@@ -5,7 +5,7 @@ use spmm3::{Avatar, Joint, LEGS, MotionClip, MotionParams, at_ease, bend_leg};
 use std::f32::consts::TAU;
 
 /// Frames a second of all of them.
-const RATE: f64 = 30.0;
+const RATE: f32 = 30.0;
 
 /// A motion by its time in seconds.
 type At = fn(&Avatar, f32) -> MotionParams;
@@ -25,13 +25,13 @@ pub(super) fn made(avatar: &Avatar, seconds: f64) -> Vec<MotionClip> {
         clippy::cast_sign_loss,
         reason = "some seconds of frames"
     )]
-    let count = (seconds * RATE).round().max(1.0) as u16;
+    let count = (seconds * f64::from(RATE)).round().max(1.0) as u16;
     let clip = |(name, at): (&str, At)| MotionClip {
         name: name.to_owned(),
         frames: (0..count)
-            .map(|k| at(avatar, f32::from(k) / RATE as f32))
+            .map(|k| at(avatar, f32::from(k) / RATE))
             .collect(),
-        frame_seconds: 1.0 / RATE,
+        frame_seconds: f64::from(RATE).recip(),
         notes: Vec::new(),
         unmapped: Vec::new(),
         expression_basis: None,
@@ -48,14 +48,22 @@ fn wave(time: f32, hz: f32, phase: f32) -> f32 {
 fn fingers(avatar: &Avatar, time: f32) -> MotionParams {
     let mut motion = at_ease(&avatar.skeleton);
     for (side, [shoulder, elbow, wrist]) in [
-        (1.0, [Joint::LeftShoulder, Joint::LeftElbow, Joint::LeftWrist]),
+        (
+            1.0,
+            [Joint::LeftShoulder, Joint::LeftElbow, Joint::LeftWrist],
+        ),
         (
             -1.0,
             [Joint::RightShoulder, Joint::RightElbow, Joint::RightWrist],
         ),
     ] {
         let turn = |x: f32, y: f32, z: f32| {
-            Quat::from_euler(EulerRot::XYZ, x.to_radians(), side * y.to_radians(), side * z.to_radians())
+            Quat::from_euler(
+                EulerRot::XYZ,
+                x.to_radians(),
+                side * y.to_radians(),
+                side * z.to_radians(),
+            )
         };
         motion.set_rotation(shoulder, turn(0.0, -20.0, -62.0));
         // The forearm up: an elbow bends about its -y at rest, and the upper arm's twist lifts it.
@@ -112,7 +120,10 @@ fn turn(avatar: &Avatar, time: f32) -> MotionParams {
     for (side, shoulder) in [(1.0, Joint::LeftShoulder), (-1.0, Joint::RightShoulder)] {
         let swing = 35.0 * (TAU * 0.6 * time).sin() * side;
         let hanging = motion.rotation(shoulder);
-        motion.set_rotation(shoulder, Quat::from_rotation_x(swing.to_radians()) * hanging);
+        motion.set_rotation(
+            shoulder,
+            Quat::from_rotation_x(swing.to_radians()) * hanging,
+        );
     }
     motion
 }

@@ -43,7 +43,11 @@ impl<'a> Keeper<'a> {
     }
 
     /// An avatar's renders.
-    pub(super) fn take(&mut self, take: &Take, avatar: &Arc<Avatar>) -> anyhow::Result<Vec<Observation>> {
+    pub(super) fn take(
+        &mut self,
+        take: &Take,
+        avatar: &Arc<Avatar>,
+    ) -> anyhow::Result<Vec<Observation>> {
         let name = format!("{}-{}", take.motion, take.camera_name);
         self.kept(&name, |keeper| keeper.draw(take, avatar))
     }

@@ -32,7 +32,11 @@ pub(super) struct Take {
 }
 
 /// Every motion from every camera, `seconds` of each at most.
-pub(super) fn takes(avatar: &Avatar, clips: &[MotionClip], seconds: f64) -> anyhow::Result<Vec<Take>> {
+pub(super) fn takes(
+    avatar: &Avatar,
+    clips: &[MotionClip],
+    seconds: f64,
+) -> anyhow::Result<Vec<Take>> {
     let mut takes = Vec::new();
     for clip in clips {
         let frames: Vec<MotionParams> = sampled(clip, seconds);

@@ -110,7 +110,12 @@ pub(super) fn score(
     for (_, truth, tracked) in &pairs {
         let (a, b) = (limbs(tracked), limbs(truth));
         let (seen_a, seen_b) = (only_seen(&a, truth), only_seen(&b, truth));
-        errors.extend(seen_a.iter().zip(&seen_b).map(|(a, b)| 1e3 * a.distance(*b)));
+        errors.extend(
+            seen_a
+                .iter()
+                .zip(&seen_b)
+                .map(|(a, b)| 1e3 * a.distance(*b)),
+        );
         scores.pa_mpjpe_mm += 1e3 * aligned_error(&seen_a, &seen_b) / count;
         scores.pelvis_degrees += angle(tracked.pelvis, truth.pelvis) / count;
         for (hand, degrees) in scores.finger_degrees.iter_mut().enumerate() {
@@ -121,7 +126,8 @@ pub(super) fn score(
                 / (count * (FINGERS / 2) as f64);
         }
         let exchanged = only_seen(&swap(&a), truth);
-        let swapped = mean_distance(&exchanged, &seen_b) < SWAPPED * mean_distance(&seen_a, &seen_b);
+        let swapped =
+            mean_distance(&exchanged, &seen_b) < SWAPPED * mean_distance(&seen_a, &seen_b);
         run = if swapped { run + 1 } else { 0 };
         scores.swapped += usize::from(swapped);
         scores.longest_swap = scores.longest_swap.max(run);
@@ -235,7 +241,8 @@ fn jitter(pairs: &[(usize, &Posed, &Posed)]) -> (f64, f64) {
         }
         count += 1;
         for (sum, pick) in sums.iter_mut().zip([2, 1]) {
-            let of = |entry: &(usize, &Posed, &Posed)| limbs(if pick == 2 { entry.2 } else { entry.1 });
+            let of =
+                |entry: &(usize, &Posed, &Posed)| limbs(if pick == 2 { entry.2 } else { entry.1 });
             let (a, b, c) = (of(a), of(b), of(c));
             *sum += (0..LIMBS.len())
                 .map(|k| 1e3 * (a[k] - 2.0 * b[k] + c[k]).length())
@@ -269,7 +276,10 @@ fn foot_slide(pairs: &[(usize, &Posed, &Posed)], rate_hz: f64) -> Option<f64> {
 fn curl(posed: &Posed, hand: usize) -> f64 {
     // Index, middle, little and ring finger; the thumb's joints are the last.
     let joints = &posed.fingers[hand * FINGERS / 2..][..12];
-    joints.iter().map(|q| q.angle_between(DQuat::IDENTITY)).sum()
+    joints
+        .iter()
+        .map(|q| q.angle_between(DQuat::IDENTITY))
+        .sum()
 }
 
 /// Pearson's correlation of `of` between tracked and true frames; none where truth deviates by less than `least`.
@@ -301,7 +311,11 @@ mod tests {
     fn posed(seed: f64, moved: impl Fn(DVec3) -> DVec3) -> Posed {
         let joints: [DVec3; BODY] = std::array::from_fn(|k| {
             let k = k as f64;
-            moved(DVec3::new((k * 1.3 + seed).sin(), (k * 0.7 + seed).cos(), (k * 2.1).sin()))
+            moved(DVec3::new(
+                (k * 1.3 + seed).sin(),
+                (k * 0.7 + seed).cos(),
+                (k * 2.1).sin(),
+            ))
         });
         Posed {
             joints,
@@ -321,8 +335,14 @@ mod tests {
         let tracked: Vec<_> = truth.iter().cloned().map(Some).collect();
         let scores = score(&truth, &tracked, 30.0, 2);
         assert_eq!((scores.frames, scores.of, scores.swapped), (7, 7, 0));
-        assert!(scores.mpjpe_mm < 1e-9 && scores.pa_mpjpe_mm < 1e-6, "{scores:?}");
-        assert!((scores.jaw_correlation.unwrap_or(0.0) - 1.0).abs() < 1e-9, "{scores:?}");
+        assert!(
+            scores.mpjpe_mm < 1e-9 && scores.pa_mpjpe_mm < 1e-6,
+            "{scores:?}"
+        );
+        assert!(
+            (scores.jaw_correlation.unwrap_or(0.0) - 1.0).abs() < 1e-9,
+            "{scores:?}"
+        );
         assert_eq!(scores.jitter_mm, scores.jitter_truth_mm);
     }
 
@@ -357,7 +377,10 @@ mod tests {
         let scores = score(&truth, &tracked, 30.0, 0);
         assert_eq!((scores.swapped, scores.longest_swap), (2, 2));
         let slide = scores.foot_slide.unwrap_or(0.0);
-        assert!((slide - 0.15).abs() < 1e-9, "one foot of two at 0.3 m/s: {slide}");
+        assert!(
+            (slide - 0.15).abs() < 1e-9,
+            "one foot of two at 0.3 m/s: {slide}"
+        );
     }
 
     #[test]

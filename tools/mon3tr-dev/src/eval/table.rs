@@ -54,17 +54,29 @@ const FIGURES: [Figure; 13] = [
     ("95 %, mm", |row| Some(row.scores.mpjpe_p95_mm)),
     ("PA-MPJPE, mm", |row| Some(row.scores.pa_mpjpe_mm)),
     ("pelvis, degrees", |row| Some(row.scores.pelvis_degrees)),
-    ("fingers left, degrees", |row| Some(row.scores.finger_degrees[0])),
-    ("fingers right, degrees", |row| Some(row.scores.finger_degrees[1])),
-    ("curl correlation, left", |row| row.scores.curl_correlation[0]),
-    ("curl correlation, right", |row| row.scores.curl_correlation[1]),
-    ("expression correlation", |row| row.scores.expression_correlation),
+    ("fingers left, degrees", |row| {
+        Some(row.scores.finger_degrees[0])
+    }),
+    ("fingers right, degrees", |row| {
+        Some(row.scores.finger_degrees[1])
+    }),
+    ("curl correlation, left", |row| {
+        row.scores.curl_correlation[0]
+    }),
+    ("curl correlation, right", |row| {
+        row.scores.curl_correlation[1]
+    }),
+    ("expression correlation", |row| {
+        row.scores.expression_correlation
+    }),
     ("jaw correlation", |row| row.scores.jaw_correlation),
     ("jitter / truth's", |row| {
         Some(row.scores.jitter_mm / row.scores.jitter_truth_mm.max(1e-9))
     }),
     ("foot slide, m/s", |row| row.scores.foot_slide),
-    ("reprojection, %", |row| Some(row.scores.reprojection_percent)),
+    ("reprojection, %", |row| {
+        Some(row.scores.reprojection_percent)
+    }),
 ];
 
 /// One motion's figures in a line.

@@ -41,14 +41,22 @@ pub struct Options {
 /// Runs `track`.
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     if options.video.is_live() {
-        bail!("track takes recordings: a camera drives an avatar with send --camera or demo --camera");
+        bail!(
+            "track takes recordings: a camera drives an avatar with send --camera or demo --camera"
+        );
     }
     if options.render.is_some() && matches!(options.video, SourceChoice::Stdin) {
-        bail!("--render reads the video a second time, and standard input cannot be: write it to a file first");
+        bail!(
+            "--render reads the video a second time, and standard input cannot be: write it to a file first"
+        );
     }
-    for file in [Some(&options.out), options.render.as_ref(), options.json.as_ref()]
-        .into_iter()
-        .flatten()
+    for file in [
+        Some(&options.out),
+        options.render.as_ref(),
+        options.json.as_ref(),
+    ]
+    .into_iter()
+    .flatten()
     {
         if let Some(folder) = file.parent() {
             make_folder(folder)?;

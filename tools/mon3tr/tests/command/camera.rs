@@ -42,7 +42,8 @@ const LIMBS: [Joint; 12] = [
 
 /// Whether what a camera needs is there; on CI it must be.
 pub(crate) fn networks() -> bool {
-    let there = std::env::var_os("MON3TR_NETWORKS").is_some_and(|path| PathBuf::from(path).is_dir());
+    let there =
+        std::env::var_os("MON3TR_NETWORKS").is_some_and(|path| PathBuf::from(path).is_dir());
     if !there {
         let why = "MON3TR_NETWORKS names no folder; ./run test fetches the camera's networks";
         assert!(std::env::var("CI").as_deref() != Ok("true"), "{why}");
@@ -66,18 +67,34 @@ pub(crate) fn a_camera_sees_what_was_drawn(package: &Path, folder: &Path) {
     let truth = MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, 30.0)
         .expect("the built-in motion");
     let truth: Vec<[DVec3; 12]> = (0..FRAMES)
-        .map(|k| limbs(&avatar.skeleton, &truth.sample(k as f64 / 30.0, Playback::Clamp)))
+        .map(|k| {
+            limbs(
+                &avatar.skeleton,
+                &truth.sample(k as f64 / 30.0, Playback::Clamp),
+            )
+        })
         .collect();
 
     let motion = folder.join("tracked/motion.npz");
     let shown = mon3tr(&[
-        "track", &pictures, "--avatar", &package, "--fov", FOV, "--out", &text(&motion),
+        "track",
+        &pictures,
+        "--avatar",
+        &package,
+        "--fov",
+        FOV,
+        "--out",
+        &text(&motion),
     ])
     .succeeds();
     assert!(shown.contains("60 frames at 30.000 Hz"), "{shown}");
     let options = LoadOptions::default();
     let tracked = MotionClip::load(&motion, &avatar.skeleton, &options).expect("a motion file");
-    assert_eq!(tracked.expression_basis.as_ref(), Some(&avatar.expression_basis));
+    assert_eq!(
+        tracked.expression_basis.as_ref(),
+        Some(&avatar.expression_basis),
+        "the motion says whose face it moves"
+    );
     let errors = (tracked.frames.iter().zip(&truth).skip(FINDING))
         .map(|(tracked, truth)| error(&limbs(&avatar.skeleton, tracked), truth))
         .collect();
@@ -126,7 +143,11 @@ fn received(house: &House, link: &str) -> Vec<MotionParams> {
 fn limbs(skeleton: &Skeleton, motion: &MotionParams) -> [DVec3; 12] {
     let rest = skeleton.rest_positions();
     let joints = synthetic_person::reference::forward_kinematics(rest, motion.values());
-    let at = |joint: Joint| DVec3::from_array(joints[joint.index()].apply(synthetic_person::reference::wide(Vec3::ZERO)));
+    let at = |joint: Joint| {
+        DVec3::from_array(
+            joints[joint.index()].apply(synthetic_person::reference::wide(Vec3::ZERO)),
+        )
+    };
     let hips = (at(Joint::LeftHip) + at(Joint::RightHip)) / 2.0;
     LIMBS.map(|joint| at(joint) - hips)
 }
@@ -149,15 +170,18 @@ fn what_a_camera_cannot_do_is_said_in_one_line() {
     };
     let package = crate::support::puppet(&folder);
     let package = package.to_str().expect("UTF-8");
-    let track = |video: &str| mon3tr(&["track", video, "--avatar", package, "--out", &path("m.npz")]);
+    let track =
+        |video: &str| mon3tr(&["track", video, "--avatar", package, "--out", &path("m.npz")]);
     track("0").fails_naming(&["recording", "send --camera"]);
     track(&path("nothing.mp4")).fails_naming(&["nothing.mp4"]);
     std::fs::create_dir(path("empty")).expect("a folder");
     track(&path("empty")).fails_naming(&["empty"]);
     mon3tr(&["send", "--avatar", package, "--camera", "/dev/video99"])
         .fails_naming(&["/dev/video99"]);
-    mon3tr(&["send", "--avatar", package, "--camera", "a.mp4", "--motion", "b.bvh"])
-        .fails_naming(&["--camera", "--motion"]);
+    mon3tr(&[
+        "send", "--avatar", package, "--camera", "a.mp4", "--motion", "b.bvh",
+    ])
+    .fails_naming(&["--camera", "--motion"]);
     mon3tr(&["track", &path("m.y4m"), "--fov", "500"]).fails_naming(&["500", "10..150"]);
     if !networks() {
         return;
@@ -166,7 +190,8 @@ fn what_a_camera_cannot_do_is_said_in_one_line() {
     std::fs::create_dir(path("grey")).expect("a folder");
     for k in 0..3 {
         let grey = image::RgbImage::from_pixel(320, 240, image::Rgb([120, 120, 120]));
-        grey.save(path(&format!("grey/{k}.png"))).expect("a picture");
+        grey.save(path(&format!("grey/{k}.png")))
+            .expect("a picture");
     }
     track(&path("grey")).fails_naming(&["no person", "3 pictures"]);
 }

@@ -143,14 +143,7 @@ fn render_draws_both_eyes_from_two_places() {
         "128x128",
         "--stereo",
     ];
-    mon3tr(
-        &[
-            &arguments[..],
-            &["--view", "waist-up", "--out", text(&out)],
-        ]
-        .concat(),
-    )
-    .succeeds();
+    mon3tr(&[&arguments[..], &["--view", "waist-up", "--out", text(&out)]].concat()).succeeds();
     let eye = |side: &str| {
         image::open(out.join(format!("frame_00000_{side}.png")))
             .expect("a PNG")
