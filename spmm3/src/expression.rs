@@ -1,7 +1,7 @@
 //! Named facial expressions of one avatar.
 //!
-//! Expression coefficients are a basis of the avatar's own (FLAME's first 50 slots); a name such as `smile` says what to
-//! set them to, so that a built-in motion can talk with any face.
+//! Expression coefficients are of the avatar's own basis ([`crate::ExpressionBasis`]); a name such as `smile` says what to
+//! set them to, so that a built-in motion can talk with any face, and a camera can move it.
 
 use crate::EXPRESSION;
 use std::collections::BTreeMap;

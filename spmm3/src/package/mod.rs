@@ -2,6 +2,10 @@
 //!
 //! Written deterministically; read as an untrusted file. Every size, hash, type, shape, index and number is checked
 //! against the manifest and the limits here before anything uses it. It does not fetch packages and runs no network.
+//!
+//! The manifest's `expression_basis` names what the 50 expression slots mean ([`crate::ExpressionBasis`]; [`Manifest::basis`] says what a
+//! package without it has). `expressions` holds named expressions in that basis, each 50 coefficients and an opening of the jaw: a
+//! camera's face and the built-in motion are made of these, so a package shows what it names ([`crate::Expressions`]).
 
 mod archive;
 mod avatar;

@@ -7,6 +7,42 @@
 //! SUM, TRANSPOSE, and MediaPipe's Landmarks2TransformMatrix, TransformTensorBilinear and TransformLandmarks.
 //!
 //! A file is read as a stranger's: every offset is checked, and memory and time are bounded.
+//!
+//! A network of MediaPipe's, of which two outputs are kept, as ONNX Runtime takes it:
+//!
+//! ```no_run
+//! use npu_runtime::{Provider, Runtime, Session, TensorSpec};
+//! use tflite_to_onnx::{Options, Port, convert};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let tflite = std::fs::read("pose_landmark_full.tflite")?;
+//! // Landmarks and their score; the mask of the person's outline is the larger part of the work, and is left out.
+//! let network = convert(&tflite, &Options { outputs: Some(vec![0, 1]) })?;
+//! println!("{:?} -> {:?}", network.inputs, network.outputs);
+//! let specs = |ports: &[Port]| -> Vec<TensorSpec> { ports.iter().map(|port| TensorSpec::new(&port.name, &port.shape)).collect() };
+//! let mut session = Session::new(
+//!     &Runtime::open(None)?,
+//!     &network.onnx,
+//!     Provider::Cpu { threads: 1 },
+//!     &specs(&network.inputs),
+//!     &specs(&network.outputs),
+//! )?;
+//! let mut outputs = session.outputs()?;
+//! session.input_mut(0).fill(0.5);
+//! session.run(&mut outputs)?;
+//! println!("the first landmark: {:?}", &outputs.get(0)[..3]);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! What is no network is refused:
+//!
+//! ```
+//! use tflite_to_onnx::{ConvertError, Options, convert};
+//!
+//! let refused = convert(b"a picture of a cat, perhaps", &Options::default());
+//! assert_eq!(refused, Err(ConvertError::NotTflite));
+//! ```
 
 mod array;
 mod emit;
