@@ -252,6 +252,7 @@ fn subject(avatar: &Avatar) -> Subject<'_> {
     Subject {
         skeleton: &avatar.skeleton,
         expressions: &avatar.expressions,
+        expression_basis: &avatar.expression_basis,
     }
 }
 
