@@ -94,8 +94,8 @@ pub struct HandRotations {
 /// A face as weights of an expression and rotations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceExpression {
-    /// What the weights mean.
-    pub basis: ExpressionBasis,
+    /// What the weights mean; nothing if there are none: the expression is then taken from the landmarks.
+    pub basis: Option<ExpressionBasis>,
     /// Weights; those that are missing are zero.
     pub weights: Vec<f32>,
     /// The jaw, in the head's frame.

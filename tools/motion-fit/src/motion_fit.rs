@@ -266,7 +266,7 @@ impl Face {
                     log::warn!(
                         "the face's expression is left out: its network's weights are of the basis {}, this avatar's are of {}, and there \
                          is no map between them; jaw, eyes and lids move",
-                        said.basis,
+                        said.basis.as_ref().map_or("", ExpressionBasis::name),
                         self.basis
                     );
                 }

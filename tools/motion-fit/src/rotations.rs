@@ -127,7 +127,7 @@ impl FaceShown {
     }
 
     /// Of weights in any basis, and whether the avatar can show them: else its face is at rest, but for joints and lids. Eyes that are
-    /// not known look where the landmarks say. Nothing if a number is not finite or there is no face.
+    /// not known look where the landmarks say, but for ARKit's shapes, which turn them. Nothing if a number is not finite or there is no face.
     pub(crate) fn expressed(
         seen: &FaceExpression,
         measured: Option<&FaceMeasures>,
@@ -136,12 +136,24 @@ impl FaceShown {
     ) -> Option<(Self, bool)> {
         let lids = seen.eyelids.unwrap_or_default();
         let finite = seen.weights.iter().chain(&lids).all(|w| w.is_finite());
+        let lids = lids.map(|lid| lid.clamp(0.0, 1.0));
         if !(finite && seen.confidence > 0.0) {
             return None;
         }
         let mut frame = MotionParams::default();
-        for (to, from) in frame.expression_mut().iter_mut().zip(&seen.weights) {
-            *to = from.clamp(-MOST_WEIGHT, MOST_WEIGHT);
+        // Lids that the network saw are more than those of the landmarks.
+        let measured = measured.map(|measured| FaceMeasures {
+            blink: (seen.eyelids).map_or(measured.blink, |_| lids.map(f64::from)),
+            ..*measured
+        });
+        let shown = measured.map(|measured| Self::measured(&measured, presets));
+        if seen.basis.is_some() {
+            for (to, from) in frame.expression_mut().iter_mut().zip(&seen.weights) {
+                *to = from.clamp(-MOST_WEIGHT, MOST_WEIGHT);
+            }
+        } else if let Some(shown) = shown {
+            frame.expression_mut().copy_from_slice(&shown.expression);
+            frame.set_rotation(Joint::Jaw, shown.jaw);
         }
         let turn = |frame: &mut MotionParams, joint, turn: &JointRotation, most: f32| {
             if let Some(rotation) = turn.known() {
@@ -155,32 +167,34 @@ impl FaceShown {
             }
         };
         turn(&mut frame, Joint::Jaw, &seen.jaw, MOST_JAW);
-        let gaze = measured.map(|measured| face::apply(measured, presets).eyes);
         for (side, joint) in [Joint::LeftEye, Joint::RightEye].into_iter().enumerate() {
-            let looked = gaze.map_or(JointRotation::UNKNOWN, |gaze| JointRotation {
-                rotation: gaze[side].as_quat(),
+            let gaze = shown.filter(|_| seen.basis != Some(ExpressionBasis::ARKIT_52));
+            let looked = gaze.map_or(JointRotation::UNKNOWN, |shown| JointRotation {
+                rotation: shown.eyes[side],
                 confidence: 1.0,
             });
             let eye = Some(&seen.eyes[side]).filter(|eye| eye.known().is_some());
             turn(&mut frame, joint, eye.unwrap_or(&looked), MOST_EYE);
         }
-        let shown = spmm3::fit_expression(&mut frame, &seen.basis, basis, presets);
-        let [left, right] = lids.map(|lid| lid.clamp(0.0, 1.0));
+        let known = (seen.basis.as_ref())
+            .is_none_or(|from| spmm3::fit_expression(&mut frame, from, basis, presets));
+        let add_lids = seen.eyelids.is_some() && (seen.basis.is_some() || shown.is_none());
+        let [left, right] = lids;
         // As landmarks' blinks: one preset for both lids.
         let blink = left.min(right).max(left.max(right) * 2.0 - 1.0);
-        if let Some(preset) = presets.get("blink").filter(|_| seen.eyelids.is_some()) {
+        if let Some(preset) = presets.get("blink").filter(|_| add_lids) {
             for (to, value) in frame.expression_mut().iter_mut().zip(preset.coefficients) {
                 *to += blink * value;
             }
         }
         let mut expression = [0.0; EXPRESSION];
         expression.copy_from_slice(frame.expression());
-        let shown_face = Self {
+        let face = Self {
             expression,
             jaw: frame.rotation(Joint::Jaw),
             eyes: [Joint::LeftEye, Joint::RightEye].map(|joint| frame.rotation(joint)),
         };
-        Some((shown_face, shown))
+        Some((face, known))
     }
 }
 

@@ -1,6 +1,7 @@
 //! A camera as a source of motion: pictures, networks for body, hands and face, and the fit of what they saw.
 
 pub mod crop;
+pub mod custom;
 pub mod error;
 pub mod mediapipe;
 pub mod models;
