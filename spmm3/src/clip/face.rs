@@ -75,6 +75,30 @@ impl MotionClip {
     }
 }
 
+/// Turns the expression of one frame from the basis `from` into `to`, as [`MotionClip::fit_expression`] does for all frames of a clip:
+/// coefficients of the same basis stay, and ARKit's shapes become `presets`, and move jaw and eyes if these are at rest. For any
+/// other pair of bases the expression is left at rest, and this returns false.
+#[must_use = "false tells that the face does not move"]
+pub fn fit_expression(
+    frame: &mut MotionParams,
+    from: &ExpressionBasis,
+    to: &ExpressionBasis,
+    presets: &Expressions,
+) -> bool {
+    if from == to {
+        return true;
+    }
+    if *from == ExpressionBasis::ARKIT_52 {
+        let rests = |joint| frame.axis_angle(joint) == Vec3::ZERO;
+        let jaw = rests(Joint::Jaw);
+        let eyes = [Joint::LeftEye, Joint::RightEye].map(rests);
+        show_arkit(frame, presets, jaw, eyes);
+        return true;
+    }
+    frame.expression_mut().fill(0.0);
+    false
+}
+
 /// ARKit's shapes in `frame` become presets; its jaw and eyes move where nothing else moves them.
 fn show_arkit(frame: &mut MotionParams, presets: &Expressions, jaw: bool, eyes: [bool; 2]) {
     let mut shapes = [0.0f32; EXPRESSION];
@@ -171,6 +195,24 @@ mod tests {
         assert_eq!(frame.axis_angle(Joint::Jaw), Vec3::X * 0.1, "a joint");
         let again = flame.fit_expression(&ExpressionBasis::MAKEHUMAN_1, &presets());
         assert_eq!(again, None, "a second time there is nothing to leave out");
+    }
+
+    #[test]
+    fn one_frame_is_turned_as_a_clip_is() {
+        let shapes = [(8, 1.0), (43, 0.5), (24, 1.0), (14, 1.0)];
+        for from in [
+            ExpressionBasis::ARKIT_52,
+            ExpressionBasis::FLAME_2020,
+            ExpressionBasis::MAKEHUMAN_1,
+        ] {
+            let mut whole = clip(from.clone(), &shapes);
+            let mut frame = whole.frames[0].clone();
+            let line = whole.fit_expression(&ExpressionBasis::MAKEHUMAN_1, &presets());
+            let known =
+                fit_expression(&mut frame, &from, &ExpressionBasis::MAKEHUMAN_1, &presets());
+            assert_eq!(known, line.is_none(), "{from}");
+            assert_eq!(frame, whole.frames[0], "{from}");
+        }
     }
 
     #[test]

@@ -24,6 +24,7 @@ mod write;
 
 pub use built_in::{LOOP_SECONDS, at_ease};
 pub use error::MotionError;
+pub use face::fit_expression;
 pub use stance::{LEGS, bend_leg};
 
 use crate::{EXPRESSION, ExpressionBasis, Expressions, Joint, MotionParams, Skeleton};

@@ -11,9 +11,11 @@ use sender::{Capture, Captured, SendError};
 use serde::Serialize;
 use spmm3::Avatar;
 use std::ffi::OsString;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tracker::Tracker;
+use tracker::custom;
 use tracker::mediapipe;
 use tracker::picture;
 use tracker::source::{self, Picture, Source, SourceChoice, Wanted};
@@ -27,33 +29,57 @@ pub(crate) struct CameraOptions {
     #[arg(long, value_name = "0|FILE|URL", conflicts_with_all = ["motion", "bvh_scale", "frames"])]
     pub(crate) camera: Option<SourceChoice>,
     #[command(flatten)]
-    pub(crate) lens: LensOptions,
+    pub(crate) capture: CaptureOptions,
 }
 
-/// Options that describe a camera's lens.
-#[derive(Debug, Clone, Copy, clap::Args)]
-pub(crate) struct LensOptions {
+/// Options of how a camera's pictures are looked at.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct CaptureOptions {
     /// The camera's field of view along the picture's longer side, degrees
     #[arg(long, value_name = "DEGREES", default_value = "65", value_parser = parse_fov)]
     pub(crate) fov: f32,
+    /// A network of your own for the body: an .onnx file, with a .toml beside it that describes it (docs/models.md)
+    #[arg(long, value_name = "FILE.onnx")]
+    body_model: Option<PathBuf>,
+    /// A network of your own for the hands
+    #[arg(long, value_name = "FILE.onnx")]
+    hand_model: Option<PathBuf>,
+    /// A network of your own for the face
+    #[arg(long, value_name = "FILE.onnx")]
+    face_model: Option<PathBuf>,
 }
 
 impl CameraOptions {
     /// The same choice as arguments for another process; none without a camera.
     pub(crate) fn arguments(&self) -> Option<Vec<OsString>> {
-        let camera = self.camera.as_ref()?.to_string();
-        let fov = self.lens.fov.to_string();
-        Some(
-            ["--camera", &camera, "--fov", &fov]
-                .map(OsString::from)
-                .to_vec(),
-        )
+        let mut arguments = vec!["--camera".into(), self.camera.as_ref()?.to_argument()];
+        arguments.extend(["--fov".into(), self.capture.fov.to_string().into()]);
+        for (flag, model) in [
+            ("--body-model", &self.capture.body_model),
+            ("--hand-model", &self.capture.hand_model),
+            ("--face-model", &self.capture.face_model),
+        ] {
+            if let Some(model) = model {
+                arguments.extend([flag.into(), model.into()]);
+            }
+        }
+        Some(arguments)
     }
 }
 
-impl LensOptions {
+impl CaptureOptions {
+    /// The user's networks.
+    fn models(&self) -> custom::Options {
+        custom::Options {
+            body: self.body_model.clone(),
+            hand: self.hand_model.clone(),
+            face: self.face_model.clone(),
+            ..custom::Options::default()
+        }
+    }
+
     /// The camera of pictures of that size.
-    pub(crate) fn camera(self, width: u32, height: u32) -> Camera {
+    pub(crate) fn camera(&self, width: u32, height: u32) -> Camera {
         let size = Vec2::new(width as f32, height as f32);
         Camera {
             size,
@@ -100,9 +126,7 @@ pub(crate) struct CameraFigures {
 pub(crate) struct CameraCapture {
     source: Box<dyn Source>,
     tracker: Tracker,
-    avatar: Arc<Avatar>,
-    lens: LensOptions,
-    fit: Option<(MotionFit, (u32, u32))>,
+    fit: MotionFit,
     picture: Arc<Picture>,
     notices: Notices,
     times: Vec<(StageTimes, f64, f64)>,
@@ -120,28 +144,28 @@ impl CameraCapture {
     /// Opens a camera for a call, of `length` if there is one: of what it gives, the newest.
     pub(crate) fn live(
         choice: &SourceChoice,
-        lens: LensOptions,
+        options: &CaptureOptions,
         avatar: &Arc<Avatar>,
         device: &DeviceOptions,
         length: Option<Duration>,
     ) -> anyhow::Result<Self> {
         let source = source::open_live(choice, &Wanted::default(), true);
         let runtime = device.runtime()?;
-        let capture = Self::new(source.context("cannot capture")?, lens, avatar, &runtime)?;
+        let capture = Self::new(source.context("cannot capture")?, options, avatar, &runtime)?;
         Ok(Self { length, ..capture })
     }
 
     /// Opens a recording: every picture of it.
     pub(crate) fn recorded(
         choice: &SourceChoice,
-        lens: LensOptions,
+        options: &CaptureOptions,
         avatar: &Arc<Avatar>,
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
         let source = source::open(choice, &Wanted::default());
         Self::new(
             source.context("cannot track")?,
-            lens,
+            options,
             avatar,
             &device.runtime()?,
         )
@@ -149,17 +173,23 @@ impl CameraCapture {
 
     fn new(
         source: Box<dyn Source>,
-        lens: LensOptions,
+        options: &CaptureOptions,
         avatar: &Arc<Avatar>,
         runtime: &Runtime,
     ) -> anyhow::Result<Self> {
         let models = mediapipe::Options::default().load(&networks()?, runtime)?;
+        let models = options.models().load(models, runtime)?;
+        let info = source.info();
+        let subject = Subject {
+            skeleton: &avatar.skeleton,
+            expressions: &avatar.expressions,
+            expression_basis: &avatar.expression_basis,
+        };
+        let fit = MotionFit::new(&subject, options.camera(info.width, info.height));
         Ok(Self {
             source,
             tracker: Tracker::new(models)?,
-            avatar: Arc::clone(avatar),
-            lens,
-            fit: None,
+            fit,
             picture: Arc::default(),
             notices: Notices::default(),
             times: Vec::new(),
@@ -188,22 +218,12 @@ impl CameraCapture {
         if let Some(last) = self.last.replace(picture.number) {
             self.skipped += picture.number.saturating_sub(last + 1);
         }
-        let size = (picture.width, picture.height);
-        let (fit, of_size) = self.fit.get_or_insert_with(|| {
-            let camera = self.lens.camera(size.0, size.1);
-            (MotionFit::new(&subject(&self.avatar), camera), size)
-        });
-        if *of_size != size {
-            // A phone that was turned, say: the person is found anew.
-            *fit = MotionFit::new(&subject(&self.avatar), self.lens.camera(size.0, size.1));
-            *of_size = size;
-        }
         let shared: Arc<dyn picture::Picture> = Arc::clone(&self.picture) as _;
         let seen = self.tracker.observe(&shared)?;
         let (times, people) = (seen.times, seen.people);
         let observation = seen.into_observation();
         let began = Instant::now();
-        let fitted = fit.step(&observation);
+        let fitted = self.fit.step(&observation);
         let ended = Instant::now();
         if self.times.len() < TIMED {
             let ms = |from: Instant| ended.saturating_duration_since(from).as_secs_f64() * 1e3;
@@ -254,13 +274,6 @@ impl CameraFigures {
             self.fit_ms,
             self.latency_ms,
         );
-    }
-}
-
-fn subject(avatar: &Avatar) -> Subject<'_> {
-    Subject {
-        skeleton: &avatar.skeleton,
-        expressions: &avatar.expressions,
     }
 }
 

@@ -1,6 +1,6 @@
 //! A recording tracked from its first picture to its last, and the motion of it.
 
-use crate::camera::{CameraCapture, CameraFigures, LensOptions};
+use crate::camera::{CameraCapture, CameraFigures, CaptureOptions};
 use crate::device_options::DeviceOptions;
 use crate::progress;
 use anyhow::{Context, bail};
@@ -35,12 +35,12 @@ impl TrackedRecording {
     /// If it cannot be read, the networks fail, or there is no person in it.
     pub(crate) fn track(
         choice: &SourceChoice,
-        lens: LensOptions,
+        options: &CaptureOptions,
         avatar: &Arc<Avatar>,
         device: &DeviceOptions,
         most: usize,
     ) -> anyhow::Result<Self> {
-        let mut capture = CameraCapture::recorded(choice, lens, avatar, device)?;
+        let mut capture = CameraCapture::recorded(choice, options, avatar, device)?;
         let info = capture.source().info().clone();
         let known = info.frames.and_then(|frames| usize::try_from(frames).ok());
         let bar = progress::bar("tracking", known.map_or(0, |known| known.min(most)));
@@ -57,7 +57,7 @@ impl TrackedRecording {
         }
         bar.finish_and_clear();
         let recording = Self {
-            camera: lens.camera(info.width, info.height),
+            camera: options.camera(info.width, info.height),
             info,
             seen,
             figures: capture.figures(),

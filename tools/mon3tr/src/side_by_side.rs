@@ -141,7 +141,7 @@ fn eye(camera: &Camera, scale: f32, size: Size, camera_from_room: Affine3A) -> c
 
 /// Draws the landmarks over a picture that was scaled.
 pub(crate) fn overlay(picture: &mut RgbImage, seen: &Observation, scale: f32) {
-    if let Some(body) = &seen.body {
+    if let Some(body) = seen.body_landmarks() {
         for (a, b) in BODY_LINES {
             let (a, b) = (&body.points[a], &body.points[b]);
             if a.confidence.min(b.confidence) >= DOUBTFUL {
@@ -149,7 +149,7 @@ pub(crate) fn overlay(picture: &mut RgbImage, seen: &Observation, scale: f32) {
             }
         }
     }
-    for (hand, colour) in seen.hands.iter().zip([BLUE, ORANGE]) {
+    for (hand, colour) in seen.hand_landmarks().into_iter().zip([BLUE, ORANGE]) {
         let Some(hand) = hand else { continue };
         for k in 1..hand.pixels.len() {
             // Each finger begins at the wrist.
@@ -162,7 +162,7 @@ pub(crate) fn overlay(picture: &mut RgbImage, seen: &Observation, scale: f32) {
             );
         }
     }
-    if let Some(face) = &seen.face {
+    if let Some(face) = seen.face_landmarks() {
         for point in face.points.iter() {
             dot(picture, point.truncate() * scale, WHITE);
         }

@@ -3,6 +3,7 @@
 //! Pixels: x to the right, y down, the centre of the first pixel at (0.5, 0.5). Camera axes: x right, y down, z away from the camera,
 //! metres. Left and right are the person's own.
 
+pub use crate::estimates::Observation;
 use glam::{Vec2, Vec3};
 
 /// Landmarks of the body, in the order of BlazePose (MediaPipe's pose landmarker).
@@ -72,17 +73,4 @@ pub struct FaceLandmarks {
     pub points: Box<[Vec3; FACE_LANDMARKS]>,
     /// Probability that there is a face, 0..=1.
     pub confidence: f32,
-}
-
-/// What was seen in one picture; each part may be missing.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Observation {
-    /// When the light fell, seconds on the source's clock.
-    pub seconds: f64,
-    /// The body.
-    pub body: Option<BodyLandmarks>,
-    /// The person's left and right hand.
-    pub hands: [Option<HandLandmarks>; 2],
-    /// The face.
-    pub face: Option<FaceLandmarks>,
 }

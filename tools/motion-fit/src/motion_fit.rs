@@ -1,12 +1,14 @@
 //! [`MotionFit`]: what the networks saw of body, hands and face becomes one frame of motion parameters.
 
 use crate::body::{BodyFit, BodyPose, FitConfig, FootLock, Limb};
-use crate::face::{self, FaceFit, FacePose};
+use crate::estimates::{BodyEstimate, FaceEstimate, HandEstimate, Observation};
+use crate::face::FaceFit;
 use crate::hands::{FINGER_JOINTS, FlexionBias, HandFit, HandPose, Side};
-use crate::landmarks::{Camera, Observation};
+use crate::landmarks::Camera;
+use crate::rotations::{self, FaceShown};
 use crate::smoother::{Confidence, SmoothConfig, Smoother};
-use glam::{Affine3A, DQuat, Mat3A, Quat, Vec3, Vec3A};
-use spmm3::{Expressions, Joint, MotionParams, Skeleton};
+use glam::{Affine3A, DQuat, Mat3A, Quat, Vec3A};
+use spmm3::{ExpressionBasis, Expressions, Joint, MotionParams, Skeleton};
 
 /// A hand or face that is no longer seen is kept for so long, then relaxes within [`RELAX`], seconds.
 const HOLD: f64 = 0.3;
@@ -25,6 +27,8 @@ pub struct Subject<'a> {
     pub skeleton: &'a Skeleton,
     /// The avatar's named expressions.
     pub expressions: &'a Expressions,
+    /// The basis of the avatar's expression coefficients.
+    pub expression_basis: &'a ExpressionBasis,
 }
 
 /// One frame.
@@ -65,9 +69,12 @@ struct Face {
     fit: FaceFit,
     camera: Camera,
     presets: Expressions,
-    pose: Option<FacePose>,
+    basis: ExpressionBasis,
+    shown: Option<FaceShown>,
     last_seen: f64,
     confidence: f64,
+    /// Whether it was said that a network's expression cannot be shown.
+    said: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -88,6 +95,7 @@ impl MotionFit {
         let Subject {
             skeleton,
             expressions,
+            expression_basis,
         } = subject;
         Self {
             skeleton: (*skeleton).clone(),
@@ -97,9 +105,11 @@ impl MotionFit {
                 fit: FaceFit::new(),
                 camera,
                 presets: (*expressions).clone(),
-                pose: None,
+                basis: (*expression_basis).clone(),
+                shown: None,
                 last_seen: f64::NEG_INFINITY,
                 confidence: 0.0,
+                said: false,
             },
             smoother: Smoother::new(SmoothConfig::default()),
             feet: FootLock::new(skeleton),
@@ -108,7 +118,10 @@ impl MotionFit {
 
     /// The motion of one picture. Never fails: what is not seen is held, then eases to rest.
     pub fn step(&mut self, seen: &Observation) -> Fitted {
-        let pose = self.body.fit(seen.seconds, seen.body.as_ref());
+        let mut pose = self.body.fit(seen.seconds, seen.body_landmarks());
+        if let Some(BodyEstimate::Rotations(turned)) = &seen.body {
+            rotations::turn_body(&mut pose, turned, &self.face.camera, &self.skeleton);
+        }
         let mut motion = MotionParams::default();
         pose.write(&mut motion);
         let mut confidence = Confidence::default();
@@ -144,22 +157,22 @@ impl MotionFit {
         confidence: &mut Confidence,
     ) {
         let face = &mut self.face;
-        let measured = seen
-            .face
-            .as_ref()
-            .and_then(|landmarks| (face.fit).measure(landmarks, seen.seconds, Some(&face.camera)));
-        if let Some(measured) = &measured {
-            face.pose = Some(face::apply(measured, &face.presets));
+        if let Some((shown, camera_from_head, sure)) = face.look(seen) {
+            face.shown = Some(shown);
             face.last_seen = seen.seconds;
-            face.confidence = measured.confidence;
+            face.confidence = sure;
             let joints = self.skeleton.pose(motion);
             let chest = Quat::from_mat3a(&joints.person_from_joint[Joint::Spine3.index()].matrix3);
             let camera = Quat::from_mat3(&pose.camera.camera_from_world);
-            // Against the chest, and no further than a neck goes.
-            let turn = chest.inverse() * camera.inverse() * measured.camera_from_head.as_quat();
-            let turn = if turn.w < 0.0 { -turn } else { turn };
-            let turn = Quat::from_scaled_axis(turn.to_scaled_axis().clamp_length_max(MOST_HEAD));
-            if turn.is_finite() {
+            let turn = camera_from_head
+                // Against the chest, and no further than a neck goes.
+                .map(|head| chest.inverse() * camera.inverse() * head.as_quat())
+                .map(|turn| if turn.w < 0.0 { -turn } else { turn })
+                .map(|turn| turn.to_scaled_axis().clamp_length_max(MOST_HEAD));
+            if let Some(turn) = turn
+                .map(Quat::from_scaled_axis)
+                .filter(|turn| turn.is_finite())
+            {
                 let neck = Quat::IDENTITY.slerp(turn, NECK_SHARE);
                 motion.set_rotation(Joint::Neck, neck);
                 motion.set_rotation(Joint::Head, neck.inverse() * turn);
@@ -169,17 +182,17 @@ impl MotionFit {
         }
         let unseen = seen.seconds - face.last_seen;
         let kept = 1.0 - ((unseen - HOLD) / RELAX).clamp(0.0, 1.0);
-        if let Some(shown) = &face.pose {
+        if let Some(shown) = &face.shown {
             let kept = narrow(kept);
             for (to, from) in motion.expression_mut().iter_mut().zip(shown.expression) {
                 *to = kept * from;
             }
-            motion.set_axis_angle(Joint::Jaw, Vec3::X * (kept * narrow(shown.jaw)));
+            motion.set_rotation(Joint::Jaw, Quat::IDENTITY.slerp(shown.jaw, kept));
             for (joint, eye) in [Joint::LeftEye, Joint::RightEye]
                 .into_iter()
                 .zip(shown.eyes)
             {
-                motion.set_rotation(joint, Quat::IDENTITY.slerp(eye.as_quat(), kept));
+                motion.set_rotation(joint, Quat::IDENTITY.slerp(eye, kept));
             }
         }
         confidence.expression = narrow(face.confidence);
@@ -199,7 +212,16 @@ impl MotionFit {
     ) {
         let hand = &mut self.hands[number];
         let fitted: Option<HandPose> = (seen.hands[number].as_ref())
-            .map(|landmarks| hand.fit.fit(landmarks))
+            .and_then(|seen| {
+                let marked = seen.landmarks().map(|landmarks| hand.fit.fit(landmarks));
+                match seen {
+                    HandEstimate::Landmarks(_) => marked,
+                    HandEstimate::Rotations(turned) => {
+                        let camera = &self.face.camera;
+                        Some(rotations::hand_pose(turned, camera, marked, &hand.relaxed))
+                    }
+                }
+            })
             .filter(|fitted| pose.seen && fitted.confidence > 0.0);
         hand.follow(seen.seconds, fitted.as_ref());
         let first = hand.side.first_finger_joint().index();
@@ -221,6 +243,37 @@ impl MotionFit {
         let turn = (hand.fit).wrist(Quat::from_mat3a(&(camera * forearm)).as_dquat(), palm);
         motion.set_rotation(elbow, motion.rotation(elbow) * turn.elbow_share.as_quat());
         motion.set_rotation(wrist, turn.wrist.as_quat());
+    }
+}
+
+impl Face {
+    /// What the face shows, where the head is turned in camera axes, and how sure that is.
+    fn look(&mut self, seen: &Observation) -> Option<(FaceShown, Option<DQuat>, f64)> {
+        let estimate = seen.face.as_ref()?;
+        let measured = (estimate.landmarks())
+            .and_then(|landmarks| (self.fit).measure(landmarks, seen.seconds, Some(&self.camera)));
+        let measured = measured.as_ref();
+        match estimate {
+            FaceEstimate::Landmarks(_) => measured.map(|measured| {
+                let shown = FaceShown::measured(measured, &self.presets);
+                (shown, Some(measured.camera_from_head), measured.confidence)
+            }),
+            FaceEstimate::Expression(said) => {
+                let (shown, known) =
+                    FaceShown::expressed(said, measured, &self.basis, &self.presets)?;
+                if !(known || self.said) {
+                    self.said = true;
+                    log::warn!(
+                        "the face's expression is left out: its network's weights are of the basis {}, this avatar's are of {}, and there \
+                         is no map between them; jaw, eyes and lids move",
+                        said.basis.as_ref().map_or("", ExpressionBasis::name),
+                        self.basis
+                    );
+                }
+                let head = rotations::camera_from_head(said, measured, &self.camera);
+                Some((shown, head, f64::from(said.confidence.min(1.0))))
+            }
+        }
     }
 }
 

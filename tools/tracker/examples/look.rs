@@ -172,7 +172,11 @@ fn list(seen: &Observation) -> String {
         }
         text.push('\n');
     };
-    for (i, p) in seen.body.iter().flat_map(|b| b.points.iter().enumerate()) {
+    for (i, p) in seen
+        .body_landmarks()
+        .iter()
+        .flat_map(|b| b.points.iter().enumerate())
+    {
         line(
             "body",
             i,
@@ -186,12 +190,16 @@ fn list(seen: &Observation) -> String {
             ],
         );
     }
-    for (name, hand) in ["left", "right"].iter().zip(&seen.hands) {
+    for (name, hand) in ["left", "right"].iter().zip(seen.hand_landmarks()) {
         for (i, p) in hand.iter().flat_map(|h| h.pixels.iter().enumerate()) {
             line(name, i, &[p.x, p.y]);
         }
     }
-    for (i, p) in seen.face.iter().flat_map(|f| f.points.iter().enumerate()) {
+    for (i, p) in seen
+        .face_landmarks()
+        .iter()
+        .flat_map(|f| f.points.iter().enumerate())
+    {
         line("face", i, &[p.x, p.y, p.z]);
     }
     text
@@ -211,10 +219,10 @@ fn draw(picture: &mut RgbImage, seen: &Observation) {
             }
         }
     };
-    for p in seen.face.iter().flat_map(|f| f.points.iter()) {
+    for p in seen.face_landmarks().iter().flat_map(|f| f.points.iter()) {
         dot(p.x, p.y, 0, [0, 255, 255]);
     }
-    for p in seen.body.iter().flat_map(|b| b.points.iter()) {
+    for p in seen.body_landmarks().iter().flat_map(|b| b.points.iter()) {
         let colour = if p.confidence > 0.5 {
             [0, 255, 0]
         } else {
@@ -222,7 +230,7 @@ fn draw(picture: &mut RgbImage, seen: &Observation) {
         };
         dot(p.pixel.x, p.pixel.y, 2, colour);
     }
-    for (hand, colour) in seen.hands.iter().zip([[255, 0, 0], [0, 0, 255]]) {
+    for (hand, colour) in seen.hand_landmarks().iter().zip([[255, 0, 0], [0, 0, 255]]) {
         for p in hand.iter().flat_map(|h| h.pixels.iter()) {
             dot(p.x, p.y, 1, colour);
         }

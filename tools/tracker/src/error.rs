@@ -1,5 +1,6 @@
 //! What can go wrong between a camera and what was seen in its pictures.
 
+use npu_runtime::RuntimeError;
 use std::path::PathBuf;
 
 /// The environment variable that names the folder of the tracking networks.
@@ -73,7 +74,30 @@ pub enum TrackerError {
         network: String,
         /// Why.
         #[source]
-        source: npu_runtime::RuntimeError,
+        source: RuntimeError,
+    },
+    /// A network of the user's is not as its description says, or that says what cannot be.
+    #[error(
+        "cannot use the network that {} describes: {reason}; docs/models.md says how a network is described",
+        path.display()
+    )]
+    Description {
+        /// The description.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// The runtime failed to load or run a network of the user's.
+    #[error(
+        "the network {} cannot be run: try it with ONNX Runtime alone, and export it with operators that ONNX Runtime has",
+        path.display()
+    )]
+    Custom {
+        /// The network's file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: RuntimeError,
     },
     /// A thread could not be started.
     #[error(

@@ -36,6 +36,7 @@
 //! ```
 
 pub mod crop;
+pub mod custom;
 pub mod error;
 pub mod mediapipe;
 pub mod models;

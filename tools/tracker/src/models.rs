@@ -5,8 +5,10 @@
 
 use crate::TrackerError;
 use crate::picture::PictureView;
-use glam::{Quat, Vec2};
-use motion_fit::landmarks::{BodyLandmarks, FaceLandmarks, HandLandmarks};
+pub use motion_fit::estimates::{
+    BodyEstimate, BodyHints, BodyRotations, FaceEstimate, FaceExpression, FaceHint, HandEstimate,
+    HandHint, HandRotations, JointRotation,
+};
 use std::fmt;
 
 /// One of a person's own sides, as an index of pairs.
@@ -30,113 +32,6 @@ impl Side {
             Self::Right => 1,
         }
     }
-}
-
-/// A joint's rotation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointRotation {
-    /// In the parent's frame, as SMPL-X defines the joint.
-    pub rotation: Quat,
-    /// Probability that it is right, 0..=1.
-    pub confidence: f32,
-}
-
-/// Where hands and face are, as far as the body's model knows, in pixels of the picture.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct BodyHints {
-    /// The person's left and right hand.
-    pub hands: [Option<HandHint>; 2],
-    /// The face.
-    pub face: Option<FaceHint>,
-}
-
-/// Where a hand is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HandHint {
-    /// The wrist, pixels.
-    pub wrist: Vec2,
-    /// The index finger's root, pixels.
-    pub index: Vec2,
-    /// The little finger's root, pixels.
-    pub little: Vec2,
-    /// Probability that the wrist is visible, 0..=1.
-    pub confidence: f32,
-}
-
-/// Where a face is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FaceHint {
-    /// The first eleven landmarks of a body (nose, eyes, ears, mouth), pixels.
-    pub points: [Vec2; 11],
-}
-
-/// What a body's model gives.
-#[derive(Debug, Clone, PartialEq)]
-#[allow(
-    clippy::large_enum_variant,
-    reason = "the usual one is the large one: boxed, it would be allocated for every picture"
-)]
-pub enum BodyEstimate {
-    /// Landmarks in the picture.
-    Landmarks(BodyLandmarks),
-    /// Joint rotations, and where hands and face are.
-    Rotations {
-        /// The pelvis in camera axes, then SMPL-X's 21 joints of the body.
-        joints: Box<[JointRotation; 22]>,
-        /// For the models of hands and face.
-        hints: BodyHints,
-    },
-}
-
-impl BodyEstimate {
-    /// Where hands and face are.
-    #[must_use]
-    pub fn hints(&self) -> BodyHints {
-        let landmarks = match self {
-            Self::Rotations { hints, .. } => return *hints,
-            Self::Landmarks(landmarks) => landmarks,
-        };
-        let points = &landmarks.points;
-        let hand = |wrist: usize, little: usize, index: usize| HandHint {
-            wrist: points[wrist].pixel,
-            little: points[little].pixel,
-            index: points[index].pixel,
-            confidence: points[wrist].confidence,
-        };
-        BodyHints {
-            hands: [Some(hand(15, 17, 19)), Some(hand(16, 18, 20))],
-            face: Some(FaceHint {
-                points: std::array::from_fn(|i| points[i].pixel),
-            }),
-        }
-    }
-}
-
-/// What a hand's model gives.
-#[derive(Debug, Clone, PartialEq)]
-#[allow(
-    clippy::large_enum_variant,
-    reason = "the usual one is the large one: boxed, it would be allocated for every picture"
-)]
-pub enum HandEstimate {
-    /// Landmarks in the picture.
-    Landmarks(HandLandmarks),
-    /// The wrist in camera axes, then SMPL-X's 15 joints of that hand.
-    Rotations(Box<[JointRotation; 16]>),
-}
-
-/// What a face's model gives.
-#[derive(Debug, Clone, PartialEq)]
-pub enum FaceEstimate {
-    /// Landmarks in the picture.
-    Landmarks(FaceLandmarks),
-    /// The jaw's rotation and weights of SMPL-X's expression.
-    Expression {
-        /// The jaw.
-        jaw: JointRotation,
-        /// Weights, in standard deviations.
-        weights: Vec<f32>,
-    },
 }
 
 /// Finds a body in pictures.

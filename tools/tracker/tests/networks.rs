@@ -136,12 +136,11 @@ fn reference() -> Vec<(&'static str, usize, Vec2)> {
 /// The same of what was seen.
 fn pixel(seen: &Observation, part: &str, number: usize) -> Option<Vec2> {
     match part {
-        "body" => seen.body.as_ref().map(|body| body.points[number].pixel),
-        "left" => seen.hands[0].as_ref().map(|hand| hand.pixels[number]),
-        "right" => seen.hands[1].as_ref().map(|hand| hand.pixels[number]),
+        "body" => seen.body_landmarks().map(|body| body.points[number].pixel),
+        "left" => seen.hand_landmarks()[0].map(|hand| hand.pixels[number]),
+        "right" => seen.hand_landmarks()[1].map(|hand| hand.pixels[number]),
         _ => seen
-            .face
-            .as_ref()
+            .face_landmarks()
             .map(|face| face.points[number].truncate()),
     }
 }
@@ -194,7 +193,7 @@ fn landmarks_are_those_of_mediapipe() {
             "{part}: mean {mean} %, worst {worst} %"
         );
     }
-    let body = seen.body.unwrap();
+    let body = seen.body_landmarks().unwrap();
     let metres = body.points[11].metres.distance(body.points[12].metres);
     assert!((0.2..0.5).contains(&metres), "shoulders {metres} m apart");
     assert!(
@@ -211,7 +210,10 @@ fn a_mirrored_picture_has_mirrored_landmarks() {
     let person = Still::person();
     let plain = watched(&mut tracker, &person).into_observation();
     let mirrored = watched(&mut tracker, &person.mirrored()).into_observation();
-    let (plain, mirrored) = (plain.body.unwrap(), mirrored.body.unwrap());
+    let (plain, mirrored) = (
+        plain.body_landmarks().unwrap(),
+        mirrored.body_landmarks().unwrap(),
+    );
     // The nose and pairs of joints; what a body's half pixel of the input would do is 8 pixels, twice that offset.
     let twin = |i: usize| if i == 0 { 0 } else { i + 2 * (i % 2) - 1 };
     let places = [0, 11, 12, 13, 14, 15, 16];
@@ -274,7 +276,7 @@ fn of_two_people_the_nearer_one_is_tracked_and_both_are_counted() {
     let first = tracker.observe(&picture).unwrap();
     assert_eq!(first.people, Some(2), "two people");
     let seen = watched(&mut tracker, &two).into_observation();
-    let nose = seen.body.unwrap().points[0].pixel;
+    let nose = seen.body_landmarks().unwrap().points[0].pixel;
     let expected = reference()[0].2 + Vec2::new(400.0, 0.0);
     assert!(
         nose.distance(expected) < 10.0,

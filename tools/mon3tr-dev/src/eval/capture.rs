@@ -99,6 +99,7 @@ fn fit(avatar: &Avatar, take: &Take, seen: &[Observation]) -> Vec<Fitted> {
     let subject = Subject {
         skeleton: &avatar.skeleton,
         expressions: &avatar.expressions,
+        expression_basis: &avatar.expression_basis,
     };
     let mut fit = MotionFit::new(&subject, renders::pinhole(&take.camera));
     seen.iter().map(|seen| fit.step(seen)).collect()

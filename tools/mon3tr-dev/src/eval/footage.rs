@@ -106,6 +106,7 @@ fn four_cameras(
         let subject = Subject {
             skeleton: &skeleton,
             expressions: &avatar.expressions,
+            expression_basis: &avatar.expression_basis,
         };
         let mut fit = MotionFit::new(&subject, pinhole);
         let fitted: Vec<Option<Posed>> = (seen.iter())
@@ -125,7 +126,7 @@ fn limbs_of(cameras: &[Calibrated], seen: &[Vec<Observation>], k: usize) -> [DVe
     let mut limbs = LANDMARKS.map(|landmark| {
         let views: Vec<(DVec2, f64)> = (seen.iter())
             .map(
-                |frames| match frames.get(k).and_then(|seen| seen.body.as_ref()) {
+                |frames| match frames.get(k).and_then(Observation::body_landmarks) {
                     Some(body) => {
                         let point = body.points[landmark];
                         (point.pixel.as_dvec2(), f64::from(point.confidence))
@@ -263,7 +264,7 @@ fn scaled_alike(
     camera: &landmarks::Camera,
 ) -> Vec<Option<Posed>> {
     let limbs = |seen: &Observation| {
-        let body = seen.body.as_ref()?;
+        let body = seen.body_landmarks()?;
         Some(LANDMARKS.map(|landmark| body.points[landmark].metres.as_dvec3()))
     };
     let spread = |limbs: &[DVec3; LIMBS.len()]| {
@@ -309,6 +310,7 @@ fn carphone(
     let subject = Subject {
         skeleton: &avatar.skeleton,
         expressions: &avatar.expressions,
+        expression_basis: &avatar.expression_basis,
     };
     let mut fit = MotionFit::new(&subject, pinhole);
     let mut jaws: Vec<f64> = (seen.iter())

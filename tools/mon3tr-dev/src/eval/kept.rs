@@ -32,7 +32,7 @@ struct KeptFace {
 
 impl From<&Observation> for Kept {
     fn from(seen: &Observation) -> Self {
-        let body = seen.body.as_ref().map(|body| {
+        let body = seen.body_landmarks().map(|body| {
             let point = |p: &BodyPoint| {
                 let (u, m) = (p.pixel, p.metres);
                 [u.x, u.y, m.x, m.y, m.z, p.confidence]
@@ -45,14 +45,14 @@ impl From<&Observation> for Kept {
                 .map(|(u, m)| [u.x, u.y, m.x, m.y, m.z])
                 .collect(),
         };
-        let face = seen.face.as_ref().map(|face| KeptFace {
+        let face = seen.face_landmarks().map(|face| KeptFace {
             confidence: face.confidence,
             points: face.points.iter().map(Vec3::to_array).collect(),
         });
         Self {
             seconds: seen.seconds,
             body,
-            hands: seen.hands.each_ref().map(|one| one.as_ref().map(hand)),
+            hands: seen.hand_landmarks().map(|one| one.map(hand)),
             face,
         }
     }
@@ -96,9 +96,9 @@ impl From<&Kept> for Observation {
         });
         Self {
             seconds: kept.seconds,
-            body,
-            hands: kept.hands.each_ref().map(|one| one.as_ref().map(hand)),
-            face,
+            body: body.map(Into::into),
+            hands: (kept.hands.each_ref()).map(|one| one.as_ref().map(hand).map(Into::into)),
+            face: face.map(Into::into),
         }
     }
 }

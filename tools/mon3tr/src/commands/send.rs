@@ -185,7 +185,8 @@ impl Options {
             let capture = ClipCapture::new(clip, self.rate, self.seconds);
             return Ok((Motion::Clip(capture), name, self.rate));
         };
-        let capture = CameraCapture::live(choice, self.camera.lens, avatar, device, self.seconds)?;
+        let options = &self.camera.capture;
+        let capture = CameraCapture::live(choice, options, avatar, device, self.seconds)?;
         let info = capture.source().info();
         let rate = info.rate_hz.unwrap_or(CAMERA_RATE);
         let (name, rate) = (info.name.clone(), rate.clamp(*RATES.start(), *RATES.end()));

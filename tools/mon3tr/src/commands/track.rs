@@ -1,6 +1,6 @@
 //! `mon3tr track`: the motion of the person in a video, as a file that other tools read.
 
-use crate::camera::LensOptions;
+use crate::camera::CaptureOptions;
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::device_options::{DeviceOptions, make_folder};
 use crate::recording::TrackedRecording;
@@ -29,7 +29,7 @@ pub struct Options {
     #[command(flatten)]
     bake: BakeChoices,
     #[command(flatten)]
-    lens: LensOptions,
+    capture: CaptureOptions,
     /// Draw the avatar beside the video, into this animation
     #[arg(long, value_name = "FILE.webp")]
     render: Option<PathBuf>,
@@ -68,8 +68,13 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         None => baked_demo_avatar(&options.bake, device)?,
     };
     let (avatar, _) = load_avatar(&package)?;
-    let recording =
-        TrackedRecording::track(&options.video, options.lens, &avatar, device, MOST_FRAMES)?;
+    let recording = TrackedRecording::track(
+        &options.video,
+        &options.capture,
+        &avatar,
+        device,
+        MOST_FRAMES,
+    )?;
     if recording.seen.len() == MOST_FRAMES {
         log::warn!("only the first {MOST_FRAMES} pictures are tracked");
     }

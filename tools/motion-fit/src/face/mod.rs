@@ -184,7 +184,7 @@ impl FaceFit {
 
 /// The rotation from the camera's axis to the line of sight to the pixel `at`: what is seen along that line without
 /// perspective appears turned by the opposite.
-fn towards(at: DVec3, camera: Option<&Camera>) -> DQuat {
+pub(crate) fn towards(at: DVec3, camera: Option<&Camera>) -> DQuat {
     let ray = camera.and_then(|camera| {
         let off = (at.truncate() - camera.centre.as_dvec2()) / f64::from(camera.focal);
         let ray = off.extend(1.0);

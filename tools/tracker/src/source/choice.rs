@@ -1,6 +1,7 @@
 //! What the user named, as one of the kinds of sources.
 
 use std::convert::Infallible;
+use std::ffi::OsString;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -72,6 +73,28 @@ pub(super) fn without_password(url: &str) -> String {
     let (host, path) = rest.split_at(end);
     let host = host.rsplit_once('@').map_or(host, |(_, host)| host);
     format!("{scheme}://{host}{path}")
+}
+
+impl SourceChoice {
+    /// The choice as an argument for another program, from which it is parsed again: with a password, where an address has one.
+    #[must_use]
+    pub fn to_argument(&self) -> OsString {
+        match self {
+            Self::Stdin => "-".into(),
+            Self::Url(url) => url.into(),
+            // A file's name might be a number or a dash.
+            Self::Folder(path) | Self::Y4m(path) | Self::MotionJpeg(path) | Self::File(path)
+                if path.is_relative() =>
+            {
+                Path::new(".").join(path).into()
+            }
+            Self::Device(path)
+            | Self::Folder(path)
+            | Self::Y4m(path)
+            | Self::MotionJpeg(path)
+            | Self::File(path) => path.into(),
+        }
+    }
 }
 
 impl FromStr for SourceChoice {
@@ -171,6 +194,27 @@ mod tests {
             ),
         ] {
             assert_eq!(parsed(text), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_choice_is_itself_again_from_its_argument() {
+        for text in [
+            "0",
+            "-",
+            "./0",
+            "./-",
+            "a.y4m",
+            "b.mjpeg",
+            "rtsp://me:secret@x/y",
+            "/tmp",
+        ] {
+            let choice = parsed(text);
+            let argument = choice.to_argument();
+            let again = parsed(argument.to_str().expect("UTF-8")).to_argument();
+            assert_eq!(again, argument, "{text}");
+            let kind = std::mem::discriminant(&parsed(argument.to_str().expect("UTF-8")));
+            assert_eq!(kind, std::mem::discriminant(&choice), "{text}");
         }
     }
 

@@ -10,7 +10,7 @@ use crate::models::{
     HandModels, Models, Side,
 };
 use crate::picture::Picture;
-use motion_fit::landmarks::Observation;
+use motion_fit::estimates::Observation;
 use std::sync::Arc;
 use std::time::Instant;
 use thread::{Answer, Worker, ms_since};
@@ -35,25 +35,14 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// The landmarks among it.
+    /// What the fit needs of it.
     #[must_use]
     pub fn into_observation(self) -> Observation {
-        let hand = |hand| match hand {
-            Some(HandEstimate::Landmarks(hand)) => Some(hand),
-            _ => None,
-        };
-        let [left, right] = self.hands;
         Observation {
             seconds: self.seconds,
-            body: match self.body {
-                Some(BodyEstimate::Landmarks(body)) => Some(body),
-                _ => None,
-            },
-            hands: [hand(left), hand(right)],
-            face: match self.face {
-                Some(FaceEstimate::Landmarks(face)) => Some(face),
-                _ => None,
-            },
+            body: self.body,
+            hands: self.hands,
+            face: self.face,
         }
     }
 }

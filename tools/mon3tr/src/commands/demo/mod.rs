@@ -34,6 +34,9 @@ use tracker::source::SourceChoice;
 /// Longest call of the demo, seconds: as long as an animation may be.
 const LONGEST_CALL: f64 = 20.0;
 
+/// Shortest call before a camera, seconds: networks and connection need a moment.
+const SHORTEST_CALL: f64 = 6.0;
+
 /// Pictures of a recording that the demo tracks: those of its longest call, at 60 Hz.
 const LONGEST_RECORDING: usize = 1200;
 
@@ -139,6 +142,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let seconds = performance.as_ref().map_or(LONGEST_CALL, |performance| {
         (performance.frames.len() as f64 / MOTION_RATE).min(LONGEST_CALL)
     });
+    // A short recording is played again.
+    let seconds = match options.camera.camera {
+        Some(_) => seconds.max(SHORTEST_CALL),
+        None => seconds,
+    };
     let gpu = match gpu {
         Some(_) if options.display == Display::Window => {
             return call::run(options, &package, Shown::Window).map(drop);
@@ -211,8 +219,9 @@ impl Options {
             ),
             Some(choice) => choice,
         };
-        let lens = self.camera.lens;
-        let recording = TrackedRecording::track(choice, lens, avatar, device, LONGEST_RECORDING)?;
+        let capture = &self.camera.capture;
+        let recording =
+            TrackedRecording::track(choice, capture, avatar, device, LONGEST_RECORDING)?;
         recording.figures.print();
         if self.display == Display::Offscreen {
             let file = self.out.join("side-by-side.webp");

@@ -1,0 +1,219 @@
+//! A described network with its memory.
+
+use super::decode::{Decoded, Look, decode};
+use super::description::{Beyond, Colours, Description, Layout, Measure, Sight};
+use super::graph;
+use super::orders::Part;
+use super::plan::Plan;
+use crate::TrackerError;
+use crate::crop::{Border, Crop, Region};
+use crate::picture::PictureView;
+use glam::Vec2;
+use npu_runtime::{Outputs, Provider, Runtime, Session, TensorSpec};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The largest file that is read: protobuf ends there.
+const MOST_BYTES: u64 = 2 << 30;
+
+/// A network that several models use one after the other.
+#[derive(Debug, Clone)]
+pub(super) struct Shared {
+    pub(super) plan: Arc<Plan>,
+    network: Arc<Mutex<Network>>,
+}
+
+#[derive(Debug)]
+struct Network {
+    path: PathBuf,
+    session: Session,
+    outputs: Outputs,
+    crop: Crop,
+    planes: Vec<f32>,
+    /// Whether it was said that its numbers are not finite.
+    said: bool,
+}
+
+impl Shared {
+    /// Loads the network that is described at `path`.
+    pub(super) fn open(
+        path: &Path,
+        part: Part,
+        runtime: &Runtime,
+        threads: usize,
+    ) -> Result<Self, TrackerError> {
+        let (said, toml, onnx) = Description::read(path)?;
+        let refuse = |reason: String| TrackerError::Description {
+            path: toml.clone(),
+            reason,
+        };
+        let file = read(&onnx)
+            .map_err(|why| refuse(format!("cannot read the network {}: {why}", onnx.display())))?;
+        let [width, height] = said.input.sides();
+        let shape = match said.input.layout {
+            Layout::Nchw => [1, 3, height, width],
+            Layout::Nhwc => [1, height, width, 3],
+        };
+        let wanted: Vec<&str> = said.outputs.iter().map(|output| output.name()).collect();
+        let of_network = |why: String| refuse(format!("the network {}: {why}", onnx.display()));
+        let graph = graph::narrow(&file, TensorSpec::new(&said.input.name, &shape), &wanted)
+            .map_err(of_network)?;
+        drop(file);
+        let lengths: Vec<usize> = graph
+            .outputs
+            .iter()
+            .map(|spec| spec.shape.iter().product())
+            .collect();
+        let plan = Plan::new(said, part, &lengths).map_err(of_network)?;
+        let fail = |source| TrackerError::Custom {
+            path: onnx.clone(),
+            source,
+        };
+        let session = Session::new(
+            runtime,
+            &graph.onnx,
+            Provider::Cpu { threads },
+            std::slice::from_ref(&graph.input),
+            &graph.outputs,
+        )
+        .map_err(fail)?;
+        let size = width.max(height);
+        let crop = Crop {
+            size,
+            border: match plan.said.crop.border {
+                Beyond::Black => Border::Zero,
+                Beyond::Edge => Border::Replicate,
+            },
+            black: plan.said.input.range[0],
+            white: plan.said.input.range[1],
+        };
+        Ok(Self {
+            plan: Arc::new(plan),
+            network: Arc::new(Mutex::new(Network {
+                outputs: session.outputs().map_err(fail)?,
+                path: onnx.clone(),
+                session,
+                crop,
+                planes: vec![0.0; 3 * size * size],
+                said: false,
+            })),
+        })
+    }
+
+    /// What the network sees in `region`.
+    pub(super) fn look(
+        &self,
+        picture: PictureView<'_>,
+        look: Look<'_>,
+    ) -> Result<Option<Decoded>, TrackerError> {
+        // What another model's panic left is overwritten.
+        let mut network = self.network.lock().unwrap_or_else(PoisonError::into_inner);
+        let Network {
+            path,
+            session,
+            outputs,
+            crop,
+            planes,
+            said,
+        } = &mut *network;
+        crop.fill(picture, look.region, planes);
+        fill(
+            &self.plan,
+            planes,
+            crop.size,
+            look.mirrored,
+            session.input_mut(0),
+        );
+        session
+            .run(outputs)
+            .map_err(|source| TrackerError::Custom {
+                path: path.clone(),
+                source,
+            })?;
+        let seen = decode(&self.plan, |at| outputs.get(at), look);
+        if seen.is_none() && !*said {
+            let count = self.plan.said.outputs.len();
+            let finite = (0..count).all(|at| outputs.get(at).iter().all(|v| v.is_finite()));
+            if !finite {
+                *said = true;
+                log::warn!(
+                    "the network {} gives numbers that are none; such pictures are left out",
+                    path.display()
+                );
+            }
+        }
+        Ok(seen)
+    }
+
+    /// The square about `points` that the description asks for, turned by `radians` if it asks for that.
+    pub(super) fn region(
+        &self,
+        points: impl IntoIterator<Item = Vec2>,
+        radians: f32,
+    ) -> Option<Region> {
+        let rule = &self.plan.said.crop;
+        let radians = if rule.turned { radians } else { 0.0 };
+        let back = Vec2::from_angle(-radians);
+        let none = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        let (low, high) = points
+            .into_iter()
+            .map(|point| back.rotate(point))
+            .fold(none, |(low, high), p| (low.min(p), high.max(p)));
+        let size = match rule.measure {
+            Measure::Longer => (high - low).max_element(),
+            Measure::Mean => (high.x - low.x + high.y - low.y) * 0.5,
+        };
+        let centre = Vec2::from_angle(radians).rotate((low + high) * 0.5);
+        Region::new(centre, size * rule.scale, radians)
+    }
+
+    /// Along which pixel the network saw what it saw in `region`.
+    pub(super) fn sight(&self, region: &Region) -> Option<Vec2> {
+        (self.plan.said.crop.sight == Sight::Crop).then(|| region.centre())
+    }
+}
+
+/// Writes the middle of `planes` (red, green and blue, `size` x `size` each) as the description wants it.
+fn fill(plan: &Plan, planes: &[f32], size: usize, mirrored: bool, to: &mut [f32]) {
+    let said = &plan.said.input;
+    let [width, height] = said.sides();
+    let (left, top) = ((size - width) / 2, (size - height) / 2);
+    let area = width * height;
+    for channel in 0..3 {
+        let plane = match said.colours {
+            Colours::Rgb => channel,
+            Colours::Bgr => 2 - channel,
+        };
+        let (mean, scale) = (said.mean[channel], 1.0 / said.deviation[channel]);
+        for y in 0..height {
+            let first = plane * size * size + (top + y) * size + left;
+            let Some(row) = planes.get(first..first + width) else {
+                return;
+            };
+            for x in 0..width {
+                let from = if mirrored { width - 1 - x } else { x };
+                let at = match said.layout {
+                    Layout::Nchw => channel * area + y * width + x,
+                    Layout::Nhwc => (y * width + x) * 3 + channel,
+                };
+                if let (Some(to), Some(from)) = (to.get_mut(at), row.get(from)) {
+                    *to = (from - mean) * scale;
+                }
+            }
+        }
+    }
+}
+
+fn read(path: &Path) -> std::io::Result<Vec<u8>> {
+    let file = std::fs::File::open(path)?;
+    let length = file.metadata()?.len();
+    if length >= MOST_BYTES {
+        return Err(std::io::Error::other(
+            "it has more than 2 GiB; store its weights as 16-bit floats",
+        ));
+    }
+    let mut bytes = Vec::new();
+    file.take(MOST_BYTES).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
