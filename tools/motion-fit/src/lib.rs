@@ -4,7 +4,6 @@
 
 pub mod align;
 pub mod body;
-pub mod estimates;
 pub mod face;
 pub mod hands;
 pub mod landmarks;
@@ -12,4 +11,5 @@ mod motion_fit;
 mod rotations;
 pub mod smoother;
 
+pub use landmarks::estimates;
 pub use motion_fit::{Fitted, MotionFit, Subject};

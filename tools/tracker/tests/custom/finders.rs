@@ -17,8 +17,9 @@ pub(crate) const SIZE: f32 = 16.0;
 
 /// Red grows to the right, green down, blue is even.
 pub(crate) fn picture() -> Vec<u8> {
+    let shade = |at: usize| u8::try_from(at * 4).unwrap();
     (0..SIDE * SIDE)
-        .flat_map(|at| [(at % SIDE * 4) as u8, (at / SIDE * 4) as u8, 100])
+        .flat_map(|at| [shade(at % SIDE), shade(at / SIDE), 100])
         .collect()
 }
 

@@ -485,7 +485,7 @@ fn the_documentations_example_of_rtmpose_is_compared_with_the_network() {
 fn simcc_bins_are_landmarks_and_their_heights_probabilities() {
     let Some(runtime) = runtime() else { return };
     let axis = |bin: usize, height: f32| {
-        let mut one = vec![0.0; 16];
+        let mut one = [0.0; 16];
         one[bin] = height;
         one.repeat(26)
     };
