@@ -1,6 +1,7 @@
 //! The demo person end to end: baked from MakeHuman's data, moved, drawn by the command, and drawn as the f64 reference
 //! says.
 
+use crate::camera::{a_camera_sees_what_was_drawn, networks};
 use crate::floor::scene;
 use crate::placements::every_placement_poses_it_alike;
 use crate::support::{Outcome, command, json, mon3tr};
@@ -184,7 +185,7 @@ fn the_demo_leaves_pictures_and_figures_and_draws_as_the_reference_says() {
 }
 
 #[test]
-fn bake_writes_a_package_that_inspect_accepts() {
+fn bake_writes_a_package_that_inspect_accepts_and_a_camera_drives() {
     if !raw_material() {
         return;
     }
@@ -218,6 +219,9 @@ fn bake_writes_a_package_that_inspect_accepts() {
         shown.contains(&gaussians.to_string()),
         "inspect agrees:\n{shown}"
     );
+    if gpu().is_some() && networks() {
+        a_camera_sees_what_was_drawn(Path::new(&package), folder.path());
+    }
 }
 
 /// On poses that no fit has seen, each network must bring the double closer to the simulated truth.
