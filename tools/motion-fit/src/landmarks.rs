@@ -3,7 +3,10 @@
 //! Pixels: x to the right, y down, the centre of the first pixel at (0.5, 0.5). Camera axes: x right, y down, z away from the camera,
 //! metres. Left and right are the person's own.
 
-pub use crate::estimates::Observation;
+pub mod estimates;
+
+pub use estimates::Observation;
+
 use glam::{Vec2, Vec3};
 
 /// Landmarks of the body, in the order of BlazePose (MediaPipe's pose landmarker).

@@ -28,7 +28,6 @@
 
 pub mod align;
 pub mod body;
-pub mod estimates;
 pub mod face;
 pub mod hands;
 pub mod landmarks;
@@ -36,4 +35,5 @@ mod motion_fit;
 mod rotations;
 pub mod smoother;
 
+pub use landmarks::estimates;
 pub use motion_fit::{Fitted, MotionFit, Subject};

@@ -1,10 +1,10 @@
 //! [`MotionFit`]: what the networks saw of body, hands and face becomes one frame of motion parameters.
 
 use crate::body::{BodyFit, BodyPose, FitConfig, FootLock, Limb};
-use crate::estimates::{BodyEstimate, FaceEstimate, HandEstimate, Observation};
 use crate::face::FaceFit;
 use crate::hands::{FINGER_JOINTS, FlexionBias, HandFit, HandPose, Side};
 use crate::landmarks::Camera;
+use crate::landmarks::estimates::{BodyEstimate, FaceEstimate, HandEstimate, Observation};
 use crate::rotations::{self, FaceShown};
 use crate::smoother::{Confidence, SmoothConfig, Smoother};
 use glam::{Affine3A, DQuat, Mat3A, Quat, Vec3A};

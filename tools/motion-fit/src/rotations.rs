@@ -1,10 +1,10 @@
 //! What models say in rotations and weights, in the avatar's own frames.
 
 use crate::body::{BodyPose, Limb};
-use crate::estimates::{BodyRotations, FaceExpression, HandRotations, JointRotation};
 use crate::face::{self, FaceMeasures};
 use crate::hands::{FINGER_JOINTS, HandPose};
 use crate::landmarks::Camera;
+use crate::landmarks::estimates::{BodyRotations, FaceExpression, HandRotations, JointRotation};
 use glam::{DQuat, Quat, Vec2, Vec3};
 use spmm3::{EXPRESSION, ExpressionBasis, Expressions, Joint, MotionParams, Skeleton};
 

@@ -96,6 +96,8 @@ pub(super) struct CropRule {
     /// The square's side, in sizes of the box about the landmarks.
     pub(super) scale: f32,
     pub(super) measure: Measure,
+    /// The box is first widened or heightened to this width over height; by default the input's.
+    pub(super) aspect: Option<f32>,
     /// Whether the square is turned with the body, hand or face.
     pub(super) turned: bool,
     pub(super) border: Beyond,
@@ -134,6 +136,7 @@ impl Default for CropRule {
         Self {
             scale: 1.5,
             measure: Measure::Longer,
+            aspect: None,
             turned: false,
             border: Beyond::Black,
             sight: Sight::Crop,
@@ -396,6 +399,10 @@ impl Description {
             return Err(format!(
                 "a crop's scale of {scale}; it is 0.1..={MOST_SCALE}"
             ));
+        }
+        let aspect = self.crop.aspect.unwrap_or(1.0);
+        if !(0.1..=10.0).contains(&aspect) {
+            return Err(format!("a crop's aspect of {aspect}; it is 0.1..=10"));
         }
         if !(0.0..=1.0).contains(&self.least_confidence) {
             return Err(format!(

@@ -160,9 +160,16 @@ impl Shared {
             .into_iter()
             .map(|point| back.rotate(point))
             .fold(none, |(low, high), p| (low.min(p), high.max(p)));
+        let [width, height] = self.plan.said.input.sides();
+        let aspect = rule.aspect.unwrap_or(width as f32 / height as f32);
+        let found = high - low;
         let size = match rule.measure {
-            Measure::Longer => (high - low).max_element(),
-            Measure::Mean => (high.x - low.x + high.y - low.y) * 0.5,
+            Measure::Longer => {
+                let wide = found.x.max(found.y * aspect);
+                let high = found.y.max(found.x / aspect);
+                wide.max(high)
+            }
+            Measure::Mean => (found.x + found.y) * 0.5,
         };
         let centre = Vec2::from_angle(radians).rotate((low + high) * 0.5);
         Region::new(centre, size * rule.scale, radians)

@@ -204,8 +204,10 @@ impl Plan {
                 representation,
                 ..
             } => {
+                let places = joints.iter().map(|joint| self.joint(name, joint));
+                let places = places.collect::<Result<_, _>>()?;
                 self.need_rotations(joints.len(), *representation, &need)?;
-                return joints.iter().map(|joint| self.joint(name, joint)).collect();
+                return Ok(places);
             }
             Output::Jaw { representation, .. } => {
                 face("a jaw")?;

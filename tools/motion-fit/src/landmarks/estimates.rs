@@ -3,7 +3,7 @@
 //! Rotations in camera axes turn what stands in the axes of the avatar's T-pose (y up, facing +z) into the camera's (x right, y down,
 //! z away): a person who faces the camera has a pelvis turned by half a turn about x.
 
-use crate::landmarks::{BodyLandmarks, FaceLandmarks, HandLandmarks};
+use super::{BodyLandmarks, FaceLandmarks, HandLandmarks};
 use glam::{Quat, Vec2};
 use spmm3::ExpressionBasis;
 
