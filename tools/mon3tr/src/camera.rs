@@ -6,7 +6,6 @@ use anyhow::Context;
 use glam::Vec2;
 use motion_fit::landmarks::{Camera, Observation};
 use motion_fit::{Fitted, MotionFit, Subject};
-use npu_runtime::Runtime;
 use sender::{Capture, Captured, SendError};
 use serde::Serialize;
 use spmm3::Avatar;
@@ -79,7 +78,7 @@ impl CaptureOptions {
     }
 
     /// The camera of pictures of that size.
-    pub(crate) fn camera(&self, width: u32, height: u32) -> Camera {
+    fn camera(&self, width: u32, height: u32) -> Camera {
         let size = Vec2::new(width as f32, height as f32);
         Camera {
             size,
@@ -127,10 +126,12 @@ pub(crate) struct CameraCapture {
     source: Box<dyn Source>,
     tracker: Tracker,
     fit: MotionFit,
+    camera: Camera,
     picture: Arc<Picture>,
     notices: Notices,
     times: Vec<(StageTimes, f64, f64)>,
     last: Option<u64>,
+    pictures: u64,
     skipped: u64,
     /// For how long it captures motion for a call, from its first one on.
     length: Option<Duration>,
@@ -140,64 +141,83 @@ pub(crate) struct CameraCapture {
 /// Pictures whose times are kept.
 const TIMED: usize = 4096;
 
-impl CameraCapture {
-    /// Opens a camera for a call, of `length` if there is one: of what it gives, the newest.
+/// A camera or recording that is open, with the networks to look at it, before it is known whom it drives.
+pub(crate) struct OpenCamera {
+    source: Box<dyn Source>,
+    tracker: Tracker,
+    camera: Camera,
+}
+
+impl OpenCamera {
+    /// Opens a camera for a call: of what it gives, the newest.
     pub(crate) fn live(
         choice: &SourceChoice,
         options: &CaptureOptions,
-        avatar: &Arc<Avatar>,
         device: &DeviceOptions,
-        length: Option<Duration>,
     ) -> anyhow::Result<Self> {
         let source = source::open_live(choice, &Wanted::default(), true);
-        let runtime = device.runtime()?;
-        let capture = Self::new(source.context("cannot capture")?, options, avatar, &runtime)?;
-        Ok(Self { length, ..capture })
+        Self::new(source.context("cannot capture")?, options, device)
     }
 
     /// Opens a recording: every picture of it.
     pub(crate) fn recorded(
         choice: &SourceChoice,
         options: &CaptureOptions,
-        avatar: &Arc<Avatar>,
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
         let source = source::open(choice, &Wanted::default());
-        Self::new(
-            source.context("cannot track")?,
-            options,
-            avatar,
-            &device.runtime()?,
-        )
+        Self::new(source.context("cannot track")?, options, device)
     }
 
     fn new(
         source: Box<dyn Source>,
         options: &CaptureOptions,
-        avatar: &Arc<Avatar>,
-        runtime: &Runtime,
+        device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
-        let models = mediapipe::Options::default().load(&networks()?, runtime)?;
-        let models = options.models().load(models, runtime)?;
+        let runtime = device.runtime()?;
+        let models = mediapipe::Options::default().load(&networks()?, &runtime)?;
+        let models = options.models().load(models, &runtime)?;
         let info = source.info();
+        Ok(Self {
+            camera: options.camera(info.width, info.height),
+            source,
+            tracker: Tracker::new(models)?,
+        })
+    }
+}
+
+impl CameraCapture {
+    /// Has the camera drive `avatar`; for a call of `length`, if there is one.
+    pub(crate) fn new(open: OpenCamera, avatar: &Avatar, length: Option<Duration>) -> Self {
+        let OpenCamera {
+            source,
+            tracker,
+            camera,
+        } = open;
         let subject = Subject {
             skeleton: &avatar.skeleton,
             expressions: &avatar.expressions,
             expression_basis: &avatar.expression_basis,
         };
-        let fit = MotionFit::new(&subject, options.camera(info.width, info.height));
-        Ok(Self {
+        Self {
             source,
-            tracker: Tracker::new(models)?,
-            fit,
+            tracker,
+            fit: MotionFit::new(&subject, camera),
+            camera,
             picture: Arc::default(),
             notices: Notices::default(),
             times: Vec::new(),
             last: None,
+            pictures: 0,
             skipped: 0,
-            length: None,
+            length,
             began: None,
-        })
+        }
+    }
+
+    /// The camera as the fit knows it.
+    pub(crate) fn camera(&self) -> Camera {
+        self.camera
     }
 
     pub(crate) fn source(&self) -> &dyn Source {
@@ -215,6 +235,8 @@ impl CameraCapture {
             return Ok(None);
         }
         let picture = &self.picture;
+        self.pictures += 1;
+        // From the first picture that is tracked on: what came while the call waited for a viewer is no loss.
         if let Some(last) = self.last.replace(picture.number) {
             self.skipped += picture.number.saturating_sub(last + 1);
         }
@@ -248,7 +270,7 @@ impl CameraCapture {
             values.get(values.len() / 2).copied().unwrap_or(0.0)
         };
         CameraFigures {
-            pictures: self.last.map_or(0, |last| last + 1 - self.skipped),
+            pictures: self.pictures,
             skipped: self.skipped,
             body_ms: median(&|(times, _, _)| times.body_ms.into()),
             hands_ms: median(&|(times, _, _)| times.hands_ms[0].max(times.hands_ms[1]).into()),

@@ -1,20 +1,22 @@
 //! A recording tracked from its first picture to its last, and the motion of it.
 
-use crate::camera::{CameraCapture, CameraFigures, CaptureOptions};
-use crate::device_options::DeviceOptions;
+use crate::camera::{CameraCapture, CameraFigures};
 use crate::progress;
 use anyhow::{Context, bail};
 use motion_fit::Fitted;
 use motion_fit::landmarks::{Camera, Observation};
 use spmm3::{Avatar, MotionClip};
-use std::sync::Arc;
-use tracker::source::{SourceChoice, SourceInfo};
+use tracker::source::SourceInfo;
+
+/// Pictures of a recording that are drawn beside the avatar, at most: as many as an animation has.
+pub(crate) const DRAWN: usize = 600;
 
 /// One picture of a recording and what it showed.
 #[derive(Debug)]
 pub(crate) struct Seen {
     pub(crate) seconds: f64,
-    pub(crate) observation: Observation,
+    /// Of the pictures that are drawn beside the avatar: it is large.
+    pub(crate) observation: Option<Observation>,
     pub(crate) fitted: Fitted,
 }
 
@@ -29,18 +31,11 @@ pub(crate) struct TrackedRecording {
 }
 
 impl TrackedRecording {
-    /// Tracks the first `most` pictures of a recording.
+    /// Tracks the first `most` pictures of a recording that was opened.
     ///
     /// # Errors
     /// If it cannot be read, the networks fail, or there is no person in it.
-    pub(crate) fn track(
-        choice: &SourceChoice,
-        options: &CaptureOptions,
-        avatar: &Arc<Avatar>,
-        device: &DeviceOptions,
-        most: usize,
-    ) -> anyhow::Result<Self> {
-        let mut capture = CameraCapture::recorded(choice, options, avatar, device)?;
+    pub(crate) fn track(mut capture: CameraCapture, most: usize) -> anyhow::Result<Self> {
         let info = capture.source().info().clone();
         let known = info.frames.and_then(|frames| usize::try_from(frames).ok());
         let bar = progress::bar("tracking", known.map_or(0, |known| known.min(most)));
@@ -50,14 +45,14 @@ impl TrackedRecording {
         {
             seen.push(Seen {
                 seconds: tracked.picture.seconds,
-                observation: tracked.observation,
+                observation: (seen.len() < DRAWN).then_some(tracked.observation),
                 fitted: tracked.fitted,
             });
             bar.inc(1);
         }
         bar.finish_and_clear();
         let recording = Self {
-            camera: options.camera(info.width, info.height),
+            camera: capture.camera(),
             info,
             seen,
             figures: capture.figures(),
@@ -86,7 +81,8 @@ impl TrackedRecording {
         let (first, last) = (timed.first().zip(timed.last())).context("there were no pictures")?;
         let rate = match timed.len() {
             1 => self.info.rate_hz.unwrap_or(30.0),
-            count => (count - 1) as f64 / (last.0 - first.0).max(f64::MIN_POSITIVE),
+            count if last.0 > first.0 => (count - 1) as f64 / (last.0 - first.0),
+            _ => bail!("all pictures of {} have the same time", self.info.name),
         };
         let clip = MotionClip::evenly(&self.info.name, &timed, rate)?;
         Ok(MotionClip {

@@ -3,7 +3,7 @@
 use crate::device_options::DeviceOptions;
 use crate::film::Film;
 use crate::progress;
-use crate::recording::TrackedRecording;
+use crate::recording::{DRAWN, TrackedRecording};
 use crate::size::{Size, Views};
 use crate::stills::{RenderSettings, StillRenderer};
 use anyhow::Context;
@@ -21,8 +21,6 @@ use tracker::source::{self, Picture, SourceChoice, Wanted};
 
 /// Height of the animation, pixels.
 const HEIGHT: u32 = 480;
-/// Frames of the longest animation: 20 s at 30 Hz.
-const MOST: usize = 600;
 
 /// Lines of the body between BlazePose's landmarks.
 const BODY_LINES: [(usize, usize); 16] = [
@@ -65,7 +63,7 @@ pub(crate) fn draw(
         width: even(camera.size.x * scale),
         height: HEIGHT,
     };
-    let shown = &seen[..seen.len().min(MOST)];
+    let shown = &seen[..seen.len().min(DRAWN)];
     let stills = (shown.iter())
         .map(|seen| Still {
             motion: seen.fitted.motion.clone(),
@@ -101,7 +99,9 @@ pub(crate) fn draw(
         let left = RgbImage::from_raw(picture.width, picture.height, picture.rgb.clone())
             .context("the video's picture has another size")?;
         let mut left = imageops::thumbnail(&left, size.width, size.height);
-        overlay(&mut left, &seen.observation, scale);
+        if let Some(observation) = &seen.observation {
+            overlay(&mut left, observation, scale);
+        }
         imageops::replace(&mut both, &left, 0, 0);
         imageops::replace(&mut both, view, i64::from(size.width), 0);
         film.add(

@@ -251,9 +251,12 @@ fn kind_of(table: Table<'_>) -> Result<Kind, ConvertError> {
 
 fn tensor<'a>(table: Table<'a>, buffers: &[Table<'a>]) -> Result<Tensor<'a>, ConvertError> {
     let shape = non_negative(table.ints(0, MAX_RANK)?, "a tensor's shape")?;
+    // A length of 0 counts as 1: an empty tensor must not have other lengths without bounds.
     let elements = shape
         .iter()
-        .try_fold(1_usize, |product, length| product.checked_mul(*length))
+        .try_fold(1_usize, |product, length| {
+            product.checked_mul((*length).max(1))
+        })
         .filter(|product| *product <= MAX_ELEMENTS);
     if elements.is_none() {
         return Err(ConvertError::TooLarge {

@@ -59,13 +59,17 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     )?];
     clips.extend(motions::made(&avatar, options.seconds));
     for file in &options.motion {
-        let clip = MotionClip::load(file, &avatar.skeleton, &LoadOptions::default())
+        let mut clip = MotionClip::load(file, &avatar.skeleton, &LoadOptions::default())
             .with_context(|| format!("cannot use the motion {}", file.display()))?;
+        if let Some(line) = clip.fit_expression(&avatar.expression_basis, &avatar.expressions) {
+            println!("{}: {line}", clip.name);
+        }
         clips.push(clip);
     }
     let takes = renders::takes(&avatar, &clips, options.seconds)?;
     let mut rows = Vec::new();
-    let mut keeper = Keeper::new(options.observations.as_deref(), device)?;
+    let of = format!("{} {:.3} s", package.display(), options.seconds);
+    let mut keeper = Keeper::new(options.observations.as_deref(), &of, device)?;
     for take in &takes {
         let seen = keeper.take(take, &avatar)?;
         let fit_began = Instant::now();

@@ -7,6 +7,14 @@ use motion_fit::landmarks::{
 };
 use serde::{Deserialize, Serialize};
 
+/// What was seen in one motion's pictures.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct KeptFile {
+    /// The avatar and the length of the motions that were drawn.
+    pub(super) of: String,
+    pub(super) frames: Vec<Kept>,
+}
+
 /// One [`Observation`].
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Kept {

@@ -1,9 +1,9 @@
 //! What the networks see in drawn and in decoded pictures, kept in a folder if there is one.
 
-use super::kept::Kept;
+use super::kept::{Kept, KeptFile};
 use super::renders::{self, RATE, Take};
 use super::table::StageTimes;
-use anyhow::Context;
+use anyhow::{Context, bail};
 use app_session::display::Still;
 use mon3tr::device_options::{DeviceOptions, networks};
 use mon3tr::progress;
@@ -22,15 +22,22 @@ use tracker::source::{self, Picture, SourceChoice, Wanted};
 /// Looks at pictures, or reads what was seen in them before.
 pub(super) struct Keeper<'a> {
     folder: Option<&'a Path>,
+    /// What the kept observations are of.
+    of: String,
     device: &'a DeviceOptions,
     tracker: Tracker,
     times: StageTimes,
 }
 
 impl<'a> Keeper<'a> {
-    pub(super) fn new(folder: Option<&'a Path>, device: &'a DeviceOptions) -> anyhow::Result<Self> {
+    pub(super) fn new(
+        folder: Option<&'a Path>,
+        of: &str,
+        device: &'a DeviceOptions,
+    ) -> anyhow::Result<Self> {
         Ok(Self {
             folder,
+            of: of.to_owned(),
             device,
             tracker: start(device)?,
             times: StageTimes::default(),
@@ -69,12 +76,23 @@ impl<'a> Keeper<'a> {
         if file.is_file() {
             let text =
                 std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
-            let kept: Vec<Kept> = serde_json::from_slice(&text)
+            let kept: KeptFile = serde_json::from_slice(&text)
                 .with_context(|| format!("{} holds no observations", file.display()))?;
-            return Ok(kept.iter().map(Observation::from).collect());
+            if kept.of != self.of {
+                bail!(
+                    "{} was kept of {}, and this is {}: choose another folder",
+                    file.display(),
+                    kept.of,
+                    self.of
+                );
+            }
+            return Ok(kept.frames.iter().map(Observation::from).collect());
         }
         let seen = look(self)?;
-        let kept: Vec<Kept> = seen.iter().map(Kept::from).collect();
+        let kept = KeptFile {
+            of: self.of.clone(),
+            frames: seen.iter().map(Kept::from).collect(),
+        };
         std::fs::write(&file, serde_json::to_vec(&kept)?)
             .with_context(|| format!("cannot write {}", file.display()))?;
         Ok(seen)

@@ -1,6 +1,6 @@
 //! `mon3tr send`: the motion that a camera captures, or one from a file as if it were captured now, to everyone who joins the room.
 
-use crate::camera::{CameraCapture, CameraFigures, CameraOptions};
+use crate::camera::{CameraCapture, CameraFigures, CameraOptions, OpenCamera};
 use crate::commands::serve::owner_token_file;
 use crate::device_options::DeviceOptions;
 use crate::network::{self, Network};
@@ -185,8 +185,8 @@ impl Options {
             let capture = ClipCapture::new(clip, self.rate, self.seconds);
             return Ok((Motion::Clip(capture), name, self.rate));
         };
-        let options = &self.camera.capture;
-        let capture = CameraCapture::live(choice, options, avatar, device, self.seconds)?;
+        let open = OpenCamera::live(choice, &self.camera.capture, device)?;
+        let capture = CameraCapture::new(open, avatar, self.seconds);
         let info = capture.source().info();
         let rate = info.rate_hz.unwrap_or(CAMERA_RATE);
         let (name, rate) = (info.name.clone(), rate.clamp(*RATES.start(), *RATES.end()));

@@ -1,6 +1,6 @@
 //! `mon3tr track`: the motion of the person in a video, as a file that other tools read.
 
-use crate::camera::CaptureOptions;
+use crate::camera::{CameraCapture, CaptureOptions, OpenCamera};
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::device_options::{DeviceOptions, make_folder};
 use crate::recording::TrackedRecording;
@@ -63,18 +63,15 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         }
         check_writable(file)?;
     }
+    // Before a bake of minutes.
+    let open = OpenCamera::recorded(&options.video, &options.capture, device)?;
     let package = match &options.avatar {
         Some(package) => package.clone(),
         None => baked_demo_avatar(&options.bake, device)?,
     };
     let (avatar, _) = load_avatar(&package)?;
-    let recording = TrackedRecording::track(
-        &options.video,
-        &options.capture,
-        &avatar,
-        device,
-        MOST_FRAMES,
-    )?;
+    let capture = CameraCapture::new(open, &avatar, None);
+    let recording = TrackedRecording::track(capture, MOST_FRAMES)?;
     if recording.seen.len() == MOST_FRAMES {
         log::warn!("only the first {MOST_FRAMES} pictures are tracked");
     }

@@ -127,6 +127,8 @@ impl<T: Send + 'static> Worker<T> {
 impl<T> Drop for Worker<T> {
     fn drop(&mut self) {
         drop(self.messages.take());
+        // An answer that was not taken must not keep the thread.
+        while self.answers.try_recv().is_ok() {}
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
         {

@@ -3,7 +3,7 @@
 
 mod call;
 
-use crate::camera::CameraOptions;
+use crate::camera::{CameraCapture, CameraOptions, OpenCamera};
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
 use crate::device_options::{DeviceOptions, make_folder};
 use crate::film::write_png;
@@ -130,6 +130,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         make_folder(&options.out)?;
         options.json.as_deref().map_or(Ok(()), check_writable)?;
     }
+    let recording = options.open_recording(device)?;
     // Before the bake, and gone when this returns.
     let monado = match options.display {
         Display::Xr if !monado::is_another_active() => Some(Monado::start()?),
@@ -137,7 +138,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     };
     let package = baked_demo_avatar(&options.bake, device)?;
     let (avatar, figures) = load_avatar(&package)?;
-    let performance = options.performance(&avatar, device)?;
+    let performance = options.performance(recording, &avatar, device)?;
     // A camera has no end.
     let seconds = performance.as_ref().map_or(LONGEST_CALL, |performance| {
         (performance.frames.len() as f64 / MOTION_RATE).min(LONGEST_CALL)
@@ -205,29 +206,39 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
 }
 
 impl Options {
-    /// The motion that is known before the call: a clip's or a recording's, not a camera's. A recording is drawn beside the avatar too.
-    fn performance(
-        &self,
-        avatar: &Arc<Avatar>,
-        device: &DeviceOptions,
-    ) -> anyhow::Result<Option<Performance>> {
-        let choice = match &self.camera.camera {
-            None => return self.motion.load(avatar).map(Some),
-            Some(choice) if choice.is_live() => return Ok(None),
+    /// The recording that is tracked and drawn beside the avatar, if there is one: before a bake of minutes. What a window or a headset
+    /// shows is the call alone.
+    fn open_recording(&self, device: &DeviceOptions) -> anyhow::Result<Option<OpenCamera>> {
+        match &self.camera.camera {
             Some(SourceChoice::Stdin) => bail!(
                 "the demo reads a recording more than once, and standard input cannot be: write it to a file first"
             ),
-            Some(choice) => choice,
-        };
-        let capture = &self.camera.capture;
-        let recording =
-            TrackedRecording::track(choice, capture, avatar, device, LONGEST_RECORDING)?;
-        recording.figures.print();
-        if self.display == Display::Offscreen {
-            let file = self.out.join("side-by-side.webp");
-            side_by_side::draw(choice, &recording, avatar, device, &file)?;
-            println!("  {}", file.display());
+            Some(choice) if self.display == Display::Offscreen && !choice.is_live() => {
+                OpenCamera::recorded(choice, &self.camera.capture, device).map(Some)
+            }
+            _ => Ok(None),
         }
+    }
+
+    /// The motion that is known before the call: a clip's or a recording's, not a camera's.
+    fn performance(
+        &self,
+        recording: Option<OpenCamera>,
+        avatar: &Arc<Avatar>,
+        device: &DeviceOptions,
+    ) -> anyhow::Result<Option<Performance>> {
+        let Some(choice) = &self.camera.camera else {
+            return self.motion.load(avatar).map(Some);
+        };
+        let Some(recording) = recording else {
+            return Ok(None);
+        };
+        let capture = CameraCapture::new(recording, avatar, None);
+        let recording = TrackedRecording::track(capture, LONGEST_RECORDING)?;
+        recording.figures.print();
+        let file = self.out.join("side-by-side.webp");
+        side_by_side::draw(choice, &recording, avatar, device, &file)?;
+        println!("  {}", file.display());
         Performance::of(&recording.clip(avatar)?).map(Some)
     }
 }
