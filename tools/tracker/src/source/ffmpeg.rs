@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use super::READ_AHEAD;
 use super::ahead::{Keep, Queue};
-use super::choice::{url_is_live, without_password};
+use super::choice::{url_is_live, user_of, without_password};
 use super::error::SourceError;
 use super::nut::Nut;
 use super::picture::{Picture, Source, SourceInfo, Wanted, within_limits};
@@ -30,6 +30,8 @@ pub(super) struct Input {
     argument: OsString,
     live: bool,
     before: &'static [&'static str],
+    /// What must not be shown, and what is shown in its place.
+    hidden: Vec<(String, String)>,
 }
 
 impl Input {
@@ -42,6 +44,7 @@ impl Input {
             argument,
             live: false,
             before: &[],
+            hidden: Vec::new(),
         }
     }
 
@@ -65,6 +68,16 @@ impl Input {
                 (true, false) => &["-fflags", "nobuffer", "-flags", "low_delay"],
                 (false, _) => &[],
             },
+            // ffmpeg writes addresses out, also those that it derives from this one.
+            hidden: user_of(url)
+                .filter(|user| !user.is_empty())
+                .map(|user| {
+                    vec![
+                        (url.to_owned(), without_password(url)),
+                        (format!("{user}@"), String::new()),
+                    ]
+                })
+                .unwrap_or_default(),
         }
     }
 }

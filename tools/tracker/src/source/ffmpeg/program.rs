@@ -59,12 +59,15 @@ pub(super) struct Said {
     /// The first error, which mostly is the cause of the others, and the last one.
     first: Option<String>,
     pub(super) last: Option<String>,
+    /// What must not be shown, and what is shown in its place.
+    hidden: Vec<(String, String)>,
 }
 
 /// ffmpeg as a child: killed and waited for when it is dropped.
 #[derive(Debug)]
 pub(super) struct Running {
     child: Child,
+    program: PathBuf,
     said: Arc<Mutex<Said>>,
     listener: Option<JoinHandle<()>>,
 }
@@ -126,7 +129,11 @@ impl Running {
         let (pictures, words) = (child.stdout.take(), child.stderr.take());
         let mut running = Self {
             child,
-            said: Arc::default(),
+            program,
+            said: Arc::new(Mutex::new(Said {
+                hidden: input.hidden.clone(),
+                ..Said::default()
+            })),
             listener: None,
         };
         let (Some(pictures), Some(words)) = (pictures, words) else {
@@ -234,8 +241,14 @@ impl Said {
         if let Some((_, words)) = words {
             let words = words.trim();
             if !words.is_empty() {
-                self.first.get_or_insert_with(|| words.to_owned());
-                self.last = Some(words.to_owned());
+                let words = self
+                    .hidden
+                    .iter()
+                    .fold(words.to_owned(), |words, (hidden, shown)| {
+                        words.replace(hidden, shown)
+                    });
+                self.first.get_or_insert_with(|| words.clone());
+                self.last = Some(words);
             }
         } else if line.contains("Output #0") || line.contains("Stream mapping:") {
             self.described = true;
@@ -291,6 +304,28 @@ mod tests {
             message.contains("clip.mp4") && message.contains("install"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn its_words_are_kept_without_the_password_of_an_address() {
+        let url = "rtsp://me:pa@ss@host:554/a@b";
+        let mut said = Said {
+            hidden: Input::url(url).hidden,
+            ..Said::default()
+        };
+        said.hear(&format!(
+            "[in#0 @ 0x2] [error] Error opening input file {url}."
+        ));
+        said.hear("[tcp @ 0x3] [error] Connection to tcp://me:pa@ss@host:80?timeout=0 failed");
+        assert_eq!(
+            (said.first.as_deref(), said.last.as_deref()),
+            (
+                Some("Error opening input file rtsp://host:554/a@b."),
+                Some("Connection to tcp://host:80?timeout=0 failed")
+            ),
+            "words"
+        );
+        assert!(Input::url("udp://@:5000").hidden.is_empty(), "no user");
     }
 
     #[test]
