@@ -185,6 +185,12 @@ impl Running {
     pub(super) fn failure(&mut self, name: &str) -> SourceError {
         let status = self.end();
         let said = self.said();
+        if let Some(why) = said.first.as_deref().and_then(too_old) {
+            return SourceError::NoFfmpeg {
+                name: name.to_owned(),
+                looked: format!("{} is older: {why}", self.program.display()),
+            };
+        }
         let why = match (&said.first, &said.last) {
             (Some(first), Some(last)) if first != last => format!("{last} ({first})"),
             (_, Some(last)) => last.clone(),
@@ -215,6 +221,12 @@ impl Drop for Running {
     fn drop(&mut self) {
         self.kill();
     }
+}
+
+/// What an ffmpeg says that does not know an option of ours: all of them are in 5.1.
+fn too_old(words: &str) -> Option<&str> {
+    (words.starts_with("Unrecognized option") || words.starts_with("Option not found"))
+        .then_some(words.trim_end_matches('.'))
 }
 
 /// Keeps what matters of ffmpeg's words, until it ends.
@@ -326,6 +338,27 @@ mod tests {
             "words"
         );
         assert!(Input::url("udp://@:5000").hidden.is_empty(), "no user");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_older_ffmpeg_is_told_which_is_needed() {
+        let said = "[fatal] Unrecognized option 'fps_mode'.";
+        let mut running = Running {
+            child: Command::new("false")
+                .spawn()
+                .expect("every Unix has that program"),
+            program: "/usr/bin/ffmpeg".into(),
+            said: Arc::default(),
+            listener: None,
+        };
+        running.said().hear(said);
+        let message = running.failure("clip.mp4").to_string();
+        assert!(
+            message.contains("5.1 or newer")
+                && message.contains("/usr/bin/ffmpeg is older: Unrecognized option 'fps_mode'"),
+            "{message}"
+        );
     }
 
     #[test]
