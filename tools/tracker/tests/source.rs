@@ -1,5 +1,6 @@
 //! Sources of pictures against real files: made here by ffmpeg from its own test pictures, and a real clip.
 
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -70,7 +71,11 @@ fn opened(path: &Path) -> Result<Box<dyn Source>, SourceError> {
 /// The error of a source that has no picture, at its opening or its first one.
 fn refused(path: &Path) -> String {
     let first = opened(path).and_then(|mut source| source.next(&mut Picture::empty()));
-    first.expect_err("no picture").to_string()
+    let why = first.expect_err("no picture");
+    match why.source() {
+        Some(cause) => format!("{why}: {cause}"),
+        None => why.to_string(),
+    }
 }
 
 /// All its pictures.
