@@ -89,7 +89,7 @@ impl SourceChoice {
             Self::Url(url) => url.into(),
             // A file's name might be a number or a dash.
             Self::Folder(path) | Self::Y4m(path) | Self::MotionJpeg(path) | Self::File(path)
-                if path.is_relative() =>
+                if path.is_relative() && !path.starts_with(".") =>
             {
                 Path::new(".").join(path).into()
             }
