@@ -8,9 +8,9 @@ use std::io::BufReader;
 use std::mem::take;
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use super::READ_AHEAD;
+use super::{LONGEST_SILENCE, LONGEST_START, READ_AHEAD};
 use super::ahead::{Keep, Queue};
 use super::choice::{url_is_live, user_of, without_password};
 use super::error::SourceError;
@@ -18,10 +18,6 @@ use super::nut::Nut;
 use super::picture::{Picture, Source, SourceInfo, Wanted, within_limits};
 use program::Running;
 
-/// From its start to the first picture's size: an address has to answer, and a large file may have its index at its end.
-const LONGEST_START: Duration = Duration::from_secs(30);
-/// Without a picture.
-const LONGEST_SILENCE: Duration = Duration::from_secs(20);
 
 /// What ffmpeg is to read.
 #[derive(Debug)]

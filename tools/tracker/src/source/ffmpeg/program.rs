@@ -9,11 +9,16 @@ use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use super::super::error::SourceError;
-use super::super::picture::Wanted;
+use super::super::ahead::join_within;
+use super::super::picture::{LARGEST_SIDE, Wanted};
 use super::Input;
 
 /// From the end of its output to its own.
 const LONGEST_END: Duration = Duration::from_secs(2);
+/// From its end to that of its words: a process that it started may hold them open.
+const LONGEST_WORDS: Duration = Duration::from_secs(1);
+/// Of a picture.
+const MOST_PIXELS: u32 = LARGEST_SIDE * LARGEST_SIDE;
 /// Of what it says, a line.
 const LONGEST_LINE: u64 = 4096;
 /// Of the pipe, in bytes: the system's 64 KiB are a hundredth of a picture.
@@ -86,7 +91,9 @@ impl Running {
             "-loglevel",
             "level+info",
         ]);
+        // It refuses larger ones before it takes memory for them.
         command
+            .args(["-max_pixels", &MOST_PIXELS.to_string()])
             .args(input.before)
             .args([OsStr::new("-i"), &input.argument]);
         // Only the first video stream, each of its pictures once, at its own time.
@@ -120,6 +127,9 @@ impl Running {
             name: input.name.clone(),
             why,
         };
+        // What the terminal sends to its programs is for us: we end ffmpeg, and what it has started, by their group.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -173,11 +183,22 @@ impl Running {
     }
 
     pub(super) fn kill(&mut self) {
+        // Once it was waited for, its number may be another's.
+        #[cfg(target_os = "linux")]
+        if let Ok(None) = self.child.try_wait() {
+            let group = i32::try_from(self.child.id())
+                .ok()
+                .and_then(rustix::process::Pid::from_raw);
+            if let Some(group) = group {
+                // Fails only where all of it has ended.
+                let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
+            }
+        }
         // Fails only where it has ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
         if let Some(listener) = self.listener.take() {
-            let _ = listener.join();
+            join_within(listener, LONGEST_WORDS);
         }
     }
 
