@@ -309,6 +309,18 @@ fn files_that_are_no_videos_say_why() {
         "{message}"
     );
 
+    // A GIF of one pixel on a canvas of 8200 x 8200, which no memory is taken for.
+    let canvas = ffmpeg.path("canvas.gif");
+    let mut gif = b"GIF89a\x08\x20\x08\x20\x80\0\0".to_vec();
+    gif.extend(b"\0\0\0\xff\xff\xff\x2c\0\0\0\0\x01\0\x01\0\0\x02\x02\x44\x01\0\x3b");
+    std::fs::write(&canvas, gif).expect("a file");
+    let message = refused(&canvas);
+    println!("on a large canvas: {message}");
+    assert!(
+        message.contains("canvas.gif") && !message.contains("at most 8192"),
+        "{message}"
+    );
+
     let nothing = ffmpeg.make(
         "-f lavfi -i testsrc=s=64x48:d=1 -frames:v 0 -c:v rawvideo -f nut",
         "nothing.nut",

@@ -323,7 +323,7 @@ mod tests {
         // Until ten were read, nine of which were in the way.
         let begun = Instant::now();
         while queue.dropped() < 9 && begun.elapsed() < Duration::from_secs(20) {
-            std::thread::sleep(Duration::from_millis(1));
+            sleep(Duration::from_millis(1));
         }
         assert!(
             queue
@@ -399,8 +399,7 @@ mod tests {
             live: false,
             frames: None,
         };
-        let mut ahead =
-            Ahead::over(Box::new(Stalled(info, wait)), Keep::Newest).expect("a thread");
+        let mut ahead = Ahead::over(Box::new(Stalled(info, wait)), Keep::Newest).expect("a thread");
         ahead.patience = Duration::from_millis(5);
         let mut picture = Picture::empty();
         let why = ahead.next(&mut picture).expect_err("no picture");

@@ -10,14 +10,13 @@ use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::time::Instant;
 
-use super::{LONGEST_SILENCE, LONGEST_START, READ_AHEAD};
 use super::ahead::{Keep, Queue};
 use super::choice::{url_is_live, user_of, without_password};
 use super::error::SourceError;
 use super::nut::Nut;
 use super::picture::{Picture, Source, SourceInfo, Wanted, within_limits};
+use super::{LONGEST_SILENCE, LONGEST_START, READ_AHEAD};
 use program::Running;
-
 
 /// What ffmpeg is to read.
 #[derive(Debug)]

@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-use super::super::error::SourceError;
 use super::super::ahead::join_within;
+use super::super::error::SourceError;
 use super::super::picture::{LARGEST_SIDE, Wanted};
 use super::Input;
 
@@ -184,7 +184,7 @@ impl Running {
 
     pub(super) fn kill(&mut self) {
         // Once it was waited for, its number may be another's.
-        #[cfg(target_os = "linux")]
+        #[cfg(unix)]
         if let Ok(None) = self.child.try_wait() {
             let group = i32::try_from(self.child.id())
                 .ok()
@@ -380,6 +380,39 @@ mod tests {
                 && message.contains("/usr/bin/ffmpeg is older: Unrecognized option 'fps_mode'"),
             "{message}"
         );
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_ffmpeg_has_started_ends_with_it() {
+        let mut command = Command::new("sh");
+        command.args(["-c", "sleep 1000 & echo '[error] started' >&2; wait"]);
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("every Unix has a shell");
+        let words = child.stderr.take().expect("its words");
+        let said = Arc::<Mutex<Said>>::default();
+        let heard = Arc::clone(&said);
+        let (tell, told) = std::sync::mpsc::channel();
+        let mut running = Running {
+            child,
+            program: "sh".into(),
+            said,
+            listener: Some(std::thread::spawn(move || {
+                listen(BufReader::new(words), &heard);
+                let _ = tell.send(());
+            })),
+        };
+        while running.said().last.is_none() {
+            sleep(Duration::from_millis(1));
+        }
+        running.kill();
+        // The pipe of its words ends when nothing holds it any more.
+        told.recv_timeout(Duration::from_secs(60))
+            .expect("the sleeper has ended");
     }
 
     #[test]

@@ -185,7 +185,10 @@ fn damaged_pictures_are_left_out_and_counted() {
             (u64::from(number), dropped),
             "number and dropped"
         );
-        assert!((picture.seconds - f64::from(number) / 30.0).abs() < 1e-9, "time");
+        assert!(
+            (picture.seconds - f64::from(number) / 30.0).abs() < 1e-9,
+            "time"
+        );
     }
     assert!(!source.next(&mut picture).expect("no error"), "the end");
     assert_eq!(source.dropped(), 4, "dropped");
