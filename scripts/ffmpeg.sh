@@ -21,8 +21,17 @@ arm64)
 	;;
 esac
 
+# Whether the one on the PATH is 5.1 or newer. Builds from its repository have no such number, so the option counts that came with
+# 5.1 and that the tracker passes.
+ffmpeg_on_path_serves() {
+	command -v ffmpeg >/dev/null || return 1
+	local options
+	options=$(ffmpeg -hide_banner -h long </dev/null 2>/dev/null) || return 1
+	[[ $options == *-fps_mode* ]]
+}
+
 ffmpeg_is_there() {
-	[ -n "${MON3TR_FFMPEG:-}" ] || command -v ffmpeg >/dev/null || is_stamped "$MON3TR_CACHE/ffmpeg" "$ffmpeg_sha256"
+	[ -n "${MON3TR_FFMPEG:-}" ] || ffmpeg_on_path_serves || is_stamped "$MON3TR_CACHE/ffmpeg" "$ffmpeg_sha256"
 }
 
 install_ffmpeg() {
@@ -47,11 +56,11 @@ install_ffmpeg() {
 	rm -f "$wheel"
 }
 
-# One on the PATH is found there.
+# One on the PATH is found there; an older one there is passed over.
 export_ffmpeg() {
 	if [ -n "${MON3TR_FFMPEG:-}" ]; then
 		export MON3TR_FFMPEG
-	elif ! command -v ffmpeg >/dev/null; then
+	elif ! ffmpeg_on_path_serves; then
 		export MON3TR_FFMPEG=$MON3TR_CACHE/ffmpeg/ffmpeg
 	fi
 }

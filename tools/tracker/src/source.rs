@@ -24,6 +24,9 @@ mod y4m;
 use std::fs::File;
 use std::io::{BufRead, BufReader, stdin};
 use std::path::Path;
+use std::sync::mpsc::sync_channel;
+use std::thread::Builder;
+use std::time::Duration;
 
 pub use choice::SourceChoice;
 pub use error::SourceError;
@@ -33,6 +36,12 @@ use ahead::{Ahead, Keep};
 
 /// Pictures that are read ahead of the one being worked on.
 const READ_AHEAD: usize = 2;
+
+/// From the start of ffmpeg, or of what is piped to us, to the first picture's size: an address has to answer, and a large file may
+/// have its index at its end.
+const LONGEST_START: Duration = Duration::from_secs(30);
+/// Without a picture of an address, a pipe or a recording that is read ahead.
+const LONGEST_SILENCE: Duration = Duration::from_secs(20);
 
 /// The start of a y4m file.
 const Y4M_SIGNATURE: &[u8] = b"YUV4MPEG2";
@@ -76,7 +85,10 @@ pub fn open_live(
     }
     if *choice == SourceChoice::Stdin {
         return Ok(Box::new(Ahead::over(
-            standard_input(wanted)?,
+            opened_in_time("standard input", LONGEST_START, {
+                let wanted = *wanted;
+                move || standard_input(&wanted)
+            })?,
             Keep::Newest,
         )?));
     }
@@ -90,6 +102,31 @@ pub fn open_live(
         })
     };
     Ok(Box::new(paced::Paced::open(Box::new(again), repeat)?))
+}
+
+/// Opens in a thread of its own what may wait for ever. A thread that does is left to itself.
+fn opened_in_time(
+    name: &str,
+    patience: Duration,
+    open: impl FnOnce() -> Result<Box<dyn Source>, SourceError> + Send + 'static,
+) -> Result<Box<dyn Source>, SourceError> {
+    let (tell, told) = sync_channel(1);
+    Builder::new()
+        .name("opening".to_owned())
+        .spawn(move || {
+            // The other side may have given up.
+            let _ = tell.send(open());
+        })
+        .map_err(|source| SourceError::Thread {
+            name: name.to_owned(),
+            source,
+        })?;
+    told.recv_timeout(patience).unwrap_or_else(|_| {
+        Err(SourceError::Silent {
+            name: name.to_owned(),
+            seconds: patience.as_secs(),
+        })
+    })
 }
 
 /// y4m or motion JPEG, told apart by its first bytes.

@@ -4,9 +4,10 @@
 use std::collections::VecDeque;
 use std::mem::swap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::{Builder, JoinHandle};
+use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
+use super::LONGEST_SILENCE;
 use super::error::SourceError;
 use super::picture::{Picture, Source, SourceInfo};
 
@@ -44,6 +45,23 @@ impl Shared {
         // Each change is whole before a thread could panic.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// From the end of what it reads to a thread's own.
+const LONGEST_END: Duration = Duration::from_secs(2);
+
+/// Waits for a thread's end. One that does not end by then is left to itself.
+pub(super) fn join_within(thread: JoinHandle<()>, patience: Duration) {
+    let begun = Instant::now();
+    while !thread.is_finished() {
+        if begun.elapsed() >= patience {
+            log::debug!("a thread that reads does not end: it is left");
+            return;
+        }
+        sleep(Duration::from_millis(1));
+    }
+    // A panic there was reported by the thread itself.
+    let _ = thread.join();
 }
 
 /// Pictures that a thread reads.
@@ -133,12 +151,11 @@ impl Queue {
         self.shared.changed.notify_all();
     }
 
-    /// Waits for the thread's end; what it reads must have been closed.
+    /// Waits for the thread's end, but not for ever; what it reads must have been closed.
     pub(super) fn join(&mut self) {
         self.stop();
         if let Some(thread) = self.thread.take() {
-            // A panic there was reported by the thread itself.
-            let _ = thread.join();
+            join_within(thread, LONGEST_END);
         }
     }
 }
@@ -209,6 +226,7 @@ fn read(shared: &Shared, keep: Keep, mut next: Next) {
 pub(super) struct Ahead {
     info: SourceInfo,
     queue: Queue,
+    patience: Duration,
 }
 
 impl Ahead {
@@ -217,7 +235,11 @@ impl Ahead {
         let mut info = source.info().clone();
         info.live |= keep == Keep::Newest;
         let queue = Queue::start(&info.name, keep, Box::new(move |into| source.next(into)))?;
-        Ok(Self { info, queue })
+        Ok(Self {
+            info,
+            queue,
+            patience: LONGEST_SILENCE,
+        })
     }
 }
 
@@ -227,8 +249,14 @@ impl Source for Ahead {
     }
 
     fn next(&mut self, into: &mut Picture) -> Result<bool, SourceError> {
-        // Without a patience there is always an answer.
-        self.queue.next(into, None).unwrap_or(Ok(false))
+        self.queue
+            .next(into, Some(self.patience))
+            .unwrap_or_else(|| {
+                Err(SourceError::Silent {
+                    name: self.info.name.clone(),
+                    seconds: self.patience.as_secs(),
+                })
+            })
     }
 
     fn dropped(&self) -> u64 {
@@ -295,7 +323,7 @@ mod tests {
         // Until ten were read, nine of which were in the way.
         let begun = Instant::now();
         while queue.dropped() < 9 && begun.elapsed() < Duration::from_secs(20) {
-            std::thread::sleep(Duration::from_millis(1));
+            sleep(Duration::from_millis(1));
         }
         assert!(
             queue
@@ -344,6 +372,56 @@ mod tests {
                 .expect("no error"),
             "the end"
         );
+    }
+
+    /// Its producer has stalled.
+    struct Stalled(SourceInfo, std::sync::mpsc::Receiver<()>);
+
+    impl Source for Stalled {
+        fn info(&self) -> &SourceInfo {
+            &self.0
+        }
+
+        fn next(&mut self, _: &mut Picture) -> Result<bool, SourceError> {
+            let _ = self.1.recv();
+            Ok(false)
+        }
+    }
+
+    #[test]
+    fn a_stalled_source_is_not_waited_for_for_ever() {
+        let (go, wait) = channel();
+        let info = SourceInfo {
+            name: "standard input".to_owned(),
+            width: 1,
+            height: 1,
+            rate_hz: None,
+            live: false,
+            frames: None,
+        };
+        let mut ahead = Ahead::over(Box::new(Stalled(info, wait)), Keep::Newest).expect("a thread");
+        ahead.patience = Duration::from_millis(5);
+        let mut picture = Picture::empty();
+        let why = ahead.next(&mut picture).expect_err("no picture");
+        assert!(
+            matches!(&why, SourceError::Silent { name, .. } if name == "standard input"),
+            "{why}"
+        );
+        drop(go);
+        ahead.patience = Duration::from_secs(60);
+        assert!(!ahead.next(&mut picture).expect("no error"), "the end");
+    }
+
+    #[test]
+    fn a_thread_that_does_not_end_is_left() {
+        let (go, wait) = channel::<()>();
+        let thread = Builder::new()
+            .spawn(move || {
+                let _ = wait.recv();
+            })
+            .expect("a thread");
+        join_within(thread, Duration::from_millis(5));
+        drop(go);
     }
 
     #[test]

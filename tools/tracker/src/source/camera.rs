@@ -9,13 +9,10 @@ use super::colour::Conversion;
 use super::driver::{Driver, Filled, JPEG, Layout, MJPG, Mode, NV12, RGB3, YUYV};
 use super::error::SourceError;
 use super::jpeg::JpegPictures;
-use super::picture::{Picture, Source, SourceInfo, Wanted, within_limits};
+use super::picture::{MOST_DAMAGED, Picture, Source, SourceInfo, Wanted, within_limits};
 
 /// Without a picture: cameras begin within two seconds.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
-/// Damaged pictures, one after another: some cameras begin with a few.
-const MOST_DAMAGED: u32 = 60;
-
 /// Opens and starts the camera at a path.
 pub(super) fn open(device: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     #[cfg(all(target_os = "linux", target_pointer_width = "64"))]
@@ -314,6 +311,7 @@ impl<D: Driver> Source for Camera<D> {
         let mut damaged = 0;
         loop {
             let filled = self.newest()?;
+            let read = Instant::now();
             let converted = self.convert(&filled, into);
             self.give_back(filled.index)?;
             if let Err(why) = converted {
@@ -324,7 +322,7 @@ impl<D: Driver> Source for Camera<D> {
                 log::debug!("{why}");
                 continue;
             }
-            into.at = filled.at.unwrap_or_else(Instant::now);
+            into.at = filled.at.unwrap_or(read);
             let first = *self.first_at.get_or_insert(into.at);
             self.seconds = self
                 .seconds

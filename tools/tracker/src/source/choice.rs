@@ -66,13 +66,18 @@ pub(super) fn url_is_live(url: &str) -> bool {
 
 /// An address without the user's name and password.
 pub(super) fn without_password(url: &str) -> String {
-    let Some((scheme, rest)) = url.split_once("://") else {
-        return url.to_owned();
-    };
+    match user_of(url) {
+        Some(user) => url.replacen(&format!("{user}@"), "", 1),
+        None => url.to_owned(),
+    }
+}
+
+/// The user's name and password in an address, as they are written there.
+pub(super) fn user_of(url: &str) -> Option<&str> {
+    let (_, rest) = url.split_once("://")?;
     let end = rest.find(['/', '?', '#']).unwrap_or(rest.len());
-    let (host, path) = rest.split_at(end);
-    let host = host.rsplit_once('@').map_or(host, |(_, host)| host);
-    format!("{scheme}://{host}{path}")
+    let (user, _) = rest.get(..end)?.rsplit_once('@')?;
+    Some(user)
 }
 
 impl SourceChoice {
@@ -84,7 +89,7 @@ impl SourceChoice {
             Self::Url(url) => url.into(),
             // A file's name might be a number or a dash.
             Self::Folder(path) | Self::Y4m(path) | Self::MotionJpeg(path) | Self::File(path)
-                if path.is_relative() =>
+                if path.is_relative() && !path.starts_with(".") =>
             {
                 Path::new(".").join(path).into()
             }

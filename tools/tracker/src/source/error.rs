@@ -1,4 +1,5 @@
-//! What can go wrong with a source, and what its user can do about it.
+//! What can go wrong with a source, and what its user can do about it. A text does not repeat the cause that it carries: the
+//! programs print the chain of causes.
 
 use std::io;
 
@@ -52,7 +53,7 @@ pub enum SourceError {
     },
     /// The driver refused something.
     #[error(
-        "the camera {device} failed {doing}: {source}; unplug it and plug it in again, or try another size"
+        "the camera {device} failed {doing}: unplug it and plug it in again, or try another size"
     )]
     Device {
         /// The device's path.
@@ -100,7 +101,7 @@ pub enum SourceError {
         why: String,
     },
     /// The file, folder or pipe could not be read.
-    #[error("cannot read {name}: {source}")]
+    #[error("cannot read {name}")]
     Read {
         /// The source's name.
         name: String,
@@ -156,7 +157,7 @@ pub enum SourceError {
         why: String,
     },
     /// The system gave no thread.
-    #[error("cannot start a thread to read {name}: {source}")]
+    #[error("cannot start a thread to read {name}")]
     Thread {
         /// The source's name.
         name: String,

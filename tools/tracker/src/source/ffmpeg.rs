@@ -8,20 +8,15 @@ use std::io::BufReader;
 use std::mem::take;
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use super::READ_AHEAD;
 use super::ahead::{Keep, Queue};
-use super::choice::{url_is_live, without_password};
+use super::choice::{url_is_live, user_of, without_password};
 use super::error::SourceError;
 use super::nut::Nut;
 use super::picture::{Picture, Source, SourceInfo, Wanted, within_limits};
+use super::{LONGEST_SILENCE, LONGEST_START, READ_AHEAD};
 use program::Running;
-
-/// From its start to the first picture's size: an address has to answer, and a large file may have its index at its end.
-const LONGEST_START: Duration = Duration::from_secs(30);
-/// Without a picture.
-const LONGEST_SILENCE: Duration = Duration::from_secs(20);
 
 /// What ffmpeg is to read.
 #[derive(Debug)]
@@ -30,6 +25,8 @@ pub(super) struct Input {
     argument: OsString,
     live: bool,
     before: &'static [&'static str],
+    /// What must not be shown, and what is shown in its place.
+    hidden: Vec<(String, String)>,
 }
 
 impl Input {
@@ -42,6 +39,7 @@ impl Input {
             argument,
             live: false,
             before: &[],
+            hidden: Vec::new(),
         }
     }
 
@@ -65,6 +63,16 @@ impl Input {
                 (true, false) => &["-fflags", "nobuffer", "-flags", "low_delay"],
                 (false, _) => &[],
             },
+            // ffmpeg writes addresses out, also those that it derives from this one.
+            hidden: user_of(url)
+                .filter(|user| !user.is_empty())
+                .map(|user| {
+                    vec![
+                        (url.to_owned(), without_password(url)),
+                        (format!("{user}@"), String::new()),
+                    ]
+                })
+                .unwrap_or_default(),
         }
     }
 }

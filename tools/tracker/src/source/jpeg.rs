@@ -12,7 +12,9 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::error::SourceError;
-use super::picture::{LARGEST_SIDE, Picture, Source, SourceInfo, Wanted, bytes_of, within_limits};
+use super::picture::{
+    LARGEST_SIDE, MOST_DAMAGED, Picture, Source, SourceInfo, Wanted, bytes_of, within_limits,
+};
 
 /// Of one picture; a camera's of the largest size has fewer.
 const MOST_BYTES: usize = 64 << 20;
@@ -112,10 +114,11 @@ fn next_picture(input: &mut impl BufRead, whole: &mut Vec<u8>) -> io::Result<Fou
     }
     whole.extend([0xff, 0xd8]);
     let mut has_tables = false;
+    let mut fill = 0;
     // The last marker read; entropy-coded bytes may follow it.
     loop {
-        let Some(marker) = read_marker(input, whole)? else {
-            return Ok(if whole.len() > MOST_BYTES {
+        let Some(marker) = read_marker(input, whole, &mut fill)? else {
+            return Ok(if whole.len() + fill > MOST_BYTES {
                 Found::TooLong
             } else {
                 Found::Cut
@@ -137,7 +140,7 @@ fn next_picture(input: &mut impl BufRead, whole: &mut Vec<u8>) -> io::Result<Fou
                 }
             }
         }
-        if whole.len() > MOST_BYTES {
+        if whole.len() + fill > MOST_BYTES {
             return Ok(Found::TooLong);
         }
     }
@@ -169,9 +172,13 @@ fn skip_to_start(input: &mut impl BufRead) -> io::Result<bool> {
 }
 
 /// Copies up to the next marker and gives it: passes over entropy-coded bytes with their stuffed zeros and restart markers.
-/// `None` where the input ends, or the picture is too long.
-fn read_marker(input: &mut impl BufRead, whole: &mut Vec<u8>) -> io::Result<Option<u8>> {
-    while whole.len() <= MOST_BYTES {
+/// `None` where the input ends, or the picture is too long with its `fill`, which is not copied.
+fn read_marker(
+    input: &mut impl BufRead,
+    whole: &mut Vec<u8>,
+    fill: &mut usize,
+) -> io::Result<Option<u8>> {
+    while whole.len() + *fill <= MOST_BYTES {
         let buffer = input.fill_buf()?;
         if buffer.is_empty() {
             return Ok(None);
@@ -188,7 +195,12 @@ fn read_marker(input: &mut impl BufRead, whole: &mut Vec<u8>) -> io::Result<Opti
         let marker = loop {
             match read_byte(input)? {
                 None => return Ok(None),
-                Some(0xff) => {}
+                Some(0xff) => {
+                    *fill += 1;
+                    if whole.len() + *fill > MOST_BYTES {
+                        return Ok(None);
+                    }
+                }
                 Some(marker) => break marker,
             }
         };
@@ -241,6 +253,8 @@ pub(super) struct MotionJpeg<R> {
     jpeg: JpegPictures,
     first: Option<Picture>,
     number: u64,
+    /// Damaged pictures, which have a number and a time as the others have.
+    damaged: u64,
     period_seconds: f64,
     ended: bool,
 }
@@ -262,6 +276,7 @@ impl<R: BufRead> MotionJpeg<R> {
             jpeg: JpegPictures::default(),
             first: None,
             number: 0,
+            damaged: 0,
             period_seconds: rate_hz.recip(),
             ended: false,
         };
@@ -277,26 +292,51 @@ impl<R: BufRead> MotionJpeg<R> {
         Ok(stream)
     }
 
+    /// The next picture that is not damaged.
     fn read(&mut self, into: &mut Picture) -> Result<bool, SourceError> {
         let name = &self.info.name;
-        let found = next_picture(&mut self.input, &mut self.jpeg.whole).map_err(|source| {
-            SourceError::Read {
-                name: name.clone(),
-                source,
+        let mut damaged = 0;
+        let mut last = None;
+        loop {
+            let found = next_picture(&mut self.input, &mut self.jpeg.whole).map_err(|source| {
+                SourceError::Read {
+                    name: name.clone(),
+                    source,
+                }
+            })?;
+            into.at = Instant::now();
+            match found {
+                Found::Whole => match self.jpeg.decode_whole(name, into) {
+                    Ok(()) => return Ok(true),
+                    Err(why) => {
+                        log::debug!("picture {} is left out: {why}", self.number);
+                        damaged += 1;
+                        if damaged == MOST_DAMAGED {
+                            return Err(why);
+                        }
+                        if self.damaged == 0 {
+                            log::warn!("{name} has damaged pictures, which are left out: {why}");
+                        }
+                        self.damaged += 1;
+                        self.number += 1;
+                        last = Some(why);
+                    }
+                },
+                Found::Cut | Found::None => {
+                    if found == Found::Cut {
+                        log::warn!(
+                            "{name} breaks off in picture {}: it ends there",
+                            self.number
+                        );
+                    }
+                    // Where all were damaged, that is why there is no picture.
+                    return match last {
+                        Some(why) if self.damaged == self.number => Err(why),
+                        _ => Ok(false),
+                    };
+                }
+                Found::TooLong => return Err(malformed(name, too_long())),
             }
-        })?;
-        into.at = Instant::now();
-        match found {
-            Found::Whole => self.jpeg.decode_whole(name, into).map(|()| true),
-            Found::Cut => {
-                log::warn!(
-                    "{name} breaks off in picture {}: it ends there",
-                    self.number
-                );
-                Ok(false)
-            }
-            Found::None => Ok(false),
-            Found::TooLong => Err(malformed(name, too_long())),
         }
     }
 }
@@ -335,6 +375,10 @@ impl<R: BufRead + Send> Source for MotionJpeg<R> {
         }
         self.number += 1;
         Ok(true)
+    }
+
+    fn dropped(&self) -> u64 {
+        self.damaged
     }
 }
 

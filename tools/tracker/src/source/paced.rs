@@ -28,6 +28,9 @@ pub(super) struct Paced {
     /// The last picture's time, and the time to the one before it, in seconds.
     last: Option<f64>,
     period: f64,
+    /// The only picture of this round so far, where it may be the only one of the recording: to be given again without opening
+    /// the recording for each.
+    only: Option<Picture>,
     /// Where this round of the recording starts, in seconds and pictures.
     round_seconds: f64,
     round_number: u64,
@@ -65,6 +68,7 @@ impl Paced {
             repeat,
             begun: None,
             last: None,
+            only: None,
             round_seconds: 0.0,
             round_number: 0,
             next_number: 0,
@@ -80,12 +84,22 @@ impl Paced {
             if !self.repeat || self.next_number == self.round_number {
                 return Ok(false);
             }
-            self.source = (self.again)()?;
             self.round_number = self.next_number;
             self.round_seconds = self.last.unwrap_or(0.0) + self.period;
-            if !self.source.next(into)? {
-                return Ok(false);
+            if let Some(only) = &self.only {
+                into.resize(only.width, only.height);
+                into.rgb.copy_from_slice(&only.rgb);
+                (into.number, into.seconds) = (0, 0.0);
+            } else {
+                self.source = (self.again)()?;
+                if !self.source.next(into)? {
+                    return Ok(false);
+                }
             }
+        } else if self.repeat && self.last.is_none() {
+            self.only = Some(into.clone());
+        } else {
+            self.only = None;
         }
         into.number = self.round_number.saturating_add(into.number);
         into.seconds += self.round_seconds;
@@ -274,6 +288,57 @@ mod tests {
             (seconds - 0.004 * f64::from(u32::try_from(number).expect("few"))).abs() < 1e-9,
             "{seconds} at {number}"
         );
+    }
+
+    #[test]
+    fn a_recording_of_one_picture_is_opened_once() {
+        let opened = std::sync::Arc::new(std::sync::atomic::AtomicU32::new(0));
+        let count = std::sync::Arc::clone(&opened);
+        let again = move || -> Result<Box<dyn Source>, SourceError> {
+            count.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            Ok(Box::new(One(SourceInfo {
+                name: "one".to_owned(),
+                width: 2,
+                height: 1,
+                rate_hz: Some(500.0),
+                live: false,
+                frames: Some(1),
+            })))
+        };
+        let mut source = Paced::open(Box::new(again), true).expect("it opens");
+        let mut last = -1.0;
+        for _ in 0..5 {
+            // The caller may keep the buffer.
+            let mut picture = Picture::empty();
+            assert!(source.next(&mut picture).expect("no error"), "no end");
+            assert_eq!(picture.rgb, [1, 2, 3, 4, 5, 6], "pixels");
+            assert!(picture.seconds > last, "rising");
+            last = picture.seconds;
+        }
+        assert_eq!(
+            opened.load(std::sync::atomic::Ordering::Relaxed),
+            1,
+            "opened"
+        );
+    }
+
+    /// One picture, once.
+    struct One(SourceInfo);
+
+    impl Source for One {
+        fn info(&self) -> &SourceInfo {
+            &self.0
+        }
+
+        fn next(&mut self, into: &mut Picture) -> Result<bool, SourceError> {
+            let first = self.0.frames.take().is_some();
+            if first {
+                into.resize(2, 1);
+                into.rgb.copy_from_slice(&[1, 2, 3, 4, 5, 6]);
+                (into.number, into.seconds) = (0, 0.0);
+            }
+            Ok(first)
+        }
     }
 
     #[test]

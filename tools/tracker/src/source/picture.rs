@@ -102,6 +102,9 @@ pub(super) fn within_limits(name: &str, width: u32, height: u32) -> Result<(), S
     Ok(())
 }
 
+/// Damaged pictures that are passed over, one after another: some cameras begin with a few.
+pub(super) const MOST_DAMAGED: u32 = 60;
+
 /// What a source says of itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceInfo {
@@ -150,7 +153,7 @@ pub trait Source: Send {
     /// Where the source fails. After an error or the end it gives no more pictures.
     fn next(&mut self, into: &mut Picture) -> Result<bool, SourceError>;
 
-    /// How many pictures were left out so far, because newer ones were there.
+    /// How many pictures were left out so far, because newer ones were there or they were damaged.
     fn dropped(&self) -> u64 {
         0
     }

@@ -18,6 +18,8 @@ struct Script {
     /// Indices in the order in which they came back.
     returned: Vec<usize>,
     fails: Option<io::ErrorKind>,
+    /// When a picture's bytes were last asked for.
+    asked: Option<Instant>,
 }
 
 #[derive(Debug, Clone)]
@@ -75,6 +77,7 @@ impl Driver for Fake {
     }
 
     fn bytes(&self, filled: &Filled) -> &[u8] {
+        self.with(|script| script.asked = Some(Instant::now()));
         self.1.get(filled.index).map_or(&[], Vec::as_slice)
     }
 
@@ -241,6 +244,18 @@ fn damaged_pictures_are_passed_over() {
         [0, 1, 99, 2],
         "every buffer goes back"
     );
+}
+
+#[test]
+fn a_picture_without_a_time_has_that_of_its_reading_not_of_its_conversion() {
+    let mut unknown = filled(Instant::now(), 0, 0, 0);
+    unknown.at = None;
+    let (fake, mut camera) = small(vec![unknown], vec![]);
+    let mut picture = Picture::empty();
+    let begun = Instant::now();
+    assert!(camera.next(&mut picture).expect("a picture"), "no end");
+    let asked = fake.with(|script| script.asked).expect("its bytes");
+    assert!(begun <= picture.at && picture.at <= asked, "time");
 }
 
 #[test]

@@ -8,12 +8,17 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
+use super::super::ahead::join_within;
 use super::super::error::SourceError;
-use super::super::picture::Wanted;
+use super::super::picture::{LARGEST_SIDE, Wanted};
 use super::Input;
 
 /// From the end of its output to its own.
 const LONGEST_END: Duration = Duration::from_secs(2);
+/// From its end to that of its words: a process that it started may hold them open.
+const LONGEST_WORDS: Duration = Duration::from_secs(1);
+/// Of a picture.
+const MOST_PIXELS: u32 = LARGEST_SIDE * LARGEST_SIDE;
 /// Of what it says, a line.
 const LONGEST_LINE: u64 = 4096;
 /// Of the pipe, in bytes: the system's 64 KiB are a hundredth of a picture.
@@ -59,12 +64,15 @@ pub(super) struct Said {
     /// The first error, which mostly is the cause of the others, and the last one.
     first: Option<String>,
     pub(super) last: Option<String>,
+    /// What must not be shown, and what is shown in its place.
+    hidden: Vec<(String, String)>,
 }
 
 /// ffmpeg as a child: killed and waited for when it is dropped.
 #[derive(Debug)]
 pub(super) struct Running {
     child: Child,
+    program: PathBuf,
     said: Arc<Mutex<Said>>,
     listener: Option<JoinHandle<()>>,
 }
@@ -83,7 +91,9 @@ impl Running {
             "-loglevel",
             "level+info",
         ]);
+        // It refuses larger ones before it takes memory for them.
         command
+            .args(["-max_pixels", &MOST_PIXELS.to_string()])
             .args(input.before)
             .args([OsStr::new("-i"), &input.argument]);
         // Only the first video stream, each of its pictures once, at its own time.
@@ -117,6 +127,9 @@ impl Running {
             name: input.name.clone(),
             why,
         };
+        // What the terminal sends to its programs is for us: we end ffmpeg, and what it has started, by their group.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -126,7 +139,11 @@ impl Running {
         let (pictures, words) = (child.stdout.take(), child.stderr.take());
         let mut running = Self {
             child,
-            said: Arc::default(),
+            program,
+            said: Arc::new(Mutex::new(Said {
+                hidden: input.hidden.clone(),
+                ..Said::default()
+            })),
             listener: None,
         };
         let (Some(pictures), Some(words)) = (pictures, words) else {
@@ -166,11 +183,22 @@ impl Running {
     }
 
     pub(super) fn kill(&mut self) {
+        // Once it was waited for, its number may be another's.
+        #[cfg(unix)]
+        if let Ok(None) = self.child.try_wait() {
+            let group = i32::try_from(self.child.id())
+                .ok()
+                .and_then(rustix::process::Pid::from_raw);
+            if let Some(group) = group {
+                // Fails only where all of it has ended.
+                let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
+            }
+        }
         // Fails only where it has ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
         if let Some(listener) = self.listener.take() {
-            let _ = listener.join();
+            join_within(listener, LONGEST_WORDS);
         }
     }
 
@@ -178,6 +206,12 @@ impl Running {
     pub(super) fn failure(&mut self, name: &str) -> SourceError {
         let status = self.end();
         let said = self.said();
+        if let Some(why) = said.first.as_deref().and_then(too_old) {
+            return SourceError::NoFfmpeg {
+                name: name.to_owned(),
+                looked: format!("{} is older: {why}", self.program.display()),
+            };
+        }
         let why = match (&said.first, &said.last) {
             (Some(first), Some(last)) if first != last => format!("{last} ({first})"),
             (_, Some(last)) => last.clone(),
@@ -210,6 +244,12 @@ impl Drop for Running {
     }
 }
 
+/// What an ffmpeg says that does not know an option of ours: all of them are in 5.1.
+fn too_old(words: &str) -> Option<&str> {
+    (words.starts_with("Unrecognized option") || words.starts_with("Option not found"))
+        .then_some(words.trim_end_matches('.'))
+}
+
 /// Keeps what matters of ffmpeg's words, until it ends.
 fn listen(mut words: impl BufRead, said: &Mutex<Said>) {
     let mut line = Vec::new();
@@ -234,8 +274,14 @@ impl Said {
         if let Some((_, words)) = words {
             let words = words.trim();
             if !words.is_empty() {
-                self.first.get_or_insert_with(|| words.to_owned());
-                self.last = Some(words.to_owned());
+                let words = self
+                    .hidden
+                    .iter()
+                    .fold(words.to_owned(), |words, (hidden, shown)| {
+                        words.replace(hidden, shown)
+                    });
+                self.first.get_or_insert_with(|| words.clone());
+                self.last = Some(words);
             }
         } else if line.contains("Output #0") || line.contains("Stream mapping:") {
             self.described = true;
@@ -291,6 +337,82 @@ mod tests {
             message.contains("clip.mp4") && message.contains("install"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn its_words_are_kept_without_the_password_of_an_address() {
+        let url = "rtsp://me:pa@ss@host:554/a@b";
+        let mut said = Said {
+            hidden: Input::url(url).hidden,
+            ..Said::default()
+        };
+        said.hear(&format!(
+            "[in#0 @ 0x2] [error] Error opening input file {url}."
+        ));
+        said.hear("[tcp @ 0x3] [error] Connection to tcp://me:pa@ss@host:80?timeout=0 failed");
+        assert_eq!(
+            (said.first.as_deref(), said.last.as_deref()),
+            (
+                Some("Error opening input file rtsp://host:554/a@b."),
+                Some("Connection to tcp://host:80?timeout=0 failed")
+            ),
+            "words"
+        );
+        assert!(Input::url("udp://@:5000").hidden.is_empty(), "no user");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_older_ffmpeg_is_told_which_is_needed() {
+        let said = "[fatal] Unrecognized option 'fps_mode'.";
+        let mut running = Running {
+            child: Command::new("false")
+                .spawn()
+                .expect("every Unix has that program"),
+            program: "/usr/bin/ffmpeg".into(),
+            said: Arc::default(),
+            listener: None,
+        };
+        running.said().hear(said);
+        let message = running.failure("clip.mp4").to_string();
+        assert!(
+            message.contains("5.1 or newer")
+                && message.contains("/usr/bin/ffmpeg is older: Unrecognized option 'fps_mode'"),
+            "{message}"
+        );
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_ffmpeg_has_started_ends_with_it() {
+        let mut command = Command::new("sh");
+        command.args(["-c", "sleep 1000 & echo '[error] started' >&2; wait"]);
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("every Unix has a shell");
+        let words = child.stderr.take().expect("its words");
+        let said = Arc::<Mutex<Said>>::default();
+        let heard = Arc::clone(&said);
+        let (tell, told) = std::sync::mpsc::channel();
+        let mut running = Running {
+            child,
+            program: "sh".into(),
+            said,
+            listener: Some(std::thread::spawn(move || {
+                listen(BufReader::new(words), &heard);
+                let _ = tell.send(());
+            })),
+        };
+        while running.said().last.is_none() {
+            sleep(Duration::from_millis(1));
+        }
+        running.kill();
+        // The pipe of its words ends when nothing holds it any more.
+        told.recv_timeout(Duration::from_secs(60))
+            .expect("the sleeper has ended");
     }
 
     #[test]

@@ -163,6 +163,65 @@ fn a_picture_without_an_end_is_not_read_for_ever() {
     nothing.expect_err("no picture in it");
 }
 
+/// Its one table of quantization has no such number.
+fn damaged() -> Vec<u8> {
+    let mut bytes = grey(false, true);
+    bytes[6] = 9;
+    bytes
+}
+
+#[test]
+fn damaged_pictures_are_left_out_and_counted() {
+    let (good, bad) = (grey(true, true), damaged());
+    let bytes = [&bad, &good, &bad, &bad, &good, &bad]
+        .map(Vec::as_slice)
+        .concat();
+    let mut source = opened(&bytes).expect("a picture");
+    let mut picture = Picture::empty();
+    for (number, dropped) in [(1_u32, 1), (4, 3)] {
+        assert!(source.next(&mut picture).expect("no error"), "no end");
+        assert_eq!(
+            (picture.number, source.dropped()),
+            (u64::from(number), dropped),
+            "number and dropped"
+        );
+        assert!(
+            (picture.seconds - f64::from(number) / 30.0).abs() < 1e-9,
+            "time"
+        );
+    }
+    assert!(!source.next(&mut picture).expect("no error"), "the end");
+    assert_eq!(source.dropped(), 4, "dropped");
+}
+
+#[test]
+fn nothing_but_damaged_pictures_is_an_error() {
+    let (good, bad) = (grey(true, true), damaged());
+    for count in [1, 59, 60, 200] {
+        let message = opened(&bad.repeat(count)).expect_err("none").to_string();
+        assert!(message.contains("damaged"), "{message}");
+    }
+    let bytes = [good, bad.repeat(60)].concat();
+    let mut source = opened(&bytes).expect("a picture");
+    let mut picture = Picture::empty();
+    assert!(source.next(&mut picture).expect("no error"), "no end");
+    source.next(&mut picture).expect_err("too many");
+    assert!(!source.next(&mut picture).expect("no error"), "the end");
+}
+
+#[test]
+fn endless_fill_before_a_marker_is_not_read_for_ever() {
+    let start = grey(false, true);
+    let endless = start[..2].chain(repeat(0xff));
+    let refused = MotionJpeg::open(
+        "endless".to_owned(),
+        BufReader::new(endless),
+        &Wanted::default(),
+    );
+    let message = refused.expect_err("endless").to_string();
+    assert!(message.contains("64 MiB"), "{message}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
     #[test]

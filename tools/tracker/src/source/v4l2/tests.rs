@@ -103,13 +103,21 @@ fn the_cameras_that_there_are_are_listed_in_order() {
 
 #[test]
 fn the_drivers_clock_is_ours() {
+    // Between two readings of the one, the other's is between them; a loaded machine may stop anywhere, so they are ordered
+    // by steps that no test waits for.
+    let hour = 3600;
+    let before = Instant::now();
     let clock = clock_gettime(ClockId::Monotonic);
-    let now = Instant::now();
     let at = instant_of(clock.tv_sec, clock.tv_nsec / 1000).expect("a time");
-    assert!(now.duration_since(at) < Duration::from_millis(100), "now");
-    let earlier = instant_of(clock.tv_sec - 2, clock.tv_nsec / 1000).expect("a time");
-    let apart = at.duration_since(earlier).as_secs_f64();
-    assert!((apart - 2.0).abs() < 0.1, "{apart}");
+    assert!(
+        at + Duration::from_millis(1) > before && at <= Instant::now(),
+        "now"
+    );
+    // A machine that has not run for so long has no such time.
+    if let Some(earlier) = instant_of(clock.tv_sec - hour, clock.tv_nsec / 1000) {
+        let apart = at.duration_since(earlier).as_secs_f64();
+        assert!((apart - 3600.0).abs() < 60.0, "{apart}");
+    }
     assert!(
         instant_of(clock.tv_sec + 1000, 0).expect("a time") <= Instant::now(),
         "not after now"
