@@ -80,6 +80,8 @@ struct Face {
 #[derive(Debug, Clone)]
 struct Hand {
     fit: HandFit,
+    /// For landmarks in the middles of the joints.
+    unbiased: HandFit,
     side: Side,
     /// The fingers of a relaxed hand, and those that are shown.
     relaxed: [DQuat; FINGER_JOINTS],
@@ -216,6 +218,7 @@ impl MotionFit {
                 let marked = seen.landmarks().map(|landmarks| hand.fit.fit(landmarks));
                 match seen {
                     HandEstimate::Landmarks(_) => marked,
+                    HandEstimate::Joints(joints) => Some(hand.unbiased.fit(joints)),
                     HandEstimate::Rotations(turned) => {
                         let camera = &self.face.camera;
                         Some(rotations::hand_pose(turned, camera, marked, &hand.relaxed))
@@ -286,6 +289,7 @@ impl Hand {
             *rotation = ease.rotation(joint).as_dquat();
         }
         Self {
+            unbiased: HandFit::new(skeleton, side),
             fit: HandFit::new(skeleton, side).with_bias(FlexionBias::MEDIAPIPE),
             side,
             relaxed,

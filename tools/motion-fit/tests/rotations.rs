@@ -1,6 +1,10 @@
 //! The fit of rotations and expression weights, as other networks give them.
 
+#![allow(clippy::cast_possible_truncation, reason = "the avatar is f32")]
+
 mod common;
+#[path = "common/synthetic.rs"]
+mod synthetic;
 
 use common::skeleton;
 use glam::{Quat, Vec2, Vec3};
@@ -12,6 +16,7 @@ use motion_fit::landmarks::Camera;
 use motion_fit::{Fitted, MotionFit, Subject};
 use spmm3::{EXPRESSION, ExpressionBasis, ExpressionPreset, Expressions, Joint};
 use std::f32::consts::PI;
+use synthetic::{Errors, Eye, Network};
 
 fn camera() -> Camera {
     Camera {
@@ -124,6 +129,73 @@ fn a_body_of_rotations_takes_the_pose_and_stands_on_the_floor() {
         .fold(f32::INFINITY, f32::min);
     let rest = skeleton.rest_positions()[Joint::LeftFoot.index()].y;
     assert!((lowest - rest).abs() < 0.03, "{lowest} against {rest}");
+}
+
+#[test]
+fn rotations_are_combined_with_the_place_and_the_tilt_that_landmarks_tell() {
+    // A camera that looks down by 0.2 rad at a person who faces it; her elbow is bent, which only the rotations say.
+    let (skeleton, expressions) = (skeleton(), presets());
+    let eye = Eye::new(1.6, 4.0, 0.2);
+    let camera = eye.camera;
+    let camera_from_room = {
+        let [x, y, z] = eye.axes().map(|row| row.map(|v| v as f32));
+        glam::Mat3::from_cols_array_2d(&[x, y, z]).transpose()
+    };
+    let mut network = Network::new(eye, Errors::NONE, 1);
+    let truth = spmm3::at_ease(&skeleton);
+    let mut joints = [JointRotation::UNKNOWN; 22];
+    joints[0] = known(Quat::from_mat3(&camera_from_room));
+    let bent = Quat::from_rotation_y(-1.2);
+    joints[Joint::LeftElbow.index()] = known(bent);
+    let subject = Subject {
+        skeleton: &skeleton,
+        expressions: &expressions,
+        expression_basis: &ExpressionBasis::MAKEHUMAN_1,
+    };
+    let mut fits = [0, 1].map(|_| MotionFit::new(&subject, camera));
+    let mut last = None;
+    for k in 0..150 {
+        let landmarks = network.look(&skeleton, &truth, 1.0 / 30.0);
+        let turned = BodyEstimate::Rotations(Box::new(BodyRotations {
+            joints,
+            sight: None,
+            landmarks: Some(landmarks.clone()),
+            hints: BodyHints::default(),
+        }));
+        let mut seen = [turned, landmarks.into()]
+            .map(|body| Observation {
+                seconds: f64::from(k) / 30.0,
+                body: Some(body),
+                ..Observation::default()
+            })
+            .into_iter();
+        last = Some(fits.each_mut().map(|fit| fit.step(&seen.next().unwrap())));
+    }
+    let [turned, plain] = last.unwrap();
+    let elbow = |fitted: &Fitted| fitted.motion.rotation(Joint::LeftElbow);
+    near(elbow(&turned), bent, 1.0, "the elbow is the rotations'");
+    assert!(
+        elbow(&plain).angle_between(bent) > 0.5,
+        "landmarks say otherwise"
+    );
+    let knee = |fitted: &Fitted| fitted.motion.rotation(Joint::LeftKnee);
+    near(
+        knee(&turned),
+        knee(&plain),
+        2.0,
+        "the knee is the landmarks'",
+    );
+    let away = turned.motion.root_translation - plain.motion.root_translation;
+    assert!(away.length() < 0.02, "the place is the landmarks': {away}");
+    // As far as the tilt is known, she is upright.
+    let tilt = turned.camera_from_room.matrix3.y_axis.z.abs().asin();
+    let up = turned.motion.rotation(Joint::Pelvis) * Vec3::Y;
+    let lean = up.z.atan2(up.y).abs();
+    assert!(
+        (lean - (0.2 - tilt).abs()).abs() < 0.02,
+        "tilt {tilt}, lean {lean}"
+    );
+    println!("tilt {tilt:.3} of 0.2 rad, lean {lean:.3} rad");
 }
 
 #[test]

@@ -134,8 +134,10 @@ pub enum BodyEstimate {
     reason = "the usual one is the large one: boxed, it would be allocated for every picture"
 )]
 pub enum HandEstimate {
-    /// Landmarks in the picture.
+    /// Landmarks of MediaPipe, whose bias is known.
     Landmarks(HandLandmarks),
+    /// Landmarks of another network, in the middles of the joints.
+    Joints(HandLandmarks),
     /// Joint rotations.
     Rotations(Box<HandRotations>),
 }
@@ -189,7 +191,7 @@ impl HandEstimate {
     #[must_use]
     pub fn landmarks(&self) -> Option<&HandLandmarks> {
         match self {
-            Self::Landmarks(landmarks) => Some(landmarks),
+            Self::Landmarks(landmarks) | Self::Joints(landmarks) => Some(landmarks),
             Self::Rotations(rotations) => rotations.landmarks.as_ref(),
         }
     }

@@ -63,7 +63,13 @@ impl HandModel for CustomHand {
         };
         let landmarks = merged(found, &seen);
         if !seen.turns() {
-            return Ok(Some(HandEstimate::Landmarks(landmarks)));
+            // Metres are those of one network or of the other.
+            let own = seen.marks.iter().all(|mark| mark.metres.is_some());
+            return Ok(Some(if own {
+                HandEstimate::Joints(landmarks)
+            } else {
+                HandEstimate::Landmarks(landmarks)
+            }));
         }
         let mut joints = [JointRotation::UNKNOWN; 16];
         for (to, from) in joints.iter_mut().zip(&seen.joints) {

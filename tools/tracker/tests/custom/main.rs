@@ -222,7 +222,7 @@ fn the_other_side_is_shown_mirrored_and_its_landmarks_are_mirrored_back() {
     );
     let both = hands(&runtime, &outputs, &toml).unwrap();
     let [left, right] = both.map(|hand| match hand {
-        Some(HandEstimate::Landmarks(hand)) => hand,
+        Some(HandEstimate::Joints(hand)) => hand,
         other => panic!("no landmarks, but {other:?}"),
     });
     // Where the square begins, and red along a row of eight samples of two pixels each, as the network sees it.
@@ -254,6 +254,45 @@ fn the_other_side_is_shown_mirrored_and_its_landmarks_are_mirrored_back() {
     );
     let middle = right.metres.iter().sum::<Vec3>();
     assert!(middle.length() < 1e-4, "metres are about the hand's middle");
+}
+
+#[test]
+fn a_turned_square_turns_what_is_seen_in_it_back() {
+    let Some(runtime) = runtime() else { return };
+    let turn = some_turn(2);
+    let outputs = [
+        constant("turn", &[1, 3], &turn.to_scaled_axis().to_array()),
+        constant("points", &[1, 21, 2], &[0.5, 0.0].repeat(21)),
+        constant(
+            "metres",
+            &[1, 21, 3],
+            &[[0.0, -0.1, 0.0], [0.0; 3], [0.0; 3]].concat().repeat(7),
+        ),
+    ];
+    let toml = format!(
+        "side = \"right\"\n{PLAIN}turned = true\naspect = 1
+        [[output]]\nname = \"turn\"\nmeaning = \"rotations\"\njoints = [\"right_wrist\"]\nrepresentation = \"axis-angle\"\nframe = \"camera\"
+        [[output]]\nname = \"points\"\nmeaning = \"landmarks_2d\"\norder = \"mediapipe-hand-21\"\nunit = \"0..1\"
+        [[output]]\nname = \"metres\"\nmeaning = \"landmarks_3d\"\norder = \"mediapipe-hand-21\"\n"
+    );
+    // The hand that is found points down to the right: what is up in the square is there in the picture.
+    let along = Vec2::ONE.normalize();
+    let quarters = Quat::from_rotation_z(135.0_f32.to_radians());
+    let both = hands(&runtime, &outputs, &toml).unwrap();
+    for (side, seen) in both.into_iter().map(hand_turned).enumerate() {
+        let mirrored = Quat::from_xyzw(turn.x, -turn.y, -turn.z, turn.w);
+        same(&seen.joints[0], quarters * [mirrored, turn][side], "wrist");
+        let hand = seen.landmarks.unwrap();
+        // Its box is a line as long as the square's diagonal.
+        let expected = MIDDLE + along * (SIZE * 2.0_f32.sqrt() / 2.0);
+        assert!(
+            hand.pixels[0].distance(expected) < 1e-3,
+            "{} {expected}",
+            hand.pixels[0]
+        );
+        let apart = (hand.metres[0] - hand.metres[1]).truncate();
+        assert!(apart.distance(along * 0.1) < 1e-5, "{apart}");
+    }
 }
 
 #[test]
