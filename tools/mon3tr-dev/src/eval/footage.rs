@@ -7,8 +7,8 @@ use super::score::{BODY, FINGERS, LIMBS, Posed, Scores, score};
 use super::table;
 use anyhow::Context;
 use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
-use motion_fit::landmarks::{self, Observation};
 use motion_fit::body::landmark_places;
+use motion_fit::landmarks::{self, Observation};
 use motion_fit::{Fitted, MotionFit, Subject};
 use serde::Serialize;
 use spmm3::{Avatar, EXPRESSION, Joint, MotionParams, Skeleton};
@@ -40,6 +40,8 @@ struct CameraFigures {
 struct CarphoneFigures {
     frames: usize,
     faces: usize,
+    /// Frames in which the fit follows a person: only head and shoulders are in the picture.
+    people: usize,
     /// Opening of the jaw over the clip, degrees: the 5th, 50th and 95th percentile.
     jaw_degrees: [f64; 3],
 }
@@ -66,8 +68,8 @@ impl FootageFigures {
         if let Some(carphone) = &self.carphone {
             let [low, middle, high] = carphone.jaw_degrees;
             println!(
-                "\ncarphone: a face in {} of {} frames; jaw {low:.1} / {middle:.1} / {high:.1} degrees (5 %, median, 95 %)",
-                carphone.faces, carphone.frames
+                "\ncarphone: a face in {} and a person in {} of {} frames; jaw {low:.1} / {middle:.1} / {high:.1} degrees (5 %, median, 95 %)",
+                carphone.faces, carphone.people, carphone.frames
             );
         }
     }
@@ -305,14 +307,16 @@ fn carphone(
         expressions: &avatar.expressions,
     };
     let mut fit = MotionFit::new(&subject, pinhole);
-    let mut jaws: Vec<f64> = (seen.iter())
-        .map(|seen| f64::from(fit.step(seen).motion.axis_angle(Joint::Jaw).x).to_degrees())
+    let fitted: Vec<Fitted> = seen.iter().map(|seen| fit.step(seen)).collect();
+    let mut jaws: Vec<f64> = (fitted.iter())
+        .map(|fitted| f64::from(fitted.motion.axis_angle(Joint::Jaw).x).to_degrees())
         .collect();
     jaws.sort_by(f64::total_cmp);
     let at = |share: usize| jaws.get(jaws.len() * share / 100).copied().unwrap_or(0.0);
     Ok(CarphoneFigures {
         frames: seen.len(),
         faces: seen.iter().filter(|seen| seen.face.is_some()).count(),
+        people: fitted.iter().filter(|fitted| fitted.sees_person).count(),
         jaw_degrees: [at(5), at(50), at(95)],
     })
 }
