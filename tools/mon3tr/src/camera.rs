@@ -4,7 +4,7 @@ use crate::device_options::{DeviceOptions, networks};
 use crate::notice::Notices;
 use anyhow::Context;
 use glam::Vec2;
-use motion_fit::landmarks::{Camera, Observation};
+use motion_fit::landmarks::{Camera, Observation, USUAL_VIEW_DEGREES};
 use motion_fit::{Fitted, MotionFit, Subject};
 use sender::{Capture, Captured, SendError};
 use serde::Serialize;
@@ -35,7 +35,7 @@ pub(crate) struct CameraOptions {
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct CaptureOptions {
     /// The camera's field of view along the picture's longer side, degrees
-    #[arg(long, value_name = "DEGREES", default_value = "65", value_parser = parse_fov)]
+    #[arg(long, value_name = "DEGREES", default_value_t = USUAL_VIEW_DEGREES, value_parser = parse_fov)]
     pub(crate) fov: f32,
     /// A network of your own for the body: an .onnx file, with a .toml beside it that describes it (docs/models.md)
     #[arg(long, value_name = "FILE.onnx")]
@@ -79,12 +79,7 @@ impl CaptureOptions {
 
     /// The camera of pictures of that size.
     fn camera(&self, width: u32, height: u32) -> Camera {
-        let size = Vec2::new(width as f32, height as f32);
-        Camera {
-            size,
-            focal: size.max_element() / (2.0 * (self.fov.to_radians() / 2.0).tan()),
-            centre: size / 2.0,
-        }
+        Camera::of_view(Vec2::new(width as f32, height as f32), self.fov)
     }
 }
 

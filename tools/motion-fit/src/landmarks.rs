@@ -17,6 +17,9 @@ pub const HAND_LANDMARKS: usize = 21;
 /// right eye's (the left one in the picture) first.
 pub const FACE_LANDMARKS: usize = 478;
 
+/// Field of view along the longer side of the pictures of many laptops and phones, degrees.
+pub const USUAL_VIEW_DEGREES: f32 = 65.0;
+
 /// A pinhole camera without distortion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
@@ -29,14 +32,20 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera whose lens is not known: its picture is taken to be 60 degrees wide, as many laptops' and phones' are.
+    /// A camera of that picture size in pixels, with a field of view of so many degrees along the picture's longer side.
     #[must_use]
-    pub fn guessed(size: Vec2) -> Self {
+    pub fn of_view(size: Vec2, degrees: f32) -> Self {
         Self {
             size,
-            focal: size.x / 2.0 / 30.0_f32.to_radians().tan(),
+            focal: size.max_element() / 2.0 / (degrees.to_radians() / 2.0).tan(),
             centre: size / 2.0,
         }
+    }
+
+    /// A camera whose lens is not known: [`USUAL_VIEW_DEGREES`].
+    #[must_use]
+    pub fn guessed(size: Vec2) -> Self {
+        Self::of_view(size, USUAL_VIEW_DEGREES)
     }
 }
 

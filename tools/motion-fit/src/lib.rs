@@ -30,6 +30,7 @@ pub mod align;
 pub mod body;
 pub mod face;
 pub mod hands;
+mod head_only;
 pub mod landmarks;
 mod motion_fit;
 mod rotations;

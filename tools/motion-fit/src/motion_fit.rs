@@ -3,6 +3,7 @@
 use crate::body::{BodyFit, BodyPose, FitConfig, FootLock, Limb};
 use crate::face::FaceFit;
 use crate::hands::{FINGER_JOINTS, FlexionBias, HandFit, HandPose, Side};
+use crate::head_only::head_of;
 use crate::landmarks::Camera;
 use crate::landmarks::estimates::{BodyEstimate, FaceEstimate, HandEstimate, Observation};
 use crate::rotations::{self, FaceShown};
@@ -13,8 +14,8 @@ use spmm3::{ExpressionBasis, Expressions, Joint, MotionParams, Skeleton};
 /// A hand or face that is no longer seen is kept for so long, then relaxes within [`RELAX`], seconds.
 const HOLD: f64 = 0.3;
 const RELAX: f64 = 0.6;
-/// Below this confidence the wrist is where the body's landmarks have it.
-const WRIST_FROM: f64 = 0.3;
+/// How fast the wrist follows a palm that is sure and one that is not, seconds.
+const PALM_FOLLOW: [f64; 2] = [0.03, 0.3];
 /// Farthest that a head turns against the chest, radians.
 const MOST_HEAD: f32 = 1.4;
 /// How much of the head's turn against the chest the neck makes.
@@ -86,8 +87,13 @@ struct Hand {
     /// The fingers of a relaxed hand, and those that are shown.
     relaxed: [DQuat; FINGER_JOINTS],
     shown: [DQuat; FINGER_JOINTS],
+    /// Those that were last seen.
+    fitted: [DQuat; FINGER_JOINTS],
     last_seen: Option<f64>,
     confidence: f64,
+    /// What the palm's turn adds to the elbow's and the wrist's rotation by the body's landmarks, from the right.
+    turn: [DQuat; 2],
+    last_seconds: f64,
 }
 
 impl MotionFit {
@@ -120,7 +126,13 @@ impl MotionFit {
 
     /// The motion of one picture. Never fails: what is not seen is held, then eases to rest.
     pub fn step(&mut self, seen: &Observation) -> Fitted {
-        let mut pose = self.body.fit(seen.seconds, seen.body_landmarks());
+        // A face alone places the head, and the body below it.
+        let head = match (&seen.body, seen.face_landmarks()) {
+            (None, Some(face)) => head_of(face),
+            _ => None,
+        };
+        let body = seen.body_landmarks().or(head.as_ref());
+        let mut pose = self.body.fit(seen.seconds, body);
         if let Some(BodyEstimate::Rotations(turned)) = &seen.body {
             rotations::turn_body(&mut pose, turned, &self.face.camera, &self.skeleton);
         }
@@ -232,10 +244,6 @@ impl MotionFit {
             motion.set_rotation(joint, rotation.as_quat());
             confidence.joints[joint.index()] = narrow(hand.confidence);
         }
-        let palm = fitted.filter(|fitted| fitted.confidence >= WRIST_FROM);
-        let Some(palm) = palm.and_then(|fitted| fitted.camera_from_palm) else {
-            return;
-        };
         let [elbow, wrist] = match hand.side {
             Side::Left => [Joint::LeftElbow, Joint::LeftWrist],
             Side::Right => [Joint::RightElbow, Joint::RightWrist],
@@ -243,9 +251,28 @@ impl MotionFit {
         let joints = self.skeleton.pose(motion);
         let forearm = joints.person_from_joint[elbow.index()].matrix3;
         let camera = Mat3A::from(pose.camera.camera_from_world);
-        let turn = (hand.fit).wrist(Quat::from_mat3a(&(camera * forearm)).as_dquat(), palm);
-        motion.set_rotation(elbow, motion.rotation(elbow) * turn.elbow_share.as_quat());
-        motion.set_rotation(wrist, turn.wrist.as_quat());
+        let forearm = Quat::from_mat3a(&(camera * forearm)).as_dquat();
+        let palm =
+            fitted.and_then(|fitted| Some((fitted.camera_from_palm?, fitted.palm_confidence)));
+        let by_body = motion.rotation(wrist).as_dquat();
+        let (wanted, sure) = palm.map_or(([DQuat::IDENTITY; 2], 0.0), |(palm, sure)| {
+            let turn = hand.fit.wrist(forearm, palm);
+            // The elbow's share moves the wrist as well, so both are blended by the same share.
+            let added = [turn.elbow_share, by_body.inverse() * turn.wrist];
+            (added.map(|added| DQuat::IDENTITY.slerp(added, sure)), sure)
+        });
+        let step = (seen.seconds - hand.last_seconds).clamp(0.0, 1.0);
+        hand.last_seconds = seen.seconds;
+        let [quick, slow] = PALM_FOLLOW;
+        let share = 1.0 - (-step / (slow + (quick - slow) * sure)).exp();
+        if share.is_finite() {
+            for (turn, wanted) in hand.turn.iter_mut().zip(wanted) {
+                *turn = turn.slerp(wanted, share).normalize();
+            }
+        }
+        let [elbow_added, wrist_added] = hand.turn.map(|turn| turn.as_quat());
+        motion.set_rotation(elbow, motion.rotation(elbow) * elbow_added);
+        motion.set_rotation(wrist, motion.rotation(wrist) * wrist_added);
     }
 }
 
@@ -294,14 +321,18 @@ impl Hand {
             side,
             relaxed,
             shown: relaxed,
+            fitted: relaxed,
             last_seen: None,
             confidence: 0.0,
+            turn: [DQuat::IDENTITY; 2],
+            last_seconds: f64::NEG_INFINITY,
         }
     }
 
     /// Shows the fingers that were fitted; without any, the last ones, which relax after a while.
     fn follow(&mut self, seconds: f64, fitted: Option<&HandPose>) {
         if let Some(fitted) = fitted {
+            self.fitted = fitted.fingers;
             self.shown = fitted.fingers;
             self.last_seen = Some(seconds);
             self.confidence = fitted.confidence;
@@ -310,8 +341,10 @@ impl Hand {
         let unseen = self.last_seen.map_or(f64::INFINITY, |last| seconds - last);
         if unseen > HOLD {
             let share = ((unseen - HOLD) / RELAX).clamp(0.0, 1.0);
-            for (shown, relaxed) in self.shown.iter_mut().zip(self.relaxed) {
-                *shown = shown.slerp(relaxed, share);
+            for ((shown, fitted), relaxed) in
+                self.shown.iter_mut().zip(self.fitted).zip(self.relaxed)
+            {
+                *shown = fitted.slerp(relaxed, share);
             }
         }
         self.confidence *= 0.8;

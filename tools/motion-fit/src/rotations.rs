@@ -88,6 +88,7 @@ pub(crate) fn hand_pose(
         camera_from_palm: None,
         fingers: *relaxed,
         confidence: 0.0,
+        palm_confidence: 0.0,
     });
     let known = seen.joints.iter().filter(|joint| joint.known().is_some());
     let (sum, count) = known.fold((0.0, 0.0), |(sum, count), joint| {
@@ -96,7 +97,10 @@ pub(crate) fn hand_pose(
     if count > 0.0 {
         pose.confidence = sum / count;
     }
-    pose.camera_from_palm = palm.or(pose.camera_from_palm);
+    if let Some(palm) = palm {
+        pose.camera_from_palm = Some(palm);
+        pose.palm_confidence = f64::from(wrist.confidence.min(1.0));
+    }
     for (to, from) in pose.fingers.iter_mut().zip(fingers) {
         if let Some(rotation) = from.known() {
             *to = rotation.as_dquat();

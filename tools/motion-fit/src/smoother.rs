@@ -44,12 +44,12 @@ impl Default for SmoothConfig {
             speed_hz: 2.0,
         };
         Self {
-            trunk: cutoff(1.5, 1.5),
-            limbs: cutoff(1.5, 0.8),
+            trunk: cutoff(1.2, 1.0),
+            limbs: cutoff(1.2, 0.7),
             fingers: cutoff(1.5, 0.7),
             face: cutoff(3.0, 2.0),
             expression: cutoff(2.5, 0.7),
-            root: cutoff(1.5, 6.0),
+            root: cutoff(1.5, 4.0),
         }
     }
 }

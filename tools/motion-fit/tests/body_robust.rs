@@ -358,3 +358,55 @@ fn numbers_without_sense_never_panic_and_never_come_out() {
     );
     assert!(good.reprojection_px < 15.0, "the fit does not recover");
 }
+
+#[test]
+fn a_head_and_shoulders_before_a_desk_are_a_person_who_stands_upright_below_them() {
+    let skeleton = common::skeleton();
+    let eye = Eye::new(1.45, 0.8, 0.0);
+    let mut truth = spmm3::at_ease(&skeleton);
+    let mut network = Network::new(eye, Errors::USUAL, 3);
+    let mut fit = BodyFit::new(&skeleton, FitConfig::new(eye.camera));
+    let at = |motion: &MotionParams, joint: usize| common::forward(&skeleton, motion).1[joint];
+    let mut worst: f64 = 0.0;
+    let mut last = None;
+    for i in 0..120 {
+        // To the left and to the right by ten centimetres.
+        truth.root_translation.x = 0.1 * (f64::from(i) / 20.0).sin() as f32;
+        let mut seen = network.look(&skeleton, &truth, 1.0 / RATE);
+        for point in &mut seen.points[13..] {
+            point.confidence = 0.02;
+        }
+        let pose = fit.fit(f64::from(i) / RATE, Some(&seen));
+        assert!(pose.seen, "picture {i}: a person");
+        let fitted = motion(&pose);
+        let view = pose.camera.camera_from_world;
+        for joint in [15, 16, 17] {
+            let to_sight = |p: Vec3| view * (p - pose.camera.position);
+            let [x, y, z] = at(&fitted, joint).map(|v| v as f32);
+            let place = to_sight(Vec3::new(x, y, z));
+            let [u, v] = eye.project([place.x, place.y, place.z].map(f64::from));
+            let [a, b] = eye.project(eye.see(at(&truth, joint)));
+            if i > 20 {
+                worst = worst.max((u - a).hypot(v - b));
+            }
+            let depth = f64::from(place.z) / eye.see(at(&truth, joint))[2];
+            assert!(
+                (0.8..1.25).contains(&depth),
+                "picture {i}: at {depth} of its distance"
+            );
+        }
+        last = Some(fitted);
+    }
+    let last = last.expect("pictures");
+    println!("head and shoulders alone: at most {worst:.0} pixels off");
+    assert!(worst < 80.0, "{worst:.0} pixels of 960 off");
+    for joint in [Joint::Pelvis, Joint::LeftKnee, Joint::RightKnee] {
+        let turn = last.axis_angle(joint);
+        assert!(turn.x.abs() < 0.3, "{joint:?} is bent: {turn}");
+    }
+    assert!(
+        last.root_translation.y.abs() < 0.05,
+        "the feet stand: {}",
+        last.root_translation
+    );
+}

@@ -7,16 +7,15 @@ use super::score::{BODY, FINGERS, LIMBS, Posed, Scores, score};
 use super::table;
 use anyhow::Context;
 use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
+use motion_fit::body::landmark_places;
 use motion_fit::landmarks::{self, Observation};
 use motion_fit::{Fitted, MotionFit, Subject};
 use serde::Serialize;
-use spmm3::{Avatar, EXPRESSION, Joint, Skeleton};
+use spmm3::{Avatar, EXPRESSION, Joint, MotionParams, Skeleton};
 use std::path::{Path, PathBuf};
 
 /// BlazePose's landmark at each of the limbs' joints.
 const LANDMARKS: [usize; LIMBS.len()] = [23, 24, 25, 26, 27, 28, 11, 12, 13, 14, 15, 16];
-/// BlazePose's hips are further apart than the joints.
-const HIPS_WIDER: f64 = 1.25;
 /// Frames a second of the four cameras.
 const RATE: f64 = 60.0;
 /// Frames that are not counted: the person is being found.
@@ -41,6 +40,8 @@ struct CameraFigures {
 struct CarphoneFigures {
     frames: usize,
     faces: usize,
+    /// Frames in which the fit follows a person: only head and shoulders are in the picture.
+    people: usize,
     /// Opening of the jaw over the clip, degrees: the 5th, 50th and 95th percentile.
     jaw_degrees: [f64; 3],
 }
@@ -67,8 +68,8 @@ impl FootageFigures {
         if let Some(carphone) = &self.carphone {
             let [low, middle, high] = carphone.jaw_degrees;
             println!(
-                "\ncarphone: a face in {} of {} frames; jaw {low:.1} / {middle:.1} / {high:.1} degrees (5 %, median, 95 %)",
-                carphone.faces, carphone.frames
+                "\ncarphone: a face in {} and a person in {} of {} frames; jaw {low:.1} / {middle:.1} / {high:.1} degrees (5 %, median, 95 %)",
+                carphone.faces, carphone.people, carphone.frames
             );
         }
     }
@@ -121,9 +122,10 @@ fn four_cameras(
     Ok(figures)
 }
 
-/// The limbs' joints in the room in frame `k`.
+/// The limbs' landmarks in the room in frame `k`. They are not joints (the hips lie centimetres above and before theirs), so a fit is
+/// compared where the same landmarks are on its skeleton.
 fn limbs_of(cameras: &[Calibrated], seen: &[Vec<Observation>], k: usize) -> [DVec3; LIMBS.len()] {
-    let mut limbs = LANDMARKS.map(|landmark| {
+    LANDMARKS.map(|landmark| {
         let views: Vec<(DVec2, f64)> = (seen.iter())
             .map(
                 |frames| match frames.get(k).and_then(Observation::body_landmarks) {
@@ -136,12 +138,7 @@ fn limbs_of(cameras: &[Calibrated], seen: &[Vec<Observation>], k: usize) -> [DVe
             )
             .collect();
         triangulate(cameras, &views).unwrap_or(DVec3::ZERO)
-    });
-    let middle = (limbs[0] + limbs[1]) / 2.0;
-    for hip in &mut limbs[..2] {
-        *hip = middle + (*hip - middle) / HIPS_WIDER;
-    }
-    limbs
+    })
 }
 
 /// The middle of seven frames, then a Gaussian of two frames' deviation.
@@ -192,8 +189,13 @@ fn as_long_as(skeleton: &Skeleton, truth: &[[DVec3; LIMBS.len()]]) -> anyhow::Re
     let torso = median(&|limbs| (limbs[6] + limbs[7] - limbs[0] - limbs[1]).length() / 2.0)?;
     let (hips, shoulders) = (apart(0)?, apart(6)?);
     let rest = skeleton.rest_positions();
-    let at = |joint: Joint| rest[joint.index()].as_dvec3();
     use Joint::*;
+    // The skeleton's own landmarks, so that like is compared with like.
+    let landmarks = limbs_on(skeleton, &MotionParams::default());
+    let at = |joint: Joint| {
+        let limb = LIMBS.iter().position(|limb| *limb == joint);
+        limb.map_or(DVec3::ZERO, |limb| landmarks[limb])
+    };
     let own_torso =
         (at(LeftShoulder).y + at(RightShoulder).y - at(LeftHip).y - at(RightHip).y) / 2.0;
     let own = |a: Joint, b: Joint| at(a).distance(at(b));
@@ -288,12 +290,15 @@ fn of_fit(skeleton: &Skeleton, fitted: &Fitted, camera: &landmarks::Camera) -> O
     if !fitted.sees_person {
         return None;
     }
-    let joints = skeleton.pose(&fitted.motion);
-    let limbs = LIMBS.map(|joint| {
-        let place = joints.position(joint) + fitted.motion.root_translation;
-        fitted.camera_from_room.transform_point3(place).as_dvec3()
-    });
+    let limbs = limbs_on(skeleton, &fitted.motion)
+        .map(|place| (fitted.camera_from_room.transform_point3(place.as_vec3())).as_dvec3());
     Some(as_seen(&limbs, camera))
+}
+
+/// The limbs' landmarks on a person, in the motion's room.
+fn limbs_on(skeleton: &Skeleton, motion: &MotionParams) -> [DVec3; LIMBS.len()] {
+    let places = landmark_places(skeleton, motion);
+    LANDMARKS.map(|landmark| places[landmark].map_or(DVec3::ZERO, |place| place.as_dvec3()))
 }
 
 fn carphone(
@@ -313,14 +318,16 @@ fn carphone(
         expression_basis: &avatar.expression_basis,
     };
     let mut fit = MotionFit::new(&subject, pinhole);
-    let mut jaws: Vec<f64> = (seen.iter())
-        .map(|seen| f64::from(fit.step(seen).motion.axis_angle(Joint::Jaw).x).to_degrees())
+    let fitted: Vec<Fitted> = seen.iter().map(|seen| fit.step(seen)).collect();
+    let mut jaws: Vec<f64> = (fitted.iter())
+        .map(|fitted| f64::from(fitted.motion.axis_angle(Joint::Jaw).x).to_degrees())
         .collect();
     jaws.sort_by(f64::total_cmp);
     let at = |share: usize| jaws.get(jaws.len() * share / 100).copied().unwrap_or(0.0);
     Ok(CarphoneFigures {
         frames: seen.len(),
         faces: seen.iter().filter(|seen| seen.face.is_some()).count(),
+        people: fitted.iter().filter(|fitted| fitted.sees_person).count(),
         jaw_degrees: [at(5), at(50), at(95)],
     })
 }

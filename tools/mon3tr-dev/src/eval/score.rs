@@ -69,7 +69,8 @@ pub(super) struct Scores {
     pub(super) pelvis_degrees: f64,
     /// Mean angle of a finger joint from its truth, degrees: left, right.
     pub(super) finger_degrees: [f64; 2],
-    /// Correlation of a hand's curl (the sum of its flexions, thumb left out) with truth; none where truth hardly moves.
+    /// Correlation of a hand's curl (the sum of its flexions, thumb left out) with truth while the wrist is in the picture; none where truth
+    /// hardly moves.
     pub(super) curl_correlation: [Option<f64>; 2],
     /// Mean correlation of those expression coefficients that move in truth, and that of the jaw's opening.
     pub(super) expression_correlation: Option<f64>,
@@ -140,7 +141,14 @@ pub(super) fn score(
     (scores.jitter_mm, scores.jitter_truth_mm) = jitter(&pairs);
     scores.foot_slide = foot_slide(&pairs, rate_hz);
     for (hand, correlation) in scores.curl_correlation.iter_mut().enumerate() {
-        *correlation = correlate(&pairs, 0.05, |posed| curl(posed, hand));
+        // A hand that is out of the picture says nothing of the fit.
+        let wrist = LIMBS.len() - 2 + hand;
+        let shown: Vec<_> = pairs
+            .iter()
+            .filter(|(_, truth, _)| truth.seen[wrist])
+            .copied()
+            .collect();
+        *correlation = correlate(&shown, 0.05, |posed| curl(posed, hand));
     }
     scores.jaw_correlation = correlate(&pairs, 0.01, |posed| posed.jaw);
     let moving: Vec<f64> = (0..EXPRESSION)
@@ -288,7 +296,7 @@ fn correlate(
     least: f64,
     of: impl Fn(&Posed) -> f64,
 ) -> Option<f64> {
-    let count = pairs.len() as f64;
+    let count = pairs.len().max(1) as f64;
     let mean = |pick: &dyn Fn(&(usize, &Posed, &Posed)) -> f64| {
         pairs.iter().map(pick).sum::<f64>() / count
     };

@@ -13,9 +13,11 @@ const MOVING: f64 = 0.50;
 const LOW: f64 = 0.09;
 const HIGH: f64 = 0.14;
 /// A pin this far from where its sole is seen lets go, metres across the line of sight.
-const TORN: f64 = 0.05;
-/// Time for a pin to take hold and to let go, seconds.
+const TORN: f64 = 0.08;
+/// Time for a pin to take hold, seconds, and how much faster it lets go: slower, as real landmarks shake and a foot that stands is let go in
+/// between.
 const HOLD: f64 = 0.05;
+const LET_GO: f64 = 1.0;
 /// A pin is the mean of where its sole was seen since it stands, for at most so long, seconds: what one picture says of its depth is wrong by
 /// centimetres, and a wrong pin would turn the pelvis.
 const MEAN: f64 = 6.0;
@@ -94,7 +96,7 @@ impl Contact {
             pin.y += (floor - pin.y) * (SINK * step).min(1.0);
             self.pin = Some(pin);
         } else {
-            self.hold -= 2.0 * change;
+            self.hold -= LET_GO * change;
             if self.hold <= 0.0 {
                 *self = Self {
                     history: self.history,

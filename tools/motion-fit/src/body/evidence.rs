@@ -3,16 +3,18 @@
 use super::{
     bindings::{Binding, COUNT},
     chain::{Attachment, BODY_JOINTS, Placed, Posture},
-    reading::{ANKLES, HIPS, Reading, SHOULDERS, Seen},
+    reading::{ANKLES, HIPS, KNEES, Reading, SHOULDERS, Seen},
     solver::SkeletonSolver,
     terms::{Term, View},
 };
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use spmm3::Joint;
 
-/// Standard deviations of a landmark in metres across the line of sight and along it.
-const ACROSS: f64 = 0.04;
-const ALONG: f64 = 0.15;
+/// Standard deviations of a landmark's place in metres across the line of sight and along it. A network's metres are of a person of its own
+/// imagination: what it saw in the picture tells the places across, bones that keep their lengths tell how far limbs reach along it, and the
+/// network mostly on which side.
+const ACROSS: f64 = 0.15;
+const ALONG: f64 = 0.3;
 /// Of a landmark's pixel, metres at its depth.
 const PIXEL: f64 = 0.02;
 /// How fast a joint's turn may depart from constant speed: its standard deviation in a frame per second of that frame's length, rad/s.
@@ -23,6 +25,11 @@ const MOVE_CHANGE: [f64; 2] = [1.0, 1.5];
 const LEAN: [f64; 2] = [0.35, 0.45];
 /// How far a standing body's chest is from above its feet along the line of sight, metres.
 const BALANCE: f64 = 0.12;
+/// A part of the body whose landmarks are less sure than this is held at ease in part; its joints' standard deviation from that, and that
+/// of an unseen pelvis from upright, radians.
+const SEEN: f64 = 0.4;
+const AT_EASE: f64 = 0.25;
+const UNSEEN_LEAN: f64 = 0.15;
 /// Nearest and furthest that a body is placed, metres.
 pub(super) const DEPTHS: (f64, f64) = (0.4, 30.0);
 
@@ -57,6 +64,16 @@ pub(super) struct Body {
     /// Heel and ball of the left foot, then of the right; points of the floor at rest.
     pub(super) soles: [Attachment; 4],
     pub(super) parts: Parts,
+    /// How the joints are held at ease.
+    pub(super) rest: [UnitQuaternion<f64>; BODY_JOINTS],
+}
+
+impl Body {
+    /// Where a landmark is on the skeleton.
+    pub(super) fn at(&self, landmark: usize) -> Attachment {
+        let binding = self.bindings.iter().find(|b| b.landmark == landmark);
+        binding.map_or(Attachment::centre(Joint::Pelvis), |b| b.at)
+    }
 }
 
 /// The surroundings of one picture.
@@ -89,6 +106,11 @@ pub(super) fn begin(
                 nalgebra::Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, forward]));
             posture.rotations[0] = UnitQuaternion::from_rotation_matrix(&axes);
         }
+    } else if reading.both(SHOULDERS, 0.2) {
+        // Upright, facing where the shoulders do.
+        let across = reading.points[SHOULDERS[0]].metres - reading.points[SHOULDERS[1]].metres;
+        let yaw = (-across.z).atan2(across.x);
+        posture.rotations[0] = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), yaw);
     }
     // Each seen landmark at metres + t projects to its pixel: two equations, linear in t.
     let view = &scene.view;
@@ -111,14 +133,10 @@ pub(super) fn begin(
         .filter(|t| t.iter().all(|v| v.is_finite()) && t.z > 0.0)
         .unwrap_or(Vector3::new(0.0, 0.0, 3.0));
     let middle = middle * (middle.z.clamp(DEPTHS.0, DEPTHS.1) / middle.z);
-    let hips = view.camera_from_world.transpose() * (middle - view.translation);
-    // The pelvis is a little above the hips' middle.
+    let root = view.camera_from_world.transpose() * (middle - view.translation);
     let placed = solver.chain().place(&posture);
-    let mut offset = Vector3::zeros();
-    for binding in body.bindings.iter().filter(|b| HIPS.contains(&b.landmark)) {
-        offset += (placed.point(&binding.at) - placed.positions[0]) * 0.5;
-    }
-    posture.position = hips - offset;
+    let on_body = root_of(body, reading, &placed);
+    posture.position = root - (on_body - placed.positions[0]);
     posture
 }
 
@@ -132,35 +150,72 @@ pub(super) fn see(
 ) {
     let view = &scene.view;
     let axes = view.camera_from_world;
-    let spread = Vector3::new(ACROSS, ACROSS, ALONG).map(|s| 1.0 / (s * s));
-    let solid = axes.transpose() * Matrix3::from_diagonal(&spread) * axes;
-    let hip = |side: usize| {
-        body.bindings
-            .iter()
-            .find(|b| b.landmark == HIPS[side])
-            .map_or(Attachment::centre(Joint::Pelvis), |b| b.at)
-    };
-    let hips = [hip(0), hip(1)];
+    let [across, along] = [ACROSS, ALONG].map(|s| 1.0 / (s * s));
+    let root = reading.root.map(|landmark| body.at(landmark));
     for binding in &body.bindings {
         let seen = &reading.points[binding.landmark];
         let sure = seen.confidence * seen.confidence;
         if seen.confidence == 0.0 {
             continue;
         }
-        let points = [(binding.at, 1.0), (hips[0], -0.5), (hips[1], -0.5)];
+        let points = [(binding.at, 1.0), (root[0], -0.5), (root[1], -0.5)];
         let weight = sure * binding.solid * binding.solid;
+        let depth_weight = along / (binding.depth * binding.depth);
+        let spread = Vector3::new(across, across, depth_weight);
+        let solid = axes.transpose() * Matrix3::from_diagonal(&spread) * axes;
         solver
             .terms
             .push(Term::sum(&points, seen.metres, solid * weight).robustly(3.0));
         let depth = (axes.row(2) * placed.point(&binding.at))[0] + view.translation.z;
         let deviation = (PIXEL * view.focal / depth.max(0.2)).clamp(1.0, 40.0);
         solver.terms.push(Term::Pixel {
-            point: binding.at,
+            point: binding.drawn,
             view: 0,
             target: seen.pixel,
             information: sure * binding.pixel * binding.pixel / (deviation * deviation),
-            robust: Some(4.0),
+            robust: Some(2.0),
         });
+    }
+}
+
+/// Where the middle of the reading's root is on a placed body.
+pub(super) fn root_of(body: &Body, reading: &Reading, placed: &Placed) -> Vector3<f64> {
+    let [a, b] = reading
+        .root
+        .map(|landmark| placed.point(&body.at(landmark)));
+    (a + b) / 2.0
+}
+
+/// What the picture does not show is at ease: legs stand below a body that is upright, as of a person before a desk.
+pub(super) fn rest_unseen(body: &Body, solver: &mut SkeletonSolver, reading: &Reading) {
+    let unseen = |points: &[usize]| {
+        let best = points.iter().map(|p| reading.points[*p].confidence);
+        (1.0 - best.fold(0.0, f64::max) / SEEN).max(0.0)
+    };
+    for (side, leg) in spmm3::LEGS.into_iter().enumerate() {
+        let weight = unseen(&[KNEES[side], ANKLES[side]]);
+        if weight > 0.0 {
+            for joint in leg {
+                solver.terms.push(Term::Rotation {
+                    joint,
+                    target: body.rest[joint.index()],
+                    information: Matrix3::identity() * (weight / (AT_EASE * AT_EASE)),
+                    robust: None,
+                });
+            }
+        }
+    }
+    let weight = unseen(&HIPS);
+    if weight > 0.0 && body.parts.upright {
+        for joint in [Joint::Spine3, Joint::Pelvis] {
+            solver.terms.push(Term::Direction {
+                joint,
+                axis: Vector3::y(),
+                target: Vector3::y(),
+                information: Matrix3::identity() * (weight / (UNSEEN_LEAN * UNSEEN_LEAN)),
+                robust: None,
+            });
+        }
     }
 }
 
@@ -240,7 +295,7 @@ pub(super) fn reprojection(
     for binding in &body.bindings {
         let seen = &reading.points[binding.landmark];
         let weight = seen.confidence * binding.pixel;
-        let off = scene.view.project(&placed.point(&binding.at)) - seen.pixel;
+        let off = scene.view.project(&placed.point(&binding.drawn)) - seen.pixel;
         sum = (sum.0 + weight * off.norm_squared(), sum.1 + weight);
     }
     if sum.1 > 0.0 {

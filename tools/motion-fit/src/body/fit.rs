@@ -2,12 +2,12 @@
 
 use super::{
     bindings,
-    chain::{BODY_JOINTS, Chain, Posture, wide},
+    chain::{Chain, Posture, wide},
     evidence::{Body, Parts, Scene, stands},
     pose::{BodyPose, CameraPose, Limb},
     prior::PosePrior,
     proportions::Proportions,
-    reading::{ANKLES, Exchange, Reading, SHOULDERS},
+    reading::{ANKLES, Exchange, KNEES, Reading, SHOULDERS},
     so3,
     soles::soles,
     solver::SkeletonSolver,
@@ -52,6 +52,9 @@ const GONE: f64 = 1.0;
 /// A body gone for so long eases to rest, and how fast, seconds.
 const LINGER: f64 = 0.4;
 const EASE: f64 = 0.6;
+/// A body stands upright while its shoulders are so high above its feet, as a share of the most of late, and how long that counts, seconds.
+const UPRIGHT: f64 = 0.95;
+const TALLEST_MEMORY: f64 = 60.0;
 /// Steps of time that are believed, seconds.
 const SHORTEST: f64 = 0.002;
 const LONGEST: f64 = 0.25;
@@ -62,7 +65,6 @@ pub struct BodyFit {
     config: FitConfig,
     body: Body,
     solver: SkeletonSolver,
-    rest: [UnitQuaternion<f64>; BODY_JOINTS],
     /// The pelvis above the template's floor at rest, metres.
     pelvis: Vector3<f64>,
     upright: Upright,
@@ -72,6 +74,8 @@ pub struct BodyFit {
     /// The point of the floor, x and z, that is the avatar's origin.
     origin: Option<Vector2<f64>>,
     proportions: Proportions,
+    /// The longest way from feet to shoulders of late, metres.
+    tallest: f64,
     last_seconds: Option<f64>,
     unseen: f64,
     /// After a rival lost, the next may come later, seconds.
@@ -86,6 +90,12 @@ impl BodyFit {
         let at = |joint: Joint| wide(skeleton.rest_positions()[joint.index()]);
         let ease = spmm3::at_ease(skeleton);
         let bindings = bindings::bind(skeleton);
+        let rest = std::array::from_fn(|joint| {
+            let joint = Joint::ALL.get(joint);
+            joint.map_or(UnitQuaternion::identity(), |joint| {
+                so3::exp(&wide(ease.axis_angle(*joint)))
+            })
+        });
         let chain = Chain::new(skeleton);
         let proportions = Proportions::new(chain.clone(), &bindings);
         Self {
@@ -97,21 +107,16 @@ impl BodyFit {
                 bindings,
                 soles: soles(skeleton),
                 parts: config.parts,
+                rest,
             },
             solver: SkeletonSolver::new(chain, PosePrior::default()),
-            rest: std::array::from_fn(|joint| {
-                Joint::ALL
-                    .get(joint)
-                    .map_or(UnitQuaternion::identity(), |joint| {
-                        so3::exp(&wide(ease.axis_angle(*joint)))
-                    })
-            }),
             pelvis: at(Joint::Pelvis),
             upright: Upright::default(),
             track: None,
             rival: None,
             origin: None,
             proportions,
+            tallest: 0.0,
             last_seconds: None,
             unseen: 0.0,
             patience: DOUBTFUL,
@@ -137,7 +142,7 @@ impl BodyFit {
             None => self.coast(step),
         }
         self.fade_confidence(reading.as_ref(), step);
-        self.tell(reading.is_some())
+        self.tell(reading.as_ref())
     }
 
     fn see(&mut self, seconds: f64, step: f64, reading: &Reading) {
@@ -190,7 +195,7 @@ impl BodyFit {
             }
         }
         self.judge(&mut track);
-        self.touch(&track, step);
+        self.touch(&track, step, &levelled);
         let at = track.posture.position;
         self.origin.get_or_insert(Vector2::new(at.x, at.z));
         self.track = Some(track);
@@ -233,7 +238,7 @@ impl BodyFit {
         // Upright, but facing where the person faced.
         let forward = track.posture.rotations[0] * Vector3::z();
         let yaw = forward.x.atan2(forward.z);
-        let mut rest = self.rest;
+        let mut rest = self.body.rest;
         rest[0] = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), yaw);
         track.coast(step, &rest, ease);
         if ease > 0.0 {
@@ -248,8 +253,13 @@ impl BodyFit {
     fn lift(&mut self, step: f64, reading: &Reading) {
         let before = self.upright.level();
         self.upright.pass(step);
+        let axis = reading.middle(SHOULDERS) - reading.middle(ANKLES);
+        self.tallest *= (-step / TALLEST_MEMORY).exp();
         if stands(reading) {
-            let axis = reading.middle(SHOULDERS) - reading.middle(ANKLES);
+            self.tallest = self.tallest.max(axis.norm());
+        }
+        // One who squats or bends leans, too.
+        if stands(reading) && axis.norm() > UPRIGHT * self.tallest {
             // The first look counts as long as it takes to be news.
             let seconds = if self.track.is_none() { 0.7 } else { step };
             self.upright.stance(&axis, seconds);
@@ -275,11 +285,16 @@ impl BodyFit {
     }
 
     /// Takes standing soles into the estimate of the floor.
-    fn touch(&mut self, track: &Track, step: f64) {
+    fn touch(&mut self, track: &Track, step: f64, reading: &Reading) {
         let placed = self.solver.chain().place(&track.posture);
         let back = self.upright.level().transpose();
         let floor = -self.upright.height();
         let lowest = self.lowest(track);
+        // Legs that are not in the picture stand straight: slowly, the floor is where they reach.
+        let legs_unseen = KNEES
+            .into_iter()
+            .chain(ANKLES)
+            .all(|p| reading.points[p].confidence < 0.3);
         for (sole, contact) in self.body.soles.iter().zip(&track.contacts) {
             let at = placed.point(sole);
             let near = (at.y - floor).abs() < 0.2;
@@ -288,6 +303,8 @@ impl BodyFit {
             } else if at.y <= lowest && (near || at.y < floor) {
                 // Some sole is mostly on the floor.
                 self.upright.touch(&(back * at), step, 0.5);
+            } else if at.y <= lowest && legs_unseen {
+                self.upright.touch(&(back * at), step, 0.05);
             }
         }
     }
@@ -328,13 +345,22 @@ impl BodyFit {
         }
     }
 
-    fn tell(&self, seen: bool) -> BodyPose {
+    fn tell(&self, reading: Option<&Reading>) -> BodyPose {
+        let seen = reading.is_some();
+        // A leg that is not in the picture stands.
+        let unseen = |foot: usize| {
+            reading.is_some_and(|r| {
+                [KNEES[foot], ANKLES[foot]]
+                    .iter()
+                    .all(|p| r.points[*p].confidence < 0.3)
+            })
+        };
         let level = self.upright.level();
         let view = self.view(&level);
         let floor = -self.upright.height();
         let rest = Track::new(Posture {
             position: Vector3::new(0.0, self.pelvis.y + floor, 0.0),
-            rotations: self.rest,
+            rotations: self.body.rest,
         });
         let track = self.track.as_ref().unwrap_or(&rest);
         let at = track.posture.position;
@@ -362,8 +388,10 @@ impl BodyFit {
                 ),
                 position: narrow(&-origin),
             },
-            standing: [0, 2]
-                .map(|foot| [0, 1].map(|sole| seen && track.contacts[foot + sole].stands())),
+            standing: [0, 1].map(|foot| {
+                let stands = |sole: usize| track.contacts[2 * foot + sole].stands();
+                [0, 1].map(|sole| seen && (unseen(foot) || stands(sole)))
+            }),
             seen,
         }
     }

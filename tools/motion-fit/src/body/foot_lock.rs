@@ -15,9 +15,9 @@ use spmm3::{Joint, MotionParams, Skeleton};
 /// A foot further from where it should stand is let go, metres.
 const TORN: f64 = 0.12;
 /// A held foot creeps towards its own way, where it may have been put down wrongly: too slowly to be seen, m/s.
-const CREEP: f64 = 0.05;
+const CREEP: f64 = 0.03;
 /// How fast a foot that was let go comes back to its own way, seconds.
-const RELEASE: f64 = 0.1;
+const RELEASE: f64 = 0.2;
 /// Corrections smaller than this are left out, metres.
 const SMALLEST: f64 = 2e-4;
 /// Standard deviations of a sole from its place and of the root's shift, metres; of joints of the legs and others, radians.

@@ -22,6 +22,7 @@ pub mod terms;
 mod track;
 mod upright;
 
+pub use bindings::landmark_places;
 pub use evidence::Parts;
 pub use fit::{BodyFit, FitConfig};
 pub use foot_lock::FootLock;

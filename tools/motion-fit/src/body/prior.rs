@@ -16,7 +16,7 @@ const VALUES: usize = 3 * BODY_JOINTS;
 /// the knee is about x; of the elbow about y, and its x is the forearm's twist.
 const BASE: [(&[usize], [f64; 3]); 11] = [
     (&[1, 2], [0.7, 0.35, 0.35]),
-    (&[3, 6, 9], [0.16, 0.13, 0.12]),
+    (&[3, 6, 9], [0.1, 0.08, 0.07]),
     (&[4, 5], [0.9, 0.06, 0.08]),
     (&[7, 8], [0.35, 0.2, 0.2]),
     (&[10, 11], [0.15, 0.03, 0.05]),
@@ -27,6 +27,11 @@ const BASE: [(&[usize], [f64; 3]); 11] = [
     (&[18, 19], [0.4, 1.0, 0.12]),
     (&[20, 21], [0.35, 0.35, 0.35]),
 ];
+
+/// How much of the recordings' mean a joint's mean is: their spines bend forward, as one who boxes does.
+fn mean_share(joint: usize) -> f64 {
+    if matches!(joint, 3 | 6 | 9) { 0.5 } else { 1.0 }
+}
 
 /// A Gaussian over the rotation vectors of all body joints but the pelvis.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,7 +65,7 @@ impl Default for PosePrior {
             .map_or_else(|| DMatrix::identity(VALUES, VALUES), |c| c.inverse());
         Self {
             mean: std::array::from_fn(|joint| {
-                Vector3::from_column_slice(&MEAN[3 * joint..3 * joint + 3])
+                Vector3::from_column_slice(&MEAN[3 * joint..3 * joint + 3]) * mean_share(joint)
             }),
             information: (0..BODY_JOINTS)
                 .map(|row| {

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Landmarks by BlazePose's order.
 pub(super) const NOSE: usize = 0;
+pub(super) const EYES: [usize; 2] = [2, 5];
 pub(super) const SHOULDERS: [usize; 2] = [11, 12];
 pub(super) const ELBOWS: [usize; 2] = [13, 14];
 pub(super) const WRISTS: [usize; 2] = [15, 16];
@@ -35,7 +36,7 @@ const TWINS: [usize; BODY_LANDMARKS] = [
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Seen {
     pub(super) pixel: Vector2<f64>,
-    /// Relative to the middle of the hips: y up, z towards the camera, so not yet level. Metres as the network guesses them.
+    /// Relative to the middle of [`Reading::root`]: y up, z towards the camera, so not yet level. Metres as the network guesses them.
     pub(super) metres: Vector3<f64>,
     /// 0..=1, and 0 below [`UNSEEN`].
     pub(super) confidence: f64,
@@ -45,6 +46,8 @@ pub(super) struct Seen {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Reading {
     pub(super) points: [Seen; BODY_LANDMARKS],
+    /// The pair that all metres are relative to the middle of: the hips; where none is seen, the shoulders; of a face alone, the ears.
+    pub(super) root: [usize; 2],
 }
 
 impl Reading {
@@ -74,23 +77,29 @@ impl Reading {
         });
         let seen = |point: usize| points[point].confidence > 0.3;
         let hips = HIPS.map(|h| points[h].confidence > 0.0);
-        let torso = SHOULDERS
-            .into_iter()
-            .chain(HIPS)
-            .filter(|p| seen(*p))
-            .count();
-        if torso < 2 || hips == [false, false] {
+        let count = |of: &[usize]| of.iter().filter(|p| seen(**p)).count();
+        let torso = count(&SHOULDERS) + count(&HIPS);
+        let head = count(&EARS) + count(&EYES) + count(&[NOSE]);
+        // Before a desk, neither hips nor legs are in the picture; close to a camera, the face is all there is.
+        let root = if torso >= 2 && hips != [false, false] {
+            HIPS
+        } else if count(&SHOULDERS) == 2 {
+            SHOULDERS
+        } else if head >= 4 && count(&EARS) == 2 {
+            EARS
+        } else {
             return None;
-        }
-        // All is relative to the hips' middle: with one hip gone, to the network's own zero.
-        let middle = match hips {
-            [true, true] => (points[HIPS[0]].metres + points[HIPS[1]].metres) / 2.0,
-            _ => Vector3::zeros(),
+        };
+        // With one hip gone, relative to the network's own zero.
+        let middle = if root == HIPS && hips != [true, true] {
+            Vector3::zeros()
+        } else {
+            (points[root[0]].metres + points[root[1]].metres) / 2.0
         };
         for point in &mut points {
             point.metres -= middle;
         }
-        Some(Self { points })
+        Some(Self { points, root })
     }
 
     /// The middle of a pair, in the axes of [`Seen::metres`].
@@ -107,6 +116,7 @@ impl Reading {
     /// Left and right of face and arms, and of hips and legs, exchanged as asked for.
     pub(super) fn exchanged(&self, exchange: Exchange) -> Self {
         Self {
+            root: self.root,
             points: std::array::from_fn(|i| {
                 let swap = if i < LOWER {
                     exchange.upper
@@ -168,7 +178,7 @@ impl Exchange {
                 let distance = |seen: &Vector3<f64>| {
                     // Depth is the least sure.
                     (seen - expected)
-                        .component_mul(&Vector3::new(1.0, 1.0, 0.5))
+                        .component_mul(&Vector3::new(1.0, 1.0, 0.3))
                         .norm()
                 };
                 halves[half][0] += weight * distance(&own.metres);

@@ -167,6 +167,9 @@ impl System {
     }
 }
 
+/// Most damping of a step.
+const STIFFEST: f64 = 1e6;
+
 impl SkeletonSolver {
     /// A solver for the bones of `chain`, with the ranges of a person's joints.
     #[must_use]
@@ -222,7 +225,7 @@ impl SkeletonSolver {
                 if !best_cost.is_finite() {
                     break;
                 }
-                damping = f64::min(damping * 20.0, 1e6);
+                damping = f64::min(damping * 20.0, STIFFEST);
                 if round < iterations {
                     self.assemble(&best);
                 }
@@ -230,10 +233,16 @@ impl SkeletonSolver {
             if round == iterations {
                 break;
             }
-            let Some(step) = self.system.step(damping) else {
-                damping = f64::min(damping * 100.0 + 1e-2, 1e6);
-                at = best;
-                continue;
+            // More damping makes any system definite.
+            let step = loop {
+                match self.system.step(damping) {
+                    Some(step) => break Some(step),
+                    None if damping >= STIFFEST => break None,
+                    None => damping = f64::min(damping * 100.0 + 1e-2, STIFFEST),
+                }
+            };
+            let Some(step) = step else {
+                break;
             };
             at = moved(&best, &step);
             done = round + 1;

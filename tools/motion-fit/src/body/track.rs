@@ -3,8 +3,11 @@
 use super::{
     chain::{BODY_JOINTS, Placed, Posture},
     contact::Contact,
-    evidence::{Body, DEPTHS, Scene, begin, keep, reprojection, see, stand_upright, unproject},
-    reading::{Exchange, HEELS, HIPS, Reading, TOES},
+    evidence::{
+        Body, DEPTHS, Scene, begin, keep, reprojection, rest_unseen, root_of, see, stand_upright,
+        unproject,
+    },
+    reading::{Exchange, HEELS, Reading, TOES},
     so3,
     solver::SkeletonSolver,
     terms::Term,
@@ -18,8 +21,8 @@ const FIRST_STEPS: usize = 25;
 /// Speeds fade with this time, seconds: what is hidden comes to rest.
 const FADE: f64 = 0.15;
 /// How near to its pin a standing sole is held, metres; to the floor; and how firmly no sole sinks below it.
-const PIN: f64 = 0.02;
-const FLOOR: f64 = 0.04;
+const PIN: f64 = 0.05;
+const FLOOR: f64 = 0.08;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Track {
@@ -148,6 +151,7 @@ impl Track {
         solver.views.clear();
         solver.views.push(scene.view);
         see(body, solver, scene, &reading, &placed);
+        rest_unseen(body, solver, &reading);
         if self.begun() {
             keep(solver, scene, &posture);
         }
@@ -194,11 +198,7 @@ impl Track {
         reading: &Reading,
         placed: &Placed,
     ) {
-        let hips = HIPS
-            .iter()
-            .filter_map(|hip| body.bindings.iter().find(|b| b.landmark == *hip))
-            .map(|b| placed.point(&b.at) * 0.5)
-            .sum::<Vector3<f64>>();
+        let root = root_of(body, reading, placed);
         let landmarks = [HEELS[0], TOES[0], HEELS[1], TOES[1]];
         let lowest = body
             .soles
@@ -213,7 +213,7 @@ impl Track {
             let seen = &reading.points[landmark];
             let measured = binding.filter(|_| seen.confidence > 0.4).map(|binding| {
                 let carried = placed.point(&binding.at);
-                expected + unproject(&scene.view, seen, &(hips + seen.metres)) - carried
+                expected + unproject(&scene.view, seen, &(root + seen.metres)) - carried
             });
             contact.update(
                 scene.seconds,
@@ -243,13 +243,9 @@ impl Track {
 /// The labelling that continues the predicted pose.
 fn guess(body: &Body, placed: &Placed, reading: &Reading) -> Exchange {
     let mut expected = [None; BODY_LANDMARKS];
-    let mut middle = Vector3::zeros();
+    let middle = root_of(body, reading, placed);
     for binding in &body.bindings {
-        let at = placed.point(&binding.at);
-        if HIPS.contains(&binding.landmark) {
-            middle += at * 0.5;
-        }
-        expected[binding.landmark] = Some(at);
+        expected[binding.landmark] = Some(placed.point(&binding.at));
     }
     for at in expected.iter_mut().flatten() {
         *at -= middle;

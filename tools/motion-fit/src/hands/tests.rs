@@ -205,6 +205,10 @@ fn random_hands_within_the_joints_limits_are_found_within_half_a_degree() {
             let fingers = random_fingers(&mut random, side);
             let (hand, turn) = landmarks(&mut random, side, &fingers, 0.0);
             let pose = fit.fit(&hand);
+            if end_on(&hand.metres.map(|p| p.as_dvec3())) < 1.0 {
+                // Its own fingers are hidden behind it.
+                continue;
+            }
             assert_eq!(pose.confidence, 1.0, "a large, certain hand");
             let palm = pose.camera_from_palm.expect("a palm");
             let error = degrees_between(turn, palm);
@@ -272,7 +276,12 @@ fn a_small_or_doubtful_hand_relaxes_and_keeps_its_palm() {
     let mut random = Random(9);
     let fit = HandFit::new(&skeleton(), Side::Left);
     let fingers = random_fingers(&mut random, Side::Left);
-    let (hand, turn) = landmarks(&mut random, Side::Left, &fingers, 0.0);
+    let (hand, turn) = loop {
+        let (hand, turn) = landmarks(&mut random, Side::Left, &fingers, 0.0);
+        if end_on(&hand.metres.map(|p| p.as_dvec3())) == 1.0 {
+            break (hand, turn);
+        }
+    };
     let mut small = hand.clone();
     let first = small.pixels[0];
     let extent = small
@@ -443,4 +452,18 @@ fn rendered_fingers_curl_with_the_true_ones_and_closer_without_the_networks_bias
     println!("without MediaPipe's bias                         {undone:.1?} degrees, {curl:.2}");
     assert!(undone[0] < 0.75 * raw[0], "{undone:?} against {raw:?}");
     assert!(curl > 0.85, "{curl}");
+}
+
+#[test]
+fn a_palm_that_points_at_the_camera_shows_no_fingers() {
+    let mut points = [DVec3::ZERO; HAND_LANDMARKS];
+    for (toward, believed) in [(0.0, 1.0), (0.95, 0.0)] {
+        let along = f64::sqrt(1.0 - toward * toward);
+        points[ROOTS[1]] = DVec3::new(0.0, -along, -toward) * 0.09;
+        assert_eq!(
+            end_on(&points),
+            believed,
+            "{toward} of it along the line of sight"
+        );
+    }
 }
