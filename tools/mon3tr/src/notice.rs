@@ -22,7 +22,7 @@ impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Nobody => f.write_str(
-                "there is no person in the picture: the avatar waits at rest (step back until head and hips are seen)",
+                "there is no person in the picture: the avatar waits at rest (move until head and shoulders are seen)",
             ),
             Self::Dark => f.write_str(
                 "the picture is dark, and no person is seen in it: uncover the camera, or make light",
