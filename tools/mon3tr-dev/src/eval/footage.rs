@@ -62,8 +62,12 @@ impl FootageFigures {
     pub(super) fn print(&self) {
         for figures in &self.cameras {
             println!("\nPose2Sim, camera {}", figures.camera);
-            table::print_scores("  network alone", "", &figures.raw);
-            table::print_scores("  fitted", "", &figures.fitted);
+            table::print_limbs("network alone", &figures.raw);
+            table::print_limbs("fitted", &figures.fitted);
+            println!(
+                "  reprojection of the fit {:.1} %",
+                figures.fitted.reprojection_percent
+            );
         }
         if let Some(carphone) = &self.carphone {
             let [low, middle, high] = carphone.jaw_degrees;

@@ -104,6 +104,22 @@ pub(super) fn print_scores(motion: &str, camera: &str, scores: &Scores) {
     );
 }
 
+/// What is known of footage whose truth is that of the limbs alone.
+pub(super) fn print_limbs(what: &str, scores: &Scores) {
+    println!(
+        "  {what:<14} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  jitter {:>5.1} ({:.1})  swaps {:>2} ({})",
+        scores.frames,
+        scores.of,
+        scores.mpjpe_mm,
+        scores.mpjpe_p95_mm,
+        scores.pa_mpjpe_mm,
+        scores.jitter_mm,
+        scores.jitter_truth_mm,
+        scores.swapped,
+        scores.longest_swap,
+    );
+}
+
 /// Medians over all motions and cameras.
 pub(super) fn print_summary(rows: &[Row]) {
     println!("\nmedians over {} motions and cameras", rows.len());
