@@ -11,6 +11,7 @@ use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::{FinishedPerson, LaneOptions, Lanes, MOST_PEOPLE, PausableSource};
 use app_pipeline::placement::{InferenceBackends, Placed, PlacementReport, place, place_first};
 use app_pipeline::plan::{PlacementRequest, Plan};
+use app_pipeline::pool::in_own_pool;
 use app_pipeline::quality::QualityMode;
 use app_pipeline::timeline::LatencyMode;
 use renderer_splat::options::RendererOptions;
@@ -191,11 +192,15 @@ impl<'a> Session<'a> {
             quality: self.config.quality,
             display_period: needs.period,
         };
-        let mut lanes = Lanes::start(avatar, placed.inference, renderer, source, &options)?;
-        for ((avatar, placed), source) in people {
-            lanes.join(avatar, placed.inference, source, placed.plan)?;
-        }
-        Ok(lanes)
+        // Networks are repacked for the kernels by several threads, which must end with that: the app may outlive many calls.
+        let lanes = in_own_pool("start", move || {
+            let mut lanes = Lanes::start(avatar, placed.inference, renderer, source, &options)?;
+            for ((avatar, placed), source) in people {
+                lanes.join(avatar, placed.inference, source, placed.plan)?;
+            }
+            Ok::<_, ReceiverError>(lanes)
+        })?;
+        Ok(lanes?)
     }
 }
 
