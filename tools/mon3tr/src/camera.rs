@@ -189,15 +189,10 @@ impl CameraCapture {
             tracker,
             camera,
         } = open;
-        let subject = Subject {
-            skeleton: &avatar.skeleton,
-            expressions: &avatar.expressions,
-            expression_basis: &avatar.expression_basis,
-        };
         Self {
             source,
             tracker,
-            fit: MotionFit::new(&subject, camera),
+            fit: MotionFit::new(&Subject::from(avatar), camera),
             camera,
             picture: Arc::default(),
             notices: Notices::default(),

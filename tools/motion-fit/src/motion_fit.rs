@@ -9,7 +9,7 @@ use crate::landmarks::estimates::{BodyEstimate, FaceEstimate, HandEstimate, Obse
 use crate::rotations::{self, FaceShown};
 use crate::smoother::{Confidence, SmoothConfig, Smoother};
 use glam::{Affine3A, DQuat, Mat3A, Quat, Vec3A};
-use spmm3::{ExpressionBasis, Expressions, Joint, MotionParams, Skeleton};
+use spmm3::{Avatar, ExpressionBasis, Expressions, Joint, MotionParams, Skeleton};
 
 /// A hand or face that is no longer seen is kept for so long, then relaxes within [`RELAX`], seconds.
 const HOLD: f64 = 0.3;
@@ -30,6 +30,16 @@ pub struct Subject<'a> {
     pub expressions: &'a Expressions,
     /// The basis of the avatar's expression coefficients.
     pub expression_basis: &'a ExpressionBasis,
+}
+
+impl<'a> From<&'a Avatar> for Subject<'a> {
+    fn from(avatar: &'a Avatar) -> Self {
+        Self {
+            skeleton: &avatar.skeleton,
+            expressions: &avatar.expressions,
+            expression_basis: &avatar.expression_basis,
+        }
+    }
 }
 
 /// One frame.

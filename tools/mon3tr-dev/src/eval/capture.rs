@@ -6,7 +6,7 @@ use super::score::{Posed, Scores, score};
 use super::table::{self, Row};
 use super::{footage, motions};
 use anyhow::Context;
-use mon3tr::commands::bake::{BakeChoices, baked_demo_avatar};
+use mon3tr::commands::bake::{BakeChoices, chosen_or_demo_avatar};
 use mon3tr::device_options::{DeviceOptions, make_folder};
 use mon3tr::report::{check_writable, write_json};
 use mon3tr::stills::load_avatar;
@@ -46,10 +46,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     if let Some(folder) = &options.observations {
         make_folder(folder)?;
     }
-    let package = match &options.avatar {
-        Some(package) => package.clone(),
-        None => baked_demo_avatar(&options.bake, device)?,
-    };
+    let package = chosen_or_demo_avatar(options.avatar.as_deref(), &options.bake, device)?;
     let (avatar, _) = load_avatar(&package)?;
     let mut clips = vec![MotionClip::built_in(
         &avatar.skeleton,
@@ -69,7 +66,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let takes = renders::takes(&avatar, &clips, options.seconds)?;
     let mut rows = Vec::new();
     let of = format!("{} {:.3} s", package.display(), options.seconds);
-    let mut keeper = Keeper::new(options.observations.as_deref(), &of, device)?;
+    let mut keeper = Keeper::new(options.observations.as_deref(), &of, device);
     for take in &takes {
         let seen = keeper.take(take, &avatar)?;
         let fit_began = Instant::now();
@@ -100,12 +97,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
 }
 
 fn fit(avatar: &Avatar, take: &Take, seen: &[Observation]) -> Vec<Fitted> {
-    let subject = Subject {
-        skeleton: &avatar.skeleton,
-        expressions: &avatar.expressions,
-        expression_basis: &avatar.expression_basis,
-    };
-    let mut fit = MotionFit::new(&subject, renders::pinhole(&take.camera));
+    let mut fit = MotionFit::new(&Subject::from(avatar), renders::pinhole(&take.camera));
     seen.iter().map(|seen| fit.step(seen)).collect()
 }
 

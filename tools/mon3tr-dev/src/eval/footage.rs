@@ -110,8 +110,7 @@ fn four_cameras(
         let raw = scaled_alike(&true_frames, seen, &pinhole);
         let subject = Subject {
             skeleton: &skeleton,
-            expressions: &avatar.expressions,
-            expression_basis: &avatar.expression_basis,
+            ..Subject::from(avatar)
         };
         let mut fit = MotionFit::new(&subject, pinhole);
         let fitted: Vec<Option<Posed>> = (seen.iter())
@@ -316,12 +315,7 @@ fn carphone(
         focal: 200.0,
         centre: Vec2::new(88.0, 72.0),
     };
-    let subject = Subject {
-        skeleton: &avatar.skeleton,
-        expressions: &avatar.expressions,
-        expression_basis: &avatar.expression_basis,
-    };
-    let mut fit = MotionFit::new(&subject, pinhole);
+    let mut fit = MotionFit::new(&Subject::from(avatar), pinhole);
     let fitted: Vec<Fitted> = seen.iter().map(|seen| fit.step(seen)).collect();
     let mut jaws: Vec<f64> = (fitted.iter())
         .map(|fitted| f64::from(fitted.motion.axis_angle(Joint::Jaw).x).to_degrees())

@@ -25,23 +25,17 @@ pub(super) struct Keeper<'a> {
     /// What the kept observations are of.
     of: String,
     device: &'a DeviceOptions,
-    tracker: Tracker,
     times: StageTimes,
 }
 
 impl<'a> Keeper<'a> {
-    pub(super) fn new(
-        folder: Option<&'a Path>,
-        of: &str,
-        device: &'a DeviceOptions,
-    ) -> anyhow::Result<Self> {
-        Ok(Self {
+    pub(super) fn new(folder: Option<&'a Path>, of: &str, device: &'a DeviceOptions) -> Self {
+        Self {
             folder,
             of: of.to_owned(),
             device,
-            tracker: start(device)?,
             times: StageTimes::default(),
-        })
+        }
     }
 
     /// What the networks took so far.
@@ -124,17 +118,18 @@ impl<'a> Keeper<'a> {
         let label = format!("{} from {}", take.motion, take.camera_name);
         let bar = progress::bar(&label, take.frames.len());
         let mut seen = Vec::new();
-        self.forget()?;
+        let mut tracker = self.tracker()?;
         renderer.draw(&setting, stills, |k, views| {
             let picture = views.first().context("the renderer returned no picture")?;
-            seen.push(self.look(Picture {
+            let picture = Picture {
                 width: picture.width(),
                 height: picture.height(),
                 rgb: picture.as_raw().clone(),
                 at: Instant::now(),
                 seconds: k as f64 / RATE,
                 number: k as u64,
-            })?);
+            };
+            seen.push(self.look(&mut tracker, picture)?);
             bar.inc(1);
             Ok(())
         })?;
@@ -146,32 +141,26 @@ impl<'a> Keeper<'a> {
         let choice = SourceChoice::File(file.to_owned());
         let mut source = source::open(&choice, &Wanted::default())?;
         let mut seen = Vec::new();
-        self.forget()?;
+        let mut tracker = self.tracker()?;
         loop {
             let mut picture = Picture::empty();
             if !source.next(&mut picture)? {
                 return Ok(seen);
             }
-            seen.push(self.look(picture)?);
+            seen.push(self.look(&mut tracker, picture)?);
         }
     }
 
-    fn look(&mut self, picture: Picture) -> anyhow::Result<Observation> {
+    fn look(&mut self, tracker: &mut Tracker, picture: Picture) -> anyhow::Result<Observation> {
         let picture: Arc<dyn tracker::picture::Picture> = Arc::new(picture);
-        let seen = self.tracker.observe(&picture)?;
+        let seen = tracker.observe(&picture)?;
         self.times.add(&seen.times);
         Ok(seen.into_observation())
     }
 
-    /// Another person comes.
-    fn forget(&mut self) -> anyhow::Result<()> {
-        self.tracker = start(self.device)?;
-        Ok(())
+    /// A tracker that has seen nothing: each motion begins with one.
+    fn tracker(&self) -> anyhow::Result<Tracker> {
+        let models = Options::default().load(&networks()?, &self.device.runtime()?)?;
+        Ok(Tracker::new(models)?)
     }
-}
-
-/// A tracker that has seen nothing.
-fn start(device: &DeviceOptions) -> anyhow::Result<Tracker> {
-    let models = Options::default().load(&networks()?, &device.runtime()?)?;
-    Ok(Tracker::new(models)?)
 }

@@ -146,8 +146,23 @@ fn save(avatar: &Avatar, out: &Path) -> anyhow::Result<u64> {
         .with_context(|| format!("cannot write {}", out.display()))
 }
 
+/// The package that was chosen, or the demo avatar's.
+pub fn chosen_or_demo_avatar(
+    chosen: Option<&Path>,
+    choices: &BakeChoices,
+    device: &DeviceOptions,
+) -> anyhow::Result<PathBuf> {
+    match chosen {
+        Some(package) => Ok(package.to_owned()),
+        None => baked_demo_avatar(choices, device),
+    }
+}
+
 /// The demo avatar's package from the cache; baked first if there is none of this kind yet.
-pub fn baked_demo_avatar(choices: &BakeChoices, device: &DeviceOptions) -> anyhow::Result<PathBuf> {
+pub(crate) fn baked_demo_avatar(
+    choices: &BakeChoices,
+    device: &DeviceOptions,
+) -> anyhow::Result<PathBuf> {
     let file = format!("demo-{}-v{BAKE_VERSION}.m3a", choices.gaussians);
     let package = cache()?.join("avatars").join(file);
     if !package.is_file() {

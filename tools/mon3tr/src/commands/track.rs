@@ -1,7 +1,7 @@
 //! `mon3tr track`: the motion of the person in a video, as a file that other tools read.
 
 use crate::camera::{CameraCapture, CaptureOptions, OpenCamera};
-use crate::commands::bake::{BakeChoices, baked_demo_avatar};
+use crate::commands::bake::{BakeChoices, chosen_or_demo_avatar};
 use crate::device_options::{DeviceOptions, make_folder};
 use crate::recording::TrackedRecording;
 use crate::report::{check_writable, write_json};
@@ -65,10 +65,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     }
     // Before a bake of minutes.
     let open = OpenCamera::recorded(&options.video, &options.capture, device)?;
-    let package = match &options.avatar {
-        Some(package) => package.clone(),
-        None => baked_demo_avatar(&options.bake, device)?,
-    };
+    let package = chosen_or_demo_avatar(options.avatar.as_deref(), &options.bake, device)?;
     let (avatar, _) = load_avatar(&package)?;
     let capture = CameraCapture::new(open, &avatar, None);
     let recording = TrackedRecording::track(capture, MOST_FRAMES)?;

@@ -10,7 +10,7 @@ mod tail;
 mod turns;
 
 use super::measure::print_table;
-use mon3tr::commands::bake::{BakeChoices, baked_demo_avatar};
+use mon3tr::commands::bake::{BakeChoices, chosen_or_demo_avatar};
 use mon3tr::device_options::DeviceOptions;
 use mon3tr::report::{check_writable, write_json};
 use mon3tr::stills::load_avatar;
@@ -48,10 +48,7 @@ struct Measured {
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     let runtime = device.runtime()?;
-    let package = match &options.avatar {
-        Some(package) => package.clone(),
-        None => baked_demo_avatar(&options.bake, device)?,
-    };
+    let package = chosen_or_demo_avatar(options.avatar.as_deref(), &options.bake, device)?;
     let (avatar, figures) = load_avatar(&package)?;
     let mut sessions = Sessions::new(&runtime, &avatar)?;
     let mut comparisons = Vec::new();

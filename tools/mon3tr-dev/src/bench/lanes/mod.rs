@@ -14,7 +14,7 @@ use app_pipeline::placement::{InferenceBackends, Placed, place};
 use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::posing::bound_mesh;
 use format::Format;
-use mon3tr::commands::bake::{BakeChoices, baked_demo_avatar};
+use mon3tr::commands::bake::{BakeChoices, chosen_or_demo_avatar};
 use mon3tr::device_options::{DeviceOptions, cache, describe};
 use mon3tr::network::parse_seconds;
 use mon3tr::performance::MotionOptions;
@@ -87,10 +87,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     options.motion.check()?;
     let gpu = device.gpu()?;
     let runtime = device.runtime()?;
-    let package = match &options.avatar {
-        Some(package) => package.clone(),
-        None => baked_demo_avatar(&options.bake, device)?,
-    };
+    let package = chosen_or_demo_avatar(options.avatar.as_deref(), &options.bake, device)?;
     let (avatar, figures) = load_avatar(&package)?;
     let performance = options.motion.load(&avatar)?;
     let frames: Arc<[MotionParams]> = performance.frames.clone().into();
