@@ -21,7 +21,7 @@ pub use commit::compile;
 pub use error::RuntimeError;
 pub use graph::{Graph, Origin, Precompiled};
 pub use landing::Landing;
-pub use provider::{Provider, ProviderKind, QnnTarget, UnknownTarget};
+pub use provider::{Provider, ProviderKind, QnnTarget, UnknownProvider, UnknownTarget};
 pub use qnn::QNN_VARIABLE;
 pub use runtime::{Availability, Runtime};
 pub use session::Session;

@@ -69,6 +69,32 @@ impl ProviderKind {
     /// All, most preferred first.
     pub const ALL: [Self; 4] = [Self::Qnn, Self::Nnapi, Self::Xnnpack, Self::Cpu];
 
+    /// The name by which it is asked for, as [`FromStr`] reads it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Qnn => "qnn",
+            Self::Nnapi => "nnapi",
+            Self::Xnnpack => "xnnpack",
+            Self::Cpu => "cpu",
+        }
+    }
+
+    /// Such a provider, for the one chip that is known where it is a chip's, with so many threads (at least 1) where it computes on the
+    /// CPU.
+    #[must_use]
+    pub fn with_threads(self, threads: usize) -> Provider {
+        let threads = threads.max(1);
+        match self {
+            Self::Qnn => Provider::Qnn {
+                target: QnnTarget::SXR2230P,
+            },
+            Self::Nnapi => Provider::Nnapi,
+            Self::Xnnpack => Provider::Xnnpack { threads },
+            Self::Cpu => Provider::Cpu { threads },
+        }
+    }
+
     /// ONNX Runtime's name for it.
     #[must_use]
     pub fn ort_name(self) -> &'static str {
@@ -91,6 +117,22 @@ impl fmt::Display for ProviderKind {
         })
     }
 }
+
+impl FromStr for ProviderKind {
+    type Err = UnknownProvider;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::ALL
+            .into_iter()
+            .find(|kind| kind.name() == text)
+            .ok_or_else(|| UnknownProvider(text.to_owned()))
+    }
+}
+
+/// A text that names no kind of provider.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("there is no provider {0:?}; known: {known}", known = ProviderKind::ALL.map(ProviderKind::name).join(", "))]
+pub struct UnknownProvider(pub String);
 
 /// A chip with a Hexagon NPU. Only known chips can be named: without a chip's numbers QNN would compile for another one,
 /// and its emulator would compute in single precision where the chip computes in half.
@@ -172,6 +214,19 @@ mod tests {
         assert_eq!("SXR2230P".parse(), Ok(QnnTarget::SXR2230P), "in capitals");
         let error = "sm1".parse::<QnnTarget>().expect_err("no such chip");
         assert!(error.to_string().contains("sxr2230p"), "{error}");
+    }
+
+    #[test]
+    fn a_provider_is_read_from_its_name() {
+        for kind in ProviderKind::ALL {
+            assert_eq!(kind.name().parse(), Ok(kind), "by its own name");
+            assert_eq!(kind.with_threads(0).kind(), kind, "of its kind");
+        }
+        let error = "gpu".parse::<ProviderKind>().expect_err("no provider");
+        assert!(
+            error.to_string().contains("qnn, nnapi, xnnpack, cpu"),
+            "{error}"
+        );
     }
 
     #[test]

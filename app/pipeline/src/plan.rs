@@ -66,17 +66,6 @@ impl fmt::Display for Plan {
     }
 }
 
-/// The name by which a kind of provider is asked for.
-#[must_use]
-pub(super) fn short_name(provider: ProviderKind) -> &'static str {
-    match provider {
-        ProviderKind::Qnn => "qnn",
-        ProviderKind::Nnapi => "nnapi",
-        ProviderKind::Xnnpack => "xnnpack",
-        ProviderKind::Cpu => "cpu",
-    }
-}
-
 /// Where a kind of provider computes.
 #[must_use]
 pub fn unit_of(provider: ProviderKind) -> Unit {
@@ -108,10 +97,7 @@ impl FromStr for PlacementRequest {
                     request.plan = Some(named.ok_or_else(|| refusal(text))?);
                 }
                 Some(("npu", name)) => {
-                    let named = ProviderKind::ALL
-                        .into_iter()
-                        .find(|one| short_name(*one) == name);
-                    request.provider = Some(named.ok_or_else(|| refusal(text))?);
+                    request.provider = Some(name.parse().map_err(|_| refusal(text))?);
                 }
                 Some(_) => return Err(refusal(text)),
             }
@@ -132,8 +118,8 @@ impl fmt::Display for PlacementRequest {
         match (self.plan, self.provider) {
             (None, None) => f.write_str("auto"),
             (Some(plan), None) => write!(f, "{plan}"),
-            (None, Some(provider)) => write!(f, "npu={}", short_name(provider)),
-            (Some(plan), Some(provider)) => write!(f, "{plan},npu={}", short_name(provider)),
+            (None, Some(provider)) => write!(f, "npu={}", provider.name()),
+            (Some(plan), Some(provider)) => write!(f, "{plan},npu={}", provider.name()),
         }
     }
 }

@@ -2,10 +2,13 @@
 
 use crate::device_options::{DeviceOptions, networks};
 use crate::notice::Notices;
-use anyhow::Context;
+use crate::preview::{HandOver, PaceMeter, Shot};
+use anyhow::{Context, bail};
+use clap::ValueEnum;
 use glam::Vec2;
 use motion_fit::landmarks::{Camera, Observation, USUAL_VIEW_DEGREES};
 use motion_fit::{Fitted, MotionFit, Subject};
+use npu_runtime::{Provider, ProviderKind, Runtime};
 use sender::{Capture, Captured, SendError};
 use serde::Serialize;
 use spmm3::Avatar;
@@ -15,8 +18,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tracker::Tracker;
 use tracker::custom;
-use tracker::mediapipe;
-use tracker::picture;
+use tracker::mediapipe::{self, HandsBy};
+use tracker::models::Models;
+use tracker::picture::SharedPicture;
 use tracker::source::{self, Picture, Source, SourceChoice, Wanted};
 use tracker::workers::StageTimes;
 
@@ -37,6 +41,13 @@ pub(crate) struct CaptureOptions {
     /// The camera's field of view along the picture's longer side, degrees
     #[arg(long, value_name = "DEGREES", default_value_t = USUAL_VIEW_DEGREES, value_parser = parse_fov)]
     pub(crate) fov: f32,
+    /// Which hands are looked at: both in every picture, alternate (the left one in a picture and the right one in the next, in half of
+    /// the time), or none
+    #[arg(long, value_name = "WHICH", default_value = "both")]
+    hands: Hands,
+    /// What runs the camera's networks: cpu, xnnpack, nnapi or qnn
+    #[arg(long, value_name = "PROVIDER", default_value = "cpu")]
+    camera_provider: ProviderKind,
     /// A network of your own for the body: an .onnx file, with a .toml beside it that describes it (docs/models.md)
     #[arg(long, value_name = "FILE.onnx")]
     body_model: Option<PathBuf>,
@@ -48,11 +59,24 @@ pub(crate) struct CaptureOptions {
     face_model: Option<PathBuf>,
 }
 
+/// Which hands are looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Hands {
+    Both,
+    Alternate,
+    None,
+}
+
 impl CameraOptions {
     /// The same choice as arguments for another process; none without a camera.
     pub(crate) fn arguments(&self) -> Option<Vec<OsString>> {
         let mut arguments = vec!["--camera".into(), self.camera.as_ref()?.to_argument()];
         arguments.extend(["--fov".into(), self.capture.fov.to_string().into()]);
+        if let Some(hands) = self.capture.hands.to_possible_value() {
+            arguments.extend(["--hands".into(), hands.get_name().into()]);
+        }
+        let provider = self.capture.camera_provider.name();
+        arguments.extend(["--camera-provider".into(), provider.into()]);
         for (flag, model) in [
             ("--body-model", &self.capture.body_model),
             ("--hand-model", &self.capture.hand_model),
@@ -67,13 +91,45 @@ impl CameraOptions {
 }
 
 impl CaptureOptions {
+    /// Loads the networks: MediaPipe's, and the user's in place of some.
+    fn load(&self, runtime: &Runtime) -> anyhow::Result<Models> {
+        let all = runtime.probe();
+        let lacking = (all.iter())
+            .find(|one| one.provider == self.camera_provider)
+            .and_then(|one| one.lacking.as_deref());
+        if let Some(reason) = lacking {
+            let there: Vec<_> = (all.iter())
+                .filter(|one| one.lacking.is_none())
+                .map(|one| one.provider.name())
+                .collect();
+            bail!(
+                "--camera-provider {} cannot be used here: {reason}; give one of {}",
+                self.camera_provider.name(),
+                there.join(", ")
+            );
+        }
+        // One thread each: body, hands and face are looked at at the same time.
+        let provider = self.camera_provider.with_threads(1);
+        let models = mediapipe::Options {
+            hands: match self.hands {
+                Hands::Both => HandsBy::Each,
+                Hands::Alternate => HandsBy::Alternating,
+                Hands::None => HandsBy::None,
+            },
+            provider,
+            ..mediapipe::Options::default()
+        };
+        let models = models.load(&networks()?, runtime)?;
+        Ok(self.custom(provider).load(models, runtime)?)
+    }
+
     /// The user's networks.
-    fn models(&self) -> custom::Options {
+    fn custom(&self, provider: Provider) -> custom::Options {
         custom::Options {
+            provider,
             body: self.body_model.clone(),
             hand: self.hand_model.clone(),
             face: self.face_model.clone(),
-            ..custom::Options::default()
         }
     }
 
@@ -122,12 +178,16 @@ pub(crate) struct CameraCapture {
     tracker: Tracker,
     fit: MotionFit,
     camera: Camera,
+    view_degrees: f32,
     picture: Arc<Picture>,
     notices: Notices,
     times: Vec<(StageTimes, f64, f64)>,
     last: Option<u64>,
     pictures: u64,
     skipped: u64,
+    pace: PaceMeter,
+    /// Where what was seen is shown, if it is.
+    shots: Option<Arc<HandOver<Shot>>>,
     /// For how long it captures motion for a call, from its first one on.
     length: Option<Duration>,
     began: Option<Instant>,
@@ -141,6 +201,7 @@ pub(crate) struct OpenCamera {
     source: Box<dyn Source>,
     tracker: Tracker,
     camera: Camera,
+    view_degrees: f32,
 }
 
 impl OpenCamera {
@@ -170,11 +231,11 @@ impl OpenCamera {
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
         let runtime = device.runtime()?;
-        let models = mediapipe::Options::default().load(&networks()?, &runtime)?;
-        let models = options.models().load(models, &runtime)?;
+        let models = options.load(&runtime)?;
         let info = source.info();
         Ok(Self {
             camera: options.camera(info.width, info.height),
+            view_degrees: options.fov,
             source,
             tracker: Tracker::new(models)?,
         })
@@ -188,18 +249,22 @@ impl CameraCapture {
             source,
             tracker,
             camera,
+            view_degrees,
         } = open;
         Self {
             source,
             tracker,
             fit: MotionFit::new(&Subject::from(avatar), camera),
             camera,
+            view_degrees,
             picture: Arc::default(),
             notices: Notices::default(),
             times: Vec::new(),
             last: None,
             pictures: 0,
             skipped: 0,
+            pace: PaceMeter::default(),
+            shots: None,
             length,
             began: None,
         }
@@ -208,6 +273,11 @@ impl CameraCapture {
     /// The camera as the fit knows it.
     pub(crate) fn camera(&self) -> Camera {
         self.camera
+    }
+
+    /// Has what is seen in each picture put there, too.
+    pub(crate) fn show_in(&mut self, shots: Arc<HandOver<Shot>>) {
+        self.shots = Some(shots);
     }
 
     pub(crate) fn source(&self) -> &dyn Source {
@@ -224,26 +294,49 @@ impl CameraCapture {
         if !self.source.next(buffer)? {
             return Ok(None);
         }
+        let size = Vec2::new(buffer.width as f32, buffer.height as f32);
+        if size != self.camera.size {
+            // Its lens is the same.
+            self.camera = Camera::of_view(size, self.view_degrees);
+            self.fit.set_camera(self.camera);
+            log::info!(
+                "{}: pictures are {} x {} from now on",
+                self.source.info().name,
+                size.x,
+                size.y
+            );
+        }
         let picture = &self.picture;
         self.pictures += 1;
         // From the first picture that is tracked on: what came while the call waited for a viewer is no loss.
         if let Some(last) = self.last.replace(picture.number) {
             self.skipped += picture.number.saturating_sub(last + 1);
         }
-        let shared: Arc<dyn picture::Picture> = Arc::clone(&self.picture) as _;
+        let shared: Arc<dyn SharedPicture> = Arc::clone(&self.picture) as _;
         let seen = self.tracker.observe(&shared)?;
         let (times, people) = (seen.times, seen.people);
         let observation = seen.into_observation();
         let began = Instant::now();
         let fitted = self.fit.step(&observation);
         let ended = Instant::now();
+        let ms = |from: Instant| ended.saturating_duration_since(from).as_secs_f64() * 1e3;
+        self.pace.count(ended, ms(picture.at));
         if self.times.len() < TIMED {
-            let ms = |from: Instant| ended.saturating_duration_since(from).as_secs_f64() * 1e3;
             self.times.push((times, ms(began), ms(picture.at)));
         }
         let notice = (self.notices).after(&self.picture, fitted.sees_person, people);
         if let Some(notice) = notice {
             log::warn!("{}: {notice}", self.source.info().name);
+        }
+        if let Some(shots) = &self.shots {
+            shots.put(Shot {
+                picture: Arc::clone(&self.picture),
+                observation: observation.clone(),
+                fitted: fitted.clone(),
+                camera: self.camera,
+                pace: self.pace.pace(),
+                notice: self.notices.now(),
+            });
         }
         Ok(Some(Tracked {
             picture: &self.picture,

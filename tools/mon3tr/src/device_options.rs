@@ -7,6 +7,8 @@ use renderer_vulkan::choice::GpuChoice;
 use renderer_vulkan::gpu::Gpu;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tracker::error::NETWORKS_VARIABLE;
+use tracker::networks::NetworkSet;
 
 /// Options every sub-command that draws or deforms shares.
 #[derive(Debug, Clone, clap::Args)]
@@ -97,13 +99,13 @@ pub(crate) fn makehuman() -> anyhow::Result<PathBuf> {
 
 /// The folder of the camera's networks, which `./run` fetches.
 pub fn networks() -> anyhow::Result<PathBuf> {
-    let path = match std::env::var_os("MON3TR_NETWORKS") {
-        Some(path) if !path.is_empty() => PathBuf::from(path),
-        _ => cache()?.join("networks"),
+    let path = match NetworkSet::folder_of_environment() {
+        Ok(path) => path,
+        Err(_) => cache()?.join("networks"),
     };
     if !path.is_dir() {
         bail!(
-            "no networks for a camera at {}: start through ./run, which fetches them, or set MON3TR_NETWORKS to a folder that has them",
+            "no networks for a camera at {}: start through ./run, which fetches them, or set {NETWORKS_VARIABLE} to a folder that has them",
             path.display()
         );
     }

@@ -34,6 +34,17 @@ impl fmt::Display for Notice {
     }
 }
 
+impl Notice {
+    /// In two words.
+    pub(crate) fn short(self) -> String {
+        match self {
+            Self::Nobody => "no person".to_owned(),
+            Self::Dark => "dark".to_owned(),
+            Self::Several(people) => format!("{people} people"),
+        }
+    }
+}
+
 /// Says each thing once, when it has lasted.
 #[derive(Debug, Default)]
 pub(crate) struct Notices {
@@ -43,6 +54,11 @@ pub(crate) struct Notices {
 }
 
 impl Notices {
+    /// What was said last and is still so.
+    pub(crate) fn now(&self) -> Option<Notice> {
+        self.said
+    }
+
     /// What is new to be said after a picture.
     pub(crate) fn after(
         &mut self,

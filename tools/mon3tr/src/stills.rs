@@ -104,11 +104,12 @@ pub fn load_avatar(path: &Path) -> anyhow::Result<(Arc<Avatar>, AvatarFigures)> 
 }
 
 impl StillRenderer<'_> {
-    /// Draws stills, before the studio or within the scene, and hands each one's views to `drawn` with its number.
+    /// Draws stills, before the studio or within the scene, and hands each one's views to `drawn` with its number. The next still is
+    /// asked for when one has been drawn, so they may be live.
     pub fn draw(
         &self,
         setting: &RenderSettings,
-        stills: Vec<Still>,
+        stills: impl IntoIterator<Item = Still>,
         mut drawn: impl FnMut(usize, Vec<RgbImage>) -> anyhow::Result<()>,
     ) -> anyhow::Result<StillsReport> {
         let backends = InferenceBackends {
@@ -122,10 +123,11 @@ impl StillRenderer<'_> {
             latency: LatencyMode::Newest,
             quality: QualityMode::Fixed(0),
         };
+        let mut stills = stills.into_iter().peekable();
         let needs = DisplayNeeds {
             gpu: Arc::clone(self.gpu),
             renderer: setting.renderer(0)?,
-            cameras: (stills.first()).map_or_else(Vec::new, |still| still.cameras.clone()),
+            cameras: (stills.peek()).map_or_else(Vec::new, |still| still.cameras.clone()),
             // There is no rate to hold.
             period: Duration::from_secs(1),
         };

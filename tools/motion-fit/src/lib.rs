@@ -28,6 +28,7 @@
 
 pub mod align;
 pub mod body;
+pub mod calibration;
 pub mod face;
 pub mod hands;
 mod head_only;

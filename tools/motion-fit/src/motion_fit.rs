@@ -1,6 +1,7 @@
 //! [`MotionFit`]: what the networks saw of body, hands and face becomes one frame of motion parameters.
 
 use crate::body::{BodyFit, BodyPose, FitConfig, FootLock, Limb};
+use crate::calibration::Calibration;
 use crate::face::FaceFit;
 use crate::hands::{FINGER_JOINTS, FlexionBias, HandFit, HandPose, Side};
 use crate::head_only::head_of;
@@ -14,6 +15,8 @@ use spmm3::{Avatar, ExpressionBasis, Expressions, Joint, MotionParams, Skeleton}
 /// A hand or face that is no longer seen is kept for so long, then relaxes within [`RELAX`], seconds.
 const HOLD: f64 = 0.3;
 const RELAX: f64 = 0.6;
+/// A hand that was not seen for less than this may have been another one's turn, seconds.
+const TURNS: f64 = 0.1;
 /// How fast the wrist follows a palm that is sure and one that is not, seconds.
 const PALM_FOLLOW: [f64; 2] = [0.03, 0.3];
 /// Farthest that a head turns against the chest, radians.
@@ -118,7 +121,7 @@ impl MotionFit {
         Self {
             skeleton: (*skeleton).clone(),
             body: BodyFit::new(skeleton, FitConfig::new(camera)),
-            hands: [Side::Left, Side::Right].map(|side| Hand::new(skeleton, side)),
+            hands: Side::BOTH.map(|side| Hand::new(skeleton, side)),
             face: Face {
                 fit: FaceFit::new(),
                 camera,
@@ -132,6 +135,23 @@ impl MotionFit {
             smoother: Smoother::new(SmoothConfig::default()),
             feet: FootLock::new(skeleton),
         }
+    }
+
+    /// The pictures are another camera's from now on, or of another size. What was learnt of the person stays.
+    pub fn set_camera(&mut self, camera: Camera) {
+        self.body.set_camera(camera);
+        self.face.camera = camera;
+    }
+
+    /// The next pictures are a calibration's: the neutral face is learnt anew from them.
+    pub fn begin_calibration(&mut self) {
+        self.face.fit = FaceFit::new();
+    }
+
+    /// Holds what a calibration found, and the neutral face as it is.
+    pub fn hold(&mut self, calibration: &Calibration) {
+        self.body.hold(calibration);
+        self.face.fit.hold();
     }
 
     /// The motion of one picture. Never fails: what is not seen is held, then eases to rest.
@@ -265,6 +285,11 @@ impl MotionFit {
         let palm =
             fitted.and_then(|fitted| Some((fitted.camera_from_palm?, fitted.palm_confidence)));
         let by_body = motion.rotation(wrist).as_dquat();
+        let was_others_turn = palm.is_none()
+            && hand
+                .last_seen
+                .is_some_and(|last| seen.seconds - last < TURNS)
+            && pose.seen;
         let (wanted, sure) = palm.map_or(([DQuat::IDENTITY; 2], 0.0), |(palm, sure)| {
             let turn = hand.fit.wrist(forearm, palm);
             // The elbow's share moves the wrist as well, so both are blended by the same share.
@@ -275,7 +300,7 @@ impl MotionFit {
         hand.last_seconds = seen.seconds;
         let [quick, slow] = PALM_FOLLOW;
         let share = 1.0 - (-step / (slow + (quick - slow) * sure)).exp();
-        if share.is_finite() {
+        if share.is_finite() && !was_others_turn {
             for (turn, wanted) in hand.turn.iter_mut().zip(wanted) {
                 *turn = turn.slerp(wanted, share).normalize();
             }
@@ -357,7 +382,10 @@ impl Hand {
                 *shown = fitted.slerp(relaxed, share);
             }
         }
-        self.confidence *= 0.8;
+        // Where hands take turns, one is looked at in every second picture.
+        if unseen > TURNS {
+            self.confidence *= 0.8;
+        }
     }
 }
 

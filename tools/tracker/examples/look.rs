@@ -76,7 +76,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--hands" => {
                 options.hands = match value()?.as_str() {
                     "none" => HandsBy::None,
-                    "shared" => HandsBy::Shared,
                     "alternating" => HandsBy::Alternating,
                     _ => HandsBy::Each,
                 }
@@ -95,7 +94,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let pixels = image::open(file)?.to_rgb8();
         let mut last = None;
         for _ in 0..repeat {
-            let picture: Arc<dyn Picture> = Arc::new(Still {
+            let picture: Arc<dyn SharedPicture> = Arc::new(Still {
                 picture: pixels.clone(),
                 seconds: f64::from(number) / 30.0,
             });

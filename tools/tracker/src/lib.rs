@@ -26,7 +26,7 @@
 //!             return Ok(());
 //!         }
 //!         let light = seen.at;
-//!         let seen: Arc<dyn picture::Picture> = Arc::new(seen);
+//!         let seen: Arc<dyn SharedPicture> = Arc::new(seen);
 //!         let seen = tracker.observe(&seen)?;
 //!         println!("networks: {:.1} ms", seen.times.total_ms);
 //!         let fitted = fit.step(&seen.into_observation());

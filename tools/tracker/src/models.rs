@@ -9,30 +9,8 @@ pub use motion_fit::estimates::{
     BodyEstimate, BodyHints, BodyRotations, FaceEstimate, FaceExpression, FaceHint, HandEstimate,
     HandHint, HandRotations, JointRotation,
 };
+pub use motion_fit::hands::Side;
 use std::fmt;
-
-/// One of a person's own sides, as an index of pairs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    /// The person's left.
-    Left,
-    /// The person's right.
-    Right,
-}
-
-impl Side {
-    /// Both, in the order of pairs.
-    pub const BOTH: [Self; 2] = [Self::Left, Self::Right];
-
-    /// Its place in a pair.
-    #[must_use]
-    pub fn index(self) -> usize {
-        match self {
-            Self::Left => 0,
-            Self::Right => 1,
-        }
-    }
-}
 
 /// Finds a body in pictures.
 pub trait BodyModel: Send {
@@ -116,8 +94,6 @@ pub struct Models {
 pub enum HandModels {
     /// Not at all.
     None,
-    /// Both by one model, one after the other.
-    Shared(Box<dyn HandModel>),
     /// By one model, the left one in a picture and the right one in the next.
     Alternating(Box<dyn HandModel>),
     /// The left and the right one by a model of its own, at the same time.
@@ -137,7 +113,6 @@ impl fmt::Debug for HandModels {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::None => "none",
-            Self::Shared(_) => "shared",
             Self::Alternating(_) => "alternating",
             Self::Each(_) => "each",
         })

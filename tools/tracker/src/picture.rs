@@ -47,7 +47,7 @@ impl<'a> PictureView<'a> {
 }
 
 /// A picture that threads share.
-pub trait Picture: Send + Sync {
+pub trait SharedPicture: Send + Sync {
     /// Its pixels.
     ///
     /// # Errors

@@ -80,6 +80,10 @@ pub fn open_live(
     wanted: &Wanted,
     repeat: bool,
 ) -> Result<Box<dyn Source>, SourceError> {
+    let wanted = &Wanted {
+        changing_size: true,
+        ..*wanted
+    };
     if choice.is_live() {
         return open(choice, wanted);
     }

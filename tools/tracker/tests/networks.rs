@@ -108,7 +108,7 @@ fn tracker(options: Options) -> Option<Tracker> {
 fn watched(tracker: &mut Tracker, still: &Still) -> Seen {
     let mut seen = None;
     for number in 0..10 {
-        let picture: Arc<dyn Picture> = Arc::new(Still {
+        let picture: Arc<dyn SharedPicture> = Arc::new(Still {
             seconds: f64::from(number) / 30.0,
             ..still.clone()
         });
@@ -272,7 +272,7 @@ fn of_two_people_the_nearer_one_is_tracked_and_both_are_counted() {
             Some((x - 400, y))
         }
     });
-    let picture: Arc<dyn Picture> = Arc::new(two.clone());
+    let picture: Arc<dyn SharedPicture> = Arc::new(two.clone());
     let first = tracker.observe(&picture).unwrap();
     assert_eq!(first.people, Some(2), "two people");
     let seen = watched(&mut tracker, &two).into_observation();

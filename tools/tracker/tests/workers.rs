@@ -22,7 +22,7 @@ impl Picture for Grey {
     }
 }
 
-fn picture(number: u32) -> Arc<dyn Picture> {
+fn picture(number: u32) -> Arc<dyn SharedPicture> {
     Arc::new(Grey(number))
 }
 

@@ -49,6 +49,7 @@ mod engine;
 pub mod error;
 pub mod external_images;
 mod geometry_pass;
+pub mod host_picture;
 pub mod interrupt;
 pub mod limits;
 pub mod motion_bound;

@@ -1,4 +1,4 @@
-//! Showing the first view in a window, over a backdrop.
+//! Showing the first view in a window, over a backdrop; or a picture that the host has.
 //!
 //! The picture, however small it was drawn, is fitted into the window on the device. No event loop: the caller owns the window.
 
@@ -16,9 +16,9 @@ use renderer_vulkan::surface::{Surface, no_presentation};
 use renderer_vulkan::swapchain::{Acquired, Swapchain};
 
 use crate::error::RenderError;
+use crate::host_picture::HostPicture;
 use crate::picture::Backdrop;
 use crate::renderer::SplatRenderer;
-use crate::target::Target;
 
 const GROUP: u32 = 64;
 /// Of `ComposeParams` in the shader.
@@ -123,6 +123,31 @@ impl WindowTarget {
             return Err(no_presentation(&self.gpu, "the renderer draws on another device").into());
         }
         let target = renderer.target()?;
+        let pixels = &target.buffer;
+        self.present_pixels(pixels, [target.width, target.height], backdrop)
+    }
+
+    /// As [`Self::present`], of a picture that the host has.
+    ///
+    /// # Errors
+    /// A picture on another device, a device that fails, or a window that is gone.
+    pub fn present_picture(
+        &mut self,
+        picture: &HostPicture,
+        backdrop: Backdrop,
+    ) -> Result<PresentOutcome, RenderError> {
+        if !picture.pixels.is_on(&self.gpu) {
+            return Err(no_presentation(&self.gpu, "the picture is on another device").into());
+        }
+        self.present_pixels(&picture.pixels, [picture.width, picture.height], backdrop)
+    }
+
+    fn present_pixels(
+        &mut self,
+        pixels: &Buffer,
+        size: [u32; 2],
+        backdrop: Backdrop,
+    ) -> Result<PresentOutcome, RenderError> {
         // What follows frees and rebinds what an earlier picture may still be made with.
         self.commands.wait()?;
         if self
@@ -136,7 +161,7 @@ impl WindowTarget {
             return Ok(PresentOutcome::NotNow);
         };
         // The picture's buffer may be another renderer's each time.
-        let composed = Composed::new(&self.gpu, target, swapchain.extent, self.composed.take())?;
+        let composed = Composed::new(&self.gpu, pixels, swapchain.extent, self.composed.take())?;
         let index = match swapchain.acquire()? {
             Acquired::Image(index) => index,
             Acquired::Busy => {
@@ -149,7 +174,7 @@ impl WindowTarget {
             }
         };
         let (image, written) = swapchain.image(index);
-        let push = push_words(target, swapchain, backdrop);
+        let push = push_words(size, swapchain, backdrop);
         let gpu = &self.gpu;
         let shown = self
             .commands
@@ -186,11 +211,11 @@ impl Composed {
     /// Pixels of the window's size, reusing the last ones if they are that large. The device is idle.
     fn new(
         gpu: &Arc<Gpu>,
-        target: &Target,
+        picture: &Buffer,
         extent: vk::Extent2D,
         last: Option<Self>,
     ) -> Result<Self, VulkanError> {
-        let picture = Resource::Storage(&target.buffer);
+        let picture = Resource::Storage(picture);
         if let Some(mut last) = last.filter(|last| last.extent == extent) {
             last.pipeline
                 .bind(&[picture, Resource::Storage(&last.pixels)]);
@@ -281,26 +306,14 @@ impl Composed {
 }
 
 /// `ComposeParams` in `shaders/compose.comp`, as words.
-fn push_words(target: &Target, swapchain: &Swapchain, backdrop: Backdrop) -> [u32; PUSH_WORDS] {
+fn push_words(picture: [u32; 2], swapchain: &Swapchain, backdrop: Backdrop) -> [u32; PUSH_WORDS] {
+    let [across, down] = picture;
     let (top, bottom) = backdrop.ends();
     let [t0, t1, t2] = top.map(f32::to_bits);
     let [b0, b1, b2] = bottom.map(f32::to_bits);
     let vk::Extent2D { width, height } = swapchain.extent;
     let blue_first = u32::from(swapchain.blue_first);
     [
-        t0,
-        t1,
-        t2,
-        0,
-        b0,
-        b1,
-        b2,
-        0,
-        target.width,
-        target.height,
-        width,
-        height,
-        0,
-        blue_first,
+        t0, t1, t2, 0, b0, b1, b2, 0, across, down, width, height, 0, blue_first,
     ]
 }

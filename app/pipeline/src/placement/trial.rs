@@ -11,7 +11,7 @@ use crate::profile::{Percentiles, Profile, StageSummary};
 use crate::stage::{Stage, Unit};
 use app_kernels::Blend;
 use app_kernels::state::GaussianState;
-use npu_runtime::{Availability, Landing, Origin, Provider, ProviderKind, QnnTarget, Runtime};
+use npu_runtime::{Availability, Landing, Origin, Provider, ProviderKind, Runtime};
 use renderer_splat::camera::Camera;
 use renderer_splat::drawing::{Drawing, Foreground, Part};
 use renderer_splat::motion_bound::MotionBound;
@@ -184,7 +184,7 @@ fn place_here(
                     backends,
                     avatar,
                     plan,
-                    provider(kind, backends.threads),
+                    kind.with_threads(backends.threads),
                     &mut canvas,
                 ) {
                     Ok((costs, inference)) => {
@@ -228,10 +228,10 @@ fn place_here(
     let predicted = |one: &Alternative| one.predicted_ms.unwrap_or(f64::INFINITY);
     spare.sort_by(|a, b| predicted(a).total_cmp(&predicted(b)));
     for one in spare {
-        inference.fall_back_on(provider(one.provider, backends.threads));
+        inference.fall_back_on(one.provider.with_threads(backends.threads));
     }
     // The one that is always there comes last, measured or not; also anew after itself.
-    inference.fall_back_on(provider(ProviderKind::Cpu, backends.threads));
+    inference.fall_back_on(ProviderKind::Cpu.with_threads(backends.threads));
     if let Some(costs) = chosen.costs {
         inference.expect(Duration::from_secs_f64(costs.inference.max(0.0) / 1e3));
     }
@@ -256,18 +256,6 @@ fn place_here(
         inference,
         report,
     })
-}
-
-/// The provider of a kind, with its settings.
-fn provider(kind: ProviderKind, threads: usize) -> Provider {
-    match kind {
-        ProviderKind::Qnn => Provider::Qnn {
-            target: QnnTarget::SXR2230P,
-        },
-        ProviderKind::Nnapi => Provider::Nnapi,
-        ProviderKind::Xnnpack => Provider::Xnnpack { threads },
-        ProviderKind::Cpu => Provider::Cpu { threads },
-    }
 }
 
 fn not_asked_for(request: PlacementRequest, kind: ProviderKind) -> Option<String> {

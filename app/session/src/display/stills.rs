@@ -34,9 +34,12 @@ pub struct Still {
 pub struct StillsDisplay<'a> {
     needs: DisplayNeeds,
     poses: PoseQueue,
-    stills: Vec<Still>,
+    stills: Stills<'a>,
     drawn: OnDrawn<'a>,
 }
+
+/// The stills: each is asked for when the one before has been drawn, so what gives them may wait for what is to be shown live.
+type Stills<'a> = Box<dyn Iterator<Item = Still> + 'a>;
 
 /// Takes each still with its number, and says whether it could: not where the device was lost meanwhile, and the still is to be drawn again.
 type OnDrawn<'a> = Box<dyn FnMut(usize, DrawnPicture<'_>) -> Result<bool, SessionError> + 'a>;
@@ -45,7 +48,6 @@ impl std::fmt::Debug for StillsDisplay<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("StillsDisplay")
             .field("needs", &self.needs)
-            .field("stills", &self.stills.len())
             .finish_non_exhaustive()
     }
 }
@@ -55,13 +57,13 @@ impl<'a> StillsDisplay<'a> {
     /// meanwhile, and the still is drawn again.
     pub fn new(
         needs: DisplayNeeds,
-        stills: Vec<Still>,
+        stills: impl IntoIterator<Item = Still, IntoIter: 'a>,
         drawn: impl FnMut(usize, DrawnPicture<'_>) -> Result<bool, SessionError> + 'a,
     ) -> Self {
         Self {
             needs,
             poses: PoseQueue::default(),
-            stills,
+            stills: Box::new(stills.into_iter()),
             drawn: Box::new(drawn),
         }
     }
@@ -84,7 +86,7 @@ impl Display for StillsDisplay<'_> {
             .avatars
             .first()
             .ok_or(SessionError::NoParticipants)?;
-        let stills = std::mem::take(&mut self.stills);
+        let stills = std::mem::replace(&mut self.stills, Box::new(std::iter::empty()));
         for (number, (still, motion_frame)) in stills.into_iter().zip(1..).enumerate() {
             self.poses.push(still.motion.clone());
             wait_for_state(session, motion_frame)?;

@@ -15,7 +15,7 @@ mod watch;
 mod words;
 
 pub use figures::{FrameTime, OverlayFigures, OverlayLatency, UnitLoad};
-pub use notice::{NOTICE_LETTERS, NOTICE_LINES, NOTICE_WIDTH_METRES, Notice};
+pub use notice::{NOTICE_LETTERS, NOTICE_LINES, NOTICE_WIDTH_METRES, Notice, STRIP_HEIGHT, strip};
 pub use painter::OverlayPainter;
 pub use panel::Panel;
 pub use watch::OverlayWatch;

@@ -2,7 +2,7 @@
 
 use super::glyphs::{Glyphs, TextSize};
 use super::layout::{BRIGHT, DIM, Item, Rect, Shape, line_height};
-use super::panel::{Panel, card};
+use super::panel::{CARD, Panel, card};
 
 /// Letters of the longest line; the rest of a longer one is cut off.
 pub const NOTICE_LETTERS: u32 = 60;
@@ -63,6 +63,42 @@ impl Notice {
     }
 }
 
+/// A line of text on an opaque strip `width` pixels wide: below a picture. What is too long for it is cut off.
+#[must_use]
+pub fn strip(text: &str, width: u32) -> Panel {
+    let size = TextSize::Unit;
+    let height = STRIP_HEIGHT;
+    let [r, g, b] = CARD;
+    let mut panel = Panel {
+        width,
+        height,
+        pixels: [r, g, b, u8::MAX].repeat(width as usize * height as usize),
+    };
+    let within = width.saturating_sub(2 * STRIP_MARGIN);
+    let text = (text.chars())
+        .filter(|letter| !letter.is_control())
+        .take((within / size.advance()) as usize)
+        .collect();
+    let place = Rect {
+        x: STRIP_MARGIN,
+        y: STRIP_MARGIN,
+        width: within,
+        height: line_height(size),
+    };
+    let item = Item {
+        place,
+        colour: BRIGHT,
+        shape: Shape::Text { size, text },
+    };
+    panel.draw(&item, &mut Glyphs::default());
+    panel
+}
+
+/// Height of a [`strip`], pixels.
+pub const STRIP_HEIGHT: u32 = line_height(TextSize::Unit) + 2 * STRIP_MARGIN;
+/// Around a strip's text, pixels.
+const STRIP_MARGIN: u32 = 8;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -105,6 +141,29 @@ mod tests {
             "all lines fill the card, to {low} of {}",
             panel.height
         );
+    }
+
+    #[test]
+    fn a_strip_holds_its_text_and_cuts_what_is_too_long() {
+        let short = strip("29 Hz", 400);
+        let long = strip(&"m".repeat(500), 400);
+        for panel in [&short, &long] {
+            assert_eq!((panel.width, panel.height), (400, STRIP_HEIGHT), "its size");
+            assert!(
+                panel.pixels.chunks_exact(4).all(|pixel| pixel[3] == 255),
+                "it is opaque"
+            );
+        }
+        let right = |panel: &Panel| {
+            (0..panel.height)
+                .filter_map(|y| bright(panel, y).pop())
+                .max()
+        };
+        let (short, long) = (right(&short).expect("text"), right(&long).expect("text"));
+        assert!(short < 100, "five letters end at {short}");
+        assert!((350..400).contains(&long), "too many end at {long}");
+        // Narrower than a letter.
+        assert_eq!(strip("x", 3).pixels.len(), (3 * STRIP_HEIGHT * 4) as usize);
     }
 
     #[test]

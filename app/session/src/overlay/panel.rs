@@ -3,7 +3,7 @@
 use super::glyphs::Glyphs;
 use super::layout::{Colour, Item, Rect, Shape, base_line};
 
-const CARD: Colour = [17, 20, 26];
+pub(super) const CARD: Colour = [17, 20, 26];
 /// How much of the card hides what is behind. Light is blended, not displayed values, so that a bright wall shines through much.
 const CARD_OPACITY: f32 = 0.95;
 /// Radius of its corners, pixels.

@@ -21,7 +21,7 @@ fn every_still_shows_its_own_pose_exactly_whatever_came_before() {
         cameras: vec![camera(*aside)],
     });
     let mut pictures = Vec::new();
-    let mut display = StillsDisplay::new(needs(&gpu), stills.collect(), |number, still| {
+    let mut display = StillsDisplay::new(needs(&gpu), stills, |number, still| {
         assert_eq!(number, pictures.len(), "in order");
         pictures.push(still.renderer.read_back(0).expect("a picture").over(BLACK));
         Ok(true)

@@ -5,6 +5,7 @@ use crate::commands::serve::owner_token_file;
 use crate::device_options::DeviceOptions;
 use crate::network::{self, Network};
 use crate::performance::MotionOptions;
+use crate::preview::Preview;
 use crate::progress;
 use crate::report::{check_writable, write_json};
 use crate::stills::load_avatar;
@@ -20,7 +21,7 @@ use spmm3::Avatar;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Motion rates a sender may have.
 const RATES: std::ops::RangeInclusive<f64> = 1.0..=120.0;
@@ -60,6 +61,10 @@ pub struct Options {
     motion: MotionOptions,
     #[command(flatten)]
     camera: CameraOptions,
+    /// Show, in a window, the camera's picture with what is seen in it, and the avatar that follows: mirrored, as one expects of a picture
+    /// of oneself. It is there before the first viewer comes; Escape closes it, and the call goes on
+    #[arg(long, requires = "camera")]
+    preview: bool,
     /// Motions a second; a camera has its own rate
     #[arg(long, value_name = "HZ", default_value = "30", value_parser = parse_rate)]
     rate: f64,
@@ -97,8 +102,16 @@ struct Report {
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.motion.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
+    let preview = (options.preview.then(|| Preview::open(device))).transpose()?;
     let (avatar, _) = load_avatar(&options.avatar)?;
     let (mut motion, name, rate_hz) = options.motion(&avatar, device)?;
+    let shown = match (&preview, &mut motion) {
+        (Some(preview), Motion::Camera(capture)) => {
+            capture.show_in(preview.shots());
+            Some(capture.camera())
+        }
+        _ => None,
+    };
     let network = Network::start()?;
     let client = options.trust.client()?;
     let clock = Clock::start();
@@ -129,18 +142,33 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         );
     }
     let stop = network.stop_on_signal();
-    // A performance begins when a viewer is there.
-    while entered.host.statistics().viewers == 0 && !stop.load(Relaxed) {
-        std::thread::sleep(LOOK);
-    }
-    let begun = std::time::Instant::now();
-    let outcome = sender::send(&entered.host, motion.capture(), clock, &stop);
+    let mut perform = || -> anyhow::Result<Instant> {
+        // A performance begins when a viewer is there.
+        while entered.host.statistics().viewers == 0 && !stop.load(Relaxed) {
+            match &mut motion {
+                // Before that, people who see themselves move already.
+                Motion::Camera(capture) if shown.is_some() => {
+                    if capture.track()?.is_none() {
+                        break;
+                    }
+                }
+                _ => std::thread::sleep(LOOK),
+            }
+        }
+        let begun = Instant::now();
+        sender::send(&entered.host, motion.capture(), clock, &stop)?;
+        Ok(begun)
+    };
+    let outcome = match (preview, shown) {
+        (Some(preview), Some(camera)) => preview.beside(&avatar, &camera, perform)?,
+        _ => perform(),
+    };
     let report = Report {
         motion: name,
         codec: options.codec,
         channel: options.channel,
         rate_hz,
-        seconds: begun.elapsed().as_secs_f64(),
+        seconds: (outcome.as_ref()).map_or(0.0, |begun| begun.elapsed().as_secs_f64()),
         camera: motion.figures(),
         sent: network.block_on(entered.host.hang_up()),
     };

@@ -15,6 +15,7 @@ use super::{
     track::Track,
     upright::Upright,
 };
+use crate::calibration::Calibration;
 use crate::landmarks::{BodyLandmarks, Camera};
 use glam::{Mat3, Quat, Vec3};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
@@ -124,6 +125,11 @@ impl BodyFit {
         }
     }
 
+    /// The pictures are another camera's from now on, or of another size.
+    pub fn set_camera(&mut self, camera: Camera) {
+        self.config.camera = usable(camera);
+    }
+
     /// Fits one picture, whose light fell at `seconds`. Never fails: without a body the pose coasts, comes to rest and waits.
     pub fn fit(&mut self, seconds: f64, body: Option<&BodyLandmarks>) -> BodyPose {
         let step = self.last_seconds.map_or(1.0 / 30.0, |last| seconds - last);
@@ -143,6 +149,32 @@ impl BodyFit {
         }
         self.fade_confidence(reading.as_ref(), step);
         self.tell(reading.as_ref())
+    }
+
+    /// Holds what a calibration found: tilt and height of the camera, and the person's proportions.
+    pub fn hold(&mut self, calibration: &Calibration) {
+        let before = self.upright.level();
+        let Calibration {
+            up,
+            height_metres,
+            lengths,
+        } = calibration;
+        self.upright.hold(up, *height_metres);
+        self.proportions.hold(lengths);
+        self.relevel(&before);
+    }
+
+    /// Turns the accounts and the origin from the level `before` into the present one.
+    fn relevel(&mut self, before: &Matrix3<f64>) {
+        let turn = self.upright.level() * before.transpose();
+        for track in self.track.iter_mut().chain(&mut self.rival) {
+            track.turn(&turn);
+        }
+        if let Some(origin) = &mut self.origin {
+            let floor = -self.upright.height();
+            let at = turn * Vector3::new(origin.x, floor, origin.y);
+            *origin = Vector2::new(at.x, at.z);
+        }
     }
 
     fn see(&mut self, seconds: f64, step: f64, reading: &Reading) {
@@ -264,15 +296,7 @@ impl BodyFit {
             let seconds = if self.track.is_none() { 0.7 } else { step };
             self.upright.stance(&axis, seconds);
         }
-        let turn = self.upright.level() * before.transpose();
-        for track in self.track.iter_mut().chain(&mut self.rival) {
-            track.turn(&turn);
-        }
-        if let Some(origin) = &mut self.origin {
-            let floor = -self.upright.height();
-            let at = turn * Vector3::new(origin.x, floor, origin.y);
-            *origin = Vector2::new(at.x, at.z);
-        }
+        self.relevel(&before);
     }
 
     fn lowest(&self, track: &Track) -> f64 {

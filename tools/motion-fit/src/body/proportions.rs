@@ -6,7 +6,7 @@
 
 use super::{
     bindings::Binding,
-    chain::{Chain, Posture},
+    chain::{Chain, Placed, Posture},
     reading::{ANKLES, ELBOWS, HIPS, KNEES, Reading, SHOULDERS, WRISTS},
 };
 use nalgebra::Vector3;
@@ -24,15 +24,15 @@ const RANGE: (f64, f64) = (0.8, 1.25);
 const LEGS_SEEN: f64 = 0.5;
 
 /// What is measured.
-const PARTS: usize = 5;
-const THIGH: usize = 0;
-const SHANK: usize = 1;
+pub(super) const PARTS: usize = 5;
+pub(super) const THIGH: usize = 0;
+pub(super) const SHANK: usize = 1;
 const UPPER_ARM: usize = 2;
 const FOREARM: usize = 3;
-const TORSO: usize = 4;
+pub(super) const TORSO: usize = 4;
 
 /// The pairs of landmarks of each limb's part, from the trunk outwards.
-const LIMBS: [(usize, [usize; 2], [usize; 2]); 4] = [
+pub(super) const LIMBS: [(usize, [usize; 2], [usize; 2]); 4] = [
     (THIGH, HIPS, KNEES),
     (SHANK, KNEES, ANKLES),
     (UPPER_ARM, SHOULDERS, ELBOWS),
@@ -47,27 +47,35 @@ pub(super) struct Proportions {
     lengths: [f64; PARTS],
     /// Seconds of sight, and mean squares of lengths in the network's metres.
     seen: [(f64, f64); PARTS],
+    /// Whether they are known, and no longer follow.
+    is_held: bool,
+}
+
+/// Lengths of the avatar's parts between landmarks, metres.
+pub(super) fn part_lengths(placed: &Placed, bindings: &[Binding]) -> [f64; PARTS] {
+    let at = |landmark: usize| {
+        bindings
+            .iter()
+            .find(|b| b.landmark == landmark)
+            .map_or(Vector3::zeros(), |b| placed.point(&b.at))
+    };
+    let middle = |pair: [usize; 2]| (at(pair[0]) + at(pair[1])) / 2.0;
+    let mut lengths = [0.0; PARTS];
+    for (part, inner, outer) in LIMBS {
+        lengths[part] = (at(outer[0]) - at(inner[0])).norm();
+    }
+    lengths[TORSO] = (middle(SHOULDERS) - middle(HIPS)).norm();
+    lengths.map(|l| l.max(0.01))
 }
 
 impl Proportions {
     pub(super) fn new(avatar: Chain, bindings: &[Binding]) -> Self {
-        let placed = avatar.place(&Posture::default());
-        let at = |landmark: usize| {
-            bindings
-                .iter()
-                .find(|b| b.landmark == landmark)
-                .map_or(Vector3::zeros(), |b| placed.point(&b.at))
-        };
-        let middle = |pair: [usize; 2]| (at(pair[0]) + at(pair[1])) / 2.0;
-        let mut lengths = [0.0; PARTS];
-        for (part, inner, outer) in LIMBS {
-            lengths[part] = (at(outer[0]) - at(inner[0])).norm();
-        }
-        lengths[TORSO] = (middle(SHOULDERS) - middle(HIPS)).norm();
+        let lengths = part_lengths(&avatar.place(&Posture::default()), bindings);
         Self {
             avatar,
-            lengths: lengths.map(|l| l.max(0.01)),
+            lengths,
             seen: [(0.0, 0.0); PARTS],
+            is_held: false,
         }
     }
 
@@ -76,8 +84,21 @@ impl Proportions {
         &self.avatar
     }
 
+    /// Takes these lengths (the network's metres) for known, and follows no more; parts of length zero stay as they are.
+    pub(super) fn hold(&mut self, lengths: &[f64; PARTS]) {
+        self.is_held = true;
+        for (seen, length) in self.seen.iter_mut().zip(lengths) {
+            if *length > 0.0 {
+                *seen = (MEMORY, length * length + NOISE);
+            }
+        }
+    }
+
     /// Takes one picture's lengths.
     pub(super) fn measure(&mut self, step: f64, reading: &Reading) {
+        if self.is_held {
+            return;
+        }
         for (part, inner, outer) in LIMBS {
             for (inner, outer) in inner.into_iter().zip(outer) {
                 let [inner, outer] = [inner, outer].map(|p| &reading.points[p]);

@@ -40,6 +40,8 @@ pub(super) struct Upright {
     /// Weight and weighted sum of points of the floor, lately.
     soles: (f64, Vector3<f64>),
     way: Way,
+    /// Whether all is known, and follows no more.
+    is_held: bool,
 }
 
 /// Where soles stood: seconds of looking, and means of their heights, depths and products.
@@ -85,11 +87,19 @@ impl Default for Upright {
             up: Vector3::y(),
             soles: (1e-6, Vector3::new(0.0, -USUAL_HEIGHT, 0.0) * 1e-6),
             way: Way::default(),
+            is_held: false,
         }
     }
 }
 
 impl Upright {
+    /// Takes the up axis and the camera's height for known, and follows no more.
+    pub(super) fn hold(&mut self, up: &Vector3<f64>, height: f64) {
+        self.up = *up;
+        self.soles = (1.0, up * -height);
+        self.is_held = true;
+    }
+
     /// The camera's height above the floor where the person is, metres.
     pub(super) fn height(&self) -> f64 {
         -self.up.dot(&self.soles.1) / self.soles.0
@@ -111,6 +121,9 @@ impl Upright {
 
     /// A standing body's axis from the feet to the shoulders, in `seconds` of looking.
     pub(super) fn stance(&mut self, axis: &Vector3<f64>, seconds: f64) {
+        if self.is_held {
+            return;
+        }
         let Some(axis) = axis.try_normalize(1e-6) else {
             return;
         };
@@ -127,6 +140,9 @@ impl Upright {
 
     /// A point of the floor, seen for `seconds` with `trust` 0..=1.
     pub(super) fn touch(&mut self, point: &Vector3<f64>, seconds: f64, trust: f64) {
+        if self.is_held {
+            return;
+        }
         self.way.touch(point, seconds * trust);
         let keep = (-seconds * trust / SOLE_MEMORY).exp();
         self.soles.0 = self.soles.0 * keep + seconds * trust;

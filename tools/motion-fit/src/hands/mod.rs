@@ -69,7 +69,7 @@ const WRIST: [f64; 2] = [80f64.to_radians(), 30f64.to_radians()];
 /// How far the palm turns about the forearm, either way, radians.
 const FOREARM_TWIST: f64 = 95f64.to_radians();
 
-/// Which hand, the person's own.
+/// One of a person's own sides: which hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// The left one.
@@ -79,6 +79,18 @@ pub enum Side {
 }
 
 impl Side {
+    /// Both, in the order of pairs.
+    pub const BOTH: [Self; 2] = [Self::Left, Self::Right];
+
+    /// Its place in a pair.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        match self {
+            Self::Left => 0,
+            Self::Right => 1,
+        }
+    }
+
     /// The first finger joint; 14 more follow in SMPL-X's order.
     #[must_use]
     pub const fn first_finger_joint(self) -> Joint {

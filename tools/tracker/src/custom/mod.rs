@@ -16,7 +16,7 @@ mod plan;
 use crate::TrackerError;
 use crate::models::{BodyModel, FaceModel, HandModels, Models};
 use network::Shared;
-use npu_runtime::Runtime;
+use npu_runtime::{Provider, Runtime};
 use orders::Part;
 use std::path::{Path, PathBuf};
 
@@ -30,8 +30,8 @@ pub struct Options {
     pub hand: Option<PathBuf>,
     /// For the face.
     pub face: Option<PathBuf>,
-    /// Threads that each network is run by, at least 1.
-    pub threads: usize,
+    /// What runs each network.
+    pub provider: Provider,
 }
 
 impl Default for Options {
@@ -40,7 +40,7 @@ impl Default for Options {
             body: None,
             hand: None,
             face: None,
-            threads: 1,
+            provider: Provider::Cpu { threads: 1 },
         }
     }
 }
@@ -52,17 +52,17 @@ impl Options {
     /// [`TrackerError::Description`] if a network or its description cannot be read, they do not fit each other, or `models` has nothing
     /// that finds its part; [`TrackerError::Custom`] if the runtime refuses it.
     pub fn load(&self, models: Models, runtime: &Runtime) -> Result<Models, TrackerError> {
-        let threads = self.threads;
+        let provider = self.provider;
         let body = match &self.body {
-            Some(path) => body(path, models.body, runtime, threads)?,
+            Some(path) => body(path, models.body, runtime, provider)?,
             None => models.body,
         };
         let hands = match &self.hand {
-            Some(path) => hands(path, models.hands, runtime, threads)?,
+            Some(path) => hands(path, models.hands, runtime, provider)?,
             None => models.hands,
         };
         let face = match (&self.face, models.face) {
-            (Some(path), Some(finder)) => Some(face(path, finder, runtime, threads)?),
+            (Some(path), Some(finder)) => Some(face(path, finder, runtime, provider)?),
             (Some(path), None) => return Err(unfound(path, "the face")),
             (None, face) => face,
         };
@@ -78,9 +78,9 @@ pub fn body(
     path: &Path,
     finder: Box<dyn BodyModel>,
     runtime: &Runtime,
-    threads: usize,
+    provider: Provider,
 ) -> Result<Box<dyn BodyModel>, TrackerError> {
-    let network = Shared::open(path, Part::Body, runtime, threads.max(1))?;
+    let network = Shared::open(path, Part::Body, runtime, provider)?;
     Ok(Box::new(body::CustomBody::new(finder, network)))
 }
 
@@ -92,16 +92,15 @@ pub fn hands(
     path: &Path,
     finders: HandModels,
     runtime: &Runtime,
-    threads: usize,
+    provider: Provider,
 ) -> Result<HandModels, TrackerError> {
     if matches!(finders, HandModels::None) {
         return Err(unfound(path, "hands"));
     }
-    let network = Shared::open(path, Part::Hand, runtime, threads.max(1))?;
+    let network = Shared::open(path, Part::Hand, runtime, provider)?;
     let over = |finder| Box::new(hand::CustomHand::new(finder, network.clone()));
     Ok(match finders {
         HandModels::None => HandModels::None,
-        HandModels::Shared(finder) => HandModels::Shared(over(finder)),
         HandModels::Alternating(finder) => HandModels::Alternating(over(finder)),
         HandModels::Each([left, right]) => HandModels::Each([over(left), over(right)]),
     })
@@ -115,9 +114,9 @@ pub fn face(
     path: &Path,
     finder: Box<dyn FaceModel>,
     runtime: &Runtime,
-    threads: usize,
+    provider: Provider,
 ) -> Result<Box<dyn FaceModel>, TrackerError> {
-    let network = Shared::open(path, Part::Face, runtime, threads.max(1))?;
+    let network = Shared::open(path, Part::Face, runtime, provider)?;
     Ok(Box::new(face::CustomFace::new(finder, network)))
 }
 

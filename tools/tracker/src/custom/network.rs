@@ -41,7 +41,7 @@ impl Shared {
         path: &Path,
         part: Part,
         runtime: &Runtime,
-        threads: usize,
+        provider: Provider,
     ) -> Result<Self, TrackerError> {
         let (said, toml, onnx) = Description::read(path)?;
         let refuse = |reason: String| TrackerError::Description {
@@ -73,7 +73,7 @@ impl Shared {
         let session = Session::new(
             runtime,
             &graph.onnx,
-            Provider::Cpu { threads },
+            provider,
             std::slice::from_ref(&graph.input),
             &graph.outputs,
         )

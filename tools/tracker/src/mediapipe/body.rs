@@ -10,6 +10,7 @@ use crate::networks::{Network, NetworkSet, Signature};
 use crate::picture::PictureView;
 use glam::{Vec2, Vec3};
 use motion_fit::landmarks::{BODY_LANDMARKS, BodyLandmarks, BodyPoint};
+use npu_runtime::Provider;
 
 /// Landmarks that the network gives: a body's, two that say where to look next, and four of no use here.
 const ALL: usize = 39;
@@ -51,14 +52,14 @@ impl Body {
     /// The files that it needs, without their ending.
     pub const NAMES: [&str; 2] = [Detector::NAMES[0], LANDMARKS.name];
 
-    /// Loads its networks, each to be run by `threads` threads.
+    /// Loads its networks, each to be run by `provider`.
     ///
     /// # Errors
     /// As [`Network::open`].
-    pub fn open(set: &NetworkSet, threads: usize) -> Result<Self, TrackerError> {
+    pub fn open(set: &NetworkSet, provider: Provider) -> Result<Self, TrackerError> {
         Ok(Self {
-            detector: Detector::person(set, threads)?,
-            landmarks: Network::open(set, &LANDMARKS, threads)?,
+            detector: Detector::person(set, provider)?,
+            landmarks: Network::open(set, &LANDMARKS, provider)?,
             region: None,
             filters: std::array::from_fn(|_| OneEuro::new(0.01, 10.0)),
             people: None,

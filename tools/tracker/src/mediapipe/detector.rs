@@ -6,6 +6,7 @@ use crate::crop::{Border, Region};
 use crate::networks::{Network, NetworkSet, Signature};
 use crate::picture::PictureView;
 use glam::Vec2;
+use npu_runtime::Provider;
 
 /// Detections that overlap more are of the same thing (intersection over union).
 const SAME: f32 = 0.3;
@@ -99,8 +100,8 @@ impl Detector {
     ///
     /// # Errors
     /// As [`Network::open`].
-    pub fn person(set: &NetworkSet, threads: usize) -> Result<Self, TrackerError> {
-        Self::open(set, &PERSON, threads)
+    pub fn person(set: &NetworkSet, provider: Provider) -> Result<Self, TrackerError> {
+        Self::open(set, &PERSON, provider)
     }
 
     /// The detector of near faces; its key points are the right eye, the left eye, the nose's tip, the mouth, the right and the left
@@ -108,13 +109,13 @@ impl Detector {
     ///
     /// # Errors
     /// As [`Network::open`].
-    pub fn face(set: &NetworkSet, threads: usize) -> Result<Self, TrackerError> {
-        Self::open(set, &FACE, threads)
+    pub fn face(set: &NetworkSet, provider: Provider) -> Result<Self, TrackerError> {
+        Self::open(set, &FACE, provider)
     }
 
-    fn open(set: &NetworkSet, layout: &Layout, threads: usize) -> Result<Self, TrackerError> {
+    fn open(set: &NetworkSet, layout: &Layout, provider: Provider) -> Result<Self, TrackerError> {
         Ok(Self {
-            network: Network::open(set, &layout.signature, threads)?,
+            network: Network::open(set, &layout.signature, provider)?,
             anchors: anchors(layout.signature.size, layout.strides),
             points: layout.points,
         })

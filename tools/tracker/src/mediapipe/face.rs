@@ -10,6 +10,7 @@ use crate::networks::{Network, NetworkSet, Signature};
 use crate::picture::PictureView;
 use glam::Vec3;
 use motion_fit::landmarks::{FACE_LANDMARKS, FaceLandmarks};
+use npu_runtime::Provider;
 
 const LANDMARKS: Signature = Signature {
     name: "face_landmark_with_attention",
@@ -68,15 +69,19 @@ impl Face {
     /// The files that it needs, without their ending.
     pub const NAMES: [&str; 2] = [Detector::NAMES[1], LANDMARKS.name];
 
-    /// Loads its networks, each to be run by `threads` threads. A face that is followed is detected again in every
+    /// Loads its networks, each to be run by `provider`. A face that is followed is detected again in every
     /// `search_every`-th picture: 1 is what MediaPipe does.
     ///
     /// # Errors
     /// As [`Network::open`].
-    pub fn open(set: &NetworkSet, search_every: u32, threads: usize) -> Result<Self, TrackerError> {
+    pub fn open(
+        set: &NetworkSet,
+        search_every: u32,
+        provider: Provider,
+    ) -> Result<Self, TrackerError> {
         Ok(Self {
-            detector: Detector::face(set, threads)?,
-            landmarks: Network::open(set, &LANDMARKS, threads)?,
+            detector: Detector::face(set, provider)?,
+            landmarks: Network::open(set, &LANDMARKS, provider)?,
             search_every: search_every.max(1),
             last: None,
         })

@@ -9,6 +9,7 @@ use crate::networks::{Network, NetworkSet, Signature};
 use crate::picture::PictureView;
 use glam::{Vec2, Vec3};
 use motion_fit::landmarks::{HAND_LANDMARKS, HandLandmarks};
+use npu_runtime::Provider;
 
 const RECROP: Signature = Signature {
     name: "hand_recrop",
@@ -98,7 +99,7 @@ impl Hands {
         [RECROP.name, network.signature().name]
     }
 
-    /// Loads its networks, each to be run by `threads` threads. A hand that is followed is searched again where the body has it in
+    /// Loads its networks, each to be run by `provider`. A hand that is followed is searched again where the body has it in
     /// every `search_every`-th picture: 1 is what MediaPipe does, and costs a run of the searching network for every hand and picture.
     ///
     /// # Errors
@@ -107,11 +108,11 @@ impl Hands {
         set: &NetworkSet,
         network: HandNetwork,
         search_every: u32,
-        threads: usize,
+        provider: Provider,
     ) -> Result<Self, TrackerError> {
         Ok(Self {
-            recrop: Network::open(set, &RECROP, threads)?,
-            landmarks: Network::open(set, &network.signature(), threads)?,
+            recrop: Network::open(set, &RECROP, provider)?,
+            landmarks: Network::open(set, &network.signature(), provider)?,
             search_every: search_every.max(1),
             sides: [None, None],
         })

@@ -17,7 +17,7 @@ pub use hands::{HandNetwork, Hands};
 use crate::TrackerError;
 use crate::models::{HandModels, Models};
 use crate::networks::NetworkSet;
-use npu_runtime::Runtime;
+use npu_runtime::{Provider, Runtime};
 use std::path::Path;
 
 /// Where a network stops to believe in what it sees, 0..=1.
@@ -44,8 +44,8 @@ pub struct Options {
     pub face: bool,
     /// In every how manieth picture a hand or a face that is followed is searched again: 1 is what MediaPipe does.
     pub search_every: u32,
-    /// Threads that each network is run by.
-    pub threads: usize,
+    /// What runs each network.
+    pub provider: Provider,
 }
 
 impl Default for Options {
@@ -55,7 +55,7 @@ impl Default for Options {
             hand_network: HandNetwork::Full,
             face: true,
             search_every: 15,
-            threads: 1,
+            provider: Provider::Cpu { threads: 1 },
         }
     }
 }
@@ -65,8 +65,6 @@ impl Default for Options {
 pub enum HandsBy {
     /// Not at all.
     None,
-    /// One after the other, by one thread.
-    Shared,
     /// The left one in a picture and the right one in the next.
     Alternating,
     /// Each by a thread of its own.
@@ -94,17 +92,20 @@ impl Options {
     pub fn load(&self, folder: &Path, runtime: &Runtime) -> Result<Models, TrackerError> {
         let set = NetworkSet::open(folder, &self.names(), runtime)?;
         let hands =
-            || Hands::open(&set, self.hand_network, self.search_every, self.threads).map(Box::new);
+            || Hands::open(&set, self.hand_network, self.search_every, self.provider).map(Box::new);
         Ok(Models {
-            body: Box::new(Body::open(&set, self.threads)?),
+            body: Box::new(Body::open(&set, self.provider)?),
             hands: match self.hands {
                 HandsBy::None => HandModels::None,
-                HandsBy::Shared => HandModels::Shared(hands()?),
                 HandsBy::Alternating => HandModels::Alternating(hands()?),
                 HandsBy::Each => HandModels::Each([hands()?, hands()?]),
             },
             face: if self.face {
-                Some(Box::new(Face::open(&set, self.search_every, self.threads)?))
+                Some(Box::new(Face::open(
+                    &set,
+                    self.search_every,
+                    self.provider,
+                )?))
             } else {
                 None
             },

@@ -32,7 +32,7 @@ pub struct Network {
 }
 
 impl Network {
-    /// Loads the network that `signature` describes, to run on the CPU by `threads` threads.
+    /// Loads the network that `signature` describes, to be run by `provider`.
     ///
     /// # Errors
     /// [`TrackerError::Read`] and [`TrackerError::Convert`] if its file is damaged, [`TrackerError::Runtime`] if the runtime refuses it, [`TrackerError::Shape`] if it is not as
@@ -40,7 +40,7 @@ impl Network {
     pub fn open(
         set: &NetworkSet,
         signature: &Signature,
-        threads: usize,
+        provider: Provider,
     ) -> Result<Self, TrackerError> {
         let fail = |source| runtime_error(signature.name, source);
         let places: Vec<usize> = signature.outputs.iter().map(|(place, _)| *place).collect();
@@ -73,7 +73,7 @@ impl Network {
         let session = Session::new(
             set.runtime(),
             &graph.onnx,
-            Provider::Cpu { threads },
+            provider,
             &graph.inputs,
             &graph.outputs,
         )

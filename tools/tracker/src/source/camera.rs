@@ -218,16 +218,7 @@ impl<D: Driver> Camera<D> {
         let bytes = buffer.get(..filled.bytes).unwrap_or(buffer);
         if matches!(format, MJPG | JPEG) {
             self.jpeg.decode(&self.info.name, bytes, into)?;
-            if (into.width, into.height) != (width, height) {
-                return Err(SourceError::SizeChanged {
-                    name: self.info.name.clone(),
-                    number: self.number,
-                    width: into.width,
-                    height: into.height,
-                    first_width: width,
-                    first_height: height,
-                });
-            }
+            // Of another size where the driver changed it: live, that is no error.
             return Ok(());
         }
         let (columns, rows) = (width as usize, height as usize);

@@ -249,6 +249,7 @@ fn copy(input: &mut impl BufRead, mut count: usize, whole: &mut Vec<u8>) -> io::
 #[derive(Debug)]
 pub(super) struct MotionJpeg<R> {
     info: SourceInfo,
+    changing_size: bool,
     input: R,
     jpeg: JpegPictures,
     first: Option<Picture>,
@@ -264,6 +265,7 @@ impl<R: BufRead> MotionJpeg<R> {
     pub(super) fn open(name: String, input: R, wanted: &Wanted) -> Result<Self, SourceError> {
         let rate_hz = wanted.rate_of_recording_hz();
         let mut stream = Self {
+            changing_size: wanted.changing_size,
             info: SourceInfo {
                 name,
                 width: 0,
@@ -357,7 +359,7 @@ impl<R: BufRead + Send> Source for MotionJpeg<R> {
         } else if !self.read(into)? {
             return Ok(false);
         }
-        if (into.width, into.height) != (self.info.width, self.info.height) {
+        if !self.changing_size && (into.width, into.height) != (self.info.width, self.info.height) {
             return Err(SourceError::SizeChanged {
                 name: self.info.name.clone(),
                 number: self.number,

@@ -56,7 +56,7 @@ impl Default for Picture {
     }
 }
 
-impl crate::picture::Picture for Picture {
+impl crate::picture::SharedPicture for Picture {
     fn view(&self) -> Result<PictureView<'_>, TrackerError> {
         PictureView::new(self.width as usize, self.height as usize, &self.rgb)
     }
@@ -110,9 +110,9 @@ pub(super) const MOST_DAMAGED: u32 = 60;
 pub struct SourceInfo {
     /// For messages: a device's name, a file's path, an address without its password.
     pub name: String,
-    /// Of every picture, in pixels.
+    /// Of every picture, or of the first one where sizes change, in pixels.
     pub width: u32,
-    /// Of every picture, in pixels.
+    /// As the width, in pixels.
     pub height: u32,
     /// Pictures a second, where the source says so. A recording's rate may vary: [`Picture::seconds`] is what counts.
     pub rate_hz: Option<f64>,
@@ -130,6 +130,8 @@ pub struct Wanted {
     pub size: Option<(u32, u32)>,
     /// Pictures a second: a camera's (30 without it), and of recordings that do not say theirs (30 too).
     pub rate_hz: Option<f64>,
+    /// Whether a stream of pictures may change their size: live, it goes on with the new one. Of a recording that is an error.
+    pub changing_size: bool,
 }
 
 impl Wanted {
@@ -146,7 +148,7 @@ pub trait Source: Send {
     /// What it is.
     fn info(&self) -> &SourceInfo;
 
-    /// Fills `into` with the next picture, whose size is that of [`Source::info`], and returns true; or returns false at the end.
+    /// Fills `into` with the next picture, whose size is that of [`Source::info`] (but see [`Wanted::changing_size`]; a camera's may change, too), and returns true; or returns false at the end.
     /// The buffer of `into` is used again: it may be exchanged for another of the source's.
     ///
     /// # Errors

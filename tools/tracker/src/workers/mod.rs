@@ -9,7 +9,7 @@ use crate::models::{
     BodyEstimate, BodyHints, BodyModel, FaceEstimate, FaceModel, HandEstimate, HandModel,
     HandModels, Models, Side,
 };
-use crate::picture::Picture;
+use crate::picture::SharedPicture;
 use motion_fit::estimates::Observation;
 use std::sync::Arc;
 use std::time::Instant;
@@ -82,7 +82,6 @@ impl Tracker {
     pub fn new(models: Models) -> Result<Self, TrackerError> {
         let hands = match models.hands {
             HandModels::None => Vec::new(),
-            HandModels::Shared(model) => vec![hands(model, |_| Side::BOTH.to_vec())?],
             HandModels::Alternating(model) => {
                 vec![hands(model, |turn| {
                     vec![Side::BOTH[usize::from(turn % 2 == 1)]]
@@ -108,7 +107,7 @@ impl Tracker {
     /// # Errors
     /// Those of the models, and [`TrackerError::Stopped`] if a thread has ended. After an error of a model the next picture may be
     /// handed over.
-    pub fn observe(&mut self, picture: &Arc<dyn Picture>) -> Result<Seen, TrackerError> {
+    pub fn observe(&mut self, picture: &Arc<dyn SharedPicture>) -> Result<Seen, TrackerError> {
         let start = Instant::now();
         self.body.look(picture)?;
         for worker in &self.hands {

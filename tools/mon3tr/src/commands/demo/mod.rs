@@ -295,7 +295,7 @@ impl Show<'_> {
         let stills = VIEWS
             .into_iter()
             .map(still)
-            .collect::<anyhow::Result<_>>()?;
+            .collect::<anyhow::Result<Vec<_>>>()?;
         let drawn = self.renderer.draw(self.setting, stills, |number, views| {
             let (name, picture) = VIEWS.get(number).zip(views.first()).context("no picture")?;
             let file = self.out.join(format!("{name}.png"));
