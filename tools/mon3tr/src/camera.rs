@@ -1,5 +1,6 @@
 //! A camera as a source of motion: its pictures, the networks that look at them, and the fit to the avatar.
 
+use crate::calibrate::Calibrating;
 use crate::device_options::{DeviceOptions, networks};
 use crate::notice::Notices;
 use crate::preview::{HandOver, PaceMeter, Shot};
@@ -41,6 +42,10 @@ pub(crate) struct CaptureOptions {
     /// The camera's field of view along the picture's longer side, degrees
     #[arg(long, value_name = "DEGREES", default_value_t = USUAL_VIEW_DEGREES, value_parser = parse_fov)]
     pub(crate) fov: f32,
+    /// Calibrate first: stand upright before the camera for two seconds, seen from head to feet, and look calm. The camera's tilt and
+    /// height, your proportions and your neutral face are held from then on
+    #[arg(long)]
+    calibrate: bool,
     /// Which hands are looked at: both in every picture, alternate (the left one in a picture and the right one in the next, in half of
     /// the time), or none
     #[arg(long, value_name = "WHICH", default_value = "both")]
@@ -74,6 +79,9 @@ impl CameraOptions {
         arguments.extend(["--fov".into(), self.capture.fov.to_string().into()]);
         if let Some(hands) = self.capture.hands.to_possible_value() {
             arguments.extend(["--hands".into(), hands.get_name().into()]);
+        }
+        if self.capture.calibrate {
+            arguments.push("--calibrate".into());
         }
         let provider = self.capture.camera_provider.name();
         arguments.extend(["--camera-provider".into(), provider.into()]);
@@ -185,6 +193,8 @@ pub(crate) struct CameraCapture {
     last: Option<u64>,
     pictures: u64,
     skipped: u64,
+    /// Until it is done.
+    calibrating: Option<Calibrating>,
     pace: PaceMeter,
     /// Where what was seen is shown, if it is.
     shots: Option<Arc<HandOver<Shot>>>,
@@ -202,6 +212,7 @@ pub(crate) struct OpenCamera {
     tracker: Tracker,
     camera: Camera,
     view_degrees: f32,
+    calibrate: bool,
 }
 
 impl OpenCamera {
@@ -236,6 +247,7 @@ impl OpenCamera {
         Ok(Self {
             camera: options.camera(info.width, info.height),
             view_degrees: options.fov,
+            calibrate: options.calibrate,
             source,
             tracker: Tracker::new(models)?,
         })
@@ -250,6 +262,7 @@ impl CameraCapture {
             tracker,
             camera,
             view_degrees,
+            calibrate,
         } = open;
         Self {
             source,
@@ -263,6 +276,7 @@ impl CameraCapture {
             last: None,
             pictures: 0,
             skipped: 0,
+            calibrating: calibrate.then(|| Calibrating::new(&avatar.skeleton, camera)),
             pace: PaceMeter::default(),
             shots: None,
             length,
@@ -273,6 +287,11 @@ impl CameraCapture {
     /// The camera as the fit knows it.
     pub(crate) fn camera(&self) -> Camera {
         self.camera
+    }
+
+    /// Whether a calibration is wanted that is not done yet.
+    pub(crate) fn is_calibrating(&self) -> bool {
+        self.calibrating.is_some()
     }
 
     /// Has what is seen in each picture put there, too.
@@ -299,6 +318,9 @@ impl CameraCapture {
             // Its lens is the same.
             self.camera = Camera::of_view(size, self.view_degrees);
             self.fit.set_camera(self.camera);
+            if let Some(calibrating) = &mut self.calibrating {
+                calibrating.set_camera(self.camera);
+            }
             log::info!(
                 "{}: pictures are {} x {} from now on",
                 self.source.info().name,
@@ -317,6 +339,12 @@ impl CameraCapture {
         let (times, people) = (seen.times, seen.people);
         let observation = seen.into_observation();
         let began = Instant::now();
+        if let Some(calibrating) = &mut self.calibrating {
+            let body = observation.body_landmarks();
+            if calibrating.see(observation.seconds, body, &mut self.fit) {
+                self.calibrating = None;
+            }
+        }
         let fitted = self.fit.step(&observation);
         let ended = Instant::now();
         let ms = |from: Instant| ended.saturating_duration_since(from).as_secs_f64() * 1e3;
@@ -336,6 +364,7 @@ impl CameraCapture {
                 camera: self.camera,
                 pace: self.pace.pace(),
                 notice: self.notices.now(),
+                calibrating: self.calibrating.as_ref().map(Calibrating::state),
             });
         }
         Ok(Some(Tracked {

@@ -2,6 +2,7 @@
 //! developers' and operators' own.
 
 mod backdrop;
+mod calibrate;
 mod camera;
 pub mod children;
 pub mod commands;

@@ -19,8 +19,9 @@ const LEAST_PICTURES: u32 = 10;
 const LONGEST_GAP: f64 = 0.5;
 /// A landmark less sure than this is not seen.
 const SEEN: f32 = 0.5;
-/// Knees are straight from this cosine of thigh and shank on: 35 degrees, as a network's depth errs.
-const STRAIGHT: f64 = 0.82;
+/// Knees and hips are straight from this cosine on: in one picture 60 degrees, as a network's depth errs, on average 50.
+const STRAIGHT_NOW: f64 = 0.5;
+const STRAIGHT: f64 = 0.64;
 /// The body's axis against the picture's upright: cosine of 45 degrees, more than cameras are tilted and people lean.
 const UPRIGHT: f64 = 0.71;
 /// A person who stands moves less than this share of their height from their mean place.
@@ -125,6 +126,12 @@ impl Calibrator {
         }
     }
 
+    /// The pictures are another camera's from now on, or of another size: it begins anew.
+    pub fn set_camera(&mut self, camera: Camera) {
+        self.camera = camera;
+        self.begin_anew();
+    }
+
     /// Takes what was seen of the body at `seconds` on the source's clock.
     pub fn see(&mut self, seconds: f64, body: Option<&BodyLandmarks>) -> Progress {
         if !seconds.is_finite() {
@@ -173,6 +180,10 @@ impl Calibrator {
             let [a, b] = pair.map(metres);
             Some((a? + b?) / 2.0)
         };
+        let straight = is_straight(|point| metres(point).unwrap_or_default(), STRAIGHT);
+        if !straight {
+            return None;
+        }
         let up = (middle(SHOULDERS)? - middle(ANKLES)?).try_normalize(1e-3)?;
         let lengths = self.body.lengths(metres);
         let scale = self.body.scale(&lengths)?;
@@ -261,25 +272,7 @@ impl<'a> Stance<'a> {
         if !WHOLE.into_iter().flatten().all(is_seen) {
             return Err(Missing::WholeBody);
         }
-        let at = |point: usize| metres(body.points[point].metres);
-        let middle = |pair: [usize; 2]| (at(pair[0]) + at(pair[1])) / 2.0;
-        let cosine = |a: Vector3<f64>, b: Vector3<f64>| {
-            let lengths = a.norm() * b.norm();
-            if lengths > 1e-6 {
-                a.dot(&b) / lengths
-            } else {
-                -1.0
-            }
-        };
-        let straight = [0, 1].into_iter().all(|side| {
-            let [hip, knee, ankle] = [HIPS, KNEES, ANKLES].map(|pair| at(pair[side]));
-            cosine(knee - hip, ankle - knee) > STRAIGHT
-        });
-        let axis = middle(SHOULDERS) - middle(ANKLES);
-        let trunk = middle(SHOULDERS) - middle(HIPS);
-        let legs = middle(HIPS) - middle(ANKLES);
-        let upright = cosine(axis, Vector3::y()) > UPRIGHT && cosine(trunk, legs) > STRAIGHT;
-        if !(straight && upright) {
+        if !is_straight(|point| metres(body.points[point].metres), STRAIGHT_NOW) {
             return Err(Missing::Standing);
         }
         let pixel = |pair: [usize; 2]| {
@@ -292,6 +285,27 @@ impl<'a> Stance<'a> {
             tall: (pixel(SHOULDERS) - pixel(ANKLES)).length(),
         })
     }
+}
+
+/// Whether landmarks that are `at` these places stand upright, with legs and trunk straight up to that cosine.
+fn is_straight(at: impl Fn(usize) -> Vector3<f64>, least: f64) -> bool {
+    let middle = |pair: [usize; 2]| (at(pair[0]) + at(pair[1])) / 2.0;
+    let cosine = |a: Vector3<f64>, b: Vector3<f64>| {
+        let lengths = a.norm() * b.norm();
+        if lengths > 1e-6 {
+            a.dot(&b) / lengths
+        } else {
+            -1.0
+        }
+    };
+    let legs = [0, 1].into_iter().all(|side| {
+        let [hip, knee, ankle] = [HIPS, KNEES, ANKLES].map(|pair| at(pair[side]));
+        cosine(knee - hip, ankle - knee) > least
+    });
+    let axis = middle(SHOULDERS) - middle(ANKLES);
+    let trunk = middle(SHOULDERS) - middle(HIPS);
+    let below = middle(HIPS) - middle(ANKLES);
+    legs && cosine(axis, Vector3::y()) > UPRIGHT && cosine(trunk, below) > least
 }
 
 /// From the camera's axes to those with y up and z towards it.

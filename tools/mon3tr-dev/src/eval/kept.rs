@@ -1,17 +1,39 @@
 //! What networks saw, as JSON: the fit can be worked on without drawing and looking again.
 
+use anyhow::Context;
 use glam::{Vec2, Vec3};
 use motion_fit::landmarks::{
     BODY_LANDMARKS, BodyLandmarks, BodyPoint, FACE_LANDMARKS, FaceLandmarks, HAND_LANDMARKS,
     HandLandmarks, Observation,
 };
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// Names and contents of the networks in `folder` that look at pictures, as a short text: two folders with the same text see the same.
+pub(super) fn networks(folder: &Path, names: &[&str]) -> anyhow::Result<String> {
+    let mut all = Sha256::new();
+    for name in names {
+        let file = folder.join(format!("{name}.tflite"));
+        let bytes =
+            std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
+        all.update(name);
+        all.update(Sha256::digest(&bytes));
+    }
+    let hash: String = (all.finalize().iter().take(8))
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
+    Ok(format!("{} ({hash})", names.join(", ")))
+}
 
 /// What was seen in one motion's pictures.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct KeptFile {
     /// The avatar and the length of the motions that were drawn.
     pub(super) of: String,
+    /// The networks that looked, as [`networks`] names them; nothing in a file from before they were named.
+    #[serde(default)]
+    pub(super) networks: String,
     pub(super) frames: Vec<Kept>,
 }
 
@@ -108,5 +130,32 @@ impl From<&Kept> for Observation {
             hands: (kept.hands.each_ref()).map(|one| one.as_ref().map(hand).map(Into::into)),
             face: face.map(Into::into),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_networks_have_another_text_and_missing_ones_an_error() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let write = |name: &str, bytes: &[u8]| {
+            std::fs::write(folder.path().join(name), bytes).expect("written");
+        };
+        write("body.tflite", b"one");
+        write("face.tflite", b"two");
+        let of = |names: &[&str]| networks(folder.path(), names).expect("there");
+        let before = of(&["body", "face"]);
+        assert_eq!(before, of(&["body", "face"]), "the same again");
+        assert_ne!(before, of(&["body"]), "fewer");
+        write("face.tflite", b"three");
+        assert_ne!(before, of(&["body", "face"]), "another face");
+        assert!(before.starts_with("body, face ("), "{before}");
+        let missing = networks(folder.path(), &["hand"]).expect_err("no such file");
+        assert!(
+            format!("{missing:#}").contains("hand.tflite"),
+            "{missing:#}"
+        );
     }
 }

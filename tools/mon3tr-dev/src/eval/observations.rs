@@ -1,6 +1,6 @@
 //! What the networks see in drawn and in decoded pictures, kept in a folder if there is one.
 
-use super::kept::{Kept, KeptFile};
+use super::kept::{self, Kept, KeptFile};
 use super::renders::{self, RATE, Take};
 use super::table::StageTimes;
 use anyhow::{Context, bail};
@@ -67,6 +67,7 @@ impl<'a> Keeper<'a> {
             return look(self);
         };
         let file = folder.join(format!("{name}.json"));
+        let by = kept::networks(&networks()?, &Options::default().names())?;
         if file.is_file() {
             let text =
                 std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
@@ -80,11 +81,23 @@ impl<'a> Keeper<'a> {
                     self.of
                 );
             }
+            if kept.networks != by {
+                bail!(
+                    "{} was kept of what the networks {} saw, and these are {by}: choose another folder",
+                    file.display(),
+                    if kept.networks.is_empty() {
+                        "of an unnamed set"
+                    } else {
+                        &kept.networks
+                    },
+                );
+            }
             return Ok(kept.frames.iter().map(Observation::from).collect());
         }
         let seen = look(self)?;
         let kept = KeptFile {
             of: self.of.clone(),
+            networks: by,
             frames: seen.iter().map(Kept::from).collect(),
         };
         std::fs::write(&file, serde_json::to_vec(&kept)?)
@@ -152,7 +165,7 @@ impl<'a> Keeper<'a> {
     }
 
     fn look(&mut self, tracker: &mut Tracker, picture: Picture) -> anyhow::Result<Observation> {
-        let picture: Arc<dyn tracker::picture::Picture> = Arc::new(picture);
+        let picture: Arc<dyn tracker::picture::SharedPicture> = Arc::new(picture);
         let seen = tracker.observe(&picture)?;
         self.times.add(&seen.times);
         Ok(seen.into_observation())

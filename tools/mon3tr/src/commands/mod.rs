@@ -7,6 +7,7 @@ pub(crate) mod profile;
 pub(crate) mod receive;
 pub(crate) mod render;
 pub mod send;
+mod send_memory;
 pub(crate) mod serve;
 pub(crate) mod track;
 

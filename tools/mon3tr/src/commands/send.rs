@@ -1,6 +1,7 @@
 //! `mon3tr send`: the motion that a camera captures, or one from a file as if it were captured now, to everyone who joins the room.
 
 use crate::camera::{CameraCapture, CameraFigures, CameraOptions, OpenCamera};
+use crate::commands::send_memory::{SenderMemory, Watched};
 use crate::commands::serve::owner_token_file;
 use crate::device_options::DeviceOptions;
 use crate::network::{self, Network};
@@ -94,6 +95,7 @@ struct Report {
     seconds: f64,
     /// What the stages of capturing took, where a camera does.
     camera: Option<CameraFigures>,
+    memory: SenderMemory,
     #[serde(flatten)]
     sent: link_call::sender::SenderStatistics,
 }
@@ -142,12 +144,12 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         );
     }
     let stop = network.stop_on_signal();
-    let mut perform = || -> anyhow::Result<Instant> {
+    let mut perform = || -> anyhow::Result<(Instant, Option<u64>)> {
         // A performance begins when a viewer is there.
         while entered.host.statistics().viewers == 0 && !stop.load(Relaxed) {
             match &mut motion {
-                // Before that, people who see themselves move already.
-                Motion::Camera(capture) if shown.is_some() => {
+                // Before that, people who see themselves move already, and those who are to calibrate do it.
+                Motion::Camera(capture) if shown.is_some() || capture.is_calibrating() => {
                     if capture.track()?.is_none() {
                         break;
                     }
@@ -156,23 +158,26 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             }
         }
         let begun = Instant::now();
-        sender::send(&entered.host, motion.capture(), clock, &stop)?;
-        Ok(begun)
+        let mut capture = Watched::over(motion.capture());
+        sender::send(&entered.host, &mut capture, clock, &stop)?;
+        Ok((begun, capture.settled_bytes))
     };
-    let outcome = match (preview, shown) {
+    let performed = match (preview, shown) {
         (Some(preview), Some(camera)) => preview.beside(&avatar, &camera, perform)?,
         _ => perform(),
     };
+    let settled = performed.as_ref().map_or(None, |(_, settled)| *settled);
     let report = Report {
         motion: name,
         codec: options.codec,
         channel: options.channel,
         rate_hz,
-        seconds: (outcome.as_ref()).map_or(0.0, |begun| begun.elapsed().as_secs_f64()),
+        seconds: (performed.as_ref()).map_or(0.0, |(begun, _)| begun.elapsed().as_secs_f64()),
         camera: motion.figures(),
+        memory: SenderMemory::at_the_end(settled),
         sent: network.block_on(entered.host.hang_up()),
     };
-    outcome?;
+    performed?;
     report.print();
     write_json(options.json.as_deref(), &report)
 }
@@ -256,6 +261,17 @@ impl Report {
             camera.print();
         }
         let sent = &self.sent;
+        if let Some(camera) = &self.camera {
+            let encode_ms = sent.encode_ns as f64 / 1e6 / sent.encoded.max(1) as f64;
+            println!(
+                "{:.1} motions a second; from the light to the packet {:.1} ms, the median with the mean of encoding",
+                f64::from(sent.captured) / self.seconds.max(1e-3),
+                camera.latency_ms + encode_ms
+            );
+        }
+        if let Some(line) = self.memory.line() {
+            println!("{line}");
+        }
         println!(
             "sent {} of {} frames captured in {:.1} s to {} viewers, {} skipped; {} on the {} channel: {:.1} bytes a frame",
             sent.sent,

@@ -1,4 +1,4 @@
-//! The line below the preview: how fast, how late, and what is not seen.
+//! The lines below the preview: how fast, how late, and what is not seen.
 
 use crate::notice::Notice;
 use motion_fit::Fitted;
@@ -53,21 +53,22 @@ impl PaceMeter {
     }
 }
 
-/// The line for one picture, of which the preview has left out so many before.
-pub(crate) fn caption(pace: Pace, fitted: &Fitted, notice: Option<Notice>, dropped: u64) -> String {
+/// The figures, when the preview has left out so many pictures.
+pub(crate) fn figures(pace: Pace, dropped: u64) -> String {
     let Pace {
         rate_hz,
         latency_ms,
     } = pace;
-    let mut line = format!("{rate_hz:.0} Hz, {latency_ms:.0} ms from light to motion");
+    let mut line = format!("{rate_hz:.0} Hz | {latency_ms:.0} ms to motion");
     if dropped > 0 {
-        line += &format!(", {dropped} not shown");
-    }
-    for what in unseen(fitted, notice) {
-        line += " | ";
-        line += &what;
+        line += &format!(" | {dropped} not shown");
     }
     line
+}
+
+/// What is not seen; empty where all is.
+pub(crate) fn lacking(fitted: &Fitted, notice: Option<Notice>) -> String {
+    unseen(fitted, notice).join(" | ")
 }
 
 fn unseen(fitted: &Fitted, notice: Option<Notice>) -> Vec<String> {
@@ -117,14 +118,12 @@ mod tests {
     }
 
     #[test]
-    fn the_line_names_what_is_not_seen_and_only_that() {
-        let pace = Pace {
-            rate_hz: 29.6,
-            latency_ms: 33.7,
-        };
-        let line = |fitted: &Fitted, notice| caption(pace, fitted, notice, 0);
-        let whole = "30 Hz, 34 ms from light to motion";
-        assert_eq!(line(&fitted(true, [0.9; 2], 0.9), None), whole);
+    fn the_lines_name_what_is_not_seen_and_only_that() {
+        assert_eq!(
+            lacking(&fitted(true, [0.9; 2], 0.9), None),
+            "",
+            "all is seen"
+        );
         for (seen, notice, named) in [
             (fitted(true, [0.0; 2], 0.9), None, "no hands"),
             (
@@ -140,10 +139,14 @@ mod tests {
                 "2 people | no left hand",
             ),
         ] {
-            assert_eq!(line(&seen, notice), format!("{whole} | {named}"));
+            assert_eq!(lacking(&seen, notice), named);
         }
-        let line = caption(pace, &fitted(true, [0.9; 2], 0.9), None, 7);
-        assert_eq!(line, format!("{whole}, 7 not shown"));
+        let pace = Pace {
+            rate_hz: 29.6,
+            latency_ms: 33.7,
+        };
+        assert_eq!(figures(pace, 0), "30 Hz | 34 ms to motion");
+        assert_eq!(figures(pace, 7), "30 Hz | 34 ms to motion | 7 not shown");
     }
 
     #[test]

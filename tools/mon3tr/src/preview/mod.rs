@@ -1,4 +1,4 @@
-//! A look at oneself while a camera captures: the camera's picture with the landmarks, the avatar beside it, and a line of figures, in a
+//! A look at oneself while a camera captures: the camera's picture with the landmarks, the avatar beside it, and two lines of text, in a
 //! window. Both halves are mirrored, as people expect of a picture of themselves.
 //!
 //! Capturing never waits for it: the newest picture is handed over, what the preview is too late for is dropped and counted, and its
@@ -11,6 +11,7 @@ mod window;
 pub(crate) use caption::{Pace, PaceMeter};
 pub(crate) use hand_over::HandOver;
 
+use crate::calibrate;
 use crate::composed::{Composition, Facing};
 use crate::device_options::DeviceOptions;
 use crate::notice::Notice;
@@ -45,6 +46,8 @@ pub(crate) struct Shot {
     pub(crate) pace: Pace,
     /// What is the matter, if that has lasted.
     pub(crate) notice: Option<Notice>,
+    /// What the person is told, while a calibration is under way.
+    pub(crate) calibrating: Option<calibrate::State>,
 }
 
 /// What a preview needs, found before a call begins: a display and a device.
@@ -104,7 +107,7 @@ impl Preview {
         let Size { width, height } = composition.half();
         let size = Size {
             width: 2 * width,
-            height: height + STRIP_HEIGHT,
+            height: height + 2 * STRIP_HEIGHT,
         };
         let pictures = HandOver::default();
         let proxy = events.create_proxy();
@@ -202,7 +205,7 @@ fn draw(
     Ok(())
 }
 
-/// Both halves, mirrored, and the line below.
+/// Both halves, mirrored, and two lines below.
 fn page(
     composition: &Composition,
     shot: &Shot,
@@ -212,11 +215,15 @@ fn page(
     let seen = Some(&shot.observation);
     let both = composition.compose(&shot.picture, seen, avatar, Facing::Mirrored)?;
     let (width, height) = both.dimensions();
-    let line = caption::caption(shot.pace, &shot.fitted, shot.notice, dropped);
-    let line = strip(&line, width);
-    let mut page = RgbImage::new(width, height + line.height);
+    let figures = caption::figures(shot.pace, dropped);
+    let told = match shot.calibrating {
+        Some(told) => format!("calibrate: {told}"),
+        None => caption::lacking(&shot.fitted, shot.notice),
+    };
+    let mut page = RgbImage::new(width, height + 2 * STRIP_HEIGHT);
     imageops::replace(&mut page, &both, 0, 0);
-    let text = line.pixels.as_chunks::<4>().0;
+    let text = [figures, told].map(|line| strip(&line, width).pixels);
+    let text = text.iter().flat_map(|line| line.as_chunks::<4>().0);
     let below = page.rows_mut().skip(height as usize).flatten();
     for (pixel, [r, g, b, _]) in below.zip(text) {
         *pixel = Rgb([*r, *g, *b]);

@@ -38,6 +38,7 @@ fn shot(number: u8) -> Shot {
         camera,
         pace: Pace::default(),
         notice: None,
+        calibrating: None,
     }
 }
 
@@ -75,7 +76,7 @@ fn the_newest_shot_is_drawn_beside_its_own_picture_and_the_end_ends_it() {
     for page in &pages {
         assert_eq!(
             page.dimensions(),
-            (2 * width, height + STRIP_HEIGHT),
+            (2 * width, height + 2 * STRIP_HEIGHT),
             "its size"
         );
         let right = imageops::crop_imm(page, width, 0, width, height).to_image();

@@ -1,7 +1,7 @@
 //! The avatar's body as it stands, for a person's lengths and the floor to be compared with.
 
 use super::{
-    bindings::{self, Binding},
+    bindings,
     chain::{Chain, Posture},
     proportions::{LIMBS, PARTS, SHANK, THIGH, TORSO, part_lengths},
     reading::{ANKLES, HIPS, SHOULDERS},
@@ -20,7 +20,7 @@ pub(crate) struct StandingBody {
 
 impl StandingBody {
     pub(crate) fn of(skeleton: &Skeleton) -> Self {
-        let bindings: Vec<Binding> = bindings::bind(skeleton);
+        let bindings = bindings::bind(skeleton);
         let placed = Chain::new(skeleton).place(&Posture::default());
         let lowest = (soles(skeleton).iter())
             .map(|sole| placed.point(sole).y)

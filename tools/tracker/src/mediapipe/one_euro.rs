@@ -1,4 +1,8 @@
 //! The One-Euro filter (Casiez, Roussel and Vogel, "1 € Filter", CHI 2012) with velocities relative to an object's size.
+//!
+//! It is a part of MediaPipe's graph: landmarks in pixels, with MediaPipe's own form of the low pass, so that regions are where MediaPipe
+//! has them. `motion_fit::smoother` has the filter for a motion's rotations, with exact low passes and the fit's confidence; neither could
+//! stand in for the other without changing what it is compared with.
 
 use std::f64::consts::TAU;
 

@@ -1,8 +1,9 @@
 //! Video4Linux 2: a camera's modes, its buffers mapped into memory, and its clock.
 
 mod abi;
+mod devices;
 
-use std::fs::{File, OpenOptions, read_dir, read_to_string};
+use std::fs::{File, OpenOptions};
 use std::io;
 use std::os::fd::AsFd;
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
@@ -29,6 +30,7 @@ use abi::{
     QUERY_BUFFER, QUERY_CAPABILITIES, QUEUE, REQUEST_BUFFERS, RequestBuffers, SET_FORMAT,
     SET_PARAMETERS, START, STOP, StreamParameters, VIDEO_CAPTURE, empty,
 };
+use devices::{present, refusal};
 
 /// More than drivers give, and few enough that a hostile one cannot fill the memory.
 const MOST_LISTED: u32 = 256;
@@ -274,54 +276,6 @@ fn text(bytes: &[u8]) -> String {
         .position(|byte| *byte == 0)
         .unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).trim().to_owned()
-}
-
-/// Of the system, to open a camera.
-fn refusal(device: &str, source: io::Error) -> SourceError {
-    let device = device.to_owned();
-    match Errno::from_io_error(&source) {
-        Some(Errno::NOENT | Errno::NODEV | Errno::NXIO | Errno::NOTDIR) => SourceError::NoDevice {
-            device,
-            present: present(),
-        },
-        Some(Errno::ACCESS | Errno::PERM) => SourceError::NoPermission { device },
-        Some(Errno::BUSY) => SourceError::Busy { device },
-        _ => SourceError::Device {
-            device,
-            doing: "to open",
-            source,
-        },
-    }
-}
-
-/// Which cameras there are, as a part of a message.
-fn present() -> String {
-    list(Path::new("/dev"), Path::new("/sys/class/video4linux"))
-}
-
-fn list(devices: &Path, names: &Path) -> String {
-    let mut found: Vec<(u32, String)> = read_dir(devices)
-        .into_iter()
-        .flatten()
-        .flatten()
-        .filter_map(|entry| {
-            let file = entry.file_name().to_str()?.to_owned();
-            let number = file.strip_prefix("video")?.parse().ok()?;
-            let card = read_to_string(names.join(&file).join("name")).unwrap_or_default();
-            let shown = if card.trim().is_empty() {
-                String::new()
-            } else {
-                format!(" ({})", card.trim())
-            };
-            Some((number, format!("{}{shown}", entry.path().display())))
-        })
-        .collect();
-    found.sort();
-    if found.is_empty() {
-        return "this system has none (in a container or virtual machine, it has to be handed in); a video file will do too".to_owned();
-    }
-    let names: Vec<String> = found.into_iter().map(|(_, name)| name).collect();
-    format!("there are {}", names.join(", "))
 }
 
 impl Driver for Device {

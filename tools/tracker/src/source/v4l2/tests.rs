@@ -1,5 +1,6 @@
 use std::mem::{offset_of, size_of};
 
+use super::devices::list;
 use super::*;
 
 /// As a C compiler prints them from `linux/videodev2.h` on a system of 64 bits.
