@@ -101,7 +101,11 @@ impl CameraOptions {
 impl CaptureOptions {
     /// Loads the networks: MediaPipe's, and the user's in place of some.
     fn load(&self, runtime: &Runtime) -> anyhow::Result<Models> {
-        let all = runtime.probe();
+        // ONNX Runtime always has its own kernels, and to ask for the others loads libraries.
+        let all = match self.camera_provider {
+            ProviderKind::Cpu => Vec::new(),
+            _ => runtime.probe(),
+        };
         let lacking = (all.iter())
             .find(|one| one.provider == self.camera_provider)
             .and_then(|one| one.lacking.as_deref());

@@ -1,12 +1,13 @@
 //! What two seconds of standing tell of a camera and a person, to be held from then on.
 //!
 //! Without it the camera's tilt and height, the person's proportions and their neutral face are learnt while the person moves, and follow
-//! slowly ever after. A person who stands upright, arms aside or hanging, and looks calm tells them at once, and better: limbs are straight
-//! and across the line of sight, where a network's metres are good, and errors that come and go are averaged.
+//! slowly ever after: a long stoop and a long smile creep into them. A person who stands upright and looks calm tells them at once, and no
+//! other posture is mixed in. Limbs are straight and across the line of sight, where a network's metres are good.
 //!
 //! The field of view is not among it. A standing body is nearly a plane before the camera, and of a plane one picture tells only how
 //! large the focal length is against the distance.
 
+pub use crate::body::Calibration;
 use crate::body::StandingBody;
 use crate::landmarks::{BodyLandmarks, Camera};
 use nalgebra::{Matrix3, Vector3};
@@ -56,31 +57,6 @@ pub enum Progress {
     Standing(f64),
     /// It is done.
     Done(Calibration),
-}
-
-/// A camera and a person.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Calibration {
-    /// Up, in the camera's axes with y up and z towards the camera; of length 1.
-    pub up: Vector3<f64>,
-    /// Height of the camera above the floor, metres of the avatar's size.
-    pub height_metres: f64,
-    /// Lengths of the body's parts, in the network's metres: thigh, shank, upper arm, forearm, torso; zero for one that was not seen.
-    pub lengths: [f64; 5],
-}
-
-impl Calibration {
-    /// How far the camera looks down, radians.
-    #[must_use]
-    pub fn pitch_radians(&self) -> f64 {
-        self.up.z.clamp(-1.0, 1.0).asin()
-    }
-
-    /// How far the camera is rolled, radians, clockwise as seen from behind it.
-    #[must_use]
-    pub fn roll_radians(&self) -> f64 {
-        (-self.up.x).atan2(self.up.y)
-    }
 }
 
 /// Watches a person until they have stood for two seconds.

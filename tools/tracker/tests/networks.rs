@@ -229,7 +229,7 @@ fn a_mirrored_picture_has_mirrored_landmarks() {
 #[test]
 fn every_way_to_look_at_hands_finds_both() {
     for (hands, hand_network) in [
-        (HandsBy::Shared, HandNetwork::Full),
+        (HandsBy::Each, HandNetwork::Full),
         (HandsBy::Each, HandNetwork::Lite),
         (HandsBy::None, HandNetwork::Full),
         (HandsBy::Alternating, HandNetwork::Full),

@@ -262,7 +262,7 @@ fn a_larger_video_is_fitted_into_the_wanted_size() {
     for (wanted, expected) in [((320, 320), (320, 240)), ((2000, 1000), (640, 480))] {
         let wanted = Wanted {
             size: Some(wanted),
-            rate_hz: None,
+            ..Wanted::default()
         };
         let source = open(&choice(&path), &wanted).expect("a video");
         assert_eq!(
@@ -365,8 +365,8 @@ fn motion_jpeg_and_folders_show_the_same() {
     ffmpeg.make(&format!("{pattern} -start_number 1"), "png/picture %d.png");
     ffmpeg.make(&format!("{pattern} -q:v 2 -start_number 1"), "jpg/%d.JPG");
     let wanted = Wanted {
-        size: None,
         rate_hz: Some(12.0),
+        ..Wanted::default()
     };
     let [stream, png, jpg] = [stream, ffmpeg.path("png"), ffmpeg.path("jpg")].map(|path| {
         let source = open(&choice(&path), &wanted).expect("pictures");

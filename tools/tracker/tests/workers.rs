@@ -197,7 +197,9 @@ fn alternating_hands_take_turns() {
 
 #[test]
 fn an_error_of_one_model_does_not_end_the_others() {
-    let (mut tracker, _) = tracker(&[Some(f32::NAN), Some(5.0)], |a, _| HandModels::Shared(a));
+    let (mut tracker, _) = tracker(&[Some(f32::NAN), Some(5.0)], |a, b| {
+        HandModels::Each([a, b])
+    });
     assert!(
         matches!(tracker.observe(&picture(0)), Err(TrackerError::NoFolder)),
         "the model's own error"

@@ -166,7 +166,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         (Some(preview), Some(camera)) => preview.beside(&avatar, &camera, perform)?,
         _ => perform(),
     };
-    let settled = performed.as_ref().map_or(None, |(_, settled)| *settled);
+    let settled = performed.as_ref().ok().and_then(|(_, settled)| *settled);
     let report = Report {
         motion: name,
         codec: options.codec,

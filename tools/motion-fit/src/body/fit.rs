@@ -11,11 +11,11 @@ use super::{
     so3,
     soles::soles,
     solver::SkeletonSolver,
+    standing::Calibration,
     terms::View,
     track::Track,
     upright::Upright,
 };
-use crate::calibration::Calibration;
 use crate::landmarks::{BodyLandmarks, Camera};
 use glam::{Mat3, Quat, Vec3};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};

@@ -28,4 +28,5 @@ pub use evidence::Parts;
 pub use fit::{BodyFit, FitConfig};
 pub use foot_lock::FootLock;
 pub use pose::{BodyPose, CameraPose, Limb};
+pub use standing::Calibration;
 pub(crate) use standing::StandingBody;

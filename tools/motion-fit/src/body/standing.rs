@@ -10,6 +10,31 @@ use super::{
 use nalgebra::Vector3;
 use spmm3::Skeleton;
 
+/// A camera and a person.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Calibration {
+    /// Up, in the camera's axes with y up and z towards the camera; of length 1.
+    pub up: Vector3<f64>,
+    /// Height of the camera above the floor, metres of the avatar's size.
+    pub height_metres: f64,
+    /// Lengths of the body's parts, in the network's metres: thigh, shank, upper arm, forearm, torso; zero for one that was not seen.
+    pub lengths: [f64; 5],
+}
+
+impl Calibration {
+    /// How far the camera looks down, radians.
+    #[must_use]
+    pub fn pitch_radians(&self) -> f64 {
+        self.up.z.clamp(-1.0, 1.0).asin()
+    }
+
+    /// How far the camera is rolled, radians, clockwise as seen from behind it.
+    #[must_use]
+    pub fn roll_radians(&self) -> f64 {
+        (-self.up.x).atan2(self.up.y)
+    }
+}
+
 /// Lengths of the avatar, and how far below its ankles its soles are.
 #[derive(Debug, Clone)]
 pub(crate) struct StandingBody {

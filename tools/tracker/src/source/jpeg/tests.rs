@@ -107,7 +107,7 @@ fn a_stream_that_breaks_off_ends_there() {
 }
 
 #[test]
-fn a_picture_of_another_size_is_refused() {
+fn a_picture_of_another_size_is_refused_in_a_recording_and_given_live() {
     let mut other = grey(false, true);
     // The width, in the frame header behind the 71 bytes of start and quantization.
     let at = other
@@ -115,7 +115,19 @@ fn a_picture_of_another_size_is_refused() {
         .position(|two| two == [0xff, 0xc0])
         .expect("a frame header");
     other[at + 8] = 5;
-    let bytes = [grey(false, true), other].concat();
+    let bytes = [grey(false, true), other, grey(true, true)].concat();
+    let live = Wanted {
+        changing_size: true,
+        ..Wanted::default()
+    };
+    let mut source =
+        MotionJpeg::open("live".to_owned(), bytes.as_slice(), &live).expect("a picture");
+    let mut picture = Picture::empty();
+    for width in [8, 5, 8] {
+        assert!(source.next(&mut picture).expect("no error"), "{width} wide");
+        assert_eq!((picture.width, picture.height), (width, 8), "its size");
+        assert_eq!(picture.rgb.len(), width as usize * 8 * 3, "its bytes");
+    }
     let mut source = opened(&bytes).expect("a picture");
     let mut picture = Picture::empty();
     assert!(source.next(&mut picture).expect("no error"), "the first");
