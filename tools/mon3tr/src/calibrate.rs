@@ -93,7 +93,8 @@ impl Calibrating {
             let lacking = match self.state {
                 State::Waiting(Missing::WholeBody) => "nobody was seen from head to feet",
                 State::Waiting(Missing::Standing) => "the person does not stand upright",
-                State::Waiting(Missing::Stillness) | State::Standing(_) => "the person moves",
+                State::Waiting(Missing::Stillness) => "the person moves",
+                State::Standing(_) => "too few pictures came while the person stood",
             };
             log::warn!(
                 "no calibration within {PATIENCE} s, because {lacking}: this goes on without, and learns while the person moves"

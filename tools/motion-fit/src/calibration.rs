@@ -15,9 +15,9 @@ use spmm3::Skeleton;
 
 /// For so long the person has to stand, seconds, in so many pictures at least.
 const STANDING: f64 = 2.0;
-const LEAST_PICTURES: u32 = 10;
+const LEAST_PICTURES: u32 = 6;
 /// A gap in what is seen begins it anew, seconds.
-const LONGEST_GAP: f64 = 0.5;
+const LONGEST_GAP: f64 = 1.0;
 /// A landmark less sure than this is not seen.
 const SEEN: f32 = 0.5;
 /// Knees and hips are straight from this cosine on: in one picture 60 degrees, as a network's depth errs, on average 50.

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use tracker::mediapipe::{HandNetwork, HandsBy, Options};
 use tracker::networks::NetworkSet;
-use tracker::picture::{Picture, PictureView};
+use tracker::picture::{PictureView, SharedPicture};
 use tracker::{Tracker, TrackerError};
 
 struct Still {
@@ -21,7 +21,7 @@ struct Still {
     seconds: f64,
 }
 
-impl Picture for Still {
+impl SharedPicture for Still {
     fn view(&self) -> Result<PictureView<'_>, TrackerError> {
         let (width, height) = self.picture.dimensions();
         PictureView::new(width as usize, height as usize, self.picture.as_raw())

@@ -10,7 +10,8 @@
 //! use std::sync::Arc;
 //! use tracker::networks::NetworkSet;
 //! use tracker::source::{self, Picture, Wanted};
-//! use tracker::{Tracker, mediapipe, picture};
+//! use tracker::picture::SharedPicture;
+//! use tracker::{Tracker, mediapipe};
 //!
 //! /// `camera` is what the command line takes: `0`, `/dev/video0`, a video file, an address.
 //! fn follow(camera: &str, subject: &Subject<'_>) -> Result<(), Box<dyn std::error::Error>> {

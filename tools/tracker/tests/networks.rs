@@ -11,7 +11,7 @@ use std::path::Path;
 use std::sync::Arc;
 use tracker::mediapipe::{HandNetwork, HandsBy, Options};
 use tracker::networks::NetworkSet;
-use tracker::picture::{Picture, PictureView};
+use tracker::picture::{PictureView, SharedPicture};
 use tracker::workers::Seen;
 use tracker::{Tracker, TrackerError};
 
@@ -23,7 +23,7 @@ struct Still {
     seconds: f64,
 }
 
-impl Picture for Still {
+impl SharedPicture for Still {
     fn view(&self) -> Result<PictureView<'_>, TrackerError> {
         PictureView::new(self.width, self.height, &self.rgb)
     }

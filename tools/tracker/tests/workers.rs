@@ -7,12 +7,12 @@ use tracker::models::{
     BodyEstimate, BodyModel, FaceEstimate, FaceHint, FaceModel, HandEstimate, HandHint, HandModel,
     HandModels, Models, Side,
 };
-use tracker::picture::{Picture, PictureView};
+use tracker::picture::{PictureView, SharedPicture};
 use tracker::{Tracker, TrackerError};
 
 struct Grey(u32);
 
-impl Picture for Grey {
+impl SharedPicture for Grey {
     fn view(&self) -> Result<PictureView<'_>, TrackerError> {
         PictureView::new(2, 1, &[128; 6])
     }

@@ -1,7 +1,7 @@
 //! A camera that sees an avatar's renders: the tracked motion, in a file and at the other end of a call, is the one that was drawn.
 
 use crate::house::House;
-use crate::support::mon3tr;
+use crate::support::{Outcome, command, mon3tr};
 use glam::{DVec3, Vec3};
 use link_call::{CallEvent, Viewer};
 use link_http::Client;
@@ -213,6 +213,15 @@ fn what_a_camera_cannot_do_is_said_in_one_line() {
     ])
     .fails_naming(&["--camera", "--motion"]);
     mon3tr(&["track", &path("m.y4m"), "--fov", "500"]).fails_naming(&["500", "10..150"]);
+    mon3tr(&["track", &path("m.y4m"), "--hands", "three"]).fails_naming(&["three", "--hands"]);
+    mon3tr(&["track", &path("m.y4m"), "--camera-provider", "gpu"])
+        .fails_naming(&["gpu", "qnn, nnapi, xnnpack, cpu"]);
+    mon3tr(&["send", "--avatar", package, "--preview"]).fails_naming(&["required"]);
+    let mut unseen = command(&["send", "--avatar", package, "--camera", "0", "--preview"]);
+    for variable in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
+        unseen.env_remove(variable);
+    }
+    Outcome::of(&mut unseen).fails_naming(&["needs a display", "leave out --preview"]);
     if !networks() {
         return;
     }
@@ -224,4 +233,8 @@ fn what_a_camera_cannot_do_is_said_in_one_line() {
             .expect("a picture");
     }
     track(&path("grey")).fails_naming(&["no person", "3 pictures"]);
+    // What Android alone has, is on no machine that runs this.
+    let nnapi = ["--camera-provider", "nnapi"];
+    let on_nnapi = ["track", &path("grey"), "--avatar", package];
+    mon3tr(&[&on_nnapi[..], &nnapi].concat()).fails_naming(&["nnapi", "Android", "cpu"]);
 }

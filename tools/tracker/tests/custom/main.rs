@@ -8,7 +8,7 @@ mod turned;
 
 use finders::{Finder, HINT, MIDDLE, SIDE, SIZE, picture, view};
 use glam::{Mat3, Quat, Vec2, Vec3};
-use npu_runtime::Runtime;
+use npu_runtime::{Provider, Runtime};
 use onnx::{Gives, Output, constant, network};
 use std::path::PathBuf;
 use tempfile::TempDir;
@@ -35,6 +35,7 @@ struct Files {
     onnx: PathBuf,
 }
 
+const ONE_THREAD: Provider = Provider::Cpu { threads: 1 };
 const INPUT: (&str, &[i64]) = ("image", &[0, 3, 8, 8]);
 const PLAIN: &str = "[input]\nname = \"image\"\nsize = 8\n[crop]\nscale = 1.0\n";
 
@@ -55,7 +56,7 @@ fn body(
     toml: &str,
 ) -> Result<Option<BodyEstimate>, TrackerError> {
     let files = files(&network(INPUT, outputs), &format!("{PLAIN}{toml}"));
-    let mut model = custom::body(&files.onnx, Box::new(Finder), runtime, 1)?;
+    let mut model = custom::body(&files.onnx, Box::new(Finder), runtime, ONE_THREAD)?;
     model.run(view(&picture()), 0.0)
 }
 
@@ -66,7 +67,7 @@ fn face(
     toml: &str,
 ) -> Result<Option<FaceEstimate>, TrackerError> {
     let files = files(&network(input, outputs), toml);
-    let mut model = custom::face(&files.onnx, Box::new(Finder), runtime, 1)?;
+    let mut model = custom::face(&files.onnx, Box::new(Finder), runtime, ONE_THREAD)?;
     model.find(view(&picture()), None, None)
 }
 
@@ -78,7 +79,8 @@ fn hands(
 ) -> Result<[Option<HandEstimate>; 2], TrackerError> {
     let files = files(&network(INPUT, outputs), toml);
     let finders = HandModels::Each([Box::new(Finder), Box::new(Finder)]);
-    let HandModels::Each([mut left, mut right]) = custom::hands(&files.onnx, finders, runtime, 1)?
+    let HandModels::Each([mut left, mut right]) =
+        custom::hands(&files.onnx, finders, runtime, ONE_THREAD)?
     else {
         panic!("each hand keeps its own model");
     };
@@ -138,4 +140,10 @@ fn example(name: &str) -> String {
         .unwrap_or_else(|| panic!("no example {name}"))
         + 8;
     text[from..].split("```").next().unwrap().to_owned()
+}
+
+fn landmarks(order: &str, more: &str) -> String {
+    format!(
+        "[[output]]\nname = \"points\"\nmeaning = \"landmarks_2d\"\norder = \"{order}\"\n{more}\n"
+    )
 }

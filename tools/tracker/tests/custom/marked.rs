@@ -2,12 +2,6 @@
 
 use super::*;
 
-fn landmarks(order: &str, more: &str) -> String {
-    format!(
-        "[[output]]\nname = \"points\"\nmeaning = \"landmarks_2d\"\norder = \"{order}\"\n{more}\n"
-    )
-}
-
 #[test]
 fn landmarks_of_every_order_and_unit_arrive_in_the_picture() {
     let Some(runtime) = runtime() else { return };
@@ -92,7 +86,7 @@ fn the_documentations_example_of_rtmpose_is_compared_with_the_network() {
         &network(("input", &[1, 3, 256, 192]), &outputs),
         &example("rtmpose.toml"),
     );
-    let why = custom::body(&files.onnx, Box::new(Finder), &runtime, 1)
+    let why = custom::body(&files.onnx, Box::new(Finder), &runtime, ONE_THREAD)
         .err()
         .unwrap();
     // Read, and compared with the outputs.

@@ -75,7 +75,7 @@ fn files_that_are_missing_damaged_or_others_are_refused() {
     let toml = format!("{PLAIN}{}", landmarks("coco-17", ""));
     let open = |onnx: &[u8], toml: &str| {
         let files = files(onnx, toml);
-        custom::body(&files.onnx, Box::new(Finder), &runtime, 1)
+        custom::body(&files.onnx, Box::new(Finder), &runtime, ONE_THREAD)
             .map(|_| ())
             .map_err(|why| why.to_string())
     };
@@ -112,7 +112,7 @@ fn files_that_are_missing_damaged_or_others_are_refused() {
     }
     let folder = tempfile::tempdir().unwrap();
     let none = folder.path().join("none.onnx");
-    let why = custom::body(&none, Box::new(Finder), &runtime, 1)
+    let why = custom::body(&none, Box::new(Finder), &runtime, ONE_THREAD)
         .err()
         .unwrap()
         .to_string();

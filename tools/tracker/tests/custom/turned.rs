@@ -209,7 +209,7 @@ fn an_input_that_is_no_square_is_the_middle_of_one() {
         [[output]]\nname = \"points\"\nmeaning = \"landmarks_2d\"\norder = \"coco-17\"\n";
     let outputs = [constant("points", &[1, 17, 2], &[0.0, 16.0].repeat(17))];
     let files = files(&network(("image", &[1, 3, 16, 8]), &outputs), toml);
-    let mut model = custom::body(&files.onnx, Box::new(Finder), &runtime, 1).unwrap();
+    let mut model = custom::body(&files.onnx, Box::new(Finder), &runtime, ONE_THREAD).unwrap();
     let seen = model.run(view(&picture()), 0.0).unwrap().unwrap();
     let got = seen.landmarks().unwrap().points[0].pixel;
     // The box is heightened to the input's shape.
