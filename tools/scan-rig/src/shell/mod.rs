@@ -1,0 +1,1 @@
+//! What moves or was never seen: face, hands, and the places that no view showed.
