@@ -6,9 +6,11 @@
 mod controllers;
 mod face;
 mod gaussians;
+mod posed;
 mod still;
 mod unpose;
 
+pub use posed::Poser;
 pub use unpose::{JointPose, blend, unpose};
 
 use crate::RigError;
