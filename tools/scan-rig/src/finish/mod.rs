@@ -11,9 +11,11 @@ mod still;
 mod unpose;
 
 pub use posed::Poser;
-pub use unpose::{JointPose, blend, unpose};
+pub use unpose::JointPose;
 
 use crate::RigError;
+use crate::body::SkinRow;
+use crate::body::posing::blended;
 use crate::scan::Scan;
 use glam::{DAffine3, DVec3, Vec3};
 use reconstruct::bake::{Weights, importance};
@@ -34,8 +36,8 @@ pub struct Material<'a> {
     pub vertices: &'a [DVec3],
     /// Its triangles, counter-clockwise seen from outside, `[N_f]`.
     pub faces: &'a [[u32; 3]],
-    /// Its skinning weights, `[N_v]`.
-    pub skin: &'a [SkinWeights],
+    /// Its skinning weights, `[N_v]`; of each row the four strongest count.
+    pub weights: &'a [SkinRow],
     /// The first so many vertices are the body's: they say where its soles are.
     pub body_vertices: usize,
     /// The pose of the scan.
@@ -44,7 +46,7 @@ pub struct Material<'a> {
     pub tpose: &'a JointPose,
     /// Offsets of the vertices at coefficient 1 of each expression slot, metres, in the body model's rest pose, `[slots][N_v]`;
     /// shorter fields leave the vertices after theirs where they are.
-    pub expressions: &'a [Vec<DVec3>],
+    pub expressions: &'a [Vec<Vec3>],
     /// Named expressions in these slots.
     pub presets: &'a Expressions,
     /// The body model's scale: metres of the scan for one of the model's.
@@ -78,12 +80,13 @@ pub struct Finished {
 /// # Errors
 /// If counts do not fit each other or a number is not finite.
 pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finished, RigError> {
-    let (template, tpose, to_floor) = template(material)?;
-    log::debug!("the template's floor is {to_floor} from the body's");
+    let skin: Vec<SkinWeights> = material.weights.iter().map(unpose::kept).collect();
+    let rows: Vec<SkinRow> = skin.iter().map(SkinWeights::dense).collect();
+    let (template, tpose) = template(material, &skin, &rows)?;
     let posed = Template::new(
         material.vertices.iter().map(|v| v.as_vec3()).collect(),
         material.faces.to_vec(),
-        material.skin.to_vec(),
+        skin,
     )?;
     let bound = gaussians::bind(&posed, material.scan, material.triangles)?;
     let everything: Vec<usize> = (0..bound.len()).collect();
@@ -97,7 +100,7 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
     let tied = controllers::tie(&template, &bound)?;
     let bound = tied.gaussians;
     let importance = importance(&template, &bound, Weights::default())?;
-    let fields = expression_fields(material, &tpose);
+    let fields = expression_fields(material, &tpose, &rows);
     let mesh = face::linear(&fields, template.vertices().len())?;
     let attributes = still::still(tied.controllers.vertices().len(), bound.len())?;
     let deform_graph = DeformGraph {
@@ -128,10 +131,14 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
     })
 }
 
-/// The mesh in T-pose, on its floor; the T-pose itself, moved there; and by how much.
-fn template(material: &Material<'_>) -> Result<(Template, JointPose, DVec3), RigError> {
+/// The mesh in T-pose, on its floor; and the T-pose itself, moved there.
+fn template(
+    material: &Material<'_>,
+    skin: &[SkinWeights],
+    rows: &[SkinRow],
+) -> Result<(Template, JointPose), RigError> {
     let scan_from_tpose = material.scan_pose.maps_from(material.tpose);
-    let vertices = unpose(material.vertices, material.skin, &scan_from_tpose);
+    let vertices = unpose::unpose(material.vertices, rows, &scan_from_tpose);
     let body = vertices.get(..material.body_vertices).unwrap_or(&vertices);
     let soles = body.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
     let hips = [Joint::LeftHip, Joint::RightHip].map(|j| material.tpose.joints[j.index()]);
@@ -140,22 +147,25 @@ fn template(material: &Material<'_>) -> Result<(Template, JointPose, DVec3), Rig
     let template = Template::new(
         vertices.iter().map(|v| (*v + to_floor).as_vec3()).collect(),
         material.faces.to_vec(),
-        material.skin.to_vec(),
+        skin.to_vec(),
     )?;
-    Ok((template, material.tpose.clone().moved(to_floor), to_floor))
+    Ok((template, material.tpose.clone().moved(to_floor)))
 }
 
 /// The expressions' offsets, turned from the body model's rest pose to the T-pose.
-fn expression_fields(material: &Material<'_>, tpose: &JointPose) -> Vec<Vec<Vec3>> {
+fn expression_fields(
+    material: &Material<'_>,
+    tpose: &JointPose,
+    rows: &[SkinRow],
+) -> Vec<Vec<Vec3>> {
     let turns: [DAffine3; JOINTS] = tpose
         .rotations
         .map(|turn| DAffine3::from_mat3(turn * material.scale));
-    let maps: Vec<DAffine3> = material.skin.iter().map(|s| blend(&turns, s)).collect();
-    let turned = |field: &Vec<DVec3>| {
-        let offsets = field.iter().chain(std::iter::repeat(&DVec3::ZERO));
-        let pairs = maps.iter().zip(offsets);
-        pairs
-            .map(|(map, offset)| map.transform_vector3(*offset).as_vec3())
+    let maps: Vec<DAffine3> = rows.iter().map(|row| blended(row, &turns)).collect();
+    let turned = |field: &Vec<Vec3>| {
+        let offsets = field.iter().chain(std::iter::repeat(&Vec3::ZERO));
+        (maps.iter().zip(offsets))
+            .map(|(map, offset)| map.transform_vector3(offset.as_dvec3()).as_vec3())
             .collect()
     };
     material.expressions.iter().map(turned).collect()

@@ -8,7 +8,7 @@ mod cells;
 mod person;
 mod surroundings;
 
-pub use person::{PEOPLE, SyntheticPerson};
+pub use person::{PEOPLE, Stance, SyntheticPerson};
 pub use surroundings::Surroundings;
 
 use crate::scan::Scan;

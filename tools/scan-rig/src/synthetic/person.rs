@@ -1,12 +1,22 @@
 //! Eight people: bodies, clothes and stances.
 
 use crate::RigError;
-use crate::finish::{JointPose, blend};
+use crate::body::posing::{chain, posed_from_rest, skinned, t_pose};
+use crate::body::SkinRow;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use reconstruct::makehuman::{Macros, Quad};
 use reconstruct::{BareBody, Part, Texture};
-use spmm3::{JOINTS, Joint, SkinWeights};
+use spmm3::{JOINTS, Joint};
 use std::path::Path;
+
+/// Where a synthetic person's joints are in a pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stance {
+    /// World rotations relative to the rest pose.
+    pub rotations: [DMat3; JOINTS],
+    /// Positions, metres.
+    pub joints: [DVec3; JOINTS],
+}
 
 /// How many people there are.
 pub const PEOPLE: usize = 8;
@@ -21,7 +31,7 @@ pub struct SyntheticPerson {
     /// Clothed, in the body's rest pose, metres.
     rest: Vec<DVec3>,
     joints: [DVec3; JOINTS],
-    skin: Vec<SkinWeights>,
+    weights: Vec<SkinRow>,
     faces: Vec<[u32; 3]>,
     pub(super) quads: Vec<Quad>,
     pub(super) parts: Vec<Part>,
@@ -68,8 +78,8 @@ impl SyntheticPerson {
         let joints = body.joints(&mesh)?.map(|j| j.as_dvec3());
         let outer = body.outer(&bare);
         let mut rest: Vec<DVec3> = bare.iter().map(|v| v.as_dvec3()).collect();
-        let skin: Vec<SkinWeights> = body.skin().iter().map(strongest).collect();
-        // What nobody can see is in no scan.
+        let weights = body.skin().to_vec();
+        // What cannot be seen is in no scan.
         let seen = |(quad, part): &(&Quad, &Part)| {
             let outside = quad.corners.iter().filter(|c| outer[**c as usize]).count();
             outside >= 2 && !matches!(part, Part::Teeth | Part::Tongue)
@@ -87,7 +97,7 @@ impl SyntheticPerson {
                 [[a, b, c], [a, c, d]]
             })
             .collect();
-        let clothed: Vec<f64> = skin.iter().map(clothed).collect();
+        let clothed: Vec<f64> = weights.iter().map(clothed).collect();
         let thickness = uneven(&rest, &mut rng);
         let normals = normals(&rest, &faces);
         for (((vertex, normal), share), thickness) in
@@ -103,7 +113,7 @@ impl SyntheticPerson {
             number,
             rest,
             joints,
-            skin,
+            weights,
             faces,
             quads,
             parts,
@@ -138,39 +148,38 @@ impl SyntheticPerson {
 
     /// How the person stands when it is scanned: soles at y = 0, the pelvis above the origin.
     #[must_use]
-    pub fn stance(&self) -> JointPose {
-        let pose = chain(&self.stance, &self.joints);
-        let soles = lowest(&self.posed(&pose));
-        let pelvis = pose.joints[0];
-        pose.moved(-DVec3::new(pelvis.x, soles, pelvis.z))
+    pub fn stance(&self) -> Stance {
+        let standing = self.standing(&self.stance, DVec3::ZERO);
+        let soles = lowest(&self.posed(&standing));
+        self.standing(&self.stance, DVec3::NEG_Y * soles)
     }
 
-    /// The pose with these world rotations relative to the rest pose, as an avatar of this person would take it: the T-pose `tpose` stands
+    /// The pose whose world rotations, relative to the T-pose, are `rotations`, where an avatar of this person would take it: the T-pose stands
     /// with its soles at y = 0 and its hips above the origin, and the pelvis stays where it is there.
     #[must_use]
-    pub fn as_avatar(&self, tpose: &[DMat3; JOINTS], rotations: &[DMat3; JOINTS]) -> JointPose {
-        let rest = chain(tpose, &self.joints);
-        let soles = lowest(&self.posed(&rest));
-        let hips = 0.5 * (rest.joints[Joint::LeftHip.index()] + rest.joints[Joint::RightHip.index()]);
-        let pelvis = rest.joints[0] - DVec3::new(hips.x, soles, hips.z);
-        let posed = chain(rotations, &self.joints);
-        let offset = pelvis - posed.joints[0];
-        posed.moved(offset)
+    pub fn as_avatar(&self, rotations: &[DMat3; JOINTS]) -> Stance {
+        let straight = t_pose(&self.joints);
+        let standing = self.standing(&straight, DVec3::ZERO);
+        let soles = lowest(&self.posed(&standing));
+        let [left, right] =
+            [Joint::LeftHip, Joint::RightHip].map(|hip| standing.joints[hip.index()]);
+        let middle = 0.5 * (left + right);
+        let turned = std::array::from_fn(|j| rotations[j] * straight[j]);
+        self.standing(&turned, -DVec3::new(middle.x, soles, middle.z))
+    }
+
+    fn standing(&self, rotations: &[DMat3; JOINTS], pelvis: DVec3) -> Stance {
+        Stance {
+            rotations: *rotations,
+            joints: chain(rotations, pelvis, 1.0, &self.joints),
+        }
     }
 
     /// The clothed surface in a pose, metres, `[N_v]`.
     #[must_use]
-    pub fn posed(&self, pose: &JointPose) -> Vec<DVec3> {
-        let rest = JointPose {
-            rotations: [DMat3::IDENTITY; JOINTS],
-            joints: self.joints,
-        };
-        let maps = pose.maps_from(&rest);
-        self.rest
-            .iter()
-            .zip(&self.skin)
-            .map(|(vertex, skin)| blend(&maps, skin).transform_point3(*vertex))
-            .collect()
+    pub fn posed(&self, pose: &Stance) -> Vec<DVec3> {
+        let maps = posed_from_rest(&pose.rotations, &pose.joints, 1.0, &self.joints);
+        skinned(&self.weights, &maps, &self.rest)
     }
 
     /// Unit normals at the vertices of a pose, outwards.
@@ -180,42 +189,12 @@ impl SyntheticPerson {
     }
 }
 
-/// Joints where the world rotations (relative to the rest pose) put them, the pelvis where it rests.
-fn chain(rotations: &[DMat3; JOINTS], rest: &[DVec3; JOINTS]) -> JointPose {
-    let mut joints = *rest;
-    for joint in Joint::ALL {
-        if let Some(parent) = joint.parent() {
-            let (j, p) = (joint.index(), parent.index());
-            joints[j] = joints[p] + rotations[p] * (rest[j] - rest[p]);
-        }
-    }
-    JointPose {
-        rotations: *rotations,
-        joints,
-    }
-}
-
 fn lowest(vertices: &[DVec3]) -> f64 {
     vertices.iter().map(|v| v.y).fold(f64::INFINITY, f64::min)
 }
 
-/// The four strongest joints of a row.
-fn strongest(row: &[f32; JOINTS]) -> SkinWeights {
-    let mut order: Vec<u8> = Joint::ALL.iter().map(|j| *j as u8).collect();
-    order.sort_by(|a, b| row[usize::from(*b)].total_cmp(&row[usize::from(*a)]));
-    let mut skin = SkinWeights::default();
-    let slots = skin.joints.iter_mut().zip(&mut skin.weights);
-    for ((slot, weight), joint) in slots.zip(&order) {
-        (*slot, *weight) = (*joint, row[usize::from(*joint)]);
-    }
-    let sum: f32 = skin.weights.iter().sum();
-    skin.weights = skin.weights.map(|w| w / sum.max(1e-9));
-    skin
-}
-
 /// How much of a vertex is under clothes: not head, neck and hands.
-fn clothed(skin: &SkinWeights) -> f64 {
-    let dense = skin.dense();
+fn clothed(dense: &SkinRow) -> f64 {
     let bare = [
         Joint::Head,
         Joint::Jaw,
