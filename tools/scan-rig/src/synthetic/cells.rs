@@ -9,6 +9,8 @@ use reconstruct::Part;
 /// One Gaussian's place on the mesh, whatever its pose.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell {
+    /// The triangle of the mesh that it lies on.
+    pub(super) triangle: u32,
     corners: [u32; 4],
     /// Its middle along the quad's two directions, 0..=1.
     at: [f64; 2],
@@ -46,7 +48,10 @@ impl SyntheticPerson {
                 for j in 0..counts[1] {
                     let middle = |k: u16, n: u16| (f64::from(k) + 0.5) / f64::from(n);
                     let at = [middle(i, counts[0]), middle(j, counts[1])];
+                    // Of the halves 012 and 023.
+                    let half = u32::from(at[0] < at[1]);
                     cells.push(Cell {
+                        triangle: 2 * self.quad_numbers[quad] + half,
                         corners: self.quads[quad].corners,
                         at,
                         counts,

@@ -56,6 +56,8 @@ pub enum Fault {
 pub struct SyntheticScan {
     /// The Gaussians.
     pub scan: Scan,
+    /// The triangle of the person's mesh that each Gaussian was made on; surroundings, which come last, have none.
+    pub triangles: Vec<u32>,
     /// The joints' true places.
     pub joints: [DVec3; JOINTS],
     /// How far the person is turned to the left of +z, radians.
@@ -65,6 +67,14 @@ pub struct SyntheticScan {
 }
 
 impl SyntheticPerson {
+    /// The person's Gaussians in another pose, as a scan with these options (but for surroundings, faults and unit) would have them. Their
+    /// colours hold the light of the stance.
+    #[must_use]
+    pub fn reposed(&self, options: &ScanOptions, pose: &Stance) -> Scan {
+        let cells = self.cells(options.gaussians);
+        self.splat(&cells, &self.posed(pose), options.noise)
+    }
+
     /// A scan of this person in its stance; the same arguments give the same scan.
     #[must_use]
     pub fn scan(&self, options: &ScanOptions) -> SyntheticScan {
@@ -92,6 +102,7 @@ impl SyntheticPerson {
         scan.transform(options.unit, Quat::IDENTITY, Vec3::ZERO);
         SyntheticScan {
             scan,
+            triangles: cells.iter().map(|cell| cell.triangle).collect(),
             joints: stance.joints.map(|j| j * f64::from(options.unit)),
             yaw: self.yaw(),
             height,

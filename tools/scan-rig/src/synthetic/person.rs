@@ -33,6 +33,8 @@ pub struct SyntheticPerson {
     joints: [DVec3; JOINTS],
     weights: Vec<SkinRow>,
     faces: Vec<[u32; 3]>,
+    /// The quads that can be seen: their numbers on the body, and themselves.
+    pub(super) quad_numbers: Vec<u32>,
     pub(super) quads: Vec<Quad>,
     pub(super) parts: Vec<Part>,
     /// How much of each vertex is under clothes, 0..=1.
@@ -80,15 +82,15 @@ impl SyntheticPerson {
         let mut rest: Vec<DVec3> = bare.iter().map(|v| v.as_dvec3()).collect();
         let weights = body.skin().to_vec();
         // What cannot be seen is in no scan.
-        let seen = |(quad, part): &(&Quad, &Part)| {
+        let (mut quad_numbers, mut quads, mut parts) = (Vec::new(), Vec::new(), Vec::new());
+        for ((number, quad), part) in (0..).zip(body.quads()).zip(body.parts()) {
             let outside = quad.corners.iter().filter(|c| outer[**c as usize]).count();
-            outside >= 2 && !matches!(part, Part::Teeth | Part::Tongue)
-        };
-        let (quads, parts): (Vec<Quad>, Vec<Part>) = (body.quads().iter())
-            .zip(body.parts())
-            .filter(seen)
-            .map(|(quad, part)| (*quad, *part))
-            .unzip();
+            if outside >= 2 && !matches!(part, Part::Teeth | Part::Tongue) {
+                quad_numbers.push(number);
+                quads.push(*quad);
+                parts.push(*part);
+            }
+        }
         let faces: Vec<[u32; 3]> = body
             .quads()
             .iter()
@@ -115,6 +117,7 @@ impl SyntheticPerson {
             joints,
             weights,
             faces,
+            quad_numbers,
             quads,
             parts,
             clothed,
@@ -127,6 +130,18 @@ impl SyntheticPerson {
             stance,
             yaw,
         })
+    }
+
+    /// The triangles of the whole mesh, those of the registered model.
+    #[must_use]
+    pub fn faces(&self) -> &[[u32; 3]] {
+        &self.faces
+    }
+
+    /// The mesh' true weights, `[N_v]`.
+    #[must_use]
+    pub fn weights(&self) -> &[SkinRow] {
+        &self.weights
     }
 
     /// Distinguishes this person's random numbers from others'.
