@@ -28,10 +28,16 @@ pub enum RigError {
     Tracker(#[from] tracker::TrackerError),
     /// Drawing the scan failed.
     #[error("cannot draw the scan: {0}")]
-    Draw(String),
+    Draw(#[from] renderer_splat::error::RenderError),
     /// The parts of the avatar do not fit each other: a fault of this program.
     #[error("cannot assemble the avatar: {0}")]
     Person(#[from] spmm3::PersonError),
+}
+
+impl From<renderer_vulkan::error::VulkanError> for RigError {
+    fn from(error: renderer_vulkan::error::VulkanError) -> Self {
+        Self::Draw(error.into())
+    }
 }
 
 impl RigError {
