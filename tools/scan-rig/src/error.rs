@@ -26,6 +26,9 @@ pub enum RigError {
     /// A network failed.
     #[error("cannot look at the scan: {0}")]
     Tracker(#[from] tracker::TrackerError),
+    /// Networks cannot be run at all.
+    #[error("cannot look at the scan: {0}")]
+    Runtime(#[from] npu_runtime::RuntimeError),
     /// Drawing the scan failed.
     #[error("cannot draw the scan: {0}")]
     Draw(#[from] renderer_splat::error::RenderError),
