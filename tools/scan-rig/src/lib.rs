@@ -17,6 +17,7 @@ pub mod points;
 pub mod prepare;
 pub mod scan;
 pub mod shell;
+pub mod sight;
 pub mod surface;
 pub mod synthetic;
 
