@@ -12,6 +12,7 @@ pub mod body;
 mod error;
 pub mod finish;
 pub mod pinhole;
+pub mod pipeline;
 pub mod points;
 pub mod prepare;
 pub mod scan;
