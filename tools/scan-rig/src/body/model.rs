@@ -118,6 +118,13 @@ impl Neighbours {
         range.map_or(&[], |(from, to)| &self.all[*from as usize..*to as usize])
     }
 
+    /// How many neighbours a vertex has.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "a part of a list of u32s")]
+    pub fn count(&self, vertex: usize) -> u32 {
+        self.of(vertex).len() as u32
+    }
+
     /// How many vertices there are.
     #[must_use]
     pub fn vertices(&self) -> usize {
