@@ -1,5 +1,10 @@
 //! The body model and its registration to a scan.
 
+pub mod model;
+pub mod posing;
+
+pub use model::{BodyModel, BodyPart, SkinRow};
+
 use glam::{DMat3, DVec3};
 use spmm3::JOINTS;
 
