@@ -3,7 +3,7 @@
 use super::additions::smoothstep;
 use super::cells::Patch;
 use crate::body::Registered;
-use crate::body::model::{BodyModel, BodyPart};
+use crate::body::BodyModel;
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use spmm3::Joint;
@@ -177,16 +177,18 @@ fn stretch(model: &BodyModel, registered: &Registered, vertices: &[DVec3], near:
 
 /// How far each vertex of the moving face is from the rims, where what is seen meets what is not.
 fn rim(model: &BodyModel, vertices: &[DVec3], motion: &[f64]) -> Vec<f64> {
-    let mut rims: Vec<DVec3> = Vec::new();
-    for (face, part) in model.faces.iter().zip(&model.parts) {
-        if matches!(part, BodyPart::InnerMouth | BodyPart::EyeSocket) {
-            rims.extend(
-                (face.iter())
-                    .filter(|v| model.outer[**v as usize] && motion[**v as usize] > 0.0)
-                    .map(|v| vertices[*v as usize]),
-            );
+    let is_outer = |v: &u32| model.outer[*v as usize];
+    let own = |face: &&[u32; 3]| face.iter().all(|v| (*v as usize) < model.body_vertices);
+    let mut at_rim = vec![false; vertices.len()];
+    for face in model.faces.iter().filter(own) {
+        if !face.iter().all(is_outer) {
+            for v in face.iter().filter(|v| is_outer(v)) {
+                at_rim[*v as usize] = motion[*v as usize] > 0.0;
+            }
         }
     }
+    let pairs = vertices.iter().zip(&at_rim);
+    let rims: Vec<DVec3> = pairs.filter(|(_, rim)| **rim).map(|(v, _)| *v).collect();
     (vertices.par_iter().zip(motion))
         .map(|(vertex, motion)| {
             if *motion <= 0.0 {
@@ -198,4 +200,18 @@ fn rim(model: &BodyModel, vertices: &[DVec3], motion: &[f64]) -> Vec<f64> {
                 .sqrt()
         })
         .collect()
+}
+
+/// Unit normals at the vertices, weighted by the areas of the faces that `take` chooses; up where there is none.
+#[must_use]
+pub(crate) fn normals(vertices: &[DVec3], faces: &[[u32; 3]], take: impl Fn(usize) -> bool) -> Vec<DVec3> {
+    let mut normals = vec![DVec3::ZERO; vertices.len()];
+    for (_, face) in faces.iter().enumerate().filter(|(at, _)| take(*at)) {
+        let [a, b, c] = face.map(|v| vertices[v as usize]);
+        for v in face {
+            normals[*v as usize] += (b - a).cross(c - a);
+        }
+    }
+    let unit = |normal: DVec3| normal.try_normalize().unwrap_or(DVec3::Y);
+    normals.into_iter().map(unit).collect()
 }
