@@ -10,7 +10,9 @@
 pub mod bind;
 pub mod body;
 mod error;
+pub mod figures;
 pub mod finish;
+pub mod nearest;
 pub mod pinhole;
 pub mod points;
 pub mod prepare;

@@ -1,5 +1,12 @@
 //! What can be seen of a scan: its surface from many views, and how much of each Gaussian shows.
 
+mod extract;
+pub mod raster;
+mod views;
+
+pub use extract::{Look, look};
+pub use views::{DepthView, around};
+
 use glam::Vec3;
 
 /// The outer surface of a scan, sampled.
