@@ -27,6 +27,12 @@ impl Additions {
         self.triangles.push(cell.triangle);
     }
 
+    /// Appends others.
+    pub(crate) fn append(&mut self, other: Self) {
+        self.scan.append(other.scan);
+        self.triangles.extend(other.triangles);
+    }
+
     /// How many there are.
     #[must_use]
     pub(crate) fn len(&self) -> usize {

@@ -1,6 +1,7 @@
 //! Flat Gaussians on the quads of a mesh: a regular grid of cells on each, so that neither holes nor clumps appear.
 
 use glam::{DMat2, DMat3, DVec2, DVec3, Quat};
+use spmm3::triangle_frame;
 
 /// Standard deviation over cell size: neighbours overlap without blurring what is painted on them.
 const SIGMA_OF_CELL: f64 = 0.62;
@@ -29,6 +30,21 @@ pub(crate) struct Cell {
     pub(crate) triangle: u32,
     /// Shares of the triangle's corners in the middle.
     pub(crate) shares: [f64; 3],
+}
+
+impl Cell {
+    /// The cell on the same triangle in another pose, where the triangle's corners are `to` instead of `from`. As large as it was.
+    #[must_use]
+    pub(crate) fn carried(&self, from: [DVec3; 3], to: [DVec3; 3]) -> Self {
+        let frame = |corners: [DVec3; 3]| triangle_frame(corners.map(|c| c.as_vec3()));
+        let to_from = Quat::from_mat3(&(frame(to) * frame(from).transpose())).normalize();
+        Self {
+            point: to.iter().zip(self.shares).map(|(p, s)| *p * s).sum(),
+            normal: (to_from.as_dquat() * self.normal).normalize(),
+            rotation: (to_from * self.rotation).normalize(),
+            ..*self
+        }
+    }
 }
 
 /// A quad, halved into triangles 012 and 023, and how far poses stretch it.

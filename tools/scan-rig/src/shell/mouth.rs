@@ -3,8 +3,9 @@
 use super::additions::{Additions, brightness};
 use super::head::Head;
 use super::place::{Placement, Screen};
+use super::textures::Textures;
 use crate::body::{BodyModel, BodyPart, Registered};
-use glam::{DVec3, Vec2, Vec4};
+use glam::DVec3;
 
 /// Skin within this of the teeth's middle places them, metres in the rest pose.
 const AROUND: f64 = 0.055;
@@ -25,9 +26,6 @@ const TINT: DVec3 = DVec3::new(0.90, 0.86, 0.80);
 /// The brightness of skin under which the textures look as painted.
 const USUAL_SKIN: f64 = 0.60;
 
-/// Colours of a part of the body model by texture coordinates, v up.
-pub(crate) type Colours<'a> = &'a (dyn Fn(BodyPart, Vec2) -> Vec4 + Sync);
-
 /// Puts teeth and tongue behind the lips and covers them; how far they had to move back, metres. `vertices` are the model's in the scan's
 /// pose; those of teeth and tongue are moved.
 #[expect(clippy::too_many_arguments, reason = "the registered body is three of them")]
@@ -37,7 +35,7 @@ pub(crate) fn cover(
     shaped: &[DVec3],
     head: &Head,
     vertices: &mut [DVec3],
-    colours: Colours<'_>,
+    textures: &Textures,
     skin: DVec3,
     additions: &mut Additions,
 ) -> f64 {
@@ -92,7 +90,7 @@ pub(crate) fn cover(
             let uv = (model.uvs[cell.triangle as usize].iter().zip(cell.shares))
                 .map(|(uv, share)| uv.as_dvec2() * share)
                 .sum::<glam::DVec2>();
-            let texel = colours(part, uv.as_vec2()).truncate().as_dvec3();
+            let texel = textures.colour(part, uv.as_vec2());
             let tint = if part == BodyPart::Teeth { TINT } else { DVec3::splat(0.75) };
             let depth = (front - cell.point.dot(forward)) / (DARK * head.scale);
             let dark = 1.0 - 0.75 * depth.clamp(0.0, 1.0);
