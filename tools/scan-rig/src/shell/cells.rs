@@ -149,7 +149,7 @@ mod tests {
         let patch = Patch { corners, stretch: DVec2::new(1.0, 3.0), first_triangle: 40 };
         let mut cells = Vec::new();
         patch.cells(0.001, &mut cells);
-        assert_eq!(cells.len(), 10 * 16, "10 mm by 5.3 mm stretched to three times that");
+        assert_eq!(cells.len(), 10 * 17, "10 mm by 5.6 mm stretched to three times that");
         for cell in &cells {
             let triangle = if cell.triangle == 40 { [0, 1, 2] } else { [0, 2, 3] };
             let point: DVec3 = triangle.iter().zip(cell.shares).map(|(k, s)| corners[*k] * s).sum();

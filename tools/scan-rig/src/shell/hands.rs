@@ -167,7 +167,7 @@ impl HandJoints {
             if fingers <= 0.0 {
                 continue;
             }
-            let mut row = bound.mesh.weights[v].dense();
+            let mut row = bound.mesh.weights[v];
             let all: f64 = f64::from(row[self.wrist.index()]) + self.finger_share(&row);
             let whole = self.share(own).max(1e-9);
             row[self.wrist.index()] = share(all * f64::from(own[self.wrist.index()]) / whole);
@@ -193,7 +193,7 @@ impl HandJoints {
         for (v, row) in model.weights.iter().enumerate() {
             let hand = self.share(row);
             if hand > HAND.0 {
-                let own = posing::blended(&bound.mesh.weights[v].dense(), &maps).transform_point3(shaped[v]);
+                let own = posing::blended(&bound.mesh.weights[v], &maps).transform_point3(shaped[v]);
                 let blend = super::additions::smoothstep(HAND.0, HAND.1, hand);
                 let vertex = &mut bound.mesh.vertices[v];
                 *vertex = vertex.lerp(own, blend);

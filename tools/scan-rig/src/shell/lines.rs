@@ -217,8 +217,8 @@ mod tests {
         };
         let seen = lines.look(&[line(0.004, DVec3::Z), line(0.0, -DVec3::Z), line(0.2, DVec3::Z)], |_, _| true);
         // By hand: alpha = o exp(-d^2 / 2 s^2) with s^2 + the pixel's variance.
-        let red = 0.5 * (-0.5 * 16e-6 / (16e-6 + 0.09e-6) as f64).exp();
-        let blue = 0.8 * (-0.5 * 9e-6 / (100e-6 + 0.09e-6) as f64).exp();
+        let red = 0.5 * (-0.5 * 16e-6 / (16e-6 + 0.09e-6_f64)).exp();
+        let blue = 0.8 * (-0.5 * 9e-6 / (100e-6 + 0.09e-6_f64)).exp();
         let covered = red + (1.0 - red) * blue;
         assert!((f64::from(seen[0].coverage) - covered).abs() < 1e-5, "{:?}", seen[0]);
         assert!((f64::from(seen[0].colour.x) - red / covered).abs() < 1e-5, "{:?}", seen[0]);

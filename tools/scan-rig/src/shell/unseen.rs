@@ -80,10 +80,11 @@ pub(crate) fn complete(
 impl Look {
     fn new(bound: &Bound, model: &BodyModel, registered: &Registered) -> Result<Self, RigError> {
         let rest = bound.rest(model, registered)?;
+        let vertices = rest.vertices;
+        let single: Vec<Vec3> = vertices.iter().map(|v| v.as_vec3()).collect();
         let posed = bound
             .carried()
-            .posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &rest.vertices);
-        let vertices: Vec<DVec3> = rest.vertices.iter().map(|v| v.as_dvec3()).collect();
+            .posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &single);
         let faces = &bound.mesh.faces;
         let outer: Vec<bool> = (0..model.faces.len())
             .map(|face| {

@@ -30,8 +30,10 @@ pub(super) fn data() -> Option<&'static Data> {
             println!("skipped: no MakeHuman data in .cache; fetch it with ./run setup");
             return None;
         }
-        let read = || Some(Data { model: BodyModel::load(&folder).ok()?, textures: Textures::load(&folder).ok()? });
-        Some(read().expect("the body model"))
+        Some(Data {
+            model: BodyModel::load(&folder).unwrap_or_else(|e| panic!("{e}")),
+            textures: Textures::load(&folder).unwrap_or_else(|e| panic!("{e}")),
+        })
     })
     .as_ref()
 }
