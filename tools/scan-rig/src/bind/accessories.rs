@@ -1,6 +1,7 @@
 //! What is worn or carried and is no body: a helmet in a hand, a bag, a hat. It is found as a cluster off the body, and moves with one
 //! joint.
 
+use crate::body::SkinRow;
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
@@ -119,7 +120,7 @@ pub struct Wearer<'a> {
     /// Vertices in the scan's pose, metres.
     pub vertices: &'a [Vec3],
     /// Weight of every joint, before fingers were given to wrists.
-    pub weights: &'a [super::weights::Row],
+    pub weights: &'a [SkinRow],
 }
 
 /// The shape of a cluster, and the joint that it moves with.

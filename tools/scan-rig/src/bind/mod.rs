@@ -14,11 +14,10 @@ pub mod split;
 pub mod triangles;
 pub mod weights;
 
-pub use rest::{Pose, Rest};
+pub use rest::Rest;
 
 use crate::RigError;
-use crate::body::Registered;
-use crate::body::model::BodyModel;
+use crate::body::{BodyModel, BodyPart, Registered, SkinRow};
 use crate::figures::Percentiles;
 use crate::nearest::Nearest;
 use crate::scan::Scan;
@@ -29,7 +28,7 @@ use clean::{Fault, Place};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
-use spmm3::{Joint, SkinWeights};
+use spmm3::{JOINTS, Joint};
 
 /// How much a scan may grow where long Gaussians are split, as a multiple of its Gaussians.
 const GROWTH: usize = 4;
@@ -45,8 +44,8 @@ pub struct Mesh {
     pub vertices: Vec<DVec3>,
     /// Counter-clockwise triangles: the body model's, then those of carriers.
     pub faces: Vec<[u32; 3]>,
-    /// Skinning weights of the vertices.
-    pub weights: Vec<SkinWeights>,
+    /// Skinning weights of the vertices, at most four joints each, whose sum is 1.
+    pub weights: Vec<SkinRow>,
 }
 
 /// Gaussians bound to a mesh, all in the scan's pose.
@@ -134,8 +133,7 @@ impl Bound {
     /// # Errors
     /// If a joint is nowhere.
     pub fn rest(&self, model: &BodyModel, registered: &Registered) -> Result<Rest, RigError> {
-        let (scan, tpose) = poses(model, registered);
-        Rest::new(&self.mesh.vertices, &self.mesh.weights, &scan, &tpose)
+        Rest::new(&self.mesh, model, registered)
     }
 
     /// Keeps the Gaussians for which `keep` is true; it is as long as the scan.
@@ -165,29 +163,27 @@ pub fn bind(
             "the body model, its registration and the scan are of different runs: run all steps again on one scan",
         ));
     }
-    let outer = |face: usize| model.faces[face].iter().all(|v| model.outer[*v as usize]);
-    let bare = rows(model);
-    let mut rows = bare.clone();
+    let outer = |face: usize| is_outer(model, face);
+    let mut rows = model.weights.clone();
     if options.stiff_fingers {
         weights::stiffen_fingers(&mut rows);
     }
-    weights::smooth(&mut rows, |vertex| model.neighbours(vertex));
-    let skin: Vec<SkinWeights> = rows.iter().map(weights::largest).collect();
-    let limited: Vec<weights::Row> = skin.iter().map(SkinWeights::dense).collect();
+    weights::smooth(&mut rows, |vertex| model.neighbours.of(vertex));
+    let rows: Vec<SkinRow> = rows.iter().map(weights::largest).collect();
 
     let ground = Ground::new(&look.surface)?;
     let places: Vec<Placed> = scan.positions.par_iter().map(|p| ground.place(*p)).collect();
     let mut mesh = Mesh {
         vertices: registered.vertices.clone(),
         faces: model.faces.clone(),
-        weights: skin,
+        weights: rows,
     };
     let mut label = vec![0_u8; scan.len()];
     let mut things = Vec::new();
     if options.accessories {
         let wearer = Wearer {
             vertices: &body,
-            weights: &bare,
+            weights: &model.weights,
         };
         things = find_things(scan, look, &places, model, wearer, options, &mut label);
     }
@@ -218,7 +214,7 @@ pub fn bind(
     let label: Vec<u8> = parents.iter().map(|at| label[*at as usize]).collect();
 
     let normals: Vec<Vec3> = split.positions.par_iter().map(|p| ground.place(*p).normal).collect();
-    let faces = triangles::Faces::new(&body, &model.faces, &limited, outer);
+    let faces = triangles::Faces::new(&body, &model.faces, &mesh.weights, outer);
     let own: Vec<usize> = (0..split.len()).filter(|at| label[*at] == 0).collect();
     let of = |values: &[Vec3]| -> Vec<Vec3> { own.iter().map(|at| values[*at]).collect() };
     let (chosen, outvoted) = faces
@@ -259,6 +255,15 @@ pub fn bind(
     }
     bound.report.accessories = things;
     Ok(bound)
+}
+
+/// Whether Gaussians may be on a face: skin that can be seen from outside.
+fn is_outer(model: &BodyModel, face: usize) -> bool {
+    let skin = matches!(
+        model.parts[face],
+        BodyPart::Skin | BodyPart::Face | BodyPart::Head | BodyPart::Hand
+    );
+    skin && model.faces[face].iter().all(|v| model.outer[*v as usize])
 }
 
 /// Whether each Gaussian stays with the body in all sample poses; what is worn stays.
@@ -330,17 +335,15 @@ fn find_things(
 
 /// Adds the triangle that carries a thing, and moves with its joint alone; which face it is.
 fn add_carrier(mesh: &mut Mesh, thing: &Accessory) -> u32 {
-    let skin = SkinWeights {
-        joints: [thing.joint as u8, 0, 0, 0],
-        weights: [1.0, 0.0, 0.0, 0.0],
-    };
+    let mut row = [0.0; JOINTS];
+    row[thing.joint.index()] = 1.0;
     let centre = Vec3::from(thing.centre).as_dvec3();
     let corners = [DVec3::ZERO, DVec3::X * CARRIER, DVec3::Y * CARRIER];
     #[expect(clippy::cast_possible_truncation, reason = "a body model's, and a few")]
     let (first, face) = (mesh.vertices.len() as u32, mesh.faces.len() as u32);
     for corner in corners {
         mesh.vertices.push(centre + corner);
-        mesh.weights.push(skin);
+        mesh.weights.push(row);
     }
     mesh.faces.push([first, first + 1, first + 2]);
     face

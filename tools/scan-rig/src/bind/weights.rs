@@ -1,16 +1,14 @@
 //! Skinning weights of the body's mesh, made for clothes and for Gaussians that stand off the skin.
 
+use crate::body::SkinRow;
 use rayon::prelude::*;
-use spmm3::{INFLUENCES, JOINTS, Joint, SkinWeights};
-
-/// Weight of every joint.
-pub type Row = [f32; JOINTS];
+use spmm3::{INFLUENCES, JOINTS, Joint};
 
 /// Rounds in which a vertex takes half of its weights from its neighbours.
 const ROUNDS: usize = 25;
 
 /// Gives the weights of the fingers to the wrists: hands as they were scanned.
-pub fn stiffen_fingers(rows: &mut [Row]) {
+pub fn stiffen_fingers(rows: &mut [SkinRow]) {
     for row in rows {
         for finger in Joint::ALL {
             let Some(wrist) = wrist_of(finger) else {
@@ -38,7 +36,7 @@ const HEAD: [Joint; 4] = [Joint::Head, Joint::Jaw, Joint::LeftEye, Joint::RightE
 
 /// Smooths weights along the mesh, so that no two neighbouring triangles part when a joint turns far. Along the mesh only: Gaussians
 /// beside each other, on an arm and the trunk, must not share joints. The head keeps its own; `neighbours` gives the vertices beside one.
-pub fn smooth<'a>(rows: &mut [Row], neighbours: impl Fn(usize) -> &'a [u32] + Sync) {
+pub fn smooth<'a>(rows: &mut [SkinRow], neighbours: impl Fn(usize) -> &'a [u32] + Sync) {
     let given = rows.to_vec();
     let mut before = rows.to_vec();
     for _ in 0..ROUNDS {
@@ -69,18 +67,20 @@ pub fn smooth<'a>(rows: &mut [Row], neighbours: impl Fn(usize) -> &'a [u32] + Sy
 
 /// The four largest weights, which sum to 1.
 #[must_use]
-pub fn largest(row: &Row) -> SkinWeights {
+pub fn largest(row: &SkinRow) -> SkinRow {
     let mut order: [usize; JOINTS] = std::array::from_fn(|joint| joint);
     order.sort_by(|a, b| row[*b].total_cmp(&row[*a]));
-    let sum: f32 = order.iter().take(INFLUENCES).map(|joint| row[*joint]).sum();
-    #[expect(clippy::cast_possible_truncation, reason = "fewer than 55")]
-    let joints = std::array::from_fn(|at| order[at] as u8);
-    SkinWeights {
-        joints,
-        weights: std::array::from_fn(|at| {
-            if sum > 0.0 { row[order[at]] / sum } else { f32::from(u8::from(at == 0)) }
-        }),
+    let kept = &order[..INFLUENCES];
+    let sum: f32 = kept.iter().map(|joint| row[*joint]).sum();
+    let mut out = [0.0; JOINTS];
+    for joint in kept {
+        out[*joint] = row[*joint] / sum;
     }
+    if !(sum > 0.0) {
+        out = [0.0; JOINTS];
+        out[order[0]] = 1.0;
+    }
+    out
 }
 
 #[cfg(test)]
@@ -119,13 +119,13 @@ mod tests {
         assert!(knee[19] > 0.5 && knee[20] < 0.5 && knee[20] > 0.3, "{knee:?}");
         assert_eq!(rows[39][Joint::Head as usize], 1.0, "the head's");
         let skin = largest(&rows[20]);
-        assert!((skin.weights.iter().sum::<f32>() - 1.0).abs() < 1e-6, "four sum to 1");
+        assert!((skin.iter().sum::<f32>() - 1.0).abs() < 1e-6, "four sum to 1");
     }
 
     trait Knee {
         fn map_knee(&self) -> Vec<f32>;
     }
-    impl Knee for Vec<Row> {
+    impl Knee for Vec<SkinRow> {
         fn map_knee(&self) -> Vec<f32> {
             self.iter().map(|r| r[Joint::LeftKnee as usize]).collect()
         }

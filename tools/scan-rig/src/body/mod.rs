@@ -1,12 +1,31 @@
 //! The body model and its registration to a scan.
 
+mod derivatives;
+mod fit;
+mod landmarks;
+mod laplacian;
+mod match_surface;
 pub mod model;
+mod nonrigid;
+mod normal_equations;
 pub mod posing;
+mod register;
+pub mod state;
 
 pub use model::{BodyModel, BodyPart, SkinRow};
+pub use register::{FitReport, Observed, register};
 
 use glam::{DMat3, DVec3};
-use spmm3::JOINTS;
+use spmm3::{JOINTS, Joint};
+
+/// Where a joint is, as the user knows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hint {
+    /// Which.
+    pub joint: Joint,
+    /// Metres, in the scan's pose, in the person's space.
+    pub position: DVec3,
+}
 
 /// A body model as it was registered to a scan.
 #[derive(Debug, Clone)]

@@ -118,6 +118,13 @@ impl Neighbours {
         range.map_or(&[], |(from, to)| &self.all[*from as usize..*to as usize])
     }
 
+    /// How many neighbours a vertex has.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "a part of a list of u32s")]
+    pub fn count(&self, vertex: usize) -> u32 {
+        self.of(vertex).len() as u32
+    }
+
     /// How many vertices there are.
     #[must_use]
     pub fn vertices(&self) -> usize {
@@ -163,9 +170,9 @@ const MIDDLE: [(&str, &str, &str); 17] = [
     ("torso/torso-vshape", "more", "less"),
     ("hip/hip-scale-horiz", "incr", "decr"),
     ("hip/hip-scale-depth", "incr", "decr"),
-    ("neck/neck-scale-vert", "incr", "decr"),
-    ("neck/neck-scale-horiz", "incr", "decr"),
-    ("neck/neck-scale-depth", "incr", "decr"),
+    ("neck/neck-scale-vert", "more", "less"),
+    ("neck/neck-scale-horiz", "more", "less"),
+    ("neck/neck-scale-depth", "more", "less"),
     ("head/head-scale-vert", "more", "less"),
     ("head/head-scale-horiz", "more", "less"),
     ("head/head-scale-depth", "more", "less"),

@@ -50,6 +50,17 @@ pub struct Shares {
 }
 
 impl Picture {
+    fn empty(view: &Pinhole) -> Self {
+        let (width, height) = (view.width as usize, view.height as usize);
+        Self {
+            width,
+            height,
+            colours: vec![Vec3::ZERO; width * height],
+            transmittance: vec![1.0; width * height],
+            depth: vec![f32::INFINITY; width * height],
+        }
+    }
+
     /// The picture over one colour.
     #[must_use]
     pub fn over(&self, backdrop: Vec3) -> Vec<Vec3> {
@@ -61,13 +72,70 @@ impl Picture {
 /// Draws a scan.
 #[must_use]
 pub fn draw(scan: &Scan, view: &Pinhole) -> Picture {
-    rasterise::<false>(scan, view).0
+    let splats = Splats::new(scan, view);
+    let mut picture = Picture::empty(view);
+    let colours = std::mem::take(&mut picture.colours);
+    let colours = splats.blend(
+        &mut picture,
+        colours,
+        |_| (),
+        |colour, (), splat, weight| *colour += splat.colour * weight,
+    );
+    picture.colours = colours.0;
+    picture
 }
 
 /// Draws a scan and says how much of each Gaussian shows.
 #[must_use]
 pub fn draw_with_shares(scan: &Scan, view: &Pinhole) -> (Picture, Shares) {
-    rasterise::<true>(scan, view)
+    let splats = Splats::new(scan, view);
+    let mut picture = Picture::empty(view);
+    let colours = std::mem::take(&mut picture.colours);
+    let (colours, strips) = splats.blend(
+        &mut picture,
+        colours,
+        |_| (0.0_f32, 0.0_f32),
+        |colour, (peak, sum), splat, weight| {
+            *colour += splat.colour * weight;
+            *peak = peak.max(weight);
+            *sum += weight;
+        },
+    );
+    picture.colours = colours;
+    let mut shares = Shares {
+        peak: vec![0.0; scan.len()],
+        sum: vec![0.0; scan.len()],
+    };
+    splats.each(&strips, |gaussian, (peak, sum)| {
+        shares.peak[gaussian] = shares.peak[gaussian].max(*peak);
+        shares.sum[gaussian] += sum;
+    });
+    (picture, shares)
+}
+
+/// For each Gaussian the sum of what the pixels have, each times the Gaussian's blending weight there, and the sum of these weights. Pixels
+/// with nothing are not counted. `pixels` is as long as the picture.
+#[must_use]
+pub fn gather(scan: &Scan, view: &Pinhole, pixels: Vec<Option<Vec3>>) -> Vec<(Vec3, f32)> {
+    let splats = Splats::new(scan, view);
+    let mut picture = Picture::empty(view);
+    let (_, strips) = splats.blend(
+        &mut picture,
+        pixels,
+        |_| (Vec3::ZERO, 0.0_f32),
+        |pixel, (sum, weights), _, weight| {
+            if let Some(value) = pixel {
+                *sum += *value * weight;
+                *weights += weight;
+            }
+        },
+    );
+    let mut gathered = vec![(Vec3::ZERO, 0.0); scan.len()];
+    splats.each(&strips, |gaussian, (sum, weights)| {
+        gathered[gaussian].0 += *sum;
+        gathered[gaussian].1 += weights;
+    });
+    gathered
 }
 
 /// A Gaussian in the picture.
@@ -87,59 +155,68 @@ struct Splat {
     colour: Vec3,
 }
 
-/// What a strip adds to a Gaussian's shares.
-struct StripShares {
-    peak: Vec<f32>,
-    sum: Vec<f32>,
+/// A scan's Gaussians in one view.
+struct Splats {
+    splats: Vec<Splat>,
+    /// For each strip of rows the splats that reach into it, nearest first.
+    strips: Vec<Vec<u32>>,
 }
 
-fn rasterise<const SHARES: bool>(scan: &Scan, view: &Pinhole) -> (Picture, Shares) {
-    let (width, height) = (view.width as usize, view.height as usize);
-    let splats = project(scan, view);
-    let strips = by_strip(&splats, height);
-    let mut picture = Picture {
-        width,
-        height,
-        colours: vec![Vec3::ZERO; width * height],
-        transmittance: vec![1.0; width * height],
-        depth: vec![f32::INFINITY; width * height],
-    };
-    if width == 0 || height == 0 {
-        return (picture, Shares::default());
+impl Splats {
+    fn new(scan: &Scan, view: &Pinhole) -> Self {
+        let splats = project(scan, view);
+        let strips = by_strip(&splats, view.height as usize);
+        Self { splats, strips }
     }
-    let pixels = STRIP * width;
-    let drawn: Vec<StripShares> = (
-        picture.colours.par_chunks_mut(pixels),
-        picture.transmittance.par_chunks_mut(pixels),
-        picture.depth.par_chunks_mut(pixels),
-        &strips,
-    )
-        .into_par_iter()
-        .enumerate()
-        .map(|(strip, (colours, transmittance, depth, members))| {
-            let canvas = Canvas {
-                width,
-                first_row: strip * STRIP,
-                colours,
-                transmittance,
-                depth,
-            };
-            canvas.blend::<SHARES>(&splats, members)
-        })
-        .collect();
-    let mut shares = Shares::default();
-    if SHARES {
-        shares.peak = vec![0.0; scan.len()];
-        shares.sum = vec![0.0; scan.len()];
-        for (members, drawn) in strips.iter().zip(&drawn) {
-            for (at, splat) in members.iter().enumerate() {
-                let gaussian = splats[*splat as usize].gaussian as usize;
-                shares.peak[gaussian] = shares.peak[gaussian].max(drawn.peak[at]);
-                shares.sum[gaussian] += drawn.sum[at];
+
+    /// Blends all splats into a picture, which is empty before. For each splat and pixel `add` is given the pixel's entry in `pixels`, the
+    /// splat's value in the strip (made by `start`), the splat and its blending weight. Returns `pixels` and each strip's values.
+    fn blend<P: Send, V: Send>(
+        &self,
+        picture: &mut Picture,
+        mut pixels: Vec<P>,
+        start: impl Fn(&Splat) -> V + Sync,
+        add: impl Fn(&mut P, &mut V, &Splat, f32) + Sync,
+    ) -> (Vec<P>, Vec<Vec<V>>) {
+        let width = picture.width;
+        let size = (STRIP * width).max(1);
+        let values = (
+            pixels.par_chunks_mut(size),
+            picture.transmittance.par_chunks_mut(size),
+            picture.depth.par_chunks_mut(size),
+            &self.strips,
+        )
+            .into_par_iter()
+            .enumerate()
+            .map(|(strip, (pixels, transmittance, depth, members))| {
+                let mut canvas = Canvas {
+                    width,
+                    first_row: strip * STRIP,
+                    pixels,
+                    transmittance,
+                    depth,
+                };
+                let members = members.iter().map(|member| &self.splats[*member as usize]);
+                members
+                    .map(|splat| {
+                        let mut value = start(splat);
+                        canvas.blend(splat, |pixel, weight| add(pixel, &mut value, splat, weight));
+                        value
+                    })
+                    .collect()
+            })
+            .collect();
+        (pixels, values)
+    }
+
+    /// Calls `take` with every value of every strip and the Gaussian that it is of, always in the same order.
+    fn each<V>(&self, values: &[Vec<V>], mut take: impl FnMut(usize, &V)) {
+        for (members, values) in self.strips.iter().zip(values) {
+            for (member, value) in members.iter().zip(values) {
+                take(self.splats[*member as usize].gaussian as usize, value);
             }
         }
     }
-    (picture, shares)
 }
 
 /// The Gaussians that can show, nearest first; those of one depth in their order.
@@ -213,7 +290,7 @@ fn project(scan: &Scan, view: &Pinhole) -> Vec<Splat> {
     splats
 }
 
-/// For each strip the splats that reach into it, nearest first.
+/// For each strip of rows the splats that reach into it, nearest first.
 fn by_strip(splats: &[Splat], height: usize) -> Vec<Vec<u32>> {
     let mut strips = vec![Vec::new(); height.div_ceil(STRIP)];
     let last = strips.len().saturating_sub(1);
@@ -241,71 +318,52 @@ fn pixel(coordinate: f32) -> usize {
 }
 
 /// Some rows of a picture.
-struct Canvas<'a> {
+struct Canvas<'a, P> {
     width: usize,
     first_row: usize,
-    colours: &'a mut [Vec3],
+    pixels: &'a mut [P],
     transmittance: &'a mut [f32],
     depth: &'a mut [f32],
 }
 
-impl Canvas<'_> {
-    fn blend<const SHARES: bool>(self, splats: &[Splat], members: &[u32]) -> StripShares {
+impl<P> Canvas<'_, P> {
+    fn blend(&mut self, splat: &Splat, mut add: impl FnMut(&mut P, f32)) {
         let rows = self.transmittance.len() / self.width;
-        let counted = if SHARES { members.len() } else { 0 };
-        let mut shares = StripShares {
-            peak: vec![0.0; counted],
-            sum: vec![0.0; counted],
-        };
-        for (at, member) in members.iter().enumerate() {
-            let splat = &splats[*member as usize];
-            let [xx, xy, yy] = splat.conic;
-            let (mut peak, mut sum) = (0.0_f32, 0.0_f32);
-            let low = pixel((splat.centre[1] - splat.half_height - 0.5).ceil()).max(self.first_row);
-            let high = pixel(splat.centre[1] + splat.half_height + 0.5)
-                .min(self.first_row + rows);
-            for row in low..high {
-                let dy = row as f32 + 0.5 - splat.centre[1];
-                // Where xx dx^2 + 2 xy dx dy + yy dy^2 <= reach.
-                let middle = -xy * dy / xx;
-                let rest = middle * middle - (yy * dy * dy - splat.reach) / xx;
-                if !(rest > 0.0) {
+        let [xx, xy, yy] = splat.conic;
+        let low = pixel((splat.centre[1] - splat.half_height - 0.5).ceil()).max(self.first_row);
+        let high = pixel(splat.centre[1] + splat.half_height + 0.5).min(self.first_row + rows);
+        for row in low..high {
+            let dy = row as f32 + 0.5 - splat.centre[1];
+            // Where xx dx^2 + 2 xy dx dy + yy dy^2 <= reach.
+            let middle = -xy * dy / xx;
+            let rest = middle * middle - (yy * dy * dy - splat.reach) / xx;
+            if !(rest > 0.0) {
+                continue;
+            }
+            let half = rest.sqrt();
+            let left = pixel((splat.centre[0] + middle - half - 0.5).ceil());
+            let right = pixel(splat.centre[0] + middle + half + 0.5).min(self.width);
+            let start = (row - self.first_row) * self.width;
+            for x in left..right {
+                let at = start + x;
+                let before = self.transmittance[at];
+                if before < DARK {
                     continue;
                 }
-                let half = rest.sqrt();
-                let left = pixel((splat.centre[0] + middle - half - 0.5).ceil());
-                let right = pixel(splat.centre[0] + middle + half + 0.5).min(self.width);
-                let start = (row - self.first_row) * self.width;
-                for x in left..right {
-                    let i = start + x;
-                    let before = self.transmittance[i];
-                    if before < DARK {
-                        continue;
-                    }
-                    let dx = x as f32 + 0.5 - splat.centre[0];
-                    let power = -0.5 * (xx * dx * dx + yy * dy * dy) - xy * dx * dy;
-                    let alpha = (splat.opacity * power.exp()).min(ALPHA_MOST);
-                    if alpha < ALPHA_CUT {
-                        continue;
-                    }
-                    let weight = alpha * before;
-                    let after = before - weight;
-                    if before >= 0.5 && after < 0.5 {
-                        self.depth[i] = splat.depth;
-                    }
-                    self.colours[i] += splat.colour * weight;
-                    self.transmittance[i] = after;
-                    if SHARES {
-                        peak = peak.max(weight);
-                        sum += weight;
-                    }
+                let dx = x as f32 + 0.5 - splat.centre[0];
+                let power = -0.5 * (xx * dx * dx + yy * dy * dy) - xy * dx * dy;
+                let alpha = (splat.opacity * power.exp()).min(ALPHA_MOST);
+                if alpha < ALPHA_CUT {
+                    continue;
                 }
-            }
-            if SHARES {
-                shares.peak[at] = peak;
-                shares.sum[at] = sum;
+                let weight = alpha * before;
+                let after = before - weight;
+                if before >= 0.5 && after < 0.5 {
+                    self.depth[at] = splat.depth;
+                }
+                self.transmittance[at] = after;
+                add(&mut self.pixels[at], weight);
             }
         }
-        shares
     }
 }
