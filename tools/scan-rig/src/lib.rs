@@ -14,7 +14,7 @@ pub mod figures;
 pub mod finish;
 pub mod nearest;
 pub mod pinhole;
-//pub mod pipeline;
+pub mod pipeline;
 pub mod points;
 pub mod prepare;
 pub mod scan;
