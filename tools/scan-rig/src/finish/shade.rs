@@ -99,11 +99,21 @@ impl Sitter<'_> {
             })
             .collect();
         let scan = brightness.first().cloned().unwrap_or_default();
+        // The mouth's inside, eyeballs and things keep their colours.
+        let mut outside = vec![false; self.template.vertices().len()];
+        for corner in self.casters.iter().flatten() {
+            if let Some(slot) = outside.get_mut(*corner as usize) {
+                *slot = true;
+            }
+        }
         let change = brightness
             .iter()
             .map(|lit| {
-                (lit.iter().zip(&scan))
-                    .map(|(lit, scan)| {
+                (lit.iter().zip(&scan).zip(&outside))
+                    .map(|((lit, scan), outside)| {
+                        if !outside {
+                            return 0.0;
+                        }
                         let ratio = (lit / scan.max(1e-3)).powf(STRENGTH);
                         ratio.clamp(RATIO.0, RATIO.1) - 1.0
                     })
