@@ -5,8 +5,8 @@ use crate::finish::FinishOptions;
 use crate::scan::Scan;
 use glam::DVec3;
 use serde::Serialize;
-use spmm3::{Avatar, JOINTS, Joint};
 use splat_scene::{Scene, UpAxis};
+use spmm3::{Avatar, JOINTS, Joint};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -151,5 +151,7 @@ pub fn rig(
     steps.begin(0);
     let _ = (scene, options);
     steps.end();
-    Err(RigError::unsuited("the parts of the rig are not joined yet"))
+    Err(RigError::unsuited(
+        "the parts of the rig are not joined yet",
+    ))
 }
