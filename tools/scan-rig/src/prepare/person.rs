@@ -57,6 +57,8 @@ pub const USUAL_HEIGHT: f64 = 1.75;
 const MOST_DRAWN: usize = 500_000;
 /// Views of the body.
 const VIEWS: u32 = 12;
+/// Views of the body while up is looked for, and their share of the usual size.
+const FIRST_VIEWS: (u32, f64) = (8, 0.6);
 /// A ray that passes farther than about this from a landmark does not count, metres.
 const REACH: f64 = 0.03;
 /// What lies behind the scan in pictures.
@@ -126,7 +128,7 @@ pub fn prepare(
     let mut person_from_scene = found.normal_from_scene.then(&placed.person_from_normal);
     let mut scan = person_from_scene.scan(&found.scan);
     sight.set(&thinned(&scan, MOST_DRAWN));
-    let (seen, looks, crowded) = look_around(&scan, DVec3::Y, DVec3::Z, sight, networks)?;
+    let (seen, looks, crowded) = look_around(&scan, DVec3::Y, DVec3::Z, (VIEWS, 1.0), sight, networks)?;
     if crowded > VIEWS as usize / 3 {
         return Err(refused::touching(crowded));
     }
@@ -341,11 +343,12 @@ fn look_around(
     scan: &Scan,
     up: DVec3,
     front: DVec3,
+    (views, share): (u32, f64),
     sight: &mut Sight,
     networks: &mut Networks,
 ) -> Result<(BodyPoints, usize, usize), RigError> {
     let (mut looks, mut crowded) = (Vec::new(), 0);
-    for view in subject(scan, up).around(VIEWS, front, 1.0) {
+    for view in subject(scan, up).around(views, front, share) {
         let picture = sight.picture(&view, BEHIND)?;
         if let Some(seen) = networks.body(&picture)? {
             looks.push(Look { view, seen });
@@ -375,7 +378,7 @@ fn stood(
     let mut up = found.floor.map_or(found.up, |floor| floor.normal);
     let mut front = up.any_orthonormal_vector();
     for pass in 0..PASSES {
-        let (seen, ..) = look_around(&found.normal, up, front, sight, networks)?;
+        let (seen, ..) = look_around(&found.normal, up, front, FIRST_VIEWS, sight, networks)?;
         let mut points = seen.points;
         let turned = onto_the_floor(&found.normal, &mut points, found.floor, height)?;
         let new_up = turned.rotation.inverse() * DVec3::Y;
