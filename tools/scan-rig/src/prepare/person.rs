@@ -27,6 +27,8 @@ use splat_scene::{Scene, UpAxis};
 pub struct Options {
     /// How tall the person is, metres; without it, [`USUAL_HEIGHT`]: a scan has no unit.
     pub height: Option<f64>,
+    /// The axis of the file that points up, roughly; without it, the one that shows a standing person.
+    pub up: Option<UpAxis>,
     /// Opposite corners of a box that the person is in, in the file's own units and axes.
     pub within: Option<[[f32; 3]; 2]>,
 }
@@ -55,6 +57,8 @@ pub const USUAL_HEIGHT: f64 = 1.75;
 const MOST_DRAWN: usize = 500_000;
 /// Views of the body.
 const VIEWS: u32 = 12;
+/// Views of the body while up is looked for, and their share of the usual size.
+const FIRST_VIEWS: (u32, f64) = (8, 0.6);
 /// A ray that passes farther than about this from a landmark does not count, metres.
 const REACH: f64 = 0.03;
 /// What lies behind the scan in pictures.
@@ -100,7 +104,15 @@ pub fn prepare(
     }
     steps.ended("cut");
 
-    let found = the_person(scene, &all, &parts, sight, networks, &mut figures)?;
+    let found = the_person(
+        scene,
+        options.up,
+        &all,
+        &parts,
+        sight,
+        networks,
+        &mut figures,
+    )?;
     drop(all);
     if found.scan.len() > refused::MOST {
         return Err(refused::too_many(found.scan.len()));
@@ -116,14 +128,14 @@ pub fn prepare(
     let mut person_from_scene = found.normal_from_scene.then(&placed.person_from_normal);
     let mut scan = person_from_scene.scan(&found.scan);
     sight.set(&thinned(&scan, MOST_DRAWN));
-    let (seen, looks, crowded) = look_around(&scan, DVec3::Y, DVec3::Z, sight, networks)?;
+    let (seen, looks, crowded) = look_around(&scan, DVec3::Y, DVec3::Z, (VIEWS, 1.0), sight, networks)?;
     if crowded > VIEWS as usize / 3 {
         return Err(refused::touching(crowded));
     }
     figures.views = looks;
     figures.exchanged = seen.exchanged;
     let mut body = seen.points;
-    let correction = onto_the_floor(&scan, &mut body, found.floor.map(|_| DVec3::Y), height)?;
+    let correction = onto_the_floor(&scan, &mut body, placed.floor, height)?;
     for point in &mut body {
         point.position = correction.point(point.position);
         point.residual *= correction.scale;
@@ -187,12 +199,22 @@ struct Found {
     normal_from_scene: Similarity,
     /// The axis that is up.
     up: DVec3,
-    /// The floor's normal, if there is a floor.
-    floor: Option<DVec3>,
+    /// The floor in the space of `normal`, if there is one.
+    floor: Option<Floor>,
+}
+
+/// A floor that a person stands on.
+#[derive(Debug, Clone, Copy)]
+struct Floor {
+    /// Of unit length, upwards.
+    normal: DVec3,
+    /// `normal . point` of its points.
+    level: f64,
 }
 
 fn the_person(
     scene: &Scene,
+    up: Option<UpAxis>,
     all: &Scan,
     parts: &[Cut],
     sight: &mut Sight,
@@ -217,7 +239,7 @@ fn the_person(
         };
         let normal = normal_from_scene.scan(&scan);
         sight.set(&thinned(&normal, MOST_DRAWN));
-        let candidates = candidates(scene, part);
+        let candidates = candidates(scene, up, part);
         let subject = |up| subject(&normal, up);
         let scores = look_for_up(sight, networks, &candidates, subject, BEHIND)?;
         let by_score = |a: &&UpScore, b: &&UpScore| a.score.total_cmp(&b.score);
@@ -230,8 +252,14 @@ fn the_person(
         }
         people.push((part.low, part.high));
         if found.is_none() {
-            let floor = (part.planes.iter().map(|plane| plane.normal.as_dvec3()))
-                .find(|normal| normal.dot(best.up) > 0.8);
+            let floor = part.planes.iter().find_map(|plane| {
+                let normal = plane.normal.as_dvec3();
+                (normal.dot(best.up) > 0.8).then(|| Floor {
+                    normal,
+                    level: f64::from(plane.level) * scale
+                        + normal.dot(normal_from_scene.translation),
+                })
+            });
             figures.up = scores;
             figures.planes = part.planes.len();
             found = Some(Found {
@@ -251,21 +279,26 @@ fn the_person(
 }
 
 /// Directions that may be up, in the scene's axes: those of planes that the person may stand on, what the scene itself says, then the other axes.
-fn candidates(scene: &Scene, part: &Cut) -> Vec<DVec3> {
-    let unit = |axis: UpAxis| match axis {
-        UpAxis::PlusX => Vec3::X,
-        UpAxis::MinusX => Vec3::NEG_X,
-        UpAxis::PlusY => Vec3::Y,
-        UpAxis::MinusY => Vec3::NEG_Y,
-        UpAxis::PlusZ => Vec3::Z,
-        UpAxis::MinusZ => Vec3::NEG_Z,
+fn candidates(scene: &Scene, given: Option<UpAxis>, part: &Cut) -> Vec<DVec3> {
+    let direction = |axis: UpAxis| {
+        let unit = match axis {
+            UpAxis::PlusX => Vec3::X,
+            UpAxis::MinusX => Vec3::NEG_X,
+            UpAxis::PlusY => Vec3::Y,
+            UpAxis::MinusY => Vec3::NEG_Y,
+            UpAxis::PlusZ => Vec3::Z,
+            UpAxis::MinusZ => Vec3::NEG_Z,
+        };
+        scene.point_of_file(unit).as_dvec3()
     };
+    if let Some(given) = given {
+        return vec![direction(given)];
+    }
+    let planes = part.planes.iter().map(|plane| plane.normal.as_dvec3());
     let detected = scene.detect_up(None).axis;
     let axes = std::iter::once(detected).chain(UpAxis::ALL);
-    let axes = axes.map(|axis| scene.point_of_file(unit(axis)));
     let mut candidates: Vec<DVec3> = Vec::new();
-    for up in part.planes.iter().map(|plane| plane.normal).chain(axes) {
-        let up = up.as_dvec3().normalize_or(DVec3::Y);
+    for up in planes.chain(axes.map(direction)) {
         if candidates.iter().all(|other| other.dot(up) < 0.97) {
             candidates.push(up);
         }
@@ -310,11 +343,12 @@ fn look_around(
     scan: &Scan,
     up: DVec3,
     front: DVec3,
+    (views, share): (u32, f64),
     sight: &mut Sight,
     networks: &mut Networks,
 ) -> Result<(BodyPoints, usize, usize), RigError> {
     let (mut looks, mut crowded) = (Vec::new(), 0);
-    for view in subject(scan, up).around(VIEWS, front, 1.0) {
+    for view in subject(scan, up).around(views, front, share) {
         let picture = sight.picture(&view, BEHIND)?;
         if let Some(seen) = networks.body(&picture)? {
             looks.push(Look { view, seen });
@@ -327,6 +361,8 @@ fn look_around(
 /// Where the scan's person stands.
 struct Placed {
     person_from_normal: Similarity,
+    /// The floor, in the person's space.
+    floor: Option<Floor>,
     /// From the best axis to up, radians.
     tilt: f64,
 }
@@ -339,21 +375,24 @@ fn stood(
     networks: &mut Networks,
 ) -> Result<Placed, RigError> {
     sight.set(&thinned(&found.normal, MOST_DRAWN));
-    let mut up = found.floor.unwrap_or(found.up);
+    let mut up = found.floor.map_or(found.up, |floor| floor.normal);
     let mut front = up.any_orthonormal_vector();
     for pass in 0..PASSES {
-        let (seen, ..) = look_around(&found.normal, up, front, sight, networks)?;
+        let (seen, ..) = look_around(&found.normal, up, front, FIRST_VIEWS, sight, networks)?;
         let mut points = seen.points;
-        let turn = turn_to(up, front);
         let turned = onto_the_floor(&found.normal, &mut points, found.floor, height)?;
         let new_up = turned.rotation.inverse() * DVec3::Y;
         front = turned.rotation.inverse() * DVec3::Z;
         let moved = new_up.angle_between(up);
         up = new_up;
-        log::debug!("up turned by {:.1} degrees from {turn}", moved.to_degrees());
+        log::debug!("up turned by {:.1} degrees", moved.to_degrees());
         if moved < SETTLED || pass + 1 == PASSES {
             return Ok(Placed {
                 person_from_normal: turned,
+                floor: found.floor.map(|_| Floor {
+                    normal: DVec3::Y,
+                    level: 0.0,
+                }),
                 tilt: up.angle_between(found.up),
             });
         }
@@ -362,11 +401,11 @@ fn stood(
 }
 
 /// The movement after which the person stands on y = 0 above the origin, faces +z, and is so many metres tall. Exchanges left and right of
-/// `points` if all views took one for the other. `floor` is the floor's normal, if there is a floor.
+/// `points` if all views took one for the other. `floor` is what the person stands on, if that is known.
 fn onto_the_floor(
     scan: &Scan,
     points: &mut [KeyPoint; BODY_LANDMARKS],
-    floor: Option<DVec3>,
+    floor: Option<Floor>,
     height: f64,
 ) -> Result<Similarity, RigError> {
     let missing = || refused::incomplete("head or feet");
@@ -375,16 +414,30 @@ fn onto_the_floor(
     }
     let axis = body_axis(points).ok_or_else(missing)?;
     let reach = USUAL_HEIGHT;
-    let up = floor.unwrap_or_else(|| {
-        let feet = feet_of(scan, points, 0.14 * reach);
-        stand(&feet, centre_of_mass(points), axis, reach)
-    });
+    let up = floor.map_or_else(
+        || {
+            let feet = feet_of(scan, points, 0.14 * reach);
+            stand(&feet, centre_of_mass(points), axis, reach)
+        },
+        |floor| floor.normal,
+    );
     let mut front = facing(points, up).ok_or_else(missing)?;
     if is_exchanged(points, front) {
         *points = exchanged(points);
         front = -front;
     }
-    let (bottom, top) = extent(scan, points, up, reach).ok_or_else(missing)?;
+    let (lowest, top) = extent(scan, points, up, reach).ok_or_else(missing)?;
+    // Where a floor was taken off, the soles were cut by its thickness. A platform is higher than the floor.
+    let bottom = floor.map_or(lowest, |floor| {
+        if (lowest - floor.level).abs() < 0.03 * reach {
+            floor.level
+        } else {
+            lowest
+        }
+    });
+    if bottom >= top {
+        return Err(missing());
+    }
     let scale = height / (top - bottom);
     let rotation = turn_to(up, front);
     let middle = [SHOULDERS, HIPS]
