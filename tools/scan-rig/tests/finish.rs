@@ -56,6 +56,7 @@ fn case(number: usize, finish: &FinishOptions) -> Option<Case> {
             expressions: &[],
             presets: &none,
             scale: 1.0,
+            casters: person.faces(),
         },
         finish,
     )
@@ -158,10 +159,11 @@ fn a_novel_pose_is_the_true_persons() {
 #[test]
 fn a_package_reads_as_it_was_written_and_keeps_to_its_size() {
     let options = FinishOptions {
-        name: "somebody".into(),
+        name: "a synthetic person".into(),
         provenance: "made up".into(),
         licence: "none".into(),
         gaussians: Some(8_000),
+        unshaded: false,
     };
     let Some(case) = case(3, &options) else {
         return;

@@ -7,6 +7,7 @@ mod controllers;
 mod face;
 mod gaussians;
 mod posed;
+mod shade;
 mod still;
 mod unpose;
 
@@ -51,6 +52,8 @@ pub struct Material<'a> {
     pub presets: &'a Expressions,
     /// The body model's scale: metres of the scan for one of the model's.
     pub scale: f64,
+    /// The triangles that shade others: the outer skin.
+    pub casters: &'a [[u32; 3]],
 }
 
 /// What may be chosen about an avatar.
@@ -64,6 +67,8 @@ pub struct FinishOptions {
     pub licence: String,
     /// At most so many Gaussians: the least important ones are left out.
     pub gaussians: Option<usize>,
+    /// Whether colours stay as they were scanned, whatever the pose.
+    pub unshaded: bool,
 }
 
 /// An avatar and the motion that poses it as the scan stands.
@@ -99,10 +104,26 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
 
     let tied = controllers::tie(&template, &bound)?;
     let bound = tied.gaussians;
+    let skeleton = Skeleton::new(tpose.joints.map(|j| j.as_vec3()))?;
+    let scan_motion = scan_motion(material, &tpose);
+    let (attributes, bound) = if options.unshaded {
+        let count = tied.controllers.vertices().len();
+        (still::still(count, bound.len())?, bound)
+    } else {
+        let shaded = shade::Sitter {
+            template: &template,
+            skeleton: &skeleton,
+            controllers: &tied.controllers,
+            gaussians: &bound,
+            casters: material.casters,
+            scan_motion: &scan_motion,
+        }
+        .shaded(material.presets)?;
+        (shaded.network, shaded.gaussians)
+    };
     let importance = importance(&template, &bound, Weights::default())?;
     let fields = expression_fields(material, &tpose, &rows);
     let mesh = face::linear(&fields, template.vertices().len())?;
-    let attributes = still::still(tied.controllers.vertices().len(), bound.len())?;
     let deform_graph = DeformGraph {
         template: &template,
         controllers: &tied.controllers,
@@ -110,9 +131,8 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
         attributes: &attributes,
     }
     .to_onnx(GraphParts::Whole)?;
-    let skeleton = Skeleton::new(tpose.joints.map(|j| j.as_vec3()))?;
     Ok(Finished {
-        scan_motion: scan_motion(material, &tpose),
+        scan_motion,
         avatar: Avatar {
             name: options.name.clone(),
             provenance: options.provenance.clone(),

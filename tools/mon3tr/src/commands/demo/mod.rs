@@ -144,7 +144,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         _ => None,
     };
     let package = match &options.scan {
-        Some(scan) => rigged_avatar(scan, &RigChoices::of_height(options.height))?,
+        Some(scan) => rigged_avatar(scan, &RigChoices::of_height(options.height), device)?,
         None => baked_demo_avatar(&options.bake, device)?,
     };
     let (avatar, figures) = load_avatar(&package)?;

@@ -9,10 +9,13 @@ use crate::scenery::{check_file, load_drawable};
 use crate::up::UpChoice;
 use anyhow::{Context, anyhow, bail};
 use clap::ValueEnum;
-use glam::DVec3;
+use glam::Vec3;
 use indicatif::ProgressBar;
 use scan_rig::finish::FinishOptions;
 use scan_rig::pipeline::{self, RigOptions, RigReport, Rigged, STEPS};
+use scan_rig::prepare::Networks;
+use scan_rig::shell::Hands;
+use scan_rig::sight::Sight;
 use serde::Serialize;
 use spmm3::Joint;
 use std::cell::RefCell;
@@ -54,7 +57,7 @@ pub(crate) struct RigChoices {
     /// The person's height in metres: a scan does not tell it [default: 1.75]
     #[arg(long, value_name = "METRES", value_parser = parse_height)]
     height: Option<f64>,
-    /// Two opposite corners of a box around the person, in the coordinates that `inspect` prints [default: found]
+    /// Two opposite corners of a box around the person, in the file's own coordinates [default: found]
     #[arg(
         long = "box",
         value_name = "X,Y,Z,X,Y,Z",
@@ -64,7 +67,7 @@ pub(crate) struct RigChoices {
     /// The axis of the scan's file that points up: +x, -x, +y, -y, +z or -z [default: found out by looking]
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<UpChoice>,
-    /// Where a joint is, e.g. left_wrist=0.41,1.02,0.1, in the coordinates that `inspect` prints; may be given several times
+    /// Where a joint is, e.g. left_wrist=0.41,1.02,0.1, in the file's own coordinates; may be given several times
     #[arg(long, value_name = "NAME=X,Y,Z", allow_hyphen_values = true)]
     joint: Vec<JointHint>,
     /// At most so many Gaussians, e.g. 60k: those that are missed least are left out [default: all of the scan's]
@@ -98,17 +101,17 @@ enum AccessoriesChoice {
 
 /// Numbers with commas between them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Numbers<const N: usize>([f64; N]);
+struct Numbers<const N: usize>([f32; N]);
 
 impl<const N: usize> FromStr for Numbers<N> {
     type Err = anyhow::Error;
 
     fn from_str(text: &str) -> anyhow::Result<Self> {
-        let numbers: Vec<f64> = (text.split(','))
-            .map(|number| number.trim().parse::<f64>().ok().filter(|n| n.is_finite()))
+        let numbers: Vec<f32> = (text.split(','))
+            .map(|number| number.trim().parse::<f32>().ok().filter(|n| n.is_finite()))
             .collect::<Option<_>>()
             .ok_or_else(|| anyhow!("{text} is not {N} numbers with commas between them"))?;
-        let numbers = <[f64; N]>::try_from(numbers)
+        let numbers = <[f32; N]>::try_from(numbers)
             .map_err(|n| anyhow!("{text} has {} numbers, not {N}", n.len()))?;
         Ok(Self(numbers))
     }
@@ -118,7 +121,7 @@ impl<const N: usize> FromStr for Numbers<N> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct JointHint {
     joint: Joint,
-    position: DVec3,
+    position: Vec3,
 }
 
 impl FromStr for JointHint {
@@ -137,7 +140,7 @@ impl FromStr for JointHint {
         let Numbers(place) = place.parse::<Numbers<3>>()?;
         Ok(Self {
             joint,
-            position: DVec3::from_array(place),
+            position: Vec3::from_array(place),
         })
     }
 }
@@ -169,8 +172,13 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     if let Some(folder) = &options.report {
         make_folder(folder)?;
     }
-    let (figures, rigged) = rig_to(&options.scan, &options.choices, &out)?;
-    let mut figures = figures;
+    let (mut figures, mut rigged) = rig_to(&options.scan, &options.choices, &out, device)?;
+    if options.report.is_some() || options.json.is_some() {
+        let bar = progress::spinner("measuring the avatar");
+        rigged.report.quality = Some(pipeline::measure(&rigged)?);
+        figures.report.quality.clone_from(&rigged.report.quality);
+        bar.finish_and_clear();
+    }
     if let Some(folder) = &options.report {
         figures.pictures = Some(report::write(folder, &figures, &rigged, device)?);
     }
@@ -179,7 +187,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
 }
 
 /// The package of a scan's avatar from the cache; made first if there is none of this scan, these choices and this version.
-pub(crate) fn rigged_avatar(scan: &Path, choices: &RigChoices) -> anyhow::Result<PathBuf> {
+pub(crate) fn rigged_avatar(
+    scan: &Path,
+    choices: &RigChoices,
+    device: &DeviceOptions,
+) -> anyhow::Result<PathBuf> {
     check_file(scan)?;
     let bytes = std::fs::read(scan).with_context(|| format!("cannot read {}", scan.display()))?;
     let key = fingerprint(&bytes, &format!("{choices:?}"));
@@ -191,7 +203,7 @@ pub(crate) fn rigged_avatar(scan: &Path, choices: &RigChoices) -> anyhow::Result
             "making an avatar of {}, once: this takes about a minute",
             scan.display()
         );
-        rig_to(scan, choices, &package)?.0.print();
+        rig_to(scan, choices, &package, device)?.0.print();
     }
     Ok(package)
 }
@@ -214,6 +226,7 @@ fn rig_to(
     scan: &Path,
     choices: &RigChoices,
     out: &Path,
+    device: &DeviceOptions,
 ) -> anyhow::Result<(RigFigures, Rigged)> {
     check_file(scan)?;
     if let Some(folder) = out.parent() {
@@ -222,6 +235,8 @@ fn rig_to(
     check_writable(out)?;
     let began = Instant::now();
     let settings = choices.settings(scan)?;
+    let mut networks = Networks::open(Some(&networks()?))?;
+    let mut sight = Sight::on(device.gpu()?);
     let scene = load_drawable(scan)?;
     let bar = RefCell::new(None::<ProgressBar>);
     let told = |step: &'static str| {
@@ -232,7 +247,7 @@ fn rig_to(
             done.finish_and_clear();
         }
     };
-    let rigged = pipeline::rig(&scene, &settings, &told);
+    let rigged = pipeline::rig(&scene, &settings, &mut sight, &mut networks, &told);
     if let Some(bar) = bar.borrow_mut().take() {
         bar.finish_and_clear();
     }
@@ -271,19 +286,16 @@ impl RigChoices {
     }
 
     fn settings(&self, scan: &Path) -> anyhow::Result<RigOptions> {
-        let cut = self.cut.map(|Numbers([a, b, c, d, e, f])| {
-            let (one, other) = (DVec3::new(a, b, c), DVec3::new(d, e, f));
-            [one.min(other), one.max(other)]
-        });
-        if cut.is_some_and(|[low, high]| (high - low).min_element() <= 0.0) {
+        let within = (self.cut).map(|Numbers([a, b, c, d, e, f])| [[a, b, c], [d, e, f]]);
+        let is_flat = |[one, other]: [[f32; 3]; 2]| one.iter().zip(other).any(|(a, b)| *a == b);
+        if within.is_some_and(is_flat) {
             bail!("--box has no volume: give two opposite corners");
         }
         let name = self.name.clone().unwrap_or_else(|| file_name(scan));
         Ok(RigOptions {
             makehuman: makehuman()?,
-            networks: networks()?,
             height: self.height,
-            cut,
+            within,
             up: match self.up {
                 None | Some(UpChoice::Auto) => None,
                 Some(UpChoice::Axis(axis)) => Some(axis),
@@ -292,10 +304,11 @@ impl RigChoices {
                 .map(|hint| (hint.joint, hint.position))
                 .collect(),
             accessories: self.accessories == AccessoriesChoice::Auto,
-            hands: self.hands.map(|hands| match hands {
-                HandsChoice::Keep => pipeline::Hands::Keep,
-                HandsChoice::Replace => pipeline::Hands::Replace,
-            }),
+            hands: match self.hands {
+                None => [Hands::AsSeen; 2],
+                Some(HandsChoice::Keep) => [Hands::Keep; 2],
+                Some(HandsChoice::Replace) => [Hands::Replace; 2],
+            },
             finish: FinishOptions {
                 name,
                 provenance: format!(
@@ -304,6 +317,7 @@ impl RigChoices {
                 ),
                 licence: self.licence.clone(),
                 gaussians: self.gaussians,
+                unshaded: false,
             },
         })
     }
@@ -336,6 +350,17 @@ impl RigFigures {
         }
         for warning in &report.warnings {
             println!("note: {warning}");
+        }
+        if let Some(quality) = &report.quality {
+            println!(
+                "in the scan's pose {:.1} dB against the scan (worst view {:.1}), spill {:.2} %, holes {:.2} %; in T-pose {:.2} % and {:.2} %",
+                quality.scan_db,
+                quality.worst_db,
+                quality.scan_pose.spill * 100.0,
+                quality.scan_pose.holes * 100.0,
+                quality.t_pose.spill * 100.0,
+                quality.t_pose.holes * 100.0
+            );
         }
         if let Some(page) = &self.pictures {
             println!("pictures: {}", page.display());
@@ -374,7 +399,7 @@ mod tests {
     fn a_joint_hint_is_a_name_and_three_numbers() {
         let hint: JointHint = "left_wrist=0.4,-1,2e-1".parse().expect("a hint");
         assert_eq!(hint.joint, Joint::LeftWrist, "the joint");
-        assert_eq!(hint.position, DVec3::new(0.4, -1.0, 0.2), "its place");
+        assert_eq!(hint.position, Vec3::new(0.4, -1.0, 0.2), "its place");
         for (mistake, reason) in [
             ("left_wrist", "NAME=X,Y,Z"),
             ("wrist=1,2,3", "left_wrist"),
