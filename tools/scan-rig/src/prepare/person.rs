@@ -27,6 +27,8 @@ use splat_scene::{Scene, UpAxis};
 pub struct Options {
     /// How tall the person is, metres; without it, [`USUAL_HEIGHT`]: a scan has no unit.
     pub height: Option<f64>,
+    /// The axis of the file that points up, roughly; without it, the one that shows a standing person.
+    pub up: Option<UpAxis>,
     /// Opposite corners of a box that the person is in, in the file's own units and axes.
     pub within: Option<[[f32; 3]; 2]>,
 }
@@ -100,7 +102,7 @@ pub fn prepare(
     }
     steps.ended("cut");
 
-    let found = the_person(scene, &all, &parts, sight, networks, &mut figures)?;
+    let found = the_person(scene, options.up, &all, &parts, sight, networks, &mut figures)?;
     drop(all);
     if found.scan.len() > refused::MOST {
         return Err(refused::too_many(found.scan.len()));
@@ -193,6 +195,7 @@ struct Found {
 
 fn the_person(
     scene: &Scene,
+    up: Option<UpAxis>,
     all: &Scan,
     parts: &[Cut],
     sight: &mut Sight,
@@ -217,7 +220,7 @@ fn the_person(
         };
         let normal = normal_from_scene.scan(&scan);
         sight.set(&thinned(&normal, MOST_DRAWN));
-        let candidates = candidates(scene, part);
+        let candidates = candidates(scene, up, part);
         let subject = |up| subject(&normal, up);
         let scores = look_for_up(sight, networks, &candidates, subject, BEHIND)?;
         let by_score = |a: &&UpScore, b: &&UpScore| a.score.total_cmp(&b.score);
@@ -251,21 +254,26 @@ fn the_person(
 }
 
 /// Directions that may be up, in the scene's axes: those of planes that the person may stand on, what the scene itself says, then the other axes.
-fn candidates(scene: &Scene, part: &Cut) -> Vec<DVec3> {
-    let unit = |axis: UpAxis| match axis {
-        UpAxis::PlusX => Vec3::X,
-        UpAxis::MinusX => Vec3::NEG_X,
-        UpAxis::PlusY => Vec3::Y,
-        UpAxis::MinusY => Vec3::NEG_Y,
-        UpAxis::PlusZ => Vec3::Z,
-        UpAxis::MinusZ => Vec3::NEG_Z,
+fn candidates(scene: &Scene, given: Option<UpAxis>, part: &Cut) -> Vec<DVec3> {
+    let direction = |axis: UpAxis| {
+        let unit = match axis {
+            UpAxis::PlusX => Vec3::X,
+            UpAxis::MinusX => Vec3::NEG_X,
+            UpAxis::PlusY => Vec3::Y,
+            UpAxis::MinusY => Vec3::NEG_Y,
+            UpAxis::PlusZ => Vec3::Z,
+            UpAxis::MinusZ => Vec3::NEG_Z,
+        };
+        scene.point_of_file(unit).as_dvec3()
     };
+    if let Some(given) = given {
+        return vec![direction(given)];
+    }
+    let planes = part.planes.iter().map(|plane| plane.normal.as_dvec3());
     let detected = scene.detect_up(None).axis;
     let axes = std::iter::once(detected).chain(UpAxis::ALL);
-    let axes = axes.map(|axis| scene.point_of_file(unit(axis)));
     let mut candidates: Vec<DVec3> = Vec::new();
-    for up in part.planes.iter().map(|plane| plane.normal).chain(axes) {
-        let up = up.as_dvec3().normalize_or(DVec3::Y);
+    for up in planes.chain(axes.map(direction)) {
         if candidates.iter().all(|other| other.dot(up) < 0.97) {
             candidates.push(up);
         }
