@@ -35,14 +35,32 @@ fn main() -> Result<(), Box<dyn Error>> {
             _ => return Err(format!("unknown: {argument}").into()),
         }
     }
-    let makehuman = PathBuf::from(std::env::var_os("MON3TR_MAKEHUMAN").ok_or("no MON3TR_MAKEHUMAN")?);
+    let makehuman =
+        PathBuf::from(std::env::var_os("MON3TR_MAKEHUMAN").ok_or("no MON3TR_MAKEHUMAN")?);
     let mut body = BareBody::open(&makehuman)?;
     let mut sight = Sight::open(&GpuChoice::Auto)?;
     let mut networks = Networks::open(None)?;
     let mut random = fastrand::Rng::with_seed(7);
     for number in 0..people {
         let person = SyntheticPerson::new(&mut body, &makehuman, number)?;
-        let truth = person.scan(&ScanOptions { surroundings, ..Default::default() });
+        let stance = person.balanced_stance();
+        let scan_options = ScanOptions {
+            surroundings,
+            ..Default::default()
+        };
+        let mut truth = person.reposed(&scan_options, &stance);
+        surroundings.add(&mut truth, 5);
+        let height = person
+            .posed(&stance)
+            .iter()
+            .map(|v| v.y)
+            .fold(0.0, f64::max);
+        // The pelvis may be turned below the shoulders: what faces forwards is the mean, as for the landmarks.
+        let true_joint = |joint: Joint| stance.joints[joint.index()];
+        let left = true_joint(Joint::LeftShoulder) - true_joint(Joint::RightShoulder)
+            + true_joint(Joint::LeftHip)
+            - true_joint(Joint::RightHip);
+        let truly_front = left.cross(DVec3::Y).normalize();
         for turn in 0..turns {
             // One of the 24 right-angled turns, then a tilt of up to 15 degrees.
             let (quarter, side) = (random.u8(0..4), random.u8(0..6));
@@ -53,11 +71,22 @@ fn main() -> Result<(), Box<dyn Error>> {
                 _ => Quat::from_rotation_z(-FRAC_PI_2),
             };
             let mut tilt = || (random.f32() * 2.0 - 1.0) * 15.0_f32.to_radians();
-            let tilt = if turn == 0 { Quat::IDENTITY } else { Quat::from_euler(EulerRot::XYZ, tilt(), 0.0, tilt()) };
-            let all = if turn == 0 { Quat::IDENTITY } else { side * upright * tilt };
-            let mut scan = truth.scan.clone();
+            let tilt = if turn == 0 {
+                Quat::IDENTITY
+            } else {
+                Quat::from_euler(EulerRot::XYZ, tilt(), 0.0, tilt())
+            };
+            let all = if turn == 0 {
+                Quat::IDENTITY
+            } else {
+                side * upright * tilt
+            };
+            let mut scan = truth.clone();
             scan.transform(2.7, all, Vec3::new(0.4, -1.0, 2.0));
-            let options = Options { height: Some(truth.height), ..Options::default() };
+            let options = Options {
+                height: Some(height),
+                ..Options::default()
+            };
             let prepared = match prepare(&scan.to_scene()?, &options, &mut sight, &mut networks) {
                 Ok(prepared) => prepared,
                 Err(error) => {
@@ -68,12 +97,13 @@ fn main() -> Result<(), Box<dyn Error>> {
             let placed = &prepared.person_from_scene;
             let rotation = placed.rotation * all.as_dquat();
             let up = rotation * DVec3::Y;
-            let front = rotation * DVec3::new(truth.yaw.sin(), 0.0, truth.yaw.cos());
+            let front = rotation * truly_front;
             let yaw = front.x.atan2(front.z).to_degrees();
             let mut errors = Vec::new();
             for (landmarks, joints) in PAIRS {
                 for (landmark, joint) in landmarks.into_iter().zip(joints) {
-                    let there = all * truth.joints[joint.index()].as_vec3() * 2.7 + Vec3::new(0.4, -1.0, 2.0);
+                    let there = all * stance.joints[joint.index()].as_vec3() * 2.7
+                        + Vec3::new(0.4, -1.0, 2.0);
                     let there = placed.point(there.as_dvec3());
                     errors.push(1e3 * (prepared.body[landmark].position - there).length());
                 }
@@ -93,7 +123,11 @@ fn main() -> Result<(), Box<dyn Error>> {
                 figures.planes,
                 figures.gaussians,
                 figures.up.len(),
-                figures.seconds.iter().map(|(_, seconds)| seconds).sum::<f64>(),
+                figures
+                    .seconds
+                    .iter()
+                    .map(|(_, seconds)| seconds)
+                    .sum::<f64>(),
             );
         }
     }

@@ -96,14 +96,22 @@ fn posed_as_in_the_scan_the_avatar_is_the_scan() {
     let again = poser.scan(scan_motion).expect("a pose");
     assert_eq!(again.len(), case.scan.scan.len(), "every Gaussian");
     let (max, mean) = away(&again.positions, &case.scan.scan.positions);
-    println!("re-posed to the scan: {:.3} mm mean, {:.3} max", mean * 1e3, max * 1e3);
+    println!(
+        "re-posed to the scan: {:.3} mm mean, {:.3} max",
+        mean * 1e3,
+        max * 1e3
+    );
     assert!(max < 5e-4, "{max} m");
     // The joints are where they truly are.
     let joints = avatar.skeleton.pose(scan_motion);
     for joint in Joint::ALL {
         let at = joints.position(joint) + scan_motion.root_translation;
         let truth = case.scan.joints[joint.index()].as_vec3();
-        assert!(at.distance(truth) < 1e-4, "{}: {at} for {truth}", joint.name());
+        assert!(
+            at.distance(truth) < 1e-4,
+            "{}: {at} for {truth}",
+            joint.name()
+        );
     }
 }
 
@@ -113,7 +121,11 @@ fn the_template_stands_upright_on_its_soles_with_its_arms_stretched() {
         return;
     };
     let template: &Template = &case.finished.avatar.template;
-    let lowest = template.vertices().iter().map(|v| v.y).fold(f32::INFINITY, f32::min);
+    let lowest = template
+        .vertices()
+        .iter()
+        .map(|v| v.y)
+        .fold(f32::INFINITY, f32::min);
     assert!(lowest.abs() < 1e-4, "soles at {lowest}");
     let rest = case.finished.avatar.skeleton.rest_positions();
     let at = |joint: Joint| rest[joint.index()];
@@ -126,7 +138,9 @@ fn the_template_stands_upright_on_its_soles_with_its_arms_stretched() {
     }
     assert!(at(Joint::LeftFoot).z > at(Joint::LeftAnkle).z, "toes ahead");
     let (low, high) = (template.vertices().iter())
-        .fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v.x), h.max(v.x)));
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| {
+            (l.min(v.x), h.max(v.x))
+        });
     assert!(high - low > 1.2, "the arms' span is {}", high - low);
 }
 
@@ -144,14 +158,24 @@ fn a_novel_pose_is_the_true_persons() {
     motion.set_axis_angle(Joint::LeftKnee, Vec3::new(0.9, 0.0, 0.0));
     let joints = avatar.skeleton.pose(&motion);
     let rotations: [DMat3; JOINTS] = joints.person_from_joint.map(|frame| {
-        let [x, y, z] = [frame.matrix3.x_axis, frame.matrix3.y_axis, frame.matrix3.z_axis]
-            .map(|a| DVec3::new(a.x.into(), a.y.into(), a.z.into()));
+        let [x, y, z] = [
+            frame.matrix3.x_axis,
+            frame.matrix3.y_axis,
+            frame.matrix3.z_axis,
+        ]
+        .map(|a| DVec3::new(a.x.into(), a.y.into(), a.z.into()));
         DMat3::from_cols(x, y, z)
     });
-    let truth = case.person.reposed(&case.options, &case.person.as_avatar(&rotations));
+    let truth = case
+        .person
+        .reposed(&case.options, &case.person.as_avatar(&rotations));
     let posed = poser.scan(&motion).expect("a pose");
     let (max, mean) = away(&posed.positions, &truth.positions);
-    println!("a novel pose: {:.2} mm mean, {:.1} max", mean * 1e3, max * 1e3);
+    println!(
+        "a novel pose: {:.2} mm mean, {:.1} max",
+        mean * 1e3,
+        max * 1e3
+    );
     // The jitter of the scan's Gaussians turns with the limbs; the truth's does not.
     assert!(mean < 2.5e-3 && max < 0.02, "{mean} m mean, {max} m max");
 }
@@ -171,7 +195,11 @@ fn a_package_reads_as_it_was_written_and_keeps_to_its_size() {
     let avatar = &case.finished.avatar;
     assert_eq!(avatar.gaussians.len(), 8_000, "as many as asked for");
     let bytes = avatar.to_bytes().expect("a package");
-    println!("{} Gaussians in {:.2} MB", avatar.gaussians.len(), bytes.len() as f64 / 1e6);
+    println!(
+        "{} Gaussians in {:.2} MB",
+        avatar.gaussians.len(),
+        bytes.len() as f64 / 1e6
+    );
     let again = Avatar::read(std::io::Cursor::new(&bytes)).expect("a sound package");
     assert!(again == *avatar, "it comes back as it was");
 }

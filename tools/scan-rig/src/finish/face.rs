@@ -55,7 +55,11 @@ mod tests {
         let mut rng = fastrand::Rng::with_seed(4);
         let mut number = || rng.f32() * 0.02 - 0.01;
         let fields: Vec<Vec<Vec3>> = (0..3)
-            .map(|_| (0..50).map(|_| Vec3::new(number(), number(), number())).collect())
+            .map(|_| {
+                (0..50)
+                    .map(|_| Vec3::new(number(), number(), number()))
+                    .collect()
+            })
             .collect();
         let network = linear(&fields, 50).unwrap_or_else(|e| panic!("{e}"));
         let runner = MeshRunner::new(&network);
@@ -69,7 +73,10 @@ mod tests {
                 let pairs = fields.iter().zip(coefficients);
                 let expected: Vec3 = pairs.map(|(f, c)| f[vertex] * c).sum();
                 let error = (*offset - expected).length();
-                assert!(error < 8e-4, "vertex {vertex}: {error} m at {coefficients:?}");
+                assert!(
+                    error < 8e-4,
+                    "vertex {vertex}: {error} m at {coefficients:?}"
+                );
             }
         }
         assert!(linear(&[], 4).is_ok(), "a face that does not move");

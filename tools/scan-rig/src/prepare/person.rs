@@ -102,7 +102,15 @@ pub fn prepare(
     }
     steps.ended("cut");
 
-    let found = the_person(scene, options.up, &all, &parts, sight, networks, &mut figures)?;
+    let found = the_person(
+        scene,
+        options.up,
+        &all,
+        &parts,
+        sight,
+        networks,
+        &mut figures,
+    )?;
     drop(all);
     if found.scan.len() > refused::MOST {
         return Err(refused::too_many(found.scan.len()));
@@ -125,7 +133,7 @@ pub fn prepare(
     figures.views = looks;
     figures.exchanged = seen.exchanged;
     let mut body = seen.points;
-    let correction = onto_the_floor(&scan, &mut body, found.floor.map(|_| DVec3::Y), height)?;
+    let correction = onto_the_floor(&scan, &mut body, placed.floor, height)?;
     for point in &mut body {
         point.position = correction.point(point.position);
         point.residual *= correction.scale;
@@ -189,8 +197,17 @@ struct Found {
     normal_from_scene: Similarity,
     /// The axis that is up.
     up: DVec3,
-    /// The floor's normal, if there is a floor.
-    floor: Option<DVec3>,
+    /// The floor in the space of `normal`, if there is one.
+    floor: Option<Floor>,
+}
+
+/// A floor that a person stands on.
+#[derive(Debug, Clone, Copy)]
+struct Floor {
+    /// Of unit length, upwards.
+    normal: DVec3,
+    /// `normal . point` of its points.
+    level: f64,
 }
 
 fn the_person(
@@ -233,8 +250,14 @@ fn the_person(
         }
         people.push((part.low, part.high));
         if found.is_none() {
-            let floor = (part.planes.iter().map(|plane| plane.normal.as_dvec3()))
-                .find(|normal| normal.dot(best.up) > 0.8);
+            let floor = part.planes.iter().find_map(|plane| {
+                let normal = plane.normal.as_dvec3();
+                (normal.dot(best.up) > 0.8).then(|| Floor {
+                    normal,
+                    level: f64::from(plane.level) * scale
+                        + normal.dot(normal_from_scene.translation),
+                })
+            });
             figures.up = scores;
             figures.planes = part.planes.len();
             found = Some(Found {
@@ -335,6 +358,8 @@ fn look_around(
 /// Where the scan's person stands.
 struct Placed {
     person_from_normal: Similarity,
+    /// The floor, in the person's space.
+    floor: Option<Floor>,
     /// From the best axis to up, radians.
     tilt: f64,
 }
@@ -347,21 +372,24 @@ fn stood(
     networks: &mut Networks,
 ) -> Result<Placed, RigError> {
     sight.set(&thinned(&found.normal, MOST_DRAWN));
-    let mut up = found.floor.unwrap_or(found.up);
+    let mut up = found.floor.map_or(found.up, |floor| floor.normal);
     let mut front = up.any_orthonormal_vector();
     for pass in 0..PASSES {
         let (seen, ..) = look_around(&found.normal, up, front, sight, networks)?;
         let mut points = seen.points;
-        let turn = turn_to(up, front);
         let turned = onto_the_floor(&found.normal, &mut points, found.floor, height)?;
         let new_up = turned.rotation.inverse() * DVec3::Y;
         front = turned.rotation.inverse() * DVec3::Z;
         let moved = new_up.angle_between(up);
         up = new_up;
-        log::debug!("up turned by {:.1} degrees from {turn}", moved.to_degrees());
+        log::debug!("up turned by {:.1} degrees", moved.to_degrees());
         if moved < SETTLED || pass + 1 == PASSES {
             return Ok(Placed {
                 person_from_normal: turned,
+                floor: found.floor.map(|_| Floor {
+                    normal: DVec3::Y,
+                    level: 0.0,
+                }),
                 tilt: up.angle_between(found.up),
             });
         }
@@ -370,11 +398,11 @@ fn stood(
 }
 
 /// The movement after which the person stands on y = 0 above the origin, faces +z, and is so many metres tall. Exchanges left and right of
-/// `points` if all views took one for the other. `floor` is the floor's normal, if there is a floor.
+/// `points` if all views took one for the other. `floor` is what the person stands on, if that is known.
 fn onto_the_floor(
     scan: &Scan,
     points: &mut [KeyPoint; BODY_LANDMARKS],
-    floor: Option<DVec3>,
+    floor: Option<Floor>,
     height: f64,
 ) -> Result<Similarity, RigError> {
     let missing = || refused::incomplete("head or feet");
@@ -383,16 +411,30 @@ fn onto_the_floor(
     }
     let axis = body_axis(points).ok_or_else(missing)?;
     let reach = USUAL_HEIGHT;
-    let up = floor.unwrap_or_else(|| {
-        let feet = feet_of(scan, points, 0.14 * reach);
-        stand(&feet, centre_of_mass(points), axis, reach)
-    });
+    let up = floor.map_or_else(
+        || {
+            let feet = feet_of(scan, points, 0.14 * reach);
+            stand(&feet, centre_of_mass(points), axis, reach)
+        },
+        |floor| floor.normal,
+    );
     let mut front = facing(points, up).ok_or_else(missing)?;
     if is_exchanged(points, front) {
         *points = exchanged(points);
         front = -front;
     }
-    let (bottom, top) = extent(scan, points, up, reach).ok_or_else(missing)?;
+    let (lowest, top) = extent(scan, points, up, reach).ok_or_else(missing)?;
+    // Where a floor was taken off, the soles were cut by its thickness. A platform is higher than the floor.
+    let bottom = floor.map_or(lowest, |floor| {
+        if (lowest - floor.level).abs() < 0.03 * reach {
+            floor.level
+        } else {
+            lowest
+        }
+    });
+    if bottom >= top {
+        return Err(missing());
+    }
     let scale = height / (top - bottom);
     let rotation = turn_to(up, front);
     let middle = [SHOULDERS, HIPS]

@@ -13,7 +13,7 @@ const TRIED_ON: usize = 6_000;
 const HALF_THICKNESS: f32 = 0.008;
 /// Points whose normals lean farther from the plane's (by their cosine) are not of it.
 const LEANS: f32 = 0.8;
-/// A floor has at least this share of all points.
+/// A floor has at least this share of all that is left, by area.
 const LEAST_SHARE: f32 = 0.08;
 /// ... is in both directions as long as this share of the scan,
 const LEAST_SPAN: f32 = 0.3;
@@ -82,9 +82,20 @@ pub fn find_plane(sample: &Sample, left: &[usize], size: f32) -> Option<Plane> {
         level: normal.dot(point),
         layer: half,
     };
-    let mut best: Option<(usize, Plane)> = None;
+    // Chosen by area: floors have few Gaussians, and large ones.
+    let mut sums = Vec::with_capacity(few.len());
+    let mut total = 0.0_f32;
+    for point in &few {
+        total += point.area;
+        sums.push(total);
+    }
+    let mut best: Option<(f32, Plane)> = None;
     for trial in 0..TRIALS {
-        let mut pick = || few.get(random.usize(..few.len().max(1)));
+        let mut pick = || {
+            let wanted = random.f32() * total;
+            let at = sums.partition_point(|sum| *sum < wanted);
+            few.get(at).or(few.last())
+        };
         let first = pick()?;
         // By one point and its normal, or by three points: normals of scans are uncertain.
         let normal = if trial % 2 == 0 && first.normal != Vec3::ZERO {
@@ -100,26 +111,31 @@ pub fn find_plane(sample: &Sample, left: &[usize], size: f32) -> Option<Plane> {
             normal
         };
         let plane = plane_at(normal, first.position);
-        let count = few
-            .iter()
-            .filter(|point| is_of(&plane, point, half))
-            .count();
-        if best.is_none_or(|(most, _)| count > most) {
-            best = Some((count, plane));
+        let members = few.iter().filter(|point| is_of(&plane, point, half));
+        let area = members.map(|point| point.area).sum();
+        if best.is_none_or(|(most, _)| area > most) {
+            best = Some((area, plane));
         }
     }
     let (_, mut plane) = best?;
     // Points of all that are left, the plane moved to their mean, twice.
     let mut members: Vec<Vec3> = Vec::new();
+    let mut area = 0.0;
     for _ in 0..3 {
         members.clear();
-        members.extend(
-            (left.iter().map(|at| &sample.points[*at]))
-                .filter(|point| is_of(&plane, point, half))
-                .map(|point| point.position),
-        );
+        area = 0.0;
+        for point in left.iter().map(|at| &sample.points[*at]) {
+            if is_of(&plane, point, half) {
+                members.push(point.position);
+                area += point.area;
+            }
+        }
         let (normal, middle) = principal(&members)?;
         plane = plane_at(normal, middle);
+    }
+    let all: f32 = left.iter().map(|at| sample.points[*at].area).sum();
+    if area < LEAST_SHARE * all {
+        return None;
     }
     let mut heights: Vec<f32> = members
         .iter()

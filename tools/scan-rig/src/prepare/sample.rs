@@ -11,6 +11,8 @@ const STRAYS: f64 = 0.01;
 const MARGIN: f32 = 0.1;
 /// Gaussians that are less opaque say nothing.
 const LEAST_OPACITY: f32 = 0.15;
+/// The most area that a Gaussian counts with, in squared sizes of the box.
+const MOST_AREA: f32 = 4e-4;
 /// Cells along the longest side of the box, where there are 100,000 points.
 const CELLS: f32 = 96.0;
 
@@ -21,6 +23,8 @@ pub struct Point {
     pub position: Vec3,
     /// Its thinnest axis, of unit length; zero if it is no disc.
     pub normal: Vec3,
+    /// How much surface it shows: opacity times area, limited, since single Gaussians may be huge.
+    pub area: f32,
 }
 
 /// Points of a scan.
@@ -68,6 +72,7 @@ impl Sample {
             .map(|at| Point {
                 position: scan.positions[at],
                 normal: normal(scan, at),
+                area: area(scan, at).min((high - low).max_element().powi(2) * MOST_AREA),
             })
             .collect();
         Self { points, low, high }
@@ -129,6 +134,12 @@ fn normal(scan: &Scan, at: usize) -> Vec3 {
     } else {
         Vec3::ZERO
     }
+}
+
+/// Opacity times the area of the two larger axes.
+fn area(scan: &Scan, at: usize) -> f32 {
+    let [a, b, c] = scan.scales[at].to_array();
+    scan.opacities[at] * (a * b).max(b * c).max(a * c)
 }
 
 /// At most so many of a scan's Gaussians, evenly spread and larger for it: looks the same from afar.

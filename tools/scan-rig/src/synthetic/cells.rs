@@ -161,10 +161,5 @@ const KEY: DVec3 = DVec3::new(0.3, 0.81, 0.5);
 
 /// The corners' shares at a place of a quad.
 fn shares([s, t]: [f64; 2]) -> [f64; 4] {
-    [
-        (1.0 - s) * (1.0 - t),
-        s * (1.0 - t),
-        s * t,
-        (1.0 - s) * t,
-    ]
+    [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t]
 }

@@ -4,6 +4,7 @@
 //! thickness, a natural stance turned anyhow, small Gaussians with the noise of a training. It is of the same family as the model that is
 //! registered to it, so it is easier than life.
 
+mod balance;
 mod cells;
 mod person;
 mod surroundings;

@@ -1,8 +1,8 @@
 //! Eight people: bodies, clothes and stances.
 
 use crate::RigError;
-use crate::body::posing::{chain, posed_from_rest, skinned, t_pose};
 use crate::body::SkinRow;
+use crate::body::posing::{chain, posed_from_rest, skinned, t_pose};
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use reconstruct::makehuman::{Macros, Quad};
 use reconstruct::{BareBody, Part, Texture};
@@ -59,11 +59,7 @@ fn macros(number: usize) -> Macros {
         weight: pick([0.7, 0.4, 0.3, 0.75, 0.5, 0.6, 0.35, 0.5]),
         height: pick([0.7, 0.35, 0.6, 0.4, 0.55, 0.45, 0.75, 0.5]),
         proportions: pick([0.5, 0.7, 0.4, 0.5, 0.6, 0.5, 0.5, 0.8]),
-        races: [
-            strange * african,
-            strange * (1.0 - african),
-            1.0 - strange,
-        ],
+        races: [strange * african, strange * (1.0 - african), 1.0 - strange],
     }
 }
 
@@ -236,7 +232,9 @@ fn uneven(vertices: &[DVec3], rng: &mut fastrand::Rng) -> Vec<f64> {
     }
     let low = field.iter().copied().fold(f64::INFINITY, f64::min);
     let high = field.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    field.iter_mut().for_each(|v| *v = (*v - low) / (high - low).max(1e-9));
+    field
+        .iter_mut()
+        .for_each(|v| *v = (*v - low) / (high - low).max(1e-9));
     field
 }
 
@@ -287,13 +285,19 @@ fn stance(rng: &mut fastrand::Rng) -> ([DMat3; JOINTS], f64) {
         turn(shoulder, DVec3::NEG_Z * sign * within(4.0, 22.0));
         turn(shoulder, DVec3::X * within(-10.0, 15.0));
         turn(elbow, DVec3::X * within(0.0, 25.0));
-        turn(hip, DVec3::new(within(-8.0, 8.0), 0.0, sign * within(2.0, 8.0)));
+        turn(
+            hip,
+            DVec3::new(within(-8.0, 8.0), 0.0, sign * within(2.0, 8.0)),
+        );
         turn(knee, DVec3::X * within(0.0, 10.0));
         turn(ankle, DVec3::X * within(-6.0, 6.0));
     }
     let spine = DVec3::new(within(-4.0, 8.0), within(-10.0, 10.0), within(-4.0, 4.0));
     turn(Joint::Spine2, spine);
-    turn(Joint::Head, DVec3::new(within(-10.0, 10.0), within(-15.0, 15.0), 0.0));
+    turn(
+        Joint::Head,
+        DVec3::new(within(-10.0, 10.0), within(-15.0, 15.0), 0.0),
+    );
     let yaw = within(-180.0, 180.0);
     turn(Joint::Pelvis, DVec3::Y * yaw);
     (rotations, yaw)
