@@ -264,15 +264,9 @@ fn prepared(
     let choices = prepare::Options {
         height: options.height,
         within: options.within,
+        up: options.up,
     };
-    match options.up {
-        None => prepare(scene, &choices, sight, networks),
-        Some(axis) => {
-            let mut turned = scene.clone();
-            turned.turn_up(axis);
-            prepare(&turned, &choices, sight, networks)
-        }
-    }
+    prepare(scene, &choices, sight, networks)
 }
 
 /// Assembles the avatar of what was bound and completed.

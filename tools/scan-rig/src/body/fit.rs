@@ -63,7 +63,7 @@ pub(super) fn fit(
         let posed = Posed::new(model, &state);
         let mut equations = NormalEquations::new(state.unknowns());
         let derivatives = Derivatives::new(model, &state, &posed);
-        targets.add(1.0, &state, &posed, &derivatives, &mut equations);
+        targets.add(1.0, &posed, &derivatives, &mut equations);
         let shapes = if round < POSE_ROUNDS { 1e5 } else { 6.0 };
         add_priors(model, &state, shapes, &mut equations);
         if let Some(step) = equations.solved(DAMPING) {
@@ -79,14 +79,14 @@ pub(super) fn fit(
             let pulls = matched(model, &posed, surface, reach);
             let mut equations = NormalEquations::new(state.unknowns());
             let derivatives = Derivatives::new(model, &state, &posed);
-            targets.add(0.5, &state, &posed, &derivatives, &mut equations);
-            add(&pulls, weight * share, &derivatives, state.unknowns(), &mut equations);
+            targets.add(0.5, &posed, &derivatives, &mut equations);
+            add(&pulls, weight * share, &derivatives, &mut equations);
             add_priors(model, &state, 3.0, &mut equations);
             log::trace!(
                 "reach {:.0} mm: surface {:.1} mm, key points {:.1} mm, scale {:.3}",
                 reach * 1e3,
                 residual(&pulls) * 1e3,
-                targets.error(&state, &posed) * 1e3,
+                targets.error(&posed) * 1e3,
                 state.scale
             );
             if let Some(step) = equations.solved(DAMPING) {
@@ -99,13 +99,13 @@ pub(super) fn fit(
     let (equations, pulls) = last.unwrap_or_else(|| {
         let mut equations = NormalEquations::new(state.unknowns());
         let derivatives = Derivatives::new(model, &state, &posed);
-        targets.add(1.0, &state, &posed, &derivatives, &mut equations);
+        targets.add(1.0, &posed, &derivatives, &mut equations);
         add_priors(model, &state, 6.0, &mut equations);
         (equations, Vec::new())
     });
     Fitted {
         residual: residual(&pulls),
-        key_points: targets.error(&state, &posed),
+        key_points: targets.error(&posed),
         state,
         posed,
         equations,

@@ -2,9 +2,10 @@
 
 use super::Hint;
 use super::derivatives::Derivatives;
+use super::face::OnFace;
 use super::model::BodyModel;
 use super::normal_equations::NormalEquations;
-use super::state::{Posed, State};
+use super::state::Posed;
 use crate::points::KeyPoint;
 use glam::DVec3;
 use motion_fit::landmarks::BODY_LANDMARKS;
@@ -35,6 +36,9 @@ const JOINTS: [(usize, Joint, f64); 18] = [
 /// Landmarks of an eye are on its front: this far from its centre, metres.
 const EYE_RADIUS: f64 = 0.014;
 
+/// The deviation of one of the face's landmarks, metres: they are many, and err together; all of them are worth a few good points.
+const FACE: f64 = 0.04;
+
 /// A hint's deviation, metres: more than a landmark's word.
 const HINT: f64 = 0.005;
 
@@ -58,10 +62,18 @@ pub(super) struct Target {
     pub(super) position: DVec3,
     /// Metres.
     pub(super) deviation: f64,
-    /// The body landmark that asks for it; none: a hint.
-    pub(super) landmark: Option<usize>,
-    /// The landmark lies this far in front of the joint along the head's own z, metres.
-    in_front: f64,
+    pub(super) source: Source,
+    /// How far the position is from the place in the rest pose of the head, which carries it along, metres.
+    offset: DVec3,
+}
+
+/// Who says where a place should be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Source {
+    /// BlazePose's landmark of this number.
+    Body(usize),
+    Face,
+    Hint,
 }
 
 /// What the key points and the hints ask.
@@ -74,60 +86,58 @@ impl Targets {
     pub(super) fn new(
         model: &BodyModel,
         points: &[KeyPoint; BODY_LANDMARKS],
+        face: &[OnFace],
         hints: &[Hint],
     ) -> Self {
-        let mut places: Vec<(usize, Place, f64, f64)> = JOINTS
-            .iter()
-            .map(|(landmark, joint, deviation)| {
-                let in_front = if *landmark < 7 { EYE_RADIUS } else { 0.0 };
-                (*landmark, Place::Joint(*joint), *deviation, in_front)
-            })
-            .collect();
-        let vertices = marked_vertices(model);
-        places.extend(
-            (vertices.into_iter()).map(|(landmark, vertex, deviation)| {
+        let joints = JOINTS.iter().map(|(landmark, joint, deviation)| {
+            let in_front = if *landmark < 7 { EYE_RADIUS } else { 0.0 };
+            (*landmark, Place::Joint(*joint), *deviation, in_front)
+        });
+        let vertices = (marked_vertices(model).into_iter())
+            .map(|(landmark, vertex, deviation)| {
                 (landmark, Place::Vertex(vertex), deviation, 0.0)
-            }),
-        );
-        let mut all: Vec<Target> = places
-            .into_iter()
-            .filter_map(|(landmark, place, usual, in_front)| {
-                let point = points[landmark];
-                let usable = point.support > 0.0
-                    && point.position.is_finite()
-                    && point.residual.is_finite();
+            });
+        let mut all = Vec::new();
+        for (landmark, place, usual, in_front) in joints.chain(vertices) {
+            let point = points[landmark];
+            if point.support > 0.0 && point.position.is_finite() && point.residual.is_finite() {
                 // Rays that miss one another are worth less, and so are few of them.
                 let few = (SUPPORT / point.support).max(1.0);
-                usable.then_some(Target {
+                all.push(Target {
                     place,
                     position: point.position,
                     deviation: usual.hypot((point.residual - 0.015).max(0.0)) * few,
-                    landmark: Some(landmark),
-                    in_front,
-                })
-            })
-            .collect();
-        all.extend(hints.iter().filter(|hint| hint.position.is_finite()).map(|hint| Target {
+                    source: Source::Body(landmark),
+                    offset: DVec3::Z * in_front,
+                });
+            }
+        }
+        all.extend(face.iter().map(|on| Target {
+            place: Place::Vertex(on.vertex),
+            position: on.place,
+            deviation: FACE,
+            source: Source::Face,
+            offset: on.offset,
+        }));
+        // A joint that the user names is where the user says, not where a network does.
+        let hinted: Vec<Place> = hints.iter().map(|hint| Place::Joint(hint.joint)).collect();
+        all.retain(|target| !hinted.contains(&target.place));
+        let hints = hints.iter().filter(|hint| hint.position.is_finite());
+        all.extend(hints.map(|hint| Target {
             place: Place::Joint(hint.joint),
             position: hint.position,
             deviation: HINT,
-            landmark: None,
-            in_front: 0.0,
+            source: Source::Hint,
+            offset: DVec3::ZERO,
         }));
-        // A joint that the user names is where the user says, not where a network does.
-        let hinted: Vec<Joint> = hints.iter().map(|hint| hint.joint).collect();
-        all.retain(|target| {
-            target.landmark.is_none()
-                || !matches!(target.place, Place::Joint(joint) if hinted.contains(&joint))
-        });
         Self { all }
     }
 
     /// What misses: target minus model, metres.
-    pub(super) fn miss(target: &Target, state: &State, posed: &Posed) -> DVec3 {
-        let head = state.rotations[Joint::Head.index()];
-        let wanted = target.position - head * (DVec3::Z * target.in_front);
-        wanted
+    pub(super) fn miss(target: &Target, posed: &Posed) -> DVec3 {
+        let head = &posed.maps[Joint::Head.index()];
+        target.position
+            - head.transform_vector3(target.offset)
             - match target.place {
                 Place::Joint(joint) => posed.joints[joint.index()],
                 Place::Vertex(vertex) => posed.vertices[vertex],
@@ -138,16 +148,15 @@ impl Targets {
     pub(super) fn add(
         &self,
         weight: f64,
-        state: &State,
         posed: &Posed,
         derivatives: &Derivatives<'_>,
         equations: &mut NormalEquations,
     ) {
-        let mut row = vec![0.0; state.unknowns()];
+        let mut row = vec![0.0; equations.unknowns()];
         for target in &self.all {
-            let miss = Self::miss(target, state, posed);
+            let miss = Self::miss(target, posed);
             let precision = weight / (target.deviation * target.deviation);
-            let robust = if target.landmark.is_some() {
+            let robust = if target.source != Source::Hint {
                 let off = miss.length() / target.deviation / OUTLYING;
                 precision / (1.0 + off * off)
             } else {
@@ -163,11 +172,11 @@ impl Targets {
         }
     }
 
-    /// Root mean square miss of the landmarks, metres.
-    pub(super) fn error(&self, state: &State, posed: &Posed) -> f64 {
+    /// Root mean square miss of the body's landmarks, metres.
+    pub(super) fn error(&self, posed: &Posed) -> f64 {
         let seen: Vec<f64> = (self.all.iter())
-            .filter(|target| target.landmark.is_some())
-            .map(|target| Self::miss(target, state, posed).length_squared())
+            .filter(|target| matches!(target.source, Source::Body(_)))
+            .map(|target| Self::miss(target, posed).length_squared())
             .collect();
         #[expect(clippy::cast_precision_loss, reason = "a few dozen landmarks")]
         let count = seen.len().max(1) as f64;

@@ -80,9 +80,9 @@ pub(super) fn add(
     pulls: &[Pull],
     weight: f64,
     derivatives: &Derivatives<'_>,
-    unknowns: usize,
     equations: &mut NormalEquations,
 ) {
+    let unknowns = equations.unknowns();
     let sums: Vec<NormalEquations> = pulls
         .par_chunks(CHUNK)
         .map(|chunk| {

@@ -1,7 +1,11 @@
 //! The body model and its registration to a scan.
 
+mod alignment;
 mod derivatives;
+mod face;
+mod face_vertices;
 mod fit;
+mod follow;
 mod landmarks;
 mod laplacian;
 mod match_surface;

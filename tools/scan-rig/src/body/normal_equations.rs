@@ -20,6 +20,11 @@ impl NormalEquations {
         }
     }
 
+    /// How many unknowns there are.
+    pub(super) fn unknowns(&self) -> usize {
+        self.unknowns
+    }
+
     /// Adds the term `weight * (row . x - residual)^2`.
     pub(super) fn add(&mut self, row: &[f64], weight: f64, residual: f64) {
         for (at, value) in row.iter().enumerate() {
