@@ -22,7 +22,7 @@ const CLEARANCE: f64 = 0.0004;
 const MOST_BACK: f64 = 0.004;
 
 /// Width of cells on the iris and beside it, metres.
-const SPACING: [f64; 2] = [0.00045, 0.0009];
+const SPACING: [f64; 2] = [0.0006, 0.0013];
 
 /// The person's gaze is no farther from straight ahead than this, radians.
 const MOST_ASIDE: f64 = 0.3;
@@ -79,7 +79,7 @@ pub(crate) fn cover(
                 let middle = patch.corners.iter().sum::<DVec3>() / 4.0 - eye.centre;
                 let ahead = middle.angle_between(head.forward());
                 if ahead < 1.75 {
-                    let spacing = if ahead < IRIS + MOST_ASIDE + 0.1 { SPACING[0] } else { SPACING[1] };
+                    let spacing = if ahead < 0.65 { SPACING[0] } else { SPACING[1] };
                     patch.cells(spacing * head.scale, &mut cells[side]);
                 }
             }

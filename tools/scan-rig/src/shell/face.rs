@@ -13,15 +13,18 @@ use glam::DVec3;
 /// Where units move the face farther than the first, it gets a shell; beyond the second, the scan's Gaussians give way to it. Metres.
 const SHELL: (f64, f64) = (0.0012, 0.003);
 
+/// Where expressions stretch the face more than the first it gets a shell; beyond the second, the scan's Gaussians give way to it.
+const STRETCHED: (f64, f64) = (1.3, 1.6);
+
 /// Where both show, the shell is this far under the surface, metres: the scan's own Gaussians are before it.
 const UNDER: f64 = 0.0015;
 
 /// Width of the shell's cells at the rims of lips and lids and away from them, metres, and the distances between which it changes.
-const SPACING: [f64; 2] = [0.0009, 0.0017];
+const SPACING: [f64; 2] = [0.0011, 0.0024];
 const RIM: [f64; 2] = [0.004, 0.020];
 
 /// Width of the cells of what is behind lips and lids, metres.
-const INSIDE_SPACING: f64 = 0.0020;
+const INSIDE_SPACING: f64 = 0.0026;
 
 /// How far before and behind the shell the scan's Gaussians colour it, metres.
 const LINE: (f32, f32) = (0.012, 0.008);
@@ -60,17 +63,16 @@ pub(crate) fn cover(model: &BodyModel, head: &Head, vertices: &[DVec3], scan: &S
     for quad in 0..model.faces.len() / 2 {
         if own(2 * quad) {
             cells.clear();
+            let shows = corners(model, quad).iter().all(|v| head.shows[*v as usize]);
             match model.parts[2 * quad] {
-                BodyPart::InnerMouth | BodyPart::EyeSocket => {
+                BodyPart::InnerMouth | BodyPart::EyeSocket if !shows => {
                     inside(model, head, vertices, quad, &skin, &mut cells, &mut additions);
                 }
                 _ => painter.shell(model, vertices, &normals, quad, &skin, &mut cells, &mut additions),
             }
         }
     }
-    let core = |face: usize| {
-        own(face) && model.faces[face].iter().all(|v| head.motion[*v as usize] > SHELL.1)
-    };
+    let core = |face: usize| own(face) && shelled(model, head, face / 2, SHELL.1, STRETCHED.1);
     let drop = triangles
         .iter()
         .map(|face| (*face as usize) < model.faces.len() && core(*face as usize))
@@ -80,6 +82,13 @@ pub(crate) fn cover(model: &BodyModel, head: &Head, vertices: &[DVec3], scan: &S
         drop,
         skin,
     }
+}
+
+/// Whether a quad of the face moves or is stretched more than this.
+fn shelled(model: &BodyModel, head: &Head, quad: usize, motion: f64, stretched: f64) -> bool {
+    let ring = corners(model, quad);
+    let moves = |least: f64| ring.iter().all(|v| head.motion[*v as usize] > least * head.scale);
+    moves(motion) || (moves(0.2 * motion) && head.stretch[quad].max_element() > stretched)
 }
 
 fn is_skin(model: &BodyModel, face: usize) -> bool {
@@ -168,7 +177,7 @@ impl Painter<'_> {
         let head = self.head;
         let ring = corners(model, quad).map(|v| v as usize);
         let least = |values: &[f64]| ring.iter().map(|v| values[*v]).fold(f64::INFINITY, f64::min);
-        if least(&head.motion) < SHELL.0 * head.scale {
+        if !shelled(model, head, quad, SHELL.0, STRETCHED.0) {
             return;
         }
         let apart = smoothstep(RIM[0], RIM[1], least(&head.rim) / head.scale);
@@ -181,7 +190,7 @@ impl Painter<'_> {
         for (cell, (seen, trust)) in cells.iter().zip(self.look(&lines, &smooth)) {
             let filled = at_cell(model, cell, skin);
             let outer: f64 = (model.faces[cell.triangle as usize].iter().zip(cell.shares))
-                .map(|(v, share)| if model.outer[*v as usize] { share } else { 0.0 })
+                .map(|(v, share)| if self.head.shows[*v as usize] { share } else { 0.0 })
                 .sum();
             let lid = at_cell(model, cell, &head.lid);
             let rim = at_cell(model, cell, &head.rim) / head.scale;
@@ -195,8 +204,9 @@ impl Painter<'_> {
                 // Lashes: a dark line along the rim.
                 colour *= 1.0 - 0.45 * smoothstep(0.2, 0.6, lid) * smoothstep(0.0, 0.5, 1.0 - outer);
             }
-            let motion = at_cell(model, cell, &head.motion);
-            let under = UNDER * (1.0 - smoothstep(SHELL.0, SHELL.1, motion));
+            let motion = smoothstep(SHELL.0, SHELL.1, at_cell(model, cell, &head.motion) / head.scale);
+            let stretched = smoothstep(STRETCHED.0, STRETCHED.1, head.stretch[quad].max_element());
+            let under = UNDER * (1.0 - motion.max(stretched));
             additions.push(cell, -under, colour, OPACITY);
         }
     }

@@ -2,6 +2,7 @@
 
 use super::additions::smoothstep;
 use super::cells::Patch;
+use super::place::Screen;
 use crate::body::Registered;
 use crate::body::BodyModel;
 use glam::{DMat3, DVec2, DVec3};
@@ -16,6 +17,9 @@ const MOST_STRETCH: f64 = 4.0;
 
 /// From the middle between the eyes, metres at scale 1: what is farther is not the face.
 const FACE_RADIUS: f64 = 0.15;
+
+/// How far a vertex is lifted off the skin before it is tested for what is before it, metres.
+const LIFT: f64 = 0.0003;
 
 /// The head of a registered body, in the scan's pose.
 #[derive(Debug)]
@@ -34,6 +38,8 @@ pub(crate) struct Head {
     pub(crate) mouth: Vec<f64>,
     /// `[N_f / 2]` how far each quad's edges are stretched in the widest expression.
     pub(crate) stretch: Vec<DVec2>,
+    /// `[N_v]` whether a vertex is skin that shows with open or closed lids: what a lid folds away is not the model's outside.
+    pub(crate) shows: Vec<bool>,
     /// `[N_v]` distance to the rim of the mouth's and the eyes' openings, metres; infinite away from the face.
     pub(crate) rim: Vec<f64>,
 }
@@ -71,7 +77,8 @@ impl Head {
             }
         }
         let stretch = stretch(model, registered, vertices, &near);
-        let rim = rim(model, vertices, &motion);
+        let shows = shows(model, registered, vertices, &lid, centre);
+        let rim = rim(model, vertices, &motion, &shows);
         Self {
             axes,
             scale,
@@ -80,6 +87,7 @@ impl Head {
             lid,
             mouth,
             stretch,
+            shows,
             rim,
         }
     }
@@ -175,9 +183,31 @@ fn stretch(model: &BodyModel, registered: &Registered, vertices: &[DVec3], near:
     stretch
 }
 
+/// The model's outside, and what closed lids add to it.
+fn shows(model: &BodyModel, registered: &Registered, vertices: &[DVec3], lid: &[f64], centre: DVec3) -> Vec<bool> {
+    let shut = [("eye-left-closure", 1.0), ("eye-right-closure", 1.0)];
+    let closed = expressed(model, registered, vertices, &shut, 0.0);
+    let own = |face: usize| model.faces[face].iter().all(|v| (*v as usize) < model.body_vertices);
+    let normals = normals(&closed, &model.faces, own);
+    let screen = Screen::of(
+        (0..model.faces.len())
+            .filter(|face| own(*face))
+            .map(|face| model.faces[face].map(|v| closed[v as usize]))
+            .filter(|corners| corners[0].distance(centre) < 0.07 * registered.scale),
+    );
+    let forward = registered.rotations[Joint::Head.index()].z_axis;
+    (0..vertices.len())
+        .map(|v| {
+            let hidden = || screen.first(closed[v] + (LIFT * registered.scale) * normals[v], forward).is_some();
+            let is_own = v < model.body_vertices;
+            model.outer[v] || (is_own && lid[v] > 0.05 && normals[v].dot(forward) > 0.15 && !hidden())
+        })
+        .collect()
+}
+
 /// How far each vertex of the moving face is from the rims, where what is seen meets what is not.
-fn rim(model: &BodyModel, vertices: &[DVec3], motion: &[f64]) -> Vec<f64> {
-    let is_outer = |v: &u32| model.outer[*v as usize];
+fn rim(model: &BodyModel, vertices: &[DVec3], motion: &[f64], shows: &[bool]) -> Vec<f64> {
+    let is_outer = |v: &u32| shows[*v as usize];
     let own = |face: &&[u32; 3]| face.iter().all(|v| (*v as usize) < model.body_vertices);
     let mut at_rim = vec![false; vertices.len()];
     for face in model.faces.iter().filter(own) {

@@ -15,13 +15,16 @@ const BEHIND: f64 = 0.0025;
 const MOST_BACK: f64 = 0.015;
 
 /// Width of the cells, metres.
-const SPACING: f64 = 0.0011;
+const SPACING: f64 = 0.0015;
 
 /// How far behind the front teeth the mouth is dark, metres.
 const DARK: f64 = 0.028;
 
-/// The teeth's texture is whiter than a mouth lets them be.
-const TINT: DVec3 = DVec3::new(0.90, 0.86, 0.80);
+/// What is deeper than this behind the front teeth never shows, metres.
+const DEEPEST: f64 = 0.04;
+
+/// The teeth's texture is grey.
+const TINT: DVec3 = DVec3::new(1.22, 1.15, 1.04);
 
 /// The brightness of skin under which the textures look as painted.
 const USUAL_SKIN: f64 = 0.60;
@@ -84,7 +87,8 @@ pub(crate) fn cover(
         head.patch(model, vertices, quad).cells(SPACING * head.scale, &mut cells);
         for cell in &cells {
             let towards = if part == BodyPart::Teeth { forward } else { (forward + head.axes.y_axis).normalize_or(forward) };
-            if cell.normal.dot(towards) < -0.3 {
+            let depth = (front - cell.point.dot(forward)) / head.scale;
+            if cell.normal.dot(towards) < 0.0 || depth > DEEPEST {
                 continue;
             }
             let uv = (model.uvs[cell.triangle as usize].iter().zip(cell.shares))
@@ -92,8 +96,7 @@ pub(crate) fn cover(
                 .sum::<glam::DVec2>();
             let texel = textures.colour(part, uv.as_vec2());
             let tint = if part == BodyPart::Teeth { TINT } else { DVec3::splat(0.75) };
-            let depth = (front - cell.point.dot(forward)) / (DARK * head.scale);
-            let dark = 1.0 - 0.75 * depth.clamp(0.0, 1.0);
+            let dark = 1.0 - 0.75 * (depth / DARK).clamp(0.0, 1.0);
             additions.push(cell, 0.0, texel * tint * (light * dark), 0.98);
         }
     }

@@ -74,16 +74,33 @@ impl Screen {
                 && face.iter().any(|v| model.outer[*v as usize])
                 && face.iter().any(|v| vertices[*v as usize].distance(centre) < radius)
         });
-        Self {
-            triangles: triangles.map(|face| face.map(|v| vertices[v as usize])).collect(),
-        }
+        Self::of(triangles.map(|face| face.map(|v| vertices[v as usize])))
+    }
+
+    /// Of these triangles.
+    #[must_use]
+    pub(crate) fn of(triangles: impl Iterator<Item = [DVec3; 3]>) -> Self {
+        Self { triangles: triangles.collect() }
+    }
+
+    /// How far along `direction` the ray from `origin` first meets the screen, metres.
+    #[must_use]
+    pub(crate) fn first(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
+        (self.crossings(origin, direction))
+            .filter(|height| *height > 0.0)
+            .min_by(f64::total_cmp)
     }
 
     /// How far along `direction` the line through `origin` meets the screen, metres: the crossing with the least distance, which is
-    /// negative behind the origin (Moeller and Trumbore 1997).
+    /// negative behind the origin.
     #[must_use]
     pub(crate) fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
-        let crossing = |[a, b, c]: &[DVec3; 3]| {
+        (self.crossings(origin, direction)).min_by(|a, b| a.abs().total_cmp(&b.abs()))
+    }
+
+    /// Where a line meets the triangles (Moeller and Trumbore 1997).
+    fn crossings(&self, origin: DVec3, direction: DVec3) -> impl Iterator<Item = f64> {
+        let crossing = move |[a, b, c]: &[DVec3; 3]| {
             let (ab, ac) = (*b - *a, *c - *a);
             let p = direction.cross(ac);
             let determinant = ab.dot(p);
@@ -96,8 +113,6 @@ impl Screen {
             let v = direction.dot(q) / determinant;
             (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| ac.dot(q) / determinant)
         };
-        (self.triangles.iter())
-            .filter_map(crossing)
-            .min_by(|a, b| a.abs().total_cmp(&b.abs()))
+        self.triangles.iter().filter_map(crossing)
     }
 }
