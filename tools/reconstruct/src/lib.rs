@@ -16,6 +16,7 @@ mod synthetic;
 pub use error::ReconstructError;
 pub use part::Part;
 pub use person::{
-    ColouredGaussians, EXPRESSIONS_USED, Person, Texture, build_gaussians, shaded_colour,
+    BareBody, ColouredGaussians, EXPRESSIONS_USED, Person, Texture, build_gaussians,
+    expression_basis, shaded_colour,
 };
 pub use shading::Light;

@@ -131,12 +131,7 @@ impl Assembly {
             .map(|(anchor, scale)| anchor.position(body, *scale))
             .collect();
         for (vertex, part) in vertices.iter_mut().zip(&self.vertex_parts) {
-            if *part == Part::Teeth {
-                vertex.z -= TEETH_BACK;
-                vertex.x *= TEETH_WIDTH;
-            } else if *part == Part::Tongue {
-                *vertex -= Vec3::new(0.0, TONGUE_DOWN, TONGUE_BACK);
-            }
+            *vertex = corrected(*vertex, *part);
         }
         vertices
     }
@@ -150,8 +145,19 @@ impl Assembly {
     }
 }
 
+/// A vertex of the rest pose, decimetres, where it is to be: teeth and tongue moved a little.
+pub(super) fn corrected(mut vertex: Vec3, part: Part) -> Vec3 {
+    if part == Part::Teeth {
+        vertex.z -= TEETH_BACK;
+        vertex.x *= TEETH_WIDTH;
+    } else if part == Part::Tongue {
+        vertex -= Vec3::new(0.0, TONGUE_DOWN, TONGUE_BACK);
+    }
+    vertex
+}
+
 /// The clear shell over the eye, which Gaussians cannot show; its texture lies in a corner of its own.
-fn is_cornea(quad: &Quad) -> bool {
+pub(super) fn is_cornea(quad: &Quad) -> bool {
     let centre = quad.uvs.iter().sum::<Vec2>() / 4.0;
     centre.x > 0.87 && centre.y < 0.13
 }
@@ -182,7 +188,7 @@ fn label(item: &Item, proxy: &Proxy) -> Result<Vec<Part>, String> {
 }
 
 /// Which bones move head or hand, and where the face ends.
-struct BodyRegions<'a> {
+pub(super) struct BodyRegions<'a> {
     body: &'a [Vec3],
     weights: &'a [BoneWeights],
     head: Vec<bool>,
@@ -192,7 +198,7 @@ struct BodyRegions<'a> {
 }
 
 impl<'a> BodyRegions<'a> {
-    fn new(rig: &Rig, body: &'a [Vec3], weights: &'a [BoneWeights]) -> Self {
+    pub(super) fn new(rig: &Rig, body: &'a [Vec3], weights: &'a [BoneWeights]) -> Self {
         use super::joints::joint_of_bone;
         use spmm3::Joint::{Head, Jaw, LeftEye, LeftWrist, RightEye, RightWrist};
         let of = |wanted: &dyn Fn(spmm3::Joint) -> bool| {
@@ -214,7 +220,7 @@ impl<'a> BodyRegions<'a> {
         }
     }
 
-    fn part(&self, quad: &Quad) -> Part {
+    pub(super) fn part(&self, quad: &Quad) -> Part {
         let share = |bones: &[bool]| -> f32 {
             let corner = |v: &u32| -> f32 {
                 self.weights[*v as usize]

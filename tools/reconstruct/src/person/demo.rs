@@ -114,6 +114,7 @@ impl Person {
             textures: textures(&package)?,
             expressions: basis.offsets,
             presets: basis.presets,
+            mixes: basis.mixes,
             bridges,
         })
     }

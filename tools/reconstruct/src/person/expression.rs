@@ -5,6 +5,7 @@
 //! If each unit of U `[34]` is drawn independently with deviation s, the offsets' principal components are the singular
 //! vectors of U; scaling each by s times its singular value gives coefficients of unit variance, FLAME's convention.
 
+use super::mixes::{MIXES, UNITS};
 use super::recipe::NEUTRAL_EYES;
 use glam::Vec3;
 use nalgebra::DMatrix;
@@ -73,6 +74,8 @@ pub(super) struct ExpressionBasis {
     pub(super) offsets: Vec<Vec<Vec3>>,
     /// Named expressions in the basis' coefficients.
     pub(super) presets: Expressions,
+    /// `[16][units]` each component's mix of the units, unit length.
+    pub(super) mixes: Vec<Vec<f32>>,
     /// Share of the units' energy the basis holds.
     pub(super) explained: f32,
 }
@@ -107,11 +110,26 @@ pub(super) fn compress(units: &[(String, Vec<Vec3>)]) -> ExpressionBasis {
             column.iter().map(|v| (v * sign) as f32).collect()
         })
         .collect();
+    let (offsets, presets) = mix(units, &mixes);
+    #[allow(clippy::cast_possible_truncation, reason = "a share of 1")]
+    ExpressionBasis {
+        offsets,
+        presets,
+        mixes,
+        explained: explained as f32,
+    }
+}
+
+/// Basis and presets by given mixes of the units.
+fn mix<M: AsRef<[f32]> + Sync>(
+    units: &[(String, Vec<Vec3>)],
+    mixes: &[M],
+) -> (Vec<Vec<Vec3>>, Expressions) {
     let offsets = mixes
         .par_iter()
         .map(|mix| {
             let mut sum = vec![Vec3::ZERO; units.first().map_or(0, |(_, o)| o.len())];
-            for (share, (_, offsets)) in mix.iter().zip(units) {
+            for (share, (_, offsets)) in mix.as_ref().iter().zip(units) {
                 for (sum, offset) in sum.iter_mut().zip(offsets) {
                     *sum += *share * UNIT_DEVIATION * *offset;
                 }
@@ -126,8 +144,9 @@ pub(super) fn compress(units: &[(String, Vec<Vec3>)]) -> ExpressionBasis {
             for (unit, (name, _)) in units.iter().enumerate() {
                 for (pattern, strength) in *strengths {
                     if matches_unit(pattern, name) {
-                        for (slot, mix) in coefficients.iter_mut().zip(&mixes) {
-                            *slot += mix[unit] * strength / UNIT_DEVIATION;
+                        for (slot, mix) in coefficients.iter_mut().zip(mixes) {
+                            *slot += mix.as_ref().get(unit).copied().unwrap_or_default() * strength
+                                / UNIT_DEVIATION;
                         }
                     }
                 }
@@ -139,12 +158,20 @@ pub(super) fn compress(units: &[(String, Vec<Vec3>)]) -> ExpressionBasis {
             ((*name).to_owned(), preset)
         })
         .collect();
-    #[allow(clippy::cast_possible_truncation, reason = "a share of 1")]
-    ExpressionBasis {
-        offsets,
-        presets,
-        explained: explained as f32,
-    }
+    (offsets, presets)
+}
+
+/// The basis [`spmm3::ExpressionBasis::MAKEHUMAN_1`] on another body: `[16][N_v]` offsets per unit of coefficient, in the unit and frame of the
+/// offsets given, and the presets. A coefficient mixes the same units as it does on the demo person, so that one motion moves both
+/// faces alike. `units`: names and `[N_v]` offsets.
+///
+/// `None` if the units are not MakeHuman's 34.
+#[must_use]
+pub fn expression_basis(units: &[(String, Vec<Vec3>)]) -> Option<(Vec<Vec<Vec3>>, Expressions)> {
+    let same = units.len() == UNITS.len()
+        && (units.iter().zip(UNITS)).all(|((name, _), unit)| name.as_str() == unit)
+        && units.iter().all(|(_, o)| o.len() == units[0].1.len());
+    same.then(|| mix(units, &MIXES))
 }
 
 fn matches_unit(pattern: &str, name: &str) -> bool {

@@ -3,6 +3,7 @@
 //! decided elsewhere.
 
 mod assemble;
+mod bare;
 mod bridges;
 mod closest;
 mod demo;
@@ -10,6 +11,7 @@ mod expression;
 mod gaussians;
 mod joints;
 mod loose;
+mod mixes;
 mod pieces;
 mod range_of_motion;
 mod recipe;
@@ -20,7 +22,8 @@ mod transfer;
 mod visible;
 
 use crate::Part;
-pub use expression::EXPRESSIONS_USED;
+pub use bare::BareBody;
+pub use expression::{EXPRESSIONS_USED, expression_basis};
 pub use gaussians::{ColouredGaussians, build_gaussians, shaded_colour};
 pub use texture::Texture;
 
@@ -39,6 +42,7 @@ pub struct Person {
     textures: Vec<Texture>,
     expressions: Vec<Vec<Vec3>>,
     presets: Expressions,
+    mixes: Vec<Vec<f32>>,
     bridges: Vec<(u32, u32)>,
 }
 
@@ -84,6 +88,12 @@ impl Person {
     #[must_use]
     pub fn presets(&self) -> &Expressions {
         &self.presets
+    }
+
+    /// `[16][34]` what share each of MakeHuman's expression units (in the order of their names) has in a coefficient of the basis, unit length.
+    #[must_use]
+    pub fn expression_mixes(&self) -> &[Vec<f32>] {
+        &self.mixes
     }
 
     /// Pairs of vertices where separate surfaces (body, garments, hair) touch: for [`spmm3::EdgeGraph::new`].

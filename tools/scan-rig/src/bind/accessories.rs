@@ -1,0 +1,212 @@
+//! What is worn or carried and is no body: a helmet in a hand, a bag, a hat. It is found as a cluster off the body, and moves with one
+//! joint.
+
+use crate::body::SkinRow;
+use glam::{IVec3, Vec3};
+use rayon::prelude::*;
+use serde::{Serialize, Serializer};
+use spmm3::{JOINTS, Joint};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What is farther from the body is not body, metres.
+pub const OFF_BODY: f32 = 0.045;
+/// Side of the cells whose neighbours are one thing, metres.
+const CELL: f32 = 0.03;
+/// Gaussians that a thing has at least.
+const LEAST: usize = 600;
+/// The most things.
+const MOST: usize = 5;
+/// How far a thing reaches beyond its Gaussians that are off the body, metres.
+const GROWN: f32 = 0.025;
+/// Weight, in vertices, of a hand in a thing from which on the hand holds it.
+const HELD: f32 = 5.0;
+/// What is larger than this is not held in a hand unless it is thin, metres.
+const HELD_SIZE: f32 = 0.75;
+/// Directions that bound a thing.
+const DIRECTIONS: usize = 240;
+
+/// A thing that is no body.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Accessory {
+    /// The joint that it moves with.
+    #[serde(serialize_with = "by_name")]
+    pub joint: Joint,
+    /// Its Gaussians in the scan.
+    pub gaussians: usize,
+    /// The middle of its part off the body, metres.
+    pub centre: [f32; 3],
+    /// The diagonal of the box around that part, metres.
+    pub size: f32,
+}
+
+fn by_name<S: Serializer>(joint: &Joint, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(joint.name())
+}
+
+/// The convex shape around points, bounded by planes in fixed directions.
+#[derive(Debug, Clone)]
+pub struct Shape {
+    bounds: Vec<(Vec3, f32)>,
+}
+
+impl Shape {
+    /// Around points, `grown` metres farther.
+    fn around(points: &[Vec3], grown: f32) -> Self {
+        let bounds = directions()
+            .map(|direction| {
+                let most = points
+                    .iter()
+                    .map(|p| p.dot(direction))
+                    .fold(f32::NEG_INFINITY, f32::max);
+                (direction, most + grown)
+            })
+            .collect();
+        Self { bounds }
+    }
+
+    /// Whether a point is inside.
+    #[must_use]
+    pub fn contains(&self, point: Vec3) -> bool {
+        self.bounds.iter().all(|(d, most)| point.dot(*d) <= *most)
+    }
+}
+
+/// Directions spread evenly over the sphere (Fibonacci's lattice).
+fn directions() -> impl Iterator<Item = Vec3> {
+    let golden = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
+    (0..DIRECTIONS).map(move |at| {
+        let y = 1.0 - (at as f32 + 0.5) * 2.0 / DIRECTIONS as f32;
+        let radius = (1.0 - y * y).sqrt();
+        let (sin, cos) = (golden * at as f32).sin_cos();
+        Vec3::new(radius * cos, y, radius * sin)
+    })
+}
+
+/// The clusters of points, largest first: cells of a grid that touch, with at least as many points as a thing has.
+#[must_use]
+pub fn clusters(points: &[Vec3]) -> Vec<Vec<Vec3>> {
+    let mut cells: BTreeMap<[i32; 3], Vec<Vec3>> = BTreeMap::new();
+    for point in points.iter().filter(|p| p.is_finite()) {
+        let cell = (*point / CELL).floor().as_ivec3();
+        cells.entry(cell.to_array()).or_default().push(*point);
+    }
+    let mut left: BTreeSet<[i32; 3]> = cells.keys().copied().collect();
+    let mut found = Vec::new();
+    while let Some(first) = left.pop_first() {
+        let mut members = Vec::new();
+        let mut open = vec![first];
+        while let Some(cell) = open.pop() {
+            members.extend(cells.remove(&cell).unwrap_or_default());
+            for at in 0..27 {
+                let step = IVec3::new(at % 3, at / 3 % 3, at / 9) - 1;
+                let beside = (IVec3::from(cell) + step).to_array();
+                if left.remove(&beside) {
+                    open.push(beside);
+                }
+            }
+        }
+        if members.len() >= LEAST {
+            found.push(members);
+        }
+    }
+    found.sort_by_key(|members| std::cmp::Reverse(members.len()));
+    found.truncate(MOST);
+    found
+}
+
+/// The body as things see it: its vertices, and the weight of every joint for each.
+#[derive(Debug, Clone, Copy)]
+pub struct Wearer<'a> {
+    /// Vertices in the scan's pose, metres.
+    pub vertices: &'a [Vec3],
+    /// Weight of every joint, before fingers were given to wrists.
+    pub weights: &'a [SkinRow],
+}
+
+/// The shape of a cluster, and the joint that it moves with.
+#[must_use]
+pub fn attach(cluster: &[Vec3], wearer: Wearer<'_>) -> (Shape, Accessory) {
+    let shape = Shape::around(cluster, GROWN);
+    let low = cluster.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
+    let high = cluster.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b));
+    let centre = cluster.iter().sum::<Vec3>() / cluster.len().max(1) as f32;
+    let size = (high - low).length();
+    let mut score = [0.0_f32; JOINTS];
+    for (vertex, weights) in wearer.vertices.iter().zip(wearer.weights) {
+        if shape.contains(*vertex) {
+            for (sum, weight) in score.iter_mut().zip(weights) {
+                *sum += weight;
+            }
+        }
+    }
+    let joint = held_by(&score, size)
+        .or_else(|| most(&score))
+        .unwrap_or_else(|| nearest_joint(cluster, wearer));
+    let accessory = Accessory {
+        joint,
+        gaussians: 0,
+        centre: centre.to_array(),
+        size,
+    };
+    (shape, accessory)
+}
+
+/// The wrist of the hand that reaches into a thing of that size.
+fn held_by(score: &[f32; JOINTS], size: f32) -> Option<Joint> {
+    let hand = |wrist: Joint| -> f32 {
+        let below = Joint::ALL.into_iter().filter(|j| is_below(*j, wrist));
+        below.map(|joint| score[joint as usize]).sum()
+    };
+    let (left, right) = (hand(Joint::LeftWrist), hand(Joint::RightWrist));
+    let wrist = if left > right { Joint::LeftWrist } else { Joint::RightWrist };
+    (left.max(right) >= HELD && size < HELD_SIZE).then_some(wrist)
+}
+
+/// Whether a joint is another one or hangs from it.
+fn is_below(joint: Joint, other: Joint) -> bool {
+    let mut at = Some(joint);
+    while let Some(here) = at {
+        if here == other {
+            return true;
+        }
+        at = here.parent();
+    }
+    false
+}
+
+/// The joint with the largest score; of the head's and the fingers' joints the one that carries them.
+fn most(score: &[f32; JOINTS]) -> Option<Joint> {
+    let best = Joint::ALL
+        .into_iter()
+        .max_by(|a, b| score[*a as usize].total_cmp(&score[*b as usize]))?;
+    (score[best as usize] > 0.0).then(|| carrier(best))
+}
+
+/// The nearest of a joint and those above it that things hang on.
+fn carrier(joint: Joint) -> Joint {
+    for whole in [Joint::Head, Joint::LeftWrist, Joint::RightWrist, Joint::LeftAnkle, Joint::RightAnkle] {
+        if is_below(joint, whole) {
+            return whole;
+        }
+    }
+    joint
+}
+
+/// The joint that moves the vertex nearest to any of the points the most.
+fn nearest_joint(cluster: &[Vec3], wearer: Wearer<'_>) -> Joint {
+    let nearest = wearer
+        .vertices
+        .par_iter()
+        .zip(wearer.weights)
+        .map(|(vertex, weights)| {
+            let squared = cluster
+                .iter()
+                .map(|p| p.distance_squared(*vertex))
+                .fold(f32::INFINITY, f32::min);
+            (squared, weights)
+        })
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    nearest
+        .and_then(|(_, weights)| most(weights))
+        .unwrap_or(Joint::Pelvis)
+}

@@ -1,0 +1,241 @@
+//! Which places of the body model BlazePose's landmarks are, and what they and the user's hints ask of the fit.
+
+use super::Hint;
+use super::derivatives::Derivatives;
+use super::face::OnFace;
+use super::model::BodyModel;
+use super::normal_equations::NormalEquations;
+use super::state::Posed;
+use crate::points::KeyPoint;
+use glam::DVec3;
+use motion_fit::landmarks::BODY_LANDMARKS;
+use spmm3::Joint;
+
+/// Landmarks that are joints: which, and their usual deviation from it, metres.
+const JOINTS: [(usize, Joint, f64); 18] = [
+    (2, Joint::LeftEye, 0.015),
+    (5, Joint::RightEye, 0.015),
+    (11, Joint::LeftShoulder, 0.03),
+    (12, Joint::RightShoulder, 0.03),
+    (13, Joint::LeftElbow, 0.02),
+    (14, Joint::RightElbow, 0.02),
+    (15, Joint::LeftWrist, 0.02),
+    (16, Joint::RightWrist, 0.02),
+    (17, Joint::LeftPinky1, 0.04),
+    (18, Joint::RightPinky1, 0.04),
+    (19, Joint::LeftIndex1, 0.04),
+    (20, Joint::RightIndex1, 0.04),
+    (23, Joint::LeftHip, 0.04),
+    (24, Joint::RightHip, 0.04),
+    (25, Joint::LeftKnee, 0.025),
+    (26, Joint::RightKnee, 0.025),
+    (27, Joint::LeftAnkle, 0.025),
+    (28, Joint::RightAnkle, 0.025),
+];
+
+/// Landmarks of an eye are on its front: this far from its centre, metres.
+const EYE_RADIUS: f64 = 0.014;
+
+/// The deviation of one of the face's landmarks, metres: they are many, and err together; all of them are worth a few good points.
+const FACE: f64 = 0.04;
+
+/// A hint's deviation, metres: more than a landmark's word.
+const HINT: f64 = 0.005;
+
+/// Rays of fewer views than about two (weighted) fix no point.
+const SUPPORT: f64 = 2.0;
+
+/// Beyond this many deviations a landmark loses weight.
+const OUTLYING: f64 = 3.0;
+
+/// A place of the model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Place {
+    Joint(Joint),
+    Vertex(usize),
+}
+
+/// A place, where it should be, and how sure that is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Target {
+    pub(super) place: Place,
+    pub(super) position: DVec3,
+    /// Metres.
+    pub(super) deviation: f64,
+    pub(super) source: Source,
+    /// How far the position is from the place in the rest pose of the head, which carries it along, metres.
+    offset: DVec3,
+}
+
+/// Who says where a place should be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Source {
+    /// BlazePose's landmark of this number.
+    Body(usize),
+    Face,
+    Hint,
+}
+
+/// What the key points and the hints ask.
+#[derive(Debug, Clone)]
+pub(super) struct Targets {
+    pub(super) all: Vec<Target>,
+}
+
+impl Targets {
+    pub(super) fn new(
+        model: &BodyModel,
+        points: &[KeyPoint; BODY_LANDMARKS],
+        face: &[OnFace],
+        hints: &[Hint],
+    ) -> Self {
+        let joints = JOINTS.iter().map(|(landmark, joint, deviation)| {
+            let in_front = if *landmark < 7 { EYE_RADIUS } else { 0.0 };
+            (*landmark, Place::Joint(*joint), *deviation, in_front)
+        });
+        let vertices = (marked_vertices(model).into_iter())
+            .map(|(landmark, vertex, deviation)| {
+                (landmark, Place::Vertex(vertex), deviation, 0.0)
+            });
+        let mut all = Vec::new();
+        for (landmark, place, usual, in_front) in joints.chain(vertices) {
+            let point = points[landmark];
+            if point.support > 0.0 && point.position.is_finite() && point.residual.is_finite() {
+                // Rays that miss one another are worth less, and so are few of them.
+                let few = (SUPPORT / point.support).max(1.0);
+                all.push(Target {
+                    place,
+                    position: point.position,
+                    deviation: usual.hypot((point.residual - 0.015).max(0.0)) * few,
+                    source: Source::Body(landmark),
+                    offset: DVec3::Z * in_front,
+                });
+            }
+        }
+        all.extend(face.iter().map(|on| Target {
+            place: Place::Vertex(on.vertex),
+            position: on.place,
+            deviation: FACE,
+            source: Source::Face,
+            offset: on.offset,
+        }));
+        // A joint that the user names is where the user says, not where a network does.
+        let hinted: Vec<Place> = hints.iter().map(|hint| Place::Joint(hint.joint)).collect();
+        all.retain(|target| !hinted.contains(&target.place));
+        let hints = hints.iter().filter(|hint| hint.position.is_finite());
+        all.extend(hints.map(|hint| Target {
+            place: Place::Joint(hint.joint),
+            position: hint.position,
+            deviation: HINT,
+            source: Source::Hint,
+            offset: DVec3::ZERO,
+        }));
+        Self { all }
+    }
+
+    /// What misses: target minus model, metres.
+    pub(super) fn miss(target: &Target, posed: &Posed) -> DVec3 {
+        let head = &posed.maps[Joint::Head.index()];
+        target.position
+            - head.transform_vector3(target.offset)
+            - match target.place {
+                Place::Joint(joint) => posed.joints[joint.index()],
+                Place::Vertex(vertex) => posed.vertices[vertex],
+            }
+    }
+
+    /// Adds the targets' terms, `weight` times, those far off with less.
+    pub(super) fn add(
+        &self,
+        weight: f64,
+        posed: &Posed,
+        derivatives: &Derivatives<'_>,
+        equations: &mut NormalEquations,
+    ) {
+        let mut row = vec![0.0; equations.unknowns()];
+        for target in &self.all {
+            let miss = Self::miss(target, posed);
+            let precision = weight / (target.deviation * target.deviation);
+            let robust = if target.source != Source::Hint {
+                let off = miss.length() / target.deviation / OUTLYING;
+                precision / (1.0 + off * off)
+            } else {
+                2.0 * precision
+            };
+            for axis in DVec3::AXES {
+                match target.place {
+                    Place::Joint(joint) => derivatives.of_joint(joint, axis, &mut row),
+                    Place::Vertex(vertex) => derivatives.of_vertex(vertex, axis, &mut row),
+                }
+                equations.add(&row, robust, axis.dot(miss));
+            }
+        }
+    }
+
+    /// Root mean square miss of the body's landmarks, metres.
+    pub(super) fn error(&self, posed: &Posed) -> f64 {
+        let seen: Vec<f64> = (self.all.iter())
+            .filter(|target| matches!(target.source, Source::Body(_)))
+            .map(|target| Self::miss(target, posed).length_squared())
+            .collect();
+        #[expect(clippy::cast_precision_loss, reason = "a few dozen landmarks")]
+        let count = seen.len().max(1) as f64;
+        (seen.iter().sum::<f64>() / count).sqrt()
+    }
+}
+
+/// Landmarks on the skin: which, the model's vertex there, and their usual deviation, metres. Nose, ears, heels, tips of the feet.
+fn marked_vertices(model: &BodyModel) -> Vec<(usize, usize, f64)> {
+    let at = |joint: Joint| model.joints[joint.index()];
+    let place = |vertex: usize| model.rest[vertex];
+    let most = |among: &dyn Fn(usize) -> bool, score: &dyn Fn(usize) -> f64| {
+        (0..model.body_vertices)
+            .filter(|vertex| among(*vertex))
+            .max_by(|a, b| score(*a).total_cmp(&score(*b)))
+    };
+    let of_head = |vertex: usize| model.head_share(vertex) > 0.9;
+    let eyes = at(Joint::LeftEye).y;
+    let ground = (0..model.body_vertices).map(|v| place(v).y).fold(f64::INFINITY, f64::min);
+    let mut found = vec![(
+        0,
+        most(
+            &|v| of_head(v) && place(v).x.abs() < 0.004 && (place(v).y - eyes + 0.04).abs() < 0.02,
+            &|v| place(v).z,
+        ),
+        0.015,
+    )];
+    let sides = [
+        (7, 29, 31, 1.0, Joint::LeftAnkle, Joint::LeftFoot),
+        (8, 30, 32, -1.0, Joint::RightAnkle, Joint::RightFoot),
+    ];
+    for (ear, heel, toe, sign, ankle, foot) in sides {
+        let of_foot = move |vertex: usize| model.share(vertex, &[ankle, foot]) > 0.9;
+        let toes = at(foot).x;
+        let skull = at(Joint::Head).z;
+        found.push((
+            ear,
+            most(
+                &|v| {
+                    of_head(v)
+                        && (place(v).y - eyes + 0.005).abs() < 0.01
+                        && (place(v).z - skull).abs() < 0.03
+                },
+                &|v| sign * place(v).x,
+            ),
+            0.02,
+        ));
+        found.push((
+            heel,
+            most(&|v| of_foot(v) && place(v).y < ground + 0.03, &|v| -place(v).z),
+            0.03,
+        ));
+        found.push((
+            toe,
+            most(&|v| of_foot(v) && (place(v).x - toes).abs() < 0.04, &|v| place(v).z),
+            0.03,
+        ));
+    }
+    (found.into_iter())
+        .filter_map(|(landmark, vertex, deviation)| Some((landmark, vertex?, deviation)))
+        .collect()
+}
