@@ -1,6 +1,6 @@
 //! Cuts what may be a person out of a scan: floors and walls taken off, the rest divided into what hangs together.
 
-use super::clusters::clusters;
+use super::clusters::{Cluster, clusters};
 use super::plane::{Plane, find_plane};
 use super::sample::Sample;
 use crate::scan::Scan;
@@ -11,10 +11,12 @@ use rayon::prelude::*;
 const MOST_LOOKED_AT: usize = 250_000;
 /// Planes that are taken off at most: a floor, a ceiling, four walls.
 const MOST_PLANES: usize = 6;
-/// A cluster with less than this share of the largest one's cells is no second person.
-const LEAST_SHARE: f64 = 0.2;
+/// A cluster with less than this share of the largest one's cells is not looked at.
+const LEAST_SHARE: f64 = 0.02;
 /// Clusters that are handed on at most.
-const MOST_CLUSTERS: usize = 4;
+const MOST_CLUSTERS: usize = 5;
+/// Shares of a cluster's cells that a part of it has which does not touch it, such as glasses.
+const PART: std::ops::Range<f64> = 0.003..0.2;
 
 /// What hangs together in a scan, apart from floors and walls.
 #[derive(Debug, Clone)]
@@ -48,28 +50,20 @@ pub fn cut(scan: &Scan, within: Option<[Vec3; 2]>) -> Vec<Cut> {
     let cell = sample.cell();
     let positions: Vec<Vec3> = left.iter().map(|at| sample.points[*at].position).collect();
     let found = clusters(&positions, cell);
-    let most = found.first().map_or(0, |cluster| cluster.cells());
-    #[expect(clippy::cast_precision_loss, reason = "counts of cells")]
-    let least = (most as f64 * LEAST_SHARE).max(1.0);
-    #[expect(clippy::cast_precision_loss, reason = "counts of cells")]
-    let large = found
-        .iter()
-        .filter(|cluster| cluster.cells() as f64 >= least);
+    let most = found.first().map_or(0.0, cells);
+    let large = found.iter().filter(|cluster| cells(cluster) >= LEAST_SHARE * most);
     large
         .take(MOST_CLUSTERS)
         .map(|main| {
-            // What is near a cluster and not large itself, such as glasses, belongs to it.
             let (low, high) = main.bounds();
             let margin = Vec3::splat(2.0 * cell);
-            #[expect(clippy::cast_precision_loss, reason = "counts of cells")]
             let parts: Vec<_> = found
                 .iter()
                 .filter(|part| {
                     let (a, b) = part.bounds();
-                    let cells = part.cells() as f64;
                     let inside = a.cmpge(low - margin).all() && b.cmple(high + margin).all();
                     std::ptr::eq(*part, main)
-                        || inside && cells < least && cells > 0.003 * main.cells() as f64
+                        || inside && PART.contains(&(cells(part) / cells(main)))
                 })
                 .collect();
             let planes: Vec<Plane> = planes
@@ -93,4 +87,9 @@ pub fn cut(scan: &Scan, within: Option<[Vec3; 2]>) -> Vec<Cut> {
             }
         })
         .collect()
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts of cells")]
+fn cells(cluster: &Cluster) -> f64 {
+    cluster.cells() as f64
 }

@@ -16,8 +16,12 @@ pub struct Figures {
     pub gaussians: usize,
     /// Of the last views, in how many the body was seen.
     pub views: usize,
+    /// In how many of them several people were seen.
+    pub crowded: usize,
     /// In how many of them left and right were exchanged.
     pub exchanged: usize,
+    /// Share of what the scan shows, by area, that is not about the person's bones: 0..=1.
+    pub beside: f64,
     /// Median residual of the body's landmarks, metres.
     pub body_residual: f64,
     /// Median residual of the face's landmarks, metres; nothing without a face.

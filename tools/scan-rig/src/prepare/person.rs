@@ -10,7 +10,7 @@ use super::refused;
 use super::sample::thinned;
 use super::similarity::Similarity;
 use super::stance::{
-    body_axis, centre_of_mass, exchanged, extent, facing, is_exchanged, stand, turn_to,
+    body_axis, centre_of_mass, exchanged, extent, facing, is_exchanged, share_beside, stand, turn_to,
 };
 use super::upright::{UpScore, look_for_up};
 use super::views::Subject;
@@ -69,6 +69,8 @@ const LEAST_SCORE: f64 = 1.2;
 const SETTLED: f64 = 0.06;
 /// ... and so many times.
 const PASSES: usize = 3;
+/// What is farther from all bones is not the person, metres.
+const ABOUT_BONES: f64 = 0.22;
 /// Views of a scan agree on a person's joints to this, metres: median over joints.
 const MOST_RESIDUAL: f64 = 0.05;
 /// With more, the user is told, metres.
@@ -129,13 +131,14 @@ pub fn prepare(
     let mut scan = person_from_scene.scan(&found.scan);
     sight.set(&thinned(&scan, MOST_DRAWN));
     let (seen, looks, crowded) = look_around(&scan, DVec3::Y, DVec3::Z, (VIEWS, 1.0), sight, networks)?;
+    figures.crowded = crowded;
     if crowded > VIEWS as usize / 3 {
         return Err(refused::touching(crowded));
     }
     figures.views = looks;
     figures.exchanged = seen.exchanged;
     let mut body = seen.points;
-    let correction = onto_the_floor(&scan, &mut body, placed.floor, height)?;
+    let correction = onto_the_floor(&scan, &mut body, placed.floor, height, height)?;
     for point in &mut body {
         point.position = correction.point(point.position);
         point.residual *= correction.scale;
@@ -147,6 +150,7 @@ pub fn prepare(
     if figures.body_residual > MOST_RESIDUAL || looks < VIEWS as usize / 2 {
         return Err(refused::unsure(1e3 * figures.body_residual));
     }
+    figures.beside = share_beside(&scan, &body, ABOUT_BONES * height / USUAL_HEIGHT);
     steps.ended("body");
 
     sight.set(&scan);
@@ -380,7 +384,7 @@ fn stood(
     for pass in 0..PASSES {
         let (seen, ..) = look_around(&found.normal, up, front, FIRST_VIEWS, sight, networks)?;
         let mut points = seen.points;
-        let turned = onto_the_floor(&found.normal, &mut points, found.floor, height)?;
+        let turned = onto_the_floor(&found.normal, &mut points, found.floor, USUAL_HEIGHT, height)?;
         let new_up = turned.rotation.inverse() * DVec3::Y;
         front = turned.rotation.inverse() * DVec3::Z;
         let moved = new_up.angle_between(up);
@@ -401,11 +405,13 @@ fn stood(
 }
 
 /// The movement after which the person stands on y = 0 above the origin, faces +z, and is so many metres tall. Exchanges left and right of
-/// `points` if all views took one for the other. `floor` is what the person stands on, if that is known.
+/// `points` if all views took one for the other. `floor` is what the person stands on, if that is known; `size` is about
+/// how tall the person is now.
 fn onto_the_floor(
     scan: &Scan,
     points: &mut [KeyPoint; BODY_LANDMARKS],
     floor: Option<Floor>,
+    size: f64,
     height: f64,
 ) -> Result<Similarity, RigError> {
     let missing = || refused::incomplete("head or feet");
@@ -413,11 +419,10 @@ fn onto_the_floor(
         return Err(refused::unsure(f64::INFINITY));
     }
     let axis = body_axis(points).ok_or_else(missing)?;
-    let reach = USUAL_HEIGHT;
     let up = floor.map_or_else(
         || {
-            let feet = feet_of(scan, points, 0.14 * reach);
-            stand(&feet, centre_of_mass(points), axis, reach)
+            let feet = feet_of(scan, points, 0.14 * size);
+            stand(&feet, centre_of_mass(points), axis, size)
         },
         |floor| floor.normal,
     );
@@ -426,10 +431,12 @@ fn onto_the_floor(
         *points = exchanged(points);
         front = -front;
     }
-    let (lowest, top) = extent(scan, points, up, reach).ok_or_else(missing)?;
+    let (lowest, top) = extent(scan, points, up, size);
+    let lowest = lowest.ok_or_else(|| refused::incomplete("feet"))?;
+    let top = top.ok_or_else(|| refused::incomplete("a head"))?;
     // Where a floor was taken off, the soles were cut by its thickness. A platform is higher than the floor.
     let bottom = floor.map_or(lowest, |floor| {
-        if (lowest - floor.level).abs() < 0.03 * reach {
+        if (lowest - floor.level).abs() < 0.03 * size {
             floor.level
         } else {
             lowest
