@@ -51,7 +51,9 @@ pub fn cut(scan: &Scan, within: Option<[Vec3; 2]>) -> Vec<Cut> {
     let positions: Vec<Vec3> = left.iter().map(|at| sample.points[*at].position).collect();
     let found = clusters(&positions, cell);
     let most = found.first().map_or(0.0, cells);
-    let large = found.iter().filter(|cluster| cells(cluster) >= LEAST_SHARE * most);
+    let large = found
+        .iter()
+        .filter(|cluster| cells(cluster) >= LEAST_SHARE * most);
     large
         .take(MOST_CLUSTERS)
         .map(|main| {

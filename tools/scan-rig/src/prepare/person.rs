@@ -10,7 +10,8 @@ use super::refused;
 use super::sample::thinned;
 use super::similarity::Similarity;
 use super::stance::{
-    body_axis, centre_of_mass, exchanged, extent, facing, is_exchanged, share_beside, stand, turn_to,
+    body_axis, centre_of_mass, exchanged, extent, facing, is_exchanged, share_beside, stand,
+    turn_to, upright,
 };
 use super::upright::{UpScore, look_for_up};
 use super::views::Subject;
@@ -71,6 +72,11 @@ const SETTLED: f64 = 0.06;
 const PASSES: usize = 3;
 /// What is farther from all bones is not the person, metres.
 const ABOUT_BONES: f64 = 0.22;
+/// An axis of the scene that is up to this is up, radians.
+const AS_GOOD_AS_AXIS: f64 = 0.065;
+/// With this share of the surface beside the bones, there is more than one person; with that, the user is told.
+const MOST_BESIDE: f64 = 0.12;
+const MUCH_BESIDE: f64 = 0.05;
 /// Views of a scan agree on a person's joints to this, metres: median over joints.
 const MOST_RESIDUAL: f64 = 0.05;
 /// With more, the user is told, metres.
@@ -130,15 +136,16 @@ pub fn prepare(
     let mut person_from_scene = found.normal_from_scene.then(&placed.person_from_normal);
     let mut scan = person_from_scene.scan(&found.scan);
     sight.set(&thinned(&scan, MOST_DRAWN));
-    let (seen, looks, crowded) = look_around(&scan, DVec3::Y, DVec3::Z, (VIEWS, 1.0), sight, networks)?;
+    let (seen, looks, crowded) =
+        look_around(&scan, DVec3::Y, DVec3::Z, (VIEWS, 1.0), sight, networks)?;
     figures.crowded = crowded;
     if crowded > VIEWS as usize / 3 {
-        return Err(refused::touching(crowded));
+        return Err(refused::several_seen(crowded));
     }
     figures.views = looks;
     figures.exchanged = seen.exchanged;
     let mut body = seen.points;
-    let correction = onto_the_floor(&scan, &mut body, placed.floor, height, height)?;
+    let correction = onto_the_floor(&scan, &mut body, placed.known, height, height)?;
     for point in &mut body {
         point.position = correction.point(point.position);
         point.residual *= correction.scale;
@@ -151,6 +158,9 @@ pub fn prepare(
         return Err(refused::unsure(1e3 * figures.body_residual));
     }
     figures.beside = share_beside(&scan, &body, ABOUT_BONES * height / USUAL_HEIGHT);
+    if figures.beside > MOST_BESIDE {
+        return Err(refused::crowded(figures.beside));
+    }
     steps.ended("body");
 
     sight.set(&scan);
@@ -172,6 +182,12 @@ pub fn prepare(
         figures.doubts.push(format!(
             "the views agree on the joints to {:.0} mm only (a person who stands freely: 20): is this a person, with arms and legs apart?",
             1e3 * figures.body_residual
+        ));
+    }
+    if figures.beside > MUCH_BESIDE {
+        figures.doubts.push(format!(
+            "{:.0} % of what the scan shows is not the person: cut furniture and other people away, or leave them out with --box",
+            100.0 * figures.beside
         ));
     }
     if face.is_none() {
@@ -203,17 +219,17 @@ struct Found {
     normal_from_scene: Similarity,
     /// The axis that is up.
     up: DVec3,
-    /// The floor in the space of `normal`, if there is one.
-    floor: Option<Floor>,
+    /// What a floor says, in the space of `normal`.
+    known: Option<Known>,
 }
 
-/// A floor that a person stands on.
+/// What is known of up without the body.
 #[derive(Debug, Clone, Copy)]
-struct Floor {
-    /// Of unit length, upwards.
-    normal: DVec3,
-    /// `normal . point` of its points.
-    level: f64,
+struct Known {
+    /// Of unit length.
+    up: DVec3,
+    /// The floor's `up . point`, if there is a floor.
+    level: Option<f64>,
 }
 
 fn the_person(
@@ -256,12 +272,12 @@ fn the_person(
         }
         people.push((part.low, part.high));
         if found.is_none() {
-            let floor = part.planes.iter().find_map(|plane| {
-                let normal = plane.normal.as_dvec3();
-                (normal.dot(best.up) > 0.8).then(|| Floor {
-                    normal,
-                    level: f64::from(plane.level) * scale
-                        + normal.dot(normal_from_scene.translation),
+            let known = part.planes.iter().find_map(|plane| {
+                let up = plane.normal.as_dvec3().normalize();
+                let level = f64::from(plane.level) * scale + up.dot(normal_from_scene.translation);
+                (up.dot(best.up) > 0.8).then_some(Known {
+                    up,
+                    level: Some(level),
                 })
             });
             figures.up = scores;
@@ -271,7 +287,7 @@ fn the_person(
                 normal,
                 normal_from_scene,
                 up: best.up,
-                floor,
+                known,
             });
         }
     }
@@ -365,8 +381,8 @@ fn look_around(
 /// Where the scan's person stands.
 struct Placed {
     person_from_normal: Similarity,
-    /// The floor, in the person's space.
-    floor: Option<Floor>,
+    /// What is known of up, in the person's space.
+    known: Option<Known>,
     /// From the best axis to up, radians.
     tilt: f64,
 }
@@ -379,38 +395,58 @@ fn stood(
     networks: &mut Networks,
 ) -> Result<Placed, RigError> {
     sight.set(&thinned(&found.normal, MOST_DRAWN));
-    let mut up = found.floor.map_or(found.up, |floor| floor.normal);
+    let mut up = found.known.map_or(found.up, |known| known.up);
     let mut front = up.any_orthonormal_vector();
-    for pass in 0..PASSES {
+    let mut known = found.known;
+    let mut pass = 0;
+    loop {
+        pass += 1;
         let (seen, ..) = look_around(&found.normal, up, front, FIRST_VIEWS, sight, networks)?;
         let mut points = seen.points;
-        let turned = onto_the_floor(&found.normal, &mut points, found.floor, USUAL_HEIGHT, height)?;
+        let place = |points: &mut _, known| {
+            onto_the_floor(&found.normal, points, known, USUAL_HEIGHT, height)
+        };
+        let mut turned = place(&mut points, known)?;
         let new_up = turned.rotation.inverse() * DVec3::Y;
-        front = turned.rotation.inverse() * DVec3::Z;
         let moved = new_up.angle_between(up);
-        up = new_up;
         log::debug!("up turned by {:.1} degrees", moved.to_degrees());
-        if moved < SETTLED || pass + 1 == PASSES {
+        if moved < SETTLED || pass == PASSES {
+            if known.is_none()
+                && let Some(up) = axis_at(new_up)
+            {
+                known = Some(Known { up, level: None });
+                turned = place(&mut points, known)?;
+            }
+            let up = turned.rotation.inverse() * DVec3::Y;
             return Ok(Placed {
                 person_from_normal: turned,
-                floor: found.floor.map(|_| Floor {
-                    normal: DVec3::Y,
-                    level: 0.0,
+                known: known.map(|known| Known {
+                    up: DVec3::Y,
+                    level: known.level.map(|_| 0.0),
                 }),
                 tilt: up.angle_between(found.up),
             });
         }
+        up = new_up;
+        front = turned.rotation.inverse() * DVec3::Z;
     }
-    Err(refused::unsure(0.0))
+}
+
+/// The axis of the scene that is as near to up as a body can tell: a scan that is that upright was stood upright by the program that wrote it,
+/// by the device's sense of gravity or by hand.
+fn axis_at(up: DVec3) -> Option<DVec3> {
+    DVec3::AXES
+        .into_iter()
+        .flat_map(|axis| [axis, -axis])
+        .find(|axis| axis.angle_between(up) < AS_GOOD_AS_AXIS)
 }
 
 /// The movement after which the person stands on y = 0 above the origin, faces +z, and is so many metres tall. Exchanges left and right of
-/// `points` if all views took one for the other. `floor` is what the person stands on, if that is known; `size` is about
-/// how tall the person is now.
+/// `points` if all views took one for the other. `size` is about how tall the person is now.
 fn onto_the_floor(
     scan: &Scan,
     points: &mut [KeyPoint; BODY_LANDMARKS],
-    floor: Option<Floor>,
+    known: Option<Known>,
     size: f64,
     height: f64,
 ) -> Result<Similarity, RigError> {
@@ -418,14 +454,15 @@ fn onto_the_floor(
     if joints(points).any(|joint| joint.support <= 0.0) {
         return Err(refused::unsure(f64::INFINITY));
     }
-    let axis = body_axis(points).ok_or_else(missing)?;
-    let up = floor.map_or_else(
-        || {
+    let up = match known {
+        Some(known) => known.up,
+        None => {
+            let axis = body_axis(points).ok_or_else(missing)?;
             let feet = feet_of(scan, points, 0.14 * size);
-            stand(&feet, centre_of_mass(points), axis, size)
-        },
-        |floor| floor.normal,
-    );
+            let soles = stand(&feet, centre_of_mass(points), axis, size);
+            upright(points, axis, soles)
+        }
+    };
     let mut front = facing(points, up).ok_or_else(missing)?;
     if is_exchanged(points, front) {
         *points = exchanged(points);
@@ -435,24 +472,16 @@ fn onto_the_floor(
     let lowest = lowest.ok_or_else(|| refused::incomplete("feet"))?;
     let top = top.ok_or_else(|| refused::incomplete("a head"))?;
     // Where a floor was taken off, the soles were cut by its thickness. A platform is higher than the floor.
-    let bottom = floor.map_or(lowest, |floor| {
-        if (lowest - floor.level).abs() < 0.03 * size {
-            floor.level
-        } else {
-            lowest
-        }
-    });
+    let floor = known.and_then(|known| known.level);
+    let floor = floor.filter(|level| (lowest - level).abs() < 0.03 * size);
+    let bottom = floor.unwrap_or(lowest);
     if bottom >= top {
         return Err(missing());
     }
     let scale = height / (top - bottom);
     let rotation = turn_to(up, front);
-    let middle = [SHOULDERS, HIPS]
-        .concat()
-        .iter()
-        .map(|at| points[*at].position)
-        .sum::<DVec3>()
-        / 4.0;
+    let trunk = [SHOULDERS, HIPS].concat();
+    let middle = trunk.iter().map(|at| points[*at].position).sum::<DVec3>() / 4.0;
     let middle = rotation * middle;
     Ok(Similarity {
         scale,

@@ -112,6 +112,23 @@ pub fn stand(feet: &[DVec3], centre: DVec3, axis: DVec3, height: f64) -> DVec3 {
     direction(turn)
 }
 
+/// Up from three witnesses: the body's axis and the direction across the soles, whose mean it is, and from side to side also the lines through
+/// shoulders, hips and ears, which are level in the mean. Each errs by 2 to 4 degrees for people in boots, and not alike.
+#[must_use]
+pub fn upright(points: &Points, axis: DVec3, soles: DVec3) -> DVec3 {
+    let up = (axis + soles).normalize();
+    let Some(front) = facing(points, up) else {
+        return up;
+    };
+    let left = up.cross(front);
+    let slope = |pair: [usize; 2]| {
+        let line = points[pair[0]].position - points[pair[1]].position;
+        line.dot(up).atan2(line.dot(left))
+    };
+    let slope = (slope(SHOULDERS) + slope(HIPS) + slope(EARS)) / 3.0;
+    (up - left * (slope / 3.0)).normalize()
+}
+
 /// Where the person faces: across the line of shoulders and hips, level. The sign is that of the landmarks' names.
 #[must_use]
 pub fn facing(points: &Points, up: DVec3) -> Option<DVec3> {
@@ -205,15 +222,24 @@ pub fn share_beside(scan: &Scan, points: &Points, radius: f64) -> f64 {
     let mut bones = vec![(neck, hips), (neck, ears + (ears - neck) * 0.3)];
     for side in [0, 1] {
         let pairs = [SHOULDERS, ELBOWS, WRISTS, INDICES];
-        bones.extend(pairs.windows(2).map(|pair| (at(pair[0][side]), at(pair[1][side]))));
+        bones.extend(
+            pairs
+                .windows(2)
+                .map(|pair| (at(pair[0][side]), at(pair[1][side]))),
+        );
         let pairs = [HIPS, KNEES, ANKLES, TOES];
-        bones.extend(pairs.windows(2).map(|pair| (at(pair[0][side]), at(pair[1][side]))));
+        bones.extend(
+            pairs
+                .windows(2)
+                .map(|pair| (at(pair[0][side]), at(pair[1][side]))),
+        );
         bones.push((at(SHOULDERS[side]), at(HIPS[side])));
     }
     let far = |point: DVec3| {
         bones.iter().all(|(start, end)| {
             let along = *end - *start;
-            let share = ((point - *start).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
+            let share =
+                ((point - *start).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
             (point - *start - along * share).length() > radius
         })
     };
