@@ -1,25 +1,22 @@
 //! The order of the work.
 
-use super::body_points::{BodyPoints, Look, body_points};
-use super::cut::{Cut, cut};
+use super::cut::cut;
 use super::face_points::{Head, face_landmarks_of};
-use super::figures::{Figures, Steps, median};
-use super::landmarks::{ANKLES, EARS, ELBOWS, EYES, HEELS, HIPS, KNEES, SHOULDERS, TOES, WRISTS};
+use super::figures::{Figures, Steps, joints, median};
+use super::found::{USUAL_HEIGHT, count, the_person};
+use super::landmarks::{ANKLES, EARS, EYES, HIPS, KNEES};
+use super::looking::{MOST_DRAWN, look_around};
 use super::networks::Networks;
+use super::placing::{onto_the_floor, stood};
 use super::refused;
 use super::sample::thinned;
 use super::similarity::Similarity;
-use super::stance::{
-    body_axis, centre_of_mass, exchanged, extent, facing, is_exchanged, share_beside, stand,
-    turn_to, upright,
-};
-use super::upright::{UpScore, look_for_up};
-use super::views::Subject;
+use super::stance::share_beside;
 use crate::RigError;
 use crate::points::KeyPoint;
 use crate::scan::Scan;
 use crate::sight::Sight;
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use motion_fit::landmarks::{BODY_LANDMARKS, FACE_LANDMARKS};
 use splat_scene::{Scene, UpAxis};
 
@@ -51,29 +48,10 @@ pub struct Prepared {
     pub figures: Figures,
 }
 
-/// The height of a person of whom none was given, metres.
-pub const USUAL_HEIGHT: f64 = 1.75;
-
-/// Gaussians that are drawn at most, for networks that see 256 pixels.
-const MOST_DRAWN: usize = 500_000;
 /// Views of the body.
 const VIEWS: u32 = 12;
-/// Views of the body while up is looked for, and their share of the usual size.
-const FIRST_VIEWS: (u32, f64) = (8, 0.6);
-/// A ray that passes farther than about this from a landmark does not count, metres.
-const REACH: f64 = 0.03;
-/// What lies behind the scan in pictures.
-const BEHIND: [f32; 3] = [0.75; 3];
-/// Views with less are not a standing person, of 4.
-const LEAST_SCORE: f64 = 1.2;
-/// Up is looked for again while it turns by more than this, radians.
-const SETTLED: f64 = 0.06;
-/// ... and so many times.
-const PASSES: usize = 3;
 /// What is farther from all bones is not the person, metres.
 const ABOUT_BONES: f64 = 0.22;
-/// An axis of the scene that is up to this is up, radians.
-const AS_GOOD_AS_AXIS: f64 = 0.065;
 /// With this share of the surface beside the bones, there is more than one person; with that, the user is told.
 const MOST_BESIDE: f64 = 0.12;
 const MUCH_BESIDE: f64 = 0.05;
@@ -97,6 +75,12 @@ pub fn prepare(
     let mut figures = Figures::default();
     if scene.is_empty() {
         return Err(refused::empty());
+    }
+    let height = options.height.unwrap_or(USUAL_HEIGHT);
+    if !(0.3..=3.0).contains(&height) {
+        return Err(RigError::unsuited(format!(
+            "a person is not {height} metres tall: give a height from 0.3 to 3 metres"
+        )));
     }
     let all = Scan::from_scene(scene);
     let within = options
@@ -128,7 +112,6 @@ pub fn prepare(
     figures.gaussians = found.scan.len();
     steps.ended("up");
 
-    let height = options.height.unwrap_or(USUAL_HEIGHT);
     let placed = stood(&found, height, sight, networks)?;
     figures.tilt_degrees = placed.tilt.to_degrees();
     steps.ended("stance");
@@ -204,311 +187,6 @@ pub fn prepare(
         height,
         figures,
     })
-}
-
-fn count(keep: &[bool]) -> usize {
-    keep.iter().filter(|keep| **keep).count()
-}
-
-/// The one cluster that a person stands in.
-struct Found {
-    /// Its Gaussians, in the scene's units.
-    scan: Scan,
-    /// The same, as large as a person and about the origin.
-    normal: Scan,
-    normal_from_scene: Similarity,
-    /// The axis that is up.
-    up: DVec3,
-    /// What a floor says, in the space of `normal`.
-    known: Option<Known>,
-}
-
-/// What is known of up without the body.
-#[derive(Debug, Clone, Copy)]
-struct Known {
-    /// Of unit length.
-    up: DVec3,
-    /// The floor's `up . point`, if there is a floor.
-    level: Option<f64>,
-}
-
-fn the_person(
-    scene: &Scene,
-    up: Option<UpAxis>,
-    all: &Scan,
-    parts: &[Cut],
-    sight: &mut Sight,
-    networks: &mut Networks,
-    figures: &mut Figures,
-) -> Result<Found, RigError> {
-    let mut people: Vec<(Vec3, Vec3)> = Vec::new();
-    let mut found: Option<Found> = None;
-    let mut best_score: f64 = 0.0;
-    for part in parts
-        .iter()
-        .filter(|part| count(&part.keep) >= refused::FEWEST)
-    {
-        let scan = all.filtered(&part.keep);
-        let size = f64::from((part.high - part.low).max_element());
-        let scale = USUAL_HEIGHT / size;
-        let middle = ((part.low + part.high) / 2.0).as_dvec3();
-        let normal_from_scene = Similarity {
-            scale,
-            rotation: DQuat::IDENTITY,
-            translation: -middle * scale,
-        };
-        let normal = normal_from_scene.scan(&scan);
-        sight.set(&thinned(&normal, MOST_DRAWN));
-        let candidates = candidates(scene, up, part);
-        let subject = |up| subject(&normal, up);
-        let scores = look_for_up(sight, networks, &candidates, subject, BEHIND)?;
-        let by_score = |a: &&UpScore, b: &&UpScore| a.score.total_cmp(&b.score);
-        let Some(best) = scores.iter().max_by(by_score).copied() else {
-            continue;
-        };
-        best_score = best_score.max(best.score);
-        if best.score < LEAST_SCORE {
-            continue;
-        }
-        people.push((part.low, part.high));
-        if found.is_none() {
-            let known = part.planes.iter().find_map(|plane| {
-                let up = plane.normal.as_dvec3().normalize();
-                let level = f64::from(plane.level) * scale + up.dot(normal_from_scene.translation);
-                (up.dot(best.up) > 0.8).then_some(Known {
-                    up,
-                    level: Some(level),
-                })
-            });
-            figures.up = scores;
-            figures.planes = part.planes.len();
-            found = Some(Found {
-                scan,
-                normal,
-                normal_from_scene,
-                up: best.up,
-                known,
-            });
-        }
-    }
-    match found {
-        Some(_) if people.len() > 1 => Err(refused::several(scene, &people)),
-        Some(found) => Ok(found),
-        None => Err(refused::nobody(best_score)),
-    }
-}
-
-/// Directions that may be up, in the scene's axes: those of planes that the person may stand on, what the scene itself says, then the other axes.
-fn candidates(scene: &Scene, given: Option<UpAxis>, part: &Cut) -> Vec<DVec3> {
-    let direction = |axis: UpAxis| {
-        let unit = match axis {
-            UpAxis::PlusX => Vec3::X,
-            UpAxis::MinusX => Vec3::NEG_X,
-            UpAxis::PlusY => Vec3::Y,
-            UpAxis::MinusY => Vec3::NEG_Y,
-            UpAxis::PlusZ => Vec3::Z,
-            UpAxis::MinusZ => Vec3::NEG_Z,
-        };
-        scene.point_of_file(unit).as_dvec3()
-    };
-    if let Some(given) = given {
-        return vec![direction(given)];
-    }
-    let planes = part.planes.iter().map(|plane| plane.normal.as_dvec3());
-    let detected = scene.detect_up(None).axis;
-    let axes = std::iter::once(detected).chain(UpAxis::ALL);
-    let mut candidates: Vec<DVec3> = Vec::new();
-    for up in planes.chain(axes.map(direction)) {
-        if candidates.iter().all(|other| other.dot(up) < 0.97) {
-            candidates.push(up);
-        }
-    }
-    candidates
-}
-
-/// The upright cylinder about a scan.
-fn subject(scan: &Scan, up: DVec3) -> Subject {
-    let step = scan.len().div_ceil(20_000).max(1);
-    let points: Vec<DVec3> = (scan.positions.iter().zip(&scan.opacities))
-        .filter(|(_, opacity)| **opacity > 0.1)
-        .map(|(point, _)| point.as_dvec3())
-        .step_by(step)
-        .collect();
-    let ends = |values: &mut Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        let cut = values.len() / 500;
-        let get = |at: usize| values.get(at).copied().unwrap_or_default();
-        (get(cut), get(values.len().saturating_sub(1 + cut)))
-    };
-    let first = up.any_orthonormal_vector();
-    let second = up.cross(first);
-    let [(a, b), (c, d), (low, high)] = [first, second, up]
-        .map(|axis| ends(&mut points.iter().map(|point| point.dot(axis)).collect()));
-    let middle = first * ((a + b) / 2.0) + second * ((c + d) / 2.0) + up * ((low + high) / 2.0);
-    let mut away = points
-        .iter()
-        .map(|point| (*point - middle).reject_from(up).length())
-        .collect();
-    Subject {
-        middle,
-        up,
-        height: (high - low).max(0.1),
-        radius: ends(&mut away).1.max(0.1),
-    }
-}
-
-/// The body's landmarks from views all around, in how many of them it was seen, and in how many there are several people. `sight` shows
-/// the scan.
-fn look_around(
-    scan: &Scan,
-    up: DVec3,
-    front: DVec3,
-    (views, share): (u32, f64),
-    sight: &mut Sight,
-    networks: &mut Networks,
-) -> Result<(BodyPoints, usize, usize), RigError> {
-    let (mut looks, mut crowded) = (Vec::new(), 0);
-    for view in subject(scan, up).around(views, front, share) {
-        let picture = sight.picture(&view, BEHIND)?;
-        if let Some(seen) = networks.body(&picture)? {
-            looks.push(Look { view, seen });
-        }
-        crowded += usize::from(networks.people() > 1);
-    }
-    Ok((body_points(&looks, REACH), looks.len(), crowded))
-}
-
-/// Where the scan's person stands.
-struct Placed {
-    person_from_normal: Similarity,
-    /// What is known of up, in the person's space.
-    known: Option<Known>,
-    /// From the best axis to up, radians.
-    tilt: f64,
-}
-
-/// Turns up until the views agree with it.
-fn stood(
-    found: &Found,
-    height: f64,
-    sight: &mut Sight,
-    networks: &mut Networks,
-) -> Result<Placed, RigError> {
-    sight.set(&thinned(&found.normal, MOST_DRAWN));
-    let mut up = found.known.map_or(found.up, |known| known.up);
-    let mut front = up.any_orthonormal_vector();
-    let mut known = found.known;
-    let mut pass = 0;
-    loop {
-        pass += 1;
-        let (seen, ..) = look_around(&found.normal, up, front, FIRST_VIEWS, sight, networks)?;
-        let mut points = seen.points;
-        let place = |points: &mut _, known| {
-            onto_the_floor(&found.normal, points, known, USUAL_HEIGHT, height)
-        };
-        let mut turned = place(&mut points, known)?;
-        let new_up = turned.rotation.inverse() * DVec3::Y;
-        let moved = new_up.angle_between(up);
-        log::debug!("up turned by {:.1} degrees", moved.to_degrees());
-        if moved < SETTLED || pass == PASSES {
-            if known.is_none()
-                && let Some(up) = axis_at(new_up)
-            {
-                known = Some(Known { up, level: None });
-                turned = place(&mut points, known)?;
-            }
-            let up = turned.rotation.inverse() * DVec3::Y;
-            return Ok(Placed {
-                person_from_normal: turned,
-                known: known.map(|known| Known {
-                    up: DVec3::Y,
-                    level: known.level.map(|_| 0.0),
-                }),
-                tilt: up.angle_between(found.up),
-            });
-        }
-        up = new_up;
-        front = turned.rotation.inverse() * DVec3::Z;
-    }
-}
-
-/// The axis of the scene that is as near to up as a body can tell: a scan that is that upright was stood upright by the program that wrote it,
-/// by the device's sense of gravity or by hand.
-fn axis_at(up: DVec3) -> Option<DVec3> {
-    DVec3::AXES
-        .into_iter()
-        .flat_map(|axis| [axis, -axis])
-        .find(|axis| axis.angle_between(up) < AS_GOOD_AS_AXIS)
-}
-
-/// The movement after which the person stands on y = 0 above the origin, faces +z, and is so many metres tall. Exchanges left and right of
-/// `points` if all views took one for the other. `size` is about how tall the person is now.
-fn onto_the_floor(
-    scan: &Scan,
-    points: &mut [KeyPoint; BODY_LANDMARKS],
-    known: Option<Known>,
-    size: f64,
-    height: f64,
-) -> Result<Similarity, RigError> {
-    let missing = || refused::incomplete("head or feet");
-    if joints(points).any(|joint| joint.support <= 0.0) {
-        return Err(refused::unsure(f64::INFINITY));
-    }
-    let up = match known {
-        Some(known) => known.up,
-        None => {
-            let axis = body_axis(points).ok_or_else(missing)?;
-            let feet = feet_of(scan, points, 0.14 * size);
-            let soles = stand(&feet, centre_of_mass(points), axis, size);
-            upright(points, axis, soles)
-        }
-    };
-    let mut front = facing(points, up).ok_or_else(missing)?;
-    if is_exchanged(points, front) {
-        *points = exchanged(points);
-        front = -front;
-    }
-    let (lowest, top) = extent(scan, points, up, size);
-    let lowest = lowest.ok_or_else(|| refused::incomplete("feet"))?;
-    let top = top.ok_or_else(|| refused::incomplete("a head"))?;
-    // Where a floor was taken off, the soles were cut by its thickness. A platform is higher than the floor.
-    let floor = known.and_then(|known| known.level);
-    let floor = floor.filter(|level| (lowest - level).abs() < 0.03 * size);
-    let bottom = floor.unwrap_or(lowest);
-    if bottom >= top {
-        return Err(missing());
-    }
-    let scale = height / (top - bottom);
-    let rotation = turn_to(up, front);
-    let trunk = [SHOULDERS, HIPS].concat();
-    let middle = trunk.iter().map(|at| points[*at].position).sum::<DVec3>() / 4.0;
-    let middle = rotation * middle;
-    Ok(Similarity {
-        scale,
-        rotation,
-        translation: -DVec3::new(middle.x, bottom, middle.z) * scale,
-    })
-}
-
-/// Points of the scan near the feet.
-fn feet_of(scan: &Scan, points: &[KeyPoint; BODY_LANDMARKS], radius: f64) -> Vec<DVec3> {
-    let feet: Vec<DVec3> = [ANKLES, HEELS, TOES]
-        .concat()
-        .iter()
-        .map(|at| points[*at].position)
-        .collect();
-    let all = scan.positions.iter().zip(&scan.opacities);
-    let opaque = all
-        .filter(|(_, opacity)| **opacity > 0.3)
-        .map(|(point, _)| point.as_dvec3());
-    opaque
-        .filter(|point| feet.iter().any(|foot| (*point - *foot).length() < radius))
-        .collect()
-}
-
-fn joints(points: &[KeyPoint; BODY_LANDMARKS]) -> impl Iterator<Item = &KeyPoint> {
-    let all = [SHOULDERS, ELBOWS, WRISTS, HIPS, KNEES, ANKLES];
-    all.into_iter().flatten().map(|at| &points[at])
 }
 
 /// Refuses a person without head or legs. Networks guess where they would be, and there nothing is.

@@ -154,7 +154,7 @@ mod tests {
                 .map(|(index, view)| {
                     let mut pixel = view.project(truth).unwrap_or_default();
                     if index * 5 % 12 < wrong {
-                        pixel += DVec2::from_angle(random.f64() * 6.28) * 150.0;
+                        pixel += DVec2::from_angle(random.f64() * std::f64::consts::TAU) * 150.0;
                     } else {
                         pixel += DVec2::new(random.f64() - 0.5, random.f64() - 0.5) * 6.0;
                     }
