@@ -2,7 +2,7 @@
 
 use super::derivatives::Derivatives;
 use super::landmarks::Targets;
-use super::match_surface::{Pull, add, matched, residual};
+use super::match_surface::{add, matched, residual};
 use super::model::BodyModel;
 use super::normal_equations::NormalEquations;
 use super::state::{Posed, SCALE, SHAPES, State, TURNED, TURNS};
@@ -46,8 +46,6 @@ pub(super) struct Fitted {
     pub(super) key_points: f64,
     /// The last round's equations: the unknowns' precision.
     pub(super) equations: NormalEquations,
-    /// The last round's matches.
-    pub(super) pulls: Vec<Pull>,
 }
 
 /// Fits the model; `start` is about where the pelvis is. `surface` are points and unit outward normals, in no particular order; without any, the key
@@ -92,24 +90,23 @@ pub(super) fn fit(
             if let Some(step) = equations.solved(DAMPING) {
                 state.step(&step);
             }
-            last = Some((equations, pulls));
+            last = Some((equations, residual(&pulls)));
         }
     }
     let posed = Posed::new(model, &state);
-    let (equations, pulls) = last.unwrap_or_else(|| {
+    let (equations, residual) = last.unwrap_or_else(|| {
         let mut equations = NormalEquations::new(state.unknowns());
         let derivatives = Derivatives::new(model, &state, &posed);
         targets.add(1.0, &posed, &derivatives, &mut equations);
         add_priors(model, &state, 6.0, &mut equations);
-        (equations, Vec::new())
+        (equations, 0.0)
     });
     Fitted {
-        residual: residual(&pulls),
+        residual,
         key_points: targets.error(&posed),
         state,
         posed,
         equations,
-        pulls,
     }
 }
 

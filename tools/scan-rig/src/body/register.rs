@@ -1,5 +1,6 @@
 //! The whole registration: fit, face, surface.
 
+use super::confidence::confidence;
 use super::face::{error, landmarks};
 use super::fit::fit;
 use super::follow::follow;
@@ -11,7 +12,7 @@ use crate::RigError;
 use crate::points::KeyPoint;
 use glam::{DVec3, Vec3};
 use motion_fit::landmarks::{BODY_LANDMARKS, FACE_LANDMARKS};
-use spmm3::{JOINTS, Joint};
+use spmm3::Joint;
 
 /// What was seen of a person, in the person's space.
 #[derive(Debug, Clone, Copy)]
@@ -83,12 +84,14 @@ pub fn register(
     let mut vertices: Vec<DVec3> = fitted.posed.vertices.clone();
     vertices[..model.body_vertices].copy_from_slice(&displaced.vertices);
     follow(model, &fitted.posed.vertices, &mut vertices);
+    let (confidence, warnings) =
+        confidence(model, seen.body, &targets, &fitted, &displaced);
     let report = FitReport {
         surface: fitted.residual,
         key_points: fitted.key_points,
         displaced: displaced.residual,
         face: error(&face, head, &vertices),
-        warnings: Vec::new(),
+        warnings,
     };
     Ok((
         Registered {
@@ -97,7 +100,7 @@ pub fn register(
             scale: fitted.state.scale,
             joints: fitted.posed.joints,
             vertices,
-            confidence: [1.0; JOINTS],
+            confidence,
         },
         report,
     ))
