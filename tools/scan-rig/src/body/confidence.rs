@@ -22,6 +22,9 @@ const USUAL_RESIDUAL: f64 = 0.018;
 /// A surface that was not seen may be this far from the model, metres.
 const UNSEEN: f64 = 0.04;
 
+/// Real errors over those of the fit's own equations, whose weights are cautious.
+const CERTAINTY: f64 = 0.5;
+
 /// The joints that have words for the user, of SMPL-X's: those before the jaw.
 const NAMED: usize = 22;
 
@@ -64,7 +67,10 @@ impl Doubt {
         } else if most == self.unseen {
             "little of the surface around it was seen".to_owned()
         } else if most == self.surface {
-            format!("the surface around it is {} mm off the model", mm(self.surface))
+            format!(
+                "the surface around it is {} mm off the model",
+                mm(self.surface)
+            )
         } else {
             "nothing says where it is".to_owned()
         }
@@ -117,7 +123,9 @@ pub(super) fn confidence(
 /// The deviation of each joint that the last equations leave open.
 fn by_equations(model: &BodyModel, fitted: &Fitted, doubts: &mut [Doubt; JOINTS]) {
     let Some(factor) = fitted.equations.factor(0.0) else {
-        doubts.iter_mut().for_each(|doubt| doubt.fit = f64::INFINITY);
+        doubts
+            .iter_mut()
+            .for_each(|doubt| doubt.fit = f64::INFINITY);
         return;
     };
     let derivatives = Derivatives::new(model, &fitted.state, &fitted.posed);
@@ -130,7 +138,7 @@ fn by_equations(model: &BodyModel, fitted: &Fitted, doubts: &mut [Doubt; JOINTS]
                 row.dot(&factor.solve(&row))
             })
             .sum();
-        doubts[joint.index()].fit = variance.max(0.0).sqrt();
+        doubts[joint.index()].fit = CERTAINTY * variance.max(0.0).sqrt();
     }
 }
 

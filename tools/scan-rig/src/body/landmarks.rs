@@ -48,8 +48,20 @@ const LEFT: [NearJoint; 9] = [
     near(11, J::LeftShoulder, J::Spine3, [0.004, 0.026, -0.004], 0.02),
     near(13, J::LeftElbow, J::LeftShoulder, [0.0, 0.0, 0.004], 0.02),
     near(15, J::LeftWrist, J::LeftElbow, [0.002, -0.005, 0.008], 0.02),
-    near(17, J::LeftPinky1, J::LeftWrist, [-0.008, 0.012, 0.007], 0.03),
-    near(19, J::LeftIndex1, J::LeftWrist, [-0.005, -0.008, -0.018], 0.03),
+    near(
+        17,
+        J::LeftPinky1,
+        J::LeftWrist,
+        [-0.008, 0.012, 0.007],
+        0.03,
+    ),
+    near(
+        19,
+        J::LeftIndex1,
+        J::LeftWrist,
+        [-0.005, -0.008, -0.018],
+        0.03,
+    ),
     near(23, J::LeftHip, J::Pelvis, [-0.001, -0.014, 0.022], 0.03),
     near(25, J::LeftKnee, J::LeftHip, [0.0, 0.008, 0.0], 0.03),
     near(27, J::LeftAnkle, J::LeftKnee, [-0.003, 0.022, 0.0], 0.02),
@@ -132,13 +144,24 @@ impl Targets {
             let carriers = [left.carrier, other_side(left.carrier)];
             [
                 (left.landmark, place, offset, carriers[0], left.deviation),
-                (mirrored(left.landmark), other, offset * mirror, carriers[1], left.deviation),
+                (
+                    mirrored(left.landmark),
+                    other,
+                    offset * mirror,
+                    carriers[1],
+                    left.deviation,
+                ),
             ]
         });
-        let vertices = (marked_vertices(model).into_iter())
-            .map(|(landmark, vertex, deviation)| {
-                (landmark, Place::Vertex(vertex), DVec3::ZERO, Joint::Head, deviation)
-            });
+        let vertices = (marked_vertices(model).into_iter()).map(|(landmark, vertex, deviation)| {
+            (
+                landmark,
+                Place::Vertex(vertex),
+                DVec3::ZERO,
+                Joint::Head,
+                deviation,
+            )
+        });
         let mut all = Vec::new();
         for (landmark, place, offset, carrier, usual) in joints.chain(vertices) {
             let point = points[landmark];
@@ -240,7 +263,9 @@ fn marked_vertices(model: &BodyModel) -> Vec<(usize, usize, f64)> {
     };
     let of_head = |vertex: usize| model.head_share(vertex) > 0.9;
     let eyes = at(Joint::LeftEye).y;
-    let ground = (0..model.body_vertices).map(|v| place(v).y).fold(f64::INFINITY, f64::min);
+    let ground = (0..model.body_vertices)
+        .map(|v| place(v).y)
+        .fold(f64::INFINITY, f64::min);
     let mut found = vec![(
         0,
         most(
@@ -271,12 +296,16 @@ fn marked_vertices(model: &BodyModel) -> Vec<(usize, usize, f64)> {
         ));
         found.push((
             heel,
-            most(&|v| of_foot(v) && place(v).y < ground + 0.03, &|v| -place(v).z),
+            most(&|v| of_foot(v) && place(v).y < ground + 0.03, &|v| {
+                -place(v).z
+            }),
             0.03,
         ));
         found.push((
             toe,
-            most(&|v| of_foot(v) && (place(v).x - toes).abs() < 0.04, &|v| place(v).z),
+            most(&|v| of_foot(v) && (place(v).x - toes).abs() < 0.04, &|v| {
+                place(v).z
+            }),
             0.03,
         ));
     }

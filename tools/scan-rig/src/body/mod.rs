@@ -16,6 +16,8 @@ mod normal_equations;
 pub mod posing;
 mod register;
 pub mod state;
+#[cfg(test)]
+mod tests;
 
 pub use model::{BodyModel, BodyPart, SkinRow};
 pub use register::{FitReport, Observed, register};

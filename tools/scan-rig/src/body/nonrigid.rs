@@ -94,13 +94,20 @@ pub(super) fn displaced(
                     && facing > 0.5
                     && model.outer[v]
                     && (!in_face || (round >= FACE_ROUND && far < FACE_REACH));
-                let hand = if model.finger_share(v) > 0.3 { FINGERS } else { 1.0 };
+                let hand = if model.finger_share(v) > 0.3 {
+                    FINGERS
+                } else {
+                    1.0
+                };
                 fits.then(|| (hand / (1.0 + (far / 0.03).powi(2)), apart.dot(normal)))
             })
             .collect()
     };
     let first = match_surface(base, ROUNDS.len(), ROUNDS[0].1);
-    let first = first.iter().map(|found| found.map(|(_, distance)| distance)).collect();
+    let first = first
+        .iter()
+        .map(|found| found.map(|(_, distance)| distance))
+        .collect();
     for (round, (stiff, reach)) in ROUNDS.into_iter().enumerate() {
         let mut all = fitted.to_vec();
         all[..count].copy_from_slice(&vertices);
@@ -113,8 +120,7 @@ pub(super) fn displaced(
                     normal: normals[v],
                     along: weight,
                     every_way: 0.0,
-                    towards: normals[v]
-                        * (weight * (distance + normals[v].dot(displacement[v]))),
+                    towards: normals[v] * (weight * (distance + normals[v].dot(displacement[v]))),
                 }
             })
             .collect();
