@@ -36,6 +36,8 @@ pub struct FitReport {
     pub surface: f64,
     /// Root mean square miss of the body's landmarks, metres.
     pub key_points: f64,
+    /// How thick the clothes were found to be, metres.
+    pub cloth: f64,
     /// Median distance of the displaced model from the surface, metres.
     pub displaced: f64,
     /// Median distance of the face's landmarks from their vertices, metres; none without a face.
@@ -92,6 +94,7 @@ pub fn register(
     let report = FitReport {
         surface: fitted.residual,
         key_points: fitted.key_points,
+        cloth: fitted.state.cloth,
         displaced: displaced.residual,
         face: error(&face, head, &vertices),
         warnings,
