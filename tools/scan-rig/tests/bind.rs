@@ -114,7 +114,7 @@ fn gaussians_on_a_body_are_bound_where_they_are_and_move_with_it() {
         "{left_out} of {} left out",
         report.given
     );
-    assert!(report.offsets.p99 < 0.006, "{:?}", report.offsets);
+    assert!(report.offsets.p99 < 0.01, "{:?}", report.offsets);
 
     let vertices = bound.vertices();
     let again = bound.carried().quantised().posed(

@@ -12,7 +12,9 @@ use spmm3::{JOINTS, Joint};
 const ON_MESH: f32 = 0.08;
 const BESIDE: f32 = 0.03;
 /// Faces whose middles are nearest that are compared.
-const TRIED: usize = 8;
+const TRIED: usize = 16;
+/// What their normals count then, as a share of [`ON_MESH`] squared: all are on one side of the body, and the surface's normals have noise.
+const AMONG_TRIED: f32 = 0.06;
 /// Neighbours that are asked for their part of the body, and how often.
 const ASKED: usize = 24;
 const ROUNDS: usize = 3;
@@ -88,9 +90,8 @@ impl Faces {
             let corners = self.corners[at];
             let nearest = nearest_point(position, corners);
             let middle = corners.iter().sum::<Vec3>() / 3.0;
-            // What the middle's distance was, with that of the nearest point in its place.
-            let squared =
-                squared - middle.distance_squared(position) + nearest.distance_squared(position);
+            let turned = squared - middle.distance_squared(position);
+            let squared = nearest.distance_squared(position) + turned * AMONG_TRIED;
             if best.is_none_or(|(least, _)| squared < least) {
                 best = Some((squared, at));
             }
