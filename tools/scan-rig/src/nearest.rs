@@ -177,7 +177,7 @@ fn split<const D: usize>(
             most
         }
     });
-    if !(width(axis) > 0.0) {
+    if width(axis) <= 0.0 {
         return name;
     }
     let middle = order.len() / 2;

@@ -51,10 +51,10 @@ pub fn fault(
 ) -> Option<Fault> {
     let peak = visibility.peak[at];
     let less = |rule: (f32, f32)| place.distance > rule.0 && peak < rule.1;
-    if !(peak > HIDDEN) {
+    if peak.is_nan() || peak <= HIDDEN {
         return Some(Fault::Hidden);
     }
-    if !(place.distance < APART) {
+    if place.distance.is_nan() || place.distance >= APART {
         return Some(Fault::Apart);
     }
     if worn {

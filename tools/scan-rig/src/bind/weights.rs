@@ -76,7 +76,7 @@ pub fn largest(row: &SkinRow) -> SkinRow {
     for joint in kept {
         out[*joint] = row[*joint] / sum;
     }
-    if !(sum > 0.0) {
+    if sum.is_nan() || sum <= 0.0 {
         out = [0.0; JOINTS];
         out[order[0]] = 1.0;
     }

@@ -338,7 +338,7 @@ impl<P> Canvas<'_, P> {
             // Where xx dx^2 + 2 xy dx dy + yy dy^2 <= reach.
             let middle = -xy * dy / xx;
             let rest = middle * middle - (yy * dy * dy - splat.reach) / xx;
-            if !(rest > 0.0) {
+            if rest.is_nan() || rest <= 0.0 {
                 continue;
             }
             let half = rest.sqrt();
