@@ -149,6 +149,16 @@ impl Scene {
         UpAxis::towards(self.axes, Vec3::Y)
     }
 
+    /// A point or direction as the file has it, in the axes that the scene has now. Not after the scene was placed.
+    pub fn point_of_file(&self, point: Vec3) -> Vec3 {
+        self.axes.house(point)
+    }
+
+    /// The inverse of [`Self::point_of_file`].
+    pub fn point_in_file(&self, point: Vec3) -> Vec3 {
+        self.axes.file(point)
+    }
+
     /// Finds out which axis of the file points up; `cameras` are those that the scene was trained from. A scene without any
     /// evidence keeps the axis that is usual for its format. Call it before the scene is placed.
     pub fn detect_up(&self, cameras: Option<&Cameras>) -> DetectedUp {

@@ -80,7 +80,7 @@ pub fn cache() -> anyhow::Result<PathBuf> {
 }
 
 /// MakeHuman's data, which `./run` fetches.
-pub(crate) fn makehuman() -> anyhow::Result<PathBuf> {
+pub fn makehuman() -> anyhow::Result<PathBuf> {
     let path = match std::env::var_os("MON3TR_MAKEHUMAN") {
         Some(path) if !path.is_empty() => PathBuf::from(path),
         _ => cache()?.join("makehuman"),

@@ -19,6 +19,19 @@ pub fn bar(what: &str, steps: usize) -> ProgressBar {
     bar
 }
 
+/// A sign of life for a step whose length is not known. Where standard error is no terminal, one line says what begins.
+pub(crate) fn spinner(what: &str) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        eprintln!("{what} ...");
+    }
+    let bar = ProgressBar::new_spinner().with_message(what.to_owned());
+    if let Ok(style) = ProgressStyle::with_template("{msg} {spinner} {elapsed}") {
+        bar.set_style(style);
+    }
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
 /// A bar for bytes that are transferred, which shows once there are any.
 #[derive(Debug, Clone)]
 pub(crate) struct Bytes {

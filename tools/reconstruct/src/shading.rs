@@ -49,6 +49,33 @@ pub struct Light {
 }
 
 impl Light {
+    /// A sky without lamps, a little brighter above: for people whose own light is not known. An open surface that looks sideways gets 1.
+    /// `casters` are the triangles that shade.
+    #[must_use]
+    pub fn sky(template: &Template, casters: Vec<[u32; 3]>) -> Self {
+        let faces = template.faces().to_vec();
+        let count = f32::from(SKY_DIRECTIONS);
+        let mut rays: Vec<Ray> = sphere_directions(SKY_DIRECTIONS)
+            .map(|direction| Ray {
+                direction,
+                radiance: Vec3::splat((1.0 + 0.35 * direction.y) / count),
+            })
+            .collect();
+        let open = |towards: Vec3| -> f32 {
+            let facing = |ray: &Ray| (towards.dot(ray.direction) + 0.2).max(0.0) / 1.2;
+            rays.iter().map(|ray| facing(ray) * ray.radiance.x).sum()
+        };
+        let scale = 1.0 / open(Vec3::Z).max(1e-6);
+        rays.iter_mut().for_each(|ray| ray.radiance *= scale);
+        Self {
+            rays,
+            neighbours: neighbours(template),
+            shade: vec![(1.0, 0.15); template.vertices().len()],
+            faces,
+            casters,
+        }
+    }
+
     /// Prepares the light for poses of a person with this `template`; `parts` are its faces', `vertex_parts` its vertices'.
     #[must_use]
     pub fn new(template: &Template, parts: &[Part], vertex_parts: &[Part]) -> Self {
@@ -65,12 +92,6 @@ impl Light {
             .filter(|(_, part)| casts(part))
             .map(|(face, _)| *face)
             .collect();
-        let mut neighbours = vec![Vec::new(); template.vertices().len()];
-        for [a, b, c] in &faces {
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                neighbours[*from as usize].push(*to);
-            }
-        }
         let shade = vertex_parts
             .iter()
             .copied()
@@ -87,7 +108,7 @@ impl Light {
             rays: rays(),
             faces,
             casters,
-            neighbours,
+            neighbours: neighbours(template),
             shade,
         }
     }
@@ -138,6 +159,17 @@ impl Light {
             })
             .collect()
     }
+}
+
+/// The vertices that follow each one around its triangles.
+fn neighbours(template: &Template) -> Vec<Vec<u32>> {
+    let mut neighbours = vec![Vec::new(); template.vertices().len()];
+    for [a, b, c] in template.faces() {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            neighbours[*from as usize].push(*to);
+        }
+    }
+    neighbours
 }
 
 /// What reaches a vertex from one direction.

@@ -26,12 +26,21 @@ pub enum RigError {
     /// A network failed.
     #[error("cannot look at the scan: {0}")]
     Tracker(#[from] tracker::TrackerError),
+    /// Networks cannot be run at all.
+    #[error("cannot look at the scan: {0}")]
+    Runtime(#[from] npu_runtime::RuntimeError),
     /// Drawing the scan failed.
     #[error("cannot draw the scan: {0}")]
-    Draw(String),
+    Draw(#[from] renderer_splat::error::RenderError),
     /// The parts of the avatar do not fit each other: a fault of this program.
     #[error("cannot assemble the avatar: {0}")]
     Person(#[from] spmm3::PersonError),
+}
+
+impl From<renderer_vulkan::error::VulkanError> for RigError {
+    fn from(error: renderer_vulkan::error::VulkanError) -> Self {
+        Self::Draw(error.into())
+    }
 }
 
 impl RigError {

@@ -14,10 +14,12 @@ pub mod figures;
 pub mod finish;
 pub mod nearest;
 pub mod pinhole;
+pub mod pipeline;
 pub mod points;
 pub mod prepare;
 pub mod scan;
 pub mod shell;
+pub mod sight;
 pub mod surface;
 pub mod synthetic;
 

@@ -7,6 +7,7 @@ mod kept;
 mod motions;
 mod observations;
 mod renders;
+mod rig;
 mod score;
 mod table;
 
@@ -24,11 +25,14 @@ pub(crate) struct Options {
 enum What {
     /// Compare the motion that a camera sees with the true one: on renders of an avatar, and on real footage
     Capture(capture::Options),
+    /// Compare avatars made of scans with the truth: of synthetic people, whose joints are known, and of real scans
+    Rig(rig::Options),
 }
 
 /// Runs `eval`.
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     match &options.what {
         What::Capture(options) => capture::run(options, device),
+        What::Rig(options) => rig::run(options, device),
     }
 }

@@ -6,6 +6,7 @@ pub(crate) mod inspect;
 pub(crate) mod profile;
 pub(crate) mod receive;
 pub(crate) mod render;
+pub(crate) mod rig;
 pub mod send;
 pub(crate) mod serve;
 pub(crate) mod track;
@@ -19,6 +20,8 @@ pub enum Command {
     Demo(demo::Options),
     /// Build the demo avatar's package from MakeHuman's data
     Bake(bake::Options),
+    /// Make an avatar of one splat scan of a person
+    Rig(rig::Options),
     /// Show what is in an avatar package or a Gaussian scene
     Inspect(inspect::Options),
     /// Draw an avatar that follows a motion, a Gaussian scene, or both together
@@ -44,6 +47,7 @@ impl Command {
         match self {
             Self::Demo(options) => demo::run(options, device),
             Self::Bake(options) => bake::run(options, device),
+            Self::Rig(options) => rig::run(options, device),
             Self::Inspect(options) => inspect::run(options),
             Self::Render(options) => render::run(options, device),
             Self::Serve(options) => serve::run(options),

@@ -64,6 +64,30 @@ pub struct Lessons<'a> {
     pub frames: &'a [Frame],
 }
 
+/// What F_attr is to give: the residuals of Gaussians in training poses.
+pub trait Residuals: Sync {
+    /// Number of Gaussians.
+    fn gaussians(&self) -> usize;
+    /// The 14 residuals of a Gaussian in the training pose of that number, in the order of the attribute planes.
+    fn residual(&self, gaussian: usize, pose: usize) -> [f32; ATTRIBUTES];
+}
+
+/// Targets in the frames of the training poses.
+struct Framed<'a> {
+    targets: &'a Targets,
+    frames: &'a [Frame],
+}
+
+impl Residuals for Framed<'_> {
+    fn gaussians(&self) -> usize {
+        self.targets.len()
+    }
+
+    fn residual(&self, gaussian: usize, pose: usize) -> [f32; ATTRIBUTES] {
+        self.targets.residual(gaussian, &self.frames[pose])
+    }
+}
+
 /// One controller's fit, its code not yet aligned.
 struct Local {
     units: pool::Units,
@@ -85,6 +109,23 @@ pub fn fit_attributes(
     done: impl Fn() + Sync,
 ) -> Result<AttributeFit, PersonError> {
     let Lessons { poses, frames } = lessons;
+    let framed = Framed { targets, frames };
+    fit_residuals(puppet, controllers, &framed, poses, options, seed, done)
+}
+
+/// Fits F_attr to the `wanted` residuals of `poses`; `done` is called after each controller.
+///
+/// # Errors
+/// If the result does not make a network, which takes residuals that are not finite.
+pub fn fit_residuals(
+    puppet: &Puppet,
+    controllers: &Controllers,
+    wanted: &impl Residuals,
+    poses: &[MotionParams],
+    options: AttributeOptions,
+    seed: u64,
+    done: impl Fn() + Sync,
+) -> Result<AttributeFit, PersonError> {
     let members = members(controllers);
     let statistics = pool::InputStatistics::new(poses);
     let locals: Vec<Local> = members
@@ -94,7 +135,7 @@ pub fn fit_attributes(
             let mut rng =
                 fastrand::Rng::with_seed(seed ^ (j as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
             let inputs = pool::relevant_inputs(puppet, controllers.vertices()[j] as usize);
-            let data = witness_data(targets, frames, own);
+            let data = witness_data(wanted, poses.len(), own);
             let code = padded(
                 &temporal_codes(&data, options.bases, &mut rng),
                 options.bases,
@@ -134,8 +175,8 @@ pub fn fit_attributes(
         second_bias,
         bases: empty,
     };
-    let full = fit_bases(controllers, &network, targets, lessons, options);
-    network.bases = QuantisedBases::quantise(options.bases, targets.len(), &full)?;
+    let full = fit_bases(controllers, &network, wanted, poses, options);
+    network.bases = QuantisedBases::quantise(options.bases, wanted.gaussians(), &full)?;
     let quantisation = quantisation_error(controllers, &network, full, poses);
     Ok(AttributeFit {
         network,
@@ -191,11 +232,11 @@ fn members(controllers: &Controllers) -> Vec<Vec<usize>> {
         .collect()
 }
 
-fn witness_data(targets: &Targets, frames: &[Frame], own: &[usize]) -> DMatrix<f32> {
-    let mut data = DMatrix::zeros(frames.len(), (own.len() * ATTRIBUTES).max(1));
-    for (n, frame) in frames.iter().enumerate() {
+fn witness_data(wanted: &impl Residuals, poses: usize, own: &[usize]) -> DMatrix<f32> {
+    let mut data = DMatrix::zeros(poses, (own.len() * ATTRIBUTES).max(1));
+    for n in 0..poses {
         for (k, i) in own.iter().enumerate() {
-            let residual = targets.residual(*i, frame);
+            let residual = wanted.residual(*i, n);
             for (plane, (value, worth)) in residual.iter().zip(WORTH).enumerate() {
                 data[(n, k * ATTRIBUTES + plane)] = value * worth;
             }
@@ -295,26 +336,25 @@ fn spanning_order(controllers: &Controllers) -> Vec<(Option<usize>, usize)> {
 fn fit_bases(
     controllers: &Controllers,
     network: &AttributeNetwork,
-    targets: &Targets,
-    lessons: Lessons<'_>,
+    wanted: &impl Residuals,
+    poses: &[MotionParams],
     options: AttributeOptions,
 ) -> Vec<f32> {
-    let Lessons { poses, frames } = lessons;
     let bases = options.bases;
     let potentials: Vec<Vec<f32>> = poses
         .par_iter()
         .map(|motion| potentials(network, motion))
         .collect();
-    let count = targets.len();
+    let count = wanted.gaussians();
     let solved: Vec<Vec<f32>> = (0..count)
         .into_par_iter()
         .map(|i| {
             let mut square = DMatrix::<f64>::zeros(bases, bases);
             let mut right = DMatrix::<f64>::zeros(bases, ATTRIBUTES);
             let mut own = vec![0.0f32; bases];
-            for (frame, potentials) in frames.iter().zip(&potentials) {
+            for (pose, potentials) in potentials.iter().enumerate() {
                 force(controllers, potentials, bases, i, &mut own);
-                let residual = targets.residual(i, frame);
+                let residual = wanted.residual(i, pose);
                 for b in 0..bases {
                     let f = f64::from(own[b]);
                     for (c, other) in own.iter().enumerate().take(b + 1) {

@@ -10,7 +10,9 @@ mod regions;
 mod scatter;
 mod targets;
 
-pub use attributes::{AttributeFit, AttributeOptions, Lessons, fit_attributes};
+pub use attributes::{
+    AttributeFit, AttributeOptions, Lessons, Residuals, fit_attributes, fit_residuals,
+};
 pub use deformer::{MeshRunner, potentials, residuals};
 pub use linear::{Components, components, procrustes, ridge, solve_ridge, temporal_codes};
 pub(crate) use mesh::EPOCHS as MESH_EPOCHS;

@@ -12,7 +12,7 @@ mod targets;
 pub use macros::Macros;
 pub use model::{BoneWeights, Model, Quad};
 pub use package::Package;
-pub(crate) use package::read_texture;
+pub use package::read_texture;
 pub use proxy::{Anchor, Proxy, ScaleReference};
 pub use rig::{Bone, Rig};
 pub use targets::Targets;

@@ -52,7 +52,7 @@ pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, Reconstru
 ///
 /// # Errors
 /// If the file cannot be read or is not an image.
-pub(crate) fn read_texture(path: &Path) -> Result<RgbaImage, ReconstructError> {
+pub fn read_texture(path: &Path) -> Result<RgbaImage, ReconstructError> {
     let bytes = std::fs::read(path).map_err(|source| ReconstructError::Read {
         path: path.to_path_buf(),
         source,

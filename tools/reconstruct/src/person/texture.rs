@@ -1,7 +1,10 @@
 //! A texture: 8-bit sRGB with alpha, sampled in UV space.
 
+use crate::ReconstructError;
+use crate::makehuman::read_texture;
 use glam::{Vec2, Vec3, Vec4};
 use image::RgbaImage;
+use std::path::Path;
 
 /// Texels that transparent borders are filled from, outwards: twice the widest seam.
 const BLEED: usize = 6;
@@ -21,6 +24,14 @@ pub struct Texture {
 }
 
 impl Texture {
+    /// Reads a PNG or JPEG file.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is not an image.
+    pub fn read(path: &Path) -> Result<Self, ReconstructError> {
+        read_texture(path).map(|image| Self::new(&image))
+    }
+
     /// Takes an image; colour in 0..=1, not linearised, alpha not premultiplied.
     #[must_use]
     pub fn new(image: &RgbaImage) -> Self {

@@ -2,38 +2,87 @@
 
 use super::Hint;
 use super::derivatives::Derivatives;
+use super::face::OnFace;
 use super::model::BodyModel;
 use super::normal_equations::NormalEquations;
-use super::state::{Posed, State};
+use super::state::Posed;
 use crate::points::KeyPoint;
 use glam::DVec3;
 use motion_fit::landmarks::BODY_LANDMARKS;
 use spmm3::Joint;
 
-/// Landmarks that are joints: which, and their usual deviation from it, metres.
-const JOINTS: [(usize, Joint, f64); 18] = [
-    (2, Joint::LeftEye, 0.015),
-    (5, Joint::RightEye, 0.015),
-    (11, Joint::LeftShoulder, 0.03),
-    (12, Joint::RightShoulder, 0.03),
-    (13, Joint::LeftElbow, 0.02),
-    (14, Joint::RightElbow, 0.02),
-    (15, Joint::LeftWrist, 0.02),
-    (16, Joint::RightWrist, 0.02),
-    (17, Joint::LeftPinky1, 0.04),
-    (18, Joint::RightPinky1, 0.04),
-    (19, Joint::LeftIndex1, 0.04),
-    (20, Joint::RightIndex1, 0.04),
-    (23, Joint::LeftHip, 0.04),
-    (24, Joint::RightHip, 0.04),
-    (25, Joint::LeftKnee, 0.025),
-    (26, Joint::RightKnee, 0.025),
-    (27, Joint::LeftAnkle, 0.025),
-    (28, Joint::RightAnkle, 0.025),
+/// A landmark near a joint.
+struct NearJoint {
+    landmark: usize,
+    joint: Joint,
+    /// What carries the offset along.
+    carrier: Joint,
+    /// How far the landmark usually is from the joint, in the rest pose, metres. Means over synthetic people and a scanned one: the network and
+    /// MakeHuman have their own ideas of where a shoulder is.
+    offset: [f64; 3],
+    /// How much it usually differs from that, metres.
+    deviation: f64,
+}
+
+const fn near(
+    landmark: usize,
+    joint: Joint,
+    carrier: Joint,
+    offset: [f64; 3],
+    deviation: f64,
+) -> NearJoint {
+    NearJoint {
+        landmark,
+        joint,
+        carrier,
+        offset,
+        deviation,
+    }
+}
+
+use Joint as J;
+
+/// Landmarks near joints of the left side; those of the right side, whose numbers follow, mirror them.
+const LEFT: [NearJoint; 9] = [
+    near(2, J::LeftEye, J::Head, [-0.002, 0.005, 0.008], 0.015),
+    near(11, J::LeftShoulder, J::Spine3, [0.004, 0.026, -0.004], 0.02),
+    near(13, J::LeftElbow, J::LeftShoulder, [0.0, 0.0, 0.004], 0.02),
+    near(15, J::LeftWrist, J::LeftElbow, [0.002, -0.005, 0.008], 0.02),
+    near(
+        17,
+        J::LeftPinky1,
+        J::LeftWrist,
+        [-0.008, 0.012, 0.007],
+        0.03,
+    ),
+    near(
+        19,
+        J::LeftIndex1,
+        J::LeftWrist,
+        [-0.005, -0.008, -0.018],
+        0.03,
+    ),
+    near(23, J::LeftHip, J::Pelvis, [-0.001, -0.014, 0.022], 0.03),
+    near(25, J::LeftKnee, J::LeftHip, [0.0, 0.008, 0.0], 0.03),
+    near(27, J::LeftAnkle, J::LeftKnee, [-0.003, 0.022, 0.0], 0.02),
 ];
 
-/// Landmarks of an eye are on its front: this far from its centre, metres.
-const EYE_RADIUS: f64 = 0.014;
+/// The landmark of the right side that mirrors one of the left; the eyes have three each.
+fn mirrored(landmark: usize) -> usize {
+    if landmark == 2 { 5 } else { landmark + 1 }
+}
+
+/// The joint of the other side.
+fn other_side(joint: Joint) -> Joint {
+    let name = joint.name().replacen("left_", "right_", 1);
+    Joint::ALL
+        .into_iter()
+        .find(|joint| joint.name() == name)
+        .unwrap_or(joint)
+}
+
+/// The deviation of one of the face's landmarks, metres: they are many, and err together; all of them are worth a few good points.
+const FACE: f64 = 0.04;
 
 /// A hint's deviation, metres: more than a landmark's word.
 const HINT: f64 = 0.005;
@@ -58,10 +107,20 @@ pub(super) struct Target {
     pub(super) position: DVec3,
     /// Metres.
     pub(super) deviation: f64,
-    /// The body landmark that asks for it; none: a hint.
-    pub(super) landmark: Option<usize>,
-    /// The landmark lies this far in front of the joint along the head's own z, metres.
-    in_front: f64,
+    pub(super) source: Source,
+    /// How far the position is from the place in the rest pose, metres.
+    pub(super) offset: DVec3,
+    /// The joint that carries the offset along.
+    pub(super) carrier: Joint,
+}
+
+/// Who says where a place should be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Source {
+    /// BlazePose's landmark of this number.
+    Body(usize),
+    Face,
+    Hint,
 }
 
 /// What the key points and the hints ask.
@@ -74,60 +133,79 @@ impl Targets {
     pub(super) fn new(
         model: &BodyModel,
         points: &[KeyPoint; BODY_LANDMARKS],
+        face: &[OnFace],
         hints: &[Hint],
     ) -> Self {
-        let mut places: Vec<(usize, Place, f64, f64)> = JOINTS
-            .iter()
-            .map(|(landmark, joint, deviation)| {
-                let in_front = if *landmark < 7 { EYE_RADIUS } else { 0.0 };
-                (*landmark, Place::Joint(*joint), *deviation, in_front)
-            })
-            .collect();
-        let vertices = marked_vertices(model);
-        places.extend(
-            (vertices.into_iter()).map(|(landmark, vertex, deviation)| {
-                (landmark, Place::Vertex(vertex), deviation, 0.0)
-            }),
-        );
-        let mut all: Vec<Target> = places
-            .into_iter()
-            .filter_map(|(landmark, place, usual, in_front)| {
-                let point = points[landmark];
-                let usable = point.support > 0.0
-                    && point.position.is_finite()
-                    && point.residual.is_finite();
+        let mirror = DVec3::new(-1.0, 1.0, 1.0);
+        let joints = LEFT.iter().flat_map(|left| {
+            let offset = DVec3::from_array(left.offset);
+            let place = Place::Joint(left.joint);
+            let other = Place::Joint(other_side(left.joint));
+            let carriers = [left.carrier, other_side(left.carrier)];
+            [
+                (left.landmark, place, offset, carriers[0], left.deviation),
+                (
+                    mirrored(left.landmark),
+                    other,
+                    offset * mirror,
+                    carriers[1],
+                    left.deviation,
+                ),
+            ]
+        });
+        let vertices = (marked_vertices(model).into_iter()).map(|(landmark, vertex, deviation)| {
+            (
+                landmark,
+                Place::Vertex(vertex),
+                DVec3::ZERO,
+                Joint::Head,
+                deviation,
+            )
+        });
+        let mut all = Vec::new();
+        for (landmark, place, offset, carrier, usual) in joints.chain(vertices) {
+            let point = points[landmark];
+            if point.support > 0.0 && point.position.is_finite() && point.residual.is_finite() {
                 // Rays that miss one another are worth less, and so are few of them.
                 let few = (SUPPORT / point.support).max(1.0);
-                usable.then_some(Target {
+                all.push(Target {
                     place,
                     position: point.position,
                     deviation: usual.hypot((point.residual - 0.015).max(0.0)) * few,
-                    landmark: Some(landmark),
-                    in_front,
-                })
-            })
-            .collect();
-        all.extend(hints.iter().filter(|hint| hint.position.is_finite()).map(|hint| Target {
+                    source: Source::Body(landmark),
+                    offset,
+                    carrier,
+                });
+            }
+        }
+        all.extend(face.iter().map(|on| Target {
+            place: Place::Vertex(on.vertex),
+            position: on.place,
+            deviation: FACE,
+            source: Source::Face,
+            offset: on.offset,
+            carrier: Joint::Head,
+        }));
+        // A joint that the user names is where the user says, not where a network does.
+        let hinted: Vec<Place> = hints.iter().map(|hint| Place::Joint(hint.joint)).collect();
+        all.retain(|target| !hinted.contains(&target.place));
+        let hints = hints.iter().filter(|hint| hint.position.is_finite());
+        all.extend(hints.map(|hint| Target {
             place: Place::Joint(hint.joint),
             position: hint.position,
             deviation: HINT,
-            landmark: None,
-            in_front: 0.0,
+            source: Source::Hint,
+            offset: DVec3::ZERO,
+            carrier: hint.joint,
         }));
-        // A joint that the user names is where the user says, not where a network does.
-        let hinted: Vec<Joint> = hints.iter().map(|hint| hint.joint).collect();
-        all.retain(|target| {
-            target.landmark.is_none()
-                || !matches!(target.place, Place::Joint(joint) if hinted.contains(&joint))
-        });
         Self { all }
     }
 
     /// What misses: target minus model, metres.
-    pub(super) fn miss(target: &Target, state: &State, posed: &Posed) -> DVec3 {
-        let head = state.rotations[Joint::Head.index()];
-        let wanted = target.position - head * (DVec3::Z * target.in_front);
-        wanted
+    pub(super) fn miss(target: &Target, posed: &Posed) -> DVec3 {
+        let carrier = &posed.maps[target.carrier.index()];
+        target.position
+            - carrier.transform_vector3(target.offset)
             - match target.place {
                 Place::Joint(joint) => posed.joints[joint.index()],
                 Place::Vertex(vertex) => posed.vertices[vertex],
@@ -138,16 +216,15 @@ impl Targets {
     pub(super) fn add(
         &self,
         weight: f64,
-        state: &State,
         posed: &Posed,
         derivatives: &Derivatives<'_>,
         equations: &mut NormalEquations,
     ) {
-        let mut row = vec![0.0; state.unknowns()];
+        let mut row = vec![0.0; equations.unknowns()];
         for target in &self.all {
-            let miss = Self::miss(target, state, posed);
+            let miss = Self::miss(target, posed);
             let precision = weight / (target.deviation * target.deviation);
-            let robust = if target.landmark.is_some() {
+            let robust = if target.source != Source::Hint {
                 let off = miss.length() / target.deviation / OUTLYING;
                 precision / (1.0 + off * off)
             } else {
@@ -163,11 +240,11 @@ impl Targets {
         }
     }
 
-    /// Root mean square miss of the landmarks, metres.
-    pub(super) fn error(&self, state: &State, posed: &Posed) -> f64 {
+    /// Root mean square miss of the body's landmarks, metres.
+    pub(super) fn error(&self, posed: &Posed) -> f64 {
         let seen: Vec<f64> = (self.all.iter())
-            .filter(|target| target.landmark.is_some())
-            .map(|target| Self::miss(target, state, posed).length_squared())
+            .filter(|target| matches!(target.source, Source::Body(_)))
+            .map(|target| Self::miss(target, posed).length_squared())
             .collect();
         #[expect(clippy::cast_precision_loss, reason = "a few dozen landmarks")]
         let count = seen.len().max(1) as f64;
@@ -186,7 +263,9 @@ fn marked_vertices(model: &BodyModel) -> Vec<(usize, usize, f64)> {
     };
     let of_head = |vertex: usize| model.head_share(vertex) > 0.9;
     let eyes = at(Joint::LeftEye).y;
-    let ground = (0..model.body_vertices).map(|v| place(v).y).fold(f64::INFINITY, f64::min);
+    let ground = (0..model.body_vertices)
+        .map(|v| place(v).y)
+        .fold(f64::INFINITY, f64::min);
     let mut found = vec![(
         0,
         most(
@@ -217,12 +296,16 @@ fn marked_vertices(model: &BodyModel) -> Vec<(usize, usize, f64)> {
         ));
         found.push((
             heel,
-            most(&|v| of_foot(v) && place(v).y < ground + 0.03, &|v| -place(v).z),
+            most(&|v| of_foot(v) && place(v).y < ground + 0.03, &|v| {
+                -place(v).z
+            }),
             0.03,
         ));
         found.push((
             toe,
-            most(&|v| of_foot(v) && (place(v).x - toes).abs() < 0.04, &|v| place(v).z),
+            most(&|v| of_foot(v) && (place(v).x - toes).abs() < 0.04, &|v| {
+                place(v).z
+            }),
             0.03,
         ));
     }

@@ -20,6 +20,11 @@ impl NormalEquations {
         }
     }
 
+    /// How many unknowns there are.
+    pub(super) fn unknowns(&self) -> usize {
+        self.unknowns
+    }
+
     /// Adds the term `weight * (row . x - residual)^2`.
     pub(super) fn add(&mut self, row: &[f64], weight: f64, residual: f64) {
         for (at, value) in row.iter().enumerate() {
@@ -50,7 +55,9 @@ impl NormalEquations {
 
     /// The step, its diagonal damped by the share `damping`; nothing where the equations have no finite solution.
     pub(super) fn solved(&self, damping: f64) -> Option<DVector<f64>> {
-        let step = self.factor(damping)?.solve(&DVector::from_column_slice(&self.gradient));
+        let step = self
+            .factor(damping)?
+            .solve(&DVector::from_column_slice(&self.gradient));
         step.iter().all(|value| value.is_finite()).then_some(step)
     }
 

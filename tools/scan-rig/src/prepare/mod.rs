@@ -1,16 +1,28 @@
 //! From a scene to a person who stands upright at the origin and faces +z, with key points of body and face.
+//!
+//! [`prepare`] cuts out what hangs together ([`cut`]), finds the one part that networks take for a standing person and which way is up
+//! ([`upright`]), triangulates the body's landmarks ([`body_points`]), has the person stand on the floor ([`stance`]), and looks at the
+//! face ([`face_points`]).
 
-use crate::points::KeyPoint;
-use crate::scan::Scan;
-use motion_fit::landmarks::{BODY_LANDMARKS, FACE_LANDMARKS};
+pub mod body_points;
+pub mod clusters;
+pub mod cut;
+pub mod face_points;
+mod figures;
+pub mod landmarks;
+pub mod networks;
+mod person;
+pub mod plane;
+mod refused;
+pub mod sample;
+pub mod similarity;
+pub mod stance;
+pub mod triangulate;
+pub mod upright;
+pub mod views;
 
-/// A scan that stands in the person's space, and what networks saw of it.
-#[derive(Debug, Clone)]
-pub struct Prepared {
-    /// The person's Gaussians, surroundings cut away.
-    pub scan: Scan,
-    /// BlazePose's landmarks.
-    pub body: [KeyPoint; BODY_LANDMARKS],
-    /// The face mesh's landmarks, where a face was seen.
-    pub face: Option<Box<[KeyPoint; FACE_LANDMARKS]>>,
-}
+pub use face_points::{Head, face_landmarks_of};
+pub use figures::Figures;
+pub use networks::Networks;
+pub use person::{Options, Prepared, USUAL_HEIGHT, prepare};
+pub use similarity::Similarity;

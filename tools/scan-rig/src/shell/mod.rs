@@ -1,1 +1,148 @@
 //! What moves or was never seen: face, hands, and the places that no view showed.
+//!
+//! The body model lends its surface, the scan its colours: lips and lids become a fine shell ([`face`]), the mouth gets a dark inside,
+//! teeth and tongue ([`mouth`]), the eyes turn ([`eyes`]), hands move or are replaced ([`hands`]), and triangles that no view showed are
+//! covered in the colours and the grain of what is around them ([`unseen`]).
+
+mod additions;
+mod cells;
+mod eyes;
+mod face;
+mod harmonic;
+mod hands;
+mod head;
+mod lines;
+mod mouth;
+mod place;
+mod textures;
+mod unseen;
+
+#[cfg(test)]
+mod tests;
+
+pub use eyes::Eye;
+pub use hands::{Hand, HandReport, Hands};
+pub use textures::Textures;
+pub use unseen::CoverageReport;
+
+use crate::RigError;
+use crate::bind::Bound;
+use crate::body::{BodyModel, Registered};
+use additions::{Additions, median};
+use glam::Vec3;
+use head::Head;
+use serde::Serialize;
+
+/// Choices in completing an avatar.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ShellOptions {
+    /// Give the face a shell, the mouth an inside, and eyes that turn. Without, the face moves as it was scanned.
+    pub face: bool,
+    /// What becomes of the hands: left, right.
+    pub hands: [Hands; 2],
+    /// Cover what no view showed.
+    pub unseen: bool,
+}
+
+impl Default for ShellOptions {
+    fn default() -> Self {
+        Self {
+            face: true,
+            hands: [Hands::AsSeen; 2],
+            unseen: true,
+        }
+    }
+}
+
+/// What completing an avatar did.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct ShellReport {
+    /// Gaussians of the face's shell, the mouth's inside among them.
+    pub face: usize,
+    /// Gaussians of the scan that gave way to it.
+    pub dropped: usize,
+    /// Gaussians of both eyeballs.
+    pub eyes: usize,
+    /// Gaussians of teeth and tongue.
+    pub teeth: usize,
+    /// How far teeth and tongue moved back behind the lips, metres.
+    pub teeth_moved: f64,
+    /// What became of the hands: left, right.
+    pub hands: [HandReport; 2],
+    /// How much of the body is covered.
+    pub coverage: CoverageReport,
+    /// The eyeballs, left and right, in the scan's pose: their centres are where the eyes' joints have to be.
+    #[serde(skip)]
+    pub eyeballs: [Option<Eye>; 2],
+}
+
+/// Completes an avatar that was bound: face, eyes, mouth, hands, and what no view showed.
+///
+/// # Errors
+/// If the body model, its registration and what is bound are of different runs, or the mesh has no T-pose.
+pub fn complete(
+    bound: &mut Bound,
+    model: &BodyModel,
+    registered: &Registered,
+    textures: &Textures,
+    options: &ShellOptions,
+) -> Result<ShellReport, RigError> {
+    let count = model.rest.len();
+    if registered.vertices.len() != count || bound.mesh.vertices.len() < count || bound.mesh.faces.len() < model.faces.len() {
+        return Err(RigError::unsuited(
+            "the body model, its registration and the bound scan are of different runs: run all steps again on one scan",
+        ));
+    }
+    let mut report = ShellReport::default();
+    let mut additions = Additions::default();
+    let mut drop = vec![false; bound.scan.len()];
+    if options.face {
+        complete_face(bound, model, registered, textures, &mut additions, &mut drop, &mut report);
+    }
+    report.hands = hands::complete(bound, model, registered, textures, options.hands, &mut additions, &mut drop);
+    let keep: Vec<bool> = drop.iter().map(|drop| !drop).collect();
+    bound.retain(&keep);
+    join(bound, additions);
+    report.coverage = unseen::complete(bound, model, registered, options.unseen)?;
+    Ok(report)
+}
+
+fn complete_face(
+    bound: &mut Bound,
+    model: &BodyModel,
+    registered: &Registered,
+    textures: &Textures,
+    additions: &mut Additions,
+    drop: &mut [bool],
+    report: &mut ShellReport,
+) {
+    let (shaped, joints) = model.shaped(&registered.shape);
+    let mut vertices = bound.mesh.vertices[..model.rest.len()].to_vec();
+    let head = Head::new(model, registered, &vertices);
+    let face = face::cover(model, &head, &vertices, &bound.scan, &bound.triangles);
+    for (drop, gives_way) in drop.iter_mut().zip(&face.drop) {
+        *drop |= *gives_way;
+    }
+    report.dropped = face.drop.iter().filter(|drop| **drop).count();
+    report.face = face.additions.len();
+    additions.append(face.additions);
+    let cheeks: Vec<Vec3> = (0..model.body_vertices)
+        .filter(|v| model.outer[*v] && head.mouth[*v] > 0.0015 && head.rim[*v] > 0.006 * head.scale)
+        .map(|v| face.skin[v].as_vec3())
+        .collect();
+    let skin = median(&cheeks);
+    let before = additions.len();
+    report.eyeballs = eyes::cover(model, registered, (&shaped, &joints), &head, &mut vertices, &bound.scan, skin, additions);
+    report.eyes = additions.len() - before;
+    let before = additions.len();
+    report.teeth_moved = mouth::cover(model, registered, &shaped, &head, &mut vertices, textures, skin, additions);
+    report.teeth = additions.len() - before;
+    bound.mesh.vertices[..vertices.len()].copy_from_slice(&vertices);
+}
+
+/// Joins Gaussians to what is bound.
+fn join(bound: &mut Bound, additions: Additions) {
+    bound.accessory.resize(bound.accessory.len() + additions.len(), 0);
+    bound.triangles.extend(additions.triangles);
+    bound.scan.append(additions.scan);
+}

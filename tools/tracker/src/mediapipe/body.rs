@@ -65,6 +65,11 @@ impl Body {
         })
     }
 
+    /// The next picture is searched as a whole: it shows another scene, or another view of the same.
+    pub fn forget(&mut self) {
+        self.region = None;
+    }
+
     /// The nearest person: of all that are detected, the one that appears largest.
     fn detect(&mut self, picture: PictureView<'_>) -> Result<Option<Region>, TrackerError> {
         let Some(whole) = Region::whole(picture) else {

@@ -82,6 +82,11 @@ impl Face {
         })
     }
 
+    /// The next picture is searched as a whole: it shows another scene, or another view of the same.
+    pub fn forget(&mut self) {
+        self.last = None;
+    }
+
     /// The region about the face that scores best where a body has its head, or in the whole picture
     /// (`face_landmarks_from_pose_to_recrop_roi.pbtxt`, `face_detection_front_detections_to_roi.pbtxt`).
     fn search(

@@ -5,6 +5,7 @@ mod call;
 
 use crate::camera::{CameraCapture, CameraOptions, OpenCamera};
 use crate::commands::bake::{BakeChoices, baked_demo_avatar};
+use crate::commands::rig::{RigChoices, parse_height, rigged_avatar};
 use crate::device_options::{DeviceOptions, make_folder};
 use crate::film::write_png;
 use crate::gaze::{GazeChoice, Sight};
@@ -57,6 +58,12 @@ pub struct Options {
     scenery: SceneryOptions,
     #[command(flatten)]
     bake: BakeChoices,
+    /// The avatar of this splat scan of a person (.ply, .splat, .spz, .sog) instead of the demo person; it is made first, once
+    #[arg(long, value_name = "FILE", conflicts_with = "gaussians")]
+    scan: Option<PathBuf>,
+    /// With --scan: the person's height in metres [default: 1.75]
+    #[arg(long, value_name = "METRES", requires = "scan", value_parser = parse_height)]
+    height: Option<f64>,
     /// Folder for the pictures; made if missing
     #[arg(long, value_name = "FOLDER", default_value = "out/demo")]
     out: PathBuf,
@@ -136,7 +143,10 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         Display::Xr if !monado::is_another_active() => Some(Monado::start()?),
         _ => None,
     };
-    let package = baked_demo_avatar(&options.bake, device)?;
+    let package = match &options.scan {
+        Some(scan) => rigged_avatar(scan, &RigChoices::of_height(options.height), device)?,
+        None => baked_demo_avatar(&options.bake, device)?,
+    };
     let (avatar, figures) = load_avatar(&package)?;
     let performance = options.performance(recording, &avatar, device)?;
     // A camera has no end.

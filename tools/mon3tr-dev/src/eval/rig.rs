@@ -1,0 +1,419 @@
+//! `mon3tr-dev eval rig`: avatars of synthetic scans against the truth, and of real scans against themselves.
+
+use anyhow::Context;
+use glam::{DMat3, DVec3, Vec3};
+use mon3tr::device_options::{DeviceOptions, make_folder, makehuman, networks};
+use mon3tr::report::{check_writable, write_json};
+use reconstruct::BareBody;
+use reconstruct::simulate::PoseSampler;
+use scan_rig::figures::likeness::{person_psnr, six_views};
+use scan_rig::finish::{FinishOptions, Poser};
+use scan_rig::pipeline::{self, RigOptions, RigReport, Rigged};
+use scan_rig::prepare::Networks;
+use scan_rig::shell::Hands;
+use scan_rig::sight::Sight;
+use scan_rig::synthetic::{PEOPLE, ScanOptions, Surroundings, SyntheticPerson, SyntheticScan};
+use serde::Serialize;
+use splat_scene::Scene;
+use spmm3::{JOINTS, Joint, LOOP_SECONDS, MotionClip, MotionParams, Playback};
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Sampled poses that avatars are compared in with the true person, besides T-pose and moments of the built-in motion.
+const SAMPLED: usize = 3;
+
+/// Moments of the built-in motion, seconds.
+const MOMENTS: [f64; 3] = [1.0, 4.0, 7.0];
+
+/// Seed of the sampled poses.
+const SEED: u64 = 5;
+
+/// Options of `eval rig`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    /// How many synthetic people; there are eight
+    #[arg(long, value_name = "COUNT", default_value_t = PEOPLE)]
+    bodies: usize,
+    /// About how many Gaussians each has
+    #[arg(long, value_name = "COUNT", default_value_t = 60_000)]
+    gaussians: usize,
+    /// With a floor, furniture and floaters around each
+    #[arg(long)]
+    surroundings: bool,
+    /// A real scan; may be given several times. With it, synthetic people are measured only where --bodies says so
+    #[arg(long, value_name = "FILE")]
+    scan: Vec<PathBuf>,
+    /// The height of the people in real scans, metres
+    #[arg(long, value_name = "METRES", requires = "scan")]
+    height: Option<f64>,
+    /// Write the synthetic scans into this folder, as .ply, and the truth about them as .json; then nothing is measured
+    #[arg(long, value_name = "FOLDER", conflicts_with = "scan")]
+    write_scans: Option<PathBuf>,
+    /// Write every figure as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// How well one synthetic scan was rigged.
+#[derive(Debug, Serialize)]
+struct Row {
+    body: usize,
+    joints_mean_mm: f64,
+    joints_max_mm: f64,
+    worst_joint: &'static str,
+    fingers_mean_mm: f64,
+    yaw_degrees: f64,
+    /// How sure the joint was that is wrong most, 0..=1.
+    worst_confidence: f64,
+    /// Novel poses against the true person, each the mean of six views, dB.
+    novel_db: Vec<f64>,
+    seconds: f64,
+    report: RigReport,
+}
+
+/// How one real scan was rigged.
+#[derive(Debug, Serialize)]
+struct RealRow {
+    scan: PathBuf,
+    seconds: f64,
+    report: RigReport,
+}
+
+/// A body that could not be rigged, and why.
+#[derive(Debug, Serialize)]
+struct Failure {
+    what: String,
+    why: String,
+}
+
+/// Everything.
+#[derive(Debug, Default, Serialize)]
+struct Figures {
+    synthetic: Vec<Row>,
+    real: Vec<RealRow>,
+    failures: Vec<Failure>,
+}
+
+/// What looks at scans.
+struct Tools {
+    makehuman: PathBuf,
+    sight: Sight,
+    networks: Networks,
+}
+
+/// Runs `eval rig`.
+pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
+    options.json.as_deref().map_or(Ok(()), check_writable)?;
+    if let Some(folder) = &options.write_scans {
+        return write_scans(options, folder);
+    }
+    let mut tools = Tools {
+        makehuman: makehuman()?,
+        sight: Sight::on(device.gpu()?),
+        networks: Networks::open(Some(&networks()?))?,
+    };
+    let mut figures = Figures::default();
+    for file in &options.scan {
+        match real(file, options, &mut tools) {
+            Ok(row) => {
+                row.print();
+                figures.real.push(row);
+            }
+            Err(error) => figures.failed(file.display().to_string(), &error),
+        }
+    }
+    if options.scan.is_empty() {
+        let mut body = BareBody::open(&tools.makehuman)?;
+        for number in 0..options.bodies {
+            let person = SyntheticPerson::new(&mut body, &tools.makehuman, number)?;
+            match synthetic(number, &person, options, &mut tools) {
+                Ok(row) => {
+                    row.print();
+                    figures.synthetic.push(row);
+                }
+                Err(error) => figures.failed(format!("body {number}"), &error),
+            }
+        }
+        summarise(&figures.synthetic);
+    }
+    write_json(options.json.as_deref(), &figures)
+}
+
+impl Figures {
+    fn failed(&mut self, what: String, error: &anyhow::Error) {
+        println!("{what}: no avatar: {error:#}");
+        self.failures.push(Failure {
+            what,
+            why: format!("{error:#}"),
+        });
+    }
+}
+
+impl Options {
+    fn scan_options(&self) -> ScanOptions {
+        ScanOptions {
+            gaussians: self.gaussians,
+            surroundings: if self.surroundings {
+                Surroundings::Room
+            } else {
+                Surroundings::None
+            },
+            // No trainer knows metres.
+            unit: 2.3,
+            ..ScanOptions::default()
+        }
+    }
+}
+
+impl Tools {
+    fn rig(&mut self, scene: &Scene, height: Option<f64>, name: &str) -> anyhow::Result<Rigged> {
+        let options = RigOptions {
+            makehuman: self.makehuman.clone(),
+            height,
+            within: None,
+            up: None,
+            joints: Vec::new(),
+            accessories: true,
+            hands: [Hands::AsSeen; 2],
+            finish: FinishOptions {
+                name: name.to_owned(),
+                ..FinishOptions::default()
+            },
+        };
+        let told = |step: &'static str| log::info!("{name}: {step}");
+        let mut rigged = pipeline::rig(
+            scene,
+            &options,
+            &mut self.sight,
+            &mut self.networks,
+            &told,
+        )?;
+        rigged.report.quality = Some(pipeline::measure(&rigged)?);
+        Ok(rigged)
+    }
+}
+
+fn real(file: &Path, options: &Options, tools: &mut Tools) -> anyhow::Result<RealRow> {
+    let scene = Scene::load(file).with_context(|| format!("cannot use {}", file.display()))?;
+    let began = Instant::now();
+    let rigged = tools.rig(&scene, options.height, "scan")?;
+    Ok(RealRow {
+        scan: file.to_path_buf(),
+        seconds: began.elapsed().as_secs_f64(),
+        report: rigged.report,
+    })
+}
+
+fn synthetic(
+    number: usize,
+    person: &SyntheticPerson,
+    options: &Options,
+    tools: &mut Tools,
+) -> anyhow::Result<Row> {
+    let scan_options = options.scan_options();
+    let truth = person.scan(&scan_options);
+    let scene = truth.scan.to_scene()?;
+    let began = Instant::now();
+    let rigged = tools.rig(&scene, Some(truth.height), &format!("body {number}"))?;
+    let seconds = began.elapsed().as_secs_f64();
+    let errors = joint_errors(&rigged, &truth);
+    let body = errors.get(..Joint::Jaw.index()).unwrap_or_default();
+    let fingers = errors.get(Joint::LeftIndex1.index()..).unwrap_or_default();
+    let worst = (0..body.len())
+        .max_by(|a, b| body[*a].total_cmp(&body[*b]))
+        .unwrap_or(0);
+    Ok(Row {
+        body: number,
+        joints_mean_mm: mean(body) * 1e3,
+        joints_max_mm: body.iter().copied().fold(0.0, f64::max) * 1e3,
+        worst_joint: Joint::ALL[worst].name(),
+        fingers_mean_mm: mean(fingers) * 1e3,
+        yaw_degrees: yaw_error(&rigged, &truth).to_degrees(),
+        worst_confidence: rigged.report.joints.get(worst).map_or(0.0, |j| j.confidence),
+        novel_db: novel(person, &rigged, &scan_options)?,
+        seconds,
+        report: rigged.report,
+    })
+}
+
+/// How far each joint is from its true place, metres.
+fn joint_errors(rigged: &Rigged, truth: &SyntheticScan) -> Vec<f64> {
+    (rigged.joints.iter().zip(&truth.joints))
+        .map(|(found, joint)| found.distance(rigged.person_from_scene.point(*joint)))
+        .collect()
+}
+
+/// How far the person, as it was placed, is turned away from +z, radians; by shoulders and hips.
+fn yaw_error(rigged: &Rigged, truth: &SyntheticScan) -> f64 {
+    let at = |joint: Joint| truth.joints[joint.index()];
+    let left = at(Joint::LeftShoulder) - at(Joint::RightShoulder) + at(Joint::LeftHip)
+        - at(Joint::RightHip);
+    let forward = rigged.person_from_scene.rotation * left.cross(DVec3::Y);
+    forward.x.atan2(forward.z)
+}
+
+/// The avatar in poses that the scan does not show, against the true person, dB.
+fn novel(
+    person: &SyntheticPerson,
+    rigged: &Rigged,
+    options: &ScanOptions,
+) -> anyhow::Result<Vec<f64>> {
+    let poser = Poser::new(&rigged.avatar)?;
+    let avatar = &rigged.avatar;
+    let clip = MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, 30.0)?;
+    let mut poses = vec![MotionParams::default()];
+    poses.extend(MOMENTS.map(|seconds| clip.sample(seconds, Playback::Clamp)));
+    let faces = spmm3::Expressions::new();
+    let mut sampler = PoseSampler::new(SEED, &faces, 0);
+    poses.extend((0..SAMPLED).map(|_| sampler.sample()));
+    let views = six_views(rigged.height);
+    poses
+        .iter_mut()
+        .map(|motion| {
+            // The truth has no face that moves, and its fingers are not the question.
+            still_face(motion);
+            let joints = avatar.skeleton.pose(motion);
+            let rotations: [DMat3; JOINTS] = joints.person_from_joint.map(|frame| {
+                let m = frame.matrix3;
+                DMat3::from_cols(
+                    Vec3::from(m.x_axis).as_dvec3(),
+                    Vec3::from(m.y_axis).as_dvec3(),
+                    Vec3::from(m.z_axis).as_dvec3(),
+                )
+            });
+            let truth = person.reposed(options, &person.as_avatar(&rotations));
+            let db = person_psnr(&truth, &poser.scan(motion)?, &views);
+            Ok(mean(&db))
+        })
+        .collect()
+}
+
+/// The motion of the body alone, on the spot.
+fn still_face(motion: &mut MotionParams) {
+    motion.expression_mut().fill(0.0);
+    for joint in Joint::ALL.into_iter().skip(Joint::Jaw.index()) {
+        motion.set_axis_angle(joint, Vec3::ZERO);
+    }
+    motion.root_translation = Vec3::ZERO;
+}
+
+/// Writes the synthetic scans and the truth about them.
+fn write_scans(options: &Options, folder: &Path) -> anyhow::Result<()> {
+    make_folder(folder)?;
+    let makehuman = makehuman()?;
+    let mut body = BareBody::open(&makehuman)?;
+    for number in 0..options.bodies {
+        let person = SyntheticPerson::new(&mut body, &makehuman, number)?;
+        let scan = person.scan(&options.scan_options());
+        let file = folder.join(format!("body{number}.ply"));
+        let scene = scan.scan.to_scene()?;
+        File::create(&file)
+            .and_then(|out| scene.write_ply(&mut BufWriter::new(out)))
+            .with_context(|| format!("cannot write {}", file.display()))?;
+        let unit = f64::from(options.scan_options().unit);
+        // In the file's axes: y down, z forward.
+        let joints: serde_json::Map<String, serde_json::Value> = (Joint::ALL.iter())
+            .zip(&scan.joints)
+            .map(|(joint, at)| {
+                (
+                    joint.name().to_owned(),
+                    serde_json::json!([at.x, -at.y, -at.z]),
+                )
+            })
+            .collect();
+        write_json(
+            Some(&file.with_extension("json")),
+            &serde_json::json!({
+                "height": scan.height,
+                "metre": unit,
+                "yaw_degrees": scan.yaw.to_degrees(),
+                "joints": joints,
+            }),
+        )?;
+        println!(
+            "{}: {} Gaussians, {:.2} m tall",
+            file.display(),
+            scan.scan.len(),
+            scan.height
+        );
+    }
+    Ok(())
+}
+
+impl Row {
+    fn print(&self) {
+        let novel: Vec<String> = self.novel_db.iter().map(|db| format!("{db:.1}")).collect();
+        println!(
+            "body {}: joints {:.0} mm mean, {:.0} max ({}, sure to {:.0} %), fingers {:.0}; yaw {:+.1} degrees; novel poses {} dB; {:.0} s",
+            self.body,
+            self.joints_mean_mm,
+            self.joints_max_mm,
+            self.worst_joint,
+            self.worst_confidence * 100.0,
+            self.fingers_mean_mm,
+            self.yaw_degrees,
+            novel.join(" "),
+            self.seconds
+        );
+        print_report(&self.report);
+    }
+}
+
+impl RealRow {
+    fn print(&self) {
+        println!("{}: {:.0} s", self.scan.display(), self.seconds);
+        print_report(&self.report);
+    }
+}
+
+fn print_report(report: &RigReport) {
+    let steps: Vec<String> = (report.steps.iter())
+        .map(|step| format!("{} {:.1}", step.step, step.seconds))
+        .collect();
+    println!("  seconds: {}", steps.join(", "));
+    println!(
+        "  {} of {} Gaussians; fit: surface {:.1} mm, landmarks {:.1}, displaced {:.1}; longest axis {:.0} mm",
+        report.gaussians,
+        report.scene_gaussians,
+        report.fit.surface * 1e3,
+        report.fit.key_points * 1e3,
+        report.fit.displaced * 1e3,
+        report.bind.longest_axis * 1e3
+    );
+    if let Some(quality) = &report.quality {
+        println!(
+            "  scan's pose {:.1} dB (worst view {:.1}), spill {:.2} %, holes {:.2} %; T-pose spill {:.2} %, holes {:.2} %",
+            quality.scan_db,
+            quality.worst_db,
+            quality.scan_pose.spill * 100.0,
+            quality.scan_pose.holes * 100.0,
+            quality.t_pose.spill * 100.0,
+            quality.t_pose.holes * 100.0
+        );
+    }
+    for warning in &report.warnings {
+        println!("  note: {warning}");
+    }
+}
+
+fn summarise(rows: &[Row]) {
+    if rows.is_empty() {
+        return;
+    }
+    let of = |figure: fn(&Row) -> f64| mean(&rows.iter().map(figure).collect::<Vec<f64>>());
+    let worst = rows.iter().map(|row| row.joints_max_mm).fold(0.0, f64::max);
+    let yaw = rows.iter().map(|row| row.yaw_degrees.abs()).fold(0.0, f64::max);
+    println!(
+        "\n{} bodies: joints {:.1} mm mean, {worst:.0} max; yaw {yaw:.1} degrees at most; novel poses {:.1} dB mean; {:.0} s each",
+        rows.len(),
+        of(|row| row.joints_mean_mm),
+        of(|row| mean(&row.novel_db)),
+        of(|row| row.seconds)
+    );
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}

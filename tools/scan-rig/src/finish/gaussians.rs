@@ -1,0 +1,138 @@
+//! Gaussians of a scan on the triangles of a mesh in the same pose, as the template's.
+
+use crate::scan::Scan;
+use glam::{Quat, Vec3};
+use spmm3::{ATTRIBUTES, BoundGaussians, GaussianSet, PersonError, SH_C0, Template, attribute};
+
+/// The thinnest that a Gaussian is stored, metres: renderers widen it to a pixel anyway.
+const THINNEST: f32 = 1e-5;
+
+/// Opacities are stored as logits: of these at least and at most.
+const OPACITY: (f32, f32) = (1e-3, 0.999);
+
+/// Barycentric coordinates of Gaussians stay within this of their triangle: what lies beside it is offset.
+const BESIDE: f32 = 0.0;
+
+/// Binds the scan's Gaussians to `triangles` of `posed`, the mesh in the scan's pose.
+///
+/// # Errors
+/// If counts differ, or a number is not finite.
+pub(super) fn bind(
+    posed: &Template,
+    scan: &Scan,
+    triangles: &[u32],
+) -> Result<BoundGaussians, PersonError> {
+    let faces = posed.faces();
+    let barycentrics = triangles
+        .iter()
+        .zip(&scan.positions)
+        .map(|(triangle, position)| {
+            let corners = faces.get(*triangle as usize).copied().unwrap_or_default();
+            let at = |v: u32| {
+                let known = posed.vertices().get(v as usize);
+                known.copied().unwrap_or_default()
+            };
+            barycentric(corners.map(at), *position)
+        })
+        .collect();
+    let set = GaussianSet {
+        positions: scan.positions.clone(),
+        rotations: scan.rotations.iter().map(upright).collect(),
+        log_scales: scan
+            .scales
+            .iter()
+            .map(|s| s.max(Vec3::splat(THINNEST)).map(f32::ln))
+            .collect(),
+        opacity_logits: scan
+            .opacities
+            .iter()
+            .map(|o| {
+                let o = o.clamp(OPACITY.0, OPACITY.1);
+                (o / (1.0 - o)).ln()
+            })
+            .collect(),
+        colours: scan.colours.iter().map(|c| (*c - 0.5) / SH_C0).collect(),
+    };
+    BoundGaussians::bind(posed, &set, triangles.to_vec(), barycentrics)
+}
+
+/// A unit quaternion, whatever it was.
+fn upright(rotation: &Quat) -> Quat {
+    let length = rotation.length_squared();
+    if length.is_finite() && length > 1e-12 {
+        rotation.normalize()
+    } else {
+        Quat::IDENTITY
+    }
+}
+
+/// Shares of the second and third corner in the point of the triangle that is nearest `point`, about.
+fn barycentric([a, b, c]: [Vec3; 3], point: Vec3) -> [f32; 2] {
+    // In f64: the model's smallest triangles (lips, lids) have edges of a millimetre.
+    let (e0, e1, p) = (
+        (b - a).as_dvec3(),
+        (c - a).as_dvec3(),
+        (point - a).as_dvec3(),
+    );
+    let (d00, d01, d11) = (e0.dot(e0), e0.dot(e1), e1.dot(e1));
+    let (d20, d21) = (p.dot(e0), p.dot(e1));
+    let area = d00 * d11 - d01 * d01;
+    if area <= 1e-16 {
+        return [1.0 / 3.0; 2];
+    }
+    let v = (d11 * d20 - d01 * d21) / area;
+    let w = (d00 * d21 - d01 * d20) / area;
+    let beside = f64::from(BESIDE);
+    let shares = [1.0 - v - w, v, w].map(|s| s.clamp(-beside, 1.0 + beside));
+    let sum: f64 = shares.iter().sum();
+    #[expect(clippy::cast_possible_truncation, reason = "shares of 1")]
+    [(shares[1] / sum) as f32, (shares[2] / sum) as f32]
+}
+
+/// The Gaussians that `order` lists, in its order.
+///
+/// # Errors
+/// If `order` names one that does not exist.
+pub(super) fn reordered(
+    template: &Template,
+    bound: &BoundGaussians,
+    order: &[usize],
+) -> Result<BoundGaussians, PersonError> {
+    let count = bound.len();
+    let planes = bound.attributes();
+    let attributes = (0..ATTRIBUTES)
+        .flat_map(|plane| order.iter().map(move |i| planes[plane * count + i]))
+        .collect();
+    BoundGaussians::new(
+        template,
+        order.iter().map(|i| bound.triangles()[*i]).collect(),
+        order.iter().map(|i| bound.barycentrics()[*i]).collect(),
+        attributes,
+    )
+}
+
+/// The same Gaussians with `log2_growth` added to the base 2 logarithms of their scales, `[N_g]`.
+///
+/// # Errors
+/// None that its arguments could cause.
+pub(super) fn grown(
+    template: &Template,
+    bound: &BoundGaussians,
+    log2_growth: &[f32],
+) -> Result<BoundGaussians, PersonError> {
+    let count = bound.len();
+    let mut attributes = bound.attributes().to_vec();
+    for plane in attribute::LOG_SCALE {
+        let values = attributes[plane * count..].iter_mut();
+        for (value, growth) in values.zip(log2_growth) {
+            *value += growth * std::f32::consts::LN_2;
+        }
+    }
+    BoundGaussians::new(
+        template,
+        bound.triangles().to_vec(),
+        bound.barycentrics().to_vec(),
+        attributes,
+    )
+    .map(BoundGaussians::quantised)
+}

@@ -1,0 +1,102 @@
+//! A body's landmarks in space from what a network saw in several views.
+
+use super::landmarks::{GROUPS, mirrored};
+use super::triangulate::{Ray, robust_cost, triangulate};
+use crate::pinhole::Pinhole;
+use crate::points::KeyPoint;
+use glam::DVec2;
+use motion_fit::landmarks::{BODY_LANDMARKS, BodyLandmarks};
+
+/// What a network saw of the body in one view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Look {
+    /// The view.
+    pub view: Pinhole,
+    /// The landmarks in the view's pixels.
+    pub seen: BodyLandmarks,
+}
+
+/// The body's landmarks in space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyPoints {
+    /// The landmarks; those that no two views show have no support.
+    pub points: [KeyPoint; BODY_LANDMARKS],
+    /// In how many views left and right of head, arms or legs were exchanged, since the other views say so.
+    pub exchanged: usize,
+}
+
+/// Rounds of the vote on left and right.
+const VOTES: usize = 5;
+/// The sides of a group are exchanged in a view if that lowers its cost to this share.
+const CLEARLY: f64 = 0.7;
+
+/// Triangulates what was seen; a ray counts by the square of its visibility, and up to a distance of about `reach` metres.
+///
+/// A network that sees a person from behind may take the left side for the right one: a view in which head, arms or legs agree better
+/// with the other views once their sides are exchanged has them exchanged.
+#[must_use]
+pub fn body_points(looks: &[Look], reach: f64) -> BodyPoints {
+    let mut swaps = vec![[false; GROUPS.len()]; looks.len()];
+    let mut points = all(looks, &swaps, reach);
+    for _ in 0..VOTES {
+        let mut changed = false;
+        for (look, swaps) in looks.iter().zip(&mut swaps) {
+            for (group, swap) in GROUPS.iter().zip(swaps) {
+                let now = cost(look, group, *swap, &points, reach);
+                let other = cost(look, group, !*swap, &points, reach);
+                if other < CLEARLY * now {
+                    *swap = !*swap;
+                    changed = true;
+                }
+            }
+        }
+        if !changed {
+            break;
+        }
+        points = all(looks, &swaps, reach);
+    }
+    BodyPoints {
+        points,
+        exchanged: swaps.iter().filter(|swaps| swaps.contains(&true)).count(),
+    }
+}
+
+/// Where the landmark is in the picture and how much that counts.
+fn observed(look: &Look, landmark: usize, swap: bool) -> (DVec2, f64) {
+    let at = if swap { mirrored(landmark) } else { landmark };
+    let point = &look.seen.points[at];
+    let weight = f64::from(point.confidence.clamp(0.0, 1.0)).powi(2) + 1e-4;
+    (point.pixel.as_dvec2(), weight)
+}
+
+fn all(looks: &[Look], swaps: &[[bool; GROUPS.len()]], reach: f64) -> [KeyPoint; BODY_LANDMARKS] {
+    std::array::from_fn(|landmark| {
+        let group = GROUPS.iter().position(|group| group.contains(&landmark));
+        let rays: Vec<Ray> = looks
+            .iter()
+            .zip(swaps)
+            .map(|(look, swaps)| {
+                let swap = group.is_some_and(|group| swaps[group]);
+                let (pixel, weight) = observed(look, landmark, swap);
+                Ray::new(&look.view, pixel, weight)
+            })
+            .collect();
+        triangulate(&rays, reach).unwrap_or_default()
+    })
+}
+
+/// How badly a view agrees with points in space.
+fn cost(
+    look: &Look,
+    group: &[usize],
+    swap: bool,
+    points: &[KeyPoint; BODY_LANDMARKS],
+    reach: f64,
+) -> f64 {
+    let costs = group.iter().map(|landmark| {
+        let (pixel, weight) = observed(look, *landmark, swap);
+        let distance = Ray::new(&look.view, pixel, weight).distance(points[*landmark].position);
+        weight * robust_cost(distance, 3.0 * reach)
+    });
+    costs.sum()
+}

@@ -1,0 +1,58 @@
+//! What was measured while a scan was prepared.
+
+use super::upright::UpScore;
+use std::time::Instant;
+
+/// What was measured while a scan was prepared.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Figures {
+    /// Candidates for up, in the scene's axes, that were looked at, and how much each looks like a standing person, 0..=4.
+    pub up: Vec<UpScore>,
+    /// How far up was from the best candidate in the end, degrees.
+    pub tilt_degrees: f64,
+    /// Planes (floors, walls) that were taken off.
+    pub planes: usize,
+    /// Gaussians that were taken for the person's.
+    pub gaussians: usize,
+    /// Of the last views, in how many the body was seen.
+    pub views: usize,
+    /// In how many of them left and right were exchanged.
+    pub exchanged: usize,
+    /// Median residual of the body's landmarks, metres.
+    pub body_residual: f64,
+    /// Median residual of the face's landmarks, metres; nothing without a face.
+    pub face_residual: Option<f64>,
+    /// Seconds that each step took, in order.
+    pub seconds: Vec<(&'static str, f64)>,
+    /// What may be wrong with the result, as sentences for the user.
+    pub doubts: Vec<String>,
+}
+
+/// Measures steps that follow each other.
+pub(super) struct Steps {
+    start: Instant,
+    pub(super) seconds: Vec<(&'static str, f64)>,
+}
+
+impl Steps {
+    pub(super) fn start() -> Self {
+        Self {
+            start: Instant::now(),
+            seconds: Vec::new(),
+        }
+    }
+
+    /// The step of that name ended.
+    pub(super) fn ended(&mut self, name: &'static str) {
+        self.seconds
+            .push((name, self.start.elapsed().as_secs_f64()));
+        self.start = Instant::now();
+    }
+}
+
+/// The median of residuals; 0 of none.
+pub(super) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or_default()
+}

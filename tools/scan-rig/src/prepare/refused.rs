@@ -1,0 +1,88 @@
+//! Scans that no avatar can be made of, and what their owners can do.
+
+use crate::RigError;
+use glam::Vec3;
+use splat_scene::Scene;
+
+/// The fewest Gaussians that make a person.
+pub(super) const FEWEST: usize = 8_000;
+/// The most that are taken.
+pub(super) const MOST: usize = 1_000_000;
+
+pub(super) fn empty() -> RigError {
+    RigError::unsuited("the file has no Gaussians: give a scan of a standing person")
+}
+
+pub(super) fn outside(scene: &Scene) -> RigError {
+    let all = scene.bounds().map_or_else(String::new, |bounds| {
+        format!(
+            "; the scan is within {}",
+            boxed(scene, bounds.min.into(), bounds.max.into())
+        )
+    });
+    RigError::unsuited(format!("no Gaussian is inside the box that was given{all}"))
+}
+
+pub(super) fn too_few(count: usize) -> RigError {
+    RigError::unsuited(format!(
+        "the person has {count} Gaussians, which are too few for an avatar: give a scan with 10,000 or more on the person"
+    ))
+}
+
+pub(super) fn too_many(count: usize) -> RigError {
+    RigError::unsuited(format!(
+        "the person has {count} Gaussians, more than the {MOST} that an avatar takes: reduce the scan first, in SuperSplat or with \
+         `splat-transform`"
+    ))
+}
+
+pub(super) fn nobody(best: f64) -> RigError {
+    RigError::unsuited(format!(
+        "no standing person is seen in the scan (the pose network's score is {best:.1} of 4): give a scan of one person who stands, \
+         from head to feet; if there is one, choose it with --box x0,y0,z0,x1,y1,z1"
+    ))
+}
+
+pub(super) fn several(scene: &Scene, people: &[(Vec3, Vec3)]) -> RigError {
+    let boxes: Vec<String> = people
+        .iter()
+        .map(|(low, high)| format!("--box {}", boxed(scene, *low, *high)))
+        .collect();
+    RigError::unsuited(format!(
+        "the scan shows {} people: choose one with {}",
+        people.len(),
+        boxes.join(" or ")
+    ))
+}
+
+pub(super) fn touching(views: usize) -> RigError {
+    RigError::unsuited(format!(
+        "the scan shows more than one person ({views} of 12 views do), who touch each other or stand close: choose one with \
+         --box x0,y0,z0,x1,y1,z1, or cut the others away"
+    ))
+}
+
+pub(super) fn incomplete(what: &str) -> RigError {
+    RigError::unsuited(format!(
+        "the scan shows a person without {what}: give a scan of the whole person, from head to feet"
+    ))
+}
+
+pub(super) fn unsure(millimetres: f64) -> RigError {
+    RigError::unsuited(format!(
+        "the views of the scan do not agree where the person's joints are ({millimetres:.0} mm apart): give a scan of one person who \
+         stands freely; if others or furniture are near, choose the person with --box x0,y0,z0,x1,y1,z1"
+    ))
+}
+
+/// A box in the file's units, as `--box` takes it.
+fn boxed(scene: &Scene, low: Vec3, high: Vec3) -> String {
+    let (a, b) = (scene.point_in_file(low), scene.point_in_file(high));
+    let (low, high) = (a.min(b), a.max(b));
+    let numbers = [low.to_array(), high.to_array()].concat();
+    let text: Vec<String> = numbers
+        .iter()
+        .map(|number| format!("{number:.2}"))
+        .collect();
+    text.join(",")
+}

@@ -1,0 +1,228 @@
+//! The face as a thin shell: where units of mouth and eyes move it, the scan's Gaussians give way to finer ones on the body model, which take
+//! their colours from the scan along lines through it.
+
+use super::additions::{Additions, brightness, smoothstep};
+use super::cells::Cell;
+use super::harmonic::Edges;
+use super::head::{Head, corners, normals};
+use super::lines::{Line, Lines};
+use crate::body::{BodyModel, BodyPart};
+use crate::scan::Scan;
+use glam::DVec3;
+
+/// Where units move the face farther than the first, it gets a shell; beyond the second, the scan's Gaussians give way to it. Metres.
+const SHELL: (f64, f64) = (0.0012, 0.003);
+
+/// Where both show, the shell is this far under the surface, metres: the scan's own Gaussians are before it.
+const UNDER: f64 = 0.0015;
+
+/// Width of the shell's cells at the rims of lips and lids and away from them, metres, and the distances between which it changes.
+const SPACING: [f64; 2] = [0.0009, 0.0017];
+const RIM: [f64; 2] = [0.004, 0.020];
+
+/// Width of the cells of what is behind lips and lids, metres.
+const INSIDE_SPACING: f64 = 0.0020;
+
+/// How far before and behind the shell the scan's Gaussians colour it, metres.
+const LINE: (f32, f32) = (0.012, 0.008);
+
+/// What is more than this before the shell hides it, metres.
+const HIDDEN: f64 = 0.007;
+
+/// The colour deep in the mouth.
+const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
+
+/// Opacity of the shell's Gaussians.
+const OPACITY: f32 = 0.97;
+
+/// The face's shell, and what it found out about the face.
+#[derive(Debug)]
+pub(crate) struct Face {
+    pub(crate) additions: Additions,
+    /// `[N_g]` which of the scan's Gaussians give way.
+    pub(crate) drop: Vec<bool>,
+    /// `[N_v]` the colour of the skin at the model's vertices, filled in where it was not seen; black away from the face.
+    pub(crate) skin: Vec<DVec3>,
+}
+
+/// Covers the face. `vertices` are the body model's in the scan's pose, `triangles` carry the scan's Gaussians.
+pub(crate) fn cover(model: &BodyModel, head: &Head, vertices: &[DVec3], scan: &Scan, triangles: &[u32]) -> Face {
+    let reach = 0.2 * head.scale;
+    let lines = Lines::new(scan, |at| {
+        scan.positions[at].as_dvec3().distance(head.centre) < reach
+    });
+    let own = |face: usize| model.faces[face].iter().all(|v| (*v as usize) < model.body_vertices);
+    let normals = normals(vertices, &model.faces, |face| own(face) && is_skin(model, face));
+    let painter = Painter { head, lines };
+    let skin = painter.skin(model, vertices, &normals);
+    let mut additions = Additions::default();
+    let mut cells = Vec::new();
+    for quad in 0..model.faces.len() / 2 {
+        if own(2 * quad) {
+            cells.clear();
+            match model.parts[2 * quad] {
+                BodyPart::InnerMouth | BodyPart::EyeSocket => {
+                    inside(model, head, vertices, quad, &skin, &mut cells, &mut additions);
+                }
+                _ => painter.shell(model, vertices, &normals, quad, &skin, &mut cells, &mut additions),
+            }
+        }
+    }
+    let core = |face: usize| {
+        own(face) && model.faces[face].iter().all(|v| head.motion[*v as usize] > SHELL.1)
+    };
+    let drop = triangles
+        .iter()
+        .map(|face| (*face as usize) < model.faces.len() && core(*face as usize))
+        .collect();
+    Face {
+        additions,
+        drop,
+        skin,
+    }
+}
+
+fn is_skin(model: &BodyModel, face: usize) -> bool {
+    matches!(model.parts[face], BodyPart::Face | BodyPart::Head)
+}
+
+/// Values at a triangle's corners, weighed by a cell's shares.
+fn at_cell<T>(model: &BodyModel, cell: &Cell, values: &[T]) -> T
+where
+    T: Copy + std::ops::Mul<f64, Output = T> + std::iter::Sum,
+{
+    let face = model.faces[cell.triangle as usize];
+    face.iter()
+        .zip(cell.shares)
+        .map(|(v, share)| values[*v as usize] * share)
+        .sum()
+}
+
+/// What colours the shell.
+#[derive(Debug)]
+struct Painter<'a> {
+    head: &'a Head,
+    lines: Lines<'a>,
+}
+
+impl Painter<'_> {
+    /// How a viewer before the face looks at a place: between its normal and straight ahead.
+    fn line(&self, point: DVec3, normal: DVec3) -> Line {
+        let ahead = self.head.forward();
+        let towards = if normal.dot(ahead) > -0.3 { normal + 0.7 * ahead } else { normal };
+        Line {
+            point,
+            towards_viewer: towards.normalize_or(ahead),
+            before: LINE.0,
+            behind: LINE.1,
+        }
+    }
+
+    /// Colours and how far they can be trusted, 0..=1.
+    fn look(&self, lines: &[Line], normals: &[DVec3]) -> Vec<(DVec3, f64)> {
+        (self.lines.look(lines, |_, _| true).into_iter())
+            .zip(lines.iter().zip(normals))
+            .map(|(seen, (line, normal))| {
+                let facing = smoothstep(0.3, 0.6, line.towards_viewer.dot(*normal));
+                let covered = smoothstep(0.5, 0.85, f64::from(seen.coverage));
+                let near = 1.0 - smoothstep(0.6 * HIDDEN, HIDDEN, f64::from(seen.height));
+                (seen.colour.as_dvec3(), facing * covered * near)
+            })
+            .collect()
+    }
+
+    /// The skin's colour at the vertices of the head, filled in where it was not seen.
+    fn skin(&self, model: &BodyModel, vertices: &[DVec3], normals: &[DVec3]) -> Vec<DVec3> {
+        let reach = 0.17 * self.head.scale;
+        let near: Vec<usize> = (0..model.body_vertices)
+            .filter(|v| vertices[*v].distance(self.head.centre) < reach)
+            .collect();
+        let lines: Vec<Line> = near.iter().map(|v| self.line(vertices[*v], normals[*v])).collect();
+        let own: Vec<DVec3> = near.iter().map(|v| normals[*v]).collect();
+        let mut colours = vec![DVec3::ZERO; vertices.len()];
+        let mut known = vec![false; vertices.len()];
+        for (v, (colour, trust)) in near.iter().zip(self.look(&lines, &own)) {
+            let at_lid = self.head.lid[*v] > 0.3 && self.head.rim[*v] < 0.004;
+            if model.outer[*v] && trust > 0.6 && !at_lid {
+                colours[*v] = colour;
+                known[*v] = true;
+            }
+        }
+        let faces = (model.faces.iter().copied())
+            .filter(|face| face.iter().all(|v| (*v as usize) < model.body_vertices && vertices[*v as usize].distance(self.head.centre) < reach));
+        Edges::new(vertices, faces).fill(&colours, &known)
+    }
+
+    /// The shell on one quad, if units move it.
+    #[expect(clippy::too_many_arguments, reason = "the mesh is three of them")]
+    fn shell(
+        &self,
+        model: &BodyModel,
+        vertices: &[DVec3],
+        normals: &[DVec3],
+        quad: usize,
+        skin: &[DVec3],
+        cells: &mut Vec<Cell>,
+        additions: &mut Additions,
+    ) {
+        let head = self.head;
+        let ring = corners(model, quad).map(|v| v as usize);
+        let least = |values: &[f64]| ring.iter().map(|v| values[*v]).fold(f64::INFINITY, f64::min);
+        if least(&head.motion) < SHELL.0 * head.scale {
+            return;
+        }
+        let apart = smoothstep(RIM[0], RIM[1], least(&head.rim) / head.scale);
+        let spacing = (SPACING[0] + apart * (SPACING[1] - SPACING[0])) * head.scale;
+        head.patch(model, vertices, quad).cells(spacing, cells);
+        let smooth: Vec<DVec3> = (cells.iter())
+            .map(|cell| at_cell(model, cell, normals).normalize_or(cell.normal))
+            .collect();
+        let lines: Vec<Line> = (cells.iter().zip(&smooth)).map(|(cell, n)| self.line(cell.point, *n)).collect();
+        for (cell, (seen, trust)) in cells.iter().zip(self.look(&lines, &smooth)) {
+            let filled = at_cell(model, cell, skin);
+            let outer: f64 = (model.faces[cell.triangle as usize].iter().zip(cell.shares))
+                .map(|(v, share)| if model.outer[*v as usize] { share } else { 0.0 })
+                .sum();
+            let lid = at_cell(model, cell, &head.lid);
+            let rim = at_cell(model, cell, &head.rim) / head.scale;
+            // A lid near its rim shows the eye where the registration is off by a millimetre.
+            let eye_shows = smoothstep(0.2, 0.5, lid) * (1.0 - smoothstep(0.002, 0.0045, rim));
+            let darker = brightness(seen) / brightness(filled).max(0.02);
+            let eye_shows = eye_shows.max(smoothstep(0.1, 0.3, lid) * (1.0 - smoothstep(0.55, 0.75, darker)));
+            let trust = trust * smoothstep(0.6, 0.95, outer) * (1.0 - eye_shows);
+            let mut colour = filled.lerp(seen, trust);
+            if lid > 0.2 && outer < 0.999 {
+                // Lashes: a dark line along the rim.
+                colour *= 1.0 - 0.45 * smoothstep(0.2, 0.6, lid) * smoothstep(0.0, 0.5, 1.0 - outer);
+            }
+            let motion = at_cell(model, cell, &head.motion);
+            let under = UNDER * (1.0 - smoothstep(SHELL.0, SHELL.1, motion));
+            additions.push(cell, -under, colour, OPACITY);
+        }
+    }
+}
+
+/// What is behind lips and lids: dark, and darker the deeper.
+fn inside(
+    model: &BodyModel,
+    head: &Head,
+    vertices: &[DVec3],
+    quad: usize,
+    skin: &[DVec3],
+    cells: &mut Vec<Cell>,
+    additions: &mut Additions,
+) {
+    head.patch(model, vertices, quad).cells(INSIDE_SPACING * head.scale, cells);
+    let mouth = model.parts[2 * quad] == BodyPart::InnerMouth;
+    for cell in cells.iter() {
+        let filled = at_cell(model, cell, skin);
+        let colour = if mouth {
+            let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
+            let lip = filled * DVec3::new(0.72, 0.55, 0.55);
+            lip.lerp(THROAT, smoothstep(0.001, 0.010, deep)) * (1.0 - 0.6 * smoothstep(0.010, 0.045, deep))
+        } else {
+            filled * 0.3
+        };
+        additions.push(cell, 0.0, colour, OPACITY);
+    }
+}

@@ -1,0 +1,217 @@
+//! The registered head: its axes, how far expressions move and stretch each place, and where lips and lids are.
+
+use super::additions::smoothstep;
+use super::cells::Patch;
+use crate::body::Registered;
+use crate::body::BodyModel;
+use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
+use spmm3::Joint;
+
+/// The widest that the jaw opens, radians, and the angle at which units of the mouth are tried.
+const JAW: (f64, f64) = (0.28, 0.14);
+
+/// Quads are sized for no more than this much stretch.
+const MOST_STRETCH: f64 = 4.0;
+
+/// From the middle between the eyes, metres at scale 1: what is farther is not the face.
+const FACE_RADIUS: f64 = 0.15;
+
+/// The head of a registered body, in the scan's pose.
+#[derive(Debug)]
+pub(crate) struct Head {
+    /// Its axes as columns: to the person's left, up, forward.
+    pub(crate) axes: DMat3,
+    /// Uniform scale of the body model.
+    pub(crate) scale: f64,
+    /// The middle between the eyes, metres.
+    pub(crate) centre: DVec3,
+    /// `[N_v]` how far units of mouth and eyes move each vertex, metres.
+    pub(crate) motion: Vec<f64>,
+    /// `[N_v]` how much a vertex is of a lid that closes, 0..=1.
+    pub(crate) lid: Vec<f64>,
+    /// `[N_v]` how much the units of the mouth move a vertex, metres.
+    pub(crate) mouth: Vec<f64>,
+    /// `[N_f / 2]` how far each quad's edges are stretched in the widest expression.
+    pub(crate) stretch: Vec<DVec2>,
+    /// `[N_v]` distance to the rim of the mouth's and the eyes' openings, metres; infinite away from the face.
+    pub(crate) rim: Vec<f64>,
+}
+
+impl Head {
+    /// `vertices`: the body model's, in the scan's pose.
+    pub(crate) fn new(model: &BodyModel, registered: &Registered, vertices: &[DVec3]) -> Self {
+        let axes = registered.rotations[Joint::Head.index()];
+        let scale = registered.scale;
+        let joint = |joint: Joint| registered.joints[joint.index()];
+        let centre = 0.5 * (joint(Joint::LeftEye) + joint(Joint::RightEye));
+        let count = model.rest.len();
+        let (mut motion, mut lid, mut mouth) = (vec![0.0; count], vec![0.0; count], vec![0.0; count]);
+        let near: Vec<bool> = (vertices.iter())
+            .map(|v| v.distance(centre) < FACE_RADIUS * scale)
+            .collect();
+        for unit in &model.units {
+            let closes = unit.name.starts_with("eye-") && unit.name.ends_with("-closure");
+            let of_mouth = unit.name.starts_with("mouth");
+            let of_eye = unit.name.starts_with("eye-");
+            if !of_mouth && !of_eye {
+                continue;
+            }
+            for (v, offset) in unit.offsets.iter().enumerate().take(model.body_vertices) {
+                let length = offset.length() * scale;
+                if near[v] && length > 0.0 {
+                    motion[v] = f64::max(motion[v], length);
+                    if of_mouth {
+                        mouth[v] = f64::max(mouth[v], length);
+                    }
+                    if closes {
+                        lid[v] = f64::max(lid[v], smoothstep(0.0012, 0.004, length));
+                    }
+                }
+            }
+        }
+        let stretch = stretch(model, registered, vertices, &near);
+        let rim = rim(model, vertices, &motion);
+        Self {
+            axes,
+            scale,
+            centre,
+            motion,
+            lid,
+            mouth,
+            stretch,
+            rim,
+        }
+    }
+
+    /// Where the person looks when looking ahead.
+    #[must_use]
+    pub(crate) fn forward(&self) -> DVec3 {
+        self.axes.z_axis
+    }
+
+    /// A quad of the model as a patch.
+    #[must_use]
+    pub(crate) fn patch(&self, model: &BodyModel, vertices: &[DVec3], quad: usize) -> Patch {
+        let [a, b, c, d] = corners(model, quad).map(|v| vertices[v as usize]);
+        Patch {
+            corners: [a, b, c, d],
+            stretch: self.stretch[quad],
+            first_triangle: u32::try_from(2 * quad).unwrap_or(u32::MAX),
+        }
+    }
+}
+
+/// The corners of a quad from its halves 012 and 023.
+#[must_use]
+pub(crate) fn corners(model: &BodyModel, quad: usize) -> [u32; 4] {
+    let ([a, b, c], [_, _, d]) = (model.faces[2 * quad], model.faces[2 * quad + 1]);
+    [a, b, c, d]
+}
+
+/// The vertices of the body model with one expression, in the scan's pose, metres: units by strength, and the jaw's angle in radians.
+#[must_use]
+pub(crate) fn expressed(
+    model: &BodyModel,
+    registered: &Registered,
+    vertices: &[DVec3],
+    units: &[(&str, f64)],
+    jaw: f64,
+) -> Vec<DVec3> {
+    let axes = registered.rotations[Joint::Head.index()];
+    let mut moved = vertices.to_vec();
+    for (name, strength) in units {
+        for unit in model.units.iter().filter(|unit| unit.name == *name) {
+            for (vertex, offset) in moved.iter_mut().zip(&unit.offsets) {
+                *vertex += axes * *offset * (registered.scale * strength);
+            }
+        }
+    }
+    if jaw != 0.0 {
+        let pivot = registered.joints[Joint::Jaw.index()];
+        let turn = DMat3::from_axis_angle(axes.x_axis, jaw);
+        for (vertex, row) in moved.iter_mut().zip(&model.weights) {
+            let weight = f64::from(row[Joint::Jaw.index()]);
+            if weight > 0.0 {
+                *vertex += weight * (pivot + turn * (*vertex - pivot) - *vertex);
+            }
+        }
+    }
+    moved
+}
+
+/// How far each quad's edges are stretched at most, over how long they are.
+fn stretch(model: &BodyModel, registered: &Registered, vertices: &[DVec3], near: &[bool]) -> Vec<DVec2> {
+    let quads = model.faces.len() / 2;
+    let in_face: Vec<usize> = (0..quads)
+        .filter(|quad| corners(model, *quad).iter().all(|v| near.get(*v as usize) == Some(&true)))
+        .collect();
+    let lengths = |points: &[DVec3], quad: usize| Patch::edges(corners(model, quad).map(|v| points[v as usize]));
+    let mut poses: Vec<(Option<&str>, f64)> = vec![(None, JAW.0)];
+    for unit in &model.units {
+        poses.push((Some(&unit.name), 0.0));
+        if unit.name.starts_with("mouth") {
+            poses.push((Some(&unit.name), JAW.1));
+        }
+    }
+    let rest: Vec<DVec2> = in_face.iter().map(|quad| lengths(vertices, *quad).max(DVec2::splat(1e-5))).collect();
+    let longest = poses
+        .par_iter()
+        .map(|(unit, jaw)| {
+            let unit: Vec<(&str, f64)> = unit.iter().map(|name| (*name, 1.0)).collect();
+            let posed = expressed(model, registered, vertices, &unit, *jaw);
+            (in_face.iter().zip(&rest))
+                .map(|(quad, rest)| lengths(&posed, *quad) / *rest)
+                .collect::<Vec<DVec2>>()
+        })
+        .reduce(
+            || vec![DVec2::ONE; in_face.len()],
+            |a, b| a.iter().zip(&b).map(|(a, b)| a.max(*b)).collect(),
+        );
+    let mut stretch = vec![DVec2::ONE; quads];
+    for (quad, longest) in in_face.iter().zip(longest) {
+        stretch[*quad] = longest.clamp(DVec2::ONE, DVec2::splat(MOST_STRETCH));
+    }
+    stretch
+}
+
+/// How far each vertex of the moving face is from the rims, where what is seen meets what is not.
+fn rim(model: &BodyModel, vertices: &[DVec3], motion: &[f64]) -> Vec<f64> {
+    let is_outer = |v: &u32| model.outer[*v as usize];
+    let own = |face: &&[u32; 3]| face.iter().all(|v| (*v as usize) < model.body_vertices);
+    let mut at_rim = vec![false; vertices.len()];
+    for face in model.faces.iter().filter(own) {
+        if !face.iter().all(is_outer) {
+            for v in face.iter().filter(|v| is_outer(v)) {
+                at_rim[*v as usize] = motion[*v as usize] > 0.0;
+            }
+        }
+    }
+    let pairs = vertices.iter().zip(&at_rim);
+    let rims: Vec<DVec3> = pairs.filter(|(_, rim)| **rim).map(|(v, _)| *v).collect();
+    (vertices.par_iter().zip(motion))
+        .map(|(vertex, motion)| {
+            if *motion <= 0.0 {
+                return f64::INFINITY;
+            }
+            (rims.iter())
+                .map(|rim| rim.distance_squared(*vertex))
+                .fold(f64::INFINITY, f64::min)
+                .sqrt()
+        })
+        .collect()
+}
+
+/// Unit normals at the vertices, weighted by the areas of the faces that `take` chooses; up where there is none.
+#[must_use]
+pub(crate) fn normals(vertices: &[DVec3], faces: &[[u32; 3]], take: impl Fn(usize) -> bool) -> Vec<DVec3> {
+    let mut normals = vec![DVec3::ZERO; vertices.len()];
+    for (_, face) in faces.iter().enumerate().filter(|(at, _)| take(*at)) {
+        let [a, b, c] = face.map(|v| vertices[v as usize]);
+        for v in face {
+            normals[*v as usize] += (b - a).cross(c - a);
+        }
+    }
+    let unit = |normal: DVec3| normal.try_normalize().unwrap_or(DVec3::Y);
+    normals.into_iter().map(unit).collect()
+}
