@@ -27,10 +27,10 @@ const RIM: [f64; 2] = [0.004, 0.020];
 const INSIDE_SPACING: f64 = 0.0026;
 
 /// How far before and behind the shell the scan's Gaussians colour it, metres.
-const LINE: (f32, f32) = (0.012, 0.008);
+const LINE: (f32, f32) = (0.020, 0.025);
 
 /// What is more than this before the shell hides it, metres.
-const HIDDEN: f64 = 0.007;
+const HIDDEN: f64 = 0.012;
 
 /// The colour deep in the mouth.
 const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
@@ -151,7 +151,7 @@ impl Painter<'_> {
         let mut colours = vec![DVec3::ZERO; vertices.len()];
         let mut known = vec![false; vertices.len()];
         for (v, (colour, trust)) in near.iter().zip(self.look(&lines, &own)) {
-            let at_lid = self.head.lid[*v] > 0.3 && self.head.rim[*v] < 0.004;
+            let at_lid = self.head.lid[*v] > 0.2 && self.head.rim[*v] < 0.005 * self.head.scale;
             if model.outer[*v] && trust > 0.6 && !at_lid {
                 colours[*v] = colour;
                 known[*v] = true;
@@ -195,7 +195,8 @@ impl Painter<'_> {
             let lid = at_cell(model, cell, &head.lid);
             let rim = at_cell(model, cell, &head.rim) / head.scale;
             // A lid near its rim shows the eye where the registration is off by a millimetre.
-            let eye_shows = smoothstep(0.2, 0.5, lid) * (1.0 - smoothstep(0.002, 0.0045, rim));
+            let folded = smoothstep(1.4, 1.9, head.stretch[quad].max_element());
+            let eye_shows = smoothstep(0.1, 0.4, lid) * folded.max(1.0 - smoothstep(0.002, 0.0045, rim));
             let darker = brightness(seen) / brightness(filled).max(0.02);
             let eye_shows = eye_shows.max(smoothstep(0.1, 0.3, lid) * (1.0 - smoothstep(0.55, 0.75, darker)));
             let trust = trust * smoothstep(0.6, 0.95, outer) * (1.0 - eye_shows);

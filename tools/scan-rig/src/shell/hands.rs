@@ -3,6 +3,7 @@
 use super::additions::{Additions, brightness, median};
 use super::cells::{Cell, Patch};
 use super::head::{corners, normals};
+use super::lines::{Line, Lines};
 use super::textures::Textures;
 use crate::bind::weights::largest;
 use crate::bind::Bound;
@@ -45,6 +46,8 @@ pub struct HandReport {
     pub straight: f64,
     /// How sure its finger joints are, 0..=1.
     pub confidence: f64,
+    /// The share of the registered fingers' skin that is where the scan has Gaussians, 0..=1.
+    pub fingers: f64,
     /// Whether it holds something.
     pub holds: bool,
     /// The scan's Gaussians on it.
@@ -55,6 +58,10 @@ pub struct HandReport {
 const STRAIGHT: f64 = 0.85;
 const SURE: f64 = 0.5;
 const ENOUGH: usize = 300;
+
+/// And if this much of the registered fingers is covered by the scan, each triangle by what is within the line's ends of it, metres.
+const SEEN: f64 = 0.8;
+const LINE: (f32, f32) = (0.005, 0.005);
 
 /// Share of hand and fingers in a vertex's weights from which it is replaced, and over which the replacement blends in.
 const HAND: (f64, f64) = (0.6, 0.95);
@@ -68,6 +75,23 @@ const STRETCH: f64 = 1.2;
 /// How much of the skin texture's contrast is taken over.
 const DETAIL: f64 = 0.8;
 
+/// The joints of both hands: left, right.
+const SIDES: [HandJoints; 2] = [
+    HandJoints {
+        wrist: Joint::LeftWrist,
+        first: Joint::LeftIndex1 as usize,
+    },
+    HandJoints {
+        wrist: Joint::RightWrist,
+        first: Joint::RightIndex1 as usize,
+    },
+];
+
+/// Whether a face of the model is on a hand that stays as it was scanned.
+pub(crate) fn is_rigid(model: &BodyModel, hands: &[HandReport; 2], face: usize) -> bool {
+    (SIDES.iter().zip(hands)).any(|(hand, report)| report.became == Hand::Rigid && hand.has_face(model, face))
+}
+
 /// Decides on both hands and does it: left, right.
 pub(crate) fn complete(
     bound: &mut Bound,
@@ -78,13 +102,8 @@ pub(crate) fn complete(
     additions: &mut Additions,
     drop: &mut [bool],
 ) -> [HandReport; 2] {
-    let sides = [
-        (Joint::LeftWrist, Joint::LeftIndex1),
-        (Joint::RightWrist, Joint::RightIndex1),
-    ];
     let mut reports = [HandReport::default(); 2];
-    for (side, (wrist, first)) in sides.into_iter().enumerate() {
-        let hand = HandJoints { wrist, first: first.index() };
+    for (side, hand) in SIDES.into_iter().enumerate() {
         let on_it: Vec<usize> = (0..bound.triangles.len())
             .filter(|at| bound.accessory[*at] == 0 && hand.has_face(model, bound.triangles[*at] as usize))
             .collect();
@@ -92,9 +111,14 @@ pub(crate) fn complete(
         report.straight = hand.straight(registered);
         report.confidence = hand.fingers().map(|j| registered.confidence[j]).sum::<f64>() / 15.0;
         report.holds = (bound.report.accessories.iter())
-            .any(|thing| thing.joint == wrist || hand.fingers().any(|j| j == thing.joint.index()));
+            .any(|thing| thing.joint == hand.wrist || hand.fingers().any(|j| j == thing.joint.index()));
         report.gaussians = on_it.len();
-        let open = report.straight > STRAIGHT && report.confidence > SURE && !report.holds && on_it.len() > ENOUGH;
+        report.fingers = hand.fingers_seen(bound, model, &on_it);
+        let open = report.straight > STRAIGHT
+            && report.confidence > SURE
+            && report.fingers > SEEN
+            && !report.holds
+            && on_it.len() > ENOUGH;
         report.became = match wanted[side] {
             Hands::Keep => Hand::Rigid,
             Hands::Replace => Hand::Replaced,
@@ -158,6 +182,33 @@ impl HandJoints {
             })
             .sum();
         sum / fingers.len() as f64
+    }
+
+    /// How much of the registered fingers the scan's Gaussians cover. Of a fist that was registered as an open hand, little.
+    fn fingers_seen(self, bound: &Bound, model: &BodyModel, on_it: &[usize]) -> f64 {
+        let fingers = (model.faces.iter()).filter(|face| {
+            let is_finger = |v: &u32| model.outer[*v as usize] && self.finger_share(&model.weights[*v as usize]) > 0.7;
+            face.iter().all(is_finger)
+        });
+        let lines: Vec<Line> = fingers
+            .filter_map(|face| {
+                let [a, b, c] = face.map(|v| bound.mesh.vertices[v as usize]);
+                let towards_viewer = (b - a).cross(c - a).try_normalize()?;
+                Some(Line {
+                    point: (a + b + c) / 3.0,
+                    towards_viewer,
+                    before: LINE.0,
+                    behind: LINE.1,
+                })
+            })
+            .collect();
+        let mut own = vec![false; bound.scan.len()];
+        for at in on_it {
+            own[*at] = true;
+        }
+        let seen = Lines::new(&bound.scan, |at| own[at]).look(&lines, |_, _| true);
+        let covered = seen.iter().filter(|seen| seen.coverage > 0.5).count();
+        covered as f64 / lines.len().max(1) as f64
     }
 
     /// Gives fingers back the weights that binding gave to the wrist.

@@ -110,19 +110,20 @@ impl<'a> Lines<'a> {
         lines
             .par_iter()
             .enumerate()
-            .map_init(Vec::new, |found, (at, line)| self.along(line, found, |g| counts(at, g)))
+            .map_init(Default::default, |found, (at, line)| self.along(line, found, |g| counts(at, g)))
             .collect()
     }
 
-    fn along(&self, line: &Line, found: &mut Vec<(f32, u32, f32)>, counts: impl Fn(usize) -> bool) -> Seen {
-        found.clear();
+    fn along(&self, line: &Line, found: &mut Found, counts: impl Fn(usize) -> bool) -> Seen {
+        let Found { candidates, splats } = found;
+        candidates.clear();
+        splats.clear();
         let point = line.point.as_vec3();
         let towards = line.towards_viewer.as_vec3();
         if !point.is_finite() || !towards.is_normalized() {
             return Seen::default();
         }
         let (right, up) = towards.any_orthonormal_pair();
-        let mut candidates: Vec<u32> = Vec::new();
         let mut last = None;
         let mut height = -line.behind;
         while height <= line.before {
@@ -137,7 +138,7 @@ impl<'a> Lines<'a> {
         }
         candidates.sort_unstable();
         candidates.dedup();
-        for at in candidates {
+        for at in candidates.iter().copied() {
             let gaussian = at as usize;
             let away = self.scan.positions[gaussian] - point;
             let height = away.dot(towards);
@@ -157,13 +158,13 @@ impl<'a> Lines<'a> {
             let power = -0.5 * (c * x * x - 2.0 * b * x * y + a * y * y) / determinant;
             let alpha = (self.scan.opacities[gaussian] * power.exp()).min(0.99);
             if determinant > 0.0 && alpha >= LEAST {
-                found.push((height, at, alpha));
+                splats.push((height, at, alpha));
             }
         }
-        found.sort_unstable_by(|p, q| q.0.total_cmp(&p.0).then(p.1.cmp(&q.1)));
+        splats.sort_unstable_by(|p, q| q.0.total_cmp(&p.0).then(p.1.cmp(&q.1)));
         let mut seen = Seen::default();
         let (mut left, mut largest) = (1.0_f32, 0.0_f32);
-        for (height, at, alpha) in found.iter() {
+        for (height, at, alpha) in splats.iter() {
             let weight = left * alpha;
             seen.colour += weight * self.scan.colours[*at as usize];
             seen.height += weight * height;
@@ -183,6 +184,14 @@ impl<'a> Lines<'a> {
         }
         seen
     }
+}
+
+/// What is found along one line, kept from line to line.
+#[derive(Debug, Default)]
+struct Found {
+    candidates: Vec<u32>,
+    /// Height, Gaussian, opacity.
+    splats: Vec<(f32, u32, f32)>,
 }
 
 fn cell_of(point: Vec3) -> IVec3 {

@@ -103,7 +103,9 @@ pub fn complete(
     let keep: Vec<bool> = drop.iter().map(|drop| !drop).collect();
     bound.retain(&keep);
     join(bound, additions);
-    report.coverage = unseen::complete(bound, model, registered, options.unseen)?;
+    report.coverage = unseen::complete(bound, model, registered, options.unseen, |face| {
+        hands::is_rigid(model, &report.hands, face)
+    })?;
     Ok(report)
 }
 
