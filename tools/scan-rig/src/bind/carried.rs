@@ -64,7 +64,13 @@ impl Carried {
 
     /// The Gaussians on the mesh in another pose. `scan` gives what does not change.
     #[must_use]
-    pub fn posed(&self, scan: &Scan, triangles: &[u32], faces: &[[u32; 3]], vertices: &[Vec3]) -> Scan {
+    pub fn posed(
+        &self,
+        scan: &Scan,
+        triangles: &[u32],
+        faces: &[[u32; 3]],
+        vertices: &[Vec3],
+    ) -> Scan {
         let (positions, rotations) = triangles
             .par_iter()
             .enumerate()
@@ -101,7 +107,11 @@ fn shares_of_nearest(p: Vec3, [a, b, c]: [Vec3; 3]) -> [f32; 2] {
     let (d5, d6) = (ab.dot(to_c), ac.dot(to_c));
     let share = |part: f32, rest: f32| {
         let whole = part + rest;
-        if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 0.0 }
+        if whole > 0.0 {
+            (part / whole).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
     };
     if d1 <= 0.0 && d2 <= 0.0 {
         return [0.0, 0.0];

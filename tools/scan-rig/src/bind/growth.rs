@@ -41,7 +41,10 @@ pub fn stays(
     let distances = |tree: &Nearest<3>, positions: &[Vec3]| -> Vec<f32> {
         positions
             .par_iter()
-            .map(|p| tree.one(&p.to_array()).map_or(f32::INFINITY, |found| found.squared.sqrt()))
+            .map(|p| {
+                tree.one(&p.to_array())
+                    .map_or(f32::INFINITY, |found| found.squared.sqrt())
+            })
             .collect()
     };
     let before = distances(&tree(here), &scan.positions);

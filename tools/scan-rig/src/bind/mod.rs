@@ -125,7 +125,12 @@ impl Bound {
     /// The Gaussians in their triangles' frames.
     #[must_use]
     pub fn carried(&self) -> Carried {
-        Carried::new(&self.scan, &self.triangles, &self.mesh.faces, &self.vertices())
+        Carried::new(
+            &self.scan,
+            &self.triangles,
+            &self.mesh.faces,
+            &self.vertices(),
+        )
     }
 
     /// The mesh in T-pose.
@@ -140,9 +145,11 @@ impl Bound {
     pub fn retain(&mut self, keep: &[bool]) {
         self.scan = self.scan.filtered(keep);
         let mut kept = keep.iter();
-        self.triangles.retain(|_| kept.next().copied().unwrap_or(false));
+        self.triangles
+            .retain(|_| kept.next().copied().unwrap_or(false));
         let mut kept = keep.iter();
-        self.accessory.retain(|_| kept.next().copied().unwrap_or(false));
+        self.accessory
+            .retain(|_| kept.next().copied().unwrap_or(false));
     }
 }
 
@@ -172,7 +179,11 @@ pub fn bind(
     let rows: Vec<SkinRow> = rows.iter().map(weights::largest).collect();
 
     let ground = Ground::new(&look.surface)?;
-    let places: Vec<Placed> = scan.positions.par_iter().map(|p| ground.place(*p)).collect();
+    let places: Vec<Placed> = scan
+        .positions
+        .par_iter()
+        .map(|p| ground.place(*p))
+        .collect();
     let mut mesh = Mesh {
         vertices: registered.vertices.clone(),
         faces: model.faces.clone(),
@@ -213,7 +224,11 @@ pub fn bind(
     report.split = split.len() - cleaned.len();
     let label: Vec<u8> = parents.iter().map(|at| label[*at as usize]).collect();
 
-    let normals: Vec<Vec3> = split.positions.par_iter().map(|p| ground.place(*p).normal).collect();
+    let normals: Vec<Vec3> = split
+        .positions
+        .par_iter()
+        .map(|p| ground.place(*p).normal)
+        .collect();
     let faces = triangles::Faces::new(&body, &model.faces, &mesh.weights, outer);
     let own: Vec<usize> = (0..split.len()).filter(|at| label[*at] == 0).collect();
     let of = |values: &[Vec3]| -> Vec<Vec3> { own.iter().map(|at| values[*at]).collect() };
@@ -246,7 +261,10 @@ pub fn bind(
     bound.report.leaving = stays.iter().filter(|stays| !**stays).count();
     bound.retain(&stays);
     let offsets = bound.carried().offsets;
-    let of_body = offsets.iter().zip(&bound.accessory).filter(|(_, a)| **a == 0);
+    let of_body = offsets
+        .iter()
+        .zip(&bound.accessory)
+        .filter(|(_, a)| **a == 0);
     bound.report.offsets = Percentiles::of(of_body.map(|(offset, _)| offset.length()).collect());
     bound.report.longest_axis = crate::figures::longest_axis(&bound.scan);
     bound.report.kept = bound.scan.len();
@@ -382,7 +400,10 @@ impl<'a> Ground<'a> {
                 distance: f32::INFINITY,
                 height: 0.0,
             };
-            return Placed { place, normal: Vec3::Y };
+            return Placed {
+                place,
+                normal: Vec3::Y,
+            };
         };
         let normal = self.surface.normals[found.at];
         let place = Place {
@@ -415,7 +436,10 @@ impl<'a> Skin<'a> {
             .filter(|(_, outer)| **outer)
             .map(|(at, _)| at)
             .collect();
-        let points: Vec<_> = names.iter().map(|at| vertices[*at as usize].to_array()).collect();
+        let points: Vec<_> = names
+            .iter()
+            .map(|at| vertices[*at as usize].to_array())
+            .collect();
         Self {
             vertices,
             normals,

@@ -51,7 +51,13 @@ pub fn without_long(scan: &Scan, longest: f32, most: usize) -> (Scan, Vec<u32>) 
 /// Replaces a Gaussian by its middle part and appends the outer two.
 fn split(scan: &mut Scan, at: usize) {
     let scale = scan.scales[at];
-    let axis = (0..3).fold(0, |most, axis| if scale[axis] > scale[most] { axis } else { most });
+    let axis = (0..3).fold(0, |most, axis| {
+        if scale[axis] > scale[most] {
+            axis
+        } else {
+            most
+        }
+    });
     let direction = Mat3::from_quat(scan.rotations[at]).col(axis);
     let [distance, outer, middle] = parts(scan.opacities[at]);
     let shift: Vec3 = direction * (scale[axis] * distance);
@@ -73,7 +79,11 @@ fn parts(opacity: f32) -> [f32; 3] {
     for row in PARTS {
         if opacity <= row.0 {
             let width = row.0 - below.0;
-            let share = if width > 0.0 { (opacity - below.0) / width } else { 0.0 };
+            let share = if width > 0.0 {
+                (opacity - below.0) / width
+            } else {
+                0.0
+            };
             return std::array::from_fn(|i| below.1[i] + (row.1[i] - below.1[i]) * share.max(0.0));
         }
         below = row;
@@ -126,10 +136,18 @@ mod tests {
             colours: vec![Vec3::ONE; 2],
         };
         let (parts, parents) = without_long(&scan, LONGEST, 100_000);
-        let longest = parts.scales.iter().map(|s| s.max_element()).fold(0.0, f32::max);
+        let longest = parts
+            .scales
+            .iter()
+            .map(|s| s.max_element())
+            .fold(0.0, f32::max);
         assert!(longest <= LONGEST, "{longest} m");
         assert_eq!(parents.len(), parts.len(), "a parent for each");
-        assert_eq!(parents.iter().filter(|p| **p == 1).count(), 1, "the short one");
+        assert_eq!(
+            parents.iter().filter(|p| **p == 1).count(),
+            1,
+            "the short one"
+        );
         assert!(without_long(&scan, LONGEST, 10).0.len() <= 10, "the bound");
     }
 }

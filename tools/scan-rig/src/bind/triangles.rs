@@ -28,7 +28,12 @@ pub struct Faces {
 impl Faces {
     /// Takes the faces for which `outer` is true. `weights` has the weight of every joint for each vertex.
     #[must_use]
-    pub fn new(vertices: &[Vec3], faces: &[[u32; 3]], weights: &[SkinRow], outer: impl Fn(usize) -> bool) -> Self {
+    pub fn new(
+        vertices: &[Vec3],
+        faces: &[[u32; 3]],
+        weights: &[SkinRow],
+        outer: impl Fn(usize) -> bool,
+    ) -> Self {
         let mut names = Vec::new();
         let mut points = Vec::new();
         let mut parts = Vec::new();
@@ -113,7 +118,13 @@ fn vote(positions: &[Vec3], normals: &[Vec3], mut parts: Vec<u8>) -> Vec<u8> {
                 for other in asked {
                     votes[usize::from(parts[*other as usize])] += 1;
                 }
-                let most = (0..JOINTS).fold(0, |most, part| if votes[part] > votes[most] { part } else { most });
+                let most = (0..JOINTS).fold(0, |most, part| {
+                    if votes[part] > votes[most] {
+                        part
+                    } else {
+                        most
+                    }
+                });
                 #[expect(clippy::cast_possible_truncation, reason = "fewer than 55")]
                 let most = most as u8;
                 most
@@ -126,7 +137,10 @@ fn vote(positions: &[Vec3], normals: &[Vec3], mut parts: Vec<u8>) -> Vec<u8> {
 /// The part of the body of a face: the joint that moves it the most, joints between which no border is worth a vote taken together.
 fn part_of(face: &[u32; 3], weights: &[SkinRow]) -> u8 {
     let sum = |joint: usize| -> f32 { face.iter().map(|v| weights[*v as usize][joint]).sum() };
-    let most = (0..JOINTS).fold(0, |most, joint| if sum(joint) > sum(most) { joint } else { most });
+    let most = (0..JOINTS).fold(
+        0,
+        |most, joint| if sum(joint) > sum(most) { joint } else { most },
+    );
     let joint = Joint::ALL.get(most).copied().unwrap_or(Joint::Pelvis);
     whole(joint) as u8
 }

@@ -94,9 +94,7 @@ impl Targets {
             (*landmark, Place::Joint(*joint), *deviation, in_front)
         });
         let vertices = (marked_vertices(model).into_iter())
-            .map(|(landmark, vertex, deviation)| {
-                (landmark, Place::Vertex(vertex), deviation, 0.0)
-            });
+            .map(|(landmark, vertex, deviation)| (landmark, Place::Vertex(vertex), deviation, 0.0));
         let mut all = Vec::new();
         for (landmark, place, usual, in_front) in joints.chain(vertices) {
             let point = points[landmark];
@@ -195,7 +193,9 @@ fn marked_vertices(model: &BodyModel) -> Vec<(usize, usize, f64)> {
     };
     let of_head = |vertex: usize| model.head_share(vertex) > 0.9;
     let eyes = at(Joint::LeftEye).y;
-    let ground = (0..model.body_vertices).map(|v| place(v).y).fold(f64::INFINITY, f64::min);
+    let ground = (0..model.body_vertices)
+        .map(|v| place(v).y)
+        .fold(f64::INFINITY, f64::min);
     let mut found = vec![(
         0,
         most(
@@ -226,12 +226,16 @@ fn marked_vertices(model: &BodyModel) -> Vec<(usize, usize, f64)> {
         ));
         found.push((
             heel,
-            most(&|v| of_foot(v) && place(v).y < ground + 0.03, &|v| -place(v).z),
+            most(&|v| of_foot(v) && place(v).y < ground + 0.03, &|v| {
+                -place(v).z
+            }),
             0.03,
         ));
         found.push((
             toe,
-            most(&|v| of_foot(v) && (place(v).x - toes).abs() < 0.04, &|v| place(v).z),
+            most(&|v| of_foot(v) && (place(v).x - toes).abs() < 0.04, &|v| {
+                place(v).z
+            }),
             0.03,
         ));
     }

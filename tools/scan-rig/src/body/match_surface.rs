@@ -41,7 +41,9 @@ pub(super) fn matched(
     reach: f64,
 ) -> Vec<Pull> {
     let normals = normals(&posed.vertices, &model.faces);
-    let outside: Vec<usize> = (0..model.body_vertices).filter(|v| model.outer[*v]).collect();
+    let outside: Vec<usize> = (0..model.body_vertices)
+        .filter(|v| model.outer[*v])
+        .collect();
     let places: Vec<[f32; 6]> = (outside.iter())
         .map(|v| oriented(posed.vertices[*v].as_vec3(), normals[*v].as_vec3(), NORMAL))
         .collect();

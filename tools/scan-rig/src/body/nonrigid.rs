@@ -94,7 +94,11 @@ pub(super) fn displaced(
                     && facing > 0.5
                     && model.outer[v]
                     && (!in_face || (round >= FACE_ROUND && far < FACE_REACH));
-                let hand = if model.finger_share(v) > 0.3 { FINGERS } else { 1.0 };
+                let hand = if model.finger_share(v) > 0.3 {
+                    FINGERS
+                } else {
+                    1.0
+                };
                 fits.then(|| (hand / (1.0 + (far / 0.03).powi(2)), apart.dot(normal)))
             })
             .collect()
@@ -111,8 +115,7 @@ pub(super) fn displaced(
                     normal: normals[v],
                     along: weight,
                     every_way: 0.0,
-                    towards: normals[v]
-                        * (weight * (distance + normals[v].dot(displacement[v]))),
+                    towards: normals[v] * (weight * (distance + normals[v].dot(displacement[v]))),
                 }
             })
             .collect();

@@ -72,12 +72,16 @@ pub fn register(
     let face = landmarks(model, seen.face);
     let targets = Targets::new(model, seen.body, &face, seen.hints);
     let clock = std::time::Instant::now();
-    let fitted = fit(model, &targets, &surface[..surface.len().min(POINTS)], start);
+    let fitted = fit(
+        model,
+        &targets,
+        &surface[..surface.len().min(POINTS)],
+        start,
+    );
     log::debug!("fit {:.2} s", clock.elapsed().as_secs_f64());
     let clock = std::time::Instant::now();
     let head = &fitted.posed.maps[Joint::Head.index()];
-    let wanted: Vec<(usize, DVec3)> =
-        face.iter().map(|on| (on.vertex, on.wanted(head))).collect();
+    let wanted: Vec<(usize, DVec3)> = face.iter().map(|on| (on.vertex, on.wanted(head))).collect();
     let displaced = displaced(model, &fitted.posed.vertices, &surface, &wanted);
     log::debug!("displaced {:.2} s", clock.elapsed().as_secs_f64());
     let mut vertices: Vec<DVec3> = fitted.posed.vertices.clone();

@@ -128,7 +128,8 @@ pub fn prepare(
     let mut person_from_scene = found.normal_from_scene.then(&placed.person_from_normal);
     let mut scan = person_from_scene.scan(&found.scan);
     sight.set(&thinned(&scan, MOST_DRAWN));
-    let (seen, looks, crowded) = look_around(&scan, DVec3::Y, DVec3::Z, (VIEWS, 1.0), sight, networks)?;
+    let (seen, looks, crowded) =
+        look_around(&scan, DVec3::Y, DVec3::Z, (VIEWS, 1.0), sight, networks)?;
     if crowded > VIEWS as usize / 3 {
         return Err(refused::touching(crowded));
     }

@@ -76,7 +76,8 @@ impl<'a> Lines<'a> {
                 let reach = (2.0 * (scan.opacities[at] / LEAST).ln()).sqrt();
                 let half = (deviations * reach).min(Vec3::splat(REACH));
                 let centre = scan.positions[at];
-                let finite = centre.is_finite() && half.is_finite() && centre.abs().max_element() < 100.0;
+                let finite =
+                    centre.is_finite() && half.is_finite() && centre.abs().max_element() < 100.0;
                 let (low, high) = if finite {
                     (cell_of(centre - half), cell_of(centre + half))
                 } else {
@@ -106,11 +107,17 @@ impl<'a> Lines<'a> {
     }
 
     /// What each line shows of the Gaussians for which `counts(line, Gaussian)` is true.
-    pub(crate) fn look(&self, lines: &[Line], counts: impl Fn(usize, usize) -> bool + Sync) -> Vec<Seen> {
+    pub(crate) fn look(
+        &self,
+        lines: &[Line],
+        counts: impl Fn(usize, usize) -> bool + Sync,
+    ) -> Vec<Seen> {
         lines
             .par_iter()
             .enumerate()
-            .map_init(Default::default, |found, (at, line)| self.along(line, found, |g| counts(at, g)))
+            .map_init(Default::default, |found, (at, line)| {
+                self.along(line, found, |g| counts(at, g))
+            })
             .collect()
     }
 
@@ -224,14 +231,33 @@ mod tests {
             before: 0.02,
             behind: 0.02,
         };
-        let seen = lines.look(&[line(0.004, DVec3::Z), line(0.0, -DVec3::Z), line(0.2, DVec3::Z)], |_, _| true);
+        let seen = lines.look(
+            &[
+                line(0.004, DVec3::Z),
+                line(0.0, -DVec3::Z),
+                line(0.2, DVec3::Z),
+            ],
+            |_, _| true,
+        );
         // By hand: alpha = o exp(-d^2 / 2 s^2) with s^2 + the pixel's variance.
         let red = 0.5 * (-0.5 * 16e-6 / (16e-6 + 0.09e-6_f64)).exp();
         let blue = 0.8 * (-0.5 * 9e-6 / (100e-6 + 0.09e-6_f64)).exp();
         let covered = red + (1.0 - red) * blue;
-        assert!((f64::from(seen[0].coverage) - covered).abs() < 1e-5, "{:?}", seen[0]);
-        assert!((f64::from(seen[0].colour.x) - red / covered).abs() < 1e-5, "{:?}", seen[0]);
-        assert!(seen[1].colour.z > 0.8, "from behind, blue is in front: {:?}", seen[1]);
+        assert!(
+            (f64::from(seen[0].coverage) - covered).abs() < 1e-5,
+            "{:?}",
+            seen[0]
+        );
+        assert!(
+            (f64::from(seen[0].colour.x) - red / covered).abs() < 1e-5,
+            "{:?}",
+            seen[0]
+        );
+        assert!(
+            seen[1].colour.z > 0.8,
+            "from behind, blue is in front: {:?}",
+            seen[1]
+        );
         assert_eq!(seen[2], Seen::default(), "nothing there");
         assert_eq!(seen[1].main, Some(1), "the blue one shows most");
     }

@@ -3,8 +3,9 @@
 use super::additions::Additions;
 use super::cells::{Cell, Patch};
 use super::harmonic::Edges;
-use super::head::{corners, normals};
+use super::head::corners;
 use super::lines::{Line, Lines, Seen};
+use super::normals::normals;
 use crate::RigError;
 use crate::bind::Bound;
 use crate::body::{BodyModel, BodyPart, Registered};
@@ -82,19 +83,29 @@ pub(crate) fn complete(
 }
 
 impl Look {
-    fn new(bound: &Bound, model: &BodyModel, registered: &Registered, take: impl Fn(usize) -> bool) -> Result<Self, RigError> {
+    fn new(
+        bound: &Bound,
+        model: &BodyModel,
+        registered: &Registered,
+        take: impl Fn(usize) -> bool,
+    ) -> Result<Self, RigError> {
         let rest = bound.rest(model, registered)?;
         let vertices = rest.vertices;
         let single: Vec<Vec3> = vertices.iter().map(|v| v.as_vec3()).collect();
-        let posed = bound
-            .carried()
-            .posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &single);
+        let posed =
+            bound
+                .carried()
+                .posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &single);
         let faces = &bound.mesh.faces;
         let outer: Vec<bool> = (0..model.faces.len())
             .map(|face| {
                 let skin = !matches!(
                     model.parts[face],
-                    BodyPart::InnerMouth | BodyPart::EyeSocket | BodyPart::Eyes | BodyPart::Teeth | BodyPart::Tongue
+                    BodyPart::InnerMouth
+                        | BodyPart::EyeSocket
+                        | BodyPart::Eyes
+                        | BodyPart::Teeth
+                        | BodyPart::Tongue
                 );
                 skin && take(face) && faces[face].iter().all(|v| model.outer[*v as usize])
             })
@@ -137,13 +148,26 @@ impl Look {
             turned[carrier].0.dot(turned[face_of[line]].0) > 0.0
         });
         let mut seen = vec![(0.0_f32, DVec3::ZERO); outer.len()];
-        for (samples, faces) in found.chunks(SAMPLES.len()).zip(face_of.chunks(SAMPLES.len())) {
+        for (samples, faces) in found
+            .chunks(SAMPLES.len())
+            .zip(face_of.chunks(SAMPLES.len()))
+        {
             let coverage: f32 = samples.iter().map(|s| s.coverage).sum();
-            let colour: DVec3 = samples.iter().map(|s| s.colour.as_dvec3() * f64::from(s.coverage)).sum();
-            seen[faces[0]] = (coverage / samples.len() as f32, colour / f64::from(coverage.max(1e-6)));
+            let colour: DVec3 = samples
+                .iter()
+                .map(|s| s.colour.as_dvec3() * f64::from(s.coverage))
+                .sum();
+            seen[faces[0]] = (
+                coverage / samples.len() as f32,
+                colour / f64::from(coverage.max(1e-6)),
+            );
         }
         Ok(Self {
-            areas: turned.iter().take(outer.len()).map(|(_, area)| *area).collect(),
+            areas: turned
+                .iter()
+                .take(outer.len())
+                .map(|(_, area)| *area)
+                .collect(),
             vertices,
             outer,
             seen,
@@ -169,7 +193,12 @@ impl Look {
 }
 
 /// The Gaussians that close the holes.
-fn filling(bound: &Bound, model: &BodyModel, look: &Look, is_stiff: impl Fn(usize) -> bool) -> Additions {
+fn filling(
+    bound: &Bound,
+    model: &BodyModel,
+    look: &Look,
+    is_stiff: impl Fn(usize) -> bool,
+) -> Additions {
     let faces = &model.faces;
     let count = look.vertices.len();
     let mut sums = vec![(DVec3::ZERO, 0.0_f64); count];
@@ -187,8 +216,13 @@ fn filling(bound: &Bound, model: &BodyModel, look: &Look, is_stiff: impl Fn(usiz
         }
     }
     let known: Vec<bool> = (0..count).map(|v| sums[v].1 > 0.0 && !open[v]).collect();
-    let colours: Vec<DVec3> = sums.iter().map(|(sum, weight)| *sum / weight.max(1e-12)).collect();
-    let skin = (0..faces.len()).filter(|face| look.outer[*face]).map(|face| faces[face]);
+    let colours: Vec<DVec3> = sums
+        .iter()
+        .map(|(sum, weight)| *sum / weight.max(1e-12))
+        .collect();
+    let skin = (0..faces.len())
+        .filter(|face| look.outer[*face])
+        .map(|face| faces[face]);
     let edges = Edges::new(&look.vertices, skin);
     let continued = edges.fill(&colours, &known);
     let smooth = edges.smoothed(&continued, SMOOTHING);
@@ -234,11 +268,20 @@ struct Grain {
 }
 
 impl Grain {
-    fn new(bound: &Bound, model: &BodyModel, look: &Look, edges: &Edges, known: &[bool], smooth: &[DVec3]) -> Self {
+    fn new(
+        bound: &Bound,
+        model: &BodyModel,
+        look: &Look,
+        edges: &Edges,
+        known: &[bool],
+        smooth: &[DVec3],
+    ) -> Self {
         let mut entries: Vec<(u32, Vec3)> = Vec::new();
         for (gaussian, face) in bound.triangles.iter().enumerate() {
             let face_at = *face as usize;
-            let is_skin = face_at < model.faces.len() && look.outer[face_at] && bound.accessory[gaussian] == 0;
+            let is_skin = face_at < model.faces.len()
+                && look.outer[face_at]
+                && bound.accessory[gaussian] == 0;
             if !is_skin || bound.scan.opacities[gaussian] < 0.5 {
                 continue;
             }
@@ -251,7 +294,10 @@ impl Grain {
                 .unwrap_or_default();
             if known[nearest as usize] {
                 let difference = bound.scan.colours[gaussian] - smooth[nearest as usize].as_vec3();
-                entries.push((nearest, difference.clamp(Vec3::splat(-0.2), Vec3::splat(0.2))));
+                entries.push((
+                    nearest,
+                    difference.clamp(Vec3::splat(-0.2), Vec3::splat(0.2)),
+                ));
             }
         }
         entries.sort_by_key(|(vertex, _)| *vertex);

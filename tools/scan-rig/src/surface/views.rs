@@ -64,7 +64,11 @@ impl DepthView {
 pub fn around(scan: &Scan) -> Vec<Pinhole> {
     let (low, high) = robust_box(scan);
     let height = (high.y - low.y).max(0.1);
-    let target = DVec3::new((low.x + high.x) / 2.0, low.y + height * 0.514, (low.z + high.z) / 2.0);
+    let target = DVec3::new(
+        (low.x + high.x) / 2.0,
+        low.y + height * 0.514,
+        (low.z + high.z) / 2.0,
+    );
     let distance = DISTANCE * height;
     let focal = PERSON / height * distance;
     // Whatever the azimuth, both the height and the farthest sideways fit, with a margin for what is nearer than the axis.
@@ -82,8 +86,7 @@ pub fn around(scan: &Scan) -> Vec<Pinhole> {
         for at in 0..AROUND {
             let azimuth = TAU * (at as f64 + shift) / AROUND as f64;
             let (sin, cos) = elevation.sin_cos();
-            let eye = target
-                + distance * DVec3::new(azimuth.sin() * cos, sin, azimuth.cos() * cos);
+            let eye = target + distance * DVec3::new(azimuth.sin() * cos, sin, azimuth.cos() * cos);
             views.push(Pinhole::look_at(eye, target, DVec3::Y, focal, width, tall));
         }
     }
@@ -102,7 +105,10 @@ fn robust_box(scan: &Scan) -> (DVec3, DVec3) {
         values.sort_unstable_by(f32::total_cmp);
         let skip = values.len() / 1000;
         let low = values.get(skip).copied().unwrap_or(0.0);
-        let high = values.len().checked_sub(skip + 1).map_or(0.0, |at| values[at]);
+        let high = values
+            .len()
+            .checked_sub(skip + 1)
+            .map_or(0.0, |at| values[at]);
         (low, high)
     };
     let (x, y, z) = (side(0), side(1), side(2));
