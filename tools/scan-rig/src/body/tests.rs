@@ -484,10 +484,7 @@ fn what_is_no_number_or_missing_is_survived_or_refused() {
         body: &halved,
         ..none
     };
-    assert!(
-        register(model, &half).is_err(),
-        "a person without a hip"
-    );
+    assert!(register(model, &half).is_err(), "a person without a hip");
 }
 
 #[test]

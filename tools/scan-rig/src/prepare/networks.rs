@@ -3,7 +3,7 @@
 use crate::RigError;
 use crate::sight::Rgb;
 use motion_fit::landmarks::{BodyLandmarks, FaceLandmarks};
-use npu_runtime::Runtime;
+use npu_runtime::{Provider, Runtime};
 use std::path::Path;
 use tracker::mediapipe::{Body, Face};
 use tracker::models::{BodyEstimate, BodyModel, FaceEstimate, FaceModel};
@@ -33,8 +33,8 @@ impl Networks {
         let names: Vec<&str> = [Body::NAMES, Face::NAMES].concat();
         let set = NetworkSet::open(&folder, &names, &runtime)?;
         Ok(Self {
-            body: Body::open(&set, THREADS)?,
-            face: Face::open(&set, 1, THREADS)?,
+            body: Body::open(&set, Provider::Cpu { threads: THREADS })?,
+            face: Face::open(&set, 1, Provider::Cpu { threads: THREADS })?,
         })
     }
 
