@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 });
                 (truth.scan.to_scene()?, Some(truth))
             }
-            Err(_) => (Scene::load(&PathBuf::from(&argument))?, None),
+            Err(_) => (Scene::load(PathBuf::from(&argument).as_path())?, None),
         };
         let prepared = prepare(&scene, &Options::default(), &mut sight, &mut networks)?;
         let surface = look(&prepared.scan).surface;
@@ -61,7 +61,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             clock.elapsed().as_secs_f64(),
             1e3 * report.surface,
             1e3 * report.displaced,
-            report.face.map_or_else(|| "none".into(), |face| format!("{:.2} mm", 1e3 * face)),
+            report
+                .face
+                .map_or_else(|| "none".into(), |face| format!("{:.2} mm", 1e3 * face)),
             1e3 * report.key_points,
             1e3 * report.cloth,
         );
@@ -97,7 +99,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     if !means.is_empty() {
         let mean = means.iter().map(|(mean, _)| mean).sum::<f64>() / means.len() as f64;
         let worst = means.iter().map(|(_, worst)| *worst).fold(0.0, f64::max);
-        println!("{} people: 22 joints {mean:.1} mm off on average, {worst:.1} at most", means.len());
+        println!(
+            "{} people: 22 joints {mean:.1} mm off on average, {worst:.1} at most",
+            means.len()
+        );
     }
     Ok(())
 }

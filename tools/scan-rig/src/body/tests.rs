@@ -64,11 +64,11 @@ fn skinned_by_hand(model: &BodyModel, state: &State) -> (Vec<DVec3>, [DVec3; JOI
     let mut rest = model.rest.clone();
     let mut rest_joints = model.joints;
     for (weight, shape) in state.shape.iter().zip(&model.shapes) {
-        for v in 0..rest.len() {
-            rest[v] += *weight * shape.vertices[v];
+        for (vertex, offset) in rest.iter_mut().zip(&shape.vertices) {
+            *vertex += *weight * *offset;
         }
-        for j in 0..JOINTS {
-            rest_joints[j] += *weight * shape.joints[j];
+        for (joint, offset) in rest_joints.iter_mut().zip(&shape.joints) {
+            *joint += *weight * *offset;
         }
     }
     let mut joints = [state.root; JOINTS];
@@ -484,10 +484,7 @@ fn what_is_no_number_or_missing_is_survived_or_refused() {
         body: &halved,
         ..none
     };
-    assert!(
-        register(model, &half).is_err(),
-        "a person without a hip"
-    );
+    assert!(register(model, &half).is_err(), "a person without a hip");
 }
 
 #[test]
