@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 });
                 (truth.scan.to_scene()?, Some(truth))
             }
-            Err(_) => (Scene::load(&PathBuf::from(&argument))?, None),
+            Err(_) => (Scene::load(PathBuf::from(&argument).as_path())?, None),
         };
         let prepared = prepare(&scene, &Options::default(), &mut sight, &mut networks)?;
         let surface = look(&prepared.scan).surface;

@@ -64,11 +64,11 @@ fn skinned_by_hand(model: &BodyModel, state: &State) -> (Vec<DVec3>, [DVec3; JOI
     let mut rest = model.rest.clone();
     let mut rest_joints = model.joints;
     for (weight, shape) in state.shape.iter().zip(&model.shapes) {
-        for v in 0..rest.len() {
-            rest[v] += *weight * shape.vertices[v];
+        for (vertex, offset) in rest.iter_mut().zip(&shape.vertices) {
+            *vertex += *weight * *offset;
         }
-        for j in 0..JOINTS {
-            rest_joints[j] += *weight * shape.joints[j];
+        for (joint, offset) in rest_joints.iter_mut().zip(&shape.joints) {
+            *joint += *weight * *offset;
         }
     }
     let mut joints = [state.root; JOINTS];
