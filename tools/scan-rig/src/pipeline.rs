@@ -282,7 +282,10 @@ fn finished(
     // Eyes turn about the middle of the eyeballs that were made.
     let head = Joint::Head.index();
     let to_tpose = tpose.maps_from(&scan_pose);
-    for (joint, eye) in [Joint::LeftEye, Joint::RightEye].into_iter().zip(&shell.eyeballs) {
+    for (joint, eye) in [Joint::LeftEye, Joint::RightEye]
+        .into_iter()
+        .zip(&shell.eyeballs)
+    {
         if let Some(eye) = eye {
             let joint = joint.index();
             scan_pose.rotations[joint] = scan_pose.rotations[head];

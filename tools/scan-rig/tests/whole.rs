@@ -44,7 +44,9 @@ fn tools() -> Option<MutexGuard<'static, Tools>> {
         }
         found.ok().map(Mutex::new)
     });
-    tools.as_ref().map(|tools| tools.lock().expect("no test panicked with it"))
+    tools
+        .as_ref()
+        .map(|tools| tools.lock().expect("no test panicked with it"))
 }
 
 fn open() -> Result<Tools, String> {
@@ -77,9 +79,15 @@ impl Tools {
             finish: FinishOptions::default(),
         };
         let told = RefCell::new(Vec::new());
-        let rigged = rig(scene, &options, &mut self.sight, &mut self.networks, &|step| {
-            told.borrow_mut().push(step);
-        });
+        let rigged = rig(
+            scene,
+            &options,
+            &mut self.sight,
+            &mut self.networks,
+            &|step| {
+                told.borrow_mut().push(step);
+            },
+        );
         if rigged.is_ok() {
             assert_eq!(told.into_inner(), STEPS, "every step was told of");
         }
@@ -124,8 +132,8 @@ fn check_avatar(rigged: &Rigged) {
         let Some(file) = real_file(file) else {
             continue;
         };
-        let clip = MotionClip::load(&file, &avatar.skeleton, &LoadOptions::default())
-            .expect("the motion");
+        let clip =
+            MotionClip::load(&file, &avatar.skeleton, &LoadOptions::default()).expect("the motion");
         for moment in moments {
             let motion = clip.sample(moment, Playback::Clamp);
             let vertices = poser.vertices(&motion);
@@ -136,7 +144,11 @@ fn check_avatar(rigged: &Rigged) {
                 distance(**at, [a, b, c]) > REACH
             });
             let far = far.count();
-            assert_eq!(far, 0, "Gaussians off the body at {moment} s of {}", clip.name);
+            assert_eq!(
+                far, 0,
+                "Gaussians off the body at {moment} s of {}",
+                clip.name
+            );
         }
     }
 }
@@ -192,6 +204,9 @@ fn what_is_no_scan_of_one_whole_person_is_refused_with_what_to_do() {
         let scene = truth.scan.to_scene().expect("a scene");
         let error = tools.rig(&scene, truth.height).expect_err("no avatar");
         println!("{fault:?}: {error}");
-        assert!(matches!(error, RigError::Unsuited { .. }), "{fault:?}: {error}");
+        assert!(
+            matches!(error, RigError::Unsuited { .. }),
+            "{fault:?}: {error}"
+        );
     }
 }

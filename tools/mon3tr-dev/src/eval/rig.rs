@@ -183,13 +183,8 @@ impl Tools {
             },
         };
         let told = |step: &'static str| log::info!("{name}: {step}");
-        let mut rigged = pipeline::rig(
-            scene,
-            &options,
-            &mut self.sight,
-            &mut self.networks,
-            &told,
-        )?;
+        let mut rigged =
+            pipeline::rig(scene, &options, &mut self.sight, &mut self.networks, &told)?;
         rigged.report.quality = Some(pipeline::measure(&rigged)?);
         Ok(rigged)
     }
@@ -231,7 +226,11 @@ fn synthetic(
         worst_joint: Joint::ALL[worst].name(),
         fingers_mean_mm: mean(fingers) * 1e3,
         yaw_degrees: yaw_error(&rigged, &truth).to_degrees(),
-        worst_confidence: rigged.report.joints.get(worst).map_or(0.0, |j| j.confidence),
+        worst_confidence: rigged
+            .report
+            .joints
+            .get(worst)
+            .map_or(0.0, |j| j.confidence),
         novel_db: novel(person, &rigged, &scan_options)?,
         seconds,
         report: rigged.report,
@@ -404,7 +403,10 @@ fn summarise(rows: &[Row]) {
     }
     let of = |figure: fn(&Row) -> f64| mean(&rows.iter().map(figure).collect::<Vec<f64>>());
     let worst = rows.iter().map(|row| row.joints_max_mm).fold(0.0, f64::max);
-    let yaw = rows.iter().map(|row| row.yaw_degrees.abs()).fold(0.0, f64::max);
+    let yaw = rows
+        .iter()
+        .map(|row| row.yaw_degrees.abs())
+        .fold(0.0, f64::max);
     println!(
         "\n{} bodies: joints {:.1} mm mean, {worst:.0} max; yaw {yaw:.1} degrees at most; novel poses {:.1} dB mean; {:.0} s each",
         rows.len(),

@@ -58,11 +58,7 @@ pub(crate) struct RigChoices {
     #[arg(long, value_name = "METRES", value_parser = parse_height)]
     height: Option<f64>,
     /// Two opposite corners of a box around the person, in the file's own coordinates [default: found]
-    #[arg(
-        long = "box",
-        value_name = "X,Y,Z,X,Y,Z",
-        allow_hyphen_values = true
-    )]
+    #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", allow_hyphen_values = true)]
     cut: Option<Numbers<6>>,
     /// The axis of the scan's file that points up: +x, -x, +y, -y, +z or -z [default: found out by looking]
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
@@ -167,7 +163,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     let out = match &options.out {
         Some(out) => out.clone(),
-        None => Path::new("out").join(file_name(&options.scan)).with_extension("m3a"),
+        None => Path::new("out")
+            .join(file_name(&options.scan))
+            .with_extension("m3a"),
     };
     if let Some(folder) = &options.report {
         make_folder(folder)?;

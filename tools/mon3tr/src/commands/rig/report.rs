@@ -202,7 +202,9 @@ fn faces(rigged: &Rigged, device: &DeviceOptions) -> anyhow::Result<Row> {
             continue;
         };
         let mut motion = MotionParams::default();
-        motion.expression_mut().copy_from_slice(&preset.coefficients);
+        motion
+            .expression_mut()
+            .copy_from_slice(&preset.coefficients);
         motion.set_axis_angle(Joint::Jaw, Vec3::X * preset.jaw);
         wanted.push((name, motion));
     }
