@@ -36,6 +36,9 @@ const HIDDEN: f64 = 0.012;
 /// How deep under the face the scan's own Gaussians may lie, metres.
 const MIST: f64 = 0.013;
 
+/// From the rims, the shell closes before what is inside, metres.
+const LIPS: f64 = 0.016;
+
 /// The colour deep in the mouth.
 const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
 
@@ -87,7 +90,9 @@ pub(crate) fn cover(
         let away = |v: &usize| vertices[*v].distance_squared(middle);
         let nearest = outside.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
         nearest.is_some_and(|v| {
-            head.motion[*v] < SHELL.1 * head.scale && away(v).sqrt() < MIST * head.scale
+            let covered =
+                head.motion[*v] > SHELL.1 * head.scale && head.rim[*v] < LIPS * head.scale;
+            !covered && away(v).sqrt() < MIST * head.scale
         })
     };
     let mut additions = Additions::default();

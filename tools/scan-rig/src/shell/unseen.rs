@@ -15,6 +15,9 @@ use serde::Serialize;
 /// A triangle that is covered less than this, 0..=1, has a hole; one that is covered more than the second has a colour to continue.
 const COVERED: (f32, f32) = (0.5, 0.85);
 
+/// Of a head only what is covered less than this has a hole: its mist of long Gaussians is thin, but shows more than a filling does.
+const HEAD_COVERED: f32 = 0.2;
+
 /// How far before and behind a triangle Gaussians cover it, metres.
 const LINE: (f32, f32) = (0.05, 0.04);
 
@@ -48,6 +51,8 @@ pub struct CoverageReport {
 struct Look {
     vertices: Vec<DVec3>,
     outer: Vec<bool>,
+    /// `[N_f]` the coverage under which a face has a hole.
+    least: Vec<f32>,
     /// `[N_f]` mean coverage and colour.
     seen: Vec<(f32, DVec3)>,
     /// `[N_f]` square metres.
@@ -170,13 +175,22 @@ impl Look {
                 .collect(),
             vertices,
             outer,
+            least: (model.parts.iter())
+                .map(|part| {
+                    if matches!(part, BodyPart::Face | BodyPart::Head) {
+                        HEAD_COVERED
+                    } else {
+                        COVERED.0
+                    }
+                })
+                .collect(),
             seen,
             positions: posed.positions,
         })
     }
 
     fn has_hole(&self, face: usize) -> bool {
-        self.outer[face] && self.seen[face].0 < COVERED.0
+        self.outer[face] && self.seen[face].0 < self.least[face]
     }
 
     /// The area with holes, and all of it, square metres.
@@ -210,7 +224,7 @@ fn filling(
                 let sum = &mut sums[v as usize];
                 sum.0 += colour * look.areas[face];
                 sum.1 += look.areas[face];
-            } else if coverage < COVERED.0 {
+            } else if look.has_hole(face) {
                 open[v as usize] = true;
             }
         }

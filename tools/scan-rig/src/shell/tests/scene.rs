@@ -144,7 +144,7 @@ fn paint(
         let patch = Patch {
             corners: corners(model, quad).map(|v| vertices[v as usize]),
             stretch: DVec2::ONE,
-            first_triangle: (2 * quad) as u32,
+            first_triangle: u32::try_from(2 * quad).unwrap_or_default(),
         };
         patch.cells(if fine { 0.35 * spacing } else { spacing }, &mut cells);
         for cell in &cells {
@@ -193,6 +193,7 @@ pub(super) fn picture(scan: &Scan, view: &Pinhole) -> Vec<Vec3> {
 }
 
 /// Writes pictures side by side where the environment asks for it, to be looked at.
+#[expect(clippy::cast_possible_truncation, reason = "clamped to a byte")]
 pub(super) fn save(name: &str, pictures: &[Vec<Vec3>], view: &Pinhole) {
     let Ok(folder) = std::env::var("MON3TR_PICTURES") else {
         return;
