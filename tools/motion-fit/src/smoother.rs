@@ -17,6 +17,8 @@ pub struct Cutoff {
     pub per_speed: f64,
     /// Cutoff of the speed itself, Hz.
     pub speed_hz: f64,
+    /// A speed that noise makes, which does not raise the cutoff; units as above.
+    pub still: f64,
 }
 
 /// The filters of each part of a person.
@@ -38,18 +40,19 @@ pub struct SmoothConfig {
 
 impl Default for SmoothConfig {
     fn default() -> Self {
-        let cutoff = |rest_hz, per_speed| Cutoff {
+        let cutoff = |rest_hz, per_speed, speed_hz| Cutoff {
             rest_hz,
             per_speed,
-            speed_hz: 2.0,
+            speed_hz,
+            still: 0.2,
         };
         Self {
-            trunk: cutoff(1.2, 1.0),
-            limbs: cutoff(1.2, 0.7),
-            fingers: cutoff(1.5, 0.7),
-            face: cutoff(3.0, 2.0),
-            expression: cutoff(2.5, 0.7),
-            root: cutoff(1.5, 4.0),
+            trunk: cutoff(1.2, 1.0, 2.0),
+            limbs: cutoff(1.2, 0.7, 2.0),
+            fingers: cutoff(1.2, 0.5, 1.0),
+            face: cutoff(3.0, 2.0, 2.0),
+            expression: cutoff(2.5, 0.7, 1.0),
+            root: cutoff(1.5, 4.0, 2.0),
         }
     }
 }
@@ -83,9 +86,9 @@ const PAUSE: f64 = 1.0;
 
 /// Smooths a stream of motion parameters.
 ///
-/// A low pass of cutoff f lags by 1 / (2 pi f): 106 ms for a limb at rest, where nothing is there to lag, and on a swing of half a radian at
-/// 0.2 to 3 Hz 20 ms or less (`cargo test -p motion-fit --test smoother -- --nocapture`). The jitter that is left of a noisy fit is printed by
-/// `cargo test -p motion-fit --test body_motion -- --nocapture`: a quarter to a third above the recorded motion's own.
+/// A low pass of cutoff f lags by 1 / (2 pi f): 132 ms for a limb at rest, where nothing is there to lag, and on a swing of half a radian at
+/// 0.2 to 3 Hz 21 ms, fingers 39 ms (`cargo test -p motion-fit --test smoother -- --nocapture`). The jitter that is left of a noisy fit is
+/// printed by `cargo test -p motion-fit --test body_motion -- --nocapture`: a tenth to a sixth above the recorded motion's own.
 #[derive(Debug, Clone)]
 pub struct Smoother {
     config: SmoothConfig,
@@ -229,7 +232,8 @@ impl Cutoff {
     fn hz(&self, speed: f64, confidence: f32) -> f64 {
         let sure = f64::from(confidence).clamp(0.0, 1.0);
         let sure = if sure.is_nan() { 0.0 } else { sure };
-        (self.rest_hz + self.per_speed * speed) * (UNSURE + (1.0 - UNSURE) * sure)
+        (self.rest_hz + self.per_speed * (speed - self.still).max(0.0))
+            * (UNSURE + (1.0 - UNSURE) * sure)
     }
 
     fn number(&self, state: &mut [f64; 2], target: f64, step: f64, confidence: f32) {

@@ -224,13 +224,20 @@ fn other_person() -> Skeleton {
 fn a_person_of_other_proportions_bends_the_avatar_alike() {
     let avatar = common::skeleton();
     let person = other_person();
+    // A leg that swings towards the camera may be given the wrong one of two depths for half a second, so one walk seen once tells nothing.
+    let mut all = [0.0; 2];
     for name in ["mocap/cmu_02_01_walk.bvh", "mocap/cmu_02_05_punch.bvh"] {
         let Some(truth) = performance(name, 0.3) else {
             return;
         };
-        let mut errors = Vec::new();
-        for (label, proportions) in [("the avatar's bones", false), ("the person's bones", true)] {
-            let mut network = Network::new(eye(), Errors::SMALL, 3);
+        for ((seed, (label, proportions)), own) in (1..=3)
+            .flat_map(|seed| {
+                [("the avatar's bones", false), ("the person's bones", true)]
+                    .map(|bones| (seed, bones))
+            })
+            .zip([0, 1].into_iter().cycle())
+        {
+            let mut network = Network::new(eye(), Errors::SMALL, seed);
             let parts = Parts {
                 proportions,
                 ..Parts::default()
@@ -285,11 +292,11 @@ fn a_person_of_other_proportions_bends_the_avatar_alike() {
                 degrees / count,
                 height / (truth.len() - 45) as f64 * 1e3
             );
-            errors.push(degrees / count);
+            all[own] += degrees / count;
         }
-        assert!(
-            errors[1] < errors[0],
-            "{name}: the person's bones are no better: {errors:?}"
-        );
     }
+    assert!(
+        all[1] < 0.95 * all[0],
+        "the person's bones are no better: {all:?}"
+    );
 }

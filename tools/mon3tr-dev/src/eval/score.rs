@@ -26,6 +26,8 @@ pub(super) const LIMBS: [Joint; 12] = [
     Joint::RightWrist,
 ];
 
+/// The left ankle in [`LIMBS`]; the right one follows.
+const ANKLES: usize = 4;
 /// A foot is in stance while its joint moves slower than this in truth, metres a second.
 const STANCE: f64 = 0.1;
 /// Labels count as swapped where that makes the error smaller than this share of it.
@@ -80,6 +82,8 @@ pub(super) struct Scores {
     pub(super) jitter_truth_mm: f64,
     /// Mean speed of a foot while it stands in truth, metres a second; none where no foot stands.
     pub(super) foot_slide: Option<f64>,
+    /// The same of the frames in which that foot's ankle is in the picture.
+    pub(super) foot_slide_seen: Option<f64>,
     /// Frames with left and right swapped, and the longest run of them.
     pub(super) swapped: usize,
     pub(super) longest_swap: usize,
@@ -139,7 +143,7 @@ pub(super) fn score(
     errors.sort_by(f64::total_cmp);
     scores.mpjpe_p95_mm = errors.get(errors.len() * 95 / 100).copied().unwrap_or(0.0);
     (scores.jitter_mm, scores.jitter_truth_mm) = jitter(&pairs);
-    scores.foot_slide = foot_slide(&pairs, rate_hz);
+    [scores.foot_slide, scores.foot_slide_seen] = foot_slide(&pairs, rate_hz);
     for (hand, correlation) in scores.curl_correlation.iter_mut().enumerate() {
         // A hand that is out of the picture says nothing of the fit.
         let wrist = LIMBS.len() - 2 + hand;
@@ -262,22 +266,27 @@ fn jitter(pairs: &[(usize, &Posed, &Posed)]) -> (f64, f64) {
     (sums[0] / count, sums[1] / count)
 }
 
-/// Mean speed of tracked feet while they stand in truth.
-fn foot_slide(pairs: &[(usize, &Posed, &Posed)], rate_hz: f64) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0u32);
+/// Mean speed of tracked feet while they stand in truth: of all, and of those whose ankles are in the picture.
+fn foot_slide(pairs: &[(usize, &Posed, &Posed)], rate_hz: f64) -> [Option<f64>; 2] {
+    let mut sums = [(0.0, 0u32); 2];
     for window in pairs.windows(2) {
         let [a, b] = window else { continue };
         if b.0 != a.0 + 1 {
             continue;
         }
         for foot in 0..2 {
-            if a.1.feet[foot].distance(b.1.feet[foot]) * rate_hz < STANCE {
-                sum += a.2.feet[foot].distance(b.2.feet[foot]) * rate_hz;
-                count += 1;
+            if a.1.feet[foot].distance(b.1.feet[foot]) * rate_hz >= STANCE {
+                continue;
+            }
+            let speed = a.2.feet[foot].distance(b.2.feet[foot]) * rate_hz;
+            let seen = a.1.seen[ANKLES + foot] && b.1.seen[ANKLES + foot];
+            for (sum, count) in &mut sums[..=usize::from(seen)] {
+                *sum += speed;
+                *count += 1;
             }
         }
     }
-    (count > 0).then(|| sum / f64::from(count))
+    sums.map(|(sum, count)| (count > 0).then(|| sum / f64::from(count)))
 }
 
 /// Sum of the flexions of a hand's four fingers, radians.
@@ -389,6 +398,13 @@ mod tests {
             (slide - 0.15).abs() < 1e-9,
             "one foot of two at 0.3 m/s: {slide}"
         );
+        assert_eq!(scores.foot_slide_seen, scores.foot_slide, "both are seen");
+        let mut hidden = truth.clone();
+        for frame in &mut hidden {
+            frame.seen[ANKLES] = false;
+        }
+        let scores = score(&hidden, &tracked, 30.0, 0);
+        assert_eq!(scores.foot_slide_seen, Some(0.0), "the other foot stands");
     }
 
     #[test]

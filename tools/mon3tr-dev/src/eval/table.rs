@@ -49,7 +49,7 @@ impl StageTimes {
 /// A figure of a row, for the median over all of them.
 type Figure = (&'static str, fn(&Row) -> Option<f64>);
 
-const FIGURES: [Figure; 13] = [
+const FIGURES: [Figure; 14] = [
     ("MPJPE, mm", |row| Some(row.scores.mpjpe_mm)),
     ("95 %, mm", |row| Some(row.scores.mpjpe_p95_mm)),
     ("PA-MPJPE, mm", |row| Some(row.scores.pa_mpjpe_mm)),
@@ -74,6 +74,7 @@ const FIGURES: [Figure; 13] = [
         Some(row.scores.jitter_mm / row.scores.jitter_truth_mm.max(1e-9))
     }),
     ("foot slide, m/s", |row| row.scores.foot_slide),
+    ("of feet in the picture", |row| row.scores.foot_slide_seen),
     ("reprojection, %", |row| {
         Some(row.scores.reprojection_percent)
     }),
@@ -83,7 +84,7 @@ const FIGURES: [Figure; 13] = [
 pub(super) fn print_scores(motion: &str, camera: &str, scores: &Scores) {
     let both = |[left, right]: [Option<f64>; 2]| format!("{}/{}", text(left), text(right));
     println!(
-        "{motion:<22.22} {camera:<8} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  pelvis {:>3.0}°  fingers {:>2.0}/{:<2.0}° curl {:<11} face {:<5} jaw {:<5} jitter {:>4.1} ({:>4.1})  slide {:<5} swaps {:>2} ({})  reprojection {:.1} %",
+        "{motion:<22.22} {camera:<8} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  pelvis {:>3.0}°  fingers {:>2.0}/{:<2.0}° curl {:<11} face {:<5} jaw {:<5} jitter {:>4.1} ({:>4.1})  slide {:<5} (seen {:<5}) swaps {:>2} ({})  reprojection {:.1} %",
         scores.frames,
         scores.of,
         scores.mpjpe_mm,
@@ -98,6 +99,7 @@ pub(super) fn print_scores(motion: &str, camera: &str, scores: &Scores) {
         scores.jitter_mm,
         scores.jitter_truth_mm,
         text(scores.foot_slide),
+        text(scores.foot_slide_seen),
         scores.swapped,
         scores.longest_swap,
         scores.reprojection_percent,

@@ -30,11 +30,13 @@ pub(super) const COUNT: usize = 25;
 
 /// Where the network sees hips, as shares of the height of the shoulder joints above the floor: half their width, their height, and how far
 /// before the pelvis. Where rigs put hip joints differs by centimetres, so those are not asked. Measured on renders of the demo avatar: in the
-/// picture they are on the body's front, where annotators saw them; the network's metres have them within.
+/// picture they are on the body's front, where annotators saw them (`HIP_AHEAD`); the network's metres have them within.
 const HIP_HALF_WIDTH: f64 = 0.075;
 const HIP_HEIGHT: f64 = 0.637;
 const HIP_AHEAD: f64 = 0.042;
-/// Head and hands err along the line of sight this much more than the rest: 100 to 200 mm against 60.
+const HIP_WITHIN: f64 = 0.01;
+/// Head, shoulders and hands err along the line of sight this much more than the rest: 100 to 200 mm against 60, and of a body that is
+/// seen obliquely the network turns the shoulders by three quarters of their angle.
 const EXTREMITY_DEPTH: f64 = 2.0;
 /// From the shoulder joint to the network's shoulder on top of it: inwards and up, as shares of half the shoulders' width.
 const SHOULDER: [f64; 2] = [0.10, 0.14];
@@ -51,7 +53,7 @@ pub(super) fn bind(skeleton: &Skeleton) -> [Binding; COUNT] {
         drawn: Attachment::new(joint, offset),
         solid,
         pixel,
-        depth: if landmark < SHOULDERS[0] || (WRISTS[0]..HIPS[0]).contains(&landmark) {
+        depth: if landmark <= SHOULDERS[1] || (WRISTS[0]..HIPS[0]).contains(&landmark) {
             EXTREMITY_DEPTH
         } else {
             1.0
@@ -71,7 +73,7 @@ pub(super) fn bind(skeleton: &Skeleton) -> [Binding; COUNT] {
     };
     let hip_binding = |landmark, sign: f64| Binding {
         landmark,
-        at: hip(sign, 0.0),
+        at: hip(sign, HIP_WITHIN),
         drawn: hip(sign, HIP_AHEAD),
         solid: 1.0,
         pixel: 1.0,

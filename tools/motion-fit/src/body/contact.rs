@@ -1,19 +1,21 @@
 //! Soles on the floor: when a heel or a ball of a foot stands still, and where.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 /// Pictures that a speed is measured over before a sole is taken to stand, and before it is let go: a late pin slides a little, one that
 /// holds a lifting heel drags the whole body.
 const WINDOW: usize = 5;
 const SHORT: usize = 3;
-/// A sole slower than this may be standing, one faster than the other is not, m/s.
+/// A sole slower than this may be standing, one faster than the other is not, m/s across the line of sight. It is measured in the picture
+/// alone: what stands before a camera that stands has the same pixel, and depth, whose noise is most of a speed in the room, says nothing
+/// of it.
 const STILL: f64 = 0.40;
 const MOVING: f64 = 0.50;
 /// A sole lower than this may be standing, one higher than the other is not, metres above the floor.
 const LOW: f64 = 0.09;
 const HIGH: f64 = 0.14;
 /// A pin this far from where its sole is seen lets go, metres across the line of sight.
-const TORN: f64 = 0.08;
+const TORN: f64 = 0.12;
 /// Time for a pin to take hold, seconds, and how much faster it lets go: slower, as real landmarks shake and a foot that stands is let go in
 /// between.
 const HOLD: f64 = 0.05;
@@ -29,7 +31,8 @@ const SINK: f64 = 3.0;
 /// One heel or ball.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Contact {
-    history: [(f64, Vector3<f64>); WINDOW],
+    /// Where the sole appeared, pixels.
+    history: [(f64, Vector2<f64>); WINDOW],
     count: usize,
     pin: Option<Vector3<f64>>,
     /// For how long it stands, seconds.
@@ -49,13 +52,14 @@ impl Contact {
         self.pin.is_some() && self.hold > 0.3
     }
 
-    /// One picture: where the sole is seen, where the last fit's motion has it, the height of the
-    /// lowest sole or the floor, whichever is higher, and the floor's.
+    /// One picture: where the sole is seen, in the world and in the picture (a pixel, and metres in a pixel there), where the last fit's
+    /// motion has it, the height of the lowest sole or the floor, whichever is higher, and the floor's.
     pub(super) fn update(
         &mut self,
         seconds: f64,
         step: f64,
         seen: Option<Vector3<f64>>,
+        (pixel, metres_per_pixel): (Vector2<f64>, f64),
         expected: Vector3<f64>,
         lowest: f64,
         floor: f64,
@@ -64,9 +68,9 @@ impl Contact {
             Some(seen) => {
                 if self.count == WINDOW {
                     self.history.rotate_left(1);
-                    self.history[WINDOW - 1] = (seconds, seen);
+                    self.history[WINDOW - 1] = (seconds, pixel);
                 } else {
-                    self.history[self.count] = (seconds, seen);
+                    self.history[self.count] = (seconds, pixel);
                     self.count += 1;
                 }
                 let torn = self.pin.is_some_and(|pin| (pin - seen).xy().norm() > TORN);
@@ -76,7 +80,9 @@ impl Contact {
                 } else {
                     (WINDOW, STILL, LOW)
                 };
-                !torn && height < low && self.speed(window).is_some_and(|speed| speed < slow)
+                !torn
+                    && height < low
+                    && (self.speed(window)).is_some_and(|speed| speed * metres_per_pixel < slow)
             }
             None => {
                 self.count = 0;
@@ -107,30 +113,75 @@ impl Contact {
         }
     }
 
-    /// Everything turned about the world's origin.
+    /// The pin turned about the world's origin.
     pub(super) fn turn(&mut self, by: &nalgebra::Matrix3<f64>) {
-        for (_, at) in &mut self.history {
-            *at = by * *at;
-        }
         if let Some(pin) = &mut self.pin {
             *pin = by * *pin;
         }
     }
 
-    /// Speed over the newest `window` pictures by the line of least squares, m/s; `None` before there are as many.
+    /// Speed over the newest `window` pictures by the line of least squares, pixels a second; `None` before there are as many.
     fn speed(&self, window: usize) -> Option<f64> {
         let newest = self
             .history
             .get(self.count.checked_sub(window)?..self.count)?;
         let n = newest.len() as f64;
         let middle = newest.iter().map(|(t, _)| t).sum::<f64>() / n;
-        let mut above = Vector3::zeros();
+        let mut above = Vector2::zeros();
         let mut below = 0.0;
         for (t, at) in newest {
             above += at * (t - middle);
             below += (t - middle) * (t - middle);
         }
-        // Depth is too rough to tell a speed.
-        (below > 1e-9).then(|| (above / below).xy().norm())
+        (below > 1e-9).then(|| (above / below).norm())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pictures of a sole at `place` whose pixel is `pixel`, 2 mm to a pixel, 30 a second.
+    fn after(pictures: usize, at: impl Fn(f64) -> (Vector3<f64>, Vector2<f64>)) -> Contact {
+        let mut contact = Contact::default();
+        for k in 0..pictures {
+            let seconds = k as f64 / 30.0;
+            let (place, pixel) = at(seconds);
+            let seen = (pixel, 0.002);
+            contact.update(seconds, 1.0 / 30.0, Some(place), seen, place, 0.0, 0.0);
+        }
+        contact
+    }
+
+    #[test]
+    fn a_sole_whose_pixel_rests_stands_whatever_its_depth_seems() {
+        let pixel = Vector2::new(300.0, 800.0);
+        let contact = after(8, |t| {
+            (Vector3::new(0.0, 0.02, 0.2 * (60.0 * t).sin()), pixel)
+        });
+        assert!(contact.stands(), "{contact:?}");
+    }
+
+    #[test]
+    fn a_foot_that_swings_towards_the_camera_does_not_stand() {
+        // Neither aside nor up in the room, but down in the picture: 2.6 m/s seen from 20 degrees above.
+        let contact = after(8, |t| {
+            let place = Vector3::new(0.0, 0.05, 2.6 * t);
+            (place, Vector2::new(300.0, 500.0 + 445.0 * t))
+        });
+        assert!(!contact.stands(), "{contact:?}");
+    }
+
+    #[test]
+    fn a_sole_stands_after_five_pictures_and_a_lifted_one_no_longer() {
+        let still = Vector2::new(300.0, 800.0);
+        let low = Vector3::new(0.0, 0.02, 0.0);
+        assert!(!after(4, |_| (low, still)).stands(), "too early");
+        assert!(after(5, |_| (low, still)).stands(), "late");
+        let lifted = after(12, |t| {
+            let up = 1.5 * (t - 0.2).max(0.0);
+            (low + Vector3::y() * up, still - Vector2::y() * (up / 0.002))
+        });
+        assert!(!lifted.stands(), "{lifted:?}");
     }
 }

@@ -5,7 +5,7 @@ use super::{
     chain::{Attachment, BODY_JOINTS, Placed, Posture},
     reading::{ANKLES, HIPS, KNEES, Reading, SHOULDERS, Seen},
     solver::SkeletonSolver,
-    terms::{Term, View},
+    terms::{NEAREST, Term, View},
 };
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use spmm3::Joint;
@@ -13,8 +13,8 @@ use spmm3::Joint;
 /// Standard deviations of a landmark's place in metres across the line of sight and along it. A network's metres are of a person of its own
 /// imagination: what it saw in the picture tells the places across, bones that keep their lengths tell how far limbs reach along it, and the
 /// network mostly on which side.
-const ACROSS: f64 = 0.15;
-const ALONG: f64 = 0.3;
+const ACROSS: f64 = 0.2;
+const ALONG: f64 = 0.4;
 /// Of a landmark's pixel, metres at its depth.
 const PIXEL: f64 = 0.02;
 /// How fast a joint's turn may depart from constant speed: its standard deviation in a frame per second of that frame's length, rad/s.
@@ -84,6 +84,14 @@ pub(super) struct Scene {
     pub(super) view: View,
     /// Height of the floor, metres; the camera is at 0.
     pub(super) floor: f64,
+}
+
+impl Scene {
+    /// Metres across the line of sight of a pixel at `place`.
+    pub(super) fn metres_per_pixel(&self, place: &Vector3<f64>) -> f64 {
+        let depth = (self.view.camera_from_world * place + self.view.translation).z;
+        depth.max(NEAREST) / self.view.focal
+    }
 }
 
 /// A first posture: the pelvis turned as the torso is, at the depth that the torso's size in the picture tells.

@@ -15,7 +15,7 @@ const VALUES: usize = 3 * BODY_JOINTS;
 /// Standard deviations about each joint's axes beside the recorded components, radians, and the joints they are for. Flexion of
 /// the knee is about x; of the elbow about y, and its x is the forearm's twist.
 const BASE: [(&[usize], [f64; 3]); 11] = [
-    (&[1, 2], [0.7, 0.35, 0.35]),
+    (&[1, 2], [0.7, 0.26, 0.35]),
     (&[3, 6, 9], [0.1, 0.08, 0.07]),
     (&[4, 5], [0.9, 0.06, 0.08]),
     (&[7, 8], [0.35, 0.2, 0.2]),
@@ -30,7 +30,11 @@ const BASE: [(&[usize], [f64; 3]); 11] = [
 
 /// How much of the recordings' mean a joint's mean is: their spines bend forward, as one who boxes does.
 fn mean_share(joint: usize) -> f64 {
-    if matches!(joint, 3 | 6 | 9) { 0.5 } else { 1.0 }
+    if matches!(joint, 3 | 6 | 9) {
+        0.25
+    } else {
+        1.0
+    }
 }
 
 /// A Gaussian over the rotation vectors of all body joints but the pelvis.

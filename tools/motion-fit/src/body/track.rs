@@ -19,7 +19,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 const STEPS: usize = 4;
 const FIRST_STEPS: usize = 25;
 /// Speeds fade with this time, seconds: what is hidden comes to rest.
-const FADE: f64 = 0.15;
+const FADE: f64 = 0.1;
 /// How near to its pin a standing sole is held, metres; to the floor; and how firmly no sole sinks below it.
 const PIN: f64 = 0.05;
 const FLOOR: f64 = 0.08;
@@ -219,6 +219,7 @@ impl Track {
                 scene.seconds,
                 scene.step,
                 measured,
+                (seen.pixel, scene.metres_per_pixel(&expected)),
                 expected,
                 lowest.max(scene.floor),
                 scene.floor,

@@ -31,13 +31,15 @@ const MOUTH: [(&str, [f64; 4]); 8] = [
     ("smile", [0.17, 0.84, 1.00, 0.24]),
 ];
 /// Deviations of the four measures that noise and people's differences make.
-const NOISE: [f64; 4] = [0.06, 0.15, 0.15, 0.25];
+const NOISE: [f64; 4] = [0.06, 0.15, 0.15, 0.12];
 /// A yaw or pitch (radians) at which width and corners are twice as uncertain.
 const TURNED: f64 = 0.4;
 /// Opening of the mouth at which the lips' red is twice as uncertain, and from which on lips cannot be pressed.
 const PARTED: f64 = 0.3;
-/// Deviation of a weight before anything is seen: of `a`, as jaws open most often, and of the others.
-const WEIGHT: [f64; 2] = [1.5, 0.7];
+/// Deviation of a weight before anything is seen.
+const WEIGHT: f64 = 0.7;
+/// How much more a brow counts on the side that the face shows, per sine of the head's yaw: the mesh guesses the other one.
+const ASIDE: f64 = 0.8;
 /// Greatest weights: the jaw's own preset may open twice as far.
 const MOST: f64 = 1.1;
 const MOST_OPEN: f64 = 2.0;
@@ -68,7 +70,10 @@ pub fn apply(face: &FaceMeasures, presets: &Expressions) -> FacePose {
     // One blink for both lids: half a blink of each looks asleep, so the more open eye decides unless one is quite shut.
     let [left, right] = face.blink;
     add("blink", left.min(right).max(left.max(right) * 2.0 - 1.0));
-    let brows = (face.brows[0] + face.brows[1]) * 0.5;
+    // A head that looks to the picture's left shows its left side.
+    let forward = face.camera_from_head * DVec3::Z;
+    let left = (0.5 - ASIDE * forward.x).clamp(0.0, 1.0);
+    let brows = face.brows[0] * left + face.brows[1] * (1.0 - left);
     add("brows_up", brows.max(0.0));
     add("brows_down", (-brows).max(0.0));
     if !presets.contains_key("a") {
@@ -119,14 +124,13 @@ fn mouth(face: &FaceMeasures, presets: &Expressions) -> [f64; MOUTH.len()] {
         column
     });
     let mut weights = [0.0; MOUTH.len()];
-    let prior = WEIGHT.map(|deviation| 1.0 / (deviation * deviation));
+    let prior = 1.0 / (WEIGHT * WEIGHT);
     for _ in 0..ROUNDS {
         for (k, column) in columns.iter().enumerate() {
             let square: f64 = column.iter().map(|v| v * v).sum();
             let slope: f64 = column.iter().zip(&rest).map(|(v, r)| v * r).sum();
             let most = if k == 0 { MOST_OPEN } else { MOST };
-            let best =
-                ((slope + square * weights[k]) / (square + prior[k.min(1)])).clamp(0.0, most);
+            let best = ((slope + square * weights[k]) / (square + prior)).clamp(0.0, most);
             let change = best - weights[k];
             for (rest, v) in rest.iter_mut().zip(column) {
                 *rest -= change * v;

@@ -21,9 +21,11 @@ const OPEN: f64 = 0.30;
 const WIDTH: f64 = 0.10;
 const CORNERS: f64 = 0.08;
 const PRESS: f64 = 0.08;
-const BROW: f64 = 0.06;
+const BROW: f64 = 0.03;
 /// Movement of a brow that noise makes.
-const BROW_STILL: f64 = 0.012;
+const BROW_STILL: f64 = 0.006;
+/// By how much the mesh lifts a brow whose eye is shut. As on renders, as are the two above: the avatar's own brows rise by 0.026.
+const BROW_BLINK: f64 = 0.027;
 /// How much a brow seems to rise when the head is pitched down by a radian: the mesh's depth is not exact. As on renders.
 const BROW_PITCH: f64 = 0.069;
 /// The opening of the lids, as share of the open eye's, at which a blink begins and at which it is complete: lashes and blur
@@ -164,10 +166,11 @@ impl FaceFit {
             if blink[side] >= IRIS_HIDDEN {
                 continue;
             }
+            let height = brows[side] - BROW_BLINK * blink[side];
             if !self.is_held {
-                self.brows[side].see(brows[side], step);
+                self.brows[side].see(height, step);
             }
-            let rise = brows[side] - self.brows[side].value();
+            let rise = height - self.brows[side].value();
             let moved = rise.signum() * (rise.abs() - BROW_STILL).max(0.0);
             self.raised[side] = (moved / (BROW - BROW_STILL)).clamp(-1.0, 1.0);
         }
