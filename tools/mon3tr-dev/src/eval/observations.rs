@@ -122,12 +122,10 @@ impl<'a> Keeper<'a> {
             background: None,
             filter: Filter::Dilation,
         };
-        let stills = (take.frames.iter())
-            .map(|motion| Still {
-                motion: motion.clone(),
-                cameras: vec![take.camera],
-            })
-            .collect();
+        let stills = (take.frames.iter()).map(|motion| Still {
+            motion: motion.clone(),
+            cameras: vec![take.camera],
+        });
         let label = format!("{} from {}", take.motion, take.camera_name);
         let bar = progress::bar(&label, take.frames.len());
         let mut seen = Vec::new();
