@@ -57,13 +57,15 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("up {:.2}: score {:.2}", up.up, up.score);
     }
     println!(
-        "{} Gaussians of {}, {} planes taken off, tilt {:.1} degrees, {} views, exchanged in {}",
+        "{} Gaussians of {}, {} planes taken off, tilt {:.1} degrees, {} views, exchanged in {}, several people in {}, {:.1} % beside the bones",
         figures.gaussians,
         scene.len(),
         figures.planes,
         figures.tilt_degrees,
         figures.views,
-        figures.exchanged
+        figures.exchanged,
+        figures.crowded,
+        100.0 * figures.beside
     );
     println!("person from scene: {:?}", prepared.person_from_scene);
     for (name, point) in NAMES.iter().zip(&prepared.body) {

@@ -113,7 +113,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let figures = &prepared.figures;
             println!(
                 "person {number}, turn {turn}: up off {:.1} degrees (pitch {:.1}, roll {:.1}), yaw {yaw:.1}, size {:.3}, joints {mean:.0} mm, most {most:.0}; residual {:.1} mm, \
-                 face {:.2} mm, {} planes, {} Gaussians, {} candidates, {:.1} s",
+                 face {:.2} mm, {} planes, {} Gaussians, {} candidates, {:.1} % beside, {:.1} s",
                 up.angle_between(DVec3::Y).to_degrees(),
                 up.z.asin().to_degrees(),
                 up.x.asin().to_degrees(),
@@ -123,6 +123,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 figures.planes,
                 figures.gaussians,
                 figures.up.len(),
+                100.0 * figures.beside,
                 figures
                     .seconds
                     .iter()

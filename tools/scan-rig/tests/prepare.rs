@@ -10,8 +10,8 @@ use scan_rig::prepare::{Networks, Options, Prepared, prepare};
 use scan_rig::scan::Scan;
 use scan_rig::sight::Sight;
 use scan_rig::synthetic::{Fault, ScanOptions, Stance, Surroundings, SyntheticPerson};
-use spmm3::Joint;
 use splat_scene::{Scene, SceneBuilder};
+use spmm3::Joint;
 use std::f32::consts::FRAC_PI_2;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -41,11 +41,19 @@ fn tools() -> Option<MutexGuard<'static, Option<Tools>>> {
         };
         let name = std::env::var("MON3TR_GPU").unwrap_or_default();
         let choice: GpuChoice = name.parse().expect("any text is a choice");
-        let sight = Sight::open(&choice).map_err(|why| skipped(&format!("a Vulkan device: {why}"))).ok()?;
-        let networks = Networks::open(None).map_err(|why| skipped(&format!("networks: {why}"))).ok()?;
+        let sight = Sight::open(&choice)
+            .map_err(|why| skipped(&format!("a Vulkan device: {why}")))
+            .ok()?;
+        let networks = Networks::open(None)
+            .map_err(|why| skipped(&format!("networks: {why}")))
+            .ok()?;
         let mut body = BareBody::open(&makehuman).expect("MakeHuman's files");
         let person = SyntheticPerson::new(&mut body, &makehuman, 1).expect("a person");
-        *tools = Some(Tools { sight, networks, person });
+        *tools = Some(Tools {
+            sight,
+            networks,
+            person,
+        });
     }
     Some(tools)
 }
@@ -59,7 +67,10 @@ impl Tools {
     /// A person who stands, with about so many Gaussians.
     fn standing(&self, gaussians: usize) -> (Scan, Stance) {
         let stance = self.person.balanced_stance();
-        let options = ScanOptions { gaussians, ..ScanOptions::default() };
+        let options = ScanOptions {
+            gaussians,
+            ..ScanOptions::default()
+        };
         (self.person.reposed(&options, &stance), stance)
     }
 
@@ -72,16 +83,28 @@ impl Tools {
 }
 
 /// Checks a prepared scan against the stance: `scene_from_truth` is a turn, a size and a shift.
-fn check(prepared: &Prepared, stance: &Stance, turn: Quat, size: f32, shift: Vec3, degrees: f64, case: &str) {
+fn check(
+    prepared: &Prepared,
+    stance: &Stance,
+    turn: Quat,
+    size: f32,
+    shift: Vec3,
+    degrees: f64,
+    case: &str,
+) {
     let at = |joint: Joint| stance.joints[joint.index()];
-    let left = at(Joint::LeftShoulder) - at(Joint::RightShoulder) + at(Joint::LeftHip) - at(Joint::RightHip);
+    let left = at(Joint::LeftShoulder) - at(Joint::RightShoulder) + at(Joint::LeftHip)
+        - at(Joint::RightHip);
     let front = left.cross(DVec3::Y).normalize();
     let placed = &prepared.person_from_scene;
     let rotation = placed.rotation * turn.as_dquat();
     let tilt = (rotation * DVec3::Y).angle_between(DVec3::Y).to_degrees();
     let front = rotation * front;
     let yaw = front.x.atan2(front.z).to_degrees();
-    println!("{case}: up off {tilt:.1} degrees, yaw {yaw:.1}, residual {:.1} mm", 1e3 * prepared.figures.body_residual);
+    println!(
+        "{case}: up off {tilt:.1} degrees, yaw {yaw:.1}, residual {:.1} mm",
+        1e3 * prepared.figures.body_residual
+    );
     assert!(tilt < degrees, "{case}: up is off by {tilt} degrees");
     assert!(yaw.abs() < 5.0, "{case}: facing is off by {yaw} degrees");
     let pairs = [
@@ -95,7 +118,8 @@ fn check(prepared: &Prepared, stance: &Stance, turn: Quat, size: f32, shift: Vec
     for (landmarks, joints) in pairs {
         for (landmark, joint) in landmarks.into_iter().zip(joints) {
             let there = turn * at(joint).as_vec3() * size + shift;
-            let apart = (prepared.body[landmark].position - placed.point(there.as_dvec3())).length();
+            let apart =
+                (prepared.body[landmark].position - placed.point(there.as_dvec3())).length();
             assert!(apart < 0.07, "{case}: {joint:?} is {apart} m off");
         }
     }
@@ -107,7 +131,10 @@ fn a_person_is_stood_upright_and_faced_forwards_whichever_axis_is_up_and_however
     let Some(tools) = tools.as_mut() else { return };
     let (scan, stance) = tools.standing(20_000);
     let height = f64::from(scan.positions.iter().map(|p| p.y).fold(0.0, f32::max));
-    let options = Options { height: Some(height), ..Options::default() };
+    let options = Options {
+        height: Some(height),
+        ..Options::default()
+    };
     let sides = [
         Quat::IDENTITY,
         Quat::from_rotation_x(FRAC_PI_2),
@@ -123,10 +150,31 @@ fn a_person_is_stood_upright_and_faced_forwards_whichever_axis_is_up_and_however
         let mut turned = scan.clone();
         turned.transform(size, turn, shift);
         let prepared = tools.prepare(&turned, &options).expect("a person");
-        check(&prepared, &stance, turn, size, shift, 3.5, &format!("side {case}"));
-        let low = prepared.scan.positions.iter().map(|p| f64::from(p.y)).fold(f64::INFINITY, f64::min);
-        let high = prepared.scan.positions.iter().map(|p| f64::from(p.y)).fold(0.0, f64::max);
-        assert!(low.abs() < 0.03 && (high - height).abs() < 0.03, "from {low} to {high} m, not {height}");
+        check(
+            &prepared,
+            &stance,
+            turn,
+            size,
+            shift,
+            3.5,
+            &format!("side {case}"),
+        );
+        let low = prepared
+            .scan
+            .positions
+            .iter()
+            .map(|p| f64::from(p.y))
+            .fold(f64::INFINITY, f64::min);
+        let high = prepared
+            .scan
+            .positions
+            .iter()
+            .map(|p| f64::from(p.y))
+            .fold(0.0, f64::max);
+        assert!(
+            low.abs() < 0.03 && (high - height).abs() < 0.03,
+            "from {low} to {high} m, not {height}"
+        );
         assert!(prepared.face.is_some(), "a face");
     }
 }
@@ -152,7 +200,11 @@ fn a_room_is_cut_away_and_its_floor_says_where_up_is() {
 fn two_people_are_refused_with_a_box_around_each_and_each_box_chooses_one() {
     let Some(mut tools) = tools() else { return };
     let Some(tools) = tools.as_mut() else { return };
-    let options = ScanOptions { gaussians: 20_000, fault: Some(Fault::TwoPeople), ..ScanOptions::default() };
+    let options = ScanOptions {
+        gaussians: 20_000,
+        fault: Some(Fault::TwoPeople),
+        ..ScanOptions::default()
+    };
     let scan = tools.person.scan(&options).scan;
     let what = tools.refusal(&scan, &Options::default());
     assert!(what.contains("2 people"), "{what}");
@@ -161,17 +213,31 @@ fn two_people_are_refused_with_a_box_around_each_and_each_box_chooses_one() {
         .skip(1)
         .map(|text| {
             let numbers = text.split(' ').next().unwrap_or_default().split(',');
-            numbers.map(|number| number.parse().expect("a number")).collect()
+            numbers
+                .map(|number| number.parse().expect("a number"))
+                .collect()
         })
         .collect();
     assert_eq!(boxes.len(), 2, "{what}");
     for numbers in boxes {
-        let [a, b, c, d, e, f] = numbers[..] else { panic!("{what}") };
-        let within = Options { within: Some([[a, b, c], [d, e, f]]), ..Options::default() };
+        let [a, b, c, d, e, f] = numbers[..] else {
+            panic!("{what}")
+        };
+        let within = Options {
+            within: Some([[a, b, c], [d, e, f]]),
+            ..Options::default()
+        };
         let prepared = tools.prepare(&scan, &within).expect("one of them");
-        assert!(prepared.scan.len().abs_diff(scan.len() / 2) < 600, "{}", prepared.scan.len());
+        assert!(
+            prepared.scan.len().abs_diff(scan.len() / 2) < 600,
+            "{}",
+            prepared.scan.len()
+        );
     }
-    let beyond = Options { within: Some([[90.0; 3], [91.0; 3]]), ..Options::default() };
+    let beyond = Options {
+        within: Some([[90.0; 3], [91.0; 3]]),
+        ..Options::default()
+    };
     let what = tools.refusal(&scan, &beyond);
     assert!(what.contains("inside the box"), "{what}");
 }
@@ -180,7 +246,11 @@ fn two_people_are_refused_with_a_box_around_each_and_each_box_chooses_one() {
 fn scans_that_no_avatar_can_be_made_of_are_refused_and_say_why() {
     let Some(mut tools) = tools() else { return };
     let Some(tools) = tools.as_mut() else { return };
-    let half = ScanOptions { gaussians: 30_000, fault: Some(Fault::HalfAPerson), ..ScanOptions::default() };
+    let half = ScanOptions {
+        gaussians: 30_000,
+        fault: Some(Fault::HalfAPerson),
+        ..ScanOptions::default()
+    };
     let half = tools.person.scan(&half).scan;
     let (whole, stance) = tools.standing(30_000);
     let chin = stance.joints[Joint::Neck.index()].as_vec3();
@@ -210,6 +280,14 @@ fn scans_that_no_avatar_can_be_made_of_are_refused_and_say_why() {
         assert!(what.contains(expected), "{what}");
     }
     let empty: Scene = SceneBuilder::new(0).expect("degree 0").finish();
-    let refused = prepare(&empty, &Options::default(), &mut tools.sight, &mut tools.networks);
-    assert!(matches!(&refused, Err(RigError::Unsuited { what }) if what.contains("no Gaussians")), "empty");
+    let refused = prepare(
+        &empty,
+        &Options::default(),
+        &mut tools.sight,
+        &mut tools.networks,
+    );
+    assert!(
+        matches!(&refused, Err(RigError::Unsuited { what }) if what.contains("no Gaussians")),
+        "empty"
+    );
 }

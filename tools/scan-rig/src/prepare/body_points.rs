@@ -100,3 +100,81 @@ fn cost(
     });
     costs.sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use motion_fit::landmarks::BodyPoint;
+
+    /// A figure whose sides differ, seen by 12 views with a little noise.
+    fn looks(random: &mut fastrand::Rng) -> (Vec<DVec3>, Vec<Look>) {
+        let truth: Vec<DVec3> = (0..BODY_LANDMARKS)
+            .map(|_| {
+                DVec3::new(
+                    random.f64() - 0.5,
+                    1.7 * random.f64(),
+                    0.6 * random.f64() - 0.3,
+                )
+            })
+            .collect();
+        let looks = (0..12)
+            .map(|index| {
+                let angle = f64::from(index) / 12.0 * std::f64::consts::TAU;
+                let eye = DVec3::new(3.2 * angle.sin(), 1.1, 3.2 * angle.cos());
+                let view =
+                    Pinhole::look_at(eye, DVec3::new(0.0, 0.9, 0.0), DVec3::Y, 1400.0, 640, 900);
+                let points = std::array::from_fn(|landmark| {
+                    let noise = DVec2::new(random.f64() - 0.5, random.f64() - 0.5) * 8.0;
+                    let pixel = view.project(truth[landmark]).unwrap_or_default() + noise;
+                    BodyPoint {
+                        pixel: pixel.as_vec2(),
+                        confidence: 0.5 + 0.5 * random.f32(),
+                        ..BodyPoint::default()
+                    }
+                });
+                Look {
+                    view,
+                    seen: BodyLandmarks { points },
+                }
+            })
+            .collect();
+        (truth, looks)
+    }
+
+    #[test]
+    fn views_that_take_left_for_right_are_exchanged_and_change_nothing() {
+        let mut random = fastrand::Rng::with_seed(11);
+        let (truth, mut looks) = looks(&mut random);
+        // The whole body in two views, the legs alone in a third, the head alone in a fourth.
+        for (view, groups) in [
+            (5, &GROUPS[..]),
+            (6, &GROUPS[..]),
+            (7, &GROUPS[2..]),
+            (8, &GROUPS[..1]),
+        ] {
+            let before = looks[view].seen.clone();
+            for landmark in groups.concat() {
+                looks[view].seen.points[landmark] = before.points[mirrored(landmark)];
+            }
+        }
+        let found = body_points(&looks, 0.03);
+        assert_eq!(found.exchanged, 4, "views with exchanged sides");
+        for (landmark, (point, truth)) in found.points.iter().zip(&truth).enumerate() {
+            let apart = (point.position - *truth).length();
+            assert!(
+                apart < 0.01 && point.residual < 0.02,
+                "landmark {landmark}: {apart} m, {point:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_body_that_no_view_shows_has_no_support() {
+        let found = body_points(&[], 0.03);
+        assert!(
+            found.points.iter().all(|point| point.support == 0.0),
+            "{found:?}"
+        );
+    }
+}

@@ -1,6 +1,9 @@
 //! What was measured while a scan was prepared.
 
+use super::landmarks::{ANKLES, ELBOWS, HIPS, KNEES, SHOULDERS, WRISTS};
 use super::upright::UpScore;
+use crate::points::KeyPoint;
+use motion_fit::landmarks::BODY_LANDMARKS;
 use std::time::Instant;
 
 /// What was measured while a scan was prepared.
@@ -16,8 +19,12 @@ pub struct Figures {
     pub gaussians: usize,
     /// Of the last views, in how many the body was seen.
     pub views: usize,
+    /// In how many of them several people were seen.
+    pub crowded: usize,
     /// In how many of them left and right were exchanged.
     pub exchanged: usize,
+    /// Share of what the scan shows, by area, that is not about the person's bones: 0..=1.
+    pub beside: f64,
     /// Median residual of the body's landmarks, metres.
     pub body_residual: f64,
     /// Median residual of the face's landmarks, metres; nothing without a face.
@@ -55,4 +62,10 @@ pub(super) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or_default()
+}
+
+/// The landmarks that are joints of limbs.
+pub(super) fn joints(points: &[KeyPoint; BODY_LANDMARKS]) -> impl Iterator<Item = &KeyPoint> {
+    let all = [SHOULDERS, ELBOWS, WRISTS, HIPS, KNEES, ANKLES];
+    all.into_iter().flatten().map(|at| &points[at])
 }

@@ -51,6 +51,8 @@ pub const SHOULDERS: [usize; 2] = [11, 12];
 pub const ELBOWS: [usize; 2] = [13, 14];
 /// Wrists.
 pub const WRISTS: [usize; 2] = [15, 16];
+/// Knuckles of the index fingers.
+pub const INDICES: [usize; 2] = [19, 20];
 /// Hips.
 pub const HIPS: [usize; 2] = [23, 24];
 /// Knees.

@@ -225,11 +225,7 @@ fn longest(points: &[Vec3], normal: Vec3) -> Vec3 {
         .normalize_or(normal.any_orthonormal_vector())
 }
 
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    reason = "means"
-)]
+#[expect(clippy::cast_precision_loss, reason = "means")]
 fn moments(points: &[Vec3]) -> (SymmetricEigen<f64, nalgebra::U3>, Vec3) {
     let count = points.len().max(1) as f64;
     let middle = points

@@ -55,10 +55,18 @@ pub(super) fn several(scene: &Scene, people: &[(Vec3, Vec3)]) -> RigError {
     ))
 }
 
-pub(super) fn touching(views: usize) -> RigError {
+pub(super) fn several_seen(views: usize) -> RigError {
     RigError::unsuited(format!(
-        "the scan shows more than one person ({views} of 12 views do), who touch each other or stand close: choose one with \
-         --box x0,y0,z0,x1,y1,z1, or cut the others away"
+        "the scan shows several people ({views} of 12 views do), who stand close: choose one with --box x0,y0,z0,x1,y1,z1, or cut the \
+         others away"
+    ))
+}
+
+pub(super) fn crowded(beside: f64) -> RigError {
+    RigError::unsuited(format!(
+        "{:.0} % of what the scan shows is not the person but other people or things that touch the person: choose the person with \
+         --box x0,y0,z0,x1,y1,z1, or cut the rest away",
+        100.0 * beside
     ))
 }
 

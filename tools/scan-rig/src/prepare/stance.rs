@@ -2,7 +2,7 @@
 //! the scan is.
 
 use super::landmarks::{
-    ANKLES, EARS, ELBOWS, HEELS, HIPS, KNEES, NOSE, SHOULDERS, TOES, WRISTS, mirrored,
+    ANKLES, EARS, ELBOWS, HEELS, HIPS, INDICES, KNEES, NOSE, SHOULDERS, TOES, WRISTS, mirrored,
 };
 use crate::points::KeyPoint;
 use crate::scan::Scan;
@@ -112,6 +112,23 @@ pub fn stand(feet: &[DVec3], centre: DVec3, axis: DVec3, height: f64) -> DVec3 {
     direction(turn)
 }
 
+/// Up from three witnesses: the body's axis and the direction across the soles, whose mean it is, and from side to side also the lines through
+/// shoulders, hips and ears, which are level in the mean. Each errs by 2 to 4 degrees for people in boots, and not alike.
+#[must_use]
+pub fn upright(points: &Points, axis: DVec3, soles: DVec3) -> DVec3 {
+    let up = (axis + soles).normalize();
+    let Some(front) = facing(points, up) else {
+        return up;
+    };
+    let left = up.cross(front);
+    let slope = |pair: [usize; 2]| {
+        let line = points[pair[0]].position - points[pair[1]].position;
+        line.dot(up).atan2(line.dot(left))
+    };
+    let slope = (slope(SHOULDERS) + slope(HIPS) + slope(EARS)) / 3.0;
+    (up - left * (slope / 3.0)).normalize()
+}
+
 /// Where the person faces: across the line of shoulders and hips, level. The sign is that of the landmarks' names.
 #[must_use]
 pub fn facing(points: &Points, up: DVec3) -> Option<DVec3> {
@@ -145,9 +162,10 @@ pub fn turn_to(up: DVec3, front: DVec3) -> DQuat {
 }
 
 /// Levels of the soles and of the top of the head along `up`, in the scan's units: quantiles of opacity times area, near the feet and
-/// about the head alone, so that a raised hand does not count.
+/// about the head alone, so that a raised hand does not count. `size` is about how tall the person is. Nothing is shown where a level is
+/// missing.
 #[must_use]
-pub fn extent(scan: &Scan, points: &Points, up: DVec3, reach: f64) -> Option<(f64, f64)> {
+pub fn extent(scan: &Scan, points: &Points, up: DVec3, size: f64) -> (Option<f64>, Option<f64>) {
     let feet: Vec<DVec3> = [ANKLES, HEELS, TOES]
         .concat()
         .iter()
@@ -162,18 +180,18 @@ pub fn extent(scan: &Scan, points: &Points, up: DVec3, reach: f64) -> Option<(f6
         let level = point.dot(up);
         if feet
             .iter()
-            .any(|foot| (point - *foot).length() < 0.14 * reach)
+            .any(|foot| (point - *foot).length() < 0.14 * size)
         {
             low.push((level, weight));
         }
         let away = point - ears;
-        if away.reject_from_normalized(up).length() < 0.1 * reach && away.dot(up) > 0.0 {
+        if away.reject_from_normalized(up).length() < 0.1 * size && away.dot(up) > 0.0 {
             high.push((-level, weight));
         }
     }
-    let bottom = level_below(&mut low, 0.0015 * total)?;
-    let top = -level_below(&mut high, 0.0005 * total)?;
-    (top > bottom).then_some((bottom, top))
+    let bottom = level_below(&mut low, 0.0015 * total);
+    let top = level_below(&mut high, 0.0005 * total).map(|level| -level);
+    (bottom, top)
 }
 
 /// Opacity times the area of its larger two axes.
@@ -193,4 +211,45 @@ fn level_below(levels: &mut [(f64, f64)], weight: f64) -> Option<f64> {
         sum > weight
     });
     found.or(levels.last()).map(|(level, _)| *level)
+}
+
+/// Share of what the scan shows, by area, that is farther than `radius` from all bones between the landmarks: things, or other people.
+#[must_use]
+pub fn share_beside(scan: &Scan, points: &Points, radius: f64) -> f64 {
+    let at = |landmark: usize| points[landmark].position;
+    let (neck, hips) = (middle(points, SHOULDERS), middle(points, HIPS));
+    let ears = middle(points, EARS);
+    let mut bones = vec![(neck, hips), (neck, ears + (ears - neck) * 0.3)];
+    for side in [0, 1] {
+        let pairs = [SHOULDERS, ELBOWS, WRISTS, INDICES];
+        bones.extend(
+            pairs
+                .windows(2)
+                .map(|pair| (at(pair[0][side]), at(pair[1][side]))),
+        );
+        let pairs = [HIPS, KNEES, ANKLES, TOES];
+        bones.extend(
+            pairs
+                .windows(2)
+                .map(|pair| (at(pair[0][side]), at(pair[1][side]))),
+        );
+        bones.push((at(SHOULDERS[side]), at(HIPS[side])));
+    }
+    let far = |point: DVec3| {
+        bones.iter().all(|(start, end)| {
+            let along = *end - *start;
+            let share =
+                ((point - *start).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
+            (point - *start - along * share).length() > radius
+        })
+    };
+    let (mut beside, mut all) = (0.0, 0.0);
+    for index in 0..scan.len() {
+        let area = shown_area(scan, index);
+        all += area;
+        if far(scan.positions[index].as_dvec3()) {
+            beside += area;
+        }
+    }
+    if all > 0.0 { beside / all } else { 0.0 }
 }

@@ -116,3 +116,77 @@ fn nearest(rays: impl IntoIterator<Item = (Ray, f64)>) -> Option<DVec3> {
     let normal = normal * (1.0 / total);
     (normal.determinant().abs() > 1e-9).then(|| normal.inverse() * (right * (1.0 / total)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn views(count: u32) -> Vec<Pinhole> {
+        (0..count)
+            .map(|index| {
+                let angle = f64::from(index) / f64::from(count) * std::f64::consts::TAU;
+                let eye = DVec3::new(3.2 * angle.sin(), 1.1, 3.2 * angle.cos());
+                Pinhole::look_at(eye, DVec3::new(0.0, 0.9, 0.0), DVec3::Y, 1400.0, 640, 900)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn exact_rays_meet_in_their_point() {
+        let truth = DVec3::new(0.21, 1.43, -0.08);
+        let rays: Vec<Ray> = (views(12).iter())
+            .map(|view| Ray::new(view, view.project(truth).unwrap_or_default(), 0.8))
+            .collect();
+        let found = triangulate(&rays, 0.03).unwrap_or_default();
+        assert!((found.position - truth).length() < 1e-9, "{found:?}");
+        assert!(
+            found.residual < 1e-9 && (found.support - 12.0 * 0.8).abs() < 1e-6,
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn wrong_rays_do_not_count_while_they_are_the_minority_and_disagree() {
+        let truth = DVec3::new(-0.3, 0.5, 0.1);
+        let mut random = fastrand::Rng::with_seed(5);
+        for wrong in [1, 3, 5] {
+            let rays: Vec<Ray> = (views(12).iter().enumerate())
+                .map(|(index, view)| {
+                    let mut pixel = view.project(truth).unwrap_or_default();
+                    if index * 5 % 12 < wrong {
+                        pixel += DVec2::from_angle(random.f64() * std::f64::consts::TAU) * 150.0;
+                    } else {
+                        pixel += DVec2::new(random.f64() - 0.5, random.f64() - 0.5) * 6.0;
+                    }
+                    Ray::new(view, pixel, 0.9)
+                })
+                .collect();
+            let found = triangulate(&rays, 0.03).unwrap_or_default();
+            let apart = (found.position - truth).length();
+            assert!(apart < 0.006, "{wrong} wrong rays: {apart} m");
+            assert!(found.residual < 0.03, "{wrong} wrong rays: {found:?}");
+        }
+    }
+
+    #[test]
+    fn rays_that_determine_no_point_give_none() {
+        let [first, ..] = views(12)[..] else { return };
+        let ray = Ray::new(&first, DVec2::new(300.0, 400.0), 1.0);
+        assert!(triangulate(&[], 0.03).is_none(), "no ray");
+        assert!(triangulate(&[ray], 0.03).is_none(), "one ray");
+        assert!(
+            triangulate(&[ray, ray], 0.03).is_none(),
+            "the same ray twice"
+        );
+        let none = Ray {
+            along: DVec3::NAN,
+            ..ray
+        };
+        assert!(
+            triangulate(&[none, none, ray], 0.03).is_none(),
+            "no numbers"
+        );
+        let nothing = Ray { weight: 0.0, ..ray };
+        assert!(triangulate(&[nothing, ray], 0.03).is_none(), "no weight");
+    }
+}
