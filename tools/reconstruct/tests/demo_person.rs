@@ -2,7 +2,9 @@
 
 use glam::Vec3;
 use reconstruct::makehuman::{Macros, Model, Package, Targets};
-use reconstruct::{EXPRESSIONS_USED, Light, Part, Person, build_gaussians};
+use reconstruct::{
+    BareBody, EXPRESSIONS_USED, Light, Part, Person, build_gaussians, expression_basis,
+};
 use spmm3::{Joint, MotionParams};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -458,4 +460,33 @@ fn a_suit_stripped_of_its_weights_moves_as_with_them() {
             "{name}: mean {mean} mm, 95 % below {most} mm"
         );
     }
+}
+
+#[test]
+fn a_coefficient_moves_another_body_by_the_same_units_as_the_demo_person() {
+    let (Some(person), Some(path)) = (person(), makehuman()) else {
+        return;
+    };
+    let mut body = BareBody::open(&path).expect("the body");
+    // Each unit as one step of one vertex: the basis is then the mixes themselves.
+    let units: Vec<(String, Vec<Vec3>)> = (body.units().expect("the units").into_iter())
+        .enumerate()
+        .map(|(at, (name, offsets))| {
+            assert_eq!(offsets.len(), body.skin().len(), "offsets of {name}");
+            let mut one = vec![Vec3::ZERO; 34];
+            one[at] = Vec3::X;
+            (name, one)
+        })
+        .collect();
+    let (basis, presets) = expression_basis(&units).expect("MakeHuman's units");
+    assert_eq!(basis.len(), EXPRESSIONS_USED, "coefficients");
+    for (offsets, mix) in basis.iter().zip(person.expression_mixes()) {
+        let scale = offsets[0].x / mix[0];
+        for (offset, share) in offsets.iter().zip(mix) {
+            let difference = (offset.x - scale * share).abs();
+            assert!(difference < 1e-6, "{} is not {share}", offset.x);
+        }
+    }
+    assert_eq!(&presets, person.presets(), "other presets");
+    assert!(expression_basis(&units[1..]).is_none(), "of too few units");
 }

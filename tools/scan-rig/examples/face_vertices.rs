@@ -34,7 +34,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let makehuman = PathBuf::from(
-        std::env::var_os("MON3TR_MAKEHUMAN").ok_or("MON3TR_MAKEHUMAN must name the MakeHuman data")?,
+        std::env::var_os("MON3TR_MAKEHUMAN")
+            .ok_or("MON3TR_MAKEHUMAN must name the MakeHuman data")?,
     );
     let model = BodyModel::load(&makehuman)?;
     let mut sight = Sight::open(&GpuChoice::Auto)?;
@@ -64,8 +65,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     found[last..].fill(None);
     let mut residuals: Vec<f64> = face.iter().map(|point| 1e3 * point.residual).collect();
     residuals.sort_by(f64::total_cmp);
-    let mut offsets: Vec<f64> =
-        found.iter().flatten().map(|(_, offset)| 1e3 * offset.length()).collect();
+    let mut offsets: Vec<f64> = found
+        .iter()
+        .flatten()
+        .map(|(_, offset)| 1e3 * offset.length())
+        .collect();
     offsets.sort_by(f64::total_cmp);
     eprintln!(
         "rays miss by {:.2} mm (median), {} landmarks on the model, {:.2} mm from their vertices (median)",
@@ -73,12 +77,19 @@ fn main() -> Result<(), Box<dyn Error>> {
         offsets.len(),
         offsets[offsets.len() / 2]
     );
-    println!("//! Where the face mesh's landmarks are on the body model: written by the example `face_vertices`.");
+    println!(
+        "//! Where the face mesh's landmarks are on the body model: written by the example `face_vertices`."
+    );
     println!();
-    println!("/// For each landmark a vertex, and how far the landmark is from it in the model's rest pose, hundredths of a millimetre; nothing where the landmark");
+    println!(
+        "/// For each landmark a vertex, and how far the landmark is from it in the model's rest pose, hundredths of a millimetre; nothing where the landmark"
+    );
     println!("/// is not on the model.");
     println!("#[rustfmt::skip]");
-    println!("pub(super) const FACE_VERTICES: [Option<(u16, [i16; 3])>; {}] = [", found.len());
+    println!(
+        "pub(super) const FACE_VERTICES: [Option<(u16, [i16; 3])>; {}] = [",
+        found.len()
+    );
     for row in found.chunks(4) {
         let texts: Vec<String> = row
             .iter()
@@ -87,7 +98,9 @@ fn main() -> Result<(), Box<dyn Error>> {
                     || "None".to_owned(),
                     |(v, offset)| {
                         let [x, y, z] = (offset * 1e5).round().to_array();
-                        format!("Some(({v}, [{x:.0}, {y:.0}, {z:.0}]))").replace("-0,", "0,").replace("-0]", "0]")
+                        format!("Some(({v}, [{x:.0}, {y:.0}, {z:.0}]))")
+                            .replace("-0,", "0,")
+                            .replace("-0]", "0]")
                     },
                 )
             })
@@ -114,8 +127,12 @@ fn main() -> Result<(), Box<dyn Error>> {
                 }
             }
         };
-        face.iter().for_each(|point: &KeyPoint| dot(point.position, [0, 255, 0]));
-        found.iter().flatten().for_each(|(v, _)| dot(model.rest[*v], [255, 0, 0]));
+        face.iter()
+            .for_each(|point: &KeyPoint| dot(point.position, [0, 255, 0]));
+        found
+            .iter()
+            .flatten()
+            .for_each(|(v, _)| dot(model.rest[*v], [255, 0, 0]));
         picture.save(out.join(format!("face{index}.png")))?;
     }
     Ok(())
@@ -144,7 +161,9 @@ fn head(model: &BodyModel, makehuman: &std::path::Path) -> Result<Scan, Box<dyn 
         if places.iter().any(|p| f64::from(p.y) < neck) {
             continue;
         }
-        let normal = (places[2] - places[0]).cross(places[3] - places[1]).normalize_or_zero();
+        let normal = (places[2] - places[0])
+            .cross(places[3] - places[1])
+            .normalize_or_zero();
         let x = (places[1] - places[0]).normalize_or(normal.any_orthonormal_vector());
         let y = normal.cross(x);
         for i in 0..CELLS {
@@ -158,9 +177,8 @@ fn head(model: &BodyModel, makehuman: &std::path::Path) -> Result<Scan, Box<dyn 
                 let size = |a: usize, b: usize| places[a].distance(places[b]) / f32::from(CELLS);
                 let light = 0.6 + 0.4 * normal.dot(Vec3::new(0.2, 0.5, 0.8)).clamp(-0.3, 1.0);
                 scan.positions.push(mix(places));
-                scan.rotations.push(
-                    Quat::from_mat3(&glam::Mat3::from_cols(x, y, normal)).normalize(),
-                );
+                scan.rotations
+                    .push(Quat::from_mat3(&glam::Mat3::from_cols(x, y, normal)).normalize());
                 scan.scales.push(
                     Vec3::new(0.6 * size(0, 1), 0.6 * size(0, 3), 4e-4).max(Vec3::splat(2e-4)),
                 );

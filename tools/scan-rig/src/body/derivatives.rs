@@ -35,8 +35,7 @@ impl<'a> Derivatives<'a> {
                     let bone = shape.joints[here] - shape.joints[from];
                     joints[here][at] = joints[from][at] + posed.maps[from].matrix3 * bone;
                 }
-                flesh[here][at] =
-                    joints[here][at] - posed.maps[here].matrix3 * shape.joints[here];
+                flesh[here][at] = joints[here][at] - posed.maps[here].matrix3 * shape.joints[here];
             }
         }
         Self {
@@ -86,7 +85,14 @@ impl<'a> Derivatives<'a> {
         row[SCALE] = direction.dot(place - self.state.root);
     }
 
-    fn add_turns(&self, joint: usize, place: DVec3, weight: f64, direction: DVec3, row: &mut [f64]) {
+    fn add_turns(
+        &self,
+        joint: usize,
+        place: DVec3,
+        weight: f64,
+        direction: DVec3,
+        row: &mut [f64],
+    ) {
         for carrier in &self.carriers[joint] {
             let arm = place - self.posed.joints[TURNED[*carrier].index()];
             let turn = weight * arm.cross(direction);

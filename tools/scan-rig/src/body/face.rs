@@ -1,7 +1,7 @@
 //! The face's landmarks on the model: which vertex each is, and which of them were seen well.
 
-use super::face_vertices::FACE_VERTICES;
 use super::alignment::Alignment;
+use super::face_vertices::FACE_VERTICES;
 use super::model::BodyModel;
 use crate::points::KeyPoint;
 use glam::{DAffine3, DVec3};
@@ -68,15 +68,15 @@ pub(super) fn landmarks(
         .filter(|(_, miss)| *miss <= limit)
         .map(|(on, _)| on)
         .collect();
-    if kept.len() < FEWEST { Vec::new() } else { kept }
+    if kept.len() < FEWEST {
+        Vec::new()
+    } else {
+        kept
+    }
 }
 
 /// Median distance of the landmarks from their vertices, metres; none without landmarks.
-pub(super) fn error(
-    landmarks: &[OnFace],
-    head: &DAffine3,
-    vertices: &[DVec3],
-) -> Option<f64> {
+pub(super) fn error(landmarks: &[OnFace], head: &DAffine3, vertices: &[DVec3]) -> Option<f64> {
     let misses: Vec<f64> = (landmarks.iter())
         .map(|on| vertices[on.vertex].distance(on.wanted(head)))
         .collect();
@@ -86,5 +86,8 @@ pub(super) fn error(
 /// The middle value; infinite of none.
 pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::INFINITY)
+    values
+        .get(values.len() / 2)
+        .copied()
+        .unwrap_or(f64::INFINITY)
 }

@@ -2,10 +2,10 @@
 
 use super::derivatives::Derivatives;
 use super::landmarks::Targets;
-use super::match_surface::{Pull, add, matched, residual};
+use super::match_surface::{add, matched, residual};
 use super::model::BodyModel;
 use super::normal_equations::NormalEquations;
-use super::state::{Posed, SCALE, SHAPES, State, TURNED, TURNS};
+use super::state::{Posed, SCALE, SHAPES, State, TURNED, TURNS, USUAL_CLOTH};
 use glam::{DVec3, Vec3};
 use spmm3::Joint;
 
@@ -32,6 +32,9 @@ const SURFACE_ROUNDS: [(f64, f64); 12] = [
 /// The number of points that those weights are for.
 const POINTS: f64 = 6000.0;
 
+/// How much thicker or thinner than usual clothes may be, metres.
+const CLOTH: f64 = 0.004;
+
 /// How much the diagonal is raised, as a share.
 const DAMPING: f64 = 1e-3;
 
@@ -46,8 +49,6 @@ pub(super) struct Fitted {
     pub(super) key_points: f64,
     /// The last round's equations: the unknowns' precision.
     pub(super) equations: NormalEquations,
-    /// The last round's matches.
-    pub(super) pulls: Vec<Pull>,
 }
 
 /// Fits the model; `start` is about where the pelvis is. `surface` are points and unit outward normals, in no particular order; without any, the key
@@ -76,40 +77,46 @@ pub(super) fn fit(
         let share = POINTS / surface.len() as f64;
         for (reach, weight) in SURFACE_ROUNDS {
             let posed = Posed::new(model, &state);
-            let pulls = matched(model, &posed, surface, reach);
+            let pulls = matched(model, &posed, surface, state.cloth, reach);
             let mut equations = NormalEquations::new(state.unknowns());
             let derivatives = Derivatives::new(model, &state, &posed);
             targets.add(0.5, &posed, &derivatives, &mut equations);
-            add(&pulls, weight * share, &derivatives, &mut equations);
+            add(
+                &pulls,
+                weight * share,
+                &derivatives,
+                state.cloth_at(),
+                &mut equations,
+            );
             add_priors(model, &state, 3.0, &mut equations);
             log::trace!(
-                "reach {:.0} mm: surface {:.1} mm, key points {:.1} mm, scale {:.3}",
+                "reach {:.0} mm: surface {:.1} mm, key points {:.1} mm, scale {:.3}, cloth {:.1} mm",
                 reach * 1e3,
                 residual(&pulls) * 1e3,
                 targets.error(&posed) * 1e3,
-                state.scale
+                state.scale,
+                state.cloth * 1e3
             );
             if let Some(step) = equations.solved(DAMPING) {
                 state.step(&step);
             }
-            last = Some((equations, pulls));
+            last = Some((equations, residual(&pulls)));
         }
     }
     let posed = Posed::new(model, &state);
-    let (equations, pulls) = last.unwrap_or_else(|| {
+    let (equations, residual) = last.unwrap_or_else(|| {
         let mut equations = NormalEquations::new(state.unknowns());
         let derivatives = Derivatives::new(model, &state, &posed);
         targets.add(1.0, &posed, &derivatives, &mut equations);
         add_priors(model, &state, 6.0, &mut equations);
-        (equations, Vec::new())
+        (equations, 0.0)
     });
     Fitted {
-        residual: residual(&pulls),
+        residual,
         key_points: targets.error(&posed),
         state,
         posed,
         equations,
-        pulls,
     }
 }
 
@@ -132,6 +139,7 @@ fn add_priors(model: &BodyModel, state: &State, shapes: f64, equations: &mut Nor
         equations.add_one(SHAPES + at, shapes * usual.powi(-2), -weight);
     }
     equations.add_one(SCALE, 25.0, -state.scale.ln());
+    equations.add_one(state.cloth_at(), CLOTH.powi(-2), USUAL_CLOTH - state.cloth);
 }
 
 /// How far a joint is usually bent from the rest pose, radians.

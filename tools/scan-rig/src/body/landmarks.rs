@@ -11,30 +11,75 @@ use glam::DVec3;
 use motion_fit::landmarks::BODY_LANDMARKS;
 use spmm3::Joint;
 
-/// Landmarks that are joints: which, and their usual deviation from it, metres.
-const JOINTS: [(usize, Joint, f64); 18] = [
-    (2, Joint::LeftEye, 0.015),
-    (5, Joint::RightEye, 0.015),
-    (11, Joint::LeftShoulder, 0.03),
-    (12, Joint::RightShoulder, 0.03),
-    (13, Joint::LeftElbow, 0.02),
-    (14, Joint::RightElbow, 0.02),
-    (15, Joint::LeftWrist, 0.02),
-    (16, Joint::RightWrist, 0.02),
-    (17, Joint::LeftPinky1, 0.04),
-    (18, Joint::RightPinky1, 0.04),
-    (19, Joint::LeftIndex1, 0.04),
-    (20, Joint::RightIndex1, 0.04),
-    (23, Joint::LeftHip, 0.04),
-    (24, Joint::RightHip, 0.04),
-    (25, Joint::LeftKnee, 0.025),
-    (26, Joint::RightKnee, 0.025),
-    (27, Joint::LeftAnkle, 0.025),
-    (28, Joint::RightAnkle, 0.025),
+/// A landmark near a joint.
+struct NearJoint {
+    landmark: usize,
+    joint: Joint,
+    /// What carries the offset along.
+    carrier: Joint,
+    /// How far the landmark usually is from the joint, in the rest pose, metres. Means over synthetic people and a scanned one: the network and
+    /// MakeHuman have their own ideas of where a shoulder is.
+    offset: [f64; 3],
+    /// How much it usually differs from that, metres.
+    deviation: f64,
+}
+
+const fn near(
+    landmark: usize,
+    joint: Joint,
+    carrier: Joint,
+    offset: [f64; 3],
+    deviation: f64,
+) -> NearJoint {
+    NearJoint {
+        landmark,
+        joint,
+        carrier,
+        offset,
+        deviation,
+    }
+}
+
+use Joint as J;
+
+/// Landmarks near joints of the left side; those of the right side, whose numbers follow, mirror them.
+const LEFT: [NearJoint; 9] = [
+    near(2, J::LeftEye, J::Head, [-0.002, 0.005, 0.008], 0.015),
+    near(11, J::LeftShoulder, J::Spine3, [0.004, 0.026, -0.004], 0.02),
+    near(13, J::LeftElbow, J::LeftShoulder, [0.0, 0.0, 0.004], 0.02),
+    near(15, J::LeftWrist, J::LeftElbow, [0.002, -0.005, 0.008], 0.02),
+    near(
+        17,
+        J::LeftPinky1,
+        J::LeftWrist,
+        [-0.008, 0.012, 0.007],
+        0.03,
+    ),
+    near(
+        19,
+        J::LeftIndex1,
+        J::LeftWrist,
+        [-0.005, -0.008, -0.018],
+        0.03,
+    ),
+    near(23, J::LeftHip, J::Pelvis, [-0.001, -0.014, 0.022], 0.03),
+    near(25, J::LeftKnee, J::LeftHip, [0.0, 0.008, 0.0], 0.03),
+    near(27, J::LeftAnkle, J::LeftKnee, [-0.003, 0.022, 0.0], 0.02),
 ];
 
-/// Landmarks of an eye are on its front: this far from its centre, metres.
-const EYE_RADIUS: f64 = 0.014;
+/// The landmark of the right side that mirrors one of the left; the eyes have three each.
+fn mirrored(landmark: usize) -> usize {
+    if landmark == 2 { 5 } else { landmark + 1 }
+}
+
+/// The joint of the other side.
+fn other_side(joint: Joint) -> Joint {
+    let name = joint.name().replacen("left_", "right_", 1);
+    Joint::ALL
+        .into_iter()
+        .find(|joint| joint.name() == name)
+        .unwrap_or(joint)
+}
 
 /// The deviation of one of the face's landmarks, metres: they are many, and err together; all of them are worth a few good points.
 const FACE: f64 = 0.04;
@@ -63,8 +108,10 @@ pub(super) struct Target {
     /// Metres.
     pub(super) deviation: f64,
     pub(super) source: Source,
-    /// How far the position is from the place in the rest pose of the head, which carries it along, metres.
-    offset: DVec3,
+    /// How far the position is from the place in the rest pose, metres.
+    pub(super) offset: DVec3,
+    /// The joint that carries the offset along.
+    pub(super) carrier: Joint,
 }
 
 /// Who says where a place should be.
@@ -89,16 +136,34 @@ impl Targets {
         face: &[OnFace],
         hints: &[Hint],
     ) -> Self {
-        let joints = JOINTS.iter().map(|(landmark, joint, deviation)| {
-            let in_front = if *landmark < 7 { EYE_RADIUS } else { 0.0 };
-            (*landmark, Place::Joint(*joint), *deviation, in_front)
+        let mirror = DVec3::new(-1.0, 1.0, 1.0);
+        let joints = LEFT.iter().flat_map(|left| {
+            let offset = DVec3::from_array(left.offset);
+            let place = Place::Joint(left.joint);
+            let other = Place::Joint(other_side(left.joint));
+            let carriers = [left.carrier, other_side(left.carrier)];
+            [
+                (left.landmark, place, offset, carriers[0], left.deviation),
+                (
+                    mirrored(left.landmark),
+                    other,
+                    offset * mirror,
+                    carriers[1],
+                    left.deviation,
+                ),
+            ]
         });
-        let vertices = (marked_vertices(model).into_iter())
-            .map(|(landmark, vertex, deviation)| {
-                (landmark, Place::Vertex(vertex), deviation, 0.0)
-            });
+        let vertices = (marked_vertices(model).into_iter()).map(|(landmark, vertex, deviation)| {
+            (
+                landmark,
+                Place::Vertex(vertex),
+                DVec3::ZERO,
+                Joint::Head,
+                deviation,
+            )
+        });
         let mut all = Vec::new();
-        for (landmark, place, usual, in_front) in joints.chain(vertices) {
+        for (landmark, place, offset, carrier, usual) in joints.chain(vertices) {
             let point = points[landmark];
             if point.support > 0.0 && point.position.is_finite() && point.residual.is_finite() {
                 // Rays that miss one another are worth less, and so are few of them.
@@ -108,7 +173,8 @@ impl Targets {
                     position: point.position,
                     deviation: usual.hypot((point.residual - 0.015).max(0.0)) * few,
                     source: Source::Body(landmark),
-                    offset: DVec3::Z * in_front,
+                    offset,
+                    carrier,
                 });
             }
         }
@@ -118,6 +184,7 @@ impl Targets {
             deviation: FACE,
             source: Source::Face,
             offset: on.offset,
+            carrier: Joint::Head,
         }));
         // A joint that the user names is where the user says, not where a network does.
         let hinted: Vec<Place> = hints.iter().map(|hint| Place::Joint(hint.joint)).collect();
@@ -129,15 +196,16 @@ impl Targets {
             deviation: HINT,
             source: Source::Hint,
             offset: DVec3::ZERO,
+            carrier: hint.joint,
         }));
         Self { all }
     }
 
     /// What misses: target minus model, metres.
     pub(super) fn miss(target: &Target, posed: &Posed) -> DVec3 {
-        let head = &posed.maps[Joint::Head.index()];
+        let carrier = &posed.maps[target.carrier.index()];
         target.position
-            - head.transform_vector3(target.offset)
+            - carrier.transform_vector3(target.offset)
             - match target.place {
                 Place::Joint(joint) => posed.joints[joint.index()],
                 Place::Vertex(vertex) => posed.vertices[vertex],
@@ -195,7 +263,9 @@ fn marked_vertices(model: &BodyModel) -> Vec<(usize, usize, f64)> {
     };
     let of_head = |vertex: usize| model.head_share(vertex) > 0.9;
     let eyes = at(Joint::LeftEye).y;
-    let ground = (0..model.body_vertices).map(|v| place(v).y).fold(f64::INFINITY, f64::min);
+    let ground = (0..model.body_vertices)
+        .map(|v| place(v).y)
+        .fold(f64::INFINITY, f64::min);
     let mut found = vec![(
         0,
         most(
@@ -226,12 +296,16 @@ fn marked_vertices(model: &BodyModel) -> Vec<(usize, usize, f64)> {
         ));
         found.push((
             heel,
-            most(&|v| of_foot(v) && place(v).y < ground + 0.03, &|v| -place(v).z),
+            most(&|v| of_foot(v) && place(v).y < ground + 0.03, &|v| {
+                -place(v).z
+            }),
             0.03,
         ));
         found.push((
             toe,
-            most(&|v| of_foot(v) && (place(v).x - toes).abs() < 0.04, &|v| place(v).z),
+            most(&|v| of_foot(v) && (place(v).x - toes).abs() < 0.04, &|v| {
+                place(v).z
+            }),
             0.03,
         ));
     }

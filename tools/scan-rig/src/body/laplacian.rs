@@ -47,12 +47,7 @@ impl<'a> Laplacian<'a> {
     }
 
     /// Finds the displacement, which holds a first guess; returns the steps taken.
-    pub(super) fn solve(
-        &self,
-        stiff: f64,
-        pulled: &[Pulled],
-        displacement: &mut [DVec3],
-    ) -> usize {
+    pub(super) fn solve(&self, stiff: f64, pulled: &[Pulled], displacement: &mut [DVec3]) -> usize {
         let inverse: Vec<DMat3> = (0..pulled.len())
             .map(|v| {
                 let around: f64 = (self.neighbours.of(v).iter())
@@ -69,10 +64,14 @@ impl<'a> Laplacian<'a> {
         let mut scratch = vec![DVec3::ZERO; pulled.len()];
         let mut product = scratch.clone();
         self.apply(stiff, pulled, displacement, &mut scratch, &mut product);
-        let mut residual: Vec<DVec3> =
-            (pulled.iter().zip(&product)).map(|(p, product)| p.towards - *product).collect();
-        let mut preconditioned: Vec<DVec3> =
-            residual.iter().zip(&inverse).map(|(r, inverse)| *inverse * *r).collect();
+        let mut residual: Vec<DVec3> = (pulled.iter().zip(&product))
+            .map(|(p, product)| p.towards - *product)
+            .collect();
+        let mut preconditioned: Vec<DVec3> = residual
+            .iter()
+            .zip(&inverse)
+            .map(|(r, inverse)| *inverse * *r)
+            .collect();
         let mut direction = preconditioned.clone();
         let mut size = dot(&residual, &preconditioned);
         let wanted: f64 = (pulled.iter().zip(&inverse))

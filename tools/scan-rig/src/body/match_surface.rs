@@ -24,9 +24,11 @@ const CHUNK: usize = 512;
 pub(super) struct Pull {
     pub(super) vertex: usize,
     pub(super) normal: DVec3,
+    /// How much of the vertex is under clothes, 0..=1.
+    pub(super) clothed: f64,
     /// Sum of the points' weights.
     pub(super) weight: f64,
-    /// Sum of weights times distances along the normal, metres.
+    /// Sum of weights times distances from the clothed vertex along the normal, metres.
     pub(super) distance: f64,
     /// Sum of weights times squared distances.
     pub(super) squared: f64,
@@ -38,19 +40,26 @@ pub(super) fn matched(
     model: &BodyModel,
     posed: &Posed,
     points: &[(Vec3, Vec3)],
+    cloth: f64,
     reach: f64,
 ) -> Vec<Pull> {
     let normals = normals(&posed.vertices, &model.faces);
-    let outside: Vec<usize> = (0..model.body_vertices).filter(|v| model.outer[*v]).collect();
+    let outside: Vec<usize> = (0..model.body_vertices)
+        .filter(|v| model.outer[*v])
+        .collect();
+    let clothed: Vec<f64> = (0..model.body_vertices)
+        .map(|v| model.clothed_share(v))
+        .collect();
+    let surface = |v: usize| posed.vertices[v] + normals[v] * (cloth * clothed[v]);
     let places: Vec<[f32; 6]> = (outside.iter())
-        .map(|v| oriented(posed.vertices[*v].as_vec3(), normals[*v].as_vec3(), NORMAL))
+        .map(|v| oriented(surface(*v).as_vec3(), normals[*v].as_vec3(), NORMAL))
         .collect();
     let tree = Nearest::new(&places);
     let found: Vec<Option<(usize, f64, f64)>> = points
         .par_iter()
         .map(|(point, normal)| {
             let vertex = outside[tree.one(&oriented(*point, *normal, NORMAL))?.at];
-            let apart = point.as_dvec3() - posed.vertices[vertex];
+            let apart = point.as_dvec3() - surface(vertex);
             let far = apart.length();
             let facing = normals[vertex].dot(normal.as_dvec3());
             let fall = 1.0 + (far / reach).powi(2);
@@ -64,6 +73,7 @@ pub(super) fn matched(
         let pull = pulls.entry(vertex).or_insert(Pull {
             vertex,
             normal: normals[vertex],
+            clothed: clothed[vertex],
             weight: 0.0,
             distance: 0.0,
             squared: 0.0,
@@ -80,6 +90,7 @@ pub(super) fn add(
     pulls: &[Pull],
     weight: f64,
     derivatives: &Derivatives<'_>,
+    cloth_at: usize,
     equations: &mut NormalEquations,
 ) {
     let unknowns = equations.unknowns();
@@ -90,6 +101,7 @@ pub(super) fn add(
             let mut row = vec![0.0; unknowns];
             for pull in chunk {
                 derivatives.of_vertex(pull.vertex, pull.normal, &mut row);
+                row[cloth_at] = pull.clothed;
                 sum.add(&row, weight * pull.weight, pull.distance / pull.weight);
             }
             sum
@@ -106,6 +118,12 @@ pub(super) fn residual(pulls: &[Pull]) -> f64 {
 }
 
 impl BodyModel {
+    /// How much of a vertex is under clothes as a rule, 0..=1: not head, neck and hands.
+    fn clothed_share(&self, vertex: usize) -> f64 {
+        let bare = self.share(vertex, &[Joint::Neck, Joint::LeftWrist, Joint::RightWrist]);
+        (1.0 - bare - self.head_share(vertex) - self.finger_share(vertex)).clamp(0.0, 1.0)
+    }
+
     /// What a point at a vertex is worth: less at hands.
     fn hand_factor(&self, vertex: usize) -> f64 {
         let wrists = self.share(vertex, &[Joint::LeftWrist, Joint::RightWrist]);

@@ -1,6 +1,7 @@
 //! The body model and its registration to a scan.
 
 mod alignment;
+mod confidence;
 mod derivatives;
 mod face;
 mod face_vertices;
@@ -15,6 +16,8 @@ mod normal_equations;
 pub mod posing;
 mod register;
 pub mod state;
+#[cfg(test)]
+mod tests;
 
 pub use model::{BodyModel, BodyPart, SkinRow};
 pub use register::{FitReport, Observed, register};

@@ -44,8 +44,8 @@ pub(super) struct Displaced {
     pub(super) vertices: Vec<DVec3>,
     /// Median distance of the matched vertices from the surface along their normals, metres.
     pub(super) residual: f64,
-    /// `[body vertices]` distance to the surface along the normal, metres, where matched.
-    pub(super) distances: Vec<Option<f64>>,
+    /// `[body vertices]` how far the surface is from the fitted model along the normal, metres, where it was seen.
+    pub(super) offsets: Vec<Option<f64>>,
 }
 
 /// Displaces the body's own vertices. `fitted`: `[N_v]` as the fit put them; `surface`: points and unit outward normals; `landmarks`: vertices and where they
@@ -75,7 +75,7 @@ pub(super) fn displaced(
     let base = &fitted[..count];
     let mut displacement = vec![DVec3::ZERO; count];
     let mut vertices = base.to_vec();
-    let distances = |vertices: &[DVec3], round: usize, reach: f64| -> Vec<Option<(f64, f64)>> {
+    let match_surface = |vertices: &[DVec3], round: usize, reach: f64| -> Vec<Option<(f64, f64)>> {
         // The faces of eyeballs and teeth name later vertices; the body's come first.
         let mut all = fitted.to_vec();
         all[..count].copy_from_slice(vertices);
@@ -94,16 +94,25 @@ pub(super) fn displaced(
                     && facing > 0.5
                     && model.outer[v]
                     && (!in_face || (round >= FACE_ROUND && far < FACE_REACH));
-                let hand = if model.finger_share(v) > 0.3 { FINGERS } else { 1.0 };
+                let hand = if model.finger_share(v) > 0.3 {
+                    FINGERS
+                } else {
+                    1.0
+                };
                 fits.then(|| (hand / (1.0 + (far / 0.03).powi(2)), apart.dot(normal)))
             })
             .collect()
     };
+    let first = match_surface(base, ROUNDS.len(), ROUNDS[0].1);
+    let first = first
+        .iter()
+        .map(|found| found.map(|(_, distance)| distance))
+        .collect();
     for (round, (stiff, reach)) in ROUNDS.into_iter().enumerate() {
         let mut all = fitted.to_vec();
         all[..count].copy_from_slice(&vertices);
         let normals = normals(&all, &model.faces);
-        let found = distances(&vertices, round, reach);
+        let found = match_surface(&vertices, round, reach);
         let mut pulled: Vec<Pulled> = (found.iter().enumerate())
             .map(|(v, found)| {
                 let (weight, distance) = found.unwrap_or_default();
@@ -111,8 +120,7 @@ pub(super) fn displaced(
                     normal: normals[v],
                     along: weight,
                     every_way: 0.0,
-                    towards: normals[v]
-                        * (weight * (distance + normals[v].dot(displacement[v]))),
+                    towards: normals[v] * (weight * (distance + normals[v].dot(displacement[v]))),
                 }
             })
             .collect();
@@ -128,13 +136,12 @@ pub(super) fn displaced(
             *vertex = *base + *offset;
         }
     }
-    let last = distances(&vertices, ROUNDS.len(), ROUNDS[ROUNDS.len() - 1].1);
-    let distances: Vec<Option<f64>> = last.iter().map(|f| f.map(|(_, d)| d)).collect();
-    let mut sizes: Vec<f64> = distances.iter().flatten().map(|d| d.abs()).collect();
+    let last = match_surface(&vertices, ROUNDS.len(), ROUNDS[ROUNDS.len() - 1].1);
+    let mut sizes: Vec<f64> = last.iter().flatten().map(|(_, d)| d.abs()).collect();
     sizes.sort_by(f64::total_cmp);
     Displaced {
         residual: sizes.get(sizes.len() / 2).copied().unwrap_or_default(),
         vertices,
-        distances,
+        offsets: first,
     }
 }

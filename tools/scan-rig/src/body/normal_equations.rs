@@ -55,7 +55,9 @@ impl NormalEquations {
 
     /// The step, its diagonal damped by the share `damping`; nothing where the equations have no finite solution.
     pub(super) fn solved(&self, damping: f64) -> Option<DVector<f64>> {
-        let step = self.factor(damping)?.solve(&DVector::from_column_slice(&self.gradient));
+        let step = self
+            .factor(damping)?
+            .solve(&DVector::from_column_slice(&self.gradient));
         step.iter().all(|value| value.is_finite()).then_some(step)
     }
 

@@ -1,5 +1,6 @@
 //! The whole registration: fit, face, surface.
 
+use super::confidence::confidence;
 use super::face::{error, landmarks};
 use super::fit::fit;
 use super::follow::follow;
@@ -11,7 +12,7 @@ use crate::RigError;
 use crate::points::KeyPoint;
 use glam::{DVec3, Vec3};
 use motion_fit::landmarks::{BODY_LANDMARKS, FACE_LANDMARKS};
-use spmm3::{JOINTS, Joint};
+use spmm3::Joint;
 
 /// What was seen of a person, in the person's space.
 #[derive(Debug, Clone, Copy)]
@@ -35,6 +36,8 @@ pub struct FitReport {
     pub surface: f64,
     /// Root mean square miss of the body's landmarks, metres.
     pub key_points: f64,
+    /// How thick the clothes were found to be, metres.
+    pub cloth: f64,
     /// Median distance of the displaced model from the surface, metres.
     pub displaced: f64,
     /// Median distance of the face's landmarks from their vertices, metres; none without a face.
@@ -72,23 +75,29 @@ pub fn register(
     let face = landmarks(model, seen.face);
     let targets = Targets::new(model, seen.body, &face, seen.hints);
     let clock = std::time::Instant::now();
-    let fitted = fit(model, &targets, &surface[..surface.len().min(POINTS)], start);
+    let fitted = fit(
+        model,
+        &targets,
+        &surface[..surface.len().min(POINTS)],
+        start,
+    );
     log::debug!("fit {:.2} s", clock.elapsed().as_secs_f64());
     let clock = std::time::Instant::now();
     let head = &fitted.posed.maps[Joint::Head.index()];
-    let wanted: Vec<(usize, DVec3)> =
-        face.iter().map(|on| (on.vertex, on.wanted(head))).collect();
+    let wanted: Vec<(usize, DVec3)> = face.iter().map(|on| (on.vertex, on.wanted(head))).collect();
     let displaced = displaced(model, &fitted.posed.vertices, &surface, &wanted);
     log::debug!("displaced {:.2} s", clock.elapsed().as_secs_f64());
     let mut vertices: Vec<DVec3> = fitted.posed.vertices.clone();
     vertices[..model.body_vertices].copy_from_slice(&displaced.vertices);
     follow(model, &fitted.posed.vertices, &mut vertices);
+    let (confidence, warnings) = confidence(model, seen.body, &targets, &fitted, &displaced);
     let report = FitReport {
         surface: fitted.residual,
         key_points: fitted.key_points,
+        cloth: fitted.state.cloth,
         displaced: displaced.residual,
         face: error(&face, head, &vertices),
-        warnings: Vec::new(),
+        warnings,
     };
     Ok((
         Registered {
@@ -97,7 +106,7 @@ pub fn register(
             scale: fitted.state.scale,
             joints: fitted.posed.joints,
             vertices,
-            confidence: [1.0; JOINTS],
+            confidence,
         },
         report,
     ))

@@ -38,6 +38,10 @@ pub(super) const TURNS: usize = 4;
 /// Where the shapes' weights begin.
 pub(super) const SHAPES: usize = TURNS + 3 * TURNED.len();
 
+/// How thick clothes usually are, metres, and at most.
+pub(super) const USUAL_CLOTH: f64 = 0.006;
+const MOST_CLOTH: f64 = 0.03;
+
 /// The largest weight of a shape.
 const MOST_SHAPE: f64 = 1.5;
 
@@ -52,6 +56,8 @@ pub struct State {
     pub rotations: [DMat3; JOINTS],
     /// Weights of the model's shapes.
     pub shape: Vec<f64>,
+    /// How thick clothes are, metres.
+    pub cloth: f64,
 }
 
 impl State {
@@ -63,12 +69,18 @@ impl State {
             scale: 1.0,
             rotations: [DMat3::IDENTITY; JOINTS],
             shape: vec![0.0; model.shapes.len()],
+            cloth: USUAL_CLOTH,
         }
     }
 
     /// How many unknowns there are.
     #[must_use]
     pub fn unknowns(&self) -> usize {
+        self.cloth_at() + 1
+    }
+
+    /// Where in the vector of unknowns the clothes' thickness is.
+    pub(super) fn cloth_at(&self) -> usize {
         SHAPES + self.shape.len()
     }
 
@@ -85,6 +97,8 @@ impl State {
             let change = step[SHAPES + at].clamp(-0.5, 0.5);
             *weight = (*weight + change).clamp(-MOST_SHAPE, MOST_SHAPE);
         }
+        let cloth = self.cloth + step[self.cloth_at()];
+        self.cloth = cloth.clamp(0.0, MOST_CLOTH);
     }
 
     /// Turns a joint and all below it about itself, in the world.
