@@ -37,8 +37,16 @@ pub struct Nearest<const D: usize> {
 /// A part of the points.
 #[derive(Debug, Clone, Copy)]
 enum Node {
-    Leaf { from: u32, until: u32 },
-    Split { axis: u8, value: f32, low: u32, high: u32 },
+    Leaf {
+        from: u32,
+        until: u32,
+    },
+    Split {
+        axis: u8,
+        value: f32,
+        low: u32,
+        high: u32,
+    },
 }
 
 impl<const D: usize> Nearest<D> {
@@ -105,9 +113,18 @@ impl<const D: usize> Nearest<D> {
                         }
                         break;
                     }
-                    Node::Split { axis, value, low, high } => {
+                    Node::Split {
+                        axis,
+                        value,
+                        low,
+                        high,
+                    } => {
                         let beyond = query[usize::from(axis)] - value;
-                        let (near, far) = if beyond < 0.0 { (low, high) } else { (high, low) };
+                        let (near, far) = if beyond < 0.0 {
+                            (low, high)
+                        } else {
+                            (high, low)
+                        };
                         // The far side is at least as far as the plane between, and as what it is part of.
                         stack[height] = (far, (beyond * beyond).max(least));
                         height += 1;
@@ -153,8 +170,14 @@ fn split<const D: usize>(
         }
     }
     let width = |axis: usize| bounds[axis].1 - bounds[axis].0;
-    let axis = (0..D).fold(0, |most, axis| if width(axis) > width(most) { axis } else { most });
-    if !(width(axis) > 0.0) {
+    let axis = (0..D).fold(0, |most, axis| {
+        if width(axis) > width(most) {
+            axis
+        } else {
+            most
+        }
+    });
+    if width(axis) <= 0.0 {
         return name;
     }
     let middle = order.len() / 2;
@@ -191,7 +214,10 @@ mod tests {
             let mut all: Vec<(f32, u32)> = (0..)
                 .zip(&points)
                 .map(|(at, p)| {
-                    let squared = p.iter().zip(&query).fold(0.0, |s, (a, b)| s + (b - a) * (b - a));
+                    let squared = p
+                        .iter()
+                        .zip(&query)
+                        .fold(0.0, |s, (a, b)| s + (b - a) * (b - a));
                     (squared, at)
                 })
                 .filter(|(squared, _)| squared.is_finite())

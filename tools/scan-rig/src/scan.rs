@@ -114,6 +114,20 @@ impl Scan {
         self.scales.par_iter_mut().for_each(|s| *s *= scale);
     }
 
+    /// The longest axis of a Gaussian: from its centre one standard deviation along it, metres.
+    #[must_use]
+    pub fn longest(&self, at: usize) -> Vec3 {
+        let scale = self.scales[at];
+        let axis = (0..3).fold(0, |most, axis| {
+            if scale[axis] > scale[most] {
+                axis
+            } else {
+                most
+            }
+        });
+        Mat3::from_quat(self.rotations[at]).col(axis) * scale[axis]
+    }
+
     /// The covariance of a Gaussian, square metres.
     #[must_use]
     pub fn covariance(&self, at: usize) -> Mat3 {

@@ -17,7 +17,11 @@ fn biker() -> Option<Scan> {
     let scene = Scene::load(path).expect("a scene");
     let mut scan = Scan::from_scene(&scene);
     // The file's y points down.
-    scan.transform(0.554, Quat::from_rotation_x(std::f32::consts::PI), Vec3::ZERO);
+    scan.transform(
+        0.554,
+        Quat::from_rotation_x(std::f32::consts::PI),
+        Vec3::ZERO,
+    );
     let low = scan.positions.iter().fold(f32::INFINITY, |y, p| y.min(p.y));
     scan.transform(1.0, Quat::IDENTITY, Vec3::Y * -low);
     Some(scan)
@@ -70,8 +74,10 @@ fn weights_and_what_comes_through_are_all_of_the_light() {
     for _ in 0..2000 {
         let mut side = || random.f32() - 0.5;
         scan.positions.push(Vec3::new(side(), side(), side()));
-        scan.rotations.push(Quat::from_xyzw(side(), side(), side(), side()).normalize());
-        scan.scales.push(Vec3::new(side(), side(), side()).abs() * 0.1 + 0.001);
+        scan.rotations
+            .push(Quat::from_xyzw(side(), side(), side(), side()).normalize());
+        scan.scales
+            .push(Vec3::new(side(), side(), side()).abs() * 0.1 + 0.001);
         scan.opacities.push(side().abs() * 2.0);
         scan.colours.push(Vec3::ONE);
     }
@@ -79,14 +85,29 @@ fn weights_and_what_comes_through_are_all_of_the_light() {
     let (picture, shares) = raster::draw_with_shares(&scan, &view);
     let through: f64 = picture.transmittance.iter().map(|t| f64::from(*t)).sum();
     let weights: f64 = shares.sum.iter().map(|s| f64::from(*s)).sum();
-    assert!((through + weights - 90.0 * 70.0).abs() < 0.1, "{through} + {weights}");
+    assert!(
+        (through + weights - 90.0 * 70.0).abs() < 0.1,
+        "{through} + {weights}"
+    );
     for (colour, clear) in picture.colours.iter().zip(&picture.transmittance) {
-        assert!((colour.x + clear - 1.0).abs() < 1e-4, "white is as opaque as it is bright");
+        assert!(
+            (colour.x + clear - 1.0).abs() < 1e-4,
+            "white is as opaque as it is bright"
+        );
     }
-    assert!(shares.peak.iter().all(|p| *p <= 0.99), "a weight is too large");
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    assert!(
+        shares.peak.iter().all(|p| *p <= 0.99),
+        "a weight is too large"
+    );
+    let one = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("a thread");
     let again = one.install(|| raster::draw_with_shares(&scan, &view));
-    assert!(again == (picture, shares), "another number of threads draws another picture");
+    assert!(
+        again == (picture, shares),
+        "another number of threads draws another picture"
+    );
 }
 
 #[test]
@@ -95,7 +116,8 @@ fn depth_is_where_half_of_the_light_is_gone() {
         let mut scan = Scan::default();
         for at in 0..400_u16 {
             let (x, y) = (f32::from(at % 20), f32::from(at / 20));
-            scan.positions.push(Vec3::new(x * 0.05 - 0.5, y * 0.05 - 0.5, z));
+            scan.positions
+                .push(Vec3::new(x * 0.05 - 0.5, y * 0.05 - 0.5, z));
             scan.rotations.push(Quat::IDENTITY);
             scan.scales.push(Vec3::new(0.05, 0.05, 0.001));
             scan.opacities.push(opacity);
@@ -108,6 +130,9 @@ fn depth_is_where_half_of_the_light_is_gone() {
     let view = Pinhole::look_at(DVec3::Z * 2.0, DVec3::ZERO, DVec3::Y, 40.0, 31, 31);
     let picture = raster::draw(&scan, &view);
     let middle = picture.depth[15 * 31 + 15];
-    assert!((middle - 2.0).abs() < 1e-4, "{middle} m, behind the veil at 1.5 m");
+    assert!(
+        (middle - 2.0).abs() < 1e-4,
+        "{middle} m, behind the veil at 1.5 m"
+    );
     assert_eq!(picture.depth[0], f32::INFINITY, "beside the wall");
 }

@@ -158,7 +158,11 @@ fn held_by(score: &[f32; JOINTS], size: f32) -> Option<Joint> {
         below.map(|joint| score[joint as usize]).sum()
     };
     let (left, right) = (hand(Joint::LeftWrist), hand(Joint::RightWrist));
-    let wrist = if left > right { Joint::LeftWrist } else { Joint::RightWrist };
+    let wrist = if left > right {
+        Joint::LeftWrist
+    } else {
+        Joint::RightWrist
+    };
     (left.max(right) >= HELD && size < HELD_SIZE).then_some(wrist)
 }
 
@@ -184,7 +188,13 @@ fn most(score: &[f32; JOINTS]) -> Option<Joint> {
 
 /// The nearest of a joint and those above it that things hang on.
 fn carrier(joint: Joint) -> Joint {
-    for whole in [Joint::Head, Joint::LeftWrist, Joint::RightWrist, Joint::LeftAnkle, Joint::RightAnkle] {
+    for whole in [
+        Joint::Head,
+        Joint::LeftWrist,
+        Joint::RightWrist,
+        Joint::LeftAnkle,
+        Joint::RightAnkle,
+    ] {
         if is_below(joint, whole) {
             return whole;
         }

@@ -64,7 +64,13 @@ impl Carried {
 
     /// The Gaussians on the mesh in another pose. `scan` gives what does not change.
     #[must_use]
-    pub fn posed(&self, scan: &Scan, triangles: &[u32], faces: &[[u32; 3]], vertices: &[Vec3]) -> Scan {
+    pub fn posed(
+        &self,
+        scan: &Scan,
+        triangles: &[u32],
+        faces: &[[u32; 3]],
+        vertices: &[Vec3],
+    ) -> Scan {
         let (positions, rotations) = triangles
             .par_iter()
             .enumerate()
@@ -91,6 +97,11 @@ fn point([a, b, c]: [Vec3; 3], [v, w]: [f32; 2]) -> Vec3 {
     a + (b - a) * v + (c - a) * w
 }
 
+/// The point of a triangle that is nearest to `p`.
+pub(super) fn nearest_point(p: Vec3, corners: [Vec3; 3]) -> Vec3 {
+    point(corners, shares_of_nearest(p, corners))
+}
+
 /// Shares of the second and the third corner in the triangle's point that is nearest to `p` (Ericson, "Real-Time Collision Detection",
 /// 2004, section 5.1.5).
 fn shares_of_nearest(p: Vec3, [a, b, c]: [Vec3; 3]) -> [f32; 2] {
@@ -101,7 +112,11 @@ fn shares_of_nearest(p: Vec3, [a, b, c]: [Vec3; 3]) -> [f32; 2] {
     let (d5, d6) = (ab.dot(to_c), ac.dot(to_c));
     let share = |part: f32, rest: f32| {
         let whole = part + rest;
-        if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 0.0 }
+        if whole > 0.0 {
+            (part / whole).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
     };
     if d1 <= 0.0 && d2 <= 0.0 {
         return [0.0, 0.0];

@@ -42,13 +42,19 @@ pub struct Place {
 
 /// What is wrong with a Gaussian. What is worn or carried is judged by less.
 #[must_use]
-pub fn fault(scan: &Scan, visibility: &Visibility, at: usize, place: Place, worn: bool) -> Option<Fault> {
+pub fn fault(
+    scan: &Scan,
+    visibility: &Visibility,
+    at: usize,
+    place: Place,
+    worn: bool,
+) -> Option<Fault> {
     let peak = visibility.peak[at];
     let less = |rule: (f32, f32)| place.distance > rule.0 && peak < rule.1;
-    if !(peak > HIDDEN) {
+    if peak.is_nan() || peak <= HIDDEN {
         return Some(Fault::Hidden);
     }
-    if !(place.distance < APART) {
+    if place.distance.is_nan() || place.distance >= APART {
         return Some(Fault::Apart);
     }
     if worn {

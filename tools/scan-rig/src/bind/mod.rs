@@ -7,9 +7,11 @@
 pub mod accessories;
 pub mod carried;
 pub mod clean;
+mod ground;
 mod growth;
 pub mod rest;
 mod samples;
+mod settle;
 pub mod split;
 pub mod triangles;
 pub mod weights;
@@ -19,13 +21,13 @@ pub use rest::Rest;
 use crate::RigError;
 use crate::body::{BodyModel, BodyPart, Registered, SkinRow};
 use crate::figures::Percentiles;
-use crate::nearest::Nearest;
 use crate::scan::Scan;
-use crate::surface::{Look, Surface};
+use crate::surface::Look;
 use accessories::{Accessory, Wearer};
 use carried::Carried;
-use clean::{Fault, Place};
+use clean::Fault;
 use glam::{DVec3, Vec3};
+use ground::{Ground, Placed, Skin};
 use rayon::prelude::*;
 use serde::Serialize;
 use spmm3::{JOINTS, Joint};
@@ -125,7 +127,12 @@ impl Bound {
     /// The Gaussians in their triangles' frames.
     #[must_use]
     pub fn carried(&self) -> Carried {
-        Carried::new(&self.scan, &self.triangles, &self.mesh.faces, &self.vertices())
+        Carried::new(
+            &self.scan,
+            &self.triangles,
+            &self.mesh.faces,
+            &self.vertices(),
+        )
     }
 
     /// The mesh in T-pose.
@@ -140,9 +147,11 @@ impl Bound {
     pub fn retain(&mut self, keep: &[bool]) {
         self.scan = self.scan.filtered(keep);
         let mut kept = keep.iter();
-        self.triangles.retain(|_| kept.next().copied().unwrap_or(false));
+        self.triangles
+            .retain(|_| kept.next().copied().unwrap_or(false));
         let mut kept = keep.iter();
-        self.accessory.retain(|_| kept.next().copied().unwrap_or(false));
+        self.accessory
+            .retain(|_| kept.next().copied().unwrap_or(false));
     }
 }
 
@@ -172,7 +181,11 @@ pub fn bind(
     let rows: Vec<SkinRow> = rows.iter().map(weights::largest).collect();
 
     let ground = Ground::new(&look.surface)?;
-    let places: Vec<Placed> = scan.positions.par_iter().map(|p| ground.place(*p)).collect();
+    let places: Vec<Placed> = scan
+        .positions
+        .par_iter()
+        .map(|p| ground.place(*p))
+        .collect();
     let mut mesh = Mesh {
         vertices: registered.vertices.clone(),
         faces: model.faces.clone(),
@@ -207,13 +220,17 @@ pub fn bind(
         })
         .collect();
     let cleaned = scan.filtered(&keep);
-    let mut kept = keep.iter();
-    label.retain(|_| kept.next().copied().unwrap_or(false));
+    let kept_at: Vec<usize> = (0..scan.len()).filter(|at| keep[*at]).collect();
+    let label: Vec<u8> = kept_at.iter().map(|at| label[*at]).collect();
     let (split, parents) = split::without_long(&cleaned, split::LONGEST, cleaned.len() * GROWTH);
     report.split = split.len() - cleaned.len();
     let label: Vec<u8> = parents.iter().map(|at| label[*at as usize]).collect();
 
-    let normals: Vec<Vec3> = split.positions.par_iter().map(|p| ground.place(*p).normal).collect();
+    let normals: Vec<Vec3> = split
+        .positions
+        .par_iter()
+        .map(|p| ground.place(*p).normal)
+        .collect();
     let faces = triangles::Faces::new(&body, &model.faces, &mesh.weights, outer);
     let own: Vec<usize> = (0..split.len()).filter(|at| label[*at] == 0).collect();
     let of = |values: &[Vec3]| -> Vec<Vec3> { own.iter().map(|at| values[*at]).collect() };
@@ -242,11 +259,16 @@ pub fn bind(
         accessory: label,
         report,
     };
-    let stays = staying(&bound, model, registered, outer)?;
-    bound.report.leaving = stays.iter().filter(|stays| !**stays).count();
-    bound.retain(&stays);
+    let peak: Vec<f32> = parents
+        .iter()
+        .map(|at| look.visibility.peak[kept_at[*at as usize]])
+        .collect();
+    settle::settle(&mut bound, peak, model, registered, &faces, &ground)?;
     let offsets = bound.carried().offsets;
-    let of_body = offsets.iter().zip(&bound.accessory).filter(|(_, a)| **a == 0);
+    let of_body = offsets
+        .iter()
+        .zip(&bound.accessory)
+        .filter(|(_, a)| **a == 0);
     bound.report.offsets = Percentiles::of(of_body.map(|(offset, _)| offset.length()).collect());
     bound.report.longest_axis = crate::figures::longest_axis(&bound.scan);
     bound.report.kept = bound.scan.len();
@@ -264,33 +286,6 @@ fn is_outer(model: &BodyModel, face: usize) -> bool {
         BodyPart::Skin | BodyPart::Face | BodyPart::Head | BodyPart::Hand
     );
     skin && model.faces[face].iter().all(|v| model.outer[*v as usize])
-}
-
-/// Whether each Gaussian stays with the body in all sample poses; what is worn stays.
-fn staying(
-    bound: &Bound,
-    model: &BodyModel,
-    registered: &Registered,
-    outer: impl Fn(usize) -> bool,
-) -> Result<Vec<bool>, RigError> {
-    let rest = bound.rest(model, registered)?;
-    let poses: Vec<Vec<Vec3>> = samples::samples()
-        .iter()
-        .map(|motion| rest.posed(&bound.mesh.weights, motion))
-        .collect();
-    let mut stays = growth::stays(
-        &bound.scan,
-        &bound.carried(),
-        &bound.triangles,
-        &bound.mesh.faces,
-        |face| face < model.faces.len() && outer(face),
-        &bound.vertices(),
-        &poses,
-    );
-    for (stays, accessory) in stays.iter_mut().zip(&bound.accessory) {
-        *stays |= *accessory != 0;
-    }
-    Ok(stays)
 }
 
 /// Finds what is no body and labels its Gaussians.
@@ -347,91 +342,6 @@ fn add_carrier(mesh: &mut Mesh, thing: &Accessory) -> u32 {
     }
     mesh.faces.push([first, first + 1, first + 2]);
     face
-}
-
-/// The scan's surface, to ask where a Gaussian is relative to it.
-struct Ground<'a> {
-    surface: &'a Surface,
-    tree: Nearest<3>,
-}
-
-/// A place and the surface's normal there.
-#[derive(Debug, Clone, Copy)]
-struct Placed {
-    place: Place,
-    normal: Vec3,
-}
-
-impl<'a> Ground<'a> {
-    fn new(surface: &'a Surface) -> Result<Self, RigError> {
-        if surface.points.is_empty() {
-            return Err(RigError::unsuited(
-                "the scan has no surface: nothing in it is opaque from outside; train it longer, or export it without transparency",
-            ));
-        }
-        let points: Vec<_> = surface.points.iter().map(|p| p.to_array()).collect();
-        Ok(Self {
-            surface,
-            tree: Nearest::new(&points),
-        })
-    }
-
-    fn place(&self, position: Vec3) -> Placed {
-        let Some(found) = self.tree.one(&position.to_array()) else {
-            let place = Place {
-                distance: f32::INFINITY,
-                height: 0.0,
-            };
-            return Placed { place, normal: Vec3::Y };
-        };
-        let normal = self.surface.normals[found.at];
-        let place = Place {
-            distance: found.squared.sqrt(),
-            height: (position - self.surface.points[found.at]).dot(normal),
-        };
-        Placed { place, normal }
-    }
-}
-
-/// The body's skin, to ask whether something is off it.
-struct Skin<'a> {
-    vertices: &'a [Vec3],
-    normals: Vec<Vec3>,
-    names: Vec<u32>,
-    tree: Nearest<3>,
-}
-
-impl<'a> Skin<'a> {
-    fn new(model: &BodyModel, vertices: &'a [Vec3]) -> Self {
-        let mut normals = vec![Vec3::ZERO; vertices.len()];
-        for face in &model.faces {
-            let [a, b, c] = face.map(|v| vertices[v as usize]);
-            for vertex in face {
-                normals[*vertex as usize] += (b - a).cross(c - a);
-            }
-        }
-        let names: Vec<u32> = (0_u32..)
-            .zip(&model.outer)
-            .filter(|(_, outer)| **outer)
-            .map(|(at, _)| at)
-            .collect();
-        let points: Vec<_> = names.iter().map(|at| vertices[*at as usize].to_array()).collect();
-        Self {
-            vertices,
-            normals,
-            tree: Nearest::new(&points),
-            names,
-        }
-    }
-
-    /// Whether a point is outside, and farther from the skin than clothes reach.
-    fn is_off(&self, point: Vec3) -> bool {
-        self.tree.one(&point.to_array()).is_some_and(|found| {
-            let vertex = self.names[found.at] as usize;
-            let outside = (point - self.vertices[vertex]).dot(self.normals[vertex]) > 0.0;
-            outside && found.squared > accessories::OFF_BODY * accessories::OFF_BODY
-        })
-    }
 }
 
 fn single(vertices: &[DVec3]) -> Vec<Vec3> {

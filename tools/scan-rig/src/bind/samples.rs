@@ -4,10 +4,9 @@ use glam::Vec3;
 use spmm3::{Joint, MotionParams};
 use std::f32::consts::FRAC_PI_2;
 
-/// The T-pose, arms raised, arms at the body, a punch, a step with each foot. Rotations are relative to the T-pose, the person faces +z.
-#[must_use]
-pub fn samples() -> Vec<MotionParams> {
-    let turns: [&[(Joint, Vec3)]; 6] = [
+/// The T-pose, arms raised, arms at the body, a punch, a step with each foot, hands before the chest, a crouch. Rotations are relative to the T-pose, the person faces +z.
+pub(super) fn samples() -> Vec<MotionParams> {
+    let turns: [&[(Joint, Vec3)]; 8] = [
         &[],
         &[
             (Joint::LeftCollar, Vec3::Z * 0.25),
@@ -40,6 +39,21 @@ pub fn samples() -> Vec<MotionParams> {
             (Joint::LeftKnee, Vec3::X * 0.5),
             (Joint::RightShoulder, Vec3::Z * 1.1),
             (Joint::LeftShoulder, Vec3::new(-0.5, 0.0, -1.1)),
+        ],
+        &[
+            (Joint::LeftShoulder, Vec3::new(0.0, -0.4, -1.1)),
+            (Joint::LeftElbow, Vec3::Y * -1.9),
+            (Joint::RightShoulder, Vec3::new(0.0, 0.4, 1.1)),
+            (Joint::RightElbow, Vec3::Y * 1.9),
+            (Joint::Head, Vec3::Y * 0.6),
+        ],
+        &[
+            (Joint::LeftHip, Vec3::new(-1.2, 0.0, 0.2)),
+            (Joint::LeftKnee, Vec3::X * 1.4),
+            (Joint::RightHip, Vec3::new(-1.2, 0.0, -0.2)),
+            (Joint::RightKnee, Vec3::X * 1.4),
+            (Joint::LeftShoulder, Vec3::Y * -1.2),
+            (Joint::RightShoulder, Vec3::Y * 1.2),
         ],
     ];
     turns

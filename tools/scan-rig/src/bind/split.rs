@@ -28,30 +28,45 @@ const PARTS: [(f32, [f32; 3]); 5] = [
 #[must_use]
 pub fn without_long(scan: &Scan, longest: f32, most: usize) -> (Scan, Vec<u32>) {
     let mut out = scan.clone();
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "a scene has at most 4,194,304 Gaussians"
-    )]
-    let mut parents: Vec<u32> = (0..scan.len() as u32).collect();
+    let mut parents: Vec<u32> = (0_u32..).take(scan.len()).collect();
     for _ in 0..ROUNDS {
-        let until = out.len();
-        for at in 0..until {
-            if out.scales[at].max_element() > longest && out.len() + 2 <= most {
-                parents.extend([parents[at]; 2]);
-                split(&mut out, at);
-            }
-        }
-        if out.len() == until {
+        let is_long = |out: &Scan, at: usize| out.scales[at].max_element() > longest;
+        if split_where(&mut out, &mut parents, most, is_long) == 0 {
             break;
         }
     }
     (out, parents)
 }
 
+/// Splits each Gaussian for which `is_to_split`, unless there would be more than `most`; how many were. The middle part stays in its place,
+/// the outer ones are appended, with the entry of `of` that the whole has.
+pub(super) fn split_where<T: Copy>(
+    scan: &mut Scan,
+    of: &mut Vec<T>,
+    most: usize,
+    is_to_split: impl Fn(&Scan, usize) -> bool,
+) -> usize {
+    let mut count = 0;
+    for at in 0..scan.len() {
+        if scan.len() + 2 <= most && is_to_split(scan, at) {
+            of.extend([of[at]; 2]);
+            split(scan, at);
+            count += 1;
+        }
+    }
+    count
+}
+
 /// Replaces a Gaussian by its middle part and appends the outer two.
 fn split(scan: &mut Scan, at: usize) {
     let scale = scan.scales[at];
-    let axis = (0..3).fold(0, |most, axis| if scale[axis] > scale[most] { axis } else { most });
+    let axis = (0..3).fold(0, |most, axis| {
+        if scale[axis] > scale[most] {
+            axis
+        } else {
+            most
+        }
+    });
     let direction = Mat3::from_quat(scan.rotations[at]).col(axis);
     let [distance, outer, middle] = parts(scan.opacities[at]);
     let shift: Vec3 = direction * (scale[axis] * distance);
@@ -73,7 +88,11 @@ fn parts(opacity: f32) -> [f32; 3] {
     for row in PARTS {
         if opacity <= row.0 {
             let width = row.0 - below.0;
-            let share = if width > 0.0 { (opacity - below.0) / width } else { 0.0 };
+            let share = if width > 0.0 {
+                (opacity - below.0) / width
+            } else {
+                0.0
+            };
             return std::array::from_fn(|i| below.1[i] + (row.1[i] - below.1[i]) * share.max(0.0));
         }
         below = row;
@@ -126,10 +145,18 @@ mod tests {
             colours: vec![Vec3::ONE; 2],
         };
         let (parts, parents) = without_long(&scan, LONGEST, 100_000);
-        let longest = parts.scales.iter().map(|s| s.max_element()).fold(0.0, f32::max);
+        let longest = parts
+            .scales
+            .iter()
+            .map(|s| s.max_element())
+            .fold(0.0, f32::max);
         assert!(longest <= LONGEST, "{longest} m");
         assert_eq!(parents.len(), parts.len(), "a parent for each");
-        assert_eq!(parents.iter().filter(|p| **p == 1).count(), 1, "the short one");
+        assert_eq!(
+            parents.iter().filter(|p| **p == 1).count(),
+            1,
+            "the short one"
+        );
         assert!(without_long(&scan, LONGEST, 10).0.len() <= 10, "the bound");
     }
 }

@@ -1,5 +1,6 @@
 //! Which triangle of the body each Gaussian is on.
 
+use super::carried::nearest_point;
 use crate::body::SkinRow;
 use crate::nearest::{Nearest, oriented};
 use glam::Vec3;
@@ -10,6 +11,10 @@ use spmm3::{JOINTS, Joint};
 /// other.
 const ON_MESH: f32 = 0.08;
 const BESIDE: f32 = 0.03;
+/// Faces whose middles are nearest that are compared.
+const TRIED: usize = 16;
+/// What their normals count then, as a share of [`ON_MESH`] squared: all are on one side of the body, and the surface's normals have noise.
+const AMONG_TRIED: f32 = 0.06;
 /// Neighbours that are asked for their part of the body, and how often.
 const ASKED: usize = 24;
 const ROUNDS: usize = 3;
@@ -20,6 +25,7 @@ pub struct Faces {
     /// Which face each of the following is.
     names: Vec<u32>,
     points: Vec<[f32; 6]>,
+    corners: Vec<[Vec3; 3]>,
     /// The part of the body of each.
     parts: Vec<u8>,
     tree: Nearest<6>,
@@ -28,9 +34,15 @@ pub struct Faces {
 impl Faces {
     /// Takes the faces for which `outer` is true. `weights` has the weight of every joint for each vertex.
     #[must_use]
-    pub fn new(vertices: &[Vec3], faces: &[[u32; 3]], weights: &[SkinRow], outer: impl Fn(usize) -> bool) -> Self {
+    pub fn new(
+        vertices: &[Vec3],
+        faces: &[[u32; 3]],
+        weights: &[SkinRow],
+        outer: impl Fn(usize) -> bool,
+    ) -> Self {
         let mut names = Vec::new();
         let mut points = Vec::new();
+        let mut corners = Vec::new();
         let mut parts = Vec::new();
         for (name, face) in (0_u32..).zip(faces) {
             let [a, b, c] = face.map(|v| vertices[v as usize]);
@@ -40,6 +52,7 @@ impl Faces {
             if outer(name as usize) {
                 names.push(name);
                 points.push(oriented((a + b + c) / 3.0, normal, ON_MESH));
+                corners.push([a, b, c]);
                 parts.push(part_of(face, weights));
             }
         }
@@ -47,19 +60,52 @@ impl Faces {
         Self {
             names,
             points,
+            corners,
             parts,
             tree,
         }
+    }
+
+    /// The nearest face to a place with this normal.
+    #[must_use]
+    pub fn nearest(&self, position: Vec3, normal: Vec3) -> Option<u32> {
+        let at = self.in_tree(&self.tree, |at| at, position, normal)?;
+        Some(self.names[at])
+    }
+
+    /// Of the faces in a tree whose middles are nearest, the one that is nearest itself; `name` says which face a point of the tree is.
+    fn in_tree(
+        &self,
+        tree: &Nearest<6>,
+        name: impl Fn(usize) -> usize,
+        position: Vec3,
+        normal: Vec3,
+    ) -> Option<usize> {
+        let query = oriented(position, normal, ON_MESH);
+        let mut found = [(0.0, 0); TRIED];
+        let count = tree.some(&query, &mut found);
+        let mut best: Option<(f32, usize)> = None;
+        for (squared, at) in &found[..count] {
+            let at = name(*at as usize);
+            let corners = self.corners[at];
+            let nearest = nearest_point(position, corners);
+            let middle = corners.iter().sum::<Vec3>() / 3.0;
+            let turned = squared - middle.distance_squared(position);
+            let squared = nearest.distance_squared(position) + turned * AMONG_TRIED;
+            if best.is_none_or(|(least, _)| squared < least) {
+                best = Some((squared, at));
+            }
+        }
+        best.map(|(_, at)| at)
     }
 
     /// For each Gaussian (its position, and the normal of the surface there) a face, and how many were moved to another part of the body
     /// because their neighbours are on it. Nothing if no face may be taken.
     #[must_use]
     pub fn choose(&self, positions: &[Vec3], normals: &[Vec3]) -> Option<(Vec<u32>, usize)> {
-        let query = |at: usize| oriented(positions[at], normals[at], ON_MESH);
         let mut chosen: Vec<usize> = (0..positions.len())
             .into_par_iter()
-            .map(|at| self.tree.one(&query(at)).map(|found| found.at))
+            .map(|at| self.in_tree(&self.tree, |at| at, positions[at], normals[at]))
             .collect::<Option<_>>()?;
         let parts: Vec<u8> = chosen.iter().map(|at| self.parts[*at]).collect();
         let voted = vote(positions, normals, parts.clone());
@@ -78,8 +124,9 @@ impl Faces {
             let points: Vec<_> = members.iter().map(|at| self.points[*at]).collect();
             let tree = Nearest::new(&points);
             for at in outvoted {
-                if let Some(found) = tree.one(&query(at)) {
-                    chosen[at] = members[found.at];
+                let found = self.in_tree(&tree, |at| members[at], positions[at], normals[at]);
+                if let Some(face) = found {
+                    chosen[at] = face;
                     moved += 1;
                 }
             }
@@ -113,7 +160,13 @@ fn vote(positions: &[Vec3], normals: &[Vec3], mut parts: Vec<u8>) -> Vec<u8> {
                 for other in asked {
                     votes[usize::from(parts[*other as usize])] += 1;
                 }
-                let most = (0..JOINTS).fold(0, |most, part| if votes[part] > votes[most] { part } else { most });
+                let most = (0..JOINTS).fold(0, |most, part| {
+                    if votes[part] > votes[most] {
+                        part
+                    } else {
+                        most
+                    }
+                });
                 #[expect(clippy::cast_possible_truncation, reason = "fewer than 55")]
                 let most = most as u8;
                 most
@@ -126,7 +179,10 @@ fn vote(positions: &[Vec3], normals: &[Vec3], mut parts: Vec<u8>) -> Vec<u8> {
 /// The part of the body of a face: the joint that moves it the most, joints between which no border is worth a vote taken together.
 fn part_of(face: &[u32; 3], weights: &[SkinRow]) -> u8 {
     let sum = |joint: usize| -> f32 { face.iter().map(|v| weights[*v as usize][joint]).sum() };
-    let most = (0..JOINTS).fold(0, |most, joint| if sum(joint) > sum(most) { joint } else { most });
+    let most = (0..JOINTS).fold(
+        0,
+        |most, joint| if sum(joint) > sum(most) { joint } else { most },
+    );
     let joint = Joint::ALL.get(most).copied().unwrap_or(Joint::Pelvis);
     whole(joint) as u8
 }

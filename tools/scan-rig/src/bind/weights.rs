@@ -76,7 +76,7 @@ pub fn largest(row: &SkinRow) -> SkinRow {
     for joint in kept {
         out[*joint] = row[*joint] / sum;
     }
-    if !(sum > 0.0) {
+    if sum.is_nan() || sum <= 0.0 {
         out = [0.0; JOINTS];
         out[order[0]] = 1.0;
     }
@@ -101,11 +101,20 @@ mod tests {
     #[test]
     fn smoothing_keeps_sums_and_the_head_and_spreads_over_a_step() {
         let line: Vec<Vec<u32>> = (0..40_u32)
-            .map(|v| [v.wrapping_sub(1), v + 1].into_iter().filter(|n| *n < 40).collect())
+            .map(|v| {
+                [v.wrapping_sub(1), v + 1]
+                    .into_iter()
+                    .filter(|n| *n < 40)
+                    .collect()
+            })
             .collect();
         let mut rows = vec![[0.0; JOINTS]; 40];
         for (at, row) in rows.iter_mut().enumerate() {
-            let joint = if at < 20 { Joint::LeftKnee } else { Joint::LeftHip };
+            let joint = if at < 20 {
+                Joint::LeftKnee
+            } else {
+                Joint::LeftHip
+            };
             row[joint as usize] = 1.0;
         }
         rows[39] = [0.0; JOINTS];
@@ -115,11 +124,20 @@ mod tests {
             assert!((row.iter().sum::<f32>() - 1.0).abs() < 1e-5, "sum");
         }
         let knee = rows.map_knee();
-        assert!(knee.windows(2).all(|w| w[0] >= w[1]), "not monotonous: {knee:?}");
-        assert!(knee[19] > 0.5 && knee[20] < 0.5 && knee[20] > 0.3, "{knee:?}");
+        assert!(
+            knee.windows(2).all(|w| w[0] >= w[1]),
+            "not monotonous: {knee:?}"
+        );
+        assert!(
+            knee[19] > 0.5 && knee[20] < 0.5 && knee[20] > 0.3,
+            "{knee:?}"
+        );
         assert_eq!(rows[39][Joint::Head as usize], 1.0, "the head's");
         let skin = largest(&rows[20]);
-        assert!((skin.iter().sum::<f32>() - 1.0).abs() < 1e-6, "four sum to 1");
+        assert!(
+            (skin.iter().sum::<f32>() - 1.0).abs() < 1e-6,
+            "four sum to 1"
+        );
     }
 
     trait Knee {

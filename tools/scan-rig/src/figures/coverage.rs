@@ -45,7 +45,12 @@ pub fn views(vertices: &[DVec3], azimuths: usize) -> Vec<Pinhole> {
 
 /// How a scan covers a body in the same pose, the mean over views.
 #[must_use]
-pub fn coverage(scan: &Scan, vertices: &[DVec3], faces: &[[u32; 3]], views: &[Pinhole]) -> Coverage {
+pub fn coverage(
+    scan: &Scan,
+    vertices: &[DVec3],
+    faces: &[[u32; 3]],
+    views: &[Pinhole],
+) -> Coverage {
     let mut sum = Coverage::default();
     for view in views {
         let one = in_view(scan, vertices, faces, view);
@@ -95,7 +100,8 @@ mod tests {
     /// A board of 0.4 m by 1 m, and Gaussians on its left part and beside it.
     #[test]
     fn half_a_board_bare_is_holes_and_what_stands_beside_it_is_spill() {
-        let vertices = [(-0.2, 0.0), (0.2, 0.0), (0.2, 1.0), (-0.2, 1.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
+        let vertices =
+            [(-0.2, 0.0), (0.2, 0.0), (0.2, 1.0), (-0.2, 1.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
         let faces = [[0, 1, 2], [0, 2, 3]];
         let mut scan = Scan::default();
         let mut dot = |x: f32, y: f32| {

@@ -29,7 +29,11 @@ pub fn person_psnr(a: &Scan, b: &Scan, views: &[Pinhole]) -> Vec<f64> {
                     count += 3.0;
                 }
             }
-            if error > 0.0 { -10.0 * (error / count).log10() } else { f64::INFINITY }
+            if error > 0.0 {
+                -10.0 * (error / count).log10()
+            } else {
+                f64::INFINITY
+            }
         })
         .collect()
 }

@@ -38,5 +38,8 @@ impl Percentiles {
 /// The largest standard deviation of any Gaussian, metres.
 #[must_use]
 pub fn longest_axis(scan: &Scan) -> f32 {
-    scan.scales.iter().map(|s| s.max_element()).fold(0.0, f32::max)
+    scan.scales
+        .iter()
+        .map(|s| s.max_element())
+        .fold(0.0, f32::max)
 }

@@ -9,7 +9,9 @@ pub(super) fn silhouette(vertices: &[DVec3], faces: &[[u32; 3]], view: &Pinhole)
     let mut covered = vec![false; width * height];
     let projected: Vec<Option<DVec2>> = vertices.iter().map(|v| view.project(*v)).collect();
     for face in faces {
-        let [Some(a), Some(b), Some(c)] = face.map(|v| projected.get(v as usize).copied().flatten()) else {
+        let [Some(a), Some(b), Some(c)] =
+            face.map(|v| projected.get(v as usize).copied().flatten())
+        else {
             continue;
         };
         let low = a.min(b).min(c);
@@ -17,7 +19,8 @@ pub(super) fn silhouette(vertices: &[DVec3], faces: &[[u32; 3]], view: &Pinhole)
         for y in pixel(low.y)..(pixel(high.y) + 1).min(height) {
             for x in pixel(low.x)..(pixel(high.x) + 1).min(width) {
                 let p = DVec2::new(x as f64, y as f64) + 0.5;
-                let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(p - from));
+                let sides =
+                    [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(p - from));
                 if sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0) {
                     covered[y * width + x] = true;
                 }
@@ -40,12 +43,18 @@ pub(super) fn grown(set: &[bool], width: usize, radius: f64) -> Vec<bool> {
             // What is surrounded by set pixels grows into nothing that these do not.
             let inner = x > 0 && x + 1 < width && y > 0 && y + 1 < height;
             let at = y * width + x;
-            if inner && [at - 1, at + 1, at - width, at + width].iter().all(|n| set[*n]) {
+            if inner
+                && [at - 1, at + 1, at - width, at + width]
+                    .iter()
+                    .all(|n| set[*n])
+            {
                 out[at] = true;
                 continue;
             }
             for v in y.saturating_sub(reach)..(y + reach + 1).min(height) {
-                let across = (radius * radius - (v as f64 - y as f64).powi(2)).max(0.0).sqrt();
+                let across = (radius * radius - (v as f64 - y as f64).powi(2))
+                    .max(0.0)
+                    .sqrt();
                 let across = pixel(across);
                 for u in x.saturating_sub(across)..(x + across + 1).min(width) {
                     out[v * width + u] = true;

@@ -1,7 +1,7 @@
 //! Points and normals of the surface from depths, and what was seen of each Gaussian.
 
-use super::raster::{self, Picture};
-use super::views::{DepthView, around};
+use super::raster::{self, Picture, Shares};
+use super::views::{DepthView, around, head};
 use super::{Surface, Visibility};
 use crate::pinhole::Pinhole;
 use crate::scan::Scan;
@@ -21,7 +21,7 @@ const POINTS: usize = 3;
 /// Length of the mean of a cell's normals below which they contradict each other.
 const AGREEMENT: f32 = 0.6;
 
-/// What thirty views show of a scan.
+/// What views from all sides show of a scan.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Look {
     /// The surface.
@@ -52,18 +52,39 @@ pub fn look(scan: &Scan) -> Look {
     };
     let mut points = Vec::new();
     for (view, shares, found) in seen {
-        let visibility = &mut look.visibility;
-        for (most, here) in visibility.peak.iter_mut().zip(shares.peak) {
-            *most = most.max(here);
-        }
-        for (most, here) in visibility.sum.iter_mut().zip(shares.sum) {
-            *most = most.max(here);
-        }
+        look.visibility.add(shares);
         points.extend(found);
         look.views.push(view);
     }
+    let (close, of_head) = head(scan);
+    let close: Vec<_> = close
+        .par_iter()
+        .map(|view| raster::draw_with_shares(scan, view).1)
+        .collect();
+    for mut shares in close {
+        // Whatever else a close view shows is shown better from afar.
+        for (at, of_head) in of_head.iter().enumerate() {
+            if !of_head {
+                shares.peak[at] = 0.0;
+                shares.sum[at] = 0.0;
+            }
+        }
+        look.visibility.add(shares);
+    }
     look.surface = averaged(points);
     look
+}
+
+impl Visibility {
+    /// Takes another view in.
+    fn add(&mut self, shares: Shares) {
+        for (most, here) in self.peak.iter_mut().zip(shares.peak) {
+            *most = most.max(here);
+        }
+        for (most, here) in self.sum.iter_mut().zip(shares.sum) {
+            *most = most.max(here);
+        }
+    }
 }
 
 /// A point of the surface and its normal.

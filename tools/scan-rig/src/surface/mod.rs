@@ -5,7 +5,7 @@ pub mod raster;
 mod views;
 
 pub use extract::{Look, look};
-pub use views::{DepthView, around};
+pub use views::{DepthView, around, head};
 
 use glam::Vec3;
 

@@ -245,7 +245,8 @@ fn project(scan: &Scan, view: &Pinhole) -> Vec<Splat> {
                 * Mat3::from_quat(scan.rotations[at])
                 * Mat3::from_diagonal(scan.scales[at]);
             // Rows of the Jacobian times the Gaussian's axes.
-            let row = |axis: usize| Vec3::new(axes.x_axis[axis], axes.y_axis[axis], axes.z_axis[axis]);
+            let row =
+                |axis: usize| Vec3::new(axes.x_axis[axis], axes.y_axis[axis], axes.z_axis[axis]);
             let (x, y, z) = (row(0), row(1), row(2));
             let across = (x - z * slope_x) * (focal * inverse);
             let down = (y - z * slope_y) * (focal * inverse);
@@ -337,7 +338,7 @@ impl<P> Canvas<'_, P> {
             // Where xx dx^2 + 2 xy dx dy + yy dy^2 <= reach.
             let middle = -xy * dy / xx;
             let rest = middle * middle - (yy * dy * dy - splat.reach) / xx;
-            if !(rest > 0.0) {
+            if rest.is_nan() || rest <= 0.0 {
                 continue;
             }
             let half = rest.sqrt();

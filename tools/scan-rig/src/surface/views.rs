@@ -14,6 +14,10 @@ const AROUND: usize = 10;
 const DISTANCE: f64 = 1.83;
 /// Pixels for a person's height, and the share of the picture that it takes.
 const PERSON: f64 = 492.0;
+/// Share of the height that the head has, distance of its views as a share of the height, and pixels for it.
+const HEAD: f64 = 0.15;
+const HEAD_DISTANCE: f64 = 0.7;
+const HEAD_PIXELS: f64 = 260.0;
 /// The most that a picture is wide or high, pixels.
 const MOST: f64 = 1200.0;
 
@@ -64,7 +68,11 @@ impl DepthView {
 pub fn around(scan: &Scan) -> Vec<Pinhole> {
     let (low, high) = robust_box(scan);
     let height = (high.y - low.y).max(0.1);
-    let target = DVec3::new((low.x + high.x) / 2.0, low.y + height * 0.514, (low.z + high.z) / 2.0);
+    let target = DVec3::new(
+        (low.x + high.x) / 2.0,
+        low.y + height * 0.514,
+        (low.z + high.z) / 2.0,
+    );
     let distance = DISTANCE * height;
     let focal = PERSON / height * distance;
     // Whatever the azimuth, both the height and the farthest sideways fit, with a margin for what is nearer than the axis.
@@ -82,12 +90,43 @@ pub fn around(scan: &Scan) -> Vec<Pinhole> {
         for at in 0..AROUND {
             let azimuth = TAU * (at as f64 + shift) / AROUND as f64;
             let (sin, cos) = elevation.sin_cos();
-            let eye = target
-                + distance * DVec3::new(azimuth.sin() * cos, sin, azimuth.cos() * cos);
+            let eye = target + distance * DVec3::new(azimuth.sin() * cos, sin, azimuth.cos() * cos);
             views.push(Pinhole::look_at(eye, target, DVec3::Y, focal, width, tall));
         }
     }
     views
+}
+
+/// Closer views of a standing person's head, where Gaussians are small, and for each Gaussian whether it is there.
+#[must_use]
+pub fn head(scan: &Scan) -> (Vec<Pinhole>, Vec<bool>) {
+    let (low, high) = robust_box(scan);
+    let height = (high.y - low.y).max(0.1);
+    let from = high.y - HEAD * height;
+    let of_head: Vec<bool> = scan
+        .positions
+        .iter()
+        .map(|p| p.is_finite() && f64::from(p.y) > from)
+        .collect();
+    let top = scan.positions.iter().zip(&of_head).filter(|(_, of)| **of);
+    let (sum, count) = top.fold((DVec3::ZERO, 0.0), |(sum, count), (p, _)| {
+        (sum + p.as_dvec3(), count + 1.0)
+    });
+    if count == 0.0 {
+        return (Vec::new(), of_head);
+    }
+    let target = DVec3::new(sum.x / count, high.y - HEAD / 2.0 * height, sum.z / count);
+    let distance = HEAD_DISTANCE * height;
+    let focal = HEAD_PIXELS / (HEAD * height) * distance;
+    let views = (0..AROUND).map(|at| {
+        let azimuth = TAU * at as f64 / AROUND as f64;
+        // Level and from above in turns.
+        let elevation: f64 = if at % 2 == 0 { 0.0 } else { 0.4 };
+        let (sin, cos) = elevation.sin_cos();
+        let eye = target + distance * DVec3::new(azimuth.sin() * cos, sin, azimuth.cos() * cos);
+        Pinhole::look_at(eye, target, DVec3::Y, focal, 320, 320)
+    });
+    (views.collect(), of_head)
 }
 
 /// The box of all but the outermost thousandth of the Gaussians on each side.
@@ -102,7 +141,10 @@ fn robust_box(scan: &Scan) -> (DVec3, DVec3) {
         values.sort_unstable_by(f32::total_cmp);
         let skip = values.len() / 1000;
         let low = values.get(skip).copied().unwrap_or(0.0);
-        let high = values.len().checked_sub(skip + 1).map_or(0.0, |at| values[at]);
+        let high = values
+            .len()
+            .checked_sub(skip + 1)
+            .map_or(0.0, |at| values[at]);
         (low, high)
     };
     let (x, y, z) = (side(0), side(1), side(2));
