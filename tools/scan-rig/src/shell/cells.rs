@@ -113,14 +113,22 @@ impl Patch {
         let x = (along_u - normal * along_u.dot(normal)).try_normalize()?;
         let y = normal.cross(x);
         let flat = |v: DVec3| DVec2::new(v.dot(x), v.dot(y));
-        let cell = DMat2::from_cols(flat(along_u) * self.stretch.x, flat(along_v) * self.stretch.y);
+        let cell = DMat2::from_cols(
+            flat(along_u) * self.stretch.x,
+            flat(along_v) * self.stretch.y,
+        );
         let covariance = cell * cell.transpose();
-        let (p, q, r) = (covariance.x_axis.x, covariance.x_axis.y, covariance.y_axis.y);
+        let (p, q, r) = (
+            covariance.x_axis.x,
+            covariance.x_axis.y,
+            covariance.y_axis.y,
+        );
         let turn = 0.5 * (2.0 * q).atan2(p - r);
         let spread = (0.25 * (p - r) * (p - r) + q * q).sqrt();
         let deviation = |square: f64| SIGMA_OF_CELL * square.max(0.0).sqrt();
         let major = deviation(0.5 * (p + r) + spread).clamp(DEVIATION.0, DEVIATION.1);
-        let minor = deviation(0.5 * (p + r) - spread).clamp((0.15 * major).max(DEVIATION.0), DEVIATION.1);
+        let minor =
+            deviation(0.5 * (p + r) - spread).clamp((0.15 * major).max(DEVIATION.0), DEVIATION.1);
         let axis = x * turn.cos() + y * turn.sin();
         let turned = DMat3::from_cols(axis, normal.cross(axis), normal);
         Some(Cell {
@@ -146,16 +154,39 @@ mod tests {
             DVec3::new(0.011, 0.006, 0.0),
             DVec3::new(0.001, 0.005, 0.0),
         ];
-        let patch = Patch { corners, stretch: DVec2::new(1.0, 3.0), first_triangle: 40 };
+        let patch = Patch {
+            corners,
+            stretch: DVec2::new(1.0, 3.0),
+            first_triangle: 40,
+        };
         let mut cells = Vec::new();
         patch.cells(0.001, &mut cells);
-        assert_eq!(cells.len(), 10 * 17, "10 mm by 5.6 mm stretched to three times that");
+        assert_eq!(
+            cells.len(),
+            10 * 17,
+            "10 mm by 5.6 mm stretched to three times that"
+        );
         for cell in &cells {
-            let triangle = if cell.triangle == 40 { [0, 1, 2] } else { [0, 2, 3] };
-            let point: DVec3 = triangle.iter().zip(cell.shares).map(|(k, s)| corners[*k] * s).sum();
+            let triangle = if cell.triangle == 40 {
+                [0, 1, 2]
+            } else {
+                [0, 2, 3]
+            };
+            let point: DVec3 = triangle
+                .iter()
+                .zip(cell.shares)
+                .map(|(k, s)| corners[*k] * s)
+                .sum();
             assert!(point.distance(cell.point) < 1e-12, "beside its triangle");
-            assert!(cell.shares.iter().all(|s| *s >= 0.0), "outside of its triangle");
-            assert!((cell.deviations.x - 0.00062).abs() < 2e-4, "{}", cell.deviations);
+            assert!(
+                cell.shares.iter().all(|s| *s >= 0.0),
+                "outside of its triangle"
+            );
+            assert!(
+                (cell.deviations.x - 0.00062).abs() < 2e-4,
+                "{}",
+                cell.deviations
+            );
             let turned = cell.rotation.as_dquat() * DVec3::Z;
             assert!(turned.dot(cell.normal) > 0.999_999, "not flat on the quad");
         }

@@ -15,11 +15,11 @@ const PUPIL: f64 = 0.19;
 const IRIS: f64 = 0.46;
 
 /// Skin within this of an eye's centre places it, metres in the rest pose.
-const AROUND: f64 = 0.032;
+const AROUND: f64 = 0.024;
 
 /// Lids stay this far before the eyeball, metres, and it moves back for that by no more than the second.
 const CLEARANCE: f64 = 0.0004;
-const MOST_BACK: f64 = 0.004;
+const MOST_BACK: f64 = 0.006;
 
 /// Width of cells on the iris and beside it, metres.
 const SPACING: [f64; 2] = [0.0006, 0.0013];
@@ -31,7 +31,7 @@ const MOST_ASIDE: f64 = 0.3;
 const WHITE: DVec3 = DVec3::new(1.30, 1.24, 1.20);
 
 /// How much of the scan's own picture of the eye is kept.
-const SCANNED: f64 = 0.7;
+const SCANNED: f64 = 0.6;
 
 /// An eyeball in the scan's pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +46,10 @@ pub struct Eye {
 
 /// Puts both eyeballs (left, right) behind the lids and covers them. `vertices` are the model's in the scan's pose; those of the
 /// eyeballs are moved. `skin` is the colour of the face's skin.
-#[expect(clippy::too_many_arguments, reason = "the registered body is three of them")]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the registered body is three of them"
+)]
 pub(crate) fn cover(
     model: &BodyModel,
     registered: &Registered,
@@ -62,7 +65,9 @@ pub(crate) fn cover(
     let reach = 0.06 * head.scale;
     let lines = Lines::new(scan, |at| {
         let position = scan.positions[at].as_dvec3();
-        eyes.iter().flatten().any(|eye| eye.centre.distance(position) < reach)
+        eyes.iter()
+            .flatten()
+            .any(|eye| eye.centre.distance(position) < reach)
     });
     let mut cells: [Vec<Cell>; 2] = Default::default();
     for quad in 0..model.faces.len() / 2 {
@@ -86,7 +91,9 @@ pub(crate) fn cover(
         }
     }
     let looks: [Vec<Look>; 2] = std::array::from_fn(|side| {
-        eyes[side].map_or_else(Vec::new, |eye| look(model, head, vertices, &lines, &eye, &cells[side]))
+        eyes[side].map_or_else(Vec::new, |eye| {
+            look(model, head, vertices, &lines, &eye, &cells[side])
+        })
     });
     let gaze = gaze(head, &looks);
     let paint = Paint::new(&looks, gaze, skin);
@@ -114,7 +121,9 @@ fn place(
         .filter(|v| model.weights[*v][joint.index()] > 0.5)
         .collect();
     let at_rest = *joints.get(joint.index())?;
-    let placement = Placement::around(model, registered, shaped, at_rest, AROUND, |_| true)?;
+    let placement = Placement::around(model, registered, shaped, at_rest, AROUND, |v| {
+        head.lid[v] > 0.05
+    })?;
     let mut centre = placement.point(at_rest);
     for v in &own {
         vertices[*v] = placement.point(shaped[*v]);
@@ -126,12 +135,14 @@ fn place(
     let forward = head.forward();
     let clearance = CLEARANCE * head.scale;
     let back = (0..model.body_vertices)
-        .filter(|v| model.outer[*v] && head.lid[*v] > 0.2)
+        .filter(|v| model.outer[*v] && head.lid[*v] > 0.05)
         .map(|v| vertices[v] - centre)
         .filter(|away| away.length() < 1.4 * radius && away.dot(forward) > 0.3 * radius)
         .map(|away| {
             let beside = away - forward * away.dot(forward);
-            let ball = ((radius + clearance).powi(2) - beside.length_squared()).max(0.0).sqrt();
+            let ball = ((radius + clearance).powi(2) - beside.length_squared())
+                .max(0.0)
+                .sqrt();
             ball - away.dot(forward)
         })
         .fold(0.0, f64::max)
@@ -157,7 +168,14 @@ struct Look {
     shows: bool,
 }
 
-fn look(model: &BodyModel, head: &Head, vertices: &[DVec3], lines: &Lines<'_>, eye: &Eye, cells: &[Cell]) -> Vec<Look> {
+fn look(
+    model: &BodyModel,
+    head: &Head,
+    vertices: &[DVec3],
+    lines: &Lines<'_>,
+    eye: &Eye,
+    cells: &[Cell],
+) -> Vec<Look> {
     let screen = Screen::new(model, vertices, eye.centre, 2.0 * eye.radius);
     let forward = head.forward();
     let rays: Vec<Line> = cells
@@ -165,13 +183,14 @@ fn look(model: &BodyModel, head: &Head, vertices: &[DVec3], lines: &Lines<'_>, e
         .map(|cell| Line {
             point: cell.point,
             towards_viewer: forward,
-            before: 0.008,
-            behind: 0.008,
+            before: 0.012,
+            behind: 0.014,
         })
         .collect();
     (lines.look(&rays, |_, _| true).into_iter().zip(cells))
         .map(|(seen, cell)| {
-            let covered = (screen.nearest(cell.point, forward)).is_some_and(|height| height > -0.001);
+            let covered =
+                (screen.nearest(cell.point, forward)).is_some_and(|height| height > -0.001);
             Look {
                 direction: (cell.point - eye.centre).normalize_or(forward),
                 colour: seen.colour.as_dvec3(),
@@ -192,13 +211,22 @@ fn gaze(head: &Head, looks: &[Vec<Look>; 2]) -> DVec3 {
             .collect();
         let mut sorted: Vec<f64> = shown.iter().map(|(b, _)| *b).collect();
         sorted.sort_unstable_by(f64::total_cmp);
-        let at = |share: usize| sorted.get(sorted.len() * share / 100).copied().unwrap_or_default();
+        let at = |share: usize| {
+            sorted
+                .get(sorted.len() * share / 100)
+                .copied()
+                .unwrap_or_default()
+        };
         let (dark, bright) = (at(10), at(85));
         if shown.len() < 40 || bright - dark < 0.12 {
             return forward;
         }
-        let weighed = shown.iter().map(|(b, d)| ((dark + 0.4 * (bright - dark) - b).max(0.0), *d));
-        let (weight, sum) = weighed.fold((0.0, DVec3::ZERO), |(w, s), (weight, d)| (w + weight, s + weight * d));
+        let weighed = shown
+            .iter()
+            .map(|(b, d)| ((dark + 0.4 * (bright - dark) - b).max(0.0), *d));
+        let (weight, sum) = weighed.fold((0.0, DVec3::ZERO), |(w, s), (weight, d)| {
+            (w + weight, s + weight * d)
+        });
         if weight > 0.0 {
             aside += 0.5 * (sum / weight).reject_from(forward);
         }
@@ -215,29 +243,44 @@ fn gaze(head: &Head, looks: &[Vec<Look>; 2]) -> DVec3 {
 struct Paint {
     white: DVec3,
     iris: DVec3,
+    /// How much more red than blue the skin is.
+    redness: f64,
 }
 
 impl Paint {
     fn new(looks: &[Vec<Look>; 2], gaze: DVec3, skin: DVec3) -> Self {
         let between = |low: f64, high: f64| -> Vec<Vec3> {
             (looks.iter().flatten())
-                .filter(|look| look.shows && (low..high).contains(&look.direction.angle_between(gaze)))
+                .filter(|look| {
+                    look.shows && (low..high).contains(&look.direction.angle_between(gaze))
+                })
                 .map(|look| look.colour.as_vec3())
                 .collect()
         };
         let bright = brightness(skin).clamp(0.1, 0.75);
         let usual = (WHITE * bright).min(DVec3::splat(0.93));
         let mut beside = between(IRIS + 0.08, 1.2);
-        beside.sort_unstable_by(|a, b| brightness(b.as_dvec3()).total_cmp(&brightness(a.as_dvec3())));
+        beside.retain(|c| f64::from(c.x - c.z) < 0.6 * (skin.x - skin.z).max(0.05));
+        beside
+            .sort_unstable_by(|a, b| brightness(b.as_dvec3()).total_cmp(&brightness(a.as_dvec3())));
         beside.truncate(beside.len() / 2);
-        let white = if beside.len() < 12 { usual } else { usual.lerp(median(&beside), 0.6) };
+        let white = if beside.len() < 12 {
+            usual
+        } else {
+            usual.lerp(median(&beside), 0.6)
+        };
         let within = between(PUPIL + 0.04, IRIS - 0.04);
         let iris = if within.len() < 12 {
             DVec3::new(0.30, 0.22, 0.15) * (bright / 0.5)
         } else {
             median(&within)
         };
-        Self { white, iris }
+        let redness = (skin.x - skin.z).max(0.05);
+        Self {
+            white,
+            iris,
+            redness,
+        }
     }
 
     fn colour(&self, look: &Look, gaze: DVec3, head: &Head) -> DVec3 {
@@ -251,7 +294,10 @@ impl Paint {
         // The upper lid's shade.
         let shade = 1.0 - 0.25 * smoothstep(0.15, 0.6, look.direction.dot(head.axes.y_axis));
         if look.shows {
-            (painted * shade).lerp(look.colour, SCANNED)
+            // Where the registration is off by a millimetre, the line meets a lid: skin is redder than the white of an eye.
+            let red = (look.colour.x - look.colour.z) / self.redness;
+            let is_lid = smoothstep(0.5, 0.9, red) * smoothstep(IRIS - 0.05, IRIS + 0.1, angle);
+            (painted * shade).lerp(look.colour, SCANNED * (1.0 - is_lid))
         } else {
             painted * shade
         }

@@ -4,14 +4,15 @@
 use super::additions::{Additions, brightness, smoothstep};
 use super::cells::Cell;
 use super::harmonic::Edges;
-use super::head::{Head, corners, normals};
+use super::head::{Head, corners};
 use super::lines::{Line, Lines};
+use super::normals::normals;
 use crate::body::{BodyModel, BodyPart};
 use crate::scan::Scan;
 use glam::DVec3;
 
 /// Where units move the face farther than the first, it gets a shell; beyond the second, the scan's Gaussians give way to it. Metres.
-const SHELL: (f64, f64) = (0.0012, 0.003);
+pub(crate) const SHELL: (f64, f64) = (0.0012, 0.003);
 
 /// Where expressions stretch the face more than the first it gets a shell; beyond the second, the scan's Gaussians give way to it.
 const STRETCHED: (f64, f64) = (1.3, 1.6);
@@ -27,10 +28,16 @@ const RIM: [f64; 2] = [0.004, 0.020];
 const INSIDE_SPACING: f64 = 0.0026;
 
 /// How far before and behind the shell the scan's Gaussians colour it, metres.
-const LINE: (f32, f32) = (0.012, 0.008);
+const LINE: (f32, f32) = (0.020, 0.014);
 
 /// What is more than this before the shell hides it, metres.
-const HIDDEN: f64 = 0.007;
+const HIDDEN: f64 = 0.012;
+
+/// How deep under the face the scan's own Gaussians may lie, metres.
+const MIST: f64 = 0.013;
+
+/// From the rims, the shell closes before what is inside, metres.
+const LIPS: f64 = 0.016;
 
 /// The colour deep in the mouth.
 const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
@@ -49,15 +56,45 @@ pub(crate) struct Face {
 }
 
 /// Covers the face. `vertices` are the body model's in the scan's pose, `triangles` carry the scan's Gaussians.
-pub(crate) fn cover(model: &BodyModel, head: &Head, vertices: &[DVec3], scan: &Scan, triangles: &[u32]) -> Face {
+pub(crate) fn cover(
+    model: &BodyModel,
+    head: &Head,
+    vertices: &[DVec3],
+    scan: &Scan,
+    triangles: &[u32],
+) -> Face {
     let reach = 0.2 * head.scale;
     let lines = Lines::new(scan, |at| {
         scan.positions[at].as_dvec3().distance(head.centre) < reach
     });
-    let own = |face: usize| model.faces[face].iter().all(|v| (*v as usize) < model.body_vertices);
-    let normals = normals(vertices, &model.faces, |face| own(face) && is_skin(model, face));
+    let own = |face: usize| {
+        model.faces[face]
+            .iter()
+            .all(|v| (*v as usize) < model.body_vertices)
+    };
+    let normals = normals(vertices, &model.faces, |face| {
+        own(face) && is_skin(model, face)
+    });
     let painter = Painter { head, lines };
     let skin = painter.skin(model, vertices, &normals);
+    let outside: Vec<usize> = (0..model.body_vertices)
+        .filter(|v| model.outer[*v] && vertices[*v].distance(head.centre) < reach)
+        .collect();
+    // What is inside is opaque: where the scan's own Gaussians lie over it, which are mist, it would show through them.
+    let is_behind_scan = |quad: usize| {
+        let middle = corners(model, quad)
+            .iter()
+            .map(|v| vertices[*v as usize])
+            .sum::<DVec3>()
+            / 4.0;
+        let away = |v: &usize| vertices[*v].distance_squared(middle);
+        let nearest = outside.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        nearest.is_some_and(|v| {
+            let covered =
+                head.motion[*v] > SHELL.1 * head.scale && head.rim[*v] < LIPS * head.scale;
+            !covered && away(v).sqrt() < MIST * head.scale
+        })
+    };
     let mut additions = Additions::default();
     let mut cells = Vec::new();
     for quad in 0..model.faces.len() / 2 {
@@ -65,10 +102,27 @@ pub(crate) fn cover(model: &BodyModel, head: &Head, vertices: &[DVec3], scan: &S
             cells.clear();
             let shows = corners(model, quad).iter().all(|v| head.shows[*v as usize]);
             match model.parts[2 * quad] {
-                BodyPart::InnerMouth | BodyPart::EyeSocket if !shows => {
-                    inside(model, head, vertices, quad, &skin, &mut cells, &mut additions);
+                BodyPart::InnerMouth | BodyPart::EyeSocket if !shows && !is_behind_scan(quad) => {
+                    inside(
+                        model,
+                        head,
+                        vertices,
+                        quad,
+                        &skin,
+                        &mut cells,
+                        &mut additions,
+                    );
                 }
-                _ => painter.shell(model, vertices, &normals, quad, &skin, &mut cells, &mut additions),
+                BodyPart::InnerMouth | BodyPart::EyeSocket if !shows => {}
+                _ => painter.shell(
+                    model,
+                    vertices,
+                    &normals,
+                    quad,
+                    &skin,
+                    &mut cells,
+                    &mut additions,
+                ),
             }
         }
     }
@@ -87,7 +141,10 @@ pub(crate) fn cover(model: &BodyModel, head: &Head, vertices: &[DVec3], scan: &S
 /// Whether a quad of the face moves or is stretched more than this.
 fn shelled(model: &BodyModel, head: &Head, quad: usize, motion: f64, stretched: f64) -> bool {
     let ring = corners(model, quad);
-    let moves = |least: f64| ring.iter().all(|v| head.motion[*v as usize] > least * head.scale);
+    let moves = |least: f64| {
+        ring.iter()
+            .all(|v| head.motion[*v as usize] > least * head.scale)
+    };
     moves(motion) || (moves(0.2 * motion) && head.stretch[quad].max_element() > stretched)
 }
 
@@ -118,7 +175,11 @@ impl Painter<'_> {
     /// How a viewer before the face looks at a place: between its normal and straight ahead.
     fn line(&self, point: DVec3, normal: DVec3) -> Line {
         let ahead = self.head.forward();
-        let towards = if normal.dot(ahead) > -0.3 { normal + 0.7 * ahead } else { normal };
+        let towards = if normal.dot(ahead) > -0.3 {
+            normal + 0.7 * ahead
+        } else {
+            normal
+        };
         Line {
             point,
             towards_viewer: towards.normalize_or(ahead),
@@ -146,19 +207,26 @@ impl Painter<'_> {
         let near: Vec<usize> = (0..model.body_vertices)
             .filter(|v| vertices[*v].distance(self.head.centre) < reach)
             .collect();
-        let lines: Vec<Line> = near.iter().map(|v| self.line(vertices[*v], normals[*v])).collect();
+        let lines: Vec<Line> = near
+            .iter()
+            .map(|v| self.line(vertices[*v], normals[*v]))
+            .collect();
         let own: Vec<DVec3> = near.iter().map(|v| normals[*v]).collect();
         let mut colours = vec![DVec3::ZERO; vertices.len()];
         let mut known = vec![false; vertices.len()];
         for (v, (colour, trust)) in near.iter().zip(self.look(&lines, &own)) {
-            let at_lid = self.head.lid[*v] > 0.3 && self.head.rim[*v] < 0.004;
+            let at_lid = self.head.lid[*v] > 0.2 && self.head.rim[*v] < 0.005 * self.head.scale;
             if model.outer[*v] && trust > 0.6 && !at_lid {
                 colours[*v] = colour;
                 known[*v] = true;
             }
         }
-        let faces = (model.faces.iter().copied())
-            .filter(|face| face.iter().all(|v| (*v as usize) < model.body_vertices && vertices[*v as usize].distance(self.head.centre) < reach));
+        let faces = (model.faces.iter().copied()).filter(|face| {
+            face.iter().all(|v| {
+                (*v as usize) < model.body_vertices
+                    && vertices[*v as usize].distance(self.head.centre) < reach
+            })
+        });
         Edges::new(vertices, faces).fill(&colours, &known)
     }
 
@@ -176,7 +244,11 @@ impl Painter<'_> {
     ) {
         let head = self.head;
         let ring = corners(model, quad).map(|v| v as usize);
-        let least = |values: &[f64]| ring.iter().map(|v| values[*v]).fold(f64::INFINITY, f64::min);
+        let least = |values: &[f64]| {
+            ring.iter()
+                .map(|v| values[*v])
+                .fold(f64::INFINITY, f64::min)
+        };
         if !shelled(model, head, quad, SHELL.0, STRETCHED.0) {
             return;
         }
@@ -186,25 +258,41 @@ impl Painter<'_> {
         let smooth: Vec<DVec3> = (cells.iter())
             .map(|cell| at_cell(model, cell, normals).normalize_or(cell.normal))
             .collect();
-        let lines: Vec<Line> = (cells.iter().zip(&smooth)).map(|(cell, n)| self.line(cell.point, *n)).collect();
+        let lines: Vec<Line> = (cells.iter().zip(&smooth))
+            .map(|(cell, n)| self.line(cell.point, *n))
+            .collect();
         for (cell, (seen, trust)) in cells.iter().zip(self.look(&lines, &smooth)) {
             let filled = at_cell(model, cell, skin);
             let outer: f64 = (model.faces[cell.triangle as usize].iter().zip(cell.shares))
-                .map(|(v, share)| if self.head.shows[*v as usize] { share } else { 0.0 })
+                .map(|(v, share)| {
+                    if self.head.shows[*v as usize] {
+                        share
+                    } else {
+                        0.0
+                    }
+                })
                 .sum();
             let lid = at_cell(model, cell, &head.lid);
             let rim = at_cell(model, cell, &head.rim) / head.scale;
             // A lid near its rim shows the eye where the registration is off by a millimetre.
-            let eye_shows = smoothstep(0.2, 0.5, lid) * (1.0 - smoothstep(0.002, 0.0045, rim));
+            let folded = smoothstep(1.4, 1.9, head.stretch[quad].max_element());
+            let eye_shows =
+                smoothstep(0.1, 0.4, lid) * folded.max(1.0 - smoothstep(0.002, 0.0045, rim));
             let darker = brightness(seen) / brightness(filled).max(0.02);
-            let eye_shows = eye_shows.max(smoothstep(0.1, 0.3, lid) * (1.0 - smoothstep(0.55, 0.75, darker)));
+            let eye_shows =
+                eye_shows.max(smoothstep(0.1, 0.3, lid) * (1.0 - smoothstep(0.55, 0.75, darker)));
             let trust = trust * smoothstep(0.6, 0.95, outer) * (1.0 - eye_shows);
             let mut colour = filled.lerp(seen, trust);
             if lid > 0.2 && outer < 0.999 {
                 // Lashes: a dark line along the rim.
-                colour *= 1.0 - 0.45 * smoothstep(0.2, 0.6, lid) * smoothstep(0.0, 0.5, 1.0 - outer);
+                colour *=
+                    1.0 - 0.45 * smoothstep(0.2, 0.6, lid) * smoothstep(0.0, 0.5, 1.0 - outer);
             }
-            let motion = smoothstep(SHELL.0, SHELL.1, at_cell(model, cell, &head.motion) / head.scale);
+            let motion = smoothstep(
+                SHELL.0,
+                SHELL.1,
+                at_cell(model, cell, &head.motion) / head.scale,
+            );
             let stretched = smoothstep(STRETCHED.0, STRETCHED.1, head.stretch[quad].max_element());
             let under = UNDER * (1.0 - motion.max(stretched));
             additions.push(cell, -under, colour, OPACITY);
@@ -222,14 +310,16 @@ fn inside(
     cells: &mut Vec<Cell>,
     additions: &mut Additions,
 ) {
-    head.patch(model, vertices, quad).cells(INSIDE_SPACING * head.scale, cells);
+    head.patch(model, vertices, quad)
+        .cells(INSIDE_SPACING * head.scale, cells);
     let mouth = model.parts[2 * quad] == BodyPart::InnerMouth;
     for cell in cells.iter() {
         let filled = at_cell(model, cell, skin);
         let colour = if mouth {
             let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
             let lip = filled * DVec3::new(0.72, 0.55, 0.55);
-            lip.lerp(THROAT, smoothstep(0.001, 0.010, deep)) * (1.0 - 0.6 * smoothstep(0.010, 0.045, deep))
+            lip.lerp(THROAT, smoothstep(0.001, 0.010, deep))
+                * (1.0 - 0.6 * smoothstep(0.010, 0.045, deep))
         } else {
             filled * 0.3
         };

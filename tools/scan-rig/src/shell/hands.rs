@@ -2,10 +2,12 @@
 
 use super::additions::{Additions, brightness, median};
 use super::cells::{Cell, Patch};
-use super::head::{corners, normals};
+use super::head::corners;
+use super::lines::{Line, Lines};
+use super::normals::normals;
 use super::textures::Textures;
-use crate::bind::weights::largest;
 use crate::bind::Bound;
+use crate::bind::weights::largest;
 use crate::body::{BodyModel, BodyPart, Registered, SkinRow, posing};
 use glam::{DVec2, DVec3, Vec3};
 use serde::Serialize;
@@ -45,6 +47,8 @@ pub struct HandReport {
     pub straight: f64,
     /// How sure its finger joints are, 0..=1.
     pub confidence: f64,
+    /// The share of the registered fingers' skin that is where the scan has Gaussians, 0..=1.
+    pub fingers: f64,
     /// Whether it holds something.
     pub holds: bool,
     /// The scan's Gaussians on it.
@@ -55,6 +59,10 @@ pub struct HandReport {
 const STRAIGHT: f64 = 0.85;
 const SURE: f64 = 0.5;
 const ENOUGH: usize = 300;
+
+/// And if this much of the registered fingers is covered by the scan, each triangle by what is within the line's ends of it, metres.
+const SEEN: f64 = 0.8;
+const LINE: (f32, f32) = (0.005, 0.005);
 
 /// Share of hand and fingers in a vertex's weights from which it is replaced, and over which the replacement blends in.
 const HAND: (f64, f64) = (0.6, 0.95);
@@ -68,6 +76,24 @@ const STRETCH: f64 = 1.2;
 /// How much of the skin texture's contrast is taken over.
 const DETAIL: f64 = 0.8;
 
+/// The joints of both hands: left, right.
+const SIDES: [HandJoints; 2] = [
+    HandJoints {
+        wrist: Joint::LeftWrist,
+        first: Joint::LeftIndex1 as usize,
+    },
+    HandJoints {
+        wrist: Joint::RightWrist,
+        first: Joint::RightIndex1 as usize,
+    },
+];
+
+/// Whether a face of the model is on a hand that stays as it was scanned.
+pub(crate) fn is_rigid(model: &BodyModel, hands: &[HandReport; 2], face: usize) -> bool {
+    (SIDES.iter().zip(hands))
+        .any(|(hand, report)| report.became == Hand::Rigid && hand.has_face(model, face))
+}
+
 /// Decides on both hands and does it: left, right.
 pub(crate) fn complete(
     bound: &mut Bound,
@@ -78,23 +104,30 @@ pub(crate) fn complete(
     additions: &mut Additions,
     drop: &mut [bool],
 ) -> [HandReport; 2] {
-    let sides = [
-        (Joint::LeftWrist, Joint::LeftIndex1),
-        (Joint::RightWrist, Joint::RightIndex1),
-    ];
     let mut reports = [HandReport::default(); 2];
-    for (side, (wrist, first)) in sides.into_iter().enumerate() {
-        let hand = HandJoints { wrist, first: first.index() };
+    for (side, hand) in SIDES.into_iter().enumerate() {
         let on_it: Vec<usize> = (0..bound.triangles.len())
-            .filter(|at| bound.accessory[*at] == 0 && hand.has_face(model, bound.triangles[*at] as usize))
+            .filter(|at| {
+                bound.accessory[*at] == 0 && hand.has_face(model, bound.triangles[*at] as usize)
+            })
             .collect();
         let report = &mut reports[side];
         report.straight = hand.straight(registered);
-        report.confidence = hand.fingers().map(|j| registered.confidence[j]).sum::<f64>() / 15.0;
-        report.holds = (bound.report.accessories.iter())
-            .any(|thing| thing.joint == wrist || hand.fingers().any(|j| j == thing.joint.index()));
+        report.confidence = hand
+            .fingers()
+            .map(|j| registered.confidence[j])
+            .sum::<f64>()
+            / 15.0;
+        report.holds = (bound.report.accessories.iter()).any(|thing| {
+            thing.joint == hand.wrist || hand.fingers().any(|j| j == thing.joint.index())
+        });
         report.gaussians = on_it.len();
-        let open = report.straight > STRAIGHT && report.confidence > SURE && !report.holds && on_it.len() > ENOUGH;
+        report.fingers = hand.fingers_seen(bound, model, &on_it);
+        let open = report.straight > STRAIGHT
+            && report.confidence > SURE
+            && report.fingers > SEEN
+            && !report.holds
+            && on_it.len() > ENOUGH;
         report.became = match wanted[side] {
             Hands::Keep => Hand::Rigid,
             Hands::Replace => Hand::Replaced,
@@ -140,7 +173,11 @@ impl HandJoints {
     }
 
     fn has_face(self, model: &BodyModel, face: usize) -> bool {
-        (model.faces.get(face)).is_some_and(|corners| corners.iter().all(|v| self.share(&model.weights[*v as usize]) > HAND.0))
+        (model.faces.get(face)).is_some_and(|corners| {
+            corners
+                .iter()
+                .all(|v| self.share(&model.weights[*v as usize]) > HAND.0)
+        })
     }
 
     /// Distance from the first to the last joint of index, middle and ring finger over the bones' length, and how far these lead on from
@@ -158,6 +195,35 @@ impl HandJoints {
             })
             .sum();
         sum / fingers.len() as f64
+    }
+
+    /// How much of the registered fingers the scan's Gaussians cover. Of a fist that was registered as an open hand, little.
+    fn fingers_seen(self, bound: &Bound, model: &BodyModel, on_it: &[usize]) -> f64 {
+        let fingers = (model.faces.iter()).filter(|face| {
+            let is_finger = |v: &u32| {
+                model.outer[*v as usize] && self.finger_share(&model.weights[*v as usize]) > 0.7
+            };
+            face.iter().all(is_finger)
+        });
+        let lines: Vec<Line> = fingers
+            .filter_map(|face| {
+                let [a, b, c] = face.map(|v| bound.mesh.vertices[v as usize]);
+                let towards_viewer = (b - a).cross(c - a).try_normalize()?;
+                Some(Line {
+                    point: (a + b + c) / 3.0,
+                    towards_viewer,
+                    before: LINE.0,
+                    behind: LINE.1,
+                })
+            })
+            .collect();
+        let mut own = vec![false; bound.scan.len()];
+        for at in on_it {
+            own[*at] = true;
+        }
+        let seen = Lines::new(&bound.scan, |at| own[at]).look(&lines, |_, _| true);
+        let covered = seen.iter().filter(|seen| seen.coverage > 0.5).count();
+        covered as f64 / lines.len().max(1) as f64
     }
 
     /// Gives fingers back the weights that binding gave to the wrist.
@@ -189,17 +255,24 @@ impl HandJoints {
         additions: &mut Additions,
     ) {
         let (shaped, joints) = model.shaped(&registered.shape);
-        let maps = posing::posed_from_rest(&registered.rotations, &registered.joints, registered.scale, &joints);
+        let maps = posing::posed_from_rest(
+            &registered.rotations,
+            &registered.joints,
+            registered.scale,
+            &joints,
+        );
         for (v, row) in model.weights.iter().enumerate() {
             let hand = self.share(row);
             if hand > HAND.0 {
-                let own = posing::blended(&bound.mesh.weights[v], &maps).transform_point3(shaped[v]);
+                let own =
+                    posing::blended(&bound.mesh.weights[v], &maps).transform_point3(shaped[v]);
                 let blend = super::additions::smoothstep(HAND.0, HAND.1, hand);
                 let vertex = &mut bound.mesh.vertices[v];
                 *vertex = vertex.lerp(own, blend);
             }
         }
-        let is_hand = |face: usize| self.has_face(model, face) && model.parts[face] == BodyPart::Hand;
+        let is_hand =
+            |face: usize| self.has_face(model, face) && model.parts[face] == BodyPart::Hand;
         let skin = median(colours);
         let texel = |cell: &Cell| {
             let uv: DVec2 = (model.uvs[cell.triangle as usize].iter().zip(cell.shares))
@@ -223,15 +296,23 @@ impl HandJoints {
         let usual = texels.iter().sum::<DVec3>() / texels.len().max(1) as f64;
         for (cell, texel) in cells.iter().zip(texels) {
             let face = model.faces[cell.triangle as usize];
-            let normal: DVec3 = (face.iter().zip(cell.shares)).map(|(v, share)| normals[*v as usize] * share).sum();
+            let normal: DVec3 = (face.iter().zip(cell.shares))
+                .map(|(v, share)| normals[*v as usize] * share)
+                .sum();
             // The back of the hand is up in the rest pose: a little light from above.
             let light = 0.94 + 0.08 * normal.normalize_or_zero().y;
-            let detail = (texel / usual.max(DVec3::splat(0.05))).clamp(DVec3::splat(0.5), DVec3::splat(1.4));
+            let detail =
+                (texel / usual.max(DVec3::splat(0.05))).clamp(DVec3::splat(0.5), DVec3::splat(1.4));
             // Gloves have no nails and knuckles.
             let is_skin = skin.x > skin.z + 0.04 && brightness(skin) > 0.1;
-            let detail = if is_skin { DVec3::ONE.lerp(detail, DETAIL) } else { DVec3::ONE };
+            let detail = if is_skin {
+                DVec3::ONE.lerp(detail, DETAIL)
+            } else {
+                DVec3::ONE
+            };
             let at = |vertices: &[DVec3], scale: f64| face.map(|v| vertices[v as usize] * scale);
-            let carried = cell.carried(at(&shaped, registered.scale), at(&bound.mesh.vertices, 1.0));
+            let carried =
+                cell.carried(at(&shaped, registered.scale), at(&bound.mesh.vertices, 1.0));
             additions.push(&carried, 0.0, skin * detail * light, 0.97);
         }
     }

@@ -40,7 +40,12 @@ impl Edges {
                     vertices[to as usize] - vertices[apex as usize],
                 );
                 let cotangent = u.dot(v) / u.cross(v).length().max(1e-15);
-                let weight = 0.5 * if cotangent.is_finite() { cotangent } else { 0.0 };
+                let weight = 0.5
+                    * if cotangent.is_finite() {
+                        cotangent
+                    } else {
+                        0.0
+                    };
                 pairs.push((from, to, weight));
                 pairs.push((to, from, weight));
             }
@@ -121,9 +126,15 @@ impl Edges {
         };
         let dot = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| *a * *b).sum::<DVec3>();
         let mut residual: Vec<DVec3> = (solve.iter())
-            .map(|v| self.of(*v).iter().map(|(to, w)| *w * (x[*to as usize] - x[*v])).sum())
+            .map(|v| {
+                self.of(*v)
+                    .iter()
+                    .map(|(to, w)| *w * (x[*to as usize] - x[*v]))
+                    .sum()
+            })
             .collect();
-        let scaled = |r: &[DVec3]| -> Vec<DVec3> { r.iter().zip(&diagonal).map(|(r, d)| *r / *d).collect() };
+        let scaled =
+            |r: &[DVec3]| -> Vec<DVec3> { r.iter().zip(&diagonal).map(|(r, d)| *r / *d).collect() };
         let mut z = scaled(&residual);
         let mut direction = z.clone();
         let mut energy = dot(&residual, &z);
@@ -202,7 +213,11 @@ impl Edges {
 
 fn ratio(above: DVec3, below: DVec3) -> DVec3 {
     let one = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
-    DVec3::new(one(above.x, below.x), one(above.y, below.y), one(above.z, below.z))
+    DVec3::new(
+        one(above.x, below.x),
+        one(above.y, below.y),
+        one(above.z, below.z),
+    )
 }
 
 #[cfg(test)]
@@ -234,12 +249,28 @@ mod tests {
         let (vertices, faces) = grid(30, 0.2);
         let truth: Vec<DVec3> = vertices
             .iter()
-            .map(|v| DVec3::new(0.3 + 0.02 * v.x, 0.5 - 0.01 * v.y, 0.1 + 0.003 * (v.x + v.y)))
+            .map(|v| {
+                DVec3::new(
+                    0.3 + 0.02 * v.x,
+                    0.5 - 0.01 * v.y,
+                    0.1 + 0.003 * (v.x + v.y),
+                )
+            })
             .collect();
-        let known: Vec<bool> = (0..900).map(|k| k % 30 % 29 == 0 || k / 30 % 29 == 0).collect();
-        let start: Vec<DVec3> = truth.iter().zip(&known).map(|(t, k)| if *k { *t } else { DVec3::ZERO }).collect();
+        let known: Vec<bool> = (0..900)
+            .map(|k| k % 30 % 29 == 0 || k / 30 % 29 == 0)
+            .collect();
+        let start: Vec<DVec3> = truth
+            .iter()
+            .zip(&known)
+            .map(|(t, k)| if *k { *t } else { DVec3::ZERO })
+            .collect();
         let filled = Edges::new(&vertices, faces.iter().copied()).fill(&start, &known);
-        let worst = filled.iter().zip(&truth).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        let worst = filled
+            .iter()
+            .zip(&truth)
+            .map(|(a, b)| a.distance(*b))
+            .fold(0.0, f64::max);
         assert!(worst < 1e-5, "off by {worst}");
     }
 
@@ -255,8 +286,15 @@ mod tests {
             values[k] = DVec3::splat(v);
         }
         let filled = Edges::new(&vertices, faces.iter().copied()).fill(&values, &known);
-        assert!(filled.iter().all(|v| (-1e-9..=1.0 + 1e-9).contains(&v.x)), "outside of the known values");
+        assert!(
+            filled.iter().all(|v| (-1e-9..=1.0 + 1e-9).contains(&v.x)),
+            "outside of the known values"
+        );
         assert_eq!(filled[145], DVec3::splat(0.25), "an island was changed");
-        assert!(filled[71].x > 0.5, "next to the brightest: {}", filled[71].x);
+        assert!(
+            filled[71].x > 0.5,
+            "next to the brightest: {}",
+            filled[71].x
+        );
     }
 }

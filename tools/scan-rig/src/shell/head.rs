@@ -2,9 +2,10 @@
 
 use super::additions::smoothstep;
 use super::cells::Patch;
+use super::normals::normals;
 use super::place::Screen;
-use crate::body::Registered;
 use crate::body::BodyModel;
+use crate::body::Registered;
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use spmm3::Joint;
@@ -17,6 +18,9 @@ const MOST_STRETCH: f64 = 4.0;
 
 /// From the middle between the eyes, metres at scale 1: what is farther is not the face.
 const FACE_RADIUS: f64 = 0.15;
+
+/// Skin within this of an eyeball's centre gets a shell, metres at scale 1.
+const AROUND_EYE: f64 = 0.022;
 
 /// How far a vertex is lifted off the skin before it is tested for what is before it, metres.
 const LIFT: f64 = 0.0003;
@@ -52,7 +56,8 @@ impl Head {
         let joint = |joint: Joint| registered.joints[joint.index()];
         let centre = 0.5 * (joint(Joint::LeftEye) + joint(Joint::RightEye));
         let count = model.rest.len();
-        let (mut motion, mut lid, mut mouth) = (vec![0.0; count], vec![0.0; count], vec![0.0; count]);
+        let (mut motion, mut lid, mut mouth) =
+            (vec![0.0; count], vec![0.0; count], vec![0.0; count]);
         let near: Vec<bool> = (vertices.iter())
             .map(|v| v.distance(centre) < FACE_RADIUS * scale)
             .collect();
@@ -73,6 +78,14 @@ impl Head {
                     if closes {
                         lid[v] = f64::max(lid[v], smoothstep(0.0012, 0.004, length));
                     }
+                }
+            }
+        }
+        // The skin around the eyes is before eyeballs and sockets: it has to be as opaque as they are.
+        for eye in [Joint::LeftEye, Joint::RightEye].map(joint) {
+            for v in (0..model.body_vertices).filter(|v| model.outer[*v]) {
+                if vertices[v].distance(eye) < AROUND_EYE * scale {
+                    motion[v] = motion[v].max(1.2 * super::face::SHELL.1 * scale);
                 }
             }
         }
@@ -149,12 +162,23 @@ pub(crate) fn expressed(
 }
 
 /// How far each quad's edges are stretched at most, over how long they are.
-fn stretch(model: &BodyModel, registered: &Registered, vertices: &[DVec3], near: &[bool]) -> Vec<DVec2> {
+fn stretch(
+    model: &BodyModel,
+    registered: &Registered,
+    vertices: &[DVec3],
+    near: &[bool],
+) -> Vec<DVec2> {
     let quads = model.faces.len() / 2;
     let in_face: Vec<usize> = (0..quads)
-        .filter(|quad| corners(model, *quad).iter().all(|v| near.get(*v as usize) == Some(&true)))
+        .filter(|quad| {
+            corners(model, *quad)
+                .iter()
+                .all(|v| near.get(*v as usize) == Some(&true))
+        })
         .collect();
-    let lengths = |points: &[DVec3], quad: usize| Patch::edges(corners(model, quad).map(|v| points[v as usize]));
+    let lengths = |points: &[DVec3], quad: usize| {
+        Patch::edges(corners(model, quad).map(|v| points[v as usize]))
+    };
     let mut poses: Vec<(Option<&str>, f64)> = vec![(None, JAW.0)];
     for unit in &model.units {
         poses.push((Some(&unit.name), 0.0));
@@ -162,7 +186,10 @@ fn stretch(model: &BodyModel, registered: &Registered, vertices: &[DVec3], near:
             poses.push((Some(&unit.name), JAW.1));
         }
     }
-    let rest: Vec<DVec2> = in_face.iter().map(|quad| lengths(vertices, *quad).max(DVec2::splat(1e-5))).collect();
+    let rest: Vec<DVec2> = in_face
+        .iter()
+        .map(|quad| lengths(vertices, *quad).max(DVec2::splat(1e-5)))
+        .collect();
     let longest = poses
         .par_iter()
         .map(|(unit, jaw)| {
@@ -184,10 +211,20 @@ fn stretch(model: &BodyModel, registered: &Registered, vertices: &[DVec3], near:
 }
 
 /// The model's outside, and what closed lids add to it.
-fn shows(model: &BodyModel, registered: &Registered, vertices: &[DVec3], lid: &[f64], centre: DVec3) -> Vec<bool> {
+fn shows(
+    model: &BodyModel,
+    registered: &Registered,
+    vertices: &[DVec3],
+    lid: &[f64],
+    centre: DVec3,
+) -> Vec<bool> {
     let shut = [("eye-left-closure", 1.0), ("eye-right-closure", 1.0)];
     let closed = expressed(model, registered, vertices, &shut, 0.0);
-    let own = |face: usize| model.faces[face].iter().all(|v| (*v as usize) < model.body_vertices);
+    let own = |face: usize| {
+        model.faces[face]
+            .iter()
+            .all(|v| (*v as usize) < model.body_vertices)
+    };
     let normals = normals(&closed, &model.faces, own);
     let screen = Screen::of(
         (0..model.faces.len())
@@ -198,9 +235,14 @@ fn shows(model: &BodyModel, registered: &Registered, vertices: &[DVec3], lid: &[
     let forward = registered.rotations[Joint::Head.index()].z_axis;
     (0..vertices.len())
         .map(|v| {
-            let hidden = || screen.first(closed[v] + (LIFT * registered.scale) * normals[v], forward).is_some();
+            let hidden = || {
+                screen
+                    .first(closed[v] + (LIFT * registered.scale) * normals[v], forward)
+                    .is_some()
+            };
             let is_own = v < model.body_vertices;
-            model.outer[v] || (is_own && lid[v] > 0.05 && normals[v].dot(forward) > 0.15 && !hidden())
+            model.outer[v]
+                || (is_own && lid[v] > 0.05 && normals[v].dot(forward) > 0.15 && !hidden())
         })
         .collect()
 }
@@ -230,18 +272,4 @@ fn rim(model: &BodyModel, vertices: &[DVec3], motion: &[f64], shows: &[bool]) ->
                 .sqrt()
         })
         .collect()
-}
-
-/// Unit normals at the vertices, weighted by the areas of the faces that `take` chooses; up where there is none.
-#[must_use]
-pub(crate) fn normals(vertices: &[DVec3], faces: &[[u32; 3]], take: impl Fn(usize) -> bool) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; vertices.len()];
-    for (_, face) in faces.iter().enumerate().filter(|(at, _)| take(*at)) {
-        let [a, b, c] = face.map(|v| vertices[v as usize]);
-        for v in face {
-            normals[*v as usize] += (b - a).cross(c - a);
-        }
-    }
-    let unit = |normal: DVec3| normal.try_normalize().unwrap_or(DVec3::Y);
-    normals.into_iter().map(unit).collect()
 }

@@ -76,7 +76,8 @@ impl<'a> Lines<'a> {
                 let reach = (2.0 * (scan.opacities[at] / LEAST).ln()).sqrt();
                 let half = (deviations * reach).min(Vec3::splat(REACH));
                 let centre = scan.positions[at];
-                let finite = centre.is_finite() && half.is_finite() && centre.abs().max_element() < 100.0;
+                let finite =
+                    centre.is_finite() && half.is_finite() && centre.abs().max_element() < 100.0;
                 let (low, high) = if finite {
                     (cell_of(centre - half), cell_of(centre + half))
                 } else {
@@ -106,23 +107,30 @@ impl<'a> Lines<'a> {
     }
 
     /// What each line shows of the Gaussians for which `counts(line, Gaussian)` is true.
-    pub(crate) fn look(&self, lines: &[Line], counts: impl Fn(usize, usize) -> bool + Sync) -> Vec<Seen> {
+    pub(crate) fn look(
+        &self,
+        lines: &[Line],
+        counts: impl Fn(usize, usize) -> bool + Sync,
+    ) -> Vec<Seen> {
         lines
             .par_iter()
             .enumerate()
-            .map_init(Vec::new, |found, (at, line)| self.along(line, found, |g| counts(at, g)))
+            .map_init(Default::default, |found, (at, line)| {
+                self.along(line, found, |g| counts(at, g))
+            })
             .collect()
     }
 
-    fn along(&self, line: &Line, found: &mut Vec<(f32, u32, f32)>, counts: impl Fn(usize) -> bool) -> Seen {
-        found.clear();
+    fn along(&self, line: &Line, found: &mut Found, counts: impl Fn(usize) -> bool) -> Seen {
+        let Found { candidates, splats } = found;
+        candidates.clear();
+        splats.clear();
         let point = line.point.as_vec3();
         let towards = line.towards_viewer.as_vec3();
         if !point.is_finite() || !towards.is_normalized() {
             return Seen::default();
         }
         let (right, up) = towards.any_orthonormal_pair();
-        let mut candidates: Vec<u32> = Vec::new();
         let mut last = None;
         let mut height = -line.behind;
         while height <= line.before {
@@ -137,7 +145,7 @@ impl<'a> Lines<'a> {
         }
         candidates.sort_unstable();
         candidates.dedup();
-        for at in candidates {
+        for at in candidates.iter().copied() {
             let gaussian = at as usize;
             let away = self.scan.positions[gaussian] - point;
             let height = away.dot(towards);
@@ -157,13 +165,13 @@ impl<'a> Lines<'a> {
             let power = -0.5 * (c * x * x - 2.0 * b * x * y + a * y * y) / determinant;
             let alpha = (self.scan.opacities[gaussian] * power.exp()).min(0.99);
             if determinant > 0.0 && alpha >= LEAST {
-                found.push((height, at, alpha));
+                splats.push((height, at, alpha));
             }
         }
-        found.sort_unstable_by(|p, q| q.0.total_cmp(&p.0).then(p.1.cmp(&q.1)));
+        splats.sort_unstable_by(|p, q| q.0.total_cmp(&p.0).then(p.1.cmp(&q.1)));
         let mut seen = Seen::default();
         let (mut left, mut largest) = (1.0_f32, 0.0_f32);
-        for (height, at, alpha) in found.iter() {
+        for (height, at, alpha) in splats.iter() {
             let weight = left * alpha;
             seen.colour += weight * self.scan.colours[*at as usize];
             seen.height += weight * height;
@@ -183,6 +191,14 @@ impl<'a> Lines<'a> {
         }
         seen
     }
+}
+
+/// What is found along one line, kept from line to line.
+#[derive(Debug, Default)]
+struct Found {
+    candidates: Vec<u32>,
+    /// Height, Gaussian, opacity.
+    splats: Vec<(f32, u32, f32)>,
 }
 
 fn cell_of(point: Vec3) -> IVec3 {
@@ -215,14 +231,33 @@ mod tests {
             before: 0.02,
             behind: 0.02,
         };
-        let seen = lines.look(&[line(0.004, DVec3::Z), line(0.0, -DVec3::Z), line(0.2, DVec3::Z)], |_, _| true);
+        let seen = lines.look(
+            &[
+                line(0.004, DVec3::Z),
+                line(0.0, -DVec3::Z),
+                line(0.2, DVec3::Z),
+            ],
+            |_, _| true,
+        );
         // By hand: alpha = o exp(-d^2 / 2 s^2) with s^2 + the pixel's variance.
         let red = 0.5 * (-0.5 * 16e-6 / (16e-6 + 0.09e-6_f64)).exp();
         let blue = 0.8 * (-0.5 * 9e-6 / (100e-6 + 0.09e-6_f64)).exp();
         let covered = red + (1.0 - red) * blue;
-        assert!((f64::from(seen[0].coverage) - covered).abs() < 1e-5, "{:?}", seen[0]);
-        assert!((f64::from(seen[0].colour.x) - red / covered).abs() < 1e-5, "{:?}", seen[0]);
-        assert!(seen[1].colour.z > 0.8, "from behind, blue is in front: {:?}", seen[1]);
+        assert!(
+            (f64::from(seen[0].coverage) - covered).abs() < 1e-5,
+            "{:?}",
+            seen[0]
+        );
+        assert!(
+            (f64::from(seen[0].colour.x) - red / covered).abs() < 1e-5,
+            "{:?}",
+            seen[0]
+        );
+        assert!(
+            seen[1].colour.z > 0.8,
+            "from behind, blue is in front: {:?}",
+            seen[1]
+        );
         assert_eq!(seen[2], Seen::default(), "nothing there");
         assert_eq!(seen[1].main, Some(1), "the blue one shows most");
     }

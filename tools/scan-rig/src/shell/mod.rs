@@ -8,11 +8,12 @@ mod additions;
 mod cells;
 mod eyes;
 mod face;
-mod harmonic;
 mod hands;
+mod harmonic;
 mod head;
 mod lines;
 mod mouth;
+mod normals;
 mod place;
 mod textures;
 mod unseen;
@@ -88,7 +89,10 @@ pub fn complete(
     options: &ShellOptions,
 ) -> Result<ShellReport, RigError> {
     let count = model.rest.len();
-    if registered.vertices.len() != count || bound.mesh.vertices.len() < count || bound.mesh.faces.len() < model.faces.len() {
+    if registered.vertices.len() != count
+        || bound.mesh.vertices.len() < count
+        || bound.mesh.faces.len() < model.faces.len()
+    {
         return Err(RigError::unsuited(
             "the body model, its registration and the bound scan are of different runs: run all steps again on one scan",
         ));
@@ -97,13 +101,31 @@ pub fn complete(
     let mut additions = Additions::default();
     let mut drop = vec![false; bound.scan.len()];
     if options.face {
-        complete_face(bound, model, registered, textures, &mut additions, &mut drop, &mut report);
+        complete_face(
+            bound,
+            model,
+            registered,
+            textures,
+            &mut additions,
+            &mut drop,
+            &mut report,
+        );
     }
-    report.hands = hands::complete(bound, model, registered, textures, options.hands, &mut additions, &mut drop);
+    report.hands = hands::complete(
+        bound,
+        model,
+        registered,
+        textures,
+        options.hands,
+        &mut additions,
+        &mut drop,
+    );
     let keep: Vec<bool> = drop.iter().map(|drop| !drop).collect();
     bound.retain(&keep);
     join(bound, additions);
-    report.coverage = unseen::complete(bound, model, registered, options.unseen)?;
+    report.coverage = unseen::complete(bound, model, registered, options.unseen, |face| {
+        hands::is_rigid(model, &report.hands, face)
+    })?;
     Ok(report)
 }
 
@@ -118,6 +140,10 @@ fn complete_face(
 ) {
     let (shaped, joints) = model.shaped(&registered.shape);
     let mut vertices = bound.mesh.vertices[..model.rest.len()].to_vec();
+    let first = Head::new(model, registered, &vertices);
+    place::settle(model, registered, (&shaped, &joints), &mut vertices, |v| {
+        !first.shows[v]
+    });
     let head = Head::new(model, registered, &vertices);
     let face = face::cover(model, &head, &vertices, &bound.scan, &bound.triangles);
     for (drop, gives_way) in drop.iter_mut().zip(&face.drop) {
@@ -132,17 +158,37 @@ fn complete_face(
         .collect();
     let skin = median(&cheeks);
     let before = additions.len();
-    report.eyeballs = eyes::cover(model, registered, (&shaped, &joints), &head, &mut vertices, &bound.scan, skin, additions);
+    report.eyeballs = eyes::cover(
+        model,
+        registered,
+        (&shaped, &joints),
+        &head,
+        &mut vertices,
+        &bound.scan,
+        skin,
+        additions,
+    );
     report.eyes = additions.len() - before;
     let before = additions.len();
-    report.teeth_moved = mouth::cover(model, registered, &shaped, &head, &mut vertices, textures, skin, additions);
+    report.teeth_moved = mouth::cover(
+        model,
+        registered,
+        &shaped,
+        &head,
+        &mut vertices,
+        textures,
+        skin,
+        additions,
+    );
     report.teeth = additions.len() - before;
     bound.mesh.vertices[..vertices.len()].copy_from_slice(&vertices);
 }
 
 /// Joins Gaussians to what is bound.
 fn join(bound: &mut Bound, additions: Additions) {
-    bound.accessory.resize(bound.accessory.len() + additions.len(), 0);
+    bound
+        .accessory
+        .resize(bound.accessory.len() + additions.len(), 0);
     bound.triangles.extend(additions.triangles);
     bound.scan.append(additions.scan);
 }

@@ -31,7 +31,10 @@ const USUAL_SKIN: f64 = 0.60;
 
 /// Puts teeth and tongue behind the lips and covers them; how far they had to move back, metres. `vertices` are the model's in the scan's
 /// pose; those of teeth and tongue are moved.
-#[expect(clippy::too_many_arguments, reason = "the registered body is three of them")]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the registered body is three of them"
+)]
 pub(crate) fn cover(
     model: &BodyModel,
     registered: &Registered,
@@ -51,14 +54,17 @@ pub(crate) fn cover(
             teeth[*v as usize] |= *part == BodyPart::Teeth;
         }
     }
-    let members = |flags: &[bool]| -> Vec<usize> { (0..flags.len()).filter(|v| flags[*v]).collect() };
+    let members =
+        |flags: &[bool]| -> Vec<usize> { (0..flags.len()).filter(|v| flags[*v]).collect() };
     let (own, teeth) = (members(&own), members(&teeth));
     if teeth.is_empty() {
         return 0.0;
     }
     let middle = teeth.iter().map(|v| shaped[*v]).sum::<DVec3>() / teeth.len() as f64;
     let forward = head.forward();
-    if let Some(placement) = Placement::around(model, registered, shaped, middle, AROUND, |v| head.mouth[v] > 0.001) {
+    if let Some(placement) = Placement::around(model, registered, shaped, middle, AROUND, |v| {
+        head.mouth[v] > 0.001
+    }) {
         for v in &own {
             vertices[*v] = placement.point(shaped[*v]);
         }
@@ -75,7 +81,10 @@ pub(crate) fn cover(
     for v in &own {
         vertices[*v] -= forward * back;
     }
-    let front = teeth.iter().map(|v| vertices[*v].dot(forward)).fold(f64::NEG_INFINITY, f64::max);
+    let front = teeth
+        .iter()
+        .map(|v| vertices[*v].dot(forward))
+        .fold(f64::NEG_INFINITY, f64::max);
     let light = (brightness(skin) / USUAL_SKIN).clamp(0.5, 1.1);
     let mut cells = Vec::new();
     for quad in 0..model.faces.len() / 2 {
@@ -84,9 +93,14 @@ pub(crate) fn cover(
             continue;
         }
         cells.clear();
-        head.patch(model, vertices, quad).cells(SPACING * head.scale, &mut cells);
+        head.patch(model, vertices, quad)
+            .cells(SPACING * head.scale, &mut cells);
         for cell in &cells {
-            let towards = if part == BodyPart::Teeth { forward } else { (forward + head.axes.y_axis).normalize_or(forward) };
+            let towards = if part == BodyPart::Teeth {
+                forward
+            } else {
+                (forward + head.axes.y_axis).normalize_or(forward)
+            };
             let depth = (front - cell.point.dot(forward)) / head.scale;
             if cell.normal.dot(towards) < 0.0 || depth > DEEPEST {
                 continue;
@@ -95,7 +109,11 @@ pub(crate) fn cover(
                 .map(|(uv, share)| uv.as_dvec2() * share)
                 .sum::<glam::DVec2>();
             let texel = textures.colour(part, uv.as_vec2());
-            let tint = if part == BodyPart::Teeth { TINT } else { DVec3::splat(0.75) };
+            let tint = if part == BodyPart::Teeth {
+                TINT
+            } else {
+                DVec3::splat(0.75)
+            };
             let dark = 1.0 - 0.75 * (depth / DARK).clamp(0.0, 1.0);
             additions.push(cell, 0.0, texel * tint * (light * dark), 0.98);
         }

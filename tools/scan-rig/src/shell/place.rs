@@ -1,11 +1,14 @@
 //! What is in the head (eyeballs, teeth, tongue) put where the registered skin around it says, and kept behind it.
 
+use super::harmonic::Edges;
+use super::normals::normals;
 use crate::body::{BodyModel, Registered};
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 use spmm3::Joint;
 
 /// How far the skin around may scale what is inside, relative to the body's scale.
-const SCALE: (f64, f64) = (0.88, 1.12);
+const SCALE: (f64, f64) = (0.94, 1.05);
 
 /// A similarity transform from the model's rest pose to the scan's pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,6 +62,83 @@ impl Placement {
     }
 }
 
+/// How far what is under the skin of the face stays under it, metres.
+const UNDER: f64 = 0.002;
+
+/// Puts what the scan cannot show of the head's skin (the mouth's inside, sockets, folded lids) where the shown skin around it says: as the
+/// model has it, with the displacement of the shown skin continued; and what does not turn outwards with closed lids (`is_deep`) under
+/// the skin. `vertices` are the model's in the scan's pose.
+pub(crate) fn settle(
+    model: &BodyModel,
+    registered: &Registered,
+    (shaped, joints): (&[DVec3], &[DVec3]),
+    vertices: &mut [DVec3],
+    is_deep: impl Fn(usize) -> bool + Sync,
+) {
+    let head = Joint::Head.index();
+    let Some(pivot) = joints.get(head) else {
+        return;
+    };
+    let place = |rest: DVec3| {
+        registered.joints[head] + registered.scale * (registered.rotations[head] * (rest - *pivot))
+    };
+    let reach = 0.2;
+    let near: Vec<bool> = (0..vertices.len())
+        .map(|v| {
+            v < model.body_vertices
+                && shaped[v].distance(*pivot) < reach
+                && model.head_share(v) > 0.5
+        })
+        .collect();
+    let known: Vec<bool> = (0..vertices.len())
+        .map(|v| near[v] && model.outer[v])
+        .collect();
+    let displaced: Vec<DVec3> = (0..vertices.len())
+        .map(|v| {
+            if near[v] {
+                vertices[v] - place(shaped[v])
+            } else {
+                DVec3::ZERO
+            }
+        })
+        .collect();
+    let faces = (model.faces.iter().copied()).filter(|face| face.iter().all(|v| near[*v as usize]));
+    let filled = Edges::new(shaped, faces).fill(&displaced, &known);
+    let hidden: Vec<usize> = (0..vertices.len())
+        .filter(|v| near[*v] && !model.outer[*v])
+        .collect();
+    for v in &hidden {
+        vertices[*v] = place(shaped[*v]) + filled[*v];
+    }
+    let outside: Vec<usize> = (0..vertices.len()).filter(|v| known[*v]).collect();
+    let own = |face: usize| {
+        model.faces[face]
+            .iter()
+            .all(|v| near[*v as usize] && model.outer[*v as usize])
+    };
+    let normals = normals(vertices, &model.faces, own);
+    let pushed: Vec<(usize, DVec3)> = hidden
+        .par_iter()
+        .filter(|v| is_deep(**v))
+        .filter_map(|v| {
+            let here = vertices[*v];
+            let nearest = outside.iter().min_by(|a, b| {
+                vertices[**a]
+                    .distance_squared(here)
+                    .total_cmp(&vertices[**b].distance_squared(here))
+            })?;
+            let away = here - vertices[*nearest];
+            // At the rims the skin turns in, and may not be torn.
+            let under = f64::min(UNDER * registered.scale, 0.5 * away.length());
+            let height = away.dot(normals[*nearest]) + under;
+            (height > 0.0).then(|| (*v, here - height * normals[*nearest]))
+        })
+        .collect();
+    for (v, place) in pushed {
+        vertices[v] = place;
+    }
+}
+
 /// Triangles that rays are cast on.
 #[derive(Debug, Default)]
 pub(crate) struct Screen {
@@ -72,7 +152,9 @@ impl Screen {
         let triangles = model.faces.iter().filter(|face| {
             face.iter().all(|v| (*v as usize) < model.body_vertices)
                 && face.iter().any(|v| model.outer[*v as usize])
-                && face.iter().any(|v| vertices[*v as usize].distance(centre) < radius)
+                && face
+                    .iter()
+                    .any(|v| vertices[*v as usize].distance(centre) < radius)
         });
         Self::of(triangles.map(|face| face.map(|v| vertices[v as usize])))
     }
@@ -80,7 +162,9 @@ impl Screen {
     /// Of these triangles.
     #[must_use]
     pub(crate) fn of(triangles: impl Iterator<Item = [DVec3; 3]>) -> Self {
-        Self { triangles: triangles.collect() }
+        Self {
+            triangles: triangles.collect(),
+        }
     }
 
     /// How far along `direction` the ray from `origin` first meets the screen, metres.

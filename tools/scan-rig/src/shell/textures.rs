@@ -26,7 +26,8 @@ impl Textures {
     /// If a file is missing or no picture; the error names it.
     pub fn load(makehuman: &Path) -> Result<Self, RigError> {
         let package = Package::new(makehuman);
-        let read = |path: &str| Ok::<_, RigError>(Texture::new(&read_texture(&package.data(path))?));
+        let read =
+            |path: &str| Ok::<_, RigError>(Texture::new(&read_texture(&package.data(path))?));
         Ok(Self {
             skin: read(SKIN)?,
             teeth: read(TEETH)?,

@@ -3,8 +3,9 @@
 use super::additions::Additions;
 use super::cells::{Cell, Patch};
 use super::harmonic::Edges;
-use super::head::{corners, normals};
+use super::head::corners;
 use super::lines::{Line, Lines, Seen};
+use super::normals::normals;
 use crate::RigError;
 use crate::bind::Bound;
 use crate::body::{BodyModel, BodyPart, Registered};
@@ -12,16 +13,19 @@ use glam::{DVec2, DVec3, Vec3};
 use serde::Serialize;
 
 /// A triangle that is covered less than this, 0..=1, has a hole; one that is covered more than the second has a colour to continue.
-const COVERED: (f32, f32) = (0.75, 0.9);
+const COVERED: (f32, f32) = (0.5, 0.85);
+
+/// Of a head only what is covered less than this has a hole: its mist of long Gaussians is thin, but shows more than a filling does.
+const HEAD_COVERED: f32 = 0.2;
 
 /// How far before and behind a triangle Gaussians cover it, metres.
-const LINE: (f32, f32) = (0.045, 0.012);
+const LINE: (f32, f32) = (0.05, 0.04);
 
 /// Width of the cells, metres: of hands, of all else.
 const SPACING: [f64; 2] = [0.004, 0.007];
 
 /// How far under the mesh the filling lies, metres: what is seen of the scan is before it.
-const UNDER: f64 = 0.002;
+const UNDER: f64 = 0.004;
 
 /// Other poses stretch triangles: cells are this much larger than in the T-pose.
 const STRETCH: f64 = 1.25;
@@ -30,7 +34,7 @@ const STRETCH: f64 = 1.25;
 const SMOOTHING: usize = 6;
 
 /// How much of the grain is taken over.
-const GRAIN: f64 = 0.7;
+const GRAIN: f64 = 0.6;
 
 /// How much of the body is covered with Gaussians in the T-pose, each triangle seen along its normal.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -47,6 +51,8 @@ pub struct CoverageReport {
 struct Look {
     vertices: Vec<DVec3>,
     outer: Vec<bool>,
+    /// `[N_f]` the coverage under which a face has a hole.
+    least: Vec<f32>,
     /// `[N_f]` mean coverage and colour.
     seen: Vec<(f32, DVec3)>,
     /// `[N_f]` square metres.
@@ -55,44 +61,58 @@ struct Look {
     positions: Vec<Vec3>,
 }
 
-/// Says how much is covered, and covers what is not if `fill`.
+/// Says how much is covered, and covers what is not if `fill`, but for faces of hands that stay as they were scanned (`is_stiff`): the
+/// model's fingers may be elsewhere.
 pub(crate) fn complete(
     bound: &mut Bound,
     model: &BodyModel,
     registered: &Registered,
     fill: bool,
+    is_stiff: impl Fn(usize) -> bool,
 ) -> Result<CoverageReport, RigError> {
-    let look = Look::new(bound, model, registered)?;
+    let look = Look::new(bound, model, registered, |_| true)?;
+    let (open, all) = look.open();
     let mut report = CoverageReport {
-        open_before: look.open(),
-        open_after: look.open(),
+        open_before: open / all.max(1e-12),
+        open_after: open / all.max(1e-12),
         added: 0,
     };
     if fill {
-        let additions = filling(bound, model, &look);
+        let additions = filling(bound, model, &look, is_stiff);
         report.added = additions.len();
         super::join(bound, additions);
-        report.open_after = Look::new(bound, model, registered)?.open();
+        let after = Look::new(bound, model, registered, |face| look.has_hole(face))?;
+        report.open_after = after.open().0 / all.max(1e-12);
     }
     Ok(report)
 }
 
 impl Look {
-    fn new(bound: &Bound, model: &BodyModel, registered: &Registered) -> Result<Self, RigError> {
+    fn new(
+        bound: &Bound,
+        model: &BodyModel,
+        registered: &Registered,
+        take: impl Fn(usize) -> bool,
+    ) -> Result<Self, RigError> {
         let rest = bound.rest(model, registered)?;
         let vertices = rest.vertices;
         let single: Vec<Vec3> = vertices.iter().map(|v| v.as_vec3()).collect();
-        let posed = bound
-            .carried()
-            .posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &single);
+        let posed =
+            bound
+                .carried()
+                .posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &single);
         let faces = &bound.mesh.faces;
         let outer: Vec<bool> = (0..model.faces.len())
             .map(|face| {
                 let skin = !matches!(
                     model.parts[face],
-                    BodyPart::InnerMouth | BodyPart::EyeSocket | BodyPart::Eyes | BodyPart::Teeth | BodyPart::Tongue
+                    BodyPart::InnerMouth
+                        | BodyPart::EyeSocket
+                        | BodyPart::Eyes
+                        | BodyPart::Teeth
+                        | BodyPart::Tongue
                 );
-                skin && faces[face].iter().all(|v| model.outer[*v as usize])
+                skin && take(face) && faces[face].iter().all(|v| model.outer[*v as usize])
             })
             .collect();
         let turned: Vec<(DVec3, f64)> = (faces.iter())
@@ -130,38 +150,69 @@ impl Look {
         let index = Lines::new(&posed, |at| bound.accessory[at] == 0);
         let found: Vec<Seen> = index.look(&lines, |line, gaussian| {
             let carrier = bound.triangles[gaussian] as usize;
-            turned[carrier].0.dot(turned[face_of[line]].0) > 0.2
+            turned[carrier].0.dot(turned[face_of[line]].0) > 0.0
         });
         let mut seen = vec![(0.0_f32, DVec3::ZERO); outer.len()];
-        for (samples, faces) in found.chunks(SAMPLES.len()).zip(face_of.chunks(SAMPLES.len())) {
+        for (samples, faces) in found
+            .chunks(SAMPLES.len())
+            .zip(face_of.chunks(SAMPLES.len()))
+        {
             let coverage: f32 = samples.iter().map(|s| s.coverage).sum();
-            let colour: DVec3 = samples.iter().map(|s| s.colour.as_dvec3() * f64::from(s.coverage)).sum();
-            seen[faces[0]] = (coverage / samples.len() as f32, colour / f64::from(coverage.max(1e-6)));
+            let colour: DVec3 = samples
+                .iter()
+                .map(|s| s.colour.as_dvec3() * f64::from(s.coverage))
+                .sum();
+            seen[faces[0]] = (
+                coverage / samples.len() as f32,
+                colour / f64::from(coverage.max(1e-6)),
+            );
         }
         Ok(Self {
-            areas: turned.iter().take(outer.len()).map(|(_, area)| *area).collect(),
+            areas: turned
+                .iter()
+                .take(outer.len())
+                .map(|(_, area)| *area)
+                .collect(),
             vertices,
             outer,
+            least: (model.parts.iter())
+                .map(|part| {
+                    if matches!(part, BodyPart::Face | BodyPart::Head) {
+                        HEAD_COVERED
+                    } else {
+                        COVERED.0
+                    }
+                })
+                .collect(),
             seen,
             positions: posed.positions,
         })
     }
 
-    /// The share of the skin's area that has holes.
-    fn open(&self) -> f64 {
+    fn has_hole(&self, face: usize) -> bool {
+        self.outer[face] && self.seen[face].0 < self.least[face]
+    }
+
+    /// The area with holes, and all of it, square metres.
+    fn open(&self) -> (f64, f64) {
         let (mut open, mut all) = (0.0, 0.0);
-        for ((area, (coverage, _)), _) in self.areas.iter().zip(&self.seen).zip(&self.outer).filter(|(_, outer)| **outer) {
-            all += area;
-            if *coverage < COVERED.0 {
-                open += area;
+        for face in (0..self.outer.len()).filter(|face| self.outer[*face]) {
+            all += self.areas[face];
+            if self.has_hole(face) {
+                open += self.areas[face];
             }
         }
-        if all > 0.0 { open / all } else { 0.0 }
+        (open, all)
     }
 }
 
 /// The Gaussians that close the holes.
-fn filling(bound: &Bound, model: &BodyModel, look: &Look) -> Additions {
+fn filling(
+    bound: &Bound,
+    model: &BodyModel,
+    look: &Look,
+    is_stiff: impl Fn(usize) -> bool,
+) -> Additions {
     let faces = &model.faces;
     let count = look.vertices.len();
     let mut sums = vec![(DVec3::ZERO, 0.0_f64); count];
@@ -173,14 +224,19 @@ fn filling(bound: &Bound, model: &BodyModel, look: &Look) -> Additions {
                 let sum = &mut sums[v as usize];
                 sum.0 += colour * look.areas[face];
                 sum.1 += look.areas[face];
-            } else if coverage < COVERED.0 {
+            } else if look.has_hole(face) {
                 open[v as usize] = true;
             }
         }
     }
     let known: Vec<bool> = (0..count).map(|v| sums[v].1 > 0.0 && !open[v]).collect();
-    let colours: Vec<DVec3> = sums.iter().map(|(sum, weight)| *sum / weight.max(1e-12)).collect();
-    let skin = (0..faces.len()).filter(|face| look.outer[*face]).map(|face| faces[face]);
+    let colours: Vec<DVec3> = sums
+        .iter()
+        .map(|(sum, weight)| *sum / weight.max(1e-12))
+        .collect();
+    let skin = (0..faces.len())
+        .filter(|face| look.outer[*face])
+        .map(|face| faces[face]);
     let edges = Edges::new(&look.vertices, skin);
     let continued = edges.fill(&colours, &known);
     let smooth = edges.smoothed(&continued, SMOOTHING);
@@ -190,8 +246,7 @@ fn filling(bound: &Bound, model: &BodyModel, look: &Look) -> Additions {
     let mut cells: Vec<Cell> = Vec::new();
     for quad in 0..faces.len() / 2 {
         let halves = [2 * quad, 2 * quad + 1];
-        let has_hole = |face: usize| look.outer[face] && look.seen[face].0 < COVERED.0;
-        if !halves.iter().any(|face| has_hole(*face)) {
+        if is_stiff(halves[0]) || !halves.iter().any(|face| look.has_hole(*face)) {
             continue;
         }
         cells.clear();
@@ -227,11 +282,20 @@ struct Grain {
 }
 
 impl Grain {
-    fn new(bound: &Bound, model: &BodyModel, look: &Look, edges: &Edges, known: &[bool], smooth: &[DVec3]) -> Self {
+    fn new(
+        bound: &Bound,
+        model: &BodyModel,
+        look: &Look,
+        edges: &Edges,
+        known: &[bool],
+        smooth: &[DVec3],
+    ) -> Self {
         let mut entries: Vec<(u32, Vec3)> = Vec::new();
         for (gaussian, face) in bound.triangles.iter().enumerate() {
             let face_at = *face as usize;
-            let is_skin = face_at < model.faces.len() && look.outer[face_at] && bound.accessory[gaussian] == 0;
+            let is_skin = face_at < model.faces.len()
+                && look.outer[face_at]
+                && bound.accessory[gaussian] == 0;
             if !is_skin || bound.scan.opacities[gaussian] < 0.5 {
                 continue;
             }
@@ -244,7 +308,10 @@ impl Grain {
                 .unwrap_or_default();
             if known[nearest as usize] {
                 let difference = bound.scan.colours[gaussian] - smooth[nearest as usize].as_vec3();
-                entries.push((nearest, difference.clamp(Vec3::splat(-0.2), Vec3::splat(0.2))));
+                entries.push((
+                    nearest,
+                    difference.clamp(Vec3::splat(-0.2), Vec3::splat(0.2)),
+                ));
             }
         }
         entries.sort_by_key(|(vertex, _)| *vertex);

@@ -24,9 +24,15 @@ pub(super) struct Data {
 pub(super) fn data() -> Option<&'static Data> {
     static DATA: OnceLock<Option<Data>> = OnceLock::new();
     DATA.get_or_init(|| {
-        let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../.cache/makehuman"));
+        let folder = PathBuf::from(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../.cache/makehuman"
+        ));
         if !folder.join("public").exists() {
-            assert!(std::env::var("CI").as_deref() != Ok("true"), "MakeHuman's data is missing");
+            assert!(
+                std::env::var("CI").as_deref() != Ok("true"),
+                "MakeHuman's data is missing"
+            );
             println!("skipped: no MakeHuman data in .cache; fetch it with ./run setup");
             return None;
         }
@@ -48,7 +54,9 @@ impl Scene {
     /// With Gaussians on the faces that `take` chooses, in a stance with the arms half down, the head turned a little.
     pub(super) fn new(data: &Data, spacing: f64, take: impl Fn(usize) -> bool) -> Self {
         let model = &data.model;
-        let shape: Vec<f64> = (0..model.shapes.len()).map(|k| if k % 5 == 1 { 0.15 } else { 0.0 }).collect();
+        let shape: Vec<f64> = (0..model.shapes.len())
+            .map(|k| if k % 5 == 1 { 0.15 } else { 0.0 })
+            .collect();
         let (shaped, joints) = model.shaped(&shape);
         let mut rotations = [DMat3::IDENTITY; JOINTS];
         let turn = DMat3::from_rotation_y(0.15) * DMat3::from_rotation_x(-0.05);
@@ -67,7 +75,11 @@ impl Scene {
             mesh: Mesh {
                 vertices: vertices.clone(),
                 faces: model.faces.clone(),
-                weights: model.weights.iter().map(crate::bind::weights::largest).collect(),
+                weights: model
+                    .weights
+                    .iter()
+                    .map(crate::bind::weights::largest)
+                    .collect(),
             },
             accessory,
             report: BindReport::default(),
@@ -87,7 +99,9 @@ impl Scene {
     pub(super) fn moved(&self, vertices: &[DVec3]) -> Scan {
         let bound = &self.bound;
         let posed: Vec<Vec3> = vertices.iter().map(|v| v.as_vec3()).collect();
-        bound.carried().posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &posed)
+        bound
+            .carried()
+            .posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &posed)
     }
 
     /// A view of the face from `distance` metres, `azimuth` degrees to the person's left.
@@ -102,14 +116,27 @@ impl Scene {
 }
 
 /// Gaussians on the model's faces.
-fn paint(data: &Data, vertices: &[DVec3], spacing: f64, take: impl Fn(usize) -> bool) -> (Scan, Vec<u32>) {
+fn paint(
+    data: &Data,
+    vertices: &[DVec3],
+    spacing: f64,
+    take: impl Fn(usize) -> bool,
+) -> (Scan, Vec<u32>) {
     let model = &data.model;
     let mut additions = Additions::default();
     let mut cells = Vec::new();
     for quad in 0..model.faces.len() / 2 {
         let part = model.parts[2 * quad];
-        let outer = corners(model, quad).iter().any(|v| model.outer[*v as usize]);
-        if !outer || !take(2 * quad) || matches!(part, BodyPart::Teeth | BodyPart::Tongue | BodyPart::InnerMouth) {
+        let outer = corners(model, quad)
+            .iter()
+            .any(|v| model.outer[*v as usize]);
+        if !outer
+            || !take(2 * quad)
+            || matches!(
+                part,
+                BodyPart::Teeth | BodyPart::Tongue | BodyPart::InnerMouth
+            )
+        {
             continue;
         }
         cells.clear();
@@ -117,14 +144,18 @@ fn paint(data: &Data, vertices: &[DVec3], spacing: f64, take: impl Fn(usize) -> 
         let patch = Patch {
             corners: corners(model, quad).map(|v| vertices[v as usize]),
             stretch: DVec2::ONE,
-            first_triangle: (2 * quad) as u32,
+            first_triangle: u32::try_from(2 * quad).unwrap_or_default(),
         };
         patch.cells(if fine { 0.35 * spacing } else { spacing }, &mut cells);
         for cell in &cells {
             let uv: DVec2 = (model.uvs[cell.triangle as usize].iter().zip(cell.shares))
                 .map(|(uv, share)| uv.as_dvec2() * share)
                 .sum();
-            let colour = if part == BodyPart::Eyes { eye_colour(data, vertices, cell.point) } else { data.textures.colour(part, uv.as_vec2()) };
+            let colour = if part == BodyPart::Eyes {
+                eye_colour(data, vertices, cell.point)
+            } else {
+                data.textures.colour(part, uv.as_vec2())
+            };
             let light = 0.7 + 0.3 * cell.normal.dot(DVec3::new(0.3, 0.6, 0.74)).max(-0.3);
             additions.push(cell, 0.0, colour * light, 0.96);
         }
@@ -162,6 +193,7 @@ pub(super) fn picture(scan: &Scan, view: &Pinhole) -> Vec<Vec3> {
 }
 
 /// Writes pictures side by side where the environment asks for it, to be looked at.
+#[expect(clippy::cast_possible_truncation, reason = "clamped to a byte")]
 pub(super) fn save(name: &str, pictures: &[Vec<Vec3>], view: &Pinhole) {
     let Ok(folder) = std::env::var("MON3TR_PICTURES") else {
         return;
@@ -171,15 +203,24 @@ pub(super) fn save(name: &str, pictures: &[Vec<Vec3>], view: &Pinhole) {
     for row in 0..height {
         for picture in pictures {
             for pixel in &picture[row * width..(row + 1) * width] {
-                bytes.extend(pixel.to_array().map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
+                bytes.extend(
+                    pixel
+                        .to_array()
+                        .map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8),
+                );
             }
         }
     }
-    std::fs::write(Path::new(&folder).join(format!("{name}.ppm")), bytes).expect("a folder for pictures");
+    std::fs::write(Path::new(&folder).join(format!("{name}.ppm")), bytes)
+        .expect("a folder for pictures");
 }
 
 /// Peak signal-to-noise ratio, dB.
 pub(super) fn psnr(a: &[Vec3], b: &[Vec3]) -> f64 {
-    let error: f64 = a.iter().zip(b).map(|(a, b)| f64::from((*a - *b).length_squared())).sum();
+    let error: f64 = a
+        .iter()
+        .zip(b)
+        .map(|(a, b)| f64::from((*a - *b).length_squared()))
+        .sum();
     -10.0 * (error / (3 * a.len()) as f64).max(1e-12).log10()
 }
