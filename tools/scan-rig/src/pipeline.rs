@@ -136,6 +136,8 @@ pub struct Rigged {
     pub joints: [DVec3; JOINTS],
     /// The template's triangles that are the body's own: those of eyes, teeth, tongue and accessories follow.
     pub body_faces: usize,
+    /// The template's triangles that are the body model's: those of accessories follow.
+    pub model_faces: usize,
     /// The person's height, metres.
     pub height: f64,
     /// What was found and measured.
@@ -250,6 +252,7 @@ pub fn rig(
         person_from_scene: prepared.person_from_scene,
         joints: registered.joints,
         body_faces: skin_faces(&model),
+        model_faces: model.faces.len(),
         height: prepared.height,
         report,
     })
@@ -353,12 +356,17 @@ pub fn measure(rigged: &Rigged) -> Result<Quality, RigError> {
     let likeness = person_psnr(&rigged.scan, &again, &views);
     let faces = rigged.avatar.template.faces();
     let faces = faces.get(..rigged.body_faces).unwrap_or(faces);
+    // What is held stands beside the body, and has every right to.
+    let of_body: Vec<bool> = (rigged.avatar.gaussians.triangles().iter())
+        .map(|triangle| (*triangle as usize) < rigged.model_faces)
+        .collect();
     let covers = |scan: &Scan, motion: &MotionParams| {
+        let scan = scan.filtered(&of_body);
         let vertices: Vec<DVec3> = (poser.vertices(motion).iter())
             .map(|v| v.as_dvec3())
             .collect();
         let views = coverage::views(&vertices, 6);
-        coverage(scan, &vertices, faces, &views)
+        coverage(&scan, &vertices, faces, &views)
     };
     let straight = MotionParams::default();
     Ok(Quality {

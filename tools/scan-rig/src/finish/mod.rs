@@ -25,6 +25,7 @@ use spmm3::{
     Avatar, BoundGaussians, ExpressionBasis, Expressions, Importance, JOINTS, Joint, MotionParams,
     Skeleton, SkinWeights, Template,
 };
+use std::time::Instant;
 
 /// Gaussians on a mesh, both as they stand in the scan, and how the body that the mesh belongs to is posed there and in T-pose.
 #[derive(Debug, Clone, Copy)]
@@ -102,7 +103,9 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
         _ => bound,
     };
 
+    let mut clock = Clock::start();
     let tied = controllers::tie(&template, &bound)?;
+    clock.told("controllers");
     let bound = tied.gaussians;
     let skeleton = Skeleton::new(tpose.joints.map(|j| j.as_vec3()))?;
     let scan_motion = scan_motion(material, &tpose);
@@ -121,7 +124,9 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
         .shaded(material.presets)?;
         (shaded.network, shaded.gaussians)
     };
+    clock.told("light by pose");
     let importance = importance(&template, &bound, Weights::default())?;
+    clock.told("order of importance");
     let fields = expression_fields(material, &tpose, &rows);
     let mesh = face::linear(&fields, template.vertices().len())?;
     let deform_graph = DeformGraph {
@@ -149,6 +154,20 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
             report: serde_json::Value::Null,
         },
     })
+}
+
+/// Tells developers what each part of the assembly takes.
+struct Clock(Instant);
+
+impl Clock {
+    fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    fn told(&mut self, what: &str) {
+        log::debug!("{what}: {:.2} s", self.0.elapsed().as_secs_f64());
+        self.0 = Instant::now();
+    }
 }
 
 /// The mesh in T-pose, on its floor; and the T-pose itself, moved there.

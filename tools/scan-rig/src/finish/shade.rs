@@ -15,7 +15,7 @@ use spmm3::{
 };
 
 /// Poses that it learns from.
-const POSES: usize = 72;
+const POSES: usize = 56;
 
 /// Seed of the poses and of the random features.
 const SEED: u64 = 11;
