@@ -36,6 +36,9 @@ const HIDDEN: f64 = 0.012;
 /// How deep under the face the scan's own Gaussians may lie, metres.
 const MIST: f64 = 0.013;
 
+/// What is farther from the head's middle is in a cheek's pocket, which no open mouth shows, metres.
+const CHEEK: f64 = 0.034;
+
 /// From the rims, the shell closes before what is inside, metres.
 const LIPS: f64 = 0.016;
 
@@ -92,7 +95,10 @@ pub(crate) fn cover(
         nearest.is_some_and(|v| {
             let covered =
                 head.motion[*v] > SHELL.1 * head.scale && head.rim[*v] < LIPS * head.scale;
-            !covered && away(v).sqrt() < MIST * head.scale
+            let beside = (middle - head.centre).dot(head.axes.x_axis).abs();
+            let pocket =
+                model.parts[2 * quad] == BodyPart::InnerMouth && beside > CHEEK * head.scale;
+            !covered && (pocket || away(v).sqrt() < MIST * head.scale)
         })
     };
     let mut additions = Additions::default();

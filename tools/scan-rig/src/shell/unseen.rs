@@ -16,7 +16,7 @@ use serde::Serialize;
 const COVERED: (f32, f32) = (0.5, 0.85);
 
 /// Of a head only what is covered less than this has a hole: its mist of long Gaussians is thin, but shows more than a filling does.
-const HEAD_COVERED: f32 = 0.2;
+const HEAD_COVERED: f32 = 0.05;
 
 /// How far before and behind a triangle Gaussians cover it, metres.
 const LINE: (f32, f32) = (0.05, 0.04);
