@@ -28,6 +28,16 @@ const EXPECTED: f64 = 0.5;
 /// How fast a pin comes to the floor's height, 1/s: that is an estimate, too.
 const SINK: f64 = 3.0;
 
+/// A sole in one picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SeenSole {
+    /// In the world, metres.
+    pub(super) place: Vector3<f64>,
+    pub(super) pixel: Vector2<f64>,
+    /// Metres across the line of sight in a pixel where the sole is.
+    pub(super) metres_per_pixel: f64,
+}
+
 /// One heel or ball.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Contact {
@@ -52,14 +62,13 @@ impl Contact {
         self.pin.is_some() && self.hold > 0.3
     }
 
-    /// One picture: where the sole is seen, in the world and in the picture (a pixel, and metres in a pixel there), where the last fit's
-    /// motion has it, the height of the lowest sole or the floor, whichever is higher, and the floor's.
+    /// One picture: the sole as it is seen, where the last fit's motion has it, the height of the lowest sole or the floor, whichever is
+    /// higher, and the floor's.
     pub(super) fn update(
         &mut self,
         seconds: f64,
         step: f64,
-        seen: Option<Vector3<f64>>,
-        (pixel, metres_per_pixel): (Vector2<f64>, f64),
+        seen: Option<SeenSole>,
         expected: Vector3<f64>,
         lowest: f64,
         floor: f64,
@@ -68,13 +77,15 @@ impl Contact {
             Some(seen) => {
                 if self.count == WINDOW {
                     self.history.rotate_left(1);
-                    self.history[WINDOW - 1] = (seconds, pixel);
+                    self.history[WINDOW - 1] = (seconds, seen.pixel);
                 } else {
-                    self.history[self.count] = (seconds, pixel);
+                    self.history[self.count] = (seconds, seen.pixel);
                     self.count += 1;
                 }
-                let torn = self.pin.is_some_and(|pin| (pin - seen).xy().norm() > TORN);
-                let height = seen.y - lowest;
+                let torn = self
+                    .pin
+                    .is_some_and(|pin| (pin - seen.place).xy().norm() > TORN);
+                let height = seen.place.y - lowest;
                 let (window, slow, low) = if self.pin.is_some() {
                     (SHORT, MOVING, HIGH)
                 } else {
@@ -82,7 +93,8 @@ impl Contact {
                 };
                 !torn
                     && height < low
-                    && (self.speed(window)).is_some_and(|speed| speed * metres_per_pixel < slow)
+                    && (self.speed(window))
+                        .is_some_and(|speed| speed * seen.metres_per_pixel < slow)
             }
             None => {
                 self.count = 0;
@@ -96,8 +108,8 @@ impl Contact {
             if let Some(seen) = seen {
                 self.standing = (self.standing + step).min(MEAN);
                 let follow = step / (EXPECTED + self.standing);
-                pin.x += (seen.x - pin.x) * follow;
-                pin.z += (seen.z - pin.z) * follow;
+                pin.x += (seen.place.x - pin.x) * follow;
+                pin.z += (seen.place.z - pin.z) * follow;
             }
             pin.y += (floor - pin.y) * (SINK * step).min(1.0);
             self.pin = Some(pin);
@@ -147,8 +159,12 @@ mod tests {
         for k in 0..pictures {
             let seconds = k as f64 / 30.0;
             let (place, pixel) = at(seconds);
-            let seen = (pixel, 0.002);
-            contact.update(seconds, 1.0 / 30.0, Some(place), seen, place, 0.0, 0.0);
+            let seen = SeenSole {
+                place,
+                pixel,
+                metres_per_pixel: 0.002,
+            };
+            contact.update(seconds, 1.0 / 30.0, Some(seen), place, 0.0, 0.0);
         }
         contact
     }

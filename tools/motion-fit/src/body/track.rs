@@ -2,7 +2,7 @@
 
 use super::{
     chain::{BODY_JOINTS, Placed, Posture},
-    contact::Contact,
+    contact::{Contact, SeenSole},
     evidence::{
         Body, DEPTHS, Scene, begin, keep, reprojection, rest_unseen, root_of, see, stand_upright,
         unproject,
@@ -213,13 +213,17 @@ impl Track {
             let seen = &reading.points[landmark];
             let measured = binding.filter(|_| seen.confidence > 0.4).map(|binding| {
                 let carried = placed.point(&binding.at);
-                expected + unproject(&scene.view, seen, &(root + seen.metres)) - carried
+                let moved = unproject(&scene.view, seen, &(root + seen.metres)) - carried;
+                SeenSole {
+                    place: expected + moved,
+                    pixel: seen.pixel,
+                    metres_per_pixel: scene.metres_per_pixel(&expected),
+                }
             });
             contact.update(
                 scene.seconds,
                 scene.step,
                 measured,
-                (seen.pixel, scene.metres_per_pixel(&expected)),
                 expected,
                 lowest.max(scene.floor),
                 scene.floor,
