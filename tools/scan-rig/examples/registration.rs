@@ -84,15 +84,20 @@ fn main() -> Result<(), Box<dyn Error>> {
             .map(|j| 1e3 * registered.joints[j].distance(placed.point(truth.joints[j])))
             .collect();
         let front = placed.rotation * DVec3::new(truth.yaw.sin(), 0.0, truth.yaw.cos());
+        let turned = registered.rotations[Joint::Pelvis.index()].z_axis;
         let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
         let worst = (0..BODY).fold(0, |most, j| if errors[j] > errors[most] { j } else { most });
         println!(
-            "  22 joints {:.1} mm off, most {} with {:.1}; fingers {:.1}; yaw of the rest pose's front {:.1} degrees",
+            "  22 joints {:.1} mm off, most {} with {:.1}; fingers {:.1}; the pelvis turned {:.1} degrees too far",
             mean(&errors[..BODY]),
             Joint::ALL[worst].name(),
             errors[worst],
             mean(&errors[25..]),
-            front.x.atan2(front.z).to_degrees(),
+            front
+                .cross(turned)
+                .dot(DVec3::Y)
+                .atan2(front.dot(turned))
+                .to_degrees(),
         );
         means.push((mean(&errors[..BODY]), errors[worst]));
     }
