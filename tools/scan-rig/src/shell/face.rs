@@ -4,15 +4,12 @@
 use super::additions::{Additions, brightness, smoothstep};
 use super::cells::Cell;
 use super::harmonic::Edges;
-use super::head::{Head, corners};
+use super::head::{Head, SHELL, corners};
 use super::lines::{Line, Lines};
 use super::normals::normals;
 use crate::body::{BodyModel, BodyPart};
 use crate::scan::Scan;
 use glam::DVec3;
-
-/// Where units move the face farther than the first, it gets a shell; beyond the second, the scan's Gaussians give way to it. Metres.
-pub(crate) const SHELL: (f64, f64) = (0.0012, 0.003);
 
 /// Where expressions stretch the face more than the first it gets a shell; beyond the second, the scan's Gaussians give way to it.
 const STRETCHED: (f64, f64) = (1.3, 1.6);

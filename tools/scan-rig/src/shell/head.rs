@@ -13,6 +13,9 @@ use spmm3::Joint;
 /// The widest that the jaw opens, radians, and the angle at which units of the mouth are tried.
 const JAW: (f64, f64) = (0.28, 0.14);
 
+/// Where units move the face farther than the first, it gets a shell; beyond the second, the scan's Gaussians give way to it. Metres at scale 1.
+pub(crate) const SHELL: (f64, f64) = (0.0012, 0.003);
+
 /// Quads are sized for no more than this much stretch.
 const MOST_STRETCH: f64 = 4.0;
 
@@ -85,7 +88,7 @@ impl Head {
         for eye in [Joint::LeftEye, Joint::RightEye].map(joint) {
             for v in (0..model.body_vertices).filter(|v| model.outer[*v]) {
                 if vertices[v].distance(eye) < AROUND_EYE * scale {
-                    motion[v] = motion[v].max(1.2 * super::face::SHELL.1 * scale);
+                    motion[v] = motion[v].max(1.2 * SHELL.1 * scale);
                 }
             }
         }
