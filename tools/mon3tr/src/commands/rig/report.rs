@@ -56,7 +56,7 @@ pub(super) fn write(
     rigged: &Rigged,
     device: &DeviceOptions,
 ) -> anyhow::Result<PathBuf> {
-    let rows = vec![
+    let rows = [
         registration(rigged, device)?,
         motion(rigged, device)?,
         faces(rigged, device)?,
