@@ -1,8 +1,8 @@
 //! What moves or was never seen: face, hands, and the places that no view showed.
 //!
-//! The body model lends its surface, the scan its colours: lips and lids become a fine shell ([`face`]), the mouth gets a dark inside,
-//! teeth and tongue ([`mouth`]), the eyes turn ([`eyes`]), hands move or are replaced ([`hands`]), and triangles that no view showed are
-//! covered in the colours and the grain of what is around them ([`unseen`]).
+//! The body model lends its surface, the scan its colours: lips and lids become a fine shell (`face`), the mouth gets a dark inside,
+//! teeth and tongue (`mouth`), the eyes turn (`eyes`), hands move or are replaced (`hands`), and triangles that no view showed are
+//! covered in the colours and the grain of what is around them (`unseen`).
 
 mod additions;
 mod cells;
