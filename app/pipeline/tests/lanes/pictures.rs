@@ -40,8 +40,9 @@ fn motion_goes_on_evenly_between_its_frames_on_the_device_too() {
 
 fn on_plan(plan: Plan) {
     let Some(gpu) = vulkan::gpu() else { return };
-    // In no simple ratio to the display's 90 Hz: where each picture takes as long as a motion frame, all of them show a state as it is.
-    let swing = Swing::new(26.7, 1000, 0.5);
+    // In no simple ratio to the display's 90 Hz, and slower than a busy machine draws: where each picture takes as long as a motion
+    // frame, all of them show a state as it is.
+    let swing = Swing::new(17.3, 1000, 0.5);
     let Some(mut stage) = Stage::new(&gpu, plan, &[CPU], swing) else {
         return;
     };
