@@ -170,11 +170,10 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     if let Some(folder) = &options.report {
         make_folder(folder)?;
     }
-    let (mut figures, mut rigged) = rig_to(&options.scan, &options.choices, &out, device)?;
+    let (mut figures, rigged) = rig_to(&options.scan, &options.choices, &out, device)?;
     if options.report.is_some() || options.json.is_some() {
         let bar = progress::spinner("measuring the avatar");
-        rigged.report.quality = Some(pipeline::measure(&rigged)?);
-        figures.report.quality.clone_from(&rigged.report.quality);
+        figures.report.quality = Some(pipeline::measure(&rigged)?);
         bar.finish_and_clear();
     }
     if let Some(folder) = &options.report {
