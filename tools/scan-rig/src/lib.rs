@@ -13,6 +13,7 @@ mod error;
 pub mod figures;
 pub mod finish;
 pub mod nearest;
+mod normals;
 pub mod pinhole;
 pub mod pipeline;
 pub mod points;

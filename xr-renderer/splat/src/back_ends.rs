@@ -64,18 +64,21 @@ pub(crate) struct BackEnds {
 }
 
 impl BackEnds {
-    /// The asked-for one, or both where none was and the device can tell which is faster.
+    /// The asked-for one, else the winner of a trial on the same device, else both where the device can tell which is faster.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         geometry: &GeometryPass,
         target: &Target,
         asked: Option<BackEnd>,
+        trial: Option<BackEndTrial>,
     ) -> Result<Self, RenderError> {
         if asked == Some(BackEnd::Quads) && !BackEnd::Quads.runs_on(gpu) {
             return Err(RenderError::NoQuads);
         }
         let comparable = gpu.has_clock() && BackEnd::Quads.runs_on(gpu);
-        let asked = asked.or((!comparable).then_some(BackEnd::Tiles));
+        let asked = asked
+            .or(trial.map(|trial| trial.winner()))
+            .or((!comparable).then_some(BackEnd::Tiles));
         let tiles = (asked != Some(BackEnd::Quads))
             .then(|| Tiles::new(gpu, geometry, target))
             .transpose()?;
@@ -89,7 +92,7 @@ impl BackEnds {
             tiles,
             quads,
             times: Default::default(),
-            trial: None,
+            trial,
             for_external: false,
         })
     }

@@ -12,7 +12,7 @@ use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::timestamps::Timestamps;
 use shaders_spirv::{FrameParams, PackedGaussian};
 
-use crate::back_ends::{BackEnds, Redraw};
+use crate::back_ends::{BackEndTrial, BackEnds, Redraw};
 use crate::camera::{Camera, head_depth_plane, is_rigid};
 use crate::drawing::{Drawing, Foreground, Part};
 use crate::error::RenderError;
@@ -56,7 +56,11 @@ pub(crate) struct Engine {
 
 impl Engine {
     /// Takes all its memory and uploads background and mesh. The sizes are within range.
-    pub(crate) fn new(gpu: &Arc<Gpu>, options: &RendererOptions) -> Result<Self, RenderError> {
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        options: &RendererOptions,
+        trial: Option<BackEndTrial>,
+    ) -> Result<Self, RenderError> {
         let RendererOptions {
             width,
             height,
@@ -65,7 +69,7 @@ impl Engine {
         } = *options;
         let target = Target::new(gpu, width, height, views, options.depth)?;
         let mut geometry = GeometryPass::new(gpu, options)?;
-        let back_ends = BackEnds::new(gpu, &geometry, &target, options.back_end)?;
+        let back_ends = BackEnds::new(gpu, &geometry, &target, options.back_end, trial)?;
         // Made last and so dropped first after an error: its drop waits for the device, which uses the rest.
         let mut commands = Commands::new(gpu)?;
         commands.run("the first clear", |commands| {

@@ -71,7 +71,7 @@ impl SplatRenderer {
             });
         }
         Ok(Self {
-            engine: Some(Engine::new(&gpu, options)?),
+            engine: Some(Engine::new(&gpu, options, None)?),
             gpu,
             options: options.clone(),
         })
@@ -147,14 +147,17 @@ impl SplatRenderer {
 
     /// Opens the device again after it was lost and makes the renderer as it was, background and mesh from the host's copies.
     /// The foreground is to be set again, slots to be made and poses pushed anew. Returns the new device. What the renderer had on the
-    /// lost device is freed first: if this fails the renderer draws nothing until it is tried again and succeeds.
+    /// lost device is freed first: if this fails the renderer draws nothing until it is tried again and succeeds. The back ends are
+    /// not compared again: it is the same device.
     ///
     /// # Errors
     /// No device any more, or as [`Self::new`].
     pub fn recover(&mut self) -> Result<Arc<Gpu>, RenderError> {
+        let trial = self.back_end_trial();
         // Before the device is opened, which may fail.
         self.engine = None;
-        self.recover_on(self.gpu.reopen()?)
+        let gpu = self.gpu.reopen()?;
+        self.open(gpu, trial)
     }
 
     /// [`Self::recover`] on a device that the caller opened, such as a headset's.
@@ -162,9 +165,17 @@ impl SplatRenderer {
     /// # Errors
     /// As [`Self::new`].
     pub fn recover_on(&mut self, gpu: Arc<Gpu>) -> Result<Arc<Gpu>, RenderError> {
+        self.open(gpu, None)
+    }
+
+    fn open(
+        &mut self,
+        gpu: Arc<Gpu>,
+        trial: Option<BackEndTrial>,
+    ) -> Result<Arc<Gpu>, RenderError> {
         self.engine = None;
         self.gpu = gpu;
-        self.engine = Some(Engine::new(&self.gpu, &self.options)?);
+        self.engine = Some(Engine::new(&self.gpu, &self.options, trial)?);
         Ok(Arc::clone(&self.gpu))
     }
 
@@ -352,5 +363,27 @@ mod tests {
         let another = renderer.recover().expect("a device");
         renderer.draw(&[camera]).expect("a picture");
         assert_eq!(another.validation_messages(), 0, "validation messages");
+    }
+
+    #[test]
+    fn a_recovered_renderer_draws_with_the_back_end_that_was_found_faster() {
+        let Some(gpu) = open_gpu() else { return };
+        let options = RendererOptions::new(1, 64, 64, 1);
+        // Found on the device that will be lost, by a margin that no trial of one ball would find.
+        for (tiles, quads) in [(1.0, 100.0), (100.0, 1.0)] {
+            let found = BackEndTrial { tiles, quads };
+            if !found.winner().runs_on(&gpu) {
+                continue;
+            }
+            let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
+            renderer.open(Arc::clone(&gpu), Some(found)).expect("kept");
+            let another = renderer.recover().expect("a device");
+            let camera = Camera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 1.0, 64, 64);
+            renderer.set_foreground(&[]).expect("none fits");
+            renderer.draw(&[camera]).expect("a picture");
+            assert_eq!(renderer.back_end(), found.winner());
+            assert_eq!(renderer.back_end_trial(), Some(found), "not compared again");
+            assert_eq!(another.validation_messages(), 0, "validation messages");
+        }
     }
 }

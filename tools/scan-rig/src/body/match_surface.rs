@@ -3,8 +3,9 @@
 use super::derivatives::Derivatives;
 use super::model::BodyModel;
 use super::normal_equations::NormalEquations;
-use super::state::{Posed, normals};
+use super::state::Posed;
 use crate::nearest::{Nearest, oriented};
+use crate::normals::vertex_normals;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use spmm3::Joint;
@@ -43,7 +44,7 @@ pub(super) fn matched(
     cloth: f64,
     reach: f64,
 ) -> Vec<Pull> {
-    let normals = normals(&posed.vertices, &model.faces);
+    let normals = vertex_normals(&posed.vertices, &model.faces, DVec3::ZERO);
     let outside: Vec<usize> = (0..model.body_vertices)
         .filter(|v| model.outer[*v])
         .collect();

@@ -5,8 +5,8 @@
 
 use super::laplacian::{Laplacian, Pulled};
 use super::model::BodyModel;
-use super::state::normals;
 use crate::nearest::{Nearest, oriented};
+use crate::normals::vertex_normals;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use spmm3::Joint;
@@ -79,7 +79,7 @@ pub(super) fn displaced(
         // The faces of eyeballs and teeth name later vertices; the body's come first.
         let mut all = fitted.to_vec();
         all[..count].copy_from_slice(vertices);
-        let normals = normals(&all, &model.faces);
+        let normals = vertex_normals(&all, &model.faces, DVec3::ZERO);
         (0..count)
             .into_par_iter()
             .map(|v| {
@@ -111,7 +111,7 @@ pub(super) fn displaced(
     for (round, (stiff, reach)) in ROUNDS.into_iter().enumerate() {
         let mut all = fitted.to_vec();
         all[..count].copy_from_slice(&vertices);
-        let normals = normals(&all, &model.faces);
+        let normals = vertex_normals(&all, &model.faces, DVec3::ZERO);
         let found = match_surface(&vertices, round, reach);
         let mut pulled: Vec<Pulled> = (found.iter().enumerate())
             .map(|(v, found)| {

@@ -4,7 +4,6 @@ use super::model::{BodyModel, SkinRow};
 use super::posing;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use nalgebra::DVector;
-use rayon::prelude::*;
 use spmm3::{JOINTS, Joint};
 
 /// The joints that the fit turns; those below them go along.
@@ -164,20 +163,6 @@ impl Posed {
             maps,
         }
     }
-}
-
-/// `[N_v]` unit normals of vertices, weighted by the faces' areas; zero where a vertex has no face.
-#[must_use]
-pub fn normals(vertices: &[DVec3], faces: &[[u32; 3]]) -> Vec<DVec3> {
-    let mut sums = vec![DVec3::ZERO; vertices.len()];
-    for face in faces {
-        let [a, b, c] = face.map(|v| vertices[v as usize]);
-        let normal = (b - a).cross(c - a);
-        face.iter().for_each(|v| sums[*v as usize] += normal);
-    }
-    sums.par_iter_mut()
-        .for_each(|normal| *normal = normal.normalize_or_zero());
-    sums
 }
 
 /// The joints with a weight in a row, and the weights.

@@ -4,8 +4,9 @@ use super::derivatives::Derivatives;
 use super::landmarks::{Place, Source, Targets};
 use super::laplacian::{Laplacian, Pulled};
 use super::model::Neighbours;
-use super::state::{Posed, SCALE, SHAPES, State, TURNED, TURNS, normals};
+use super::state::{Posed, SCALE, SHAPES, State, TURNED, TURNS};
 use super::{BodyModel, BodyPart, Hint, Observed, posing, register};
+use crate::normals::vertex_normals;
 use crate::points::KeyPoint;
 use glam::{DMat3, DVec3, Vec3};
 use motion_fit::landmarks::BODY_LANDMARKS;
@@ -490,7 +491,7 @@ fn what_is_no_number_or_missing_is_survived_or_refused() {
 #[test]
 fn normals_of_the_model_point_outwards() {
     let Some(model) = model() else { return };
-    let normals = normals(&model.rest, &model.faces);
+    let normals = vertex_normals(&model.rest, &model.faces, DVec3::ZERO);
     let chest = model.joints[Joint::Spine3.index()];
     let front = (0..model.body_vertices)
         .filter(|v| (model.rest[*v] - chest).reject_from(DVec3::Z).length() < 0.03)

@@ -3,6 +3,7 @@
 use crate::RigError;
 use crate::body::SkinRow;
 use crate::body::posing::{chain, posed_from_rest, skinned, t_pose};
+use crate::normals::vertex_normals;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use reconstruct::makehuman::{Macros, Quad};
 use reconstruct::{BareBody, Part, Texture};
@@ -97,7 +98,7 @@ impl SyntheticPerson {
             .collect();
         let clothed: Vec<f64> = weights.iter().map(clothed).collect();
         let thickness = uneven(&rest, &mut rng);
-        let normals = normals(&rest, &faces);
+        let normals = vertex_normals(&rest, &faces, DVec3::Y);
         for (((vertex, normal), share), thickness) in
             (rest.iter_mut().zip(&normals)).zip(&clothed).zip(thickness)
         {
@@ -196,7 +197,7 @@ impl SyntheticPerson {
     /// Unit normals at the vertices of a pose, outwards.
     #[must_use]
     pub(super) fn normals(&self, vertices: &[DVec3]) -> Vec<DVec3> {
-        normals(vertices, &self.faces)
+        vertex_normals(vertices, &self.faces, DVec3::Y)
     }
 }
 
@@ -301,17 +302,4 @@ fn stance(rng: &mut fastrand::Rng) -> ([DMat3; JOINTS], f64) {
     let yaw = within(-180.0, 180.0);
     turn(Joint::Pelvis, DVec3::Y * yaw);
     (rotations, yaw)
-}
-
-/// Unit normals at the vertices, weighted by the faces' areas.
-fn normals(vertices: &[DVec3], faces: &[[u32; 3]]) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; vertices.len()];
-    for face in faces {
-        let [a, b, c] = face.map(|v| vertices[v as usize]);
-        let normal = (b - a).cross(c - a);
-        for corner in face {
-            normals[*corner as usize] += normal;
-        }
-    }
-    normals.iter().map(|n| n.normalize_or(DVec3::Y)).collect()
 }
