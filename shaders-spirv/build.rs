@@ -13,12 +13,15 @@ use glslang::{
     SourceLanguage, SpirvVersion, Target, VulkanVersion,
 };
 
+include!("src/alpha_cut.rs");
+
 const FOLDER: &str = "shaders";
 /// In a shader that Vulkan 1.1 cannot run.
 const VULKAN_1_2: &str = "#pragma vulkan_1_2";
 
 fn main() {
     println!("cargo:rerun-if-changed={FOLDER}");
+    println!("cargo:rerun-if-changed=src/alpha_cut.rs");
     match build() {
         Ok(()) => {}
         Err(message) => {
@@ -94,11 +97,17 @@ fn compile(path: &Path, stage: ShaderStage) -> Result<Vec<u32>, String> {
         messages: ShaderMessage::DEFAULT,
     };
     let mut includes = Includes;
+    let cut = format!("{ALPHA_CUT:?}");
+    let log2_cut = format!("({:?})", f64::from(ALPHA_CUT).log2());
+    let definitions = [
+        ("ALPHA_CUT", Some(cut.as_str())),
+        ("LOG2_ALPHA_CUT", Some(log2_cut.as_str())),
+    ];
     let input = ShaderInput::new(
         &source,
         stage,
         &options,
-        None::<&[(&str, Option<&str>)]>,
+        Some(&definitions[..]),
         Some(&mut includes),
     )
     .map_err(|why| format!("{}: {why}", path.display()))?;

@@ -42,6 +42,5 @@ struct Splat {
     uint blue_depth; // halves; depth along this view's axis, metres
 };
 
-const float LOG2_ALPHA_CUT = -7.994353436858858; // log2(1/255)
-const float ALPHA_CUT = 1.0 / 255.0;
+// ALPHA_CUT and LOG2_ALPHA_CUT: defined by the build script, from src/alpha_cut.rs.
 const float ALPHA_MOST = 0.99;

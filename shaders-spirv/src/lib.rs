@@ -3,11 +3,13 @@
 //! The GLSL lies in `shaders/`; `build.rs` compiles it with glslang. This crate starts no device and
 //! knows no Vulkan handle: `renderer-splat` and `renderer-openxr` make pipelines of what is here.
 
+mod alpha_cut;
 mod eye;
 mod frame;
 mod gaussian;
 mod gaussian_lanes;
 
+pub use alpha_cut::ALPHA_CUT;
 pub use eye::{EyeParams, EyeView};
 pub use frame::{FrameParams, PartParams, SortState, Splat, ViewParams};
 pub use gaussian::{Gaussian, PackedGaussian, quantised, smallest_three};

@@ -274,8 +274,8 @@ fn pack_block(
     let greatest_scale = (scales.least + scales.step * scales.most).exp2();
     let block = Block {
         origin: [0, 1, 2].map(|axis: usize| positions[axis].least),
-        // Where even an opaque Gaussian's alpha has fallen to 1/255, and a little for rounding.
-        reach: 1.01 * (2.0 * 255.0f32.ln()).sqrt() * greatest_scale,
+        // Where even an opaque Gaussian is cut off, and a little for rounding.
+        reach: 1.01 * (-2.0 * shaders_spirv::ALPHA_CUT.ln()).sqrt() * greatest_scale,
         position_step: [0, 1, 2].map(|axis: usize| positions[axis].step),
         scale_least: scales.least,
         scale_step: scales.step,

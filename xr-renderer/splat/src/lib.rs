@@ -75,5 +75,5 @@ pub mod window;
 
 /// Gaussians as they are given to the renderer, and packed as it draws them.
 pub mod gaussian {
-    pub use shaders_spirv::{Gaussian, PackedGaussian};
+    pub use shaders_spirv::{ALPHA_CUT, Gaussian, PackedGaussian};
 }

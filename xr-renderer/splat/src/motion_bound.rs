@@ -12,7 +12,7 @@ pub(crate) const KEPT_FOREGROUND_MOVE: f32 = 0.000_25;
 const KEPT_GROWTH: f32 = 0.014_35;
 
 /// By how much an opacity may rise: a Gaussian that was too transparent to be sorted is then at most twice as opaque.
-const KEPT_RISE: f32 = 1.0 / 255.0;
+const KEPT_RISE: f32 = shaders_spirv::ALPHA_CUT;
 
 /// The most that any Gaussian of a foreground changed from one writing to the next, each figure a bound. Rotations and
 /// colours do not matter to the order.

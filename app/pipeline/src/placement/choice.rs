@@ -40,7 +40,10 @@ pub struct Alternative {
 
 /// Motion frames a second that predictions reckon with.
 const MOTION_HZ: f64 = 30.0;
-/// The NPU's placement goes first unless another is faster by more than this: measurements waver.
+/// The plan that is taken unless another is faster by more than [`MARGIN`]. Of its providers the fastest is, in the order of
+/// [`ProviderKind::ALL`] where they are equal.
+const PREFERRED: Plan = Plan::Npu;
+/// By how much measurements waver, a share of the time.
 const MARGIN: f64 = 0.03;
 
 /// Milliseconds from picture to picture when all units work at once.
@@ -64,7 +67,7 @@ pub fn predicted_picture_ms(
     pace.into_iter().fold(0.0, f64::max)
 }
 
-/// The index of the alternative to take: the fastest, the NPU's where it makes no difference. `None` if none is to be had.
+/// The index of the alternative to take: the fastest, [`PREFERRED`] where it makes no difference. `None` if none is to be had.
 #[must_use]
 pub fn choose(alternatives: &[Alternative]) -> Option<usize> {
     let predicted = |at: usize| alternatives.get(at).and_then(|one| one.predicted_ms);
@@ -72,7 +75,7 @@ pub fn choose(alternatives: &[Alternative]) -> Option<usize> {
     let (fastest, least) = possible.clone().min_by(|a, b| a.1.total_cmp(&b.1))?;
     possible
         .into_iter()
-        .find(|(at, ms)| alternatives[*at].plan == Plan::Npu && *ms <= least * (1.0 + MARGIN))
+        .find(|(at, ms)| alternatives[*at].plan == PREFERRED && *ms <= least * (1.0 + MARGIN))
         .map_or(Some(fastest), |(at, _)| Some(at))
 }
 

@@ -4,7 +4,7 @@
 use super::standing::{BODY_JOINTS, SOLE_POINTS, Standing};
 use bytemuck::Zeroable;
 use glam::{Affine3A, Quat, Vec3};
-use renderer_splat::gaussian::PackedGaussian;
+use renderer_splat::gaussian::{ALPHA_CUT, PackedGaussian};
 use spmm3::Joint;
 
 /// The most Gaussians of one person's shadow.
@@ -23,8 +23,6 @@ const NEXT: f32 = 2.399_963;
 const HEIGHT: f32 = 0.004;
 /// Standard deviation across the floor, metres.
 const THICKNESS: f32 = 0.000_5;
-/// What is drawn at all: the renderer's own cut.
-const LEAST: f32 = 1.0 / 255.0;
 
 /// A kind of point that casts a shadow.
 struct Caster {
@@ -65,7 +63,7 @@ impl ContactShadow {
 
     fn add(&mut self, at: Vec3, radius: f32, opacity: f32) {
         if let Some(place) = self.gaussians.get_mut(self.count)
-            && opacity >= LEAST
+            && opacity >= ALPHA_CUT
         {
             *place = PackedGaussian::new(
                 [at.x, HEIGHT, at.z],

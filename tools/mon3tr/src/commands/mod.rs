@@ -17,7 +17,7 @@ use crate::device_options::DeviceOptions;
 /// A sub-command and its options.
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
-    /// Bake the demo avatar, move it, and leave pictures and per-stage times
+    /// Hold a call on this machine with the demo avatar, baked if needed; leaves pictures and times
     Demo(demo::Options),
     /// Build the demo avatar's package from MakeHuman's data
     Bake(bake::Options),

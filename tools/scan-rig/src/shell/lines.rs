@@ -5,6 +5,7 @@
 use crate::scan::Scan;
 use glam::{DVec3, IVec3, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
+use renderer_splat::gaussian::ALPHA_CUT;
 use std::collections::HashMap;
 
 /// Edge of a cell of the index, metres.
@@ -15,9 +16,6 @@ const REACH: f32 = 0.06;
 
 /// Variance that each splat gains, square metres: what a pixel of a close picture adds.
 const PIXEL: f32 = 0.0003 * 0.0003;
-
-/// Blending weights below this are not drawn, as in the renderer.
-const LEAST: f32 = 1.0 / 255.0;
 
 /// A line that a viewer looks along.
 #[derive(Debug, Clone, Copy)]
@@ -65,7 +63,7 @@ impl<'a> Lines<'a> {
             .collect();
         let mut entries: Vec<(IVec3, u32)> = (0..scan.len())
             .into_par_iter()
-            .filter(|at| take(*at) && scan.opacities[*at] > LEAST)
+            .filter(|at| take(*at) && scan.opacities[*at] > ALPHA_CUT)
             .flat_map_iter(|at| {
                 let rows = axes[at].transpose();
                 let deviations = Vec3::new(
@@ -73,7 +71,7 @@ impl<'a> Lines<'a> {
                     rows.y_axis.length(),
                     rows.z_axis.length(),
                 );
-                let reach = (2.0 * (scan.opacities[at] / LEAST).ln()).sqrt();
+                let reach = (2.0 * (scan.opacities[at] / ALPHA_CUT).ln()).sqrt();
                 let half = (deviations * reach).min(Vec3::splat(REACH));
                 let centre = scan.positions[at];
                 let finite =
@@ -164,7 +162,7 @@ impl<'a> Lines<'a> {
             let determinant = a * c - b * b;
             let power = -0.5 * (c * x * x - 2.0 * b * x * y + a * y * y) / determinant;
             let alpha = (self.scan.opacities[gaussian] * power.exp()).min(0.99);
-            if determinant > 0.0 && alpha >= LEAST {
+            if determinant > 0.0 && alpha >= ALPHA_CUT {
                 splats.push((height, at, alpha));
             }
         }

@@ -2,20 +2,19 @@
 //! half of the light is gone, and how much of each Gaussian shows.
 //!
 //! The projection is the renderer's (Zwicker et al., "EWA Splatting", 2002; the numbers are those of 3DGS: a low-pass of 0.3 square
-//! pixels, opacity at most 0.99, nothing below 1/255). Strips of rows are drawn at the same time, each from front to back, so the result
+//! pixels, opacity at most 0.99, nothing below its cut-off of alpha). Strips of rows are drawn at the same time, each from front to back, so the result
 //! does not depend on the number of threads.
 
 use crate::pinhole::Pinhole;
 use crate::scan::Scan;
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
+use renderer_splat::gaussian::ALPHA_CUT;
 
 /// Square pixels by which every splat is widened.
 const LOW_PASS: f32 = 0.3;
 /// The largest opacity of a Gaussian in a pixel.
 const ALPHA_MOST: f32 = 0.99;
-/// What is less opaque in a pixel is not blended.
-const ALPHA_CUT: f32 = 1.0 / 255.0;
 /// A pixel through which less light comes is finished.
 const DARK: f32 = 1e-4;
 /// Gaussians nearer than this are not drawn, metres.

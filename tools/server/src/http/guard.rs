@@ -1,10 +1,10 @@
 //! The layers that every request passes before its handler: counters, the rate limit, the token, the timeout.
 
-use super::{App, ErrorResponse};
+use super::{App, HttpError};
 use crate::token::{Claims, now};
 use axum::body::Body;
 use axum::extract::{ConnectInfo, MatchedPath, Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
@@ -34,12 +34,8 @@ pub(super) async fn limit_rate(
         Ok(()) => next.run(request).await,
         Err(seconds) => {
             app.metrics.rate_limited.inc();
-            ErrorResponse::new(
-                StatusCode::TOO_MANY_REQUESTS,
-                "too many requests from this address",
-            )
-            .retry_after(seconds)
-            .into_response()
+            let retry_after_s = seconds;
+            HttpError::TooManyRequests { retry_after_s }.into_response()
         }
     }
 }
@@ -60,7 +56,7 @@ pub(super) async fn authenticate(
         }
         None => {
             discard(request.into_body());
-            ErrorResponse::unauthorized().into_response()
+            HttpError::Unauthorized.into_response()
         }
     }
 }
@@ -77,8 +73,7 @@ fn bearer(headers: &HeaderMap) -> Option<&str> {
 pub(super) async fn within(limit: Duration, request: Request, next: Next) -> Response {
     match tokio::time::timeout(limit, next.run(request)).await {
         Ok(response) => response,
-        Err(_) => ErrorResponse::new(StatusCode::REQUEST_TIMEOUT, "this request took too long")
-            .into_response(),
+        Err(_) => HttpError::TooSlow.into_response(),
     }
 }
 

@@ -1,8 +1,7 @@
 //! The health check, and the counters.
 
-use super::{App, ErrorResponse};
+use super::{App, HttpError};
 use axum::extract::State;
-use axum::http::StatusCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::Mutex;
@@ -15,23 +14,19 @@ const PROBE_WITHIN: Duration = Duration::from_secs(3);
 #[derive(Debug, Default)]
 pub(crate) struct Cached(Mutex<Option<(Instant, bool)>>);
 
-pub(super) async fn check(State(app): State<Arc<App>>) -> Result<&'static str, ErrorResponse> {
-    let unwell =
-        |error: &str| ErrorResponse::new(StatusCode::SERVICE_UNAVAILABLE, error).retry_after(2);
+pub(super) async fn check(State(app): State<Arc<App>>) -> Result<&'static str, HttpError> {
     if app.stopping.is_cancelled() {
-        return Err(unwell("the server is stopping"));
+        return Err(HttpError::Stopping);
     }
     if app
         .relay
         .as_ref()
         .is_some_and(|relay| !relay.is_connected())
     {
-        return Err(unwell(
-            "no connection to NATS: only rooms of this instance are served",
-        ));
+        return Err(HttpError::NoNats);
     }
     if !store_answers(&app).await {
-        return Err(unwell("the package store does not answer"));
+        return Err(HttpError::UnhealthyStore);
     }
     Ok("ok")
 }

@@ -1,6 +1,6 @@
 //! The routes. Every request passes, from outside in: CORS, the counters, the rate limit, its token, its timeout.
 
-mod error_response;
+mod error;
 mod guard;
 mod health;
 mod packages;
@@ -15,10 +15,10 @@ use crate::rooms::{RoomReply, RoomRequest, Rooms};
 use crate::{Id, Limits, Secret};
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use axum::http::{Method, StatusCode, header};
+use axum::http::{Method, header};
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::{get, post, put};
-use error_response::ErrorResponse;
+use error::HttpError;
 pub(crate) use health::Cached;
 use link_protocol::limits::MAX_JSON_BYTES;
 pub(crate) use rate_limit::RateLimit;
@@ -94,13 +94,8 @@ pub(crate) fn router(app: Arc<App>) -> Router {
     #[cfg(feature = "metrics")]
     let router = router.route("/metrics", get(health::metrics));
     router
-        .fallback(async || ErrorResponse::not_found())
-        .method_not_allowed_fallback(async || {
-            ErrorResponse::new(
-                StatusCode::METHOD_NOT_ALLOWED,
-                "there is no such method here",
-            )
-        })
+        .fallback(async || HttpError::NotFound)
+        .method_not_allowed_fallback(async || HttpError::NoMethod)
         .layer(from_fn_with_state(Arc::clone(&app), guard::authenticate))
         .layer(from_fn_with_state(Arc::clone(&app), guard::limit_rate))
         .layer(from_fn_with_state(Arc::clone(&app), guard::count))

@@ -1,7 +1,7 @@
 //! Putting, reading and removing packages.
 
 use super::guard::discard;
-use super::{App, ErrorResponse};
+use super::{App, HttpError};
 use crate::packages::{ByteRange, Conditions, UploadError};
 use crate::token::{Claims, Role};
 use axum::body::Body;
@@ -21,14 +21,14 @@ pub(super) async fn store(
     Extension(claims): Extension<Claims>,
     Path(hash): Path<String>,
     request: Request,
-) -> Result<StatusCode, ErrorResponse> {
+) -> Result<StatusCode, HttpError> {
     let hash = hash
         .parse::<PackageId>()
         .ok()
         .filter(|_| claims.role == Role::Owner);
     let Some(hash) = hash else {
         discard(request.into_body());
-        return Err(ErrorResponse::not_found());
+        return Err(HttpError::NotFound);
     };
     let declared = request.headers().get(header::CONTENT_LENGTH);
     let declared = declared.and_then(|value| value.to_str().ok()?.parse().ok());
@@ -63,34 +63,20 @@ pub(super) async fn store(
         Ok(false) => Ok(StatusCode::OK),
         Err(e) => {
             app.metrics.upload_refused(e.reason());
-            Err(refused(&e))
+            Err(logged(e).into())
         }
     }
 }
 
-fn refused(error: &UploadError) -> ErrorResponse {
-    let status = match error {
-        UploadError::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
-        UploadError::Truncated => StatusCode::BAD_REQUEST,
-        UploadError::Paused => StatusCode::REQUEST_TIMEOUT,
-        UploadError::Hash { .. } | UploadError::Package(_) => StatusCode::UNPROCESSABLE_ENTITY,
-        UploadError::DiskFull => {
-            log::error!("an upload is refused because the disk is full");
-            StatusCode::INSUFFICIENT_STORAGE
-        }
-        UploadError::Busy => {
-            return ErrorResponse::busy("too many uploads are under way; try again");
-        }
-        UploadError::Spool(cause) => {
-            log::error!("an upload cannot be stored: {cause}");
-            return ErrorResponse::busy(&error.to_string());
-        }
-        UploadError::Store(cause) => {
-            log::error!("an upload cannot be stored: {cause}");
-            return ErrorResponse::busy(&error.to_string());
-        }
-    };
-    ErrorResponse::new(status, error.to_string())
+/// What the operator has to know of a refused upload goes to the log.
+fn logged(error: UploadError) -> UploadError {
+    match &error {
+        UploadError::DiskFull => log::error!("an upload is refused because the disk is full"),
+        UploadError::Spool(cause) => log::error!("an upload cannot be stored: {cause}"),
+        UploadError::Store(cause) => log::error!("an upload cannot be stored: {cause}"),
+        _ => {}
+    }
+    error
 }
 
 /// `GET` and `HEAD`.
@@ -100,14 +86,11 @@ pub(super) async fn read(
     Path(hash): Path<String>,
     method: Method,
     headers: HeaderMap,
-) -> Result<Response, ErrorResponse> {
-    let hash = hash
-        .parse::<PackageId>()
-        .ok()
-        .ok_or_else(ErrorResponse::not_found)?;
+) -> Result<Response, HttpError> {
+    let hash = hash.parse::<PackageId>().ok().ok_or(HttpError::NotFound)?;
     let size = in_time(app.packages.size(claims.owner, hash))
         .await?
-        .ok_or_else(ErrorResponse::not_found)?;
+        .ok_or(HttpError::NotFound)?;
     let whole = ByteRange {
         first: 0,
         count: size,
@@ -117,8 +100,7 @@ pub(super) async fn read(
         Conditions::Whole => (StatusCode::OK, Some(whole)),
         Conditions::Range(part) => (StatusCode::PARTIAL_CONTENT, Some(part)),
         Conditions::Unsatisfiable => {
-            let error = format!("the package has {size} bytes");
-            let refusal = ErrorResponse::new(StatusCode::RANGE_NOT_SATISFIABLE, error);
+            let refusal = HttpError::Range { bytes: size };
             let range = [(header::CONTENT_RANGE, format!("bytes */{size}"))];
             return Ok((range, refusal).into_response());
         }
@@ -163,25 +145,25 @@ pub(super) async fn remove(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
     Path(hash): Path<String>,
-) -> Result<StatusCode, ErrorResponse> {
+) -> Result<StatusCode, HttpError> {
     let hash = hash
         .parse::<PackageId>()
         .ok()
         .filter(|_| claims.role == Role::Owner)
-        .ok_or_else(ErrorResponse::not_found)?;
+        .ok_or(HttpError::NotFound)?;
     if in_time(app.packages.remove(claims.owner, hash)).await? {
         log::info!("package {hash} is removed for one owner");
         Ok(StatusCode::NO_CONTENT)
     } else {
-        Err(ErrorResponse::not_found())
+        Err(HttpError::NotFound)
     }
 }
 
 async fn in_time<T>(
     asked: impl Future<Output = Result<T, crate::packages::StoreError>>,
-) -> Result<T, ErrorResponse> {
+) -> Result<T, HttpError> {
     match tokio::time::timeout(STORE_WITHIN, asked).await {
-        Ok(answer) => answer.map_err(|e| ErrorResponse::store(&e)),
-        Err(_) => Err(ErrorResponse::busy("the server's package store is slow")),
+        Ok(answer) => Ok(answer?),
+        Err(_) => Err(HttpError::StoreSlow),
     }
 }

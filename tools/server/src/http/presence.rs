@@ -1,13 +1,12 @@
 //! The sender's presence: a stream of events that is open while the sender is in the room.
 
 use super::rooms::{random, room_of};
-use super::{App, ErrorResponse};
+use super::{App, HttpError};
 use crate::rooms::PresenceGuard;
 use crate::token::{Claims, Role, now};
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
 use axum::extract::{Extension, Path, State};
-use axum::http::StatusCode;
 use axum::response::sse::{Event as SseEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
@@ -31,28 +30,26 @@ pub(super) async fn enter(
     Extension(claims): Extension<Claims>,
     Path(room): Path<String>,
     body: Result<Bytes, BytesRejection>,
-) -> Result<Response, ErrorResponse> {
+) -> Result<Response, HttpError> {
     let room = room_of(&claims, &[Role::Sender], &room)?;
-    let announcement: Announcement = serde_json::from_slice(&body?).map_err(|e| {
-        let error = format!("the body is not an announcement: {e}");
-        ErrorResponse::new(StatusCode::UNPROCESSABLE_ENTITY, error)
-    })?;
+    let announcement: Announcement =
+        serde_json::from_slice(&body?).map_err(HttpError::NoAnnouncement)?;
     let avatar = announcement.avatar;
     let size = app.packages.size(claims.owner, avatar.sha256);
     match tokio::time::timeout(ANNOUNCED_WITHIN, size).await {
-        Err(_) => return Err(ErrorResponse::busy("the server's package store is slow")),
-        Ok(Err(e)) => return Err(ErrorResponse::store(&e)),
-        Ok(Ok(None)) => return Err(ErrorResponse::not_found()),
+        Err(_) => return Err(HttpError::StoreSlow),
+        Ok(Err(e)) => return Err(e.into()),
+        Ok(Ok(None)) => return Err(HttpError::NotFound),
         Ok(Ok(Some(bytes))) if bytes != avatar.bytes => {
-            let error = format!("the avatar has {bytes} bytes, not {}", avatar.bytes);
-            return Err(ErrorResponse::new(StatusCode::UNPROCESSABLE_ENTITY, error));
+            let (found, announced) = (bytes, avatar.bytes);
+            return Err(HttpError::AvatarSize { found, announced });
         }
         Ok(Ok(Some(_))) => {}
     }
     let (guard, events) = app
         .rooms
         .enter(room, random()?, claims.owner, announcement)
-        .map_err(|_| ErrorResponse::busy("too many senders are connected"))?;
+        .map_err(|_| HttpError::TooManySenders)?;
     if let Some(relay) = &app.relay {
         relay.hold(room, Arc::clone(&guard.presence)).await;
     }

@@ -1,6 +1,6 @@
 //! Opening rooms, joining them, leaving them, and the sender's answers.
 
-use super::{App, ErrorResponse};
+use super::{App, HttpError};
 use crate::Id;
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
@@ -20,24 +20,20 @@ pub(super) async fn open(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
     body: Body,
-) -> Result<Response, ErrorResponse> {
+) -> Result<Response, HttpError> {
     if claims.role != Role::Owner {
-        return Err(ErrorResponse::not_found());
+        return Err(HttpError::NotFound);
     }
     let body = body?;
     let order = if body.is_empty() {
         OpenRoom::default()
     } else {
-        serde_json::from_slice(&body).map_err(|e| {
-            let error = format!("the body is not a request for a room: {e}");
-            ErrorResponse::new(StatusCode::UNPROCESSABLE_ENTITY, error)
-        })?
+        serde_json::from_slice(&body).map_err(HttpError::NoRoomRequest)?
     };
     let longest = app.limits.room_lifetime.as_secs();
     let lifetime = order.lifetime_s.unwrap_or(DEFAULT_ROOM_LIFETIME.as_secs());
     if lifetime == 0 || lifetime > longest {
-        let error = format!("a room's lifetime_s is 1 to {longest}");
-        return Err(ErrorResponse::new(StatusCode::UNPROCESSABLE_ENTITY, error));
+        return Err(HttpError::RoomLifetime { longest });
     }
     let room = random()?;
     let expires = now().saturating_add(lifetime);
@@ -56,7 +52,7 @@ pub(super) async fn announcement(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
     Path(room): Path<String>,
-) -> Result<Response, ErrorResponse> {
+) -> Result<Response, HttpError> {
     let room = room_of(&claims, &[Role::Viewer, Role::Sender], &room)?;
     match app.ask(room, RoomRequest::Announcement).await {
         RoomReply::Announcement { announcement } => {
@@ -73,7 +69,7 @@ pub(super) async fn join(
     Path(room): Path<String>,
     headers: HeaderMap,
     body: Body,
-) -> Result<Response, ErrorResponse> {
+) -> Result<Response, HttpError> {
     let room = room_of(&claims, &[Role::Viewer], &room)?;
     let sdp = sdp(&headers, body)?;
     let session = random()?;
@@ -100,9 +96,9 @@ pub(super) async fn answer(
     Path((room, session)): Path<(String, String)>,
     headers: HeaderMap,
     body: Body,
-) -> Result<StatusCode, ErrorResponse> {
+) -> Result<StatusCode, HttpError> {
     let room = room_of(&claims, &[Role::Sender], &room)?;
-    let session = Id::parse(&session).ok_or_else(ErrorResponse::not_found)?;
+    let session = Id::parse(&session).ok_or(HttpError::NotFound)?;
     let sdp = sdp(&headers, body)?;
     match app.ask(room, RoomRequest::Answer { session, sdp }).await {
         RoomReply::Done => Ok(StatusCode::NO_CONTENT),
@@ -117,9 +113,9 @@ pub(super) async fn leave(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
     Path((room, session)): Path<(String, String)>,
-) -> Result<StatusCode, ErrorResponse> {
+) -> Result<StatusCode, HttpError> {
     let room = room_of(&claims, &[Role::Viewer], &room)?;
-    let session = Id::parse(&session).ok_or_else(ErrorResponse::not_found)?;
+    let session = Id::parse(&session).ok_or(HttpError::NotFound)?;
     match app.ask(room, RoomRequest::Leave { session }).await {
         RoomReply::Done => Ok(StatusCode::NO_CONTENT),
         other => Err(refused(&other)),
@@ -127,52 +123,42 @@ pub(super) async fn leave(
 }
 
 /// The room of a path, if the bearer is one of `roles` there.
-pub(super) fn room_of(claims: &Claims, roles: &[Role], room: &str) -> Result<Id, ErrorResponse> {
+pub(super) fn room_of(claims: &Claims, roles: &[Role], room: &str) -> Result<Id, HttpError> {
     Id::parse(room)
         .filter(|room| claims.may(roles, *room))
-        .ok_or_else(ErrorResponse::not_found)
+        .ok_or(HttpError::NotFound)
 }
 
-pub(super) fn random() -> Result<Id, ErrorResponse> {
+pub(super) fn random() -> Result<Id, HttpError> {
     Id::random().map_err(|e| {
         log::error!("{e}");
-        ErrorResponse::busy("the server has no random numbers at this moment")
+        HttpError::NoRandom
     })
 }
 
-fn sdp(headers: &HeaderMap, body: Body) -> Result<String, ErrorResponse> {
+fn sdp(headers: &HeaderMap, body: Body) -> Result<String, HttpError> {
     let kind = headers.get(header::CONTENT_TYPE);
     let kind = kind.and_then(|value| value.to_str().ok()).unwrap_or("");
     let essence = kind.split(';').next().unwrap_or("").trim();
     if !essence.eq_ignore_ascii_case(SDP_MEDIA_TYPE) {
-        return Err(ErrorResponse::new(
-            StatusCode::UNSUPPORTED_MEDIA_TYPE,
-            "the body has to be SDP, and its Content-Type application/sdp",
-        ));
+        return Err(HttpError::NoSdpType);
     }
     String::from_utf8(body?.into())
         .ok()
         .filter(|sdp| sdp.starts_with("v=0"))
-        .ok_or_else(|| ErrorResponse::new(StatusCode::UNPROCESSABLE_ENTITY, "the body is not SDP"))
+        .ok_or(HttpError::NoSdp)
 }
 
-fn refused(reply: &RoomReply) -> ErrorResponse {
+fn refused(reply: &RoomReply) -> HttpError {
     match reply {
-        RoomReply::Unanswered => ErrorResponse::new(
-            StatusCode::GATEWAY_TIMEOUT,
-            "the sender did not answer in time",
-        ),
-        RoomReply::Busy => ErrorResponse::busy("too many viewers are joining at once; try again"),
-        RoomReply::Unknown => {
-            ErrorResponse::new(StatusCode::NOT_FOUND, "no viewer waits for this answer")
-        }
-        RoomReply::Unreachable => ErrorResponse::busy(
-            "the sender is not on this server, and the other servers cannot be reached; try again",
-        ),
-        RoomReply::Absent => ErrorResponse::absent(),
+        RoomReply::Unanswered => HttpError::SenderSilent,
+        RoomReply::Busy => HttpError::TooManyViewers,
+        RoomReply::Unknown => HttpError::NoViewerWaits,
+        RoomReply::Unreachable => HttpError::SenderUnreachable,
+        RoomReply::Absent => HttpError::SenderAbsent,
         RoomReply::Announcement { .. } | RoomReply::Answer { .. } | RoomReply::Done => {
             log::error!("an instance sent the reply of another request");
-            ErrorResponse::absent()
+            HttpError::SenderAbsent
         }
     }
 }
