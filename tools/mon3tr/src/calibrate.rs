@@ -70,7 +70,11 @@ impl Calibrating {
         }
         let begun = *self.begun.get_or_insert(seconds);
         let before = self.state;
-        match self.calibrator.see(seconds, body) {
+        let progress = self.calibrator.see(seconds, body);
+        if self.calibrator.begins() {
+            fit.begin_calibration();
+        }
+        match progress {
             Progress::Done(calibration) => {
                 fit.hold(&calibration);
                 log::info!(
@@ -83,24 +87,25 @@ impl Calibrating {
             Progress::Standing(left) => {
                 self.state = State::Standing(left);
                 if matches!(before, State::Waiting(_)) {
-                    fit.begin_calibration();
                     log::info!("calibration: {}", self.state);
                 }
             }
         }
-        let is_late = seconds - begun > PATIENCE;
-        if is_late {
-            let lacking = match self.state {
-                State::Waiting(Missing::WholeBody) => "nobody was seen from head to feet",
-                State::Waiting(Missing::Standing) => "the person does not stand upright",
-                State::Waiting(Missing::Stillness) => "the person moves",
-                State::Standing(_) => "too few pictures came while the person stood",
-            };
-            log::warn!(
-                "no calibration within {PATIENCE} s, because {lacking}: this goes on without, and learns while the person moves"
-            );
+        match self.state {
+            // A person who has begun to stand may stand to the end.
+            State::Waiting(missing) if seconds - begun > PATIENCE => {
+                let lacking = match missing {
+                    Missing::WholeBody => "nobody was seen from head to feet",
+                    Missing::Standing => "the person does not stand upright",
+                    Missing::Stillness => "the person moves",
+                };
+                log::warn!(
+                    "no calibration within {PATIENCE} s, because {lacking}: this goes on without, and learns while the person moves"
+                );
+                true
+            }
+            _ => false,
         }
-        is_late
     }
 }
 
@@ -117,8 +122,10 @@ fn told(calibration: &Calibration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec2;
+    use glam::{Vec2, Vec3};
     use motion_fit::Subject;
+    use motion_fit::body::landmark_places;
+    use spmm3::Joint;
     use synthetic_person::Puppet;
 
     #[test]
@@ -136,5 +143,71 @@ mod tests {
             calibrating.state().to_string(),
             "show yourself from head to feet"
         );
+    }
+
+    /// What a network sees of a person of `skeleton` who stands three metres before `camera`.
+    fn standing(skeleton: &Skeleton, camera: &Camera) -> BodyLandmarks {
+        let places = landmark_places(skeleton, &spmm3::at_ease(skeleton));
+        let hips = skeleton.rest_positions()[Joint::Pelvis.index()];
+        let mut seen = BodyLandmarks::default();
+        for (point, place) in seen.points.iter_mut().zip(places) {
+            let Some(place) = place else { continue };
+            // The camera's axes: x right, y down, z away, at a height of a metre.
+            let ray = Vec3::new(place.x, 1.0 - place.y, 3.0 - place.z);
+            point.pixel = camera.centre + camera.focal * ray.truncate() / ray.z;
+            point.metres = Vec3::new(place.x - hips.x, hips.y - place.y, hips.z - place.z);
+            point.confidence = 1.0;
+        }
+        seen
+    }
+
+    /// Sees pictures from `pictures` on, as `seen` has them, until it is over; returns in which one that was.
+    fn over(
+        calibrating: &mut Calibrating,
+        fit: &mut MotionFit,
+        pictures: std::ops::Range<u32>,
+        seen: impl Fn(u32) -> Option<BodyLandmarks>,
+    ) -> Option<u32> {
+        pictures
+            .into_iter()
+            .find(|k| calibrating.see(f64::from(*k) / 30.0, seen(*k).as_ref(), fit))
+    }
+
+    #[test]
+    fn a_person_who_begins_to_stand_late_may_stand_to_the_end() {
+        let avatar = Puppet::small().avatar();
+        let camera = Camera::guessed(Vec2::new(640.0, 480.0));
+        let mut fit = MotionFit::new(&Subject::from(&avatar), camera);
+        let mut calibrating = Calibrating::new(&avatar.skeleton, camera);
+        let ended = over(&mut calibrating, &mut fit, 0..1000, |k| {
+            (k > 19 * 30).then(|| standing(&avatar.skeleton, &camera))
+        });
+        let ended = f64::from(ended.expect("over")) / 30.0;
+        assert!((ended - 21.0).abs() < 0.2, "after {ended} s");
+        assert!(matches!(calibrating.state(), State::Standing(_)));
+    }
+
+    #[test]
+    fn a_landmark_that_flickers_does_not_make_the_face_learnt_before_forgotten() {
+        let avatar = Puppet::small().avatar();
+        let camera = Camera::guessed(Vec2::new(640.0, 480.0));
+        let mut fit = MotionFit::new(&Subject::from(&avatar), camera);
+        let mut calibrating = Calibrating::new(&avatar.skeleton, camera);
+        let begins = |k: u32| {
+            let mut seen = standing(&avatar.skeleton, &camera);
+            // An ankle, once, shortly before the end.
+            if k == 55 {
+                seen.points[27].confidence = 0.0;
+            }
+            Some(seen)
+        };
+        let mut starts = 0;
+        let ended = (0..100).find(|k| {
+            let over = over(&mut calibrating, &mut fit, *k..*k + 1, begins).is_some();
+            starts += u32::from(calibrating.calibrator.begins());
+            over
+        });
+        assert!(ended.is_some_and(|k| k < 65), "ended with {ended:?}");
+        assert_eq!(starts, 1, "the face is learnt anew once, at the beginning");
     }
 }

@@ -13,6 +13,7 @@ use npu_runtime::{Provider, ProviderKind, Runtime};
 use sender::{Capture, Captured, SendError};
 use serde::Serialize;
 use spmm3::Avatar;
+use std::collections::VecDeque;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -193,7 +194,8 @@ pub(crate) struct CameraCapture {
     view_degrees: f32,
     picture: Arc<Picture>,
     notices: Notices,
-    times: Vec<(StageTimes, f64, f64)>,
+    /// Of the newest [`TIMED`] pictures: the stages', the fit's, and from the light to the motion, milliseconds.
+    times: VecDeque<(StageTimes, f64, f64)>,
     last: Option<u64>,
     pictures: u64,
     skipped: u64,
@@ -276,7 +278,7 @@ impl CameraCapture {
             view_degrees,
             picture: Arc::default(),
             notices: Notices::default(),
-            times: Vec::new(),
+            times: VecDeque::new(),
             last: None,
             pictures: 0,
             skipped: 0,
@@ -334,7 +336,6 @@ impl CameraCapture {
         }
         let picture = &self.picture;
         self.pictures += 1;
-        // From the first picture that is tracked on: what came while the call waited for a viewer is no loss.
         if let Some(last) = self.last.replace(picture.number) {
             self.skipped += picture.number.saturating_sub(last + 1);
         }
@@ -353,9 +354,10 @@ impl CameraCapture {
         let ended = Instant::now();
         let ms = |from: Instant| ended.saturating_duration_since(from).as_secs_f64() * 1e3;
         self.pace.count(ended, ms(picture.at));
-        if self.times.len() < TIMED {
-            self.times.push((times, ms(began), ms(picture.at)));
+        if self.times.len() == TIMED {
+            self.times.pop_front();
         }
+        self.times.push_back((times, ms(began), ms(picture.at)));
         let notice = (self.notices).after(&self.picture, fitted.sees_person, people);
         if let Some(notice) = notice {
             log::warn!("{}: {notice}", self.source.info().name);
@@ -417,11 +419,16 @@ impl CameraFigures {
 
 impl Capture for CameraCapture {
     fn next(&mut self) -> Result<Option<Captured>, SendError> {
-        let began = *self.began.get_or_insert_with(Instant::now);
+        let began = *self.began.get_or_insert_with(|| {
+            // What came while the call waited for a viewer is no loss, and was not timed in a call.
+            self.last = None;
+            self.times.clear();
+            Instant::now()
+        });
         if self.length.is_some_and(|length| began.elapsed() >= length) {
             return Ok(None);
         }
-        let tracked = (self.track()).map_err(|error| SendError::Capture(format!("{error:#}")))?;
+        let tracked = (self.track()).map_err(|error| SendError::Capture(error.into()))?;
         Ok(tracked.map(|tracked| Captured {
             at: tracked.picture.at,
             motion: tracked.fitted.motion,

@@ -143,6 +143,12 @@ impl Calibrator {
         }
     }
 
+    /// Whether the last picture was the first of a stance: what was learnt in the one before does not count.
+    #[must_use]
+    pub fn begins(&self) -> bool {
+        self.sums.pictures == 1
+    }
+
     fn begin_anew(&mut self) {
         self.sums = Sums::default();
         self.begun = None;

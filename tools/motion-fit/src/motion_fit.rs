@@ -15,8 +15,8 @@ use spmm3::{Avatar, ExpressionBasis, Expressions, Joint, MotionParams, Skeleton}
 /// A hand or face that is no longer seen is kept for so long, then relaxes within [`RELAX`], seconds.
 const HOLD: f64 = 0.3;
 const RELAX: f64 = 0.6;
-/// A hand that was not seen for less than this may have been another one's turn, seconds.
-const TURNS: f64 = 0.1;
+/// How fast the confidence of a hand or a face that is no longer seen fades, seconds.
+const FADE: f64 = 0.15;
 /// How fast the wrist follows a palm that is sure and one that is not, seconds.
 const PALM_FOLLOW: [f64; 2] = [0.03, 0.3];
 /// Farthest that a head turns against the chest, radians.
@@ -86,6 +86,8 @@ struct Face {
     basis: ExpressionBasis,
     shown: Option<FaceShown>,
     last_seen: f64,
+    /// Of the last picture.
+    last_seconds: f64,
     confidence: f64,
     /// Whether it was said that a network's expression cannot be shown.
     said: bool,
@@ -129,6 +131,7 @@ impl MotionFit {
                 basis: (*expression_basis).clone(),
                 shown: None,
                 last_seen: f64::NEG_INFINITY,
+                last_seconds: f64::NEG_INFINITY,
                 confidence: 0.0,
                 said: false,
             },
@@ -222,8 +225,9 @@ impl MotionFit {
                 motion.set_rotation(Joint::Head, neck.inverse() * turn);
             }
         } else {
-            face.confidence *= 0.8;
+            face.confidence *= faded(seen.seconds - face.last_seconds);
         }
+        face.last_seconds = seen.seconds;
         let unseen = seen.seconds - face.last_seen;
         let kept = 1.0 - ((unseen - HOLD) / RELAX).clamp(0.0, 1.0);
         if let Some(shown) = &face.shown {
@@ -268,7 +272,8 @@ impl MotionFit {
                 }
             })
             .filter(|fitted| pose.seen && fitted.confidence > 0.0);
-        hand.follow(seen.seconds, fitted.as_ref());
+        let looked_at = !seen.hands_skipped[number];
+        hand.follow(seen.seconds, fitted.as_ref(), looked_at);
         let first = hand.side.first_finger_joint().index();
         for (joint, rotation) in Joint::ALL.into_iter().skip(first).zip(hand.shown) {
             motion.set_rotation(joint, rotation.as_quat());
@@ -285,11 +290,7 @@ impl MotionFit {
         let palm =
             fitted.and_then(|fitted| Some((fitted.camera_from_palm?, fitted.palm_confidence)));
         let by_body = motion.rotation(wrist).as_dquat();
-        let was_others_turn = palm.is_none()
-            && hand
-                .last_seen
-                .is_some_and(|last| seen.seconds - last < TURNS)
-            && pose.seen;
+        let was_others_turn = palm.is_none() && !looked_at && pose.seen;
         let (wanted, sure) = palm.map_or(([DQuat::IDENTITY; 2], 0.0), |(palm, sure)| {
             let turn = hand.fit.wrist(forearm, palm);
             // The elbow's share moves the wrist as well, so both are blended by the same share.
@@ -364,8 +365,9 @@ impl Hand {
         }
     }
 
-    /// Shows the fingers that were fitted; without any, the last ones, which relax after a while.
-    fn follow(&mut self, seconds: f64, fitted: Option<&HandPose>) {
+    /// Shows the fingers that were fitted; without any, the last ones, which relax after a while. Where hands take turns, one is looked at
+    /// in every second picture, and nothing is known of it in the others.
+    fn follow(&mut self, seconds: f64, fitted: Option<&HandPose>, looked_at: bool) {
         if let Some(fitted) = fitted {
             self.fitted = fitted.fingers;
             self.shown = fitted.fingers;
@@ -382,11 +384,15 @@ impl Hand {
                 *shown = fitted.slerp(relaxed, share);
             }
         }
-        // Where hands take turns, one is looked at in every second picture.
-        if unseen > TURNS {
-            self.confidence *= 0.8;
+        if looked_at {
+            self.confidence *= faded(seconds - self.last_seconds);
         }
     }
+}
+
+/// What is left of a confidence after so many seconds.
+fn faded(seconds: f64) -> f64 {
+    (-seconds.max(0.0) / FADE).exp()
 }
 
 fn camera_from_room(pose: &BodyPose) -> Affine3A {

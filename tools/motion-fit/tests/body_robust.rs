@@ -10,7 +10,7 @@ mod common;
 mod synthetic;
 
 use common::Random;
-use glam::{Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use motion_fit::{
     body::{BodyFit, BodyPose, FitConfig, Parts},
     landmarks::{BodyLandmarks, BodyPoint},
@@ -243,7 +243,7 @@ fn without_a_body_the_pose_comes_to_rest() {
                 .rotations
                 .iter()
                 .zip(last)
-                .map(|(a, b): (_, glam::Quat)| a.angle_between(b))
+                .map(|(a, b): (_, Quat)| a.angle_between(b))
                 .fold(0.0_f32, f32::max);
             assert!(moved < 0.25, "frame {i}: a joint jumps by {moved} rad");
         }
@@ -357,6 +357,26 @@ fn numbers_without_sense_never_panic_and_never_come_out() {
         good.reprojection_px
     );
     assert!(good.reprojection_px < 15.0, "the fit does not recover");
+}
+
+#[test]
+fn after_a_pause_of_the_pictures_a_person_is_found_anew() {
+    let skeleton = common::skeleton();
+    let eye = eye();
+    let mut network = Network::new(eye, Errors::NONE, 5);
+    let mut fit = BodyFit::new(&skeleton, FitConfig::new(eye.camera));
+    let mut truth = spmm3::at_ease(&skeleton);
+    for i in 0..60 {
+        let seen = network.look(&skeleton, &truth, 1.0 / RATE);
+        fit.fit(f64::from(i) / RATE, Some(&seen));
+    }
+    // A minute later the person stands elsewhere, with the back to the camera: no way leads there in a picture.
+    truth.set_rotation(Joint::Pelvis, Quat::from_rotation_y(3.0));
+    truth.root_translation.x += 0.8;
+    let seen = network.look(&skeleton, &truth, 1.0 / RATE);
+    let pose = fit.fit(62.0, Some(&seen));
+    let turned = motion(&pose).rotation(Joint::Pelvis) * Vec3::Z;
+    assert!(turned.z < -0.9, "faces away: {turned}");
 }
 
 #[test]

@@ -18,6 +18,6 @@ pub enum SendError {
     )]
     NotUploaded(PathBuf),
     /// The source of motion failed.
-    #[error("the source of motion failed: {0}")]
-    Capture(String),
+    #[error("the source of motion failed")]
+    Capture(#[source] Box<dyn std::error::Error + Send + Sync>),
 }

@@ -4,7 +4,7 @@ use super::observations::Keeper;
 use super::renders::{self, RATE, Take};
 use super::score::{Posed, Scores, score};
 use super::table::{self, Row};
-use super::{footage, motions};
+use super::{footage, kept, motions};
 use anyhow::Context;
 use mon3tr::commands::bake::{BakeChoices, chosen_or_demo_avatar};
 use mon3tr::device_options::{DeviceOptions, make_folder};
@@ -65,8 +65,8 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     }
     let takes = renders::takes(&avatar, &clips, options.seconds)?;
     let mut rows = Vec::new();
-    let of = format!("{} {:.3} s", package.display(), options.seconds);
-    let mut keeper = Keeper::new(options.observations.as_deref(), &of, device);
+    let contents = kept::package(&package)?;
+    let mut keeper = Keeper::new(options.observations.as_deref(), &contents, device);
     for take in &takes {
         let seen = keeper.take(take, &avatar)?;
         let fit_began = Instant::now();

@@ -8,6 +8,7 @@ use motion_fit::landmarks::{
 };
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use spmm3::MotionParams;
 use std::path::Path;
 
 /// Names and contents of the networks in `folder` that look at pictures, as a short text: two folders with the same text see the same.
@@ -20,10 +21,29 @@ pub(super) fn networks(folder: &Path, names: &[&str]) -> anyhow::Result<String> 
         all.update(name);
         all.update(Sha256::digest(&bytes));
     }
-    let hash: String = (all.finalize().iter().take(8))
+    Ok(format!("{} ({})", names.join(", "), short(all)))
+}
+
+/// An avatar's package, by its contents.
+pub(super) fn package(file: &Path) -> anyhow::Result<String> {
+    let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
+    Ok(short(Sha256::new_with_prefix(bytes)))
+}
+
+/// A motion, by its frames.
+pub(super) fn motion(frames: &[MotionParams]) -> String {
+    let mut all = Sha256::new();
+    for frame in frames {
+        all.update(bytemuck::cast_slice::<f32, u8>(frame.values()));
+        all.update(bytemuck::bytes_of(&frame.root_translation.to_array()));
+    }
+    short(all)
+}
+
+fn short(hash: Sha256) -> String {
+    (hash.finalize().iter().take(8))
         .map(|byte| format!("{byte:02x}"))
-        .collect();
-    Ok(format!("{} ({hash})", names.join(", ")))
+        .collect()
 }
 
 /// What was seen in one motion's pictures.
@@ -127,6 +147,7 @@ impl From<&Kept> for Observation {
         Self {
             seconds: kept.seconds,
             body: body.map(Into::into),
+            hands_skipped: [false; 2],
             hands: (kept.hands.each_ref()).map(|one| one.as_ref().map(hand).map(Into::into)),
             face: face.map(Into::into),
         }

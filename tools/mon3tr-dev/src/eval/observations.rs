@@ -22,17 +22,17 @@ use tracker::source::{self, Picture, SourceChoice, Wanted};
 /// Looks at pictures, or reads what was seen in them before.
 pub(super) struct Keeper<'a> {
     folder: Option<&'a Path>,
-    /// What the kept observations are of.
-    of: String,
+    /// Which avatar is drawn.
+    avatar: String,
     device: &'a DeviceOptions,
     times: StageTimes,
 }
 
 impl<'a> Keeper<'a> {
-    pub(super) fn new(folder: Option<&'a Path>, of: &str, device: &'a DeviceOptions) -> Self {
+    pub(super) fn new(folder: Option<&'a Path>, avatar: &str, device: &'a DeviceOptions) -> Self {
         Self {
             folder,
-            of: of.to_owned(),
+            avatar: avatar.to_owned(),
             device,
             times: StageTimes::default(),
         }
@@ -49,18 +49,21 @@ impl<'a> Keeper<'a> {
         take: &Take,
         avatar: &Arc<Avatar>,
     ) -> anyhow::Result<Vec<Observation>> {
-        let name = format!("{}-{}", take.motion, take.camera_name);
-        self.kept(&name, |keeper| keeper.draw(take, avatar))
+        let motion = kept::motion(&take.frames);
+        let name = format!("{}-{}-{motion}", take.motion, take.camera_name);
+        let of = format!("the avatar {} in the motion {motion}", self.avatar);
+        self.kept(&name, &of, |keeper| keeper.draw(take, avatar))
     }
 
     /// A video's frames.
     pub(super) fn video(&mut self, name: &str, file: &Path) -> anyhow::Result<Vec<Observation>> {
-        self.kept(name, |keeper| keeper.decode(file))
+        self.kept(name, "a video", |keeper| keeper.decode(file))
     }
 
     fn kept(
         &mut self,
         name: &str,
+        of: &str,
         look: impl FnOnce(&mut Self) -> anyhow::Result<Vec<Observation>>,
     ) -> anyhow::Result<Vec<Observation>> {
         let Some(folder) = self.folder else {
@@ -73,12 +76,12 @@ impl<'a> Keeper<'a> {
                 std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
             let kept: KeptFile = serde_json::from_slice(&text)
                 .with_context(|| format!("{} holds no observations", file.display()))?;
-            if kept.of != self.of {
+            if kept.of != of {
                 bail!(
                     "{} was kept of {}, and this is {}: choose another folder",
                     file.display(),
                     kept.of,
-                    self.of
+                    of
                 );
             }
             if kept.networks != by {
@@ -96,7 +99,7 @@ impl<'a> Keeper<'a> {
         }
         let seen = look(self)?;
         let kept = KeptFile {
-            of: self.of.clone(),
+            of: of.to_owned(),
             networks: by,
             frames: seen.iter().map(Kept::from).collect(),
         };

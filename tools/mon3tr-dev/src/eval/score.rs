@@ -32,6 +32,8 @@ const ANKLES: usize = 4;
 const STANCE: f64 = 0.1;
 /// Labels count as swapped where that makes the error smaller than this share of it.
 const SWAPPED: f64 = 0.85;
+/// Joints that a frame has to show to be compared after its best similarity.
+const LEAST_ALIGNED: usize = 4;
 
 /// One frame, of truth or as tracked.
 #[derive(Debug, Clone)]
@@ -112,6 +114,8 @@ pub(super) fn score(
     let count = pairs.len() as f64;
     let mut errors = Vec::with_capacity(pairs.len() * LIMBS.len());
     let mut run = 0;
+    // Sums, and of how many joints and frames.
+    let (mut aligned, mut reprojected) = ((0.0, 0), (0.0, 0));
     for (_, truth, tracked) in &pairs {
         let (a, b) = (limbs(tracked), limbs(truth));
         let (seen_a, seen_b) = (only_seen(&a, truth), only_seen(&b, truth));
@@ -121,7 +125,11 @@ pub(super) fn score(
                 .zip(&seen_b)
                 .map(|(a, b)| 1e3 * a.distance(*b)),
         );
-        scores.pa_mpjpe_mm += 1e3 * aligned_error(&seen_a, &seen_b) / count;
+        // A similarity fits three points nearly always: they say nothing.
+        if seen_a.len() >= LEAST_ALIGNED {
+            aligned.0 += 1e3 * aligned_error(&seen_a, &seen_b) * seen_a.len() as f64;
+            aligned.1 += seen_a.len();
+        }
         scores.pelvis_degrees += angle(tracked.pelvis, truth.pelvis) / count;
         for (hand, degrees) in scores.finger_degrees.iter_mut().enumerate() {
             let of = |posed: &Posed, k: usize| posed.fingers[hand * FINGERS / 2 + k];
@@ -136,8 +144,13 @@ pub(super) fn score(
         run = if swapped { run + 1 } else { 0 };
         scores.swapped += usize::from(swapped);
         scores.longest_swap = scores.longest_swap.max(run);
-        scores.reprojection_percent += 100.0 * reprojection(tracked, truth) / count;
+        if let Some(share) = reprojection(tracked, truth) {
+            reprojected.0 += 100.0 * share;
+            reprojected.1 += 1;
+        }
     }
+    scores.pa_mpjpe_mm = aligned.0 / aligned.1.max(1) as f64;
+    scores.reprojection_percent = reprojected.0 / f64::from(reprojected.1.max(1));
     scores.limbs_mm = by_limb(&pairs);
     scores.mpjpe_mm = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
     errors.sort_by(f64::total_cmp);
@@ -231,16 +244,16 @@ fn aligned_error(a: &[DVec3], b: &[DVec3]) -> f64 {
     mean_distance(&moved, b)
 }
 
-/// Mean distance in the picture as a share of the person's height in it.
-fn reprojection(tracked: &Posed, truth: &Posed) -> f64 {
+/// Mean distance in the picture as a share of the person's height in it; nothing where no joint is in the picture.
+fn reprojection(tracked: &Posed, truth: &Posed) -> Option<f64> {
     let ys = truth.pixels.iter().map(|p| p[1]);
     let height = ys.clone().fold(f64::MIN, f64::max) - ys.fold(f64::MAX, f64::min);
-    let seen = truth.seen.iter().filter(|seen| **seen).count().max(1);
+    let seen = truth.seen.iter().filter(|seen| **seen).count();
     let distance: f64 = (tracked.pixels.iter().zip(&truth.pixels).zip(truth.seen))
         .filter(|(_, seen)| *seen)
         .map(|((a, b), _)| (a[0] - b[0]).hypot(a[1] - b[1]))
         .sum();
-    distance / (seen as f64 * height.max(1.0))
+    (seen > 0).then(|| distance / (seen as f64 * height.max(1.0)))
 }
 
 /// Mean second differences of tracked and true joints over runs of three neighbouring frames, millimetres.

@@ -67,7 +67,7 @@ pub struct Options {
     #[arg(long, requires = "camera")]
     preview: bool,
     /// Motions a second; a camera has its own rate
-    #[arg(long, value_name = "HZ", default_value = "30", value_parser = parse_rate)]
+    #[arg(long, value_name = "HZ", default_value = "30", conflicts_with = "camera", value_parser = parse_rate)]
     rate: f64,
     /// How frames are written: compact (quantised, predicted, entropy coded) or paper (FP16 and LZ4)
     #[arg(long, value_name = "CODEC", default_value = "compact")]

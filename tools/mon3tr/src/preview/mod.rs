@@ -111,24 +111,28 @@ impl Preview {
         };
         let pictures = HandOver::default();
         let proxy = events.create_proxy();
+        let (gpu, runtime, shots) = (&gpu, &runtime, &shots);
+        let (composition, pictures, proxy) = (&composition, &pictures, &proxy);
         std::thread::scope(|scope| {
-            // The end of the work closes the window, also where it panics.
-            let end = Closing {
-                shots: Arc::clone(&shots),
+            // The end of the work or of the drawing closes the window, also where they panic.
+            let end = || Closing {
+                shots: Arc::clone(shots),
                 window: proxy.clone(),
             };
+            let (work_ends, drawing_ends) = (end(), end());
             let working = scope.spawn(move || {
-                let _end = end;
+                let _end = work_ends;
                 work()
             });
-            let drawing = scope.spawn(|| {
+            let drawing = scope.spawn(move || {
+                let _end = drawing_ends;
                 yield_to_others();
                 let renderer = StillRenderer {
-                    gpu: &gpu,
-                    runtime: &runtime,
+                    gpu,
+                    runtime,
                     avatar,
                 };
-                let drawn = draw(&renderer, &composition, &shots, |picture| {
+                let drawn = draw(&renderer, composition, shots, |picture| {
                     pictures.put(picture);
                     // A window that is closed needs no picture.
                     let _ = proxy.send_event(());
@@ -136,10 +140,8 @@ impl Preview {
                 if let Err(error) = drawn {
                     log::warn!("the preview ends, the call goes on: {error:#}");
                 }
-                shots.close();
-                let _ = proxy.send_event(());
             });
-            let shown = window::show(events, &gpu, size, &shots, &pictures);
+            let shown = window::show(events, gpu, size, shots, pictures);
             shots.close();
             if let Err(error) = shown {
                 log::warn!("the preview ends, the call goes on: {error:#}");
@@ -151,7 +153,9 @@ impl Preview {
                 "the preview left out {} pictures, because newer ones were there",
                 shots.dropped()
             );
-            drawn.map_err(|_| anyhow!("the preview's thread panicked"))?;
+            if drawn.is_err() {
+                log::warn!("the preview ended, the call went on: its thread panicked");
+            }
             working.join().map_err(|_| anyhow!("capturing panicked"))
         })
     }

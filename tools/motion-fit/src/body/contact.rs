@@ -16,10 +16,8 @@ const LOW: f64 = 0.09;
 const HIGH: f64 = 0.14;
 /// A pin this far from where its sole is seen lets go, metres across the line of sight.
 const TORN: f64 = 0.12;
-/// Time for a pin to take hold, seconds, and how much faster it lets go: slower, as real landmarks shake and a foot that stands is let go in
-/// between.
+/// Time for a pin to take hold and to let go, seconds.
 const HOLD: f64 = 0.05;
-const LET_GO: f64 = 1.0;
 /// A pin is the mean of where its sole was seen since it stands, for at most so long, seconds: what one picture says of its depth is wrong by
 /// centimetres, and a wrong pin would turn the pelvis.
 const MEAN: f64 = 6.0;
@@ -114,7 +112,7 @@ impl Contact {
             pin.y += (floor - pin.y) * (SINK * step).min(1.0);
             self.pin = Some(pin);
         } else {
-            self.hold -= LET_GO * change;
+            self.hold -= change;
             if self.hold <= 0.0 {
                 *self = Self {
                     history: self.history,

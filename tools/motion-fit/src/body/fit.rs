@@ -132,9 +132,11 @@ impl BodyFit {
 
     /// Fits one picture, whose light fell at `seconds`. Never fails: without a body the pose coasts, comes to rest and waits.
     pub fn fit(&mut self, seconds: f64, body: Option<&BodyLandmarks>) -> BodyPose {
-        let step = self.last_seconds.map_or(1.0 / 30.0, |last| seconds - last);
-        let step = if step.is_finite() {
-            step.clamp(SHORTEST, LONGEST)
+        let since = self.last_seconds.map_or(1.0 / 30.0, |last| seconds - last);
+        let step = if since.is_finite() {
+            // A pause of the pictures is time in which the person was not seen.
+            self.unseen += (since - LONGEST).max(0.0);
+            since.clamp(SHORTEST, LONGEST)
         } else {
             1.0 / 30.0
         };
@@ -421,7 +423,7 @@ impl BodyFit {
     }
 }
 
-/// The camera, or for a lens that cannot be, one whose picture is 60 degrees wide.
+/// The camera, or for a lens that cannot be, [`Camera::guessed`].
 fn usable(camera: Camera) -> Camera {
     let good = |v: f32| v.is_finite() && v > 1.0 && v < 1e6;
     let size = if good(camera.size.x) && good(camera.size.y) {

@@ -167,11 +167,12 @@ impl Track {
             self.doubt.1 += 1;
         }
         // A body behind the camera or beyond all is a mistake of depth.
-        let away = -(scene.view.camera_from_world.row(2) * posture.position)[0];
-        let depth = -away;
-        if !(DEPTHS.0..DEPTHS.1).contains(&depth) {
-            let ray = posture.position / depth.abs().max(0.1);
-            posture.position = ray * depth.clamp(DEPTHS.0, DEPTHS.1);
+        let forward = scene.view.camera_from_world.row(2).transpose();
+        let depth = forward.dot(&posture.position);
+        if depth < DEPTHS.0 {
+            posture.position += forward * (DEPTHS.0 - depth);
+        } else if depth > DEPTHS.1 {
+            posture.position *= DEPTHS.1 / depth;
         }
 
         if self.begun() {

@@ -73,8 +73,6 @@ pub struct FaceFit {
     looks: DVec2,
     raised: [f64; 2],
     last: Option<f64>,
-    /// Whether the neutral face is known, and no longer follows.
-    is_held: bool,
 }
 
 impl Default for FaceFit {
@@ -106,13 +104,21 @@ impl FaceFit {
             looks: DVec2::ZERO,
             raised: [0.0; 2],
             last: None,
-            is_held: false,
         }
     }
 
-    /// Takes the neutral face for known as it is, and follows no more.
+    /// Takes the neutral face for known as it is, and follows no more. What was seen for less than a second is learnt first.
     pub fn hold(&mut self) {
-        self.is_held = true;
+        let lengths = [
+            &mut self.gap,
+            &mut self.width,
+            &mut self.corners,
+            &mut self.lips,
+        ];
+        let pairs = [&mut self.brows, &mut self.lids, &mut self.gaze];
+        for neutral in lengths.into_iter().chain(pairs.into_iter().flatten()) {
+            neutral.hold();
+        }
     }
 
     /// Reads the face that was seen at `seconds` on the source's clock. With the `camera` the rotation is right also where the
@@ -149,17 +155,13 @@ impl FaceFit {
         let forward = similarity.to_from * DVec3::Z;
         let pitch_down = forward.y.clamp(-1.0, 1.0).asin();
         let brows = brows.map(|height| height - BROW_PITCH * pitch_down);
-        if !self.is_held {
-            self.gap.see(gap, step);
-            self.width.see(width, step);
-            self.corners.see(corners, step);
-            self.lips.see(lips, step);
-        }
+        self.gap.see(gap, step);
+        self.width.see(width, step);
+        self.corners.see(corners, step);
+        self.lips.see(lips, step);
         let mut blink = [0.0; 2];
         for side in [0, 1] {
-            if !self.is_held {
-                self.lids[side].see(lids[side], step);
-            }
+            self.lids[side].see(lids[side], step);
             let open = self.lids[side].value();
             let share = lids[side] / open.max(0.05);
             blink[side] = ((BLINK[0] - share) / (BLINK[0] - BLINK[1])).clamp(0.0, 1.0);
@@ -167,19 +169,15 @@ impl FaceFit {
                 continue;
             }
             let height = brows[side] - BROW_BLINK * blink[side];
-            if !self.is_held {
-                self.brows[side].see(height, step);
-            }
+            self.brows[side].see(height, step);
             let rise = height - self.brows[side].value();
             let moved = rise.signum() * (rise.abs() - BROW_STILL).max(0.0);
             self.raised[side] = (moved / (BROW - BROW_STILL)).clamp(-1.0, 1.0);
         }
         // Irises behind lids say nothing: the eyes keep their direction through a blink.
         if blink[0].max(blink[1]) < IRIS_HIDDEN {
-            if !self.is_held {
-                self.gaze[0].see(gaze.x, step);
-                self.gaze[1].see(gaze.y, step);
-            }
+            self.gaze[0].see(gaze.x, step);
+            self.gaze[1].see(gaze.y, step);
             let straight = DVec2::new(self.gaze[0].value(), self.gaze[1].value());
             let sine = (gaze - straight).clamp(DVec2::NEG_ONE, DVec2::ONE);
             self.looks = DVec2::new(sine.x.asin(), sine.y.asin()).clamp(-GAZE, GAZE);

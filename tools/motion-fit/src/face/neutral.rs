@@ -31,6 +31,7 @@ pub(super) struct Neutral {
     first: [f64; FIRST_SAMPLES],
     count: usize,
     seconds: f64,
+    is_held: bool,
 }
 
 impl Neutral {
@@ -41,7 +42,13 @@ impl Neutral {
             first: [0.0; FIRST_SAMPLES],
             count: 0,
             seconds: 0.0,
+            is_held: false,
         }
+    }
+
+    /// Follows no more, once the first second has given the value.
+    pub(super) fn hold(&mut self) {
+        self.is_held = true;
     }
 
     /// Takes a finite `sample` that was seen `seconds` (at least 0) after the one before.
@@ -70,6 +77,9 @@ impl Neutral {
             self.value = (found * count + usual * PRIOR_SAMPLES) / (count + PRIOR_SAMPLES);
             return;
         }
+        if self.is_held {
+            return;
+        }
         // Steps up and down balance where `quantile` of the samples are below.
         let (up, down) = (rate * quantile * seconds, rate * (1.0 - quantile) * seconds);
         self.value = if sample > self.value {
@@ -82,5 +92,48 @@ impl Neutral {
     /// The neutral value.
     pub(super) fn value(&self) -> f64 {
         self.value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const USUAL: Usual = Usual {
+        value: 1.0,
+        range: 0.5,
+        quantile: 0.5,
+        rate: 0.1,
+    };
+
+    #[test]
+    fn what_is_held_before_it_was_learnt_is_learnt_first_and_then_stays() {
+        let mut neutral = Neutral::new(USUAL);
+        neutral.hold();
+        for _ in 0..30 {
+            neutral.see(1.3, 1.0 / 30.0);
+        }
+        let learnt = neutral.value();
+        assert!((learnt - 1.3).abs() < 0.03, "{learnt} of 1.3");
+        for _ in 0..3000 {
+            neutral.see(0.7, 1.0 / 30.0);
+        }
+        assert!(
+            (neutral.value() - learnt).abs() < 0.03,
+            "held: {} after {learnt}",
+            neutral.value()
+        );
+    }
+
+    #[test]
+    fn what_is_not_held_follows_slowly() {
+        let mut neutral = Neutral::new(USUAL);
+        for _ in 0..30 {
+            neutral.see(1.3, 1.0 / 30.0);
+        }
+        for _ in 0..3000 {
+            neutral.see(0.7, 1.0 / 30.0);
+        }
+        assert!((neutral.value() - 0.7).abs() < 0.03, "{}", neutral.value());
     }
 }

@@ -235,6 +235,8 @@ pub struct Observation {
     pub body: Option<BodyEstimate>,
     /// The person's left and right hand.
     pub hands: [Option<HandEstimate>; 2],
+    /// Whether the left and the right hand were left out of this picture, because hands take turns: nothing is known of them.
+    pub hands_skipped: [bool; 2],
     /// The face.
     pub face: Option<FaceEstimate>,
 }

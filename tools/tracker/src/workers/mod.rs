@@ -42,6 +42,7 @@ impl Seen {
             seconds: self.seconds,
             body: self.body,
             hands: self.hands,
+            hands_skipped: self.hands_looked_at.map(|looked_at| !looked_at),
             face: self.face,
         }
     }
