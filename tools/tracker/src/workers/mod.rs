@@ -72,6 +72,8 @@ pub struct Tracker {
     body: Worker<BodyFound>,
     hands: Vec<Worker<HandsFound>>,
     face: Option<Worker<Option<FaceEstimate>>>,
+    /// What a thread that has ended was for. The others may be left with a picture whose answer is not taken, so that they get no more.
+    stopped: Option<&'static str>,
 }
 
 impl Tracker {
@@ -98,6 +100,7 @@ impl Tracker {
             body: body(models.body)?,
             hands,
             face: models.face.map(face).transpose()?,
+            stopped: None,
         })
     }
 
@@ -106,8 +109,19 @@ impl Tracker {
     ///
     /// # Errors
     /// Those of the models, and [`TrackerError::Stopped`] if a thread has ended. After an error of a model the next picture may be
-    /// handed over.
+    /// handed over; a thread that has ended is the error of all further ones.
     pub fn observe(&mut self, picture: &Arc<dyn SharedPicture>) -> Result<Seen, TrackerError> {
+        if let Some(unit) = self.stopped {
+            return Err(TrackerError::Stopped { unit });
+        }
+        let seen = self.look(picture);
+        if let Err(TrackerError::Stopped { unit }) = seen {
+            self.stopped = Some(unit);
+        }
+        seen
+    }
+
+    fn look(&self, picture: &Arc<dyn SharedPicture>) -> Result<Seen, TrackerError> {
         let start = Instant::now();
         self.body.look(picture)?;
         for worker in &self.hands {

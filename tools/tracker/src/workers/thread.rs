@@ -29,7 +29,8 @@ pub(super) struct Worker<T> {
     unit: &'static str,
     /// Nothing once the thread is to end.
     messages: Option<SyncSender<Message>>,
-    answers: Receiver<Answer<T>>,
+    /// As with the messages.
+    answers: Option<Receiver<Answer<T>>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -95,7 +96,7 @@ impl<T: Send + 'static> Worker<T> {
         Ok(Self {
             unit,
             messages: Some(messages),
-            answers,
+            answers: Some(answers),
             thread: Some(thread),
         })
     }
@@ -111,30 +112,28 @@ impl<T: Send + 'static> Worker<T> {
     }
 
     fn send(&self, message: Message) -> Result<(), TrackerError> {
-        let stopped = TrackerError::Stopped { unit: self.unit };
-        let Some(messages) = &self.messages else {
-            return Err(stopped);
-        };
-        messages.send(message).map_err(|_| stopped)
+        let sent = self.messages.as_ref().map(|to| to.send(message));
+        match sent {
+            Some(Ok(())) => Ok(()),
+            _ => Err(TrackerError::Stopped { unit: self.unit }),
+        }
     }
 
     /// Waits for what the thread found in the picture.
     pub(super) fn answer(&self) -> Result<Answer<T>, TrackerError> {
-        self.answers
-            .recv()
-            .map_err(|_| TrackerError::Stopped { unit: self.unit })
+        let answer = self.answers.as_ref().and_then(|from| from.recv().ok());
+        answer.ok_or(TrackerError::Stopped { unit: self.unit })
     }
 }
 
 impl<T> Drop for Worker<T> {
     fn drop(&mut self) {
+        // Before the thread is waited for, which may wait to be told, or to have its answer taken.
         drop(self.messages.take());
-        // An answer that was not taken must not keep the thread.
-        while self.answers.try_recv().is_ok() {}
-        if let Some(thread) = self.thread.take()
-            && thread.join().is_err()
-        {
-            log::error!("the tracker's thread for {} panicked", self.unit);
+        drop(self.answers.take());
+        if let Some(thread) = self.thread.take() {
+            // That it panicked was returned as `TrackerError::Stopped`.
+            let _ = thread.join();
         }
     }
 }
