@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::mem::swap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::{Builder, JoinHandle, sleep};
+use std::thread::{Builder, JoinHandle, panicking, sleep};
 use std::time::{Duration, Instant};
 
 use super::LONGEST_SILENCE;
@@ -90,9 +90,10 @@ impl Queue {
             changed: Condvar::new(),
         });
         let theirs = Arc::clone(&shared);
+        let source = name.to_owned();
         let thread = Builder::new()
             .name("pictures".to_owned())
-            .spawn(move || read(&theirs, keep, next))
+            .spawn(move || read(&theirs, source, keep, next))
             .map_err(|source| SourceError::Thread {
                 name: name.to_owned(),
                 source,
@@ -166,18 +167,28 @@ impl Drop for Queue {
     }
 }
 
-/// Says that the thread ended, also where it panicked: the caller must not wait for it.
-struct Ended<'a>(&'a Shared);
+/// Says that the thread ended, also where it panicked: the caller must not wait for it, nor take it for the end.
+struct Ended<'a> {
+    shared: &'a Shared,
+    source: String,
+}
 
 impl Drop for Ended<'_> {
     fn drop(&mut self) {
-        self.0.lock().ended = true;
-        self.0.changed.notify_all();
+        let mut state = self.shared.lock();
+        state.ended = true;
+        if panicking() {
+            let name = std::mem::take(&mut self.source);
+            state.end = Some(Err(SourceError::Stopped { name }));
+        }
+        drop(state);
+        self.shared.changed.notify_all();
     }
 }
 
-fn read(shared: &Shared, keep: Keep, mut next: Next) {
-    let _ended = Ended(shared);
+/// The thread: reads `source`, as messages call it, by `next`.
+fn read(shared: &Shared, source: String, keep: Keep, mut next: Next) {
+    let _ended = Ended { shared, source };
     loop {
         let mut picture = {
             let mut state = shared.lock();
@@ -350,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_of_the_thread_ends_the_pictures() {
+    fn a_panic_of_the_thread_is_an_error_after_the_pictures_before_it() {
         let queue = Queue::start(
             "test",
             Keep::Every(1),
@@ -364,6 +375,14 @@ mod tests {
                 .expect("no patience")
                 .expect("no error"),
             "the first"
+        );
+        let why = queue
+            .next(&mut picture, None)
+            .expect("no patience")
+            .expect_err("it panicked");
+        assert!(
+            matches!(&why, SourceError::Stopped { name } if name == "test"),
+            "{why}"
         );
         assert!(
             !queue

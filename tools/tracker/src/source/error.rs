@@ -156,6 +156,14 @@ pub enum SourceError {
         /// What there is instead.
         why: String,
     },
+    /// The thread that reads it panicked.
+    #[error(
+        "the thread that reads {name} failed, so no more pictures come: start anew, and report its message"
+    )]
+    Stopped {
+        /// The source's name.
+        name: String,
+    },
     /// The system gave no thread.
     #[error("cannot start a thread to read {name}")]
     Thread {
