@@ -172,7 +172,33 @@ fn a_picture_without_an_end_is_not_read_for_ever() {
         BufReader::new(repeat(7)),
         &Wanted::default(),
     );
-    nothing.expect_err("no picture in it");
+    let message = nothing.expect_err("no picture in it").to_string();
+    assert!(message.contains("1 MiB"), "{message}");
+}
+
+#[test]
+fn the_end_differs_from_much_that_is_no_picture() {
+    let (one, mut whole) = (grey(false, true), Vec::new());
+    let mut next = |between: &[u8], last: &[u8]| {
+        let bytes = [one.as_slice(), between, last].concat();
+        let mut input = bytes.as_slice();
+        [(); 2].map(|()| next_picture(&mut input, &mut whole).expect("memory is read"))
+    };
+    let much = vec![7; 2 << 20];
+    for (between, last, expected) in [
+        (&much[..1000], one.as_slice(), Found::Whole),
+        (&much[..1000], &[], Found::End),
+        (&much, &one, Found::OtherBytes),
+        (&much, &[], Found::OtherBytes),
+    ] {
+        assert_eq!(next(between, last), [Found::Whole, expected]);
+    }
+    // A recording gives what it has.
+    let bytes = [one.as_slice(), &much].concat();
+    let mut source = opened(&bytes).expect("a picture");
+    let mut picture = Picture::empty();
+    assert!(source.next(&mut picture).expect("no error"), "the first");
+    assert!(!source.next(&mut picture).expect("no error"), "the end");
 }
 
 /// Its one table of quantization has no such number.
