@@ -1,7 +1,6 @@
 //! A camera: the mode nearest to what is wanted, its newest picture, and the driver's time of capture. What the system offers is
 //! behind [`Driver`].
 
-use std::io;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -13,6 +12,7 @@ use super::picture::{MOST_DAMAGED, Picture, Source, SourceInfo, Wanted, within_l
 
 /// Without a picture: cameras begin within two seconds.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
+
 /// Opens and starts the camera at a path.
 pub(super) fn open(device: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     #[cfg(all(target_os = "linux", target_pointer_width = "64"))]
@@ -64,7 +64,7 @@ impl<D: Driver> Camera<D> {
         let rate_hz = wanted.rate_of_recording_hz();
         let modes = driver
             .modes(size)
-            .map_err(|why| refused(device, "to list its formats", why))?;
+            .map_err(|why| SourceError::of_camera(device, "to list its formats", why))?;
         let Some(mode) = choose(&modes, size, rate_hz) else {
             let mut has: Vec<String> = modes
                 .iter()
@@ -83,7 +83,7 @@ impl<D: Driver> Camera<D> {
         };
         let layout = driver
             .start(mode, rate_hz)
-            .map_err(|why| refused(device, "to start", why))?;
+            .map_err(|why| SourceError::of_camera(device, "to start", why))?;
         within_limits(device, layout.width, layout.height)?;
         let row = layout.width as usize
             * match layout.format {
@@ -148,7 +148,7 @@ impl<D: Driver> Camera<D> {
             let filled = self
                 .driver
                 .dequeue(patience)
-                .map_err(|why| refused(&self.device, "to give a picture", why))?;
+                .map_err(|why| SourceError::of_camera(&self.device, "to give a picture", why))?;
             let Some(filled) = filled else {
                 match held {
                     Some(held) => return Ok(held),
@@ -158,10 +158,10 @@ impl<D: Driver> Camera<D> {
             taken += 1;
             self.count(filled.sequence);
             if let Some(old) = held.take() {
-                self.give_back(old.index)?;
+                self.give_back(old)?;
             }
             if filled.damaged {
-                self.give_back(filled.index)?;
+                self.give_back(filled)?;
                 if left.is_zero() {
                     return Err(self.silent());
                 }
@@ -172,7 +172,7 @@ impl<D: Driver> Camera<D> {
             }
             if taken >= self.driver.buffers() {
                 // All were full, so newer pictures were lost: even the last of them may be old. The next one is not.
-                self.give_back(filled.index)?;
+                self.give_back(filled)?;
                 waited = true;
                 continue;
             }
@@ -200,10 +200,10 @@ impl<D: Driver> Camera<D> {
         self.last_sequence = Some(sequence);
     }
 
-    fn give_back(&mut self, index: usize) -> Result<(), SourceError> {
+    fn give_back(&mut self, filled: Filled) -> Result<(), SourceError> {
         self.driver
-            .requeue(index)
-            .map_err(|why| refused(&self.device, "to take a buffer back", why))
+            .requeue(filled)
+            .map_err(|why| SourceError::of_camera(&self.device, "to take a buffer back", why))
     }
 
     fn convert(&mut self, filled: &Filled, into: &mut Picture) -> Result<(), SourceError> {
@@ -255,19 +255,6 @@ impl<D: Driver> Camera<D> {
     }
 }
 
-fn refused(device: &str, doing: &'static str, source: io::Error) -> SourceError {
-    let device = device.to_owned();
-    match source.kind() {
-        io::ErrorKind::ResourceBusy => SourceError::Busy { device },
-        io::ErrorKind::PermissionDenied => SourceError::NoPermission { device },
-        _ => SourceError::Device {
-            device,
-            doing,
-            source,
-        },
-    }
-}
-
 /// The mode that costs least: a picture of the wrong size is worth less, a low rate is worth still less, and among equals those
 /// formats are taken that are converted quickest.
 fn choose(modes: &[Mode], (width, height): (u32, u32), rate_hz: f64) -> Option<Mode> {
@@ -304,7 +291,8 @@ impl<D: Driver> Source for Camera<D> {
             let filled = self.newest()?;
             let read = Instant::now();
             let converted = self.convert(&filled, into);
-            self.give_back(filled.index)?;
+            let at = filled.at.unwrap_or(read);
+            self.give_back(filled)?;
             if let Err(why) = converted {
                 damaged += 1;
                 if damaged == MOST_DAMAGED {
@@ -313,7 +301,7 @@ impl<D: Driver> Source for Camera<D> {
                 log::debug!("{why}");
                 continue;
             }
-            into.at = filled.at.unwrap_or(read);
+            into.at = at;
             let first = *self.first_at.get_or_insert(into.at);
             self.seconds = self
                 .seconds

@@ -173,3 +173,19 @@ pub enum SourceError {
         source: io::Error,
     },
 }
+
+impl SourceError {
+    /// Of what the system answers about the camera `device`, while doing `doing`.
+    pub(super) fn of_camera(device: &str, doing: &'static str, source: io::Error) -> Self {
+        let device = device.to_owned();
+        match source.kind() {
+            io::ErrorKind::ResourceBusy => Self::Busy { device },
+            io::ErrorKind::PermissionDenied => Self::NoPermission { device },
+            _ => Self::Device {
+                device,
+                doing,
+                source,
+            },
+        }
+    }
+}

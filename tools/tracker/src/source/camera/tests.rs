@@ -1,4 +1,5 @@
 use std::collections::VecDeque;
+use std::io;
 use std::sync::{Arc, Mutex};
 
 use super::super::colour::{Matrix, Range};
@@ -81,8 +82,8 @@ impl Driver for Fake {
         self.1.get(filled.index).map_or(&[], Vec::as_slice)
     }
 
-    fn requeue(&mut self, index: usize) -> io::Result<()> {
-        self.with(|script| script.returned.push(index));
+    fn requeue(&mut self, filled: Filled) -> io::Result<()> {
+        self.with(|script| script.returned.push(filled.index));
         Ok(())
     }
 }
@@ -261,9 +262,12 @@ fn a_picture_without_a_time_has_that_of_its_reading_not_of_its_conversion() {
 #[test]
 fn a_camera_that_gives_only_damage_or_nothing_fails() {
     let begun = Instant::now();
-    let mut short = filled(begun, 0, 0, 0);
-    short.bytes = 3;
-    let (_, mut camera) = small(vec![], vec![short; 200]);
+    let short = || Filled {
+        bytes: 3,
+        ..filled(begun, 0, 0, 0)
+    };
+    let all = std::iter::repeat_with(short).take(200).collect();
+    let (_, mut camera) = small(vec![], all);
     let message = camera
         .next(&mut Picture::empty())
         .expect_err("damage")
