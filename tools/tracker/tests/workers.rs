@@ -7,23 +7,18 @@ use tracker::models::{
     BodyEstimate, BodyModel, FaceEstimate, FaceHint, FaceModel, HandEstimate, HandHint, HandModel,
     HandModels, Models, Side,
 };
-use tracker::picture::{PictureView, SharedPicture};
+use tracker::picture::PictureView;
+use tracker::source::Picture;
 use tracker::{Tracker, TrackerError};
 
-struct Grey(u32);
-
-impl SharedPicture for Grey {
-    fn view(&self) -> Result<PictureView<'_>, TrackerError> {
-        PictureView::new(2, 1, &[128; 6])
-    }
-
-    fn seconds(&self) -> f64 {
-        f64::from(self.0) / 30.0
-    }
-}
-
-fn picture(number: u32) -> Arc<dyn SharedPicture> {
-    Arc::new(Grey(number))
+fn picture(number: u32) -> Arc<Picture> {
+    Arc::new(Picture {
+        width: 2,
+        height: 1,
+        rgb: vec![128; 6],
+        seconds: f64::from(number) / 30.0,
+        ..Picture::empty()
+    })
 }
 
 type Log = Arc<Mutex<Vec<String>>>;

@@ -31,7 +31,6 @@ struct State {
     end: Option<Result<(), SourceError>>,
     ended: bool,
     stopped: bool,
-    dropped: u64,
 }
 
 #[derive(Debug)]
@@ -85,7 +84,6 @@ impl Queue {
                 end: None,
                 ended: false,
                 stopped: false,
-                dropped: 0,
             }),
             changed: Condvar::new(),
         });
@@ -140,10 +138,6 @@ impl Queue {
                 }
             };
         }
-    }
-
-    pub(super) fn dropped(&self) -> u64 {
-        self.shared.lock().dropped
     }
 
     /// Asks the thread to end after the picture it is reading.
@@ -216,7 +210,6 @@ fn read(shared: &Shared, source: String, keep: Keep, mut next: Next) {
                 if keep == Keep::Newest
                     && let Some(old) = state.ready.pop_front()
                 {
-                    state.dropped += 1;
                     state.free.push(old);
                 }
                 state.ready.push_back(picture);
@@ -241,10 +234,9 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// With [`Keep::Newest`] it is live.
+    /// Starts the thread.
     pub(super) fn over(mut source: Box<dyn Source>, keep: Keep) -> Result<Self, SourceError> {
-        let mut info = source.info().clone();
-        info.live |= keep == Keep::Newest;
+        let info = source.info().clone();
         let queue = Queue::start(&info.name, keep, Box::new(move |into| source.next(into)))?;
         Ok(Self {
             info,
@@ -268,10 +260,6 @@ impl Source for Ahead {
                     seconds: self.patience.as_secs(),
                 })
             })
-    }
-
-    fn dropped(&self) -> u64 {
-        self.queue.dropped()
     }
 }
 
@@ -314,17 +302,18 @@ mod tests {
                 "no end"
             );
         }
-        assert_eq!(queue.dropped(), 0, "dropped");
     }
 
     #[test]
-    fn the_newest_picture_is_given_and_older_ones_are_counted() {
+    fn the_newest_picture_is_given_and_older_ones_are_left_out() {
         let (go, wait) = channel::<()>();
+        let (tell, told) = channel();
         let queue = Queue::start(
             "test",
             Keep::Newest,
             numbered(100, move |number| {
                 if number == 10 {
+                    tell.send(()).expect("the test waits");
                     let _ = wait.recv();
                 }
             }),
@@ -332,10 +321,8 @@ mod tests {
         .expect("a thread");
         let mut picture = Picture::empty();
         // Until ten were read, nine of which were in the way.
-        let begun = Instant::now();
-        while queue.dropped() < 9 && begun.elapsed() < Duration::from_secs(20) {
-            sleep(Duration::from_millis(1));
-        }
+        told.recv_timeout(Duration::from_secs(20))
+            .expect("it reads on");
         assert!(
             queue
                 .next(&mut picture, None)
@@ -343,7 +330,7 @@ mod tests {
                 .expect("no error"),
             "nothing"
         );
-        assert_eq!((picture.number, queue.dropped()), (9, 9), "newest");
+        assert_eq!(picture.number, 9, "newest");
         assert!(
             queue
                 .next(&mut picture, Some(Duration::from_millis(5)))
@@ -415,7 +402,6 @@ mod tests {
             width: 1,
             height: 1,
             rate_hz: None,
-            live: false,
             frames: None,
         };
         let mut ahead = Ahead::over(Box::new(Stalled(info, wait)), Keep::Newest).expect("a thread");

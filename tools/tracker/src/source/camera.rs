@@ -8,13 +8,16 @@ use super::colour::Conversion;
 use super::driver::{Driver, Filled, JPEG, Layout, MJPG, Mode, NV12, RGB3, YUYV};
 use super::error::SourceError;
 use super::jpeg::JpegPictures;
-use super::picture::{MOST_DAMAGED, Picture, Source, SourceInfo, Wanted, within_limits};
+use super::picture::{MOST_DAMAGED, Picture, RATE_HZ, Source, SourceInfo, within_limits};
 
 /// Without a picture: cameras begin within two seconds.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
 
+/// Width and height in pixels, to which the mode that is taken is nearest.
+const SIZE: (u32, u32) = (1280, 720);
+
 /// Opens and starts the camera at a path.
-pub(super) fn open(device: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+pub(super) fn open(device: &Path) -> Result<Box<dyn Source>, SourceError> {
     #[cfg(all(target_os = "linux", target_pointer_width = "64"))]
     {
         let driver = super::v4l2::Device::open(device)?;
@@ -23,12 +26,10 @@ pub(super) fn open(device: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, So
             &device.display().to_string(),
             name,
             driver,
-            wanted,
         )?))
     }
     #[cfg(not(all(target_os = "linux", target_pointer_width = "64")))]
     {
-        let _ = wanted;
         Err(SourceError::NoCameras {
             device: device.display().to_string(),
         })
@@ -47,25 +48,17 @@ pub(super) struct Camera<D> {
     first_at: Option<Instant>,
     seconds: f64,
     last_sequence: Option<u32>,
-    /// Of the last picture taken from the driver, and how many were given to the caller.
+    /// Of the last picture taken from the driver.
     number: u64,
-    given: u64,
 }
 
 impl<D: Driver> Camera<D> {
     /// Chooses the mode and starts the driver.
-    pub(super) fn start(
-        device: &str,
-        name: String,
-        mut driver: D,
-        wanted: &Wanted,
-    ) -> Result<Self, SourceError> {
-        let size = wanted.size.unwrap_or((1280, 720));
-        let rate_hz = wanted.rate_of_recording_hz();
+    pub(super) fn start(device: &str, name: String, mut driver: D) -> Result<Self, SourceError> {
         let modes = driver
-            .modes(size)
+            .modes(SIZE)
             .map_err(|why| SourceError::of_camera(device, "to list its formats", why))?;
-        let Some(mode) = choose(&modes, size, rate_hz) else {
+        let Some(mode) = choose(&modes, SIZE, RATE_HZ) else {
             let mut has: Vec<String> = modes
                 .iter()
                 .map(|mode| mode.format.escape_ascii().to_string())
@@ -82,7 +75,7 @@ impl<D: Driver> Camera<D> {
             });
         };
         let layout = driver
-            .start(mode, rate_hz)
+            .start(mode, RATE_HZ)
             .map_err(|why| SourceError::of_camera(device, "to start", why))?;
         within_limits(device, layout.width, layout.height)?;
         let row = layout.width as usize
@@ -112,7 +105,7 @@ impl<D: Driver> Camera<D> {
             "{name}: {} x {} {format}, {} Hz",
             layout.width,
             layout.height,
-            layout.rate_hz.unwrap_or(rate_hz)
+            layout.rate_hz.unwrap_or(RATE_HZ)
         );
         Ok(Self {
             device: device.to_owned(),
@@ -121,7 +114,6 @@ impl<D: Driver> Camera<D> {
                 width: layout.width,
                 height: layout.height,
                 rate_hz: layout.rate_hz,
-                live: true,
                 frames: None,
             },
             driver,
@@ -132,7 +124,6 @@ impl<D: Driver> Camera<D> {
             seconds: 0.0,
             last_sequence: None,
             number: 0,
-            given: 0,
         })
     }
 
@@ -308,16 +299,7 @@ impl<D: Driver> Source for Camera<D> {
                 .max(into.at.saturating_duration_since(first).as_secs_f64());
             into.seconds = self.seconds;
             into.number = self.number;
-            self.given += 1;
             return Ok(true);
-        }
-    }
-
-    fn dropped(&self) -> u64 {
-        if self.last_sequence.is_none() {
-            0
-        } else {
-            (self.number + 1).saturating_sub(self.given)
         }
     }
 }

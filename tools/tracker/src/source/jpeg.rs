@@ -13,7 +13,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::error::SourceError;
 use super::picture::{
-    LARGEST_SIDE, MOST_DAMAGED, Picture, Source, SourceInfo, Wanted, bytes_of, within_limits,
+    LARGEST_SIDE, MOST_DAMAGED, Picture, RATE_HZ, Source, SourceInfo, bytes_of, within_limits,
 };
 
 /// Of one picture; a camera's of the largest size has fewer.
@@ -268,22 +268,19 @@ pub(super) struct MotionJpeg<R> {
     damaged: u64,
     /// Whether there was a warning of them.
     has_warned: bool,
-    period_seconds: f64,
     ended: bool,
 }
 
 impl<R: BufRead> MotionJpeg<R> {
-    /// Reads the first picture.
-    pub(super) fn open(name: String, input: R, wanted: &Wanted) -> Result<Self, SourceError> {
-        let rate_hz = wanted.rate_of_recording_hz();
+    /// Reads the first picture. `changing_size` says whether the others may be of another size, as live ones may.
+    pub(super) fn open(name: String, input: R, changing_size: bool) -> Result<Self, SourceError> {
         let mut stream = Self {
-            changing_size: wanted.changing_size,
+            changing_size,
             info: SourceInfo {
                 name,
                 width: 0,
                 height: 0,
-                rate_hz: Some(rate_hz),
-                live: false,
+                rate_hz: Some(RATE_HZ),
                 frames: None,
             },
             input,
@@ -292,7 +289,6 @@ impl<R: BufRead> MotionJpeg<R> {
             number: 0,
             damaged: 0,
             has_warned: false,
-            period_seconds: rate_hz.recip(),
             ended: false,
         };
         let mut first = Picture::empty();
@@ -406,14 +402,10 @@ impl<R: BufRead + Send> Source for MotionJpeg<R> {
         into.number = self.number;
         #[allow(clippy::cast_precision_loss, reason = "below 2^53 pictures")]
         {
-            into.seconds = self.number as f64 * self.period_seconds;
+            into.seconds = self.number as f64 / RATE_HZ;
         }
         self.number += 1;
         Ok(true)
-    }
-
-    fn dropped(&self) -> u64 {
-        self.damaged
     }
 }
 

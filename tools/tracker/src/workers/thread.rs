@@ -2,7 +2,7 @@
 
 use crate::TrackerError;
 use crate::models::BodyHints;
-use crate::picture::SharedPicture;
+use crate::source::Picture;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -11,7 +11,7 @@ use std::time::Instant;
 /// What a thread is told.
 enum Message {
     /// A new picture.
-    Look(Arc<dyn SharedPicture>),
+    Look(Arc<Picture>),
     /// What the body's thread found in it.
     Body(Option<BodyHints>),
 }
@@ -63,9 +63,7 @@ impl<T: Send + 'static> Worker<T> {
     /// Starts a thread that does `work` on every picture.
     pub(super) fn start(
         unit: &'static str,
-        mut work: impl FnMut(&dyn SharedPicture, &mut Inbox<'_>) -> Result<T, TrackerError>
-        + Send
-        + 'static,
+        mut work: impl FnMut(&Picture, &mut Inbox<'_>) -> Result<T, TrackerError> + Send + 'static,
     ) -> Result<Self, TrackerError> {
         // A picture and the body's answer to it.
         let (messages, inbox) = sync_channel(2);
@@ -80,7 +78,7 @@ impl<T: Send + 'static> Worker<T> {
                     messages: &inbox,
                     busy_ms: 0.0,
                 };
-                let found = work(&*picture, &mut inbox);
+                let found = work(&picture, &mut inbox);
                 let busy_ms = inbox.busy_ms;
                 // Before the answer: the source may use its memory again.
                 drop(picture);
@@ -102,7 +100,7 @@ impl<T: Send + 'static> Worker<T> {
     }
 
     /// Hands a picture over.
-    pub(super) fn look(&self, picture: &Arc<dyn SharedPicture>) -> Result<(), TrackerError> {
+    pub(super) fn look(&self, picture: &Arc<Picture>) -> Result<(), TrackerError> {
         self.send(Message::Look(Arc::clone(picture)))
     }
 
