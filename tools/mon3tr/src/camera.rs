@@ -22,8 +22,7 @@ use tracker::Tracker;
 use tracker::custom;
 use tracker::mediapipe::{self, HandsBy};
 use tracker::models::Models;
-use tracker::picture::SharedPicture;
-use tracker::source::{self, Picture, Source, SourceChoice, Wanted};
+use tracker::source::{self, Picture, Source, SourceChoice};
 use tracker::workers::StageTimes;
 
 /// Options that choose a camera.
@@ -228,7 +227,7 @@ impl OpenCamera {
         options: &CaptureOptions,
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
-        let source = source::open_live(choice, &Wanted::default(), true);
+        let source = source::open_live(choice, true);
         Self::new(source.context("cannot capture")?, options, device)
     }
 
@@ -238,7 +237,7 @@ impl OpenCamera {
         options: &CaptureOptions,
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
-        let source = source::open(choice, &Wanted::default());
+        let source = source::open(choice);
         Self::new(source.context("cannot track")?, options, device)
     }
 
@@ -339,8 +338,7 @@ impl CameraCapture {
         if let Some(last) = self.last.replace(picture.number) {
             self.skipped += picture.number.saturating_sub(last + 1);
         }
-        let shared: Arc<dyn SharedPicture> = Arc::clone(&self.picture) as _;
-        let seen = self.tracker.observe(&shared)?;
+        let seen = self.tracker.observe(&self.picture)?;
         let (times, people) = (seen.times, seen.people);
         let observation = seen.into_observation();
         let began = Instant::now();

@@ -14,7 +14,7 @@ use spmm3::Avatar;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
-use tracker::source::{self, Picture, SourceChoice, Wanted};
+use tracker::source::{self, Picture, SourceChoice};
 
 /// Height of the animation, pixels.
 const HEIGHT: u32 = 480;
@@ -28,7 +28,7 @@ pub(crate) fn draw(
     file: &Path,
 ) -> anyhow::Result<()> {
     let TrackedRecording { seen, camera, .. } = recording;
-    let mut source = source::open(choice, &Wanted::default())?;
+    let mut source = source::open(choice)?;
     let composition = Composition::of_height(camera, HEIGHT);
     let shown = &seen[..seen.len().min(DRAWN)];
     let stills = shown.iter().map(|seen| Still {

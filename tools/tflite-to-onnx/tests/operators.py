@@ -131,4 +131,10 @@ def write(file):
     n.out("DEPTHWISE_CONV_2D", [y, n.noise(1, 3, 3, 3), n.noise(3)], full, "DepthwiseConv2DOptions", depthMultiplier=1, **{**conv, "dilationHFactor": 2, "dilationWFactor": 2})
     n.out("FULLY_CONNECTED", [y, n.noise(5, 3), n.noise(5)], [1, 16, 16, 5], "FullyConnectedOptions", keepNumDims=True)
     n.out("FULLY_CONNECTED", [row, n.noise(4, 3), -1], [16, 4], "FullyConnectedOptions", fusedActivationFunction=RELU)
+    # Pictures as they come of five dimensions.
+    five = n.op("RESHAPE", [y, n.constant([1, 8, 2, 16, 3])], [1, 8, 2, 16, 3], "ReshapeOptions", newShape=[1, 8, 2, 16, 3])
+    for name, axis, shape in [("SUM", 2, [1, 8, 16, 3]), ("MEAN", -1, [1, 8, 2, 16])]:
+        n.out(name, [five, n.constant([axis])], shape, "ReducerOptions", keepDims=False)
+    pooled = n.op("MEAN", [five, n.constant([1])], [1, 2, 16, 3], "ReducerOptions", keepDims=False)
+    n.out("AVERAGE_POOL_2D", [pooled], [1, 1, 8, 3], "Pool2DOptions", padding=VALID, strideW=2, strideH=2, filterWidth=2, filterHeight=2)
     n.write(file)

@@ -1,6 +1,6 @@
 //! Looks at pictures (PNG) as at those of a camera, 30 a second, and prints what is seen and the time of each stage; with `--out
 //! FOLDER`, draws the landmarks into copies there. `--repeat N` shows each picture N times, `--every N` searches again in every N-th,
-//! `--hands none|shared|alternating|each`, `--lite` takes the lighter network for hands.
+//! `--hands none|alternating|each` (each without it).
 //!
 //! `MON3TR_NETWORKS=FOLDER cargo run --release -p tracker --example look -- picture.png --repeat 20 --out /tmp/seen`
 
@@ -11,26 +11,10 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
-use tracker::mediapipe::{HandNetwork, HandsBy, Options};
+use tracker::Tracker;
+use tracker::mediapipe::{HandsBy, Options};
 use tracker::networks::NetworkSet;
-use tracker::picture::{PictureView, SharedPicture};
-use tracker::{Tracker, TrackerError};
-
-struct Still {
-    picture: RgbImage,
-    seconds: f64,
-}
-
-impl SharedPicture for Still {
-    fn view(&self) -> Result<PictureView<'_>, TrackerError> {
-        let (width, height) = self.picture.dimensions();
-        PictureView::new(width as usize, height as usize, self.picture.as_raw())
-    }
-
-    fn seconds(&self) -> f64 {
-        self.seconds
-    }
-}
+use tracker::source::Picture;
 
 /// Collects what networks say of their times, by the rest of the line before the number.
 struct Times(Mutex<BTreeMap<String, Vec<f64>>>);
@@ -72,13 +56,20 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--out" => out = Some(PathBuf::from(value()?)),
             "--repeat" => repeat = value()?.parse()?,
             "--every" => options.search_every = value()?.parse()?,
-            "--lite" => options.hand_network = HandNetwork::Lite,
             "--hands" => {
                 options.hands = match value()?.as_str() {
                     "none" => HandsBy::None,
                     "alternating" => HandsBy::Alternating,
-                    _ => HandsBy::Each,
+                    "each" => HandsBy::Each,
+                    other => {
+                        return Err(
+                            format!("--hands is none, alternating or each, not {other}").into()
+                        );
+                    }
                 }
+            }
+            other if other.starts_with('-') => {
+                return Err(format!("there is no option {other}; those that there are: --out, --repeat, --every, --hands").into());
             }
             _ => files.push(PathBuf::from(argument)),
         }
@@ -94,9 +85,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         let pixels = image::open(file)?.to_rgb8();
         let mut last = None;
         for _ in 0..repeat {
-            let picture: Arc<dyn SharedPicture> = Arc::new(Still {
-                picture: pixels.clone(),
+            let picture = Arc::new(Picture {
+                width: pixels.width(),
+                height: pixels.height(),
+                rgb: pixels.as_raw().clone(),
                 seconds: f64::from(number) / 30.0,
+                ..Picture::empty()
             });
             let seen = tracker.observe(&picture)?;
             let t = seen.times;

@@ -45,15 +45,3 @@ impl<'a> PictureView<'a> {
         self.rgb
     }
 }
-
-/// A picture that threads share.
-pub trait SharedPicture: Send + Sync {
-    /// Its pixels.
-    ///
-    /// # Errors
-    /// As [`PictureView::new`].
-    fn view(&self) -> Result<PictureView<'_>, TrackerError>;
-
-    /// When the light fell, seconds on the source's clock.
-    fn seconds(&self) -> f64;
-}

@@ -1,7 +1,8 @@
 //! Where pictures come from: a camera, a video file or an address, a folder of pictures, or standard input, behind one trait.
 //!
 //! [`open`] gives every picture of a recording, and the newest one of a camera or a live address. [`open_live`] makes any of
-//! them behave as a camera does: a recording plays at its own rate, and what the caller is too late for is dropped and counted.
+//! them behave as a camera does: a recording plays at its own rate, and what the caller is too late for is left out:
+//! [`Picture::number`] counts it.
 //!
 //! A recording that breaks off in the middle ends there, with a warning in the log; one without a whole picture is an error.
 
@@ -30,7 +31,7 @@ use std::time::Duration;
 
 pub use choice::SourceChoice;
 pub use error::SourceError;
-pub use picture::{LARGEST_SIDE, Picture, Source, SourceInfo, Wanted};
+pub use picture::{LARGEST_SIDE, Picture, Source, SourceInfo};
 
 use ahead::{Ahead, Keep};
 
@@ -50,23 +51,29 @@ const Y4M_SIGNATURE: &[u8] = b"YUV4MPEG2";
 ///
 /// # Errors
 /// Where there is nothing to open, or no picture in it; the message says what to do.
-pub fn open(choice: &SourceChoice, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+pub fn open(choice: &SourceChoice) -> Result<Box<dyn Source>, SourceError> {
+    opened(choice, false)
+}
+
+/// `changing_size` says whether a stream of pictures may change their size: live, it goes on with the new one; of a recording that is an
+/// error.
+fn opened(choice: &SourceChoice, changing_size: bool) -> Result<Box<dyn Source>, SourceError> {
     Ok(match choice {
-        SourceChoice::Device(device) => camera::open(device, wanted)?,
-        SourceChoice::Stdin => standard_input(wanted)?,
-        SourceChoice::Folder(folder) => Box::new(folder::Folder::open(folder, wanted)?),
+        SourceChoice::Device(device) => camera::open(device)?,
+        SourceChoice::Stdin => standard_input(changing_size)?,
+        SourceChoice::Folder(folder) => Box::new(folder::Folder::open(folder)?),
         SourceChoice::Y4m(path) => Box::new(y4m::Y4m::open(name_of(path), reader(path)?)?),
         SourceChoice::MotionJpeg(path) => Box::new(jpeg::MotionJpeg::open(
             name_of(path),
             reader(path)?,
-            wanted,
+            changing_size,
         )?),
         SourceChoice::File(path) => {
             // Says what is wrong with the file in our words, before another program is looked for.
             reader(path)?;
-            Box::new(ffmpeg::Decoded::open(ffmpeg::Input::file(path), wanted)?)
+            Box::new(ffmpeg::Decoded::open(ffmpeg::Input::file(path))?)
         }
-        SourceChoice::Url(url) => Box::new(ffmpeg::Decoded::open(ffmpeg::Input::url(url), wanted)?),
+        SourceChoice::Url(url) => Box::new(ffmpeg::Decoded::open(ffmpeg::Input::url(url))?),
     })
 }
 
@@ -75,30 +82,19 @@ pub fn open(choice: &SourceChoice, wanted: &Wanted) -> Result<Box<dyn Source>, S
 ///
 /// # Errors
 /// As [`open`].
-pub fn open_live(
-    choice: &SourceChoice,
-    wanted: &Wanted,
-    repeat: bool,
-) -> Result<Box<dyn Source>, SourceError> {
-    let wanted = &Wanted {
-        changing_size: true,
-        ..*wanted
-    };
+pub fn open_live(choice: &SourceChoice, repeat: bool) -> Result<Box<dyn Source>, SourceError> {
     if choice.is_live() {
-        return open(choice, wanted);
+        return opened(choice, true);
     }
     if *choice == SourceChoice::Stdin {
         return Ok(Box::new(Ahead::over(
-            opened_in_time("standard input", LONGEST_START, {
-                let wanted = *wanted;
-                move || standard_input(&wanted)
-            })?,
+            opened_in_time("standard input", LONGEST_START, || standard_input(true))?,
             Keep::Newest,
         )?));
     }
-    let (choice, wanted) = (choice.clone(), *wanted);
+    let choice = choice.clone();
     let again = move || -> Result<Box<dyn Source>, SourceError> {
-        let source = open(&choice, &wanted)?;
+        let source = opened(&choice, true)?;
         Ok(match choice {
             // These have a thread of their own already.
             SourceChoice::File(_) | SourceChoice::Url(_) => source,
@@ -134,7 +130,7 @@ fn opened_in_time(
 }
 
 /// y4m or motion JPEG, told apart by its first bytes.
-fn standard_input(wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+fn standard_input(changing_size: bool) -> Result<Box<dyn Source>, SourceError> {
     let name = "standard input".to_owned();
     let mut input = BufReader::new(stdin());
     let start = input.fill_buf().map_err(|source| SourceError::Read {
@@ -146,7 +142,11 @@ fn standard_input(wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     if compared > 0 && start[..compared] == Y4M_SIGNATURE[..compared] {
         Ok(Box::new(y4m::Y4m::open(name, input)?))
     } else if start.first() == Some(&0xff) {
-        Ok(Box::new(jpeg::MotionJpeg::open(name, input, wanted)?))
+        Ok(Box::new(jpeg::MotionJpeg::open(
+            name,
+            input,
+            changing_size,
+        )?))
     } else if start.is_empty() {
         Err(SourceError::NoPicture {
             name,

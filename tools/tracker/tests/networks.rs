@@ -9,9 +9,9 @@ use motion_fit::landmarks::Observation;
 use npu_runtime::Runtime;
 use std::path::Path;
 use std::sync::Arc;
-use tracker::mediapipe::{HandNetwork, HandsBy, Options};
+use tracker::mediapipe::{HandsBy, Options};
 use tracker::networks::NetworkSet;
-use tracker::picture::{PictureView, SharedPicture};
+use tracker::source::Picture;
 use tracker::workers::Seen;
 use tracker::{Tracker, TrackerError};
 
@@ -20,17 +20,6 @@ struct Still {
     width: usize,
     height: usize,
     rgb: Vec<u8>,
-    seconds: f64,
-}
-
-impl SharedPicture for Still {
-    fn view(&self) -> Result<PictureView<'_>, TrackerError> {
-        PictureView::new(self.width, self.height, &self.rgb)
-    }
-
-    fn seconds(&self) -> f64 {
-        self.seconds
-    }
 }
 
 impl Still {
@@ -39,7 +28,6 @@ impl Still {
             width,
             height,
             rgb: vec![0; width * height * 3],
-            seconds: 0.0,
         }
     }
 
@@ -50,6 +38,17 @@ impl Still {
         let mut still = Self::black(width as usize, height as usize);
         decoder.read_image(&mut still.rgb).unwrap();
         still
+    }
+
+    /// As a source gives it.
+    fn at(&self, seconds: f64) -> Arc<Picture> {
+        Arc::new(Picture {
+            width: u32::try_from(self.width).unwrap(),
+            height: u32::try_from(self.height).unwrap(),
+            rgb: self.rgb.clone(),
+            seconds,
+            ..Picture::empty()
+        })
     }
 
     /// Every pixel from where `from` says, black where that is nothing.
@@ -108,10 +107,7 @@ fn tracker(options: Options) -> Option<Tracker> {
 fn watched(tracker: &mut Tracker, still: &Still) -> Seen {
     let mut seen = None;
     for number in 0..10 {
-        let picture: Arc<dyn SharedPicture> = Arc::new(Still {
-            seconds: f64::from(number) / 30.0,
-            ..still.clone()
-        });
+        let picture = still.at(f64::from(number) / 30.0);
         seen = Some(tracker.observe(&picture).unwrap());
     }
     seen.unwrap()
@@ -228,15 +224,9 @@ fn a_mirrored_picture_has_mirrored_landmarks() {
 
 #[test]
 fn every_way_to_look_at_hands_finds_both() {
-    for (hands, hand_network) in [
-        (HandsBy::Each, HandNetwork::Full),
-        (HandsBy::Each, HandNetwork::Lite),
-        (HandsBy::None, HandNetwork::Full),
-        (HandsBy::Alternating, HandNetwork::Full),
-    ] {
+    for hands in [HandsBy::Each, HandsBy::None, HandsBy::Alternating] {
         let Some(mut tracker) = tracker(Options {
             hands,
-            hand_network,
             ..Options::default()
         }) else {
             return;
@@ -272,8 +262,7 @@ fn of_two_people_the_nearer_one_is_tracked_and_both_are_counted() {
             Some((x - 400, y))
         }
     });
-    let picture: Arc<dyn SharedPicture> = Arc::new(two.clone());
-    let first = tracker.observe(&picture).unwrap();
+    let first = tracker.observe(&two.at(0.0)).unwrap();
     assert_eq!(first.people, Some(2), "two people");
     let seen = watched(&mut tracker, &two).into_observation();
     let nose = seen.body_landmarks().unwrap().points[0].pixel;

@@ -7,23 +7,18 @@ use tracker::models::{
     BodyEstimate, BodyModel, FaceEstimate, FaceHint, FaceModel, HandEstimate, HandHint, HandModel,
     HandModels, Models, Side,
 };
-use tracker::picture::{PictureView, SharedPicture};
+use tracker::picture::PictureView;
+use tracker::source::Picture;
 use tracker::{Tracker, TrackerError};
 
-struct Grey(u32);
-
-impl SharedPicture for Grey {
-    fn view(&self) -> Result<PictureView<'_>, TrackerError> {
-        PictureView::new(2, 1, &[128; 6])
-    }
-
-    fn seconds(&self) -> f64 {
-        f64::from(self.0) / 30.0
-    }
-}
-
-fn picture(number: u32) -> Arc<dyn SharedPicture> {
-    Arc::new(Grey(number))
+fn picture(number: u32) -> Arc<Picture> {
+    Arc::new(Picture {
+        width: 2,
+        height: 1,
+        rgb: vec![128; 6],
+        seconds: f64::from(number) / 30.0,
+        ..Picture::empty()
+    })
 }
 
 type Log = Arc<Mutex<Vec<String>>>;
@@ -213,12 +208,25 @@ fn an_error_of_one_model_does_not_end_the_others() {
 
 #[test]
 fn a_model_that_panics_is_an_error_and_not_a_wait_without_end() {
-    let (mut tracker, _) = tracker(&[Some(500.0), Some(5.0)], |a, b| HandModels::Each([a, b]));
-    for number in 0..2 {
-        let error = tracker.observe(&picture(number)).unwrap_err();
-        assert!(
-            matches!(error, TrackerError::Stopped { unit: "hands" }),
-            "{error}"
-        );
-    }
+    let (tell, told) = std::sync::mpsc::channel();
+    let look = move || {
+        // The body's goes on, so that its answers would fill the channel.
+        let bodies = [&[Some(500.0)][..], &[Some(5.0); 20]].concat();
+        let (mut tracker, log) = tracker(&bodies, |a, b| HandModels::Each([a, b]));
+        for number in 0..10 {
+            let error = tracker.observe(&picture(number)).unwrap_err();
+            assert!(
+                matches!(error, TrackerError::Stopped { unit: "hands" }),
+                "{error}"
+            );
+        }
+        drop(tracker);
+        tell.send(taken(&log).len()).unwrap();
+    };
+    let thread = std::thread::spawn(look);
+    let looks = told
+        .recv_timeout(std::time::Duration::from_secs(20))
+        .expect("every picture is answered, and the threads end");
+    thread.join().unwrap();
+    assert!(looks <= 5, "{looks} looks: more than at the first picture");
 }

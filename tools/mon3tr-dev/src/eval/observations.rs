@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use tracker::Tracker;
 use tracker::mediapipe::Options;
-use tracker::source::{self, Picture, SourceChoice, Wanted};
+use tracker::source::{self, Picture, SourceChoice};
 
 /// Looks at pictures, or reads what was seen in them before.
 pub(super) struct Keeper<'a> {
@@ -153,7 +153,7 @@ impl<'a> Keeper<'a> {
 
     fn decode(&mut self, file: &Path) -> anyhow::Result<Vec<Observation>> {
         let choice = SourceChoice::File(file.to_owned());
-        let mut source = source::open(&choice, &Wanted::default())?;
+        let mut source = source::open(&choice)?;
         let mut seen = Vec::new();
         let mut tracker = self.tracker()?;
         loop {
@@ -166,8 +166,7 @@ impl<'a> Keeper<'a> {
     }
 
     fn look(&mut self, tracker: &mut Tracker, picture: Picture) -> anyhow::Result<Observation> {
-        let picture: Arc<dyn tracker::picture::SharedPicture> = Arc::new(picture);
-        let seen = tracker.observe(&picture)?;
+        let seen = tracker.observe(&Arc::new(picture))?;
         self.times.add(&seen.times);
         Ok(seen.into_observation())
     }

@@ -31,7 +31,11 @@ pub(super) fn reduce(
     let axes = emitter.graph.ints(&axes);
     let keep = Attribute::int("keepdims", i64::from(keep));
     let value = emitter.graph.node(kind, &[value, axes], vec![keep]);
-    Ok(value)
+    if turned {
+        return Ok(value);
+    }
+    // What is left of five dimensions, or of four none of which goes, is a picture.
+    Ok(emitter.turned_from_stored(value, emitter.output_shape(op)))
 }
 
 /// Where axis `axis` of a stored picture is in ONNX's order.

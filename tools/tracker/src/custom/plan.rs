@@ -101,22 +101,11 @@ impl Plan {
             plan.places.push(places);
             if let Output::Expression { basis, .. } = output {
                 let basis = ExpressionBasis::new(basis.clone()).map_err(|why| why.to_string())?;
-                if plan.basis.replace(basis).is_some() {
-                    return Err("it has two expressions".to_owned());
-                }
+                plan.basis = Some(basis);
             }
         }
         check_frames(part, &frames)?;
-        let has = |of: fn(&Output) -> bool| plan.said.outputs.iter().any(of);
-        if has(|o| matches!(o, Output::SimccX { .. }))
-            != has(|o| matches!(o, Output::SimccY { .. }))
-        {
-            return Err("simcc_x and simcc_y go together".to_owned());
-        }
-        let marks = |o: &&Output| matches!(o, Output::Landmarks2d { .. } | Output::SimccX { .. });
-        if plan.said.outputs.iter().filter(marks).count() > 1 {
-            return Err("only one output can be landmarks in the picture".to_owned());
-        }
+        check_meanings(&plan.said.outputs)?;
         Ok(plan)
     }
 
@@ -266,6 +255,48 @@ fn has_once(name: &str, numbers: &[Number], needed: &[Number]) -> Result<(), Str
     Err(format!(
         "its output {name}: numbers must name each of {needed:?} once",
     ))
+}
+
+/// What outputs say together: each thing once, and the two halves of landmarks as bins of the same landmarks. That no joint is turned
+/// twice is checked with the joints.
+fn check_meanings(outputs: &[Output]) -> Result<(), String> {
+    let (mut pixels, mut metres, mut down) = (None, None, None);
+    let (mut overall, mut each, mut expression, mut eyelids) = (None, None, None, None);
+    let mut along = None;
+    for output in outputs {
+        let (first, what) = match output {
+            Output::Landmarks2d { .. } => (&mut pixels, "landmarks in the picture"),
+            Output::SimccX { order, .. } => {
+                along = Some(*order);
+                (&mut pixels, "landmarks in the picture")
+            }
+            Output::SimccY { .. } => (&mut down, "simcc_y"),
+            Output::Landmarks3d { .. } => (&mut metres, "landmarks in metres"),
+            Output::Confidence { order: None, .. } => (&mut overall, "a confidence of the whole"),
+            Output::Confidence { order: Some(_), .. } => (&mut each, "confidences of landmarks"),
+            Output::Expression { .. } => (&mut expression, "an expression"),
+            Output::Eyelids { .. } => (&mut eyelids, "eyelids"),
+            Output::Rotations { .. } | Output::Jaw { .. } => continue,
+        };
+        if let Some(first) = first.replace(output) {
+            return Err(format!(
+                "its outputs {} and {} are both {what}: only one can be",
+                first.name(),
+                output.name()
+            ));
+        }
+    }
+    let across = match down {
+        Some(Output::SimccY { order, .. }) => Some(*order),
+        _ => None,
+    };
+    match (along, across) {
+        (Some(along), Some(across)) if along != across => Err(
+            "simcc_x and simcc_y have different orders, but they are the same landmarks".to_owned(),
+        ),
+        (Some(_), None) | (None, Some(_)) => Err("simcc_x and simcc_y go together".to_owned()),
+        _ => Ok(()),
+    }
 }
 
 /// The root stands in camera axes; any other joint in them needs its parent there, too.

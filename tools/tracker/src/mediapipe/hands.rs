@@ -43,35 +43,19 @@ const TRACKING: Tracking = Tracking {
 /// The landmarks of the palm, by which a region is laid about a hand.
 const PALM: [usize; 12] = [0, 1, 2, 3, 5, 6, 9, 10, 13, 14, 17, 18];
 
-/// Which network gives hands' landmarks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum HandNetwork {
-    /// The better one.
-    #[default]
-    Full,
-    /// In about 60 % of the time.
-    Lite,
-}
-
-impl HandNetwork {
-    const fn signature(self) -> Signature {
-        Signature {
-            name: match self {
-                Self::Full => "hand_landmark_full",
-                Self::Lite => "hand_landmark_lite",
-            },
-            size: 224,
-            outputs: &[
-                (0, HAND_LANDMARKS * 3),
-                (1, 1),
-                (2, 1),
-                (3, HAND_LANDMARKS * 3),
-            ],
-            border: Border::Replicate,
-            black: 0.0,
-        }
-    }
-}
+/// The network that gives hands' landmarks.
+const LANDMARKS: Signature = Signature {
+    name: "hand_landmark_full",
+    size: 224,
+    outputs: &[
+        (0, HAND_LANDMARKS * 3),
+        (1, 1),
+        (2, 1),
+        (3, HAND_LANDMARKS * 3),
+    ],
+    border: Border::Replicate,
+    black: 0.0,
+};
 
 /// MediaPipe's hands for both sides of a person.
 #[derive(Debug)]
@@ -94,10 +78,7 @@ struct Last {
 
 impl Hands {
     /// The files that it needs, without their ending.
-    #[must_use]
-    pub fn names(network: HandNetwork) -> [&'static str; 2] {
-        [RECROP.name, network.signature().name]
-    }
+    pub const NAMES: [&'static str; 2] = [RECROP.name, LANDMARKS.name];
 
     /// Loads its networks, each to be run by `provider`. A hand that is followed is searched again where the body has it in
     /// every `search_every`-th picture: 1 is what MediaPipe does, and costs a run of the searching network for every hand and picture.
@@ -106,13 +87,12 @@ impl Hands {
     /// As [`Network::open`].
     pub fn open(
         set: &NetworkSet,
-        network: HandNetwork,
         search_every: u32,
         provider: Provider,
     ) -> Result<Self, TrackerError> {
         Ok(Self {
             recrop: Network::open(set, &RECROP, provider)?,
-            landmarks: Network::open(set, &network.signature(), provider)?,
+            landmarks: Network::open(set, &LANDMARKS, provider)?,
             search_every: search_every.max(1),
             sides: [None, None],
         })

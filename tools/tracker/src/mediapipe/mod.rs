@@ -12,7 +12,7 @@ mod regions;
 pub use body::Body;
 pub use detector::{Detection, Detector};
 pub use face::Face;
-pub use hands::{HandNetwork, Hands};
+pub use hands::Hands;
 
 use crate::TrackerError;
 use crate::models::{HandModels, Models};
@@ -38,10 +38,6 @@ fn sigmoid(x: f32) -> f32 {
 pub struct Options {
     /// Whether and how hands are looked at.
     pub hands: HandsBy,
-    /// Which network gives hands' landmarks.
-    pub hand_network: HandNetwork,
-    /// Whether the face is looked at.
-    pub face: bool,
     /// In every how manieth picture a hand or a face that is followed is searched again: 1 is what MediaPipe does.
     pub search_every: u32,
     /// What runs each network.
@@ -52,8 +48,6 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             hands: HandsBy::Each,
-            hand_network: HandNetwork::Full,
-            face: true,
             search_every: 15,
             provider: Provider::Cpu { threads: 1 },
         }
@@ -77,11 +71,9 @@ impl Options {
     pub fn names(&self) -> Vec<&'static str> {
         let mut names = Body::NAMES.to_vec();
         if self.hands != HandsBy::None {
-            names.extend(Hands::names(self.hand_network));
+            names.extend(Hands::NAMES);
         }
-        if self.face {
-            names.extend(Face::NAMES);
-        }
+        names.extend(Face::NAMES);
         names
     }
 
@@ -91,8 +83,7 @@ impl Options {
     /// [`TrackerError::Missing`] if the folder lacks one, and those of [`Network::open`](crate::networks::Network::open).
     pub fn load(&self, folder: &Path, runtime: &Runtime) -> Result<Models, TrackerError> {
         let set = NetworkSet::open(folder, &self.names(), runtime)?;
-        let hands =
-            || Hands::open(&set, self.hand_network, self.search_every, self.provider).map(Box::new);
+        let hands = || Hands::open(&set, self.search_every, self.provider).map(Box::new);
         Ok(Models {
             body: Box::new(Body::open(&set, self.provider)?),
             hands: match self.hands {
@@ -100,15 +91,11 @@ impl Options {
                 HandsBy::Alternating => HandModels::Alternating(hands()?),
                 HandsBy::Each => HandModels::Each([hands()?, hands()?]),
             },
-            face: if self.face {
-                Some(Box::new(Face::open(
-                    &set,
-                    self.search_every,
-                    self.provider,
-                )?))
-            } else {
-                None
-            },
+            face: Some(Box::new(Face::open(
+                &set,
+                self.search_every,
+                self.provider,
+            )?)),
         })
     }
 }

@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::mem::swap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::{Builder, JoinHandle, sleep};
+use std::thread::{Builder, JoinHandle, panicking, sleep};
 use std::time::{Duration, Instant};
 
 use super::LONGEST_SILENCE;
@@ -31,7 +31,6 @@ struct State {
     end: Option<Result<(), SourceError>>,
     ended: bool,
     stopped: bool,
-    dropped: u64,
 }
 
 #[derive(Debug)]
@@ -85,14 +84,14 @@ impl Queue {
                 end: None,
                 ended: false,
                 stopped: false,
-                dropped: 0,
             }),
             changed: Condvar::new(),
         });
         let theirs = Arc::clone(&shared);
+        let source = name.to_owned();
         let thread = Builder::new()
             .name("pictures".to_owned())
-            .spawn(move || read(&theirs, keep, next))
+            .spawn(move || read(&theirs, source, keep, next))
             .map_err(|source| SourceError::Thread {
                 name: name.to_owned(),
                 source,
@@ -141,10 +140,6 @@ impl Queue {
         }
     }
 
-    pub(super) fn dropped(&self) -> u64 {
-        self.shared.lock().dropped
-    }
-
     /// Asks the thread to end after the picture it is reading.
     pub(super) fn stop(&self) {
         self.shared.lock().stopped = true;
@@ -166,18 +161,28 @@ impl Drop for Queue {
     }
 }
 
-/// Says that the thread ended, also where it panicked: the caller must not wait for it.
-struct Ended<'a>(&'a Shared);
+/// Says that the thread ended, also where it panicked: the caller must not wait for it, nor take it for the end.
+struct Ended<'a> {
+    shared: &'a Shared,
+    source: String,
+}
 
 impl Drop for Ended<'_> {
     fn drop(&mut self) {
-        self.0.lock().ended = true;
-        self.0.changed.notify_all();
+        let mut state = self.shared.lock();
+        state.ended = true;
+        if panicking() {
+            let name = std::mem::take(&mut self.source);
+            state.end = Some(Err(SourceError::Stopped { name }));
+        }
+        drop(state);
+        self.shared.changed.notify_all();
     }
 }
 
-fn read(shared: &Shared, keep: Keep, mut next: Next) {
-    let _ended = Ended(shared);
+/// The thread: reads `source`, as messages call it, by `next`.
+fn read(shared: &Shared, source: String, keep: Keep, mut next: Next) {
+    let _ended = Ended { shared, source };
     loop {
         let mut picture = {
             let mut state = shared.lock();
@@ -205,7 +210,6 @@ fn read(shared: &Shared, keep: Keep, mut next: Next) {
                 if keep == Keep::Newest
                     && let Some(old) = state.ready.pop_front()
                 {
-                    state.dropped += 1;
                     state.free.push(old);
                 }
                 state.ready.push_back(picture);
@@ -230,10 +234,9 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// With [`Keep::Newest`] it is live.
+    /// Starts the thread.
     pub(super) fn over(mut source: Box<dyn Source>, keep: Keep) -> Result<Self, SourceError> {
-        let mut info = source.info().clone();
-        info.live |= keep == Keep::Newest;
+        let info = source.info().clone();
         let queue = Queue::start(&info.name, keep, Box::new(move |into| source.next(into)))?;
         Ok(Self {
             info,
@@ -257,10 +260,6 @@ impl Source for Ahead {
                     seconds: self.patience.as_secs(),
                 })
             })
-    }
-
-    fn dropped(&self) -> u64 {
-        self.queue.dropped()
     }
 }
 
@@ -303,17 +302,18 @@ mod tests {
                 "no end"
             );
         }
-        assert_eq!(queue.dropped(), 0, "dropped");
     }
 
     #[test]
-    fn the_newest_picture_is_given_and_older_ones_are_counted() {
+    fn the_newest_picture_is_given_and_older_ones_are_left_out() {
         let (go, wait) = channel::<()>();
+        let (tell, told) = channel();
         let queue = Queue::start(
             "test",
             Keep::Newest,
             numbered(100, move |number| {
                 if number == 10 {
+                    tell.send(()).expect("the test waits");
                     let _ = wait.recv();
                 }
             }),
@@ -321,10 +321,8 @@ mod tests {
         .expect("a thread");
         let mut picture = Picture::empty();
         // Until ten were read, nine of which were in the way.
-        let begun = Instant::now();
-        while queue.dropped() < 9 && begun.elapsed() < Duration::from_secs(20) {
-            sleep(Duration::from_millis(1));
-        }
+        told.recv_timeout(Duration::from_secs(20))
+            .expect("it reads on");
         assert!(
             queue
                 .next(&mut picture, None)
@@ -332,7 +330,7 @@ mod tests {
                 .expect("no error"),
             "nothing"
         );
-        assert_eq!((picture.number, queue.dropped()), (9, 9), "newest");
+        assert_eq!(picture.number, 9, "newest");
         assert!(
             queue
                 .next(&mut picture, Some(Duration::from_millis(5)))
@@ -350,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_of_the_thread_ends_the_pictures() {
+    fn a_panic_of_the_thread_is_an_error_after_the_pictures_before_it() {
         let queue = Queue::start(
             "test",
             Keep::Every(1),
@@ -364,6 +362,14 @@ mod tests {
                 .expect("no patience")
                 .expect("no error"),
             "the first"
+        );
+        let why = queue
+            .next(&mut picture, None)
+            .expect("no patience")
+            .expect_err("it panicked");
+        assert!(
+            matches!(&why, SourceError::Stopped { name } if name == "test"),
+            "{why}"
         );
         assert!(
             !queue
@@ -396,7 +402,6 @@ mod tests {
             width: 1,
             height: 1,
             rate_hz: None,
-            live: false,
             frames: None,
         };
         let mut ahead = Ahead::over(Box::new(Stalled(info, wait)), Keep::Newest).expect("a thread");

@@ -1,7 +1,6 @@
 //! A camera: the mode nearest to what is wanted, its newest picture, and the driver's time of capture. What the system offers is
 //! behind [`Driver`].
 
-use std::io;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -9,12 +8,16 @@ use super::colour::Conversion;
 use super::driver::{Driver, Filled, JPEG, Layout, MJPG, Mode, NV12, RGB3, YUYV};
 use super::error::SourceError;
 use super::jpeg::JpegPictures;
-use super::picture::{MOST_DAMAGED, Picture, Source, SourceInfo, Wanted, within_limits};
+use super::picture::{MOST_DAMAGED, Picture, RATE_HZ, Source, SourceInfo, within_limits};
 
 /// Without a picture: cameras begin within two seconds.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
+
+/// Width and height in pixels, to which the mode that is taken is nearest.
+const SIZE: (u32, u32) = (1280, 720);
+
 /// Opens and starts the camera at a path.
-pub(super) fn open(device: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+pub(super) fn open(device: &Path) -> Result<Box<dyn Source>, SourceError> {
     #[cfg(all(target_os = "linux", target_pointer_width = "64"))]
     {
         let driver = super::v4l2::Device::open(device)?;
@@ -23,12 +26,10 @@ pub(super) fn open(device: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, So
             &device.display().to_string(),
             name,
             driver,
-            wanted,
         )?))
     }
     #[cfg(not(all(target_os = "linux", target_pointer_width = "64")))]
     {
-        let _ = wanted;
         Err(SourceError::NoCameras {
             device: device.display().to_string(),
         })
@@ -47,25 +48,17 @@ pub(super) struct Camera<D> {
     first_at: Option<Instant>,
     seconds: f64,
     last_sequence: Option<u32>,
-    /// Of the last picture taken from the driver, and how many were given to the caller.
+    /// Of the last picture taken from the driver.
     number: u64,
-    given: u64,
 }
 
 impl<D: Driver> Camera<D> {
     /// Chooses the mode and starts the driver.
-    pub(super) fn start(
-        device: &str,
-        name: String,
-        mut driver: D,
-        wanted: &Wanted,
-    ) -> Result<Self, SourceError> {
-        let size = wanted.size.unwrap_or((1280, 720));
-        let rate_hz = wanted.rate_of_recording_hz();
+    pub(super) fn start(device: &str, name: String, mut driver: D) -> Result<Self, SourceError> {
         let modes = driver
-            .modes(size)
-            .map_err(|why| refused(device, "to list its formats", why))?;
-        let Some(mode) = choose(&modes, size, rate_hz) else {
+            .modes(SIZE)
+            .map_err(|why| SourceError::of_camera(device, "to list its formats", why))?;
+        let Some(mode) = choose(&modes, SIZE, RATE_HZ) else {
             let mut has: Vec<String> = modes
                 .iter()
                 .map(|mode| mode.format.escape_ascii().to_string())
@@ -82,8 +75,8 @@ impl<D: Driver> Camera<D> {
             });
         };
         let layout = driver
-            .start(mode, rate_hz)
-            .map_err(|why| refused(device, "to start", why))?;
+            .start(mode, RATE_HZ)
+            .map_err(|why| SourceError::of_camera(device, "to start", why))?;
         within_limits(device, layout.width, layout.height)?;
         let row = layout.width as usize
             * match layout.format {
@@ -112,7 +105,7 @@ impl<D: Driver> Camera<D> {
             "{name}: {} x {} {format}, {} Hz",
             layout.width,
             layout.height,
-            layout.rate_hz.unwrap_or(rate_hz)
+            layout.rate_hz.unwrap_or(RATE_HZ)
         );
         Ok(Self {
             device: device.to_owned(),
@@ -121,7 +114,6 @@ impl<D: Driver> Camera<D> {
                 width: layout.width,
                 height: layout.height,
                 rate_hz: layout.rate_hz,
-                live: true,
                 frames: None,
             },
             driver,
@@ -132,7 +124,6 @@ impl<D: Driver> Camera<D> {
             seconds: 0.0,
             last_sequence: None,
             number: 0,
-            given: 0,
         })
     }
 
@@ -148,7 +139,7 @@ impl<D: Driver> Camera<D> {
             let filled = self
                 .driver
                 .dequeue(patience)
-                .map_err(|why| refused(&self.device, "to give a picture", why))?;
+                .map_err(|why| SourceError::of_camera(&self.device, "to give a picture", why))?;
             let Some(filled) = filled else {
                 match held {
                     Some(held) => return Ok(held),
@@ -158,10 +149,10 @@ impl<D: Driver> Camera<D> {
             taken += 1;
             self.count(filled.sequence);
             if let Some(old) = held.take() {
-                self.give_back(old.index)?;
+                self.give_back(old)?;
             }
             if filled.damaged {
-                self.give_back(filled.index)?;
+                self.give_back(filled)?;
                 if left.is_zero() {
                     return Err(self.silent());
                 }
@@ -172,7 +163,7 @@ impl<D: Driver> Camera<D> {
             }
             if taken >= self.driver.buffers() {
                 // All were full, so newer pictures were lost: even the last of them may be old. The next one is not.
-                self.give_back(filled.index)?;
+                self.give_back(filled)?;
                 waited = true;
                 continue;
             }
@@ -200,10 +191,10 @@ impl<D: Driver> Camera<D> {
         self.last_sequence = Some(sequence);
     }
 
-    fn give_back(&mut self, index: usize) -> Result<(), SourceError> {
+    fn give_back(&mut self, filled: Filled) -> Result<(), SourceError> {
         self.driver
-            .requeue(index)
-            .map_err(|why| refused(&self.device, "to take a buffer back", why))
+            .requeue(filled)
+            .map_err(|why| SourceError::of_camera(&self.device, "to take a buffer back", why))
     }
 
     fn convert(&mut self, filled: &Filled, into: &mut Picture) -> Result<(), SourceError> {
@@ -255,19 +246,6 @@ impl<D: Driver> Camera<D> {
     }
 }
 
-fn refused(device: &str, doing: &'static str, source: io::Error) -> SourceError {
-    let device = device.to_owned();
-    match source.kind() {
-        io::ErrorKind::ResourceBusy => SourceError::Busy { device },
-        io::ErrorKind::PermissionDenied => SourceError::NoPermission { device },
-        _ => SourceError::Device {
-            device,
-            doing,
-            source,
-        },
-    }
-}
-
 /// The mode that costs least: a picture of the wrong size is worth less, a low rate is worth still less, and among equals those
 /// formats are taken that are converted quickest.
 fn choose(modes: &[Mode], (width, height): (u32, u32), rate_hz: f64) -> Option<Mode> {
@@ -304,7 +282,8 @@ impl<D: Driver> Source for Camera<D> {
             let filled = self.newest()?;
             let read = Instant::now();
             let converted = self.convert(&filled, into);
-            self.give_back(filled.index)?;
+            let at = filled.at.unwrap_or(read);
+            self.give_back(filled)?;
             if let Err(why) = converted {
                 damaged += 1;
                 if damaged == MOST_DAMAGED {
@@ -313,23 +292,14 @@ impl<D: Driver> Source for Camera<D> {
                 log::debug!("{why}");
                 continue;
             }
-            into.at = filled.at.unwrap_or(read);
+            into.at = at;
             let first = *self.first_at.get_or_insert(into.at);
             self.seconds = self
                 .seconds
                 .max(into.at.saturating_duration_since(first).as_secs_f64());
             into.seconds = self.seconds;
             into.number = self.number;
-            self.given += 1;
             return Ok(true);
-        }
-    }
-
-    fn dropped(&self) -> u64 {
-        if self.last_sequence.is_none() {
-            0
-        } else {
-            (self.number + 1).saturating_sub(self.given)
         }
     }
 }

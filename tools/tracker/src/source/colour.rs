@@ -10,7 +10,7 @@ pub(super) enum Matrix {
 }
 
 impl Matrix {
-    /// What players assume of a video that does not say: BT.709 from 720 lines, or a width of 1280, on.
+    /// What players assume of a video that does not say: BT.709 above 576 lines, or from a width of 1280 on.
     pub(super) fn of_size(width: u32, height: u32) -> Self {
         if width >= 1280 || height > 576 {
             Self::Bt709

@@ -38,8 +38,8 @@ pub(super) struct Layout {
     pub(super) rate_hz: Option<f64>,
 }
 
-/// A buffer that the driver has filled.
-#[derive(Debug, Clone, Copy)]
+/// A buffer that the driver has filled, and does not write to until this is given back: there is one of it.
+#[derive(Debug)]
 pub(super) struct Filled {
     pub(super) index: usize,
     pub(super) bytes: usize,
@@ -63,5 +63,5 @@ pub(super) trait Driver: Send {
     /// A buffer's bytes, between its being taken and given back.
     fn bytes(&self, filled: &Filled) -> &[u8];
     /// Gives a buffer back.
-    fn requeue(&mut self, index: usize) -> io::Result<()>;
+    fn requeue(&mut self, filled: Filled) -> io::Result<()>;
 }

@@ -156,6 +156,14 @@ pub enum SourceError {
         /// What there is instead.
         why: String,
     },
+    /// The thread that reads it panicked.
+    #[error(
+        "the thread that reads {name} failed, so no more pictures come: start anew, and report its message"
+    )]
+    Stopped {
+        /// The source's name.
+        name: String,
+    },
     /// The system gave no thread.
     #[error("cannot start a thread to read {name}")]
     Thread {
@@ -164,4 +172,20 @@ pub enum SourceError {
         /// The system's answer.
         source: io::Error,
     },
+}
+
+impl SourceError {
+    /// Of what the system answers about the camera `device`, while doing `doing`.
+    pub(super) fn of_camera(device: &str, doing: &'static str, source: io::Error) -> Self {
+        let device = device.to_owned();
+        match source.kind() {
+            io::ErrorKind::ResourceBusy => Self::Busy { device },
+            io::ErrorKind::PermissionDenied => Self::NoPermission { device },
+            _ => Self::Device {
+                device,
+                doing,
+                source,
+            },
+        }
+    }
 }

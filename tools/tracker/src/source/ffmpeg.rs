@@ -14,7 +14,7 @@ use super::ahead::{Keep, Queue};
 use super::choice::{url_is_live, user_of, without_password};
 use super::error::SourceError;
 use super::nut::Nut;
-use super::picture::{Picture, Source, SourceInfo, Wanted, within_limits};
+use super::picture::{Picture, Source, SourceInfo, within_limits};
 use super::{LONGEST_SILENCE, LONGEST_START, READ_AHEAD};
 use program::Running;
 
@@ -89,9 +89,9 @@ pub(super) struct Decoded {
 
 impl Decoded {
     /// Starts ffmpeg, and waits for the size of its pictures.
-    pub(super) fn open(input: Input, wanted: &Wanted) -> Result<Self, SourceError> {
+    pub(super) fn open(input: Input) -> Result<Self, SourceError> {
         let Input { name, live, .. } = &input;
-        let (mut running, pictures) = Running::start(&input, wanted)?;
+        let (mut running, pictures) = Running::start(&input)?;
         let (tell, told) = sync_channel(1);
         let keep = if *live {
             Keep::Newest
@@ -155,7 +155,6 @@ impl Decoded {
                 width,
                 height,
                 rate_hz,
-                live: *live,
                 frames: None,
             },
             running,
@@ -217,10 +216,6 @@ impl Source for Decoded {
                 seconds: LONGEST_SILENCE.as_secs(),
             }),
         }
-    }
-
-    fn dropped(&self) -> u64 {
-        self.queue.dropped()
     }
 }
 

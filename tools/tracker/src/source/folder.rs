@@ -10,7 +10,7 @@ use image::{ImageFormat, ImageReader, Limits};
 
 use super::error::SourceError;
 use super::jpeg::JpegPictures;
-use super::picture::{LARGEST_SIDE, Picture, Source, SourceInfo, Wanted, within_limits};
+use super::picture::{LARGEST_SIDE, Picture, RATE_HZ, Source, SourceInfo, within_limits};
 
 /// Ten hours at 30 Hz.
 const MOST_PICTURES: usize = 1_080_000;
@@ -27,12 +27,11 @@ pub(super) struct Folder {
     jpeg: JpegPictures,
     first: Option<Picture>,
     number: u64,
-    period_seconds: f64,
 }
 
 impl Folder {
     /// Lists the folder and reads its first picture.
-    pub(super) fn open(folder: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
+    pub(super) fn open(folder: &Path) -> Result<Self, SourceError> {
         let name = folder.display().to_string();
         let failed = |source| SourceError::Read {
             name: name.clone(),
@@ -58,14 +57,12 @@ impl Folder {
             });
         }
         files.sort_by(|a, b| natural(&file_name(a), &file_name(b)));
-        let rate_hz = wanted.rate_of_recording_hz();
         let mut folder = Self {
             info: SourceInfo {
                 name,
                 width: 0,
                 height: 0,
-                rate_hz: Some(rate_hz),
-                live: false,
+                rate_hz: Some(RATE_HZ),
                 frames: Some(files.len() as u64),
             },
             files: files.into_iter(),
@@ -73,7 +70,6 @@ impl Folder {
             jpeg: JpegPictures::default(),
             first: None,
             number: 0,
-            period_seconds: rate_hz.recip(),
         };
         let mut first = Picture::empty();
         folder.read(&mut first)?;
@@ -167,7 +163,7 @@ impl Source for Folder {
         into.number = self.number;
         #[allow(clippy::cast_precision_loss, reason = "at most a million pictures")]
         {
-            into.seconds = self.number as f64 * self.period_seconds;
+            into.seconds = self.number as f64 / RATE_HZ;
         }
         self.number += 1;
         Ok(true)

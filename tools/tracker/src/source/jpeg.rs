@@ -13,7 +13,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::error::SourceError;
 use super::picture::{
-    LARGEST_SIDE, MOST_DAMAGED, Picture, Source, SourceInfo, Wanted, bytes_of, within_limits,
+    LARGEST_SIDE, MOST_DAMAGED, Picture, RATE_HZ, Source, SourceInfo, bytes_of, within_limits,
 };
 
 /// Of one picture; a camera's of the largest size has fewer.
@@ -40,9 +40,10 @@ impl JpegPictures {
     ) -> Result<(), SourceError> {
         match next_picture(&mut bytes, &mut self.whole) {
             Ok(Found::Whole) => self.decode_whole(name, into),
-            Ok(Found::Cut | Found::None) => {
+            Ok(Found::Cut | Found::End) => {
                 Err(malformed(name, "its JPEG picture is cut short".to_owned()))
             }
+            Ok(Found::OtherBytes) => Err(malformed(name, other_bytes())),
             Ok(Found::TooLong) => Err(malformed(name, too_long())),
             Err(source) => Err(SourceError::Read {
                 name: name.to_owned(),
@@ -95,13 +96,22 @@ fn too_long() -> String {
     )
 }
 
+fn other_bytes() -> String {
+    format!(
+        "{} MiB of it are no JPEG picture: is it damaged, or something else than motion JPEG?",
+        MOST_BETWEEN >> 20
+    )
+}
+
 #[derive(Debug, PartialEq, Eq)]
 enum Found {
     Whole,
     /// The input ends in a picture.
     Cut,
-    /// The input ends, or goes on without a picture for long.
-    None,
+    /// The input ends without another picture.
+    End,
+    /// The input goes on, but there is no picture in [`MOST_BETWEEN`] of it.
+    OtherBytes,
     /// The picture does not end within [`MOST_BYTES`].
     TooLong,
 }
@@ -109,8 +119,8 @@ enum Found {
 /// Reads the input to the end of its next picture, and leaves the picture in `whole`.
 fn next_picture(input: &mut impl BufRead, whole: &mut Vec<u8>) -> io::Result<Found> {
     whole.clear();
-    if !skip_to_start(input)? {
-        return Ok(Found::None);
+    if let Some(found) = skip_to_start(input)? {
+        return Ok(found);
     }
     whole.extend([0xff, 0xd8]);
     let mut has_tables = false;
@@ -154,21 +164,21 @@ const START: u8 = 0xd8;
 const END: u8 = 0xd9;
 const HUFFMAN_TABLES: u8 = 0xc4;
 
-/// Passes over what is no picture. False where the input ends, or none comes for long.
-fn skip_to_start(input: &mut impl BufRead) -> io::Result<bool> {
+/// Passes over what is no picture. What was found instead of a picture's start, or nothing where there is one.
+fn skip_to_start(input: &mut impl BufRead) -> io::Result<Option<Found>> {
     let mut passed = 0;
     let mut before = 0;
     while passed <= MOST_BETWEEN {
         let Some(byte) = read_byte(input)? else {
-            return Ok(false);
+            return Ok(Some(Found::End));
         };
         if before == 0xff && byte == START {
-            return Ok(true);
+            return Ok(None);
         }
         before = byte;
         passed += 1;
     }
-    Ok(false)
+    Ok(Some(Found::OtherBytes))
 }
 
 /// Copies up to the next marker and gives it: passes over entropy-coded bytes with their stuffed zeros and restart markers.
@@ -256,22 +266,21 @@ pub(super) struct MotionJpeg<R> {
     number: u64,
     /// Damaged pictures, which have a number and a time as the others have.
     damaged: u64,
-    period_seconds: f64,
+    /// Whether there was a warning of them.
+    has_warned: bool,
     ended: bool,
 }
 
 impl<R: BufRead> MotionJpeg<R> {
-    /// Reads the first picture.
-    pub(super) fn open(name: String, input: R, wanted: &Wanted) -> Result<Self, SourceError> {
-        let rate_hz = wanted.rate_of_recording_hz();
+    /// Reads the first picture. `changing_size` says whether the others may be of another size, as live ones may.
+    pub(super) fn open(name: String, input: R, changing_size: bool) -> Result<Self, SourceError> {
         let mut stream = Self {
-            changing_size: wanted.changing_size,
+            changing_size,
             info: SourceInfo {
                 name,
                 width: 0,
                 height: 0,
-                rate_hz: Some(rate_hz),
-                live: false,
+                rate_hz: Some(RATE_HZ),
                 frames: None,
             },
             input,
@@ -279,7 +288,7 @@ impl<R: BufRead> MotionJpeg<R> {
             first: None,
             number: 0,
             damaged: 0,
-            period_seconds: rate_hz.recip(),
+            has_warned: false,
             ended: false,
         };
         let mut first = Picture::empty();
@@ -296,10 +305,11 @@ impl<R: BufRead> MotionJpeg<R> {
 
     /// The next picture that is not damaged.
     fn read(&mut self, into: &mut Picture) -> Result<bool, SourceError> {
-        let name = &self.info.name;
         let mut damaged = 0;
+        // Of the last picture, which is returned or logged, once it is known what follows.
         let mut last = None;
         loop {
+            let name = &self.info.name;
             let found = next_picture(&mut self.input, &mut self.jpeg.whole).map_err(|source| {
                 SourceError::Read {
                     name: name.clone(),
@@ -308,37 +318,56 @@ impl<R: BufRead> MotionJpeg<R> {
             })?;
             into.at = Instant::now();
             match found {
-                Found::Whole => match self.jpeg.decode_whole(name, into) {
-                    Ok(()) => return Ok(true),
-                    Err(why) => {
-                        log::debug!("picture {} is left out: {why}", self.number);
-                        damaged += 1;
-                        if damaged == MOST_DAMAGED {
-                            return Err(why);
-                        }
-                        if self.damaged == 0 {
-                            log::warn!("{name} has damaged pictures, which are left out: {why}");
-                        }
-                        self.damaged += 1;
-                        self.number += 1;
-                        last = Some(why);
+                Found::Whole => {
+                    let decoded = self.jpeg.decode_whole(name, into);
+                    if let Some(why) = last.take() {
+                        self.leave_out(&why);
                     }
-                },
-                Found::Cut | Found::None => {
-                    if found == Found::Cut {
-                        log::warn!(
-                            "{name} breaks off in picture {}: it ends there",
-                            self.number
-                        );
-                    }
-                    // Where all were damaged, that is why there is no picture.
-                    return match last {
-                        Some(why) if self.damaged == self.number => Err(why),
-                        _ => Ok(false),
+                    let Err(why) = decoded else {
+                        return Ok(true);
                     };
+                    damaged += 1;
+                    if damaged == MOST_DAMAGED {
+                        return Err(why);
+                    }
+                    self.damaged += 1;
+                    self.number += 1;
+                    last = Some(why);
                 }
                 Found::TooLong => return Err(malformed(name, too_long())),
+                // Where all were damaged, that is why there is no picture.
+                Found::Cut | Found::OtherBytes | Found::End if self.damaged == self.number => {
+                    return match (last, found) {
+                        (Some(why), _) => Err(why),
+                        (None, Found::OtherBytes) => Err(malformed(name, other_bytes())),
+                        (None, _) => Ok(false),
+                    };
+                }
+                Found::Cut | Found::OtherBytes | Found::End => {
+                    let number = self.number;
+                    if found == Found::Cut {
+                        log::warn!("{name} breaks off in picture {number}: it ends there");
+                    } else if found == Found::OtherBytes {
+                        let why = other_bytes();
+                        log::warn!("{name} ends before picture {number}: {why}");
+                    }
+                    if let Some(why) = last {
+                        self.leave_out(&why);
+                    }
+                    return Ok(false);
+                }
             }
+        }
+    }
+
+    /// Logs why a picture is left out: of the first as a warning.
+    fn leave_out(&mut self, why: &SourceError) {
+        if self.has_warned {
+            log::debug!("a picture is left out: {why}");
+        } else {
+            let name = &self.info.name;
+            log::warn!("{name} has damaged pictures, which are left out: {why}");
+            self.has_warned = true;
         }
     }
 }
@@ -373,14 +402,10 @@ impl<R: BufRead + Send> Source for MotionJpeg<R> {
         into.number = self.number;
         #[allow(clippy::cast_precision_loss, reason = "below 2^53 pictures")]
         {
-            into.seconds = self.number as f64 * self.period_seconds;
+            into.seconds = self.number as f64 / RATE_HZ;
         }
         self.number += 1;
         Ok(true)
-    }
-
-    fn dropped(&self) -> u64 {
-        self.damaged
     }
 }
 

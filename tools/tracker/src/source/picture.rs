@@ -42,6 +42,14 @@ impl Picture {
         }
     }
 
+    /// Its pixels.
+    ///
+    /// # Errors
+    /// As [`PictureView::new`].
+    pub fn view(&self) -> Result<PictureView<'_>, TrackerError> {
+        PictureView::new(self.width as usize, self.height as usize, &self.rgb)
+    }
+
     /// Gives it a size, which [`within_limits`] has passed, and as many bytes.
     pub(super) fn resize(&mut self, width: u32, height: u32) {
         self.width = width;
@@ -53,16 +61,6 @@ impl Picture {
 impl Default for Picture {
     fn default() -> Self {
         Self::empty()
-    }
-}
-
-impl crate::picture::SharedPicture for Picture {
-    fn view(&self) -> Result<PictureView<'_>, TrackerError> {
-        PictureView::new(self.width as usize, self.height as usize, &self.rgb)
-    }
-
-    fn seconds(&self) -> f64 {
-        self.seconds
     }
 }
 
@@ -116,61 +114,23 @@ pub struct SourceInfo {
     pub height: u32,
     /// Pictures a second, where the source says so. A recording's rate may vary: [`Picture::seconds`] is what counts.
     pub rate_hz: Option<f64>,
-    /// Whether pictures come in their own time, and only the newest is given.
-    pub live: bool,
     /// How many pictures there are, where that is known before they are read.
     pub frames: Option<u64>,
 }
 
-/// What a source is asked for; it may give something else.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Wanted {
-    /// Width and height in pixels. A camera's mode nearest to it is taken (without it, nearest to 1280 x 720); a video that is
-    /// larger is made smaller, to fit in it.
-    pub size: Option<(u32, u32)>,
-    /// Pictures a second: a camera's (30 without it), and of recordings that do not say theirs (30 too).
-    pub rate_hz: Option<f64>,
-    /// Whether a stream of pictures may change their size: live, it goes on with the new one. Of a recording that is an error.
-    pub changing_size: bool,
-}
-
-impl Wanted {
-    /// The rate of a recording that does not say its own, in Hz.
-    pub(super) fn rate_of_recording_hz(&self) -> f64 {
-        self.rate_hz
-            .filter(|rate| rate.is_finite() && *rate > 0.0)
-            .unwrap_or(30.0)
-    }
-}
+/// Pictures a second of a recording that does not say its own rate, and of a camera, where it has that rate.
+pub(super) const RATE_HZ: f64 = 30.0;
 
 /// A sequence of pictures.
 pub trait Source: Send {
     /// What it is.
     fn info(&self) -> &SourceInfo;
 
-    /// Fills `into` with the next picture, whose size is that of [`Source::info`] (but see [`Wanted::changing_size`]; a camera's may change, too), and returns true; or returns false at the end.
-    /// The buffer of `into` is used again: it may be exchanged for another of the source's.
+    /// Fills `into` with the next picture and returns true, or returns false at the end. The picture's size is that of [`Source::info`],
+    /// but that of a camera or a live stream may change. The buffer of `into` is used again: it may be exchanged for another of the
+    /// source's.
     ///
     /// # Errors
     /// Where the source fails. After an error or the end it gives no more pictures.
     fn next(&mut self, into: &mut Picture) -> Result<bool, SourceError>;
-
-    /// How many pictures were left out so far, because newer ones were there or they were damaged.
-    fn dropped(&self) -> u64 {
-        0
-    }
-}
-
-impl Source for Box<dyn Source> {
-    fn info(&self) -> &SourceInfo {
-        (**self).info()
-    }
-
-    fn next(&mut self, into: &mut Picture) -> Result<bool, SourceError> {
-        (**self).next(into)
-    }
-
-    fn dropped(&self) -> u64 {
-        (**self).dropped()
-    }
 }

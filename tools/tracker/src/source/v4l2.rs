@@ -96,15 +96,16 @@ impl Device {
             .open(path)
             .map_err(failed)?;
         // SAFETY: the code is that of the structure, which is plain numbers and which the driver fills.
-        let said = match unsafe { ioctl(&file, Getter::<QUERY_CAPABILITIES, Capability>::new()) } {
-            Ok(said) => said,
-            Err(Errno::NOTTY | Errno::INVAL) => return Err(none("it is no video device")),
-            Err(why) => return Err(failed(why.into())),
-        };
-        let can = if said.capabilities & HAS_DEVICE_CAPABILITIES != 0 {
-            said.device_capabilities
+        let capability =
+            match unsafe { ioctl(&file, Getter::<QUERY_CAPABILITIES, Capability>::new()) } {
+                Ok(capability) => capability,
+                Err(Errno::NOTTY | Errno::INVAL) => return Err(none("it is no video device")),
+                Err(why) => return Err(failed(why.into())),
+            };
+        let can = if capability.capabilities & HAS_DEVICE_CAPABILITIES != 0 {
+            capability.device_capabilities
         } else {
-            said.capabilities
+            capability.capabilities
         };
         if can & CAN_CAPTURE == 0 {
             return Err(none(if can & CAN_CAPTURE_IN_PLANES != 0 {
@@ -118,7 +119,7 @@ impl Device {
         }
         Ok(Self {
             file,
-            card: text(&said.card),
+            card: text(&capability.card),
             mappings: Vec::new(),
             started: false,
         })
@@ -365,12 +366,13 @@ impl Driver for Device {
         let Some(mapping) = self.mappings.get(filled.index) else {
             return &[];
         };
-        // SAFETY: mapped for as long as `self` is. Between its being taken and given back, the driver does not write to it.
+        // SAFETY: mapped for as long as `self` is. The driver does not write to it while there is a `Filled` of it, which cannot be
+        // copied, and which `requeue` takes together with `&mut self`, so that the slice is gone by then.
         unsafe { from_raw_parts(mapping.start.cast::<u8>().cast_const(), mapping.length) }
     }
 
-    fn requeue(&mut self, index: usize) -> io::Result<()> {
-        let index = u32::try_from(index).map_err(|_| io::ErrorKind::InvalidInput)?;
+    fn requeue(&mut self, filled: Filled) -> io::Result<()> {
+        let index = u32::try_from(filled.index).map_err(|_| io::ErrorKind::InvalidInput)?;
         Ok(self.update::<QUEUE, _>(&mut empty(index))?)
     }
 }

@@ -172,7 +172,6 @@ impl<R: BufRead> Y4m<R> {
                 width: header.width,
                 height: header.height,
                 rate_hz: header.rate_hz,
-                live: false,
                 frames: None,
             },
             header,

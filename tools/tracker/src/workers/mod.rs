@@ -9,7 +9,7 @@ use crate::models::{
     BodyEstimate, BodyHints, BodyModel, FaceEstimate, FaceModel, HandEstimate, HandModel,
     HandModels, Models, Side,
 };
-use crate::picture::SharedPicture;
+use crate::source::Picture;
 use motion_fit::estimates::Observation;
 use std::sync::Arc;
 use std::time::Instant;
@@ -73,6 +73,8 @@ pub struct Tracker {
     body: Worker<BodyFound>,
     hands: Vec<Worker<HandsFound>>,
     face: Option<Worker<Option<FaceEstimate>>>,
+    /// What a thread that has ended was for. The others may be left with a picture whose answer is not taken, so that they get no more.
+    stopped: Option<&'static str>,
 }
 
 impl Tracker {
@@ -99,6 +101,7 @@ impl Tracker {
             body: body(models.body)?,
             hands,
             face: models.face.map(face).transpose()?,
+            stopped: None,
         })
     }
 
@@ -107,8 +110,19 @@ impl Tracker {
     ///
     /// # Errors
     /// Those of the models, and [`TrackerError::Stopped`] if a thread has ended. After an error of a model the next picture may be
-    /// handed over.
-    pub fn observe(&mut self, picture: &Arc<dyn SharedPicture>) -> Result<Seen, TrackerError> {
+    /// handed over; a thread that has ended is the error of all further ones.
+    pub fn observe(&mut self, picture: &Arc<Picture>) -> Result<Seen, TrackerError> {
+        if let Some(unit) = self.stopped {
+            return Err(TrackerError::Stopped { unit });
+        }
+        let seen = self.look(picture);
+        if let Err(TrackerError::Stopped { unit }) = seen {
+            self.stopped = Some(unit);
+        }
+        seen
+    }
+
+    fn look(&self, picture: &Arc<Picture>) -> Result<Seen, TrackerError> {
         let start = Instant::now();
         self.body.look(picture)?;
         for worker in &self.hands {
@@ -138,7 +152,7 @@ impl Tracker {
         let face = self.face.as_ref().map(Worker::answer).transpose()?;
 
         let mut seen = Seen {
-            seconds: picture.seconds(),
+            seconds: picture.seconds,
             body: None,
             hands: [None, None],
             hands_looked_at: [false; 2],
@@ -170,7 +184,7 @@ impl Tracker {
 
 fn body(mut model: Box<dyn BodyModel>) -> Result<Worker<BodyFound>, TrackerError> {
     Worker::start("body", move |picture, inbox| {
-        let seen = inbox.busy(|| model.run(picture.view()?, picture.seconds()))?;
+        let seen = inbox.busy(|| model.run(picture.view()?, picture.seconds))?;
         Ok((seen, model.people()))
     })
 }

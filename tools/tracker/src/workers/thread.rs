@@ -2,7 +2,7 @@
 
 use crate::TrackerError;
 use crate::models::BodyHints;
-use crate::picture::SharedPicture;
+use crate::source::Picture;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -11,7 +11,7 @@ use std::time::Instant;
 /// What a thread is told.
 enum Message {
     /// A new picture.
-    Look(Arc<dyn SharedPicture>),
+    Look(Arc<Picture>),
     /// What the body's thread found in it.
     Body(Option<BodyHints>),
 }
@@ -29,7 +29,8 @@ pub(super) struct Worker<T> {
     unit: &'static str,
     /// Nothing once the thread is to end.
     messages: Option<SyncSender<Message>>,
-    answers: Receiver<Answer<T>>,
+    /// As with the messages.
+    answers: Option<Receiver<Answer<T>>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -62,9 +63,7 @@ impl<T: Send + 'static> Worker<T> {
     /// Starts a thread that does `work` on every picture.
     pub(super) fn start(
         unit: &'static str,
-        mut work: impl FnMut(&dyn SharedPicture, &mut Inbox<'_>) -> Result<T, TrackerError>
-        + Send
-        + 'static,
+        mut work: impl FnMut(&Picture, &mut Inbox<'_>) -> Result<T, TrackerError> + Send + 'static,
     ) -> Result<Self, TrackerError> {
         // A picture and the body's answer to it.
         let (messages, inbox) = sync_channel(2);
@@ -79,7 +78,7 @@ impl<T: Send + 'static> Worker<T> {
                     messages: &inbox,
                     busy_ms: 0.0,
                 };
-                let found = work(&*picture, &mut inbox);
+                let found = work(&picture, &mut inbox);
                 let busy_ms = inbox.busy_ms;
                 // Before the answer: the source may use its memory again.
                 drop(picture);
@@ -95,13 +94,13 @@ impl<T: Send + 'static> Worker<T> {
         Ok(Self {
             unit,
             messages: Some(messages),
-            answers,
+            answers: Some(answers),
             thread: Some(thread),
         })
     }
 
     /// Hands a picture over.
-    pub(super) fn look(&self, picture: &Arc<dyn SharedPicture>) -> Result<(), TrackerError> {
+    pub(super) fn look(&self, picture: &Arc<Picture>) -> Result<(), TrackerError> {
         self.send(Message::Look(Arc::clone(picture)))
     }
 
@@ -111,30 +110,28 @@ impl<T: Send + 'static> Worker<T> {
     }
 
     fn send(&self, message: Message) -> Result<(), TrackerError> {
-        let stopped = TrackerError::Stopped { unit: self.unit };
-        let Some(messages) = &self.messages else {
-            return Err(stopped);
-        };
-        messages.send(message).map_err(|_| stopped)
+        let sent = self.messages.as_ref().map(|to| to.send(message));
+        match sent {
+            Some(Ok(())) => Ok(()),
+            _ => Err(TrackerError::Stopped { unit: self.unit }),
+        }
     }
 
     /// Waits for what the thread found in the picture.
     pub(super) fn answer(&self) -> Result<Answer<T>, TrackerError> {
-        self.answers
-            .recv()
-            .map_err(|_| TrackerError::Stopped { unit: self.unit })
+        let answer = self.answers.as_ref().and_then(|from| from.recv().ok());
+        answer.ok_or(TrackerError::Stopped { unit: self.unit })
     }
 }
 
 impl<T> Drop for Worker<T> {
     fn drop(&mut self) {
+        // Before the thread is waited for, which may wait to be told, or to have its answer taken.
         drop(self.messages.take());
-        // An answer that was not taken must not keep the thread.
-        while self.answers.try_recv().is_ok() {}
-        if let Some(thread) = self.thread.take()
-            && thread.join().is_err()
-        {
-            log::error!("the tracker's thread for {} panicked", self.unit);
+        drop(self.answers.take());
+        if let Some(thread) = self.thread.take() {
+            // That it panicked was returned as `TrackerError::Stopped`.
+            let _ = thread.join();
         }
     }
 }

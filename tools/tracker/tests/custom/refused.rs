@@ -68,6 +68,76 @@ fn what_does_not_fit_is_refused_with_a_reason() {
 }
 
 #[test]
+fn shapes_whose_product_is_beyond_all_memory_are_refused() {
+    let Some(runtime) = runtime() else { return };
+    for shape in [
+        &[1, 1 << 25][..],
+        // In 64 bits 0 would be left of them, 136 and no number that fits.
+        &[1 << 32, 1 << 32],
+        &[1, (1 << 62) + 17, 4, 2],
+        &[i64::MAX, i64::MAX, i64::MAX],
+    ] {
+        let outputs = [constant("points", shape, &[0.0; 34])];
+        let why = body(&runtime, &outputs, &landmarks("coco-17", ""))
+            .unwrap_err()
+            .to_string();
+        let words = ["points", "more than 16777216 numbers"];
+        assert!(words.iter().all(|word| why.contains(word)), "{why}");
+    }
+}
+
+#[test]
+fn outputs_that_contradict_each_other_are_refused() {
+    let Some(runtime) = runtime() else { return };
+    let bins = |name| constant(name, &[1, 26, 16], &[0.0; 416]);
+    let one = |name| constant(name, &[1, 1], &[1.0]);
+    let output = |name: &str, meaning: &str, more: &str| {
+        format!("[[output]]\nname = \"{name}\"\nmeaning = \"{meaning}\"\n{more}\n")
+    };
+    let halpe = "order = \"halpe-26\"";
+    let coco = constant("a", &[1, 17, 16], &[0.0; 272]);
+    for (outputs, toml, words) in [
+        (
+            vec![coco, bins("b")],
+            output("a", "simcc_x", "order = \"coco-17\"") + &output("b", "simcc_y", halpe),
+            ["simcc", "different orders"],
+        ),
+        (
+            vec![bins("a"), bins("b"), bins("c")],
+            output("a", "simcc_x", halpe)
+                + &output("b", "simcc_y", halpe)
+                + &output("c", "simcc_y", halpe),
+            ["b and c", "both simcc_y"],
+        ),
+        (
+            vec![bins("a")],
+            output("a", "simcc_x", halpe),
+            ["simcc_x and simcc_y", "go together"],
+        ),
+        (
+            vec![bins("a")],
+            output("a", "simcc_y", halpe),
+            ["simcc_x and simcc_y", "go together"],
+        ),
+        (
+            vec![one("a"), one("b")],
+            output("a", "confidence", "") + &output("b", "confidence", ""),
+            ["a and b", "both a confidence"],
+        ),
+    ] {
+        let why = body(&runtime, &outputs, &toml).unwrap_err().to_string();
+        assert!(words.iter().all(|word| why.contains(word)), "{why}");
+    }
+    let lids = |name| constant(name, &[1, 2], &[0.5; 2]);
+    let outputs = [lids("a"), lids("b")];
+    let toml = PLAIN.to_owned() + &output("a", "eyelids", "") + &output("b", "eyelids", "");
+    let why = face(&runtime, INPUT, &outputs, &toml)
+        .unwrap_err()
+        .to_string();
+    assert!(why.contains("both eyelids"), "{why}");
+}
+
+#[test]
 fn files_that_are_missing_damaged_or_others_are_refused() {
     let Some(runtime) = runtime() else { return };
     let outputs = [constant("points", &[1, 17, 2], &[0.0; 34])];

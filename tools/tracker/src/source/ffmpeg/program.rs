@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use super::super::ahead::join_within;
 use super::super::error::SourceError;
-use super::super::picture::{LARGEST_SIDE, Wanted};
+use super::super::picture::LARGEST_SIDE;
 use super::Input;
 
 /// From the end of its output to its own.
@@ -78,10 +78,7 @@ pub(super) struct Running {
 }
 
 impl Running {
-    pub(super) fn start(
-        input: &Input,
-        wanted: &Wanted,
-    ) -> Result<(Self, ChildStdout), SourceError> {
+    pub(super) fn start(input: &Input) -> Result<(Self, ChildStdout), SourceError> {
         let program = program(&input.name)?;
         let mut command = Command::new(&program);
         command.args([
@@ -100,15 +97,6 @@ impl Running {
         command.args(["-map", "0:v:0", "-fps_mode", "passthrough"]);
         // In microseconds: without it, times are rounded to the video's mean rate.
         command.args(["-enc_time_base", "1:1000000"]);
-        if let Some((width, height)) = wanted
-            .size
-            .filter(|(width, height)| *width > 0 && *height > 0)
-        {
-            command.args([
-                "-vf",
-                &format!("scale=w='min(iw,{width})':h='min(ih,{height})':force_original_aspect_ratio=decrease"),
-            ]);
-        }
         command.args([
             "-sws_flags",
             "bicubic+accurate_rnd+full_chroma_int",

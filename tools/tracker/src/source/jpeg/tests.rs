@@ -36,7 +36,7 @@ fn opened(bytes: &[u8]) -> Result<MotionJpeg<BufReader<&[u8]>>, SourceError> {
     MotionJpeg::open(
         "test.mjpeg".to_owned(),
         BufReader::with_capacity(3, bytes),
-        &Wanted::default(),
+        false,
     )
 }
 
@@ -116,12 +116,8 @@ fn a_picture_of_another_size_is_refused_in_a_recording_and_given_live() {
         .expect("a frame header");
     other[at + 8] = 5;
     let bytes = [grey(false, true), other, grey(true, true)].concat();
-    let live = Wanted {
-        changing_size: true,
-        ..Wanted::default()
-    };
     let mut source =
-        MotionJpeg::open("live".to_owned(), bytes.as_slice(), &live).expect("a picture");
+        MotionJpeg::open("live".to_owned(), bytes.as_slice(), true).expect("a picture");
     let mut picture = Picture::empty();
     for width in [8, 5, 8] {
         assert!(source.next(&mut picture).expect("no error"), "{width} wide");
@@ -160,19 +156,37 @@ fn sizes_beyond_the_limit_are_refused_before_there_is_memory_for_them() {
 fn a_picture_without_an_end_is_not_read_for_ever() {
     let start = grey(false, true);
     let endless = start[..start.len() - 2].chain(repeat(7));
-    let refused = MotionJpeg::open(
-        "endless".to_owned(),
-        BufReader::new(endless),
-        &Wanted::default(),
-    );
+    let refused = MotionJpeg::open("endless".to_owned(), BufReader::new(endless), false);
     let message = refused.expect_err("endless").to_string();
     assert!(message.contains("64 MiB"), "{message}");
-    let nothing = MotionJpeg::open(
-        "nothing".to_owned(),
-        BufReader::new(repeat(7)),
-        &Wanted::default(),
-    );
-    nothing.expect_err("no picture in it");
+    let nothing = MotionJpeg::open("nothing".to_owned(), BufReader::new(repeat(7)), false);
+    let message = nothing.expect_err("no picture in it").to_string();
+    assert!(message.contains("1 MiB"), "{message}");
+}
+
+#[test]
+fn the_end_differs_from_much_that_is_no_picture() {
+    let (one, mut whole) = (grey(false, true), Vec::new());
+    let mut next = |between: &[u8], last: &[u8]| {
+        let bytes = [one.as_slice(), between, last].concat();
+        let mut input = bytes.as_slice();
+        [(); 2].map(|()| next_picture(&mut input, &mut whole).expect("memory is read"))
+    };
+    let much = vec![7; 2 << 20];
+    for (between, last, expected) in [
+        (&much[..1000], one.as_slice(), Found::Whole),
+        (&much[..1000], &[], Found::End),
+        (&much, &one, Found::OtherBytes),
+        (&much, &[], Found::OtherBytes),
+    ] {
+        assert_eq!(next(between, last), [Found::Whole, expected]);
+    }
+    // A recording gives what it has.
+    let bytes = [one.as_slice(), &much].concat();
+    let mut source = opened(&bytes).expect("a picture");
+    let mut picture = Picture::empty();
+    assert!(source.next(&mut picture).expect("no error"), "the first");
+    assert!(!source.next(&mut picture).expect("no error"), "the end");
 }
 
 /// Its one table of quantization has no such number.
@@ -183,27 +197,22 @@ fn damaged() -> Vec<u8> {
 }
 
 #[test]
-fn damaged_pictures_are_left_out_and_counted() {
+fn damaged_pictures_are_left_out_with_their_numbers() {
     let (good, bad) = (grey(true, true), damaged());
     let bytes = [&bad, &good, &bad, &bad, &good, &bad]
         .map(Vec::as_slice)
         .concat();
     let mut source = opened(&bytes).expect("a picture");
     let mut picture = Picture::empty();
-    for (number, dropped) in [(1_u32, 1), (4, 3)] {
+    for number in [1_u32, 4] {
         assert!(source.next(&mut picture).expect("no error"), "no end");
-        assert_eq!(
-            (picture.number, source.dropped()),
-            (u64::from(number), dropped),
-            "number and dropped"
-        );
+        assert_eq!(picture.number, u64::from(number), "number");
         assert!(
             (picture.seconds - f64::from(number) / 30.0).abs() < 1e-9,
             "time"
         );
     }
     assert!(!source.next(&mut picture).expect("no error"), "the end");
-    assert_eq!(source.dropped(), 4, "dropped");
 }
 
 #[test]
@@ -225,11 +234,7 @@ fn nothing_but_damaged_pictures_is_an_error() {
 fn endless_fill_before_a_marker_is_not_read_for_ever() {
     let start = grey(false, true);
     let endless = start[..2].chain(repeat(0xff));
-    let refused = MotionJpeg::open(
-        "endless".to_owned(),
-        BufReader::new(endless),
-        &Wanted::default(),
-    );
+    let refused = MotionJpeg::open("endless".to_owned(), BufReader::new(endless), false);
     let message = refused.expect_err("endless").to_string();
     assert!(message.contains("64 MiB"), "{message}");
 }

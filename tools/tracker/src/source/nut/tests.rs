@@ -32,7 +32,8 @@ fn stream() -> Vec<u8> {
 
 #[test]
 fn pictures_and_times_are_read() {
-    let mut nut = Nut::open(stream().as_slice().to_vec().leak() as &[u8]).expect("a header");
+    let bytes = stream();
+    let mut nut = Nut::open(bytes.as_slice()).expect("a header");
     assert_eq!((nut.width, nut.height), (2, 1), "size");
     let mut pixels = [0; 6];
     assert_eq!(nut.frame(&mut pixels).expect("a frame"), Some(2.0), "time");

@@ -10,19 +10,12 @@ use crate::source::error::SourceError;
 
 /// Of the system, to open a camera.
 pub(super) fn refusal(device: &str, source: io::Error) -> SourceError {
-    let device = device.to_owned();
     match Errno::from_io_error(&source) {
         Some(Errno::NOENT | Errno::NODEV | Errno::NXIO | Errno::NOTDIR) => SourceError::NoDevice {
-            device,
+            device: device.to_owned(),
             present: present(),
         },
-        Some(Errno::ACCESS | Errno::PERM) => SourceError::NoPermission { device },
-        Some(Errno::BUSY) => SourceError::Busy { device },
-        _ => SourceError::Device {
-            device,
-            doing: "to open",
-            source,
-        },
+        _ => SourceError::of_camera(device, "to open", source),
     }
 }
 
