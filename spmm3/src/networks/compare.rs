@@ -8,12 +8,12 @@ use super::graph::{Sink, head};
 use super::inspect::Stored;
 use super::inspect::check_tensor;
 use super::inspect::find_graph;
-use super::onnx::{Node, Tensor};
 use super::wire::Checked;
 use super::wire::refuse;
 use super::wire::{Fields, Value};
 use super::{AttributeNetwork, DeformGraph, GraphParts, GraphRefused, MeshNetwork};
 use crate::{Controllers, Template};
+use onnx_schema::{Node, Tensor};
 use prost::Message;
 
 /// Most numbers that all stored tensors hold together: 512 MiB once ONNX Runtime has widened them. A person of 60,000

@@ -4,10 +4,10 @@
 //! the Hexagon NPU run whole. Stored FP16 and 8-bit weights are widened by constant nodes, which ONNX Runtime folds when
 //! it loads the graph, so that they cost nothing per frame.
 
-use super::onnx::{Attribute, Graph, Model, Node, OperatorSet, Tensor, ValueInfo, data_type};
 use super::parts::{GraphParts, GraphSizes, Port, input, output};
 use super::{AttributeNetwork, Dense, MeshNetwork};
 use crate::{ATTRIBUTES, Controllers, JOINTS, NEIGHBOURS, PersonError, Template};
+use onnx_schema::{Attribute, Graph, Model, Node, OperatorSet, Tensor, ValueInfo, data_type};
 use prost::Message;
 
 const OPSET: i64 = 17;

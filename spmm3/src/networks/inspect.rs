@@ -3,9 +3,9 @@
 //! ONNX can name files to load, loops to run and custom libraries' operators. A package is untrusted, so the
 //! graph may only be what a static feed-forward network needs: known operators, numbers inside the file, all finite.
 
-use super::onnx::{Tensor, ValueInfo, data_type};
 use super::wire::{Checked, Fields, GraphRefused, Value, refuse, varint};
 use half::f16;
+use onnx_schema::{Tensor, ValueInfo, data_type};
 use prost::Message;
 
 /// Operators a deform graph may use: static, without control flow, each known to the CPU and the NPU provider.

@@ -9,7 +9,6 @@ mod graph;
 mod inspect;
 mod layer;
 mod mesh;
-mod onnx;
 mod parts;
 mod stored;
 mod wire;

@@ -1,8 +1,8 @@
 //! An ONNX graph while it is built: nodes in the order of their execution, constants, names.
 
 use crate::error::ConvertError;
-use crate::onnx::{Attribute, Graph, Model, Node, OperatorSet, Tensor, ValueInfo, data_type};
 use crate::{Converted, Port};
+use onnx_schema::{Attribute, Graph, Model, Node, OperatorSet, Tensor, ValueInfo, data_type};
 
 /// Most bytes of all constants: the networks that this converter is for have 13 MB at most.
 const MAX_BYTES: usize = 1 << 27;
@@ -108,6 +108,7 @@ impl Builder {
         self.nodes.push(Node {
             input: inputs.iter().map(|value| self.name(*value)).collect(),
             output: vec![self.name(output)],
+            name: None,
             op_type: Some(op.into()),
             attribute,
         });

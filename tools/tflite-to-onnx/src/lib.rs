@@ -51,7 +51,6 @@ mod flatbuffer;
 mod flexbuffer;
 mod graph;
 mod model;
-mod onnx;
 mod sparse;
 
 pub use error::ConvertError;

@@ -258,3 +258,14 @@ impl Sampler<'_> {
         self.picture.rgb().get(first..first + 3)
     }
 }
+/// The box about `points` whose sides are turned by `radians`: its centre, and its size along its own sides. Infinite without points.
+pub(crate) fn turned_box(points: impl IntoIterator<Item = Vec2>, radians: f32) -> (Vec2, Vec2) {
+    let back = Vec2::from_angle(-radians);
+    let none = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+    let (low, high) = points
+        .into_iter()
+        .map(|point| back.rotate(point))
+        .fold(none, |(low, high), p| (low.min(p), high.max(p)));
+    let centre = Vec2::from_angle(radians).rotate((low + high) * 0.5);
+    (centre, high - low)
+}

@@ -4,7 +4,7 @@ use super::{Emitter, PICTURE, STORED};
 use crate::error::ConvertError;
 use crate::graph::{Value, i64_of};
 use crate::model::Operator;
-use crate::onnx::Attribute;
+use onnx_schema::Attribute;
 
 /// Beyond every index.
 const END: i64 = i32::MAX as i64;

@@ -8,7 +8,7 @@ use crate::error::ConvertError;
 use crate::flexbuffer::Map;
 use crate::graph::{Builder, Value};
 use crate::model::Operator;
-use crate::onnx::Attribute;
+use onnx_schema::Attribute;
 
 impl Builder {
     fn binary(&mut self, op: &str, a: Value, b: Value) -> Value {

@@ -4,7 +4,7 @@ use super::{Emitter, PICTURE};
 use crate::error::ConvertError;
 use crate::graph::{Value, i64_of};
 use crate::model::Operator;
-use crate::onnx::Attribute;
+use onnx_schema::Attribute;
 
 /// MEAN or SUM, ONNX's `kind`. Their setting: whether the dimensions stay, with length 1.
 pub(super) fn reduce(

@@ -5,7 +5,7 @@ use crate::array::Array;
 use crate::error::ConvertError;
 use crate::graph::{Value, i64_of};
 use crate::model::Operator;
-use crate::onnx::Attribute;
+use onnx_schema::Attribute;
 
 /// Most of a stride, dilation or window's side.
 const MAX_SIDE: usize = 1 << 12;

@@ -1,8 +1,10 @@
 //! What a network's outputs say, in the picture's own coordinates.
 
 use super::description::{Axes, Frame, MetricUnit, Number, Output, PixelUnit, Representation};
+use super::orders::Order;
 use super::plan::Plan;
 use crate::crop::Region;
+use crate::networks::sigmoid;
 use glam::{Affine2, Mat3, Quat, Vec2, Vec3};
 use motion_fit::estimates::JointRotation;
 use std::f32::consts::PI;
@@ -54,155 +56,221 @@ pub(super) fn decode<'a>(
     output: impl Fn(usize) -> &'a [f32],
     look: Look<'_>,
 ) -> Option<Decoded> {
-    let mut seen = Decoded {
-        confidence: 1.0,
-        marks: vec![Mark::default(); plan.part.landmarks()],
-        joints: vec![JointRotation::UNKNOWN; plan.part.joints()],
-        weights: None,
-        eyelids: None,
-    };
-    let place = Place::new(plan, look);
-    let mut in_camera = vec![false; plan.part.joints()];
-    let mut overall = None;
-    for (at, (said, joints)) in plan.said.outputs.iter().zip(&plan.places).enumerate() {
+    let mut decoding = Decoding::new(plan, look);
+    let outputs = plan.description.outputs.iter().zip(&plan.places);
+    for (at, (described, joints)) in outputs.enumerate() {
         let values = output(at);
         if values.is_empty() || !values.iter().all(|v| v.is_finite()) {
             return None;
         }
-        match said {
+        decoding.read(described, joints, values)?;
+    }
+    decoding.finish()
+}
+
+/// What was decoded so far.
+struct Decoding<'a> {
+    plan: &'a Plan,
+    place: Place,
+    seen: Decoded,
+    /// Of each joint, whether its rotation is in camera axes.
+    in_camera: Vec<bool>,
+    /// The probability of the whole, where an output has it.
+    overall: Option<f32>,
+    /// Whether landmarks are still in the input's pixels, because their axes come one by one.
+    in_input: bool,
+}
+
+impl<'a> Decoding<'a> {
+    fn new(plan: &'a Plan, look: Look<'_>) -> Self {
+        Self {
+            plan,
+            place: Place::new(plan, look),
+            seen: Decoded {
+                confidence: 1.0,
+                marks: vec![Mark::default(); plan.part.landmarks()],
+                joints: vec![JointRotation::UNKNOWN; plan.part.joints()],
+                weights: None,
+                eyelids: None,
+            },
+            in_camera: vec![false; plan.part.joints()],
+            overall: None,
+            in_input: false,
+        }
+    }
+
+    /// Reads one output, which turns `joints` if it holds rotations. Nothing if one of them is none.
+    fn read(&mut self, output: &Output, joints: &[usize], values: &[f32]) -> Option<()> {
+        match output {
             Output::Landmarks2d {
                 order,
                 unit,
                 numbers,
                 ..
-            } => {
-                for (from, values) in values.chunks_exact(numbers.len()).enumerate() {
-                    let Some(mark) = order.target(from).and_then(|to| seen.marks.get_mut(to))
-                    else {
-                        continue;
-                    };
-                    let read = Read::new(numbers, values);
-                    mark.pixel = Some(place.pixel(read.at.truncate(), *unit));
-                    mark.depth = read.has_z.then(|| place.depth(read.at.z, *unit));
-                    mark.confidence = read.confidence.or(mark.confidence);
-                }
-            }
+            } => self.landmarks_2d(*order, *unit, numbers, values),
             Output::Landmarks3d {
                 order,
                 unit,
                 axes,
                 numbers,
                 ..
-            } => {
-                for (from, values) in values.chunks_exact(numbers.len()).enumerate() {
-                    let Some(mark) = order.target(from).and_then(|to| seen.marks.get_mut(to))
-                    else {
-                        continue;
-                    };
-                    let read = Read::new(numbers, values);
-                    mark.metres = Some(place.metres(read.at, *unit, *axes));
-                    mark.confidence = read.confidence.or(mark.confidence);
-                }
-            }
+            } => self.landmarks_3d(*order, (*unit, *axes), numbers, values),
             Output::SimccX {
                 order,
                 bins_per_pixel,
                 ..
-            }
-            | Output::SimccY {
+            } => self.bins(*order, *bins_per_pixel, 0, values),
+            Output::SimccY {
                 order,
                 bins_per_pixel,
                 ..
-            } => {
-                let down = matches!(said, Output::SimccY { .. });
-                let bins = values.len() / order.count();
-                for (from, values) in values.chunks_exact(bins.max(1)).enumerate() {
-                    let Some(mark) = order.target(from).and_then(|to| seen.marks.get_mut(to))
-                    else {
-                        continue;
-                    };
-                    let (bin, best) = highest(values);
-                    // The other axis is filled in when its output is read, and both are brought into the picture at the end.
-                    let pixel = mark.pixel.get_or_insert(Vec2::ZERO);
-                    pixel[usize::from(down)] = bin as f32 / bins_per_pixel;
-                    let sure = best.clamp(0.0, 1.0);
-                    mark.confidence = Some(mark.confidence.map_or(sure, |c| c.min(sure)));
-                }
-            }
-            Output::Confidence { logit, order, .. } => {
-                let probability = |value: f32| {
-                    let value = if *logit { sigmoid(value) } else { value };
-                    value.clamp(0.0, 1.0)
-                };
-                match order {
-                    None => overall = values.first().map(|value| probability(*value)),
-                    Some(order) => {
-                        for (from, value) in values.iter().enumerate() {
-                            let to = order.target(from);
-                            if let Some(mark) = to.and_then(|to| seen.marks.get_mut(to)) {
-                                mark.confidence = Some(probability(*value));
-                            }
-                        }
-                    }
-                }
-            }
+            } => self.bins(*order, *bins_per_pixel, 1, values),
+            Output::Confidence { logit, order, .. } => self.confidence(*order, *logit, values),
             Output::Rotations {
                 representation,
                 frame,
                 axes,
                 ..
             } => {
-                let each = values.chunks_exact(representation.numbers());
-                for (joint, values) in joints.iter().zip(each) {
-                    let rotation = rotation(*representation, values)?;
-                    let in_camera_axes = *frame == Frame::Camera;
-                    let to = seen.joints.get_mut(*joint)?;
-                    to.rotation = place.rotation(rotation, in_camera_axes.then_some(*axes));
-                    to.confidence = 1.0;
-                    *in_camera.get_mut(*joint)? = in_camera_axes;
-                }
+                let camera = (*frame == Frame::Camera).then_some(*axes);
+                return self.rotations(joints, *representation, camera, values);
             }
             Output::Jaw { representation, .. } => {
-                let to = seen.joints.get_mut(*joints.first()?)?;
-                to.rotation = place.rotation(rotation(*representation, values)?, None);
-                to.confidence = 1.0;
+                return self.rotations(joints, *representation, None, values);
             }
-            Output::Expression { .. } => seen.weights = Some(values.to_vec()),
-            Output::Eyelids { .. } => seen.eyelids = values.try_into().ok(),
+            Output::Expression { .. } => self.seen.weights = Some(values.to_vec()),
+            Output::Eyelids { .. } => self.seen.eyelids = values.try_into().ok(),
+        }
+        Some(())
+    }
+
+    /// The mark of landmark `from` of a network's order, if the fit has one.
+    fn mark(&mut self, order: Order, from: usize) -> Option<&mut Mark> {
+        let to = order.target(from)?;
+        self.seen.marks.get_mut(to)
+    }
+
+    fn landmarks_2d(&mut self, order: Order, unit: PixelUnit, numbers: &[Number], values: &[f32]) {
+        for (from, values) in values.chunks_exact(numbers.len().max(1)).enumerate() {
+            let read = Read::new(numbers, values);
+            let pixel = self.place.pixel(read.at.truncate(), unit);
+            let depth = read.has_z.then(|| self.place.depth(read.at.z, unit));
+            if let Some(mark) = self.mark(order, from) {
+                mark.pixel = Some(pixel);
+                mark.depth = depth;
+                mark.confidence = read.confidence.or(mark.confidence);
+            }
         }
     }
-    if plan
-        .said
-        .outputs
-        .iter()
-        .any(|o| matches!(o, Output::SimccX { .. }))
-    {
-        for mark in &mut seen.marks {
-            mark.pixel = mark.pixel.map(|p| place.pixel(p, PixelUnit::Pixels));
+
+    fn landmarks_3d(
+        &mut self,
+        order: Order,
+        (unit, axes): (MetricUnit, Axes),
+        numbers: &[Number],
+        values: &[f32],
+    ) {
+        for (from, values) in values.chunks_exact(numbers.len().max(1)).enumerate() {
+            let read = Read::new(numbers, values);
+            let metres = self.place.metres(read.at, unit, axes);
+            if let Some(mark) = self.mark(order, from) {
+                mark.metres = Some(metres);
+                mark.confidence = read.confidence.or(mark.confidence);
+            }
         }
     }
-    let sane = seen.marks.iter().all(|mark| {
-        let pixel = mark.pixel.unwrap_or_default().abs().max_element();
-        let metres = mark.metres.unwrap_or_default().abs().max_element();
-        pixel <= LIMIT && metres <= LIMIT && mark.depth.unwrap_or_default().abs() <= LIMIT
-    });
-    let known = seen.marks.iter().filter_map(|mark| mark.confidence);
-    let (sum, count) = known.fold((0.0f32, 0.0f32), |(sum, n), c| (sum + c, n + 1.0));
-    // A body half hidden is a body all the same: only its landmarks' own probabilities are small.
-    let (confidence, judged) = match overall {
-        Some(overall) => (overall, true),
-        None if count > 0.0 => (sum / count, false),
-        None => (1.0, false),
-    };
-    if !sane || (judged && confidence < plan.said.least_confidence) {
-        return None;
+
+    /// Landmarks as bins along `axis`. The other axis is filled in when its output is read, and both are brought into the picture at the
+    /// end.
+    fn bins(&mut self, order: Order, bins_per_pixel: f32, axis: usize, values: &[f32]) {
+        self.in_input = true;
+        let bins = values.len() / order.count();
+        for (from, values) in values.chunks_exact(bins.max(1)).enumerate() {
+            let Some(mark) = self.mark(order, from) else {
+                continue;
+            };
+            let (bin, best) = highest(values);
+            mark.pixel.get_or_insert(Vec2::ZERO)[axis] = bin as f32 / bins_per_pixel;
+            let sure = best.clamp(0.0, 1.0);
+            mark.confidence = Some(mark.confidence.map_or(sure, |c| c.min(sure)));
+        }
     }
-    seen.confidence = confidence;
-    lower(plan, &mut seen, &in_camera)?;
-    for joint in &mut seen.joints {
-        joint.confidence *= confidence;
+
+    /// Of each landmark in `order`, or of the whole.
+    fn confidence(&mut self, order: Option<Order>, logit: bool, values: &[f32]) {
+        let probability = |value: f32| {
+            let value = if logit { sigmoid(value) } else { value };
+            value.clamp(0.0, 1.0)
+        };
+        let Some(order) = order else {
+            self.overall = values.first().map(|value| probability(*value));
+            return;
+        };
+        for (from, value) in values.iter().enumerate() {
+            if let Some(mark) = self.mark(order, from) {
+                mark.confidence = Some(probability(*value));
+            }
+        }
     }
-    Some(seen)
+
+    /// Of each of `joints`: in these `camera` axes, or in its parent's frame.
+    fn rotations(
+        &mut self,
+        joints: &[usize],
+        representation: Representation,
+        camera: Option<Axes>,
+        values: &[f32],
+    ) -> Option<()> {
+        let each = values.chunks_exact(representation.numbers());
+        for (joint, values) in joints.iter().zip(each) {
+            let to = self.seen.joints.get_mut(*joint)?;
+            to.rotation = self
+                .place
+                .rotation(rotation(representation, values)?, camera);
+            to.confidence = 1.0;
+            *self.in_camera.get_mut(*joint)? = camera.is_some();
+        }
+        Some(())
+    }
+
+    /// Once all outputs were read; nothing if the network is not sure, or its numbers are beyond all bounds.
+    fn finish(self) -> Option<Decoded> {
+        let Self {
+            plan,
+            place,
+            mut seen,
+            in_camera,
+            overall,
+            in_input,
+        } = self;
+        if in_input {
+            for mark in &mut seen.marks {
+                mark.pixel = mark.pixel.map(|p| place.pixel(p, PixelUnit::Pixels));
+            }
+        }
+        let sane = seen.marks.iter().all(|mark| {
+            let pixel = mark.pixel.unwrap_or_default().abs().max_element();
+            let metres = mark.metres.unwrap_or_default().abs().max_element();
+            pixel <= LIMIT && metres <= LIMIT && mark.depth.unwrap_or_default().abs() <= LIMIT
+        });
+        let known = seen.marks.iter().filter_map(|mark| mark.confidence);
+        let (sum, count) = known.fold((0.0f32, 0.0f32), |(sum, n), c| (sum + c, n + 1.0));
+        // A body half hidden is a body all the same: only its landmarks' own probabilities are small.
+        let (confidence, judged) = match overall {
+            Some(overall) => (overall, true),
+            None if count > 0.0 => (sum / count, false),
+            None => (1.0, false),
+        };
+        if !sane || (judged && confidence < plan.description.least_confidence) {
+            return None;
+        }
+        seen.confidence = confidence;
+        lower(plan, &mut seen, &in_camera)?;
+        for joint in &mut seen.joints {
+            joint.confidence *= confidence;
+        }
+        Some(seen)
+    }
 }
 
 /// Puts joints in camera axes into their parents' frames, but for the root.
@@ -274,7 +342,7 @@ struct Place {
 
 impl Place {
     fn new(plan: &Plan, look: Look<'_>) -> Self {
-        let [width, height] = plan.said.input.sides();
+        let [width, height] = plan.description.input.sides();
         let sides = Vec2::new(width as f32, height as f32);
         Self {
             sides,
@@ -392,8 +460,4 @@ fn highest(values: &[f32]) -> (usize, f32) {
         }
     }
     best
-}
-
-fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x.clamp(-100.0, 100.0)).exp())
 }

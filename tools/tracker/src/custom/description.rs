@@ -368,14 +368,14 @@ impl Description {
             reason,
         };
         let text = read_text(&toml).map_err(|why| refuse(format!("cannot read it: {why}")))?;
-        let said: Self = toml::from_str(&text).map_err(|why| refuse(why.to_string()))?;
-        said.check().map_err(refuse)?;
-        let onnx = match (&said.network, is_toml) {
+        let description: Self = toml::from_str(&text).map_err(|why| refuse(why.to_string()))?;
+        description.check().map_err(refuse)?;
+        let onnx = match (&description.network, is_toml) {
             (_, false) => path.to_path_buf(),
             (Some(name), true) => toml.parent().unwrap_or(Path::new("")).join(name),
             (None, true) => toml.with_extension("onnx"),
         };
-        Ok((said, toml, onnx))
+        Ok((description, toml, onnx))
     }
 
     fn check(&self) -> Result<(), String> {

@@ -4,12 +4,12 @@
 //! the declarations is copied as it is.
 
 use npu_runtime::TensorSpec;
+use onnx_schema::data_type::FLOAT;
+use onnx_schema::{Dimension, ValueInfo};
 use prost::Message;
 
 /// Numbers of the largest output that is read: over three times those of 133 landmarks as bins of 2048 pixels, 16 a pixel.
 const MOST_NUMBERS: usize = 1 << 24;
-/// `TensorProto.FLOAT`.
-const FLOAT: i32 = 1;
 /// `ModelProto.graph`.
 const GRAPH: u64 = 7;
 /// `GraphProto.initializer`, `.input` and `.output`.
@@ -19,41 +19,7 @@ const OUTPUT: u64 = 12;
 /// Protobuf's wire type of what has a length.
 const LENGTH: u64 = 2;
 
-#[derive(Clone, PartialEq, Message)]
-struct ValueInfo {
-    #[prost(string, tag = "1")]
-    name: String,
-    #[prost(message, optional, tag = "2")]
-    r#type: Option<Type>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Type {
-    #[prost(message, optional, tag = "1")]
-    tensor: Option<TensorType>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct TensorType {
-    #[prost(int32, tag = "1")]
-    element: i32,
-    #[prost(message, optional, tag = "2")]
-    shape: Option<Shape>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Shape {
-    #[prost(message, repeated, tag = "1")]
-    sides: Vec<Side>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Side {
-    #[prost(int64, optional, tag = "1")]
-    value: Option<i64>,
-}
-
-/// Of an initializer, its name.
+/// Of an initializer, its name: [`onnx_schema::Tensor`] would copy its weights.
 #[derive(Clone, PartialEq, Message)]
 struct Named {
     #[prost(string, tag = "8")]
@@ -91,21 +57,19 @@ pub(super) fn narrow(onnx: &[u8], input: TensorSpec, outputs: &[&str]) -> Result
         }
     }
     // Files of old versions list constants among the inputs.
-    let free: Vec<_> = declared
-        .iter()
-        .filter(|one| !constants.contains(&one.name))
-        .collect();
+    let is_constant = |one: &ValueInfo| constants.iter().any(|constant| constant == one.name());
+    let free: Vec<_> = declared.iter().filter(|one| !is_constant(one)).collect();
     check_input(&free, &input)?;
     let mut specs = Vec::new();
     for wanted in outputs {
-        let found = given.iter().find(|one| one.name == *wanted);
+        let found = given.iter().find(|one| one.name() == *wanted);
         let found =
             found.ok_or_else(|| format!("it has no output {wanted}, but {}", list(&given)))?;
         specs.push(static_output(found)?);
     }
 
     let mut narrowed = Vec::with_capacity(graph.len());
-    let named = declared.iter().filter(|one| constants.contains(&one.name));
+    let named = declared.iter().filter(|one| is_constant(one));
     for field in fields(graph) {
         let field = field?;
         if ![INPUT, OUTPUT].contains(&field.number) {
@@ -151,7 +115,7 @@ fn check_input(free: &[&ValueInfo], input: &TensorSpec) -> Result<(), String> {
                 .zip(&input.shape)
                 .all(|(got, need)| got.is_none_or(|got| got == *need))
     });
-    if one.name != input.name || !fits || element(one) != Some(FLOAT) {
+    if one.name() != input.name || !fits || element(one) != Some(FLOAT) {
         return Err(format!(
             "its input is {}, but the description's is {}: float{:?}",
             list([*one]),
@@ -193,22 +157,22 @@ fn static_output(one: &ValueInfo) -> Result<TensorSpec, String> {
                 list([one])
             )
         })?;
-    Ok(TensorSpec::new(&one.name, &shape))
+    Ok(TensorSpec::new(one.name(), &shape))
 }
 
 fn element(one: &ValueInfo) -> Option<i32> {
-    Some(one.r#type.as_ref()?.tensor.as_ref()?.element)
+    one.r#type.as_ref()?.tensor_type.as_ref()?.elem_type
 }
 
 /// The sides of a tensor, nothing where they are open.
 fn sides(one: &ValueInfo) -> Option<Vec<Option<usize>>> {
-    let shape = one.r#type.as_ref()?.tensor.as_ref()?.shape.as_ref()?;
-    let side = |side: &Side| {
-        side.value
+    let tensor = one.r#type.as_ref()?.tensor_type.as_ref()?;
+    let side = |side: &Dimension| {
+        side.dim_value
             .and_then(|v| usize::try_from(v).ok())
             .filter(|v| *v > 0)
     };
-    Some(shape.sides.iter().map(side).collect())
+    Some(tensor.shape.as_ref()?.dim.iter().map(side).collect())
 }
 
 fn list<'a>(all: impl IntoIterator<Item = &'a ValueInfo>) -> String {
@@ -224,7 +188,7 @@ fn list<'a>(all: impl IntoIterator<Item = &'a ValueInfo>) -> String {
                 .collect();
             format!("[{}]", sides.join(", "))
         });
-        format!("{}: {kind}{sides}", one.name)
+        format!("{}: {kind}{sides}", one.name())
     };
     let all: Vec<_> = all.into_iter().map(one).collect();
     if all.is_empty() {
@@ -235,20 +199,10 @@ fn list<'a>(all: impl IntoIterator<Item = &'a ValueInfo>) -> String {
 }
 
 fn value_info(spec: &TensorSpec) -> ValueInfo {
-    let side = |side: &usize| Side {
-        value: i64::try_from(*side).ok(),
-    };
-    ValueInfo {
-        name: spec.name.clone(),
-        r#type: Some(Type {
-            tensor: Some(TensorType {
-                element: FLOAT,
-                shape: Some(Shape {
-                    sides: spec.shape.iter().map(side).collect(),
-                }),
-            }),
-        }),
-    }
+    let sides = spec.shape.iter().map(|side| i64::try_from(*side));
+    // Each side is that of an input of at most 2048 pixels, or was an i64.
+    let sides: Vec<i64> = sides.map(|side| side.unwrap_or(i64::MAX)).collect();
+    ValueInfo::float(&spec.name, &sides)
 }
 
 const NO_ONNX: &str = "it is no ONNX file, or a damaged one";

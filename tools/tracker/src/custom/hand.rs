@@ -50,7 +50,7 @@ impl HandModel for CustomHand {
         let Some(region) = self.network.region(found.pixels, radians) else {
             return Ok(None);
         };
-        let trained = self.network.plan.said.side;
+        let trained = self.network.plan.description.side;
         let look = Look {
             region: &region,
             mirrored: matches!(

@@ -6,7 +6,7 @@ use super::graph;
 use super::orders::Part;
 use super::plan::Plan;
 use crate::TrackerError;
-use crate::crop::{Border, Crop, Region};
+use crate::crop::{Border, Crop, Region, turned_box};
 use crate::picture::PictureView;
 use glam::Vec2;
 use npu_runtime::{Outputs, Provider, Runtime, Session, TensorSpec};
@@ -31,8 +31,8 @@ struct Network {
     outputs: Outputs,
     crop: Crop,
     planes: Vec<f32>,
-    /// Whether it was said that its numbers are not finite.
-    said: bool,
+    /// Whether there was a warning that its numbers are not finite.
+    has_warned: bool,
 }
 
 impl Shared {
@@ -43,29 +43,37 @@ impl Shared {
         runtime: &Runtime,
         provider: Provider,
     ) -> Result<Self, TrackerError> {
-        let (said, toml, onnx) = Description::read(path)?;
+        let (description, toml, onnx) = Description::read(path)?;
         let refuse = |reason: String| TrackerError::Description {
             path: toml.clone(),
             reason,
         };
         let file = read(&onnx)
             .map_err(|why| refuse(format!("cannot read the network {}: {why}", onnx.display())))?;
-        let [width, height] = said.input.sides();
-        let shape = match said.input.layout {
+        let [width, height] = description.input.sides();
+        let shape = match description.input.layout {
             Layout::Nchw => [1, 3, height, width],
             Layout::Nhwc => [1, height, width, 3],
         };
-        let wanted: Vec<&str> = said.outputs.iter().map(|output| output.name()).collect();
+        let wanted: Vec<&str> = description
+            .outputs
+            .iter()
+            .map(|output| output.name())
+            .collect();
         let of_network = |why: String| refuse(format!("the network {}: {why}", onnx.display()));
-        let graph = graph::narrow(&file, TensorSpec::new(&said.input.name, &shape), &wanted)
-            .map_err(of_network)?;
+        let graph = graph::narrow(
+            &file,
+            TensorSpec::new(&description.input.name, &shape),
+            &wanted,
+        )
+        .map_err(of_network)?;
         drop(file);
         let lengths: Vec<usize> = graph
             .outputs
             .iter()
             .map(|spec| spec.shape.iter().product())
             .collect();
-        let plan = Plan::new(said, part, &lengths).map_err(of_network)?;
+        let plan = Plan::new(description, part, &lengths).map_err(of_network)?;
         let fail = |source| TrackerError::Custom {
             path: onnx.clone(),
             source,
@@ -81,12 +89,12 @@ impl Shared {
         let size = width.max(height);
         let crop = Crop {
             size,
-            border: match plan.said.crop.border {
+            border: match plan.description.crop.border {
                 Beyond::Black => Border::Zero,
                 Beyond::Edge => Border::Replicate,
             },
-            black: plan.said.input.range[0],
-            white: plan.said.input.range[1],
+            black: plan.description.input.range[0],
+            white: plan.description.input.range[1],
         };
         Ok(Self {
             plan: Arc::new(plan),
@@ -96,7 +104,7 @@ impl Shared {
                 session,
                 crop,
                 planes: vec![0.0; 3 * size * size],
-                said: false,
+                has_warned: false,
             })),
         })
     }
@@ -115,7 +123,7 @@ impl Shared {
             outputs,
             crop,
             planes,
-            said,
+            has_warned,
         } = &mut *network;
         crop.fill(picture, look.region, planes);
         fill(
@@ -132,11 +140,11 @@ impl Shared {
                 source,
             })?;
         let seen = decode(&self.plan, |at| outputs.get(at), look);
-        if seen.is_none() && !*said {
-            let count = self.plan.said.outputs.len();
+        if seen.is_none() && !*has_warned {
+            let count = self.plan.description.outputs.len();
             let finite = (0..count).all(|at| outputs.get(at).iter().all(|v| v.is_finite()));
             if !finite {
-                *said = true;
+                *has_warned = true;
                 log::warn!(
                     "the network {} gives numbers that are none; such pictures are left out",
                     path.display()
@@ -152,17 +160,11 @@ impl Shared {
         points: impl IntoIterator<Item = Vec2>,
         radians: f32,
     ) -> Option<Region> {
-        let rule = &self.plan.said.crop;
+        let rule = &self.plan.description.crop;
         let radians = if rule.turned { radians } else { 0.0 };
-        let back = Vec2::from_angle(-radians);
-        let none = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-        let (low, high) = points
-            .into_iter()
-            .map(|point| back.rotate(point))
-            .fold(none, |(low, high), p| (low.min(p), high.max(p)));
-        let [width, height] = self.plan.said.input.sides();
+        let (centre, found) = turned_box(points, radians);
+        let [width, height] = self.plan.description.input.sides();
         let aspect = rule.aspect.unwrap_or(width as f32 / height as f32);
-        let found = high - low;
         let size = match rule.measure {
             Measure::Longer => {
                 let wide = found.x.max(found.y * aspect);
@@ -171,28 +173,27 @@ impl Shared {
             }
             Measure::Mean => (found.x + found.y) * 0.5,
         };
-        let centre = Vec2::from_angle(radians).rotate((low + high) * 0.5);
         Region::new(centre, size * rule.scale, radians)
     }
 
     /// Along which pixel the network saw what it saw in `region`.
     pub(super) fn sight(&self, region: &Region) -> Option<Vec2> {
-        (self.plan.said.crop.sight == Sight::Crop).then(|| region.centre())
+        (self.plan.description.crop.sight == Sight::Crop).then(|| region.centre())
     }
 }
 
 /// Writes the middle of `planes` (red, green and blue, `size` x `size` each) as the description wants it.
 fn fill(plan: &Plan, planes: &[f32], size: usize, mirrored: bool, to: &mut [f32]) {
-    let said = &plan.said.input;
-    let [width, height] = said.sides();
+    let input = &plan.description.input;
+    let [width, height] = input.sides();
     let (left, top) = ((size - width) / 2, (size - height) / 2);
     let area = width * height;
     for channel in 0..3 {
-        let plane = match said.colours {
+        let plane = match input.colours {
             Colours::Rgb => channel,
             Colours::Bgr => 2 - channel,
         };
-        let (mean, scale) = (said.mean[channel], 1.0 / said.deviation[channel]);
+        let (mean, scale) = (input.mean[channel], 1.0 / input.deviation[channel]);
         for y in 0..height {
             let first = plane * size * size + (top + y) * size + left;
             let Some(row) = planes.get(first..first + width) else {
@@ -200,7 +201,7 @@ fn fill(plan: &Plan, planes: &[f32], size: usize, mirrored: bool, to: &mut [f32]
             };
             for x in 0..width {
                 let from = if mirrored { width - 1 - x } else { x };
-                let at = match said.layout {
+                let at = match input.layout {
                     Layout::Nchw => channel * area + y * width + x,
                     Layout::Nhwc => (y * width + x) * 3 + channel,
                 };

@@ -65,26 +65,30 @@ impl Part {
 #[derive(Debug, Clone)]
 pub(super) struct Plan {
     pub(super) part: Part,
-    pub(super) said: Description,
+    pub(super) description: Description,
     /// Of each output that holds rotations, the places of its joints.
     pub(super) places: Vec<Vec<usize>>,
     pub(super) basis: Option<ExpressionBasis>,
 }
 
 impl Plan {
-    /// Checks `said`, whose outputs have so many numbers.
-    pub(super) fn new(said: Description, part: Part, lengths: &[usize]) -> Result<Self, String> {
-        if part != Part::Hand && said.side != Trained::Both {
+    /// Checks `description`, whose outputs have so many numbers.
+    pub(super) fn new(
+        description: Description,
+        part: Part,
+        lengths: &[usize],
+    ) -> Result<Self, String> {
+        if part != Part::Hand && description.side != Trained::Both {
             return Err("only a hand's network has a side".to_owned());
         }
         let mut plan = Self {
             part,
             places: Vec::new(),
             basis: None,
-            said,
+            description,
         };
         let mut frames: Vec<Option<Frame>> = vec![None; part.joints()];
-        for (output, length) in plan.said.outputs.iter().zip(lengths) {
+        for (output, length) in plan.description.outputs.iter().zip(lengths) {
             let places = plan.check(output, *length)?;
             let frame = match output {
                 Output::Rotations { frame, .. } => *frame,
@@ -105,7 +109,7 @@ impl Plan {
             }
         }
         check_frames(part, &frames)?;
-        check_meanings(&plan.said.outputs)?;
+        check_meanings(&plan.description.outputs)?;
         Ok(plan)
     }
 
@@ -180,8 +184,8 @@ impl Plan {
                     clippy::cast_sign_loss,
                     reason = "at most 2048 pixels of 16 bins"
                 )]
-                let bins =
-                    (self.said.input.sides()[along] as f32 * bins_per_pixel).round() as usize;
+                let bins = (self.description.input.sides()[along] as f32 * bins_per_pixel).round()
+                    as usize;
                 need(count * bins, &format!("{count} landmarks of {bins} bins"))?;
             }
             Output::Confidence { order: None, .. } => need(1, "a probability")?,
@@ -233,8 +237,8 @@ impl Plan {
     }
 
     fn joint(&self, output: &str, name: &str) -> Result<usize, String> {
-        self.part.place(name, self.said.side).ok_or_else(|| {
-            let side = match (self.part, self.said.side) {
+        self.part.place(name, self.description.side).ok_or_else(|| {
+            let side = match (self.part, self.description.side) {
                 (Part::Hand, Trained::Left) => "left ",
                 (Part::Hand, _) => "right ",
                 _ => "",

@@ -2,10 +2,11 @@
 
 use super::one_euro::OneEuro;
 use super::regions::{Rect, Towards};
-use super::{Detector, SEEN, exceeds, sigmoid};
+use super::{Detector, SEEN, exceeds};
 use crate::TrackerError;
 use crate::crop::{Border, Region};
 use crate::models::{BodyEstimate, BodyModel};
+use crate::networks::sigmoid;
 use crate::networks::{Network, NetworkSet, Signature};
 use crate::picture::PictureView;
 use glam::{Vec2, Vec3};

@@ -1,8 +1,9 @@
 //! MediaPipe's single-shot detectors: anchors, decoding, and merging of overlapping detections.
 
-use super::{SEEN, sigmoid};
+use super::SEEN;
 use crate::TrackerError;
 use crate::crop::{Border, Region};
+use crate::networks::sigmoid;
 use crate::networks::{Network, NetworkSet, Signature};
 use crate::picture::PictureView;
 use glam::Vec2;

@@ -2,10 +2,11 @@
 
 use super::face_mesh::{self, LEFT_EYE, LIPS, MESH, RIGHT_EYE};
 use super::regions::{Rect, Towards, Tracking, rotation};
-use super::{Detector, SEEN, exceeds, sigmoid};
+use super::{Detector, SEEN, exceeds};
 use crate::TrackerError;
 use crate::crop::{Border, Region};
 use crate::models::{FaceEstimate, FaceHint, FaceModel};
+use crate::networks::sigmoid;
 use crate::networks::{Network, NetworkSet, Signature};
 use crate::picture::PictureView;
 use glam::Vec3;

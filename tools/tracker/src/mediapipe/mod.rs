@@ -28,11 +28,6 @@ fn exceeds(value: f32, limit: f32) -> bool {
     value > limit
 }
 
-/// The logistic function.
-fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x.clamp(-100.0, 100.0)).exp())
-}
-
 /// Which of MediaPipe's networks track a person, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {

@@ -1,6 +1,6 @@
 //! Regions from landmarks, and whether the last picture's region still serves, as MediaPipe's calculators have them.
 
-use crate::crop::Region;
+use crate::crop::{Region, turned_box};
 use glam::Vec2;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -52,22 +52,20 @@ impl Rect {
     /// The upright box about `points`, said to be turned by `radians` (`DetectionsToRectsCalculator`: it does not turn the box that
     /// it measures).
     pub(super) fn about(points: impl IntoIterator<Item = Vec2>, radians: f32) -> Self {
-        let (low, high) = bounds(points);
+        let (centre, size) = turned_box(points, 0.0);
         Self {
-            centre: (low + high) * 0.5,
-            size: high - low,
+            centre,
+            size,
             radians,
         }
     }
 
     /// The box about `points` whose sides are turned by `radians`.
     pub(super) fn turned_about(points: impl IntoIterator<Item = Vec2>, radians: f32) -> Self {
-        let turn = Vec2::from_angle(radians);
-        let back = Vec2::from_angle(-radians);
-        let (low, high) = bounds(points.into_iter().map(|p| back.rotate(p)));
+        let (centre, size) = turned_box(points, radians);
         Self {
-            centre: turn.rotate((low + high) * 0.5),
-            size: high - low,
+            centre,
+            size,
             radians,
         }
     }
@@ -82,13 +80,6 @@ impl Rect {
             self.radians,
         )
     }
-}
-
-fn bounds(points: impl IntoIterator<Item = Vec2>) -> (Vec2, Vec2) {
-    let none = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-    points
-        .into_iter()
-        .fold(none, |(low, high), p| (low.min(p), high.max(p)))
 }
 
 /// How far the last picture's region may be from the one that was just searched (`RoiTrackingCalculator`).

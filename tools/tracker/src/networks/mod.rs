@@ -5,3 +5,8 @@ mod set;
 
 pub use network::{Network, Signature};
 pub use set::NetworkSet;
+
+/// The logistic function. Infinite numbers count as large ones.
+pub(crate) fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + (-x.clamp(-100.0, 100.0)).exp())
+}

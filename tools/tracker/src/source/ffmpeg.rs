@@ -148,7 +148,7 @@ impl Decoded {
             }
         };
         within_limits(name, width, height)?;
-        let rate_hz = running.said().rate_hz;
+        let rate_hz = running.words().rate_hz;
         Ok(Self {
             info: SourceInfo {
                 name: name.clone(),
@@ -200,8 +200,8 @@ impl Source for Decoded {
             Some(Ok(false)) => {
                 let status = self.running.end();
                 if status.is_none_or(|status| !status.success()) {
-                    let said = self.running.said();
-                    let why = said.last.as_deref().unwrap_or("it does not say why");
+                    let words = self.running.words();
+                    let why = words.last.as_deref().unwrap_or("it does not say why");
                     log::warn!(
                         "{} breaks off after {} pictures: {why}",
                         self.info.name,

@@ -110,10 +110,11 @@ impl<T: Send + 'static> Worker<T> {
     }
 
     fn send(&self, message: Message) -> Result<(), TrackerError> {
-        let sent = self.messages.as_ref().map(|to| to.send(message));
-        match sent {
-            Some(Ok(())) => Ok(()),
-            _ => Err(TrackerError::Stopped { unit: self.unit }),
+        let sent = |to: &SyncSender<Message>| to.send(message).is_ok();
+        if self.messages.as_ref().is_some_and(sent) {
+            Ok(())
+        } else {
+            Err(TrackerError::Stopped { unit: self.unit })
         }
     }
 

@@ -54,9 +54,9 @@ fn find(named: Option<OsString>, path: Option<OsString>) -> Result<PathBuf, Stri
         .ok_or_else(|| "there is none on the PATH".to_owned())
 }
 
-/// What ffmpeg has said.
+/// What matters of ffmpeg's words.
 #[derive(Debug, Default)]
-pub(super) struct Said {
+pub(super) struct Words {
     /// Of the video, where it says so.
     pub(super) rate_hz: Option<f64>,
     /// The input has been described, and the output comes.
@@ -73,7 +73,7 @@ pub(super) struct Said {
 pub(super) struct Running {
     child: Child,
     program: PathBuf,
-    said: Arc<Mutex<Said>>,
+    words: Arc<Mutex<Words>>,
     listener: Option<JoinHandle<()>>,
 }
 
@@ -124,28 +124,28 @@ impl Running {
             .stderr(Stdio::piped())
             .spawn()
             .map_err(|why| failed(format!("{} cannot be started: {why}", program.display())))?;
-        let (pictures, words) = (child.stdout.take(), child.stderr.take());
+        let (pictures, lines) = (child.stdout.take(), child.stderr.take());
         let mut running = Self {
             child,
             program,
-            said: Arc::new(Mutex::new(Said {
+            words: Arc::new(Mutex::new(Words {
                 hidden: input.hidden.clone(),
-                ..Said::default()
+                ..Words::default()
             })),
             listener: None,
         };
-        let (Some(pictures), Some(words)) = (pictures, words) else {
+        let (Some(pictures), Some(lines)) = (pictures, lines) else {
             return Err(failed("its output cannot be read".to_owned()));
         };
         #[cfg(target_os = "linux")]
         if let Err(why) = rustix::pipe::fcntl_setpipe_size(&pictures, PIPE) {
             log::debug!("ffmpeg's pipe stays small: {why}");
         }
-        let said = Arc::clone(&running.said);
+        let words = Arc::clone(&running.words);
         running.listener = Some(
             Builder::new()
                 .name("ffmpeg's words".to_owned())
-                .spawn(move || listen(BufReader::new(words), &said))
+                .spawn(move || listen(BufReader::new(lines), &words))
                 .map_err(|source| SourceError::Thread {
                     name: input.name.clone(),
                     source,
@@ -154,11 +154,11 @@ impl Running {
         Ok((running, pictures))
     }
 
-    pub(super) fn said(&self) -> MutexGuard<'_, Said> {
-        self.said.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(super) fn words(&self) -> MutexGuard<'_, Words> {
+        self.words.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// After the end of its pictures: how it ended, and all that it said. Where it does not end it is killed.
+    /// After the end of its pictures: how it ended, and all of its words. Where it does not end it is killed.
     pub(super) fn end(&mut self) -> Option<ExitStatus> {
         let begun = Instant::now();
         let mut status = self.child.try_wait().ok().flatten();
@@ -193,14 +193,14 @@ impl Running {
     /// Why there is no picture.
     pub(super) fn failure(&mut self, name: &str) -> SourceError {
         let status = self.end();
-        let said = self.said();
-        if let Some(why) = said.first.as_deref().and_then(too_old) {
+        let words = self.words();
+        if let Some(why) = words.first.as_deref().and_then(too_old) {
             return SourceError::NoFfmpeg {
                 name: name.to_owned(),
                 looked: format!("{} is older: {why}", self.program.display()),
             };
         }
-        let why = match (&said.first, &said.last) {
+        let why = match (&words.first, &words.last) {
             (Some(first), Some(last)) if first != last => format!("{last} ({first})"),
             (_, Some(last)) => last.clone(),
             _ => {
@@ -239,13 +239,13 @@ fn too_old(words: &str) -> Option<&str> {
 }
 
 /// Keeps what matters of ffmpeg's words, until it ends.
-fn listen(mut words: impl BufRead, said: &Mutex<Said>) {
+fn listen(mut lines: impl BufRead, words: &Mutex<Words>) {
     let mut line = Vec::new();
     loop {
         line.clear();
-        match (&mut words).take(LONGEST_LINE).read_until(b'\n', &mut line) {
+        match (&mut lines).take(LONGEST_LINE).read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => return,
-            Ok(_) => said
+            Ok(_) => words
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner)
                 .hear(&String::from_utf8_lossy(&line)),
@@ -253,7 +253,7 @@ fn listen(mut words: impl BufRead, said: &Mutex<Said>) {
     }
 }
 
-impl Said {
+impl Words {
     fn hear(&mut self, line: &str) {
         let line = line.trim();
         let words = ["[error] ", "[fatal] ", "[panic] "]
@@ -330,16 +330,16 @@ mod tests {
     #[test]
     fn its_words_are_kept_without_the_password_of_an_address() {
         let url = "rtsp://me:pa@ss@host:554/a@b";
-        let mut said = Said {
+        let mut words = Words {
             hidden: Input::url(url).hidden,
-            ..Said::default()
+            ..Words::default()
         };
-        said.hear(&format!(
+        words.hear(&format!(
             "[in#0 @ 0x2] [error] Error opening input file {url}."
         ));
-        said.hear("[tcp @ 0x3] [error] Connection to tcp://me:pa@ss@host:80?timeout=0 failed");
+        words.hear("[tcp @ 0x3] [error] Connection to tcp://me:pa@ss@host:80?timeout=0 failed");
         assert_eq!(
-            (said.first.as_deref(), said.last.as_deref()),
+            (words.first.as_deref(), words.last.as_deref()),
             (
                 Some("Error opening input file rtsp://host:554/a@b."),
                 Some("Connection to tcp://host:80?timeout=0 failed")
@@ -352,16 +352,16 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn an_older_ffmpeg_is_told_which_is_needed() {
-        let said = "[fatal] Unrecognized option 'fps_mode'.";
+        let line = "[fatal] Unrecognized option 'fps_mode'.";
         let mut running = Running {
             child: Command::new("false")
                 .spawn()
                 .expect("every Unix has that program"),
             program: "/usr/bin/ffmpeg".into(),
-            said: Arc::default(),
+            words: Arc::default(),
             listener: None,
         };
-        running.said().hear(said);
+        running.words().hear(line);
         let message = running.failure("clip.mp4").to_string();
         assert!(
             message.contains("5.1 or newer")
@@ -381,20 +381,20 @@ mod tests {
             .stderr(Stdio::piped())
             .spawn()
             .expect("every Unix has a shell");
-        let words = child.stderr.take().expect("its words");
-        let said = Arc::<Mutex<Said>>::default();
-        let heard = Arc::clone(&said);
+        let lines = child.stderr.take().expect("its words");
+        let words = Arc::<Mutex<Words>>::default();
+        let heard = Arc::clone(&words);
         let (tell, told) = std::sync::mpsc::channel();
         let mut running = Running {
             child,
             program: "sh".into(),
-            said,
+            words,
             listener: Some(std::thread::spawn(move || {
-                listen(BufReader::new(words), &heard);
+                listen(BufReader::new(lines), &heard);
                 let _ = tell.send(());
             })),
         };
-        while running.said().last.is_none() {
+        while running.words().last.is_none() {
             sleep(Duration::from_millis(1));
         }
         running.kill();
@@ -405,7 +405,7 @@ mod tests {
 
     #[test]
     fn its_words_give_the_rate_and_the_errors() {
-        let mut said = Said::default();
+        let mut words = Words::default();
         for line in [
             "[info]   Stream #0:1[0x2](eng): Audio: aac (LC) (mp4a / 0x6134706D), 44100 Hz, stereo, fltp, 127 kb/s (default)",
             "[info]   Stream #0:0[0x1](und): Video: h264 (High) (avc1 / 0x31), yuv420p, 176x144, 588 kb/s, 29.97 fps, 29.97 tbr, 30k tbn (default)",
@@ -415,11 +415,11 @@ mod tests {
             "[info]   Stream #0:0: Video: rawvideo, 25 fps, 25 tbn",
             "[out#0/nut @ 0x2] [fatal] last",
         ] {
-            said.hear(line);
+            words.hear(line);
         }
-        assert_eq!(said.rate_hz, Some(29.97), "rate");
+        assert_eq!(words.rate_hz, Some(29.97), "rate");
         assert_eq!(
-            (said.first.as_deref(), said.last.as_deref()),
+            (words.first.as_deref(), words.last.as_deref()),
             (Some("first"), Some("last")),
             "errors"
         );
