@@ -17,6 +17,6 @@ pub use error::ReconstructError;
 pub use part::Part;
 pub use person::{
     BareBody, ColouredGaussians, EXPRESSIONS_USED, Person, Texture, build_gaussians,
-    expression_basis, shaded_colour,
+    expression_basis, shaded_colour, shares_of_closest,
 };
 pub use shading::Light;

@@ -9,9 +9,12 @@
 
 pub mod bind;
 pub mod body;
+mod conjugate_gradients;
 mod error;
 pub mod figures;
 pub mod finish;
+mod median;
+mod mesh_depth;
 pub mod nearest;
 mod normals;
 pub mod pinhole;

@@ -54,6 +54,20 @@ impl Pinhole {
         (seen.z > 1e-6).then(|| DVec2::new(seen.x, seen.y) * (self.focal / seen.z) + self.centre())
     }
 
+    /// The pixel in which a point is, counted row by row from the top; nothing if it is not in the picture.
+    #[must_use]
+    pub fn pixel(&self, point: DVec3) -> Option<usize> {
+        let at = self.project(point)?;
+        let size = DVec2::new(f64::from(self.width), f64::from(self.height));
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "in the picture"
+        )]
+        let pixel = || at.y as usize * self.width as usize + at.x as usize;
+        (at.cmpge(DVec2::ZERO).all() && at.cmplt(size).all()).then(pixel)
+    }
+
     /// The unit direction, in the world, in which a pixel looks.
     #[must_use]
     pub fn ray(&self, pixel: DVec2) -> DVec3 {

@@ -15,6 +15,7 @@ use glam::{DVec3, Vec3};
 use serde::Serialize;
 use splat_scene::{Scene, UpAxis};
 use spmm3::{Avatar, JOINTS, Joint, MotionParams};
+use std::fmt;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -85,14 +86,31 @@ pub struct FitFigures {
 /// How good the avatar is: measured on demand, by [`measure`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Quality {
-    /// Peak signal-to-noise ratio of the avatar in the scan's pose against the scan, over the person, mean of six views, dB.
-    pub scan_db: f64,
-    /// The worst of the six views, dB.
-    pub worst_db: f64,
+    /// Peak signal-to-noise ratio of the avatar in the scan's pose against the scan, over the person, dB: six views from the front on, counter-
+    /// clockwise seen from above.
+    pub scan_db: Vec<f64>,
     /// How the Gaussians cover the body in the scan's pose.
     pub scan_pose: Coverage,
     /// How they cover it in T-pose.
     pub t_pose: Coverage,
+}
+
+impl fmt::Display for Quality {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let views: Vec<String> = self.scan_db.iter().map(|db| format!("{db:.1}")).collect();
+        let mean = self.scan_db.iter().sum::<f64>() / self.scan_db.len().max(1) as f64;
+        write!(
+            f,
+            "in the scan's pose {mean:.1} dB against the scan ({})",
+            views.join(" ")
+        )?;
+        for (pose, covers) in [("there", &self.scan_pose), ("in T-pose", &self.t_pose)] {
+            let Coverage { spill, holes } = covers;
+            let (spill, holes) = (spill * 100.0, holes * 100.0);
+            write!(f, "; {pose} spill {spill:.2} %, holes {holes:.2} %")?;
+        }
+        Ok(())
+    }
 }
 
 /// What a rig found and measured.
@@ -353,7 +371,6 @@ pub fn measure(rigged: &Rigged) -> Result<Quality, RigError> {
     let poser = Poser::new(&rigged.avatar)?;
     let views = six_views(rigged.height);
     let again = poser.scan(&rigged.scan_motion)?;
-    let likeness = person_psnr(&rigged.scan, &again, &views);
     let faces = rigged.avatar.template.faces();
     let faces = faces.get(..rigged.body_faces).unwrap_or(faces);
     // What is held stands beside the body, and has every right to.
@@ -370,8 +387,7 @@ pub fn measure(rigged: &Rigged) -> Result<Quality, RigError> {
     };
     let straight = MotionParams::default();
     Ok(Quality {
-        scan_db: likeness.iter().sum::<f64>() / likeness.len().max(1) as f64,
-        worst_db: likeness.iter().copied().fold(f64::INFINITY, f64::min),
+        scan_db: person_psnr(&rigged.scan, &again, &views),
         scan_pose: covers(&again, &rigged.scan_motion),
         t_pose: covers(&poser.scan(&straight)?, &straight),
     })

@@ -131,10 +131,11 @@ struct Thinning {
     points: Vec<Point>,
     moments: Vec<Moments>,
     neighbours: Vec<Vec<u32>>,
-    /// Raised whenever a Gaussian's cost changes: older entries of the queue are void.
-    versions: Vec<u32>,
+    /// What it costs at present to leave out each, as [`sortable`] has it, and the neighbour that takes over: other entries of the queue
+    /// are void.
+    best: Vec<(u64, u32)>,
     gone: Vec<bool>,
-    queue: BinaryHeap<Reverse<(u64, u32, u32, u32)>>,
+    queue: BinaryHeap<Reverse<(u64, u32, u32)>>,
 }
 
 impl Thinning {
@@ -168,7 +169,7 @@ impl Thinning {
             neighbours: mutual_neighbours(&places),
             points,
             moments,
-            versions: vec![0; count],
+            best: vec![(0, 0); count],
             gone: vec![false; count],
             queue: BinaryHeap::with_capacity(4 * count),
         }
@@ -182,9 +183,9 @@ impl Thinning {
             self.enqueue(i);
         }
         let mut order = Vec::with_capacity(count);
-        while let Some(Reverse((_, i, heir, version))) = self.queue.pop() {
+        while let Some(Reverse((cost, i, heir))) = self.queue.pop() {
             let at = i as usize;
-            if self.gone[at] || self.versions[at] != version {
+            if self.gone[at] || self.best[at] != (cost, heir) {
                 continue;
             }
             self.gone[at] = true;
@@ -203,8 +204,16 @@ impl Thinning {
                 if orphan != heir {
                     link(&mut self.neighbours, orphan, heir);
                 }
-                self.neighbours[orphan as usize].retain(|n| *n != i);
-                self.enqueue(orphan);
+                let near = &mut self.neighbours[orphan as usize];
+                if let Some(place) = near.iter().position(|n| *n == i) {
+                    near.swap_remove(place);
+                }
+                if orphan == heir || self.best[orphan as usize].1 == i {
+                    self.enqueue(orphan);
+                } else {
+                    // Its cluster is what it was, and all that is new around it is the heir.
+                    self.offer(orphan, heir);
+                }
             }
         }
         order.reverse();
@@ -214,19 +223,33 @@ impl Thinning {
     /// Queues what it costs to leave out `i`, by the neighbour that takes over its place best.
     fn enqueue(&mut self, i: u32) {
         let at = i as usize;
-        self.versions[at] += 1;
-        let cluster = &self.moments[at];
-        let now = cluster.cost(&self.points[at], &self.weights);
-        let best = self.neighbours[at]
-            .iter()
-            .map(|heir| {
-                let cost = cluster.cost(&self.points[*heir as usize], &self.weights) - now;
-                (sortable(cost), *heir)
-            })
+        let now = self.moments[at].cost(&self.points[at], &self.weights);
+        let best = (self.neighbours[at].iter())
+            .map(|heir| (self.takeover(at, *heir, now), *heir))
             .min();
         // It has no neighbour: leaving it out leaves a hole.
-        let (cost, heir) = best.unwrap_or((sortable(f64::MAX), i));
-        self.queue.push(Reverse((cost, i, heir, self.versions[at])));
+        self.queued(i, best.unwrap_or((sortable(f64::MAX), i)));
+    }
+
+    /// Queues `i` anew if this neighbour takes over its place better than the one that was found.
+    fn offer(&mut self, i: u32, heir: u32) {
+        let at = i as usize;
+        let now = self.moments[at].cost(&self.points[at], &self.weights);
+        let offered = (self.takeover(at, heir, now), heir);
+        if offered < self.best[at] {
+            self.queued(i, offered);
+        }
+    }
+
+    /// What it costs that `heir` takes over the cluster at `at`, whose present cost is `now`.
+    fn takeover(&self, at: usize, heir: u32, now: f64) -> u64 {
+        let cost = self.moments[at].cost(&self.points[heir as usize], &self.weights);
+        sortable(cost - now)
+    }
+
+    fn queued(&mut self, i: u32, best: (u64, u32)) {
+        self.best[i as usize] = best;
+        self.queue.push(Reverse((best.0, i, best.1)));
     }
 }
 

@@ -3,6 +3,7 @@
 use super::alignment::Alignment;
 use super::face_vertices::FACE_VERTICES;
 use super::model::BodyModel;
+use crate::median::median;
 use crate::points::KeyPoint;
 use glam::{DAffine3, DVec3};
 use motion_fit::landmarks::FACE_LANDMARKS;
@@ -63,7 +64,7 @@ pub(super) fn landmarks(
     let misses: Vec<f64> = (moved.iter())
         .map(|(from, to)| whole.apply(*from).distance(*to))
         .collect();
-    let limit = OUTLYING * median(misses.clone());
+    let limit = OUTLYING * median(misses.iter().copied()).unwrap_or(f64::INFINITY);
     let kept: Vec<OnFace> = (seen.into_iter().zip(misses))
         .filter(|(_, miss)| *miss <= limit)
         .map(|(on, _)| on)
@@ -77,17 +78,5 @@ pub(super) fn landmarks(
 
 /// Median distance of the landmarks from their vertices, metres; none without landmarks.
 pub(super) fn error(landmarks: &[OnFace], head: &DAffine3, vertices: &[DVec3]) -> Option<f64> {
-    let misses: Vec<f64> = (landmarks.iter())
-        .map(|on| vertices[on.vertex].distance(on.wanted(head)))
-        .collect();
-    (!misses.is_empty()).then(|| median(misses))
-}
-
-/// The middle value; infinite of none.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values
-        .get(values.len() / 2)
-        .copied()
-        .unwrap_or(f64::INFINITY)
+    median((landmarks.iter()).map(|on| vertices[on.vertex].distance(on.wanted(head))))
 }

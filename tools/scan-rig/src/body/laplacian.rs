@@ -2,15 +2,18 @@
 //! mesh's Laplacian.
 
 use super::model::Neighbours;
+use crate::conjugate_gradients::{self, Enough};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 /// What keeps vertices at their place that nothing pulls.
 const STAY: f64 = 0.002;
 
-/// Steps that are taken at most, and the share of the residual that is left when it is enough.
-const STEPS: usize = 2000;
-const LEFT: f64 = 1e-4;
+/// When a displacement is near enough.
+const ENOUGH: Enough = Enough {
+    left: 1e-4,
+    steps: 2000,
+};
 
 /// What pulls a vertex.
 #[derive(Debug, Clone, Copy, Default)]
@@ -61,42 +64,15 @@ impl<'a> Laplacian<'a> {
                 block.inverse()
             })
             .collect();
+        let right: Vec<DVec3> = pulled.iter().map(|p| p.towards).collect();
         let mut scratch = vec![DVec3::ZERO; pulled.len()];
-        let mut product = scratch.clone();
-        self.apply(stiff, pulled, displacement, &mut scratch, &mut product);
-        let mut residual: Vec<DVec3> = (pulled.iter().zip(&product))
-            .map(|(p, product)| p.towards - *product)
-            .collect();
-        let mut preconditioned: Vec<DVec3> = residual
-            .iter()
-            .zip(&inverse)
-            .map(|(r, inverse)| *inverse * *r)
-            .collect();
-        let mut direction = preconditioned.clone();
-        let mut size = dot(&residual, &preconditioned);
-        let wanted: f64 = (pulled.iter().zip(&inverse))
-            .map(|(p, inverse)| p.towards.dot(*inverse * p.towards))
-            .sum();
-        let enough = wanted * LEFT * LEFT;
-        for step in 0..STEPS {
-            if size <= enough {
-                return step;
-            }
-            self.apply(stiff, pulled, &direction, &mut scratch, &mut product);
-            let along = size / dot(&direction, &product).max(f64::MIN_POSITIVE);
-            for (v, inverse) in inverse.iter().enumerate() {
-                displacement[v] += along * direction[v];
-                residual[v] -= along * product[v];
-                preconditioned[v] = *inverse * residual[v];
-            }
-            let next = dot(&residual, &preconditioned);
-            let turn = next / size;
-            size = next;
-            for (direction, preconditioned) in direction.iter_mut().zip(&preconditioned) {
-                *direction = *preconditioned + turn * *direction;
-            }
-        }
-        STEPS
+        conjugate_gradients::solve(
+            &right,
+            displacement,
+            |x, product| self.apply(stiff, pulled, x, &mut scratch, product),
+            |v, value| inverse[v] * value,
+            ENOUGH,
+        )
     }
 
     /// The equations' left side.
@@ -133,8 +109,4 @@ impl<'a> Laplacian<'a> {
             }
         });
     }
-}
-
-fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
 }

@@ -1,6 +1,7 @@
 //! Whether the Gaussians cover the body, all of it and nothing else, in any pose.
 
-use super::silhouette::{grown, silhouette};
+use super::grown::grown;
+use crate::mesh_depth::depths;
 use crate::pinhole::Pinhole;
 use crate::scan::Scan;
 use crate::surface::raster;
@@ -67,7 +68,9 @@ pub fn coverage(
 fn in_view(scan: &Scan, vertices: &[DVec3], faces: &[[u32; 3]], view: &Pinhole) -> Coverage {
     let width = view.width as usize;
     let picture = raster::draw(scan, view);
-    let body = silhouette(vertices, faces, view);
+    let body: Vec<bool> = (depths(vertices, faces, view).iter())
+        .map(|depth| depth.is_finite())
+        .collect();
     let metre = view.focal / DISTANCE;
     let near = grown(&body, width, BESIDE * metre);
     let outside: Vec<bool> = body.iter().map(|b| !b).collect();

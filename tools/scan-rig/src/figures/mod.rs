@@ -1,8 +1,8 @@
 //! How good an avatar of a scan is, in numbers: like the scan, nothing beside the body, no holes in it.
 
 pub mod coverage;
+mod grown;
 pub mod likeness;
-mod silhouette;
 
 use crate::scan::Scan;
 use serde::Serialize;

@@ -111,7 +111,8 @@ pub(super) fn reordered(
     )
 }
 
-/// The same Gaussians with `log2_growth` added to the base 2 logarithms of their scales, `[N_g]`.
+/// The same Gaussians grown to areas that are 4 to the power of `log2_growth` times as large, `[N_g]`. A scan's Gaussians are often long and
+/// narrow, and longer ones would stand out of the body as spikes: each gets wider first, and longer only once it is round.
 ///
 /// # Errors
 /// None that its arguments could cause.
@@ -122,10 +123,15 @@ pub(super) fn grown(
 ) -> Result<BoundGaussians, PersonError> {
     let count = bound.len();
     let mut attributes = bound.attributes().to_vec();
-    for plane in attribute::LOG_SCALE {
-        let values = attributes[plane * count..].iter_mut();
-        for (value, growth) in values.zip(log2_growth) {
-            *value += growth * std::f32::consts::LN_2;
+    for (at, growth) in log2_growth.iter().enumerate().take(count) {
+        let mut planes: Vec<usize> = attribute::LOG_SCALE.collect();
+        planes.sort_by(|a, b| attributes[b * count + at].total_cmp(&attributes[a * count + at]));
+        let [long, wide] = [planes[0] * count + at, planes[1] * count + at];
+        let area = 2.0 * growth * std::f32::consts::LN_2;
+        let widened = area.clamp(0.0, attributes[long] - attributes[wide]);
+        attributes[wide] += widened;
+        for axis in [long, wide] {
+            attributes[axis] += 0.5 * (area - widened);
         }
     }
     BoundGaussians::new(

@@ -39,14 +39,18 @@ pub fn cut(scan: &Scan, within: Option<[Vec3; 2]>) -> Vec<Cut> {
     let Some(size) = sample.size() else {
         return Vec::new();
     };
-    let mut left: Vec<usize> = (0..sample.points.len()).collect();
-    let mut planes: Vec<Plane> = Vec::new();
-    while planes.len() < MOST_PLANES
-        && let Some(plane) = find_plane(&sample, &left, size)
-    {
-        left.retain(|at| !plane.takes(sample.points[*at].position));
-        planes.push(plane);
+    let mut flat = planes(&sample, size);
+    if flat.is_empty() && within.is_some() {
+        // What a tight box leaves of a floor is too little to be found.
+        let all = Sample::of(scan, None, MOST_LOOKED_AT);
+        flat = (all.size()).map_or_else(Vec::new, |size| planes(&all, size));
     }
+    let left: Vec<usize> = (0..sample.points.len())
+        .filter(|at| {
+            let place = sample.points[*at].position;
+            flat.iter().all(|plane| !plane.takes(place))
+        })
+        .collect();
     let cell = sample.cell();
     let positions: Vec<Vec3> = left.iter().map(|at| sample.points[*at].position).collect();
     let found = clusters(&positions, cell);
@@ -68,7 +72,7 @@ pub fn cut(scan: &Scan, within: Option<[Vec3; 2]>) -> Vec<Cut> {
                         || inside && PART.contains(&(cells(part) / cells(main)))
                 })
                 .collect();
-            let planes: Vec<Plane> = planes
+            let planes: Vec<Plane> = flat
                 .iter()
                 .map(|plane| plane.towards((low + high) / 2.0))
                 .collect();
@@ -89,6 +93,19 @@ pub fn cut(scan: &Scan, within: Option<[Vec3; 2]>) -> Vec<Cut> {
             }
         })
         .collect()
+}
+
+/// Floors and walls, the largest first. `size` is the sample's.
+fn planes(sample: &Sample, size: f32) -> Vec<Plane> {
+    let mut left: Vec<usize> = (0..sample.points.len()).collect();
+    let mut planes: Vec<Plane> = Vec::new();
+    while planes.len() < MOST_PLANES
+        && let Some(plane) = find_plane(sample, &left, size)
+    {
+        left.retain(|at| !plane.takes(sample.points[*at].position));
+        planes.push(plane);
+    }
+    planes
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts of cells")]

@@ -57,13 +57,6 @@ impl Steps {
     }
 }
 
-/// The median of residuals; 0 of none.
-pub(super) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.into_iter().collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or_default()
-}
-
 /// The landmarks that are joints of limbs.
 pub(super) fn joints(points: &[KeyPoint; BODY_LANDMARKS]) -> impl Iterator<Item = &KeyPoint> {
     let all = [SHOULDERS, ELBOWS, WRISTS, HIPS, KNEES, ANKLES];

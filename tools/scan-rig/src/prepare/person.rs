@@ -2,7 +2,7 @@
 
 use super::cut::cut;
 use super::face_points::{Head, face_landmarks_of};
-use super::figures::{Figures, Steps, joints, median};
+use super::figures::{Figures, Steps, joints};
 use super::found::{USUAL_HEIGHT, count, the_person};
 use super::landmarks::{ANKLES, EARS, EYES, HIPS, KNEES};
 use super::looking::{MOST_DRAWN, look_around};
@@ -13,6 +13,7 @@ use super::sample::thinned;
 use super::similarity::Similarity;
 use super::stance::share_beside;
 use crate::RigError;
+use crate::median::median;
 use crate::points::KeyPoint;
 use crate::scan::Scan;
 use crate::sight::Sight;
@@ -136,7 +137,8 @@ pub fn prepare(
     person_from_scene = person_from_scene.then(&correction);
     scan = person_from_scene.scan(&found.scan);
     complete(&scan, &body)?;
-    figures.body_residual = median(joints(&body).map(|joint| joint.residual));
+    figures.body_residual =
+        median(joints(&body).map(|joint| joint.residual)).unwrap_or(f64::INFINITY);
     if figures.body_residual > MOST_RESIDUAL || looks < VIEWS as usize / 2 {
         return Err(refused::unsure(1e3 * figures.body_residual));
     }
@@ -158,7 +160,7 @@ pub fn prepare(
     let face = face_landmarks_of(|view| sight.picture(view, [0.6; 3]), networks, &head)?;
     figures.face_residual = face
         .as_ref()
-        .map(|face| median(face.iter().map(|point| point.residual)));
+        .and_then(|face| median(face.iter().map(|point| point.residual)));
     steps.ended("face");
 
     if figures.body_residual > DOUBTFUL_RESIDUAL {

@@ -3,17 +3,18 @@
 //! The values satisfy Laplace's equation with the cotangents of the mesh as weights and the known vertices as the border (Pinkall and
 //! Polthier 1993), solved by conjugate gradients. Weights are kept positive, so that nothing leaves the range of the known values.
 
+use crate::conjugate_gradients::{self, Enough};
 use glam::DVec3;
 use rayon::prelude::*;
 
 /// Bounds of the cotangents that weigh edges.
 const COTANGENTS: (f64, f64) = (0.05, 20.0);
 
-/// Residual, over that at the start, at which the fill is done.
-const TOLERANCE: f64 = 1e-7;
-
-/// Rounds after which the fill is taken as it is.
-const MOST_ROUNDS: usize = 2000;
+/// When a fill is near enough.
+const ENOUGH: Enough = Enough {
+    left: 1e-7,
+    steps: 2000,
+};
 
 /// A mesh's edges with weights, by vertex.
 #[derive(Debug, Clone)]
@@ -94,13 +95,6 @@ impl Edges {
         let solve: Vec<usize> = (0..self.vertices())
             .filter(|v| !known[*v] && reached[*v].is_some())
             .collect();
-        let mut x = values.to_vec();
-        // A start that is near the solution: the value of the nearest known vertex.
-        for v in &solve {
-            if let Some(source) = reached[*v] {
-                x[*v] = values[source as usize];
-            }
-        }
         let mut row_of = vec![u32::MAX; self.vertices()];
         for (row, v) in solve.iter().enumerate() {
             row_of[*v] = u32::try_from(row).unwrap_or(u32::MAX);
@@ -110,55 +104,41 @@ impl Edges {
             .map(|v| self.of(*v).iter().map(|(_, w)| w).sum::<f64>())
             .collect();
         // The Laplacian applied to a field that is zero on the known vertices.
-        let apply = |field: &[DVec3], out: &mut Vec<DVec3>| {
-            (solve.par_iter().zip(&diagonal))
+        let apply = |field: &[DVec3], out: &mut [DVec3]| {
+            (solve.par_iter().zip(&diagonal).zip(out))
                 .enumerate()
-                .map(|(row, (v, diagonal))| {
+                .for_each(|(row, ((v, diagonal), out))| {
                     let mut sum = field[row] * *diagonal;
                     for (to, weight) in self.of(*v) {
                         if let Some(value) = field.get(row_of[*to as usize] as usize) {
                             sum -= *weight * *value;
                         }
                     }
-                    sum
-                })
-                .collect_into_vec(out);
+                    *out = sum;
+                });
         };
-        let dot = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| *a * *b).sum::<DVec3>();
-        let mut residual: Vec<DVec3> = (solve.iter())
+        let right: Vec<DVec3> = (solve.iter())
             .map(|v| {
-                self.of(*v)
-                    .iter()
-                    .map(|(to, w)| *w * (x[*to as usize] - x[*v]))
-                    .sum()
+                let near = self.of(*v).iter().filter(|(to, _)| known[*to as usize]);
+                near.map(|(to, w)| *w * values[*to as usize]).sum()
             })
             .collect();
-        let scaled =
-            |r: &[DVec3]| -> Vec<DVec3> { r.iter().zip(&diagonal).map(|(r, d)| *r / *d).collect() };
-        let mut z = scaled(&residual);
-        let mut direction = z.clone();
-        let mut energy = dot(&residual, &z);
-        let goal = energy * TOLERANCE * TOLERANCE;
-        let mut image = Vec::new();
-        for _ in 0..MOST_ROUNDS {
-            if energy.cmple(goal.max(DVec3::splat(1e-300))).all() {
-                break;
-            }
-            apply(&direction, &mut image);
-            let step = ratio(energy, dot(&direction, &image));
-            for (row, v) in solve.iter().enumerate() {
-                x[*v] += step * direction[row];
-                residual[row] -= step * image[row];
-            }
-            z = scaled(&residual);
-            let next = dot(&residual, &z);
-            let share = ratio(next, energy);
-            for (direction, z) in direction.iter_mut().zip(&z) {
-                *direction = *z + share * *direction;
-            }
-            energy = next;
+        // A start that is near the solution: the value of the nearest known vertex.
+        let mut rows: Vec<DVec3> = (solve.iter())
+            .map(|v| values[reached[*v].map_or(*v, |source| source as usize)])
+            .collect();
+        conjugate_gradients::solve(
+            &right,
+            &mut rows,
+            apply,
+            |row, value| value / diagonal[row],
+            ENOUGH,
+        );
+        let mut filled = values.to_vec();
+        for (v, value) in solve.iter().zip(rows) {
+            filled[*v] = value;
         }
-        x
+        filled
     }
 
     /// For each vertex the known vertex that is fewest edges away (itself if known); nothing if none can be reached.
@@ -209,15 +189,6 @@ impl Edges {
         }
         values
     }
-}
-
-fn ratio(above: DVec3, below: DVec3) -> DVec3 {
-    let one = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
-    DVec3::new(
-        one(above.x, below.x),
-        one(above.y, below.y),
-        one(above.z, below.z),
-    )
 }
 
 #[cfg(test)]

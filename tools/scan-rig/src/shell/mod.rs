@@ -15,6 +15,7 @@ mod lines;
 mod mouth;
 mod normals;
 mod place;
+mod shown;
 mod textures;
 mod unseen;
 

@@ -6,6 +6,7 @@ use super::harmonic::Edges;
 use super::head::corners;
 use super::lines::{Line, Lines, Seen};
 use super::normals::normals;
+use super::shown::shown;
 use crate::RigError;
 use crate::bind::Bound;
 use crate::body::{BodyModel, BodyPart, Registered};
@@ -51,6 +52,8 @@ pub struct CoverageReport {
 struct Look {
     vertices: Vec<DVec3>,
     outer: Vec<bool>,
+    /// `[N_f]` whether the scan shows it.
+    shown: Vec<bool>,
     /// `[N_f]` the coverage under which a face has a hole.
     least: Vec<f32>,
     /// `[N_f]` mean coverage and colour.
@@ -70,7 +73,7 @@ pub(crate) fn complete(
     fill: bool,
     is_stiff: impl Fn(usize) -> bool,
 ) -> Result<CoverageReport, RigError> {
-    let look = Look::new(bound, model, registered, |_| true)?;
+    let look = Look::new(bound, model, registered, shown(bound, model), |_| true)?;
     let (open, all) = look.open();
     let mut report = CoverageReport {
         open_before: open / all.max(1e-12),
@@ -81,7 +84,8 @@ pub(crate) fn complete(
         let additions = filling(bound, model, &look, is_stiff);
         report.added = additions.len();
         super::join(bound, additions);
-        let after = Look::new(bound, model, registered, |face| look.has_hole(face))?;
+        let shown = look.shown.clone();
+        let after = Look::new(bound, model, registered, shown, |face| look.has_hole(face))?;
         report.open_after = after.open().0 / all.max(1e-12);
     }
     Ok(report)
@@ -92,6 +96,7 @@ impl Look {
         bound: &Bound,
         model: &BodyModel,
         registered: &Registered,
+        shown: Vec<bool>,
         take: impl Fn(usize) -> bool,
     ) -> Result<Self, RigError> {
         let rest = bound.rest(model, registered)?;
@@ -175,6 +180,7 @@ impl Look {
                 .collect(),
             vertices,
             outer,
+            shown,
             least: (model.parts.iter())
                 .map(|part| {
                     if matches!(part, BodyPart::Face | BodyPart::Head) {
@@ -190,7 +196,7 @@ impl Look {
     }
 
     fn has_hole(&self, face: usize) -> bool {
-        self.outer[face] && self.seen[face].0 < self.least[face]
+        self.outer[face] && !self.shown[face] && self.seen[face].0 < self.least[face]
     }
 
     /// The area with holes, and all of it, square metres.

@@ -3,7 +3,7 @@
 use super::raster::Picture;
 use crate::pinhole::Pinhole;
 use crate::scan::Scan;
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use std::f64::consts::TAU;
 
 /// Rows of views: their elevations, radians, and by how much of a step their azimuths are turned.
@@ -45,20 +45,9 @@ impl DepthView {
     /// the point is not in the picture.
     #[must_use]
     pub fn depth_at(&self, point: DVec3) -> Option<(f32, f32)> {
-        let DVec2 { x, y } = self.view.project(point)?;
-        let (width, height) = (f64::from(self.view.width), f64::from(self.view.height));
-        if !(x >= 0.0 && y >= 0.0 && x < width && y < height) {
-            return None;
-        }
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "in the picture"
-        )]
-        let (pixel, own) = (
-            y as usize * self.view.width as usize + x as usize,
-            self.view.camera_point(point).z as f32,
-        );
+        let pixel = self.view.pixel(point)?;
+        #[expect(clippy::cast_possible_truncation, reason = "metres")]
+        let own = self.view.camera_point(point).z as f32;
         Some((*self.depth.get(pixel)?, own))
     }
 }

@@ -180,7 +180,9 @@ impl SyntheticPerson {
         self.standing(&turned, -DVec3::new(middle.x, soles, middle.z))
     }
 
-    fn standing(&self, rotations: &[DMat3; JOINTS], pelvis: DVec3) -> Stance {
+    /// The pose whose world rotations relative to the body's rest pose are `rotations`, the pelvis at `pelvis`, metres.
+    #[must_use]
+    pub fn standing(&self, rotations: &[DMat3; JOINTS], pelvis: DVec3) -> Stance {
         Stance {
             rotations: *rotations,
             joints: chain(rotations, pelvis, 1.0, &self.joints),

@@ -17,14 +17,17 @@ use scan_rig::prepare::Networks;
 use scan_rig::shell::Hands;
 use scan_rig::sight::Sight;
 use serde::Serialize;
+use sha2::{Digest, Sha256};
 use spmm3::Joint;
 use std::cell::RefCell;
+use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
 
 /// Raised whenever the same scan gives another avatar, so that caches of older ones are not used.
-const RIG_VERSION: u32 = 1;
+const RIG_VERSION: u32 = 2;
 
 /// What others may do with an avatar unless its maker says otherwise.
 const LICENCE: &str = "all rights reserved by the person who was scanned";
@@ -190,10 +193,11 @@ pub(crate) fn rigged_avatar(
     device: &DeviceOptions,
 ) -> anyhow::Result<PathBuf> {
     check_file(scan)?;
-    let bytes = std::fs::read(scan).with_context(|| format!("cannot read {}", scan.display()))?;
-    let key = fingerprint(&bytes, &format!("{choices:?}"));
-    drop(bytes);
-    let file = format!("scan-{key:016x}-v{RIG_VERSION}.m3a");
+    let mut key = Sha256::new_with_prefix(format!("{choices:?}"));
+    File::open(scan)
+        .and_then(|mut file| io::copy(&mut file, &mut key))
+        .with_context(|| format!("cannot read {}", scan.display()))?;
+    let file = format!("scan-{:x}-v{RIG_VERSION}.m3a", key.finalize());
     let package = cache()?.join("avatars").join(file);
     if !package.is_file() {
         println!(
@@ -203,13 +207,6 @@ pub(crate) fn rigged_avatar(
         rig_to(scan, choices, &package, device)?.0.print();
     }
     Ok(package)
-}
-
-/// FNV-1a: names a file in a cache, no more.
-fn fingerprint(bytes: &[u8], choices: &str) -> u64 {
-    (bytes.iter().chain(choices.as_bytes())).fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
-    })
 }
 
 fn file_name(scan: &Path) -> String {
@@ -349,15 +346,7 @@ impl RigFigures {
             println!("note: {warning}");
         }
         if let Some(quality) = &report.quality {
-            println!(
-                "in the scan's pose {:.1} dB against the scan (worst view {:.1}), spill {:.2} %, holes {:.2} %; in T-pose {:.2} % and {:.2} %",
-                quality.scan_db,
-                quality.worst_db,
-                quality.scan_pose.spill * 100.0,
-                quality.scan_pose.holes * 100.0,
-                quality.t_pose.spill * 100.0,
-                quality.t_pose.holes * 100.0
-            );
+            println!("{quality}");
         }
         if let Some(page) = &self.pictures {
             println!("pictures: {}", page.display());

@@ -6,26 +6,25 @@ use crate::film::write_png;
 use crate::size::{Size, Views};
 use crate::stills::{RenderSettings, StillRenderer};
 use anyhow::Context;
-use app_kernels::state::GaussianState;
 use app_session::display::Still;
-use glam::{Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use image::{Rgb, RgbImage};
 use renderer_splat::camera::Camera;
-use renderer_splat::options::{BackEnd, Filter, RendererOptions};
-use renderer_splat::picture::Backdrop;
-use renderer_splat::renderer::SplatRenderer;
+use renderer_splat::options::Filter;
 use scan_rig::finish::Poser;
+use scan_rig::pinhole::Pinhole;
 use scan_rig::pipeline::Rigged;
 use scan_rig::scan::Scan;
-use spmm3::{GaussianSet, Joint, LOOP_SECONDS, MotionClip, MotionParams, Playback, SH_C0};
+use scan_rig::sight::Sight;
+use spmm3::{Joint, LOOP_SECONDS, MotionClip, MotionParams, Playback};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Size of a picture of the whole person.
 const WHOLE: Size = Size {
-    width: 420,
-    height: 640,
+    width: 560,
+    height: 560,
 };
 
 /// Size of a picture of the face.
@@ -34,8 +33,8 @@ const FACE: Size = Size {
     height: 420,
 };
 
-/// Vertical field of view, radians.
-const FOV: f32 = 0.55;
+/// Focal length of pictures of the whole person, pixels.
+const FOCAL: f64 = 1050.0;
 
 /// Moments of the built-in motion that are shown, seconds.
 const MOMENTS: [f64; 4] = [1.0, 3.5, 6.0, 8.5];
@@ -120,43 +119,38 @@ fn escaped(text: &str) -> String {
 
 /// The scan, the joints in it, the template over it, and the avatar in its pose.
 fn registration(rigged: &Rigged, device: &DeviceOptions) -> anyhow::Result<Row> {
-    let gpu = device.gpu()?;
     let poser = Poser::new(&rigged.avatar)?;
     let again = poser.scan(&rigged.scan_motion)?;
     let mesh = poser.vertices(&rigged.scan_motion);
-    let most = rigged.scan.len().max(again.len());
-    let options = RendererOptions {
-        back_end: Some(BackEnd::Tiles),
-        ..RendererOptions::new(u32::try_from(most)?, WHOLE.width, WHOLE.height, 1)
-    };
-    let mut renderer = SplatRenderer::new(Arc::clone(&gpu), &options)?;
-    let mut draw = |scan: &Scan, camera: &Camera| -> anyhow::Result<RgbImage> {
-        renderer.set_foreground(&GaussianState::from(&gaussians(scan)).packed())?;
-        renderer.draw(&[*camera])?;
-        let rows = renderer.read_back(0)?.over(Backdrop::Colour([0.93; 3]));
-        RgbImage::from_raw(WHOLE.width, WHOLE.height, rows).context("a picture of another size")
+    let mut sight = Sight::on(device.gpu()?);
+    let mut draw = |scan: &Scan, view: &Pinhole| -> anyhow::Result<RgbImage> {
+        sight.set(scan);
+        let picture = sight.picture(view, [0.93; 3])?;
+        RgbImage::from_raw(picture.width, picture.height, picture.bytes)
+            .context("a picture of another size")
     };
     let mut pictures = Vec::new();
-    for (name, degrees) in [("front", 0.0f32), ("left", 90.0)] {
-        let camera = around(degrees.to_radians(), WHOLE);
-        let scan = draw(&rigged.scan, &camera)?;
+    for (name, degrees) in [("front", 0.0), ("left", 90.0)] {
+        let view = around(degrees);
+        let scan = draw(&rigged.scan, &view)?;
         let mut skeleton = scan.clone();
         for joint in body_joints() {
-            let at = |joint: Joint| rigged.joints.get(joint.index()).map(|j| j.as_vec3());
-            let ends = (at(joint), joint.parent().and_then(at));
-            if let (Some(joint), Some(parent)) = ends {
-                line(&mut skeleton, &camera, parent, joint, Rgb([230, 30, 30]));
+            let at = |joint: Joint| rigged.joints[joint.index()];
+            if let Some(parent) = joint.parent() {
+                let ends = [at(parent), at(joint)];
+                line(&mut skeleton, &view, ends, Rgb([230, 30, 30]), 1.0);
             }
         }
         let mut template = scan.clone();
         for face in rigged.avatar.template.faces().iter().step_by(2) {
-            let [a, b, _] = face.map(|v| mesh.get(v as usize).copied().unwrap_or_default());
-            line(&mut template, &camera, a, b, Rgb([30, 120, 230]));
+            let corner = |v: u32| mesh.get(v as usize).copied().unwrap_or_default().as_dvec3();
+            let [a, b, _] = face.map(corner);
+            line(&mut template, &view, [a, b], Rgb([30, 120, 230]), 0.25);
         }
         pictures.push((format!("the scan, {name}"), scan));
         pictures.push(("its joints".to_owned(), skeleton));
         pictures.push(("the template on it".to_owned(), template));
-        pictures.push(("the avatar in its pose".to_owned(), draw(&again, &camera)?));
+        pictures.push(("the avatar in its pose".to_owned(), draw(&again, &view)?));
     }
     Ok(Row {
         title: "What was found",
@@ -170,7 +164,7 @@ fn motion(rigged: &Rigged, device: &DeviceOptions) -> anyhow::Result<Row> {
     let clip = MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, 30.0)?;
     let mut wanted = vec![
         ("T-pose".to_owned(), MotionParams::default(), 0.0),
-        ("T-pose, back".to_owned(), MotionParams::default(), 180.0f32),
+        ("T-pose, back".to_owned(), MotionParams::default(), 180.0),
     ];
     for seconds in MOMENTS {
         let motion = clip.sample(seconds, Playback::Clamp);
@@ -179,7 +173,7 @@ fn motion(rigged: &Rigged, device: &DeviceOptions) -> anyhow::Result<Row> {
     let stills = (wanted.iter())
         .map(|(_, motion, degrees)| Still {
             motion: motion.clone(),
-            cameras: vec![around(degrees.to_radians(), WHOLE)],
+            cameras: vec![around(*degrees).camera()],
         })
         .collect();
     let pictures = drawn(rigged, device, WHOLE, stills)?;
@@ -250,44 +244,23 @@ fn drawn(
     Ok(pictures)
 }
 
-/// A camera so far around the person, to its left, radians.
-fn around(angle: f32, size: Size) -> Camera {
-    let target = Vec3::Y * 0.9;
-    let eye = target + Vec3::new(angle.sin(), 0.06, angle.cos()) * 3.9;
-    Camera::look_at(eye, target, Vec3::Y, FOV, size.width, size.height)
+/// The person from so many degrees to its left.
+fn around(degrees: f64) -> Pinhole {
+    let angle = degrees.to_radians();
+    let target = DVec3::Y * 0.9;
+    let eye = target + DVec3::new(angle.sin(), 0.06, angle.cos()) * 3.9;
+    Pinhole::look_at(eye, target, DVec3::Y, FOCAL, WHOLE.width, WHOLE.height)
 }
 
-/// A scan's Gaussians as a person's.
-fn gaussians(scan: &Scan) -> GaussianSet {
-    GaussianSet {
-        positions: scan.positions.clone(),
-        rotations: scan.rotations.clone(),
-        log_scales: scan.scales.iter().map(|s| s.map(f32::ln)).collect(),
-        opacity_logits: (scan.opacities.iter())
-            .map(|o| {
-                let o = o.clamp(1e-4, 0.9999);
-                (o / (1.0 - o)).ln()
-            })
-            .collect(),
-        colours: scan.colours.iter().map(|c| (*c - 0.5) / SH_C0).collect(),
-    }
-}
-
-/// Where a camera sees a point, pixels.
-fn pixel(camera: &Camera, point: Vec3) -> Option<Vec2> {
-    let seen = camera.camera_from_world.transform_point3(point);
-    let depth = -seen.z;
-    (depth > camera.near).then(|| {
-        Vec2::new(
-            camera.cx + camera.fx * seen.x / depth,
-            camera.cy - camera.fy * seen.y / depth,
-        )
-    })
-}
-
-/// Draws the line between two points.
-fn line(picture: &mut RgbImage, camera: &Camera, from: Vec3, to: Vec3, colour: Rgb<u8>) {
-    let (Some(from), Some(to)) = (pixel(camera, from), pixel(camera, to)) else {
+/// Draws the line between two points, so opaque: 0..=1.
+fn line(
+    picture: &mut RgbImage,
+    view: &Pinhole,
+    [from, to]: [DVec3; 2],
+    colour: Rgb<u8>,
+    opacity: f32,
+) {
+    let (Some(from), Some(to)) = (view.project(from), view.project(to)) else {
         return;
     };
     let steps = (to - from).abs().max_element().ceil().clamp(1.0, 2000.0);
@@ -295,16 +268,24 @@ fn line(picture: &mut RgbImage, camera: &Camera, from: Vec3, to: Vec3, colour: R
     while done <= steps {
         let at = from.lerp(to, done / steps);
         done += 1.0;
-        let inside = at.cmpge(Vec2::ZERO).all()
-            && at.x < picture.width() as f32
-            && at.y < picture.height() as f32;
-        if inside {
+        let size = DVec2::new(f64::from(picture.width()), f64::from(picture.height()));
+        if at.cmpge(DVec2::ZERO).all() && at.cmplt(size).all() {
             #[allow(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
                 reason = "within the picture"
             )]
-            picture.put_pixel(at.x as u32, at.y as u32, colour);
+            let pixel = picture.get_pixel_mut(at.x as u32, at.y as u32);
+            for (old, new) in pixel.0.iter_mut().zip(colour.0) {
+                let mixed = f32::from(*old) + opacity * (f32::from(new) - f32::from(*old));
+                #[allow(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "between two bytes"
+                )]
+                let mixed = mixed.round() as u8;
+                *old = mixed;
+            }
         }
     }
 }

@@ -1,12 +1,16 @@
 //! `mon3tr-dev eval rig`: avatars of synthetic scans against the truth, and of real scans against themselves.
 
+mod novel;
+mod pictures;
+
 use anyhow::Context;
-use glam::{DMat3, DVec3, Vec3};
+use glam::DVec3;
 use mon3tr::device_options::{DeviceOptions, make_folder, makehuman, networks};
+use mon3tr::film::write_png;
 use mon3tr::report::{check_writable, write_json};
+use pictures::beside;
 use reconstruct::BareBody;
-use reconstruct::simulate::PoseSampler;
-use scan_rig::figures::likeness::{person_psnr, six_views};
+use scan_rig::figures::likeness::six_views;
 use scan_rig::finish::{FinishOptions, Poser};
 use scan_rig::pipeline::{self, RigOptions, RigReport, Rigged};
 use scan_rig::prepare::Networks;
@@ -15,20 +19,11 @@ use scan_rig::sight::Sight;
 use scan_rig::synthetic::{PEOPLE, ScanOptions, Surroundings, SyntheticPerson, SyntheticScan};
 use serde::Serialize;
 use splat_scene::Scene;
-use spmm3::{JOINTS, Joint, LOOP_SECONDS, MotionClip, MotionParams, Playback};
+use spmm3::Joint;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// Sampled poses that avatars are compared in with the true person, besides T-pose and moments of the built-in motion.
-const SAMPLED: usize = 3;
-
-/// Moments of the built-in motion, seconds.
-const MOMENTS: [f64; 3] = [1.0, 4.0, 7.0];
-
-/// Seed of the sampled poses.
-const SEED: u64 = 5;
 
 /// Options of `eval rig`.
 #[derive(Debug, clap::Args)]
@@ -51,6 +46,10 @@ pub(super) struct Options {
     /// Write the synthetic scans into this folder, as .ply, and the truth about them as .json; then nothing is measured
     #[arg(long, value_name = "FOLDER", conflicts_with = "scan")]
     write_scans: Option<PathBuf>,
+    /// Leave pictures in this folder, each of the truth, the avatar and four times the difference: synthetic people in novel poses, real
+    /// scans in their own
+    #[arg(long, value_name = "FOLDER")]
+    pictures: Option<PathBuf>,
     /// Write every figure as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -65,6 +64,8 @@ struct Row {
     worst_joint: &'static str,
     fingers_mean_mm: f64,
     yaw_degrees: f64,
+    /// How much too large the avatar is, percent.
+    scale_percent: f64,
     /// How sure the joint was that is wrong most, 0..=1.
     worst_confidence: f64,
     /// Novel poses against the true person, each the mean of six views, dB.
@@ -108,6 +109,9 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     if let Some(folder) = &options.write_scans {
         return write_scans(options, folder);
+    }
+    if let Some(folder) = &options.pictures {
+        make_folder(folder)?;
     }
     let mut tools = Tools {
         makehuman: makehuman()?,
@@ -194,6 +198,13 @@ fn real(file: &Path, options: &Options, tools: &mut Tools) -> anyhow::Result<Rea
     let scene = Scene::load(file).with_context(|| format!("cannot use {}", file.display()))?;
     let began = Instant::now();
     let rigged = tools.rig(&scene, options.height, "scan")?;
+    if let Some(folder) = &options.pictures {
+        let again = Poser::new(&rigged.avatar)?.scan(&rigged.scan_motion)?;
+        for (number, view) in six_views(rigged.height).iter().enumerate() {
+            let file = folder.join(format!("scan-view{number}.png"));
+            write_png(&file, &beside(&rigged.scan, &again, view)?)?;
+        }
+    }
     Ok(RealRow {
         scan: file.to_path_buf(),
         seconds: began.elapsed().as_secs_f64(),
@@ -226,12 +237,25 @@ fn synthetic(
         worst_joint: Joint::ALL[worst].name(),
         fingers_mean_mm: mean(fingers) * 1e3,
         yaw_degrees: yaw_error(&rigged, &truth).to_degrees(),
+        scale_percent: (rigged.person_from_scene.scale * f64::from(scan_options.unit) - 1.0)
+            * 100.0,
         worst_confidence: rigged
             .report
             .joints
             .get(worst)
             .map_or(0.0, |j| j.confidence),
-        novel_db: novel(person, &rigged, &scan_options)?,
+        novel_db: novel::compare(
+            person,
+            &rigged,
+            &scan_options,
+            |pose, truth, posed, view| {
+                let Some(folder) = &options.pictures else {
+                    return Ok(());
+                };
+                let file = folder.join(format!("body{number}-pose{pose}.png"));
+                write_png(&file, &beside(truth, posed, view)?)
+            },
+        )?,
         seconds,
         report: rigged.report,
     })
@@ -251,51 +275,6 @@ fn yaw_error(rigged: &Rigged, truth: &SyntheticScan) -> f64 {
         - at(Joint::RightHip);
     let forward = rigged.person_from_scene.rotation * left.cross(DVec3::Y);
     forward.x.atan2(forward.z)
-}
-
-/// The avatar in poses that the scan does not show, against the true person, dB.
-fn novel(
-    person: &SyntheticPerson,
-    rigged: &Rigged,
-    options: &ScanOptions,
-) -> anyhow::Result<Vec<f64>> {
-    let poser = Poser::new(&rigged.avatar)?;
-    let avatar = &rigged.avatar;
-    let clip = MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, 30.0)?;
-    let mut poses = vec![MotionParams::default()];
-    poses.extend(MOMENTS.map(|seconds| clip.sample(seconds, Playback::Clamp)));
-    let faces = spmm3::Expressions::new();
-    let mut sampler = PoseSampler::new(SEED, &faces, 0);
-    poses.extend((0..SAMPLED).map(|_| sampler.sample()));
-    let views = six_views(rigged.height);
-    poses
-        .iter_mut()
-        .map(|motion| {
-            // The truth has no face that moves, and its fingers are not the question.
-            still_face(motion);
-            let joints = avatar.skeleton.pose(motion);
-            let rotations: [DMat3; JOINTS] = joints.person_from_joint.map(|frame| {
-                let m = frame.matrix3;
-                DMat3::from_cols(
-                    Vec3::from(m.x_axis).as_dvec3(),
-                    Vec3::from(m.y_axis).as_dvec3(),
-                    Vec3::from(m.z_axis).as_dvec3(),
-                )
-            });
-            let truth = person.reposed(options, &person.as_avatar(&rotations));
-            let db = person_psnr(&truth, &poser.scan(motion)?, &views);
-            Ok(mean(&db))
-        })
-        .collect()
-}
-
-/// The motion of the body alone, on the spot.
-fn still_face(motion: &mut MotionParams) {
-    motion.expression_mut().fill(0.0);
-    for joint in Joint::ALL.into_iter().skip(Joint::Jaw.index()) {
-        motion.set_axis_angle(joint, Vec3::ZERO);
-    }
-    motion.root_translation = Vec3::ZERO;
 }
 
 /// Writes the synthetic scans and the truth about them.
@@ -345,7 +324,7 @@ impl Row {
     fn print(&self) {
         let novel: Vec<String> = self.novel_db.iter().map(|db| format!("{db:.1}")).collect();
         println!(
-            "body {}: joints {:.0} mm mean, {:.0} max ({}, sure to {:.0} %), fingers {:.0}; yaw {:+.1} degrees; novel poses {} dB; {:.0} s",
+            "body {}: joints {:.0} mm mean, {:.0} max ({}, sure to {:.0} %), fingers {:.0}; yaw {:+.1} degrees, size {:+.1} %; novel poses {} dB; {:.0} s",
             self.body,
             self.joints_mean_mm,
             self.joints_max_mm,
@@ -353,6 +332,7 @@ impl Row {
             self.worst_confidence * 100.0,
             self.fingers_mean_mm,
             self.yaw_degrees,
+            self.scale_percent,
             novel.join(" "),
             self.seconds
         );
@@ -382,15 +362,7 @@ fn print_report(report: &RigReport) {
         report.bind.longest_axis * 1e3
     );
     if let Some(quality) = &report.quality {
-        println!(
-            "  scan's pose {:.1} dB (worst view {:.1}), spill {:.2} %, holes {:.2} %; T-pose spill {:.2} %, holes {:.2} %",
-            quality.scan_db,
-            quality.worst_db,
-            quality.scan_pose.spill * 100.0,
-            quality.scan_pose.holes * 100.0,
-            quality.t_pose.spill * 100.0,
-            quality.t_pose.holes * 100.0
-        );
+        println!("  {quality}");
     }
     for warning in &report.warnings {
         println!("  note: {warning}");

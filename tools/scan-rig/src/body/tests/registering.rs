@@ -1,0 +1,186 @@
+//! Registrations of bodies whose pose is known.
+
+use super::super::landmarks::{Place, Source, Targets};
+use super::super::state::State;
+use super::super::{BodyModel, Hint, Observed, register};
+use super::{model, posed_body, skinned_by_hand};
+use crate::points::KeyPoint;
+use glam::{DVec3, Vec3};
+use motion_fit::landmarks::BODY_LANDMARKS;
+use spmm3::{JOINTS, Joint};
+
+/// What a perfect observer sees of a pose: landmarks and the middle of each outer face.
+fn seen(
+    model: &BodyModel,
+    state: &State,
+) -> (
+    [KeyPoint; BODY_LANDMARKS],
+    Vec<Vec3>,
+    Vec<Vec3>,
+    [DVec3; JOINTS],
+) {
+    let (vertices, joints) = skinned_by_hand(model, state);
+    let anywhere = [KeyPoint {
+        position: DVec3::ZERO,
+        residual: 0.01,
+        support: 9.0,
+    }; BODY_LANDMARKS];
+    let mut points = anywhere;
+    for target in Targets::new(model, &anywhere, &[], &[]).all {
+        let Source::Body(landmark) = target.source else {
+            continue;
+        };
+        let carried = state.rotations[target.carrier.index()] * target.offset * state.scale;
+        points[landmark].position = carried
+            + match target.place {
+                Place::Joint(joint) => joints[joint.index()],
+                Place::Vertex(vertex) => vertices[vertex],
+            };
+    }
+    let (mut middles, mut outwards) = (Vec::new(), Vec::new());
+    for face in &model.faces {
+        if face
+            .iter()
+            .all(|v| (*v as usize) < model.body_vertices && model.outer[*v as usize])
+        {
+            let [a, b, c] = face.map(|v| vertices[v as usize]);
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            if normal != DVec3::ZERO {
+                middles.push(((a + b + c) / 3.0).as_vec3());
+                outwards.push(normal.as_vec3());
+            }
+        }
+    }
+    (points, middles, outwards, joints)
+}
+
+#[test]
+fn a_body_seen_perfectly_is_found() {
+    let Some(model) = model() else { return };
+    let state = posed_body(model);
+    let (points, middles, outwards, joints) = seen(model, &state);
+    let observed = Observed {
+        body: &points,
+        face: None,
+        points: &middles,
+        normals: &outwards,
+        hints: &[],
+    };
+    let (found, report) = register(model, &observed).expect("a body");
+    let errors: Vec<f64> = (0..22)
+        .map(|j| 1e3 * found.joints[j].distance(joints[j]))
+        .collect();
+    let mean = errors.iter().sum::<f64>() / 22.0;
+    let worst = errors.iter().copied().fold(0.0, f64::max);
+    assert!(
+        mean < 8.0 && worst < 20.0,
+        "joints {mean:.1} mm off, at most {worst:.1}"
+    );
+    assert!(
+        report.displaced < 0.001,
+        "{} m from the surface",
+        report.displaced
+    );
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+    assert!(
+        found.confidence[..22].iter().all(|sure| *sure > 0.5),
+        "{:?}",
+        found.confidence
+    );
+    let again = register(model, &observed).expect("a body").0;
+    assert_eq!(
+        again.vertices, found.vertices,
+        "another result the second time"
+    );
+}
+
+#[test]
+fn a_wrong_landmark_is_told_and_a_hint_heals_it() {
+    let Some(model) = model() else { return };
+    let state = posed_body(model);
+    let (mut points, middles, outwards, joints) = seen(model, &state);
+    // The left wrist and fingers were seen elsewhere, with rays that miss one another; the forearm was not scanned.
+    for landmark in [15, 17, 19] {
+        points[landmark].position += DVec3::new(0.05, -0.06, -0.12);
+        points[landmark].residual = 0.045;
+    }
+    let wrist = joints[Joint::LeftWrist.index()];
+    let (middles, outwards): (Vec<Vec3>, Vec<Vec3>) = (middles.into_iter().zip(outwards))
+        .filter(|(p, _)| p.as_dvec3().distance(wrist) > 0.2)
+        .unzip();
+    let mut observed = Observed {
+        body: &points,
+        face: None,
+        points: &middles,
+        normals: &outwards,
+        hints: &[],
+    };
+    let at = Joint::LeftWrist.index();
+    let (wrong, report) = register(model, &observed).expect("a body");
+    let off = wrong.joints[at].distance(wrist);
+    assert!(off > 0.03, "the wrist is only {off} m off");
+    assert!(
+        wrong.confidence[at] < 0.5,
+        "sure of it: {}",
+        wrong.confidence[at]
+    );
+    let told = report
+        .warnings
+        .iter()
+        .find(|w| w.contains("--joint left_wrist=x,y,z"));
+    assert!(told.is_some(), "{:?}", report.warnings);
+    let hints = [Hint {
+        joint: Joint::LeftWrist,
+        position: wrist,
+    }];
+    observed.hints = &hints;
+    let (right, _) = register(model, &observed).expect("a body");
+    let off = right.joints[at].distance(wrist);
+    assert!(off < 0.01, "with the hint the wrist is {off} m off");
+    assert!(
+        right.confidence[at] > 0.5,
+        "unsure of a hint: {}",
+        right.confidence[at]
+    );
+}
+
+#[test]
+fn what_is_no_number_or_missing_is_survived_or_refused() {
+    let Some(model) = model() else { return };
+    let state = posed_body(model);
+    let (mut points, mut middles, mut outwards, _) = seen(model, &state);
+    points[13].position = DVec3::NAN;
+    points[14].support = 0.0;
+    points[0].residual = f64::INFINITY;
+    middles[7] = Vec3::NAN;
+    outwards[9] = Vec3::INFINITY;
+    let observed = Observed {
+        body: &points,
+        face: None,
+        points: &middles,
+        normals: &outwards,
+        hints: &[],
+    };
+    let (found, _) = register(model, &observed).expect("a body");
+    assert!(
+        found.vertices.iter().all(|v| v.is_finite()),
+        "vertices that are no numbers"
+    );
+    let none = Observed {
+        points: &[],
+        normals: &[],
+        ..observed
+    };
+    let (found, _) = register(model, &none).expect("a body by its landmarks alone");
+    assert!(
+        found.vertices.iter().all(|v| v.is_finite()),
+        "without a surface"
+    );
+    let mut halved = points;
+    halved[23].support = 0.0;
+    let half = Observed {
+        body: &halved,
+        ..none
+    };
+    assert!(register(model, &half).is_err(), "a person without a hip");
+}
