@@ -149,7 +149,9 @@ mod tests {
     fn standing(skeleton: &Skeleton, camera: &Camera) -> BodyLandmarks {
         let places = landmark_places(skeleton, &spmm3::at_ease(skeleton));
         let hips = skeleton.rest_positions()[Joint::Pelvis.index()];
-        let mut seen = BodyLandmarks::default();
+        let mut seen = BodyLandmarks {
+            points: Default::default(),
+        };
         for (point, place) in seen.points.iter_mut().zip(places) {
             let Some(place) = place else { continue };
             // The camera's axes: x right, y down, z away, at a height of a metre.
