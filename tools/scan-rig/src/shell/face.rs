@@ -1,18 +1,15 @@
 //! The face as a thin shell: where units of mouth and eyes move it, the scan's Gaussians give way to finer ones on the body model, which take
 //! their colours from the scan along lines through it.
 
-use super::additions::{Additions, brightness, smoothstep};
+use super::additions::{Additions, brightness, median, smoothstep};
 use super::cells::Cell;
 use super::harmonic::Edges;
-use super::head::{Head, SHELL, corners};
+use super::head::{Head, SHELL, STRETCHED, corners};
 use super::lines::{Line, Lines};
 use super::normals::normals;
 use crate::body::{BodyModel, BodyPart};
 use crate::scan::Scan;
-use glam::DVec3;
-
-/// Where expressions stretch the face more than the first it gets a shell; beyond the second, the scan's Gaussians give way to it.
-const STRETCHED: (f64, f64) = (1.3, 1.6);
+use glam::{DVec3, Vec3};
 
 /// Where both show, the shell is this far under the surface, metres: the scan's own Gaussians are before it.
 const UNDER: f64 = 0.0015;
@@ -39,6 +36,12 @@ const CHEEK: f64 = 0.034;
 /// From the rims, the shell closes before what is inside, metres.
 const LIPS: f64 = 0.016;
 
+/// Within this of an eye's joint only what looks like skin colours the lids, metres.
+const AROUND_EYE: f64 = 0.034;
+
+/// Lids are in the shade of the brow, but so much at most and at least.
+const LID_SHADE: (f64, f64) = (0.78, 1.0);
+
 /// The colour deep in the mouth.
 const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
 
@@ -49,6 +52,8 @@ const OPACITY: f32 = 0.97;
 #[derive(Debug)]
 pub(crate) struct Face {
     pub(crate) additions: Additions,
+    /// For each of them whether it shows in the neutral face, and has to look there as it was scanned.
+    pub(crate) as_scanned: Vec<bool>,
     /// `[N_g]` which of the scan's Gaussians give way.
     pub(crate) drop: Vec<bool>,
     /// `[N_v]` the colour of the skin at the model's vertices, filled in where it was not seen; black away from the face.
@@ -99,6 +104,7 @@ pub(crate) fn cover(
         })
     };
     let mut additions = Additions::default();
+    let mut as_scanned = Vec::new();
     let mut cells = Vec::new();
     for quad in 0..model.faces.len() / 2 {
         if own(2 * quad) {
@@ -111,7 +117,7 @@ pub(crate) fn cover(
                         head,
                         vertices,
                         quad,
-                        &skin,
+                        &skin.all,
                         &mut cells,
                         &mut additions,
                     );
@@ -125,30 +131,41 @@ pub(crate) fn cover(
                     &skin,
                     &mut cells,
                     &mut additions,
+                    &mut as_scanned,
                 ),
             }
+            as_scanned.resize(additions.len(), false);
         }
     }
-    let core = |face: usize| own(face) && shelled(model, head, face / 2, SHELL.1, STRETCHED.1);
     let drop = triangles
         .iter()
-        .map(|face| (*face as usize) < model.faces.len() && core(*face as usize))
+        .map(|face| (*face as usize) < model.faces.len() && head.is_core(model, *face as usize / 2))
         .collect();
     Face {
         additions,
+        as_scanned,
         drop,
-        skin,
+        skin: skin.all,
     }
 }
 
-/// Whether a quad of the face moves or is stretched more than this.
-fn shelled(model: &BodyModel, head: &Head, quad: usize, motion: f64, stretched: f64) -> bool {
-    let ring = corners(model, quad);
-    let moves = |least: f64| {
-        ring.iter()
-            .all(|v| head.motion[*v as usize] > least * head.scale)
-    };
-    moves(motion) || (moves(0.2 * motion) && head.stretch[quad].max_element() > stretched)
+/// Colours at the model's vertices, `[N_v]`, black away from the face.
+#[derive(Debug)]
+struct Skin {
+    /// Of all skin, brows and shade as the scan has them.
+    all: Vec<DVec3>,
+    /// Around the eyes, continued from what is skin: what closed lids look like.
+    lids: Vec<DVec3>,
+    /// The usual colour of the cheeks.
+    cheek: DVec3,
+}
+
+/// How much a colour is of skin like that of the cheeks, 0..=1: brows, shade and the white of an eye are less red, or darker.
+fn likeness(colour: DVec3, cheek: DVec3) -> f64 {
+    let redness = |c: DVec3| (c.x - c.z) / brightness(c).max(0.02);
+    let red = redness(colour) / redness(cheek).max(0.1);
+    let bright = brightness(colour) / brightness(cheek).max(0.02);
+    smoothstep(0.55, 0.8, red) * smoothstep(0.45, 0.65, bright)
 }
 
 fn is_skin(model: &BodyModel, face: usize) -> bool {
@@ -205,10 +222,11 @@ impl Painter<'_> {
     }
 
     /// The skin's colour at the vertices of the head, filled in where it was not seen.
-    fn skin(&self, model: &BodyModel, vertices: &[DVec3], normals: &[DVec3]) -> Vec<DVec3> {
-        let reach = 0.17 * self.head.scale;
+    fn skin(&self, model: &BodyModel, vertices: &[DVec3], normals: &[DVec3]) -> Skin {
+        let head = self.head;
+        let reach = 0.17 * head.scale;
         let near: Vec<usize> = (0..model.body_vertices)
-            .filter(|v| vertices[*v].distance(self.head.centre) < reach)
+            .filter(|v| vertices[*v].distance(head.centre) < reach)
             .collect();
         let lines: Vec<Line> = near
             .iter()
@@ -218,7 +236,7 @@ impl Painter<'_> {
         let mut colours = vec![DVec3::ZERO; vertices.len()];
         let mut known = vec![false; vertices.len()];
         for (v, (colour, trust)) in near.iter().zip(self.look(&lines, &own)) {
-            let at_lid = self.head.lid[*v] > 0.2 && self.head.rim[*v] < 0.005 * self.head.scale;
+            let at_lid = head.lid[*v] > 0.2 && head.rim[*v] < 0.005 * head.scale;
             if model.outer[*v] && trust > 0.6 && !at_lid {
                 colours[*v] = colour;
                 known[*v] = true;
@@ -227,10 +245,32 @@ impl Painter<'_> {
         let faces = (model.faces.iter().copied()).filter(|face| {
             face.iter().all(|v| {
                 (*v as usize) < model.body_vertices
-                    && vertices[*v as usize].distance(self.head.centre) < reach
+                    && vertices[*v as usize].distance(head.centre) < reach
             })
         });
-        Edges::new(vertices, faces).fill(&colours, &known)
+        let edges = Edges::new(vertices, faces);
+        let all = edges.fill(&colours, &known);
+        let cheeks: Vec<Vec3> = (near.iter())
+            .filter(|v| {
+                known[**v] && head.mouth[**v] > 0.0015 && head.rim[**v] > 0.006 * head.scale
+            })
+            .map(|v| colours[*v].as_vec3())
+            .collect();
+        let cheek = median(&cheeks);
+        // Around an eye the scan shows brows, lashes, shade, and the eye itself beside its place.
+        for v in &near {
+            let aside = head
+                .eyes
+                .iter()
+                .any(|eye| eye.distance(vertices[*v]) < AROUND_EYE * head.scale);
+            known[*v] &= !aside || likeness(colours[*v], cheek) > 0.5;
+        }
+        let mut lids = edges.fill(&colours, &known);
+        for v in &near {
+            let shade = brightness(all[*v]) / brightness(lids[*v]).max(0.02);
+            lids[*v] *= shade.clamp(LID_SHADE.0, LID_SHADE.1);
+        }
+        Skin { all, lids, cheek }
     }
 
     /// The shell on one quad, if units move it.
@@ -241,9 +281,10 @@ impl Painter<'_> {
         vertices: &[DVec3],
         normals: &[DVec3],
         quad: usize,
-        skin: &[DVec3],
+        skin: &Skin,
         cells: &mut Vec<Cell>,
         additions: &mut Additions,
+        as_scanned: &mut Vec<bool>,
     ) {
         let head = self.head;
         let ring = corners(model, quad).map(|v| v as usize);
@@ -252,7 +293,8 @@ impl Painter<'_> {
                 .map(|v| values[*v])
                 .fold(f64::INFINITY, f64::min)
         };
-        if !shelled(model, head, quad, SHELL.0, STRETCHED.0) {
+        let under_scan = is_skin(model, 2 * quad) && ring.iter().all(|v| head.underlay[*v]);
+        if !under_scan && !head.is_moved(model, quad, SHELL.0, STRETCHED.0) {
             return;
         }
         let apart = smoothstep(RIM[0], RIM[1], least(&head.rim) / head.scale);
@@ -265,7 +307,9 @@ impl Painter<'_> {
             .map(|(cell, n)| self.line(cell.point, *n))
             .collect();
         for (cell, (seen, trust)) in cells.iter().zip(self.look(&lines, &smooth)) {
-            let filled = at_cell(model, cell, skin);
+            let lid = at_cell(model, cell, &head.lid);
+            let filled = at_cell(model, cell, &skin.all)
+                .lerp(at_cell(model, cell, &skin.lids), smoothstep(0.02, 0.2, lid));
             let outer: f64 = (model.faces[cell.triangle as usize].iter().zip(cell.shares))
                 .map(|(v, share)| {
                     if self.head.shows[*v as usize] {
@@ -275,15 +319,13 @@ impl Painter<'_> {
                     }
                 })
                 .sum();
-            let lid = at_cell(model, cell, &head.lid);
             let rim = at_cell(model, cell, &head.rim) / head.scale;
             // A lid near its rim shows the eye where the registration is off by a millimetre.
             let folded = smoothstep(1.4, 1.9, head.stretch[quad].max_element());
             let eye_shows =
                 smoothstep(0.1, 0.4, lid) * folded.max(1.0 - smoothstep(0.002, 0.0045, rim));
-            let darker = brightness(seen) / brightness(filled).max(0.02);
             let eye_shows =
-                eye_shows.max(smoothstep(0.1, 0.3, lid) * (1.0 - smoothstep(0.55, 0.75, darker)));
+                eye_shows.max(smoothstep(0.1, 0.3, lid) * (1.0 - likeness(seen, skin.cheek)));
             let trust = trust * smoothstep(0.6, 0.95, outer) * (1.0 - eye_shows);
             let mut colour = filled.lerp(seen, trust);
             if lid > 0.2 && outer < 0.999 {
@@ -299,6 +341,10 @@ impl Painter<'_> {
             let stretched = smoothstep(STRETCHED.0, STRETCHED.1, head.stretch[quad].max_element());
             let under = UNDER * (1.0 - motion.max(stretched));
             additions.push(cell, -under, colour, OPACITY);
+            as_scanned.resize(
+                additions.len(),
+                outer > 0.95 && lid < 0.15 && eye_shows < 0.1,
+            );
         }
     }
 }
