@@ -7,6 +7,7 @@ use super::harmonic::Edges;
 use super::head::{Head, SHELL, STRETCHED, corners};
 use super::lines::{Line, Lines};
 use super::normals::normals;
+use super::place::Screen;
 use crate::body::{BodyModel, BodyPart};
 use crate::scan::Scan;
 use glam::{DVec3, Vec3};
@@ -40,7 +41,20 @@ const LIPS: f64 = 0.016;
 const AROUND_EYE: f64 = 0.034;
 
 /// Lids are in the shade of the brow, but so much at most and at least.
-const LID_SHADE: (f64, f64) = (0.78, 1.0);
+const LID_SHADE: (f64, f64) = (0.90, 1.0);
+
+/// How much of the cheeks' hue lids have.
+const LID_HUE: f64 = 0.6;
+
+/// Lashes: shares of the most that closing the eyes moves, between which an edge is the upper lid's; distances from it, metres at scale 1,
+/// between which they end; how dark they are.
+const LASHES: (f64, f64) = (0.75, 0.9);
+const LASH_WIDTH: (f64, f64) = (0.0006, 0.0022);
+const LASH_DARK: f64 = 0.6;
+
+/// What is in a socket stays this far behind the skin around the eye, metres; what is before it by no more than the second, pokes out.
+const BEHIND_SKIN: f64 = 0.0012;
+const POKES_OUT: f64 = 0.008;
 
 /// The colour deep in the mouth.
 const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
@@ -103,6 +117,20 @@ pub(crate) fn cover(
             !covered && (pocket || away(v).sqrt() < MIST * head.scale)
         })
     };
+    let screen = Screen::of(
+        (model.faces.iter())
+            .filter(|face| face.iter().all(|v| model.outer[*v as usize]))
+            .map(|face| face.map(|v| vertices[v as usize]))
+            .filter(|[corner, ..]| {
+                let eye = |eye: &DVec3| eye.distance(*corner) < AROUND_EYE * head.scale;
+                head.eyes.iter().any(eye)
+            }),
+    );
+    let pokes_out = |point: DVec3| {
+        (screen.nearest(point, head.forward())).is_some_and(|height| {
+            (-POKES_OUT * head.scale..BEHIND_SKIN * head.scale).contains(&height)
+        })
+    };
     let mut additions = Additions::default();
     let mut as_scanned = Vec::new();
     let mut cells = Vec::new();
@@ -117,7 +145,8 @@ pub(crate) fn cover(
                         head,
                         vertices,
                         quad,
-                        &skin.all,
+                        &skin,
+                        &pokes_out,
                         &mut cells,
                         &mut additions,
                     );
@@ -165,7 +194,7 @@ fn likeness(colour: DVec3, cheek: DVec3) -> f64 {
     let redness = |c: DVec3| (c.x - c.z) / brightness(c).max(0.02);
     let red = redness(colour) / redness(cheek).max(0.1);
     let bright = brightness(colour) / brightness(cheek).max(0.02);
-    smoothstep(0.55, 0.8, red) * smoothstep(0.45, 0.65, bright)
+    smoothstep(0.55, 0.8, red) * smoothstep(0.62, 0.82, bright)
 }
 
 fn is_skin(model: &BodyModel, face: usize) -> bool {
@@ -268,7 +297,9 @@ impl Painter<'_> {
         let mut lids = edges.fill(&colours, &known);
         for v in &near {
             let shade = brightness(all[*v]) / brightness(lids[*v]).max(0.02);
-            lids[*v] *= shade.clamp(LID_SHADE.0, LID_SHADE.1);
+            let lid = lids[*v] * shade.clamp(LID_SHADE.0, LID_SHADE.1);
+            let usual = cheek * (brightness(lid) / brightness(cheek).max(0.02));
+            lids[*v] = lid.lerp(usual, LID_HUE);
         }
         Skin { all, lids, cheek }
     }
@@ -322,17 +353,26 @@ impl Painter<'_> {
             let rim = at_cell(model, cell, &head.rim) / head.scale;
             // A lid near its rim shows the eye where the registration is off by a millimetre.
             let folded = smoothstep(1.4, 1.9, head.stretch[quad].max_element());
+            let closes = at_cell(model, cell, &head.closes);
+            // The scan's lashes are beside the open eye, and would stay there when it closes.
+            let near_eye =
+                (head.eyes.iter()).any(|eye| eye.distance(cell.point) < 0.022 * head.scale);
+            let beside_eye = if near_eye {
+                1.0 - smoothstep(0.003, 0.006, rim)
+            } else {
+                0.0
+            };
             let eye_shows =
                 smoothstep(0.1, 0.4, lid) * folded.max(1.0 - smoothstep(0.002, 0.0045, rim));
-            let eye_shows =
-                eye_shows.max(smoothstep(0.1, 0.3, lid) * (1.0 - likeness(seen, skin.cheek)));
+            let eye_shows = eye_shows.max(
+                smoothstep(0.1, 0.3, lid).max(beside_eye) * (1.0 - likeness(seen, skin.cheek)),
+            );
             let trust = trust * smoothstep(0.6, 0.95, outer) * (1.0 - eye_shows);
             let mut colour = filled.lerp(seen, trust);
-            if lid > 0.2 && outer < 0.999 {
-                // Lashes: a dark line along the rim.
-                colour *=
-                    1.0 - 0.45 * smoothstep(0.2, 0.6, lid) * smoothstep(0.0, 0.5, 1.0 - outer);
-            }
+            // Lashes: a dark line along the free edge of the upper lid, which moves most.
+            let lash = smoothstep(LASHES.0, LASHES.1, closes)
+                * (1.0 - smoothstep(LASH_WIDTH.0, LASH_WIDTH.1, rim));
+            colour *= 1.0 - LASH_DARK * lash;
             let motion = smoothstep(
                 SHELL.0,
                 SHELL.1,
@@ -350,12 +390,14 @@ impl Painter<'_> {
 }
 
 /// What is behind lips and lids: dark, and darker the deeper.
+#[expect(clippy::too_many_arguments, reason = "the mesh is three of them")]
 fn inside(
     model: &BodyModel,
     head: &Head,
     vertices: &[DVec3],
     quad: usize,
-    skin: &[DVec3],
+    skin: &Skin,
+    pokes_out: &impl Fn(DVec3) -> bool,
     cells: &mut Vec<Cell>,
     additions: &mut Additions,
 ) {
@@ -363,14 +405,20 @@ fn inside(
         .cells(INSIDE_SPACING * head.scale, cells);
     let mouth = model.parts[2 * quad] == BodyPart::InnerMouth;
     for cell in cells.iter() {
-        let filled = at_cell(model, cell, skin);
+        if !mouth && pokes_out(cell.point) {
+            continue;
+        }
+        let filled = at_cell(model, cell, &skin.all);
         let colour = if mouth {
             let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
             let lip = filled * DVec3::new(0.72, 0.55, 0.55);
             lip.lerp(THROAT, smoothstep(0.001, 0.010, deep))
                 * (1.0 - 0.6 * smoothstep(0.010, 0.045, deep))
         } else {
-            filled * 0.3
+            // Lids have an edge, which is skin.
+            let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
+            let edge = at_cell(model, cell, &skin.lids) * 0.85;
+            edge.lerp(filled * 0.3, smoothstep(0.002, 0.006, deep))
         };
         additions.push(cell, 0.0, colour, OPACITY);
     }

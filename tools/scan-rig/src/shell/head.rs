@@ -23,7 +23,7 @@ pub(crate) const STRETCHED: (f64, f64) = (1.3, 1.6);
 const UNDERLAY: f64 = 0.036;
 
 /// Quads are sized for no more than this much stretch.
-const MOST_STRETCH: f64 = 4.0;
+const MOST_STRETCH: f64 = 8.0;
 
 /// From the middle between the eyes, metres at scale 1: what is farther is not the face.
 const FACE_RADIUS: f64 = 0.15;
@@ -51,6 +51,8 @@ pub(crate) struct Head {
     pub(crate) lid: Vec<f64>,
     /// `[N_v]` how closing both eyes moves a vertex, metres.
     pub(crate) closing: Vec<DVec3>,
+    /// `[N_v]` how far that is, as a share of the farthest.
+    pub(crate) closes: Vec<f64>,
     /// `[N_v]` how much the units of the mouth move a vertex, metres.
     pub(crate) mouth: Vec<f64>,
     /// `[N_f / 2]` how far each quad's edges are stretched in the widest expression.
@@ -106,7 +108,13 @@ impl Head {
             }
         }
         let closing = closing(model, registered);
-        let stretch = stretch(model, registered, vertices, &near);
+        let most = (closing.iter().take(model.body_vertices))
+            .fold(1e-6, |most, offset| f64::max(most, offset.length()));
+        let closes = closing
+            .iter()
+            .map(|offset| offset.length() / most)
+            .collect();
+        let stretch = stretch(model, registered, vertices, &near, &closing);
         let shows = shows(model, registered, vertices, &lid, centre);
         let rim = rim(model, vertices, &motion, &shows);
         let mut head = Self {
@@ -117,6 +125,7 @@ impl Head {
             motion,
             lid,
             closing,
+            closes,
             mouth,
             stretch,
             shows,
@@ -248,6 +257,7 @@ fn stretch(
     registered: &Registered,
     vertices: &[DVec3],
     near: &[bool],
+    closing: &[DVec3],
 ) -> Vec<DVec2> {
     let quads = model.faces.len() / 2;
     let in_face: Vec<usize> = (0..quads)
@@ -284,6 +294,10 @@ fn stretch(
             || vec![DVec2::ONE; in_face.len()],
             |a, b| a.iter().zip(&b).map(|(a, b)| a.max(*b)).collect(),
         );
+    let shut: Vec<DVec3> = vertices.iter().zip(closing).map(|(v, c)| *v + *c).collect();
+    let longest: Vec<DVec2> = (in_face.iter().zip(&rest).zip(longest))
+        .map(|((quad, rest), longest)| longest.max(lengths(&shut, *quad) / *rest))
+        .collect();
     let mut stretch = vec![DVec2::ONE; quads];
     for (quad, longest) in in_face.iter().zip(longest) {
         stretch[*quad] = longest.clamp(DVec2::ONE, DVec2::splat(MOST_STRETCH));

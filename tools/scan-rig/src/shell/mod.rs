@@ -16,6 +16,7 @@ mod mouth;
 mod normals;
 mod place;
 mod repaint;
+mod stray;
 mod textures;
 mod unseen;
 
@@ -100,6 +101,13 @@ pub fn complete(
         ));
     }
     let mut report = ShellReport::default();
+    let stray = stray::tidy(bound, model, registered)?;
+    log::debug!(
+        "between parts of the body: {} left out, {} repainted; {} shortened",
+        stray.dropped,
+        stray.repainted,
+        stray.shortened
+    );
     let mut additions = Additions::default();
     let mut drop = vec![false; bound.scan.len()];
     let mut painted = None;
@@ -134,9 +142,9 @@ pub fn complete(
         }
         pictures.repaint(&mut bound.scan, &may);
     }
-    report.coverage = unseen::complete(bound, model, registered, options.unseen, |face| {
-        hands::is_rigid(model, &report.hands, face)
-    })?;
+    let is_stiff = |face| hands::is_rigid(model, &report.hands, face);
+    let fill = options.unseen.then_some(stray.opens.as_slice());
+    report.coverage = unseen::complete(bound, model, registered, fill, is_stiff)?;
     Ok(report)
 }
 

@@ -42,8 +42,11 @@ const CLEAR: f32 = 0.05;
 const ROUNDS: usize = 10;
 const STEP: f32 = 1.0;
 
+/// Pixels' worth of trust in the colour that a Gaussian has: what hardly shows changes slowly.
+const INERTIA: f32 = 1.5;
+
 /// A Gaussian that weighs less than so many pixels in all views keeps its colour.
-const LEAST: f32 = 0.4;
+const LEAST: f32 = 1.0;
 
 /// Pictures of the scan's own face.
 #[derive(Debug)]
@@ -111,7 +114,7 @@ impl Pictures {
                         (e + error, w + weight)
                     });
                 if weight > LEAST && error.is_finite() {
-                    let colour = own.colours[at] + error * (STEP / weight);
+                    let colour = own.colours[at] + error * (STEP / (weight + INERTIA));
                     own.colours[at] = colour.clamp(Vec3::ZERO, Vec3::ONE);
                 }
             }
