@@ -15,9 +15,6 @@ use glam::{DVec3, Vec3};
 /// Where both show, the shell is this far under the surface, metres: the scan's own Gaussians are before it.
 const UNDER: f64 = 0.0015;
 
-/// And so far where nothing gave way, metres.
-const DEEP_UNDER: f64 = 0.0035;
-
 /// Width of the shell's cells at the rims of lips and lids and away from them, metres, and the distances between which it changes.
 const SPACING: [f64; 2] = [0.0011, 0.0024];
 const RIM: [f64; 2] = [0.004, 0.020];
@@ -328,8 +325,7 @@ impl Painter<'_> {
                 .fold(f64::INFINITY, f64::min)
         };
         let under_scan = is_skin(model, 2 * quad) && ring.iter().all(|v| head.underlay[*v]);
-        let is_moved = head.is_moved(model, quad, SHELL.0, STRETCHED.0);
-        if !under_scan && !is_moved {
+        if !under_scan && !head.is_moved(model, quad, SHELL.0, STRETCHED.0) {
             return;
         }
         let apart = smoothstep(RIM[0], RIM[1], least(&head.rim) / head.scale);
@@ -383,8 +379,7 @@ impl Painter<'_> {
                 at_cell(model, cell, &head.motion) / head.scale,
             );
             let stretched = smoothstep(STRETCHED.0, STRETCHED.1, head.stretch[quad].max_element());
-            let deepest = if is_moved { UNDER } else { DEEP_UNDER };
-            let under = deepest * (1.0 - motion.max(stretched));
+            let under = UNDER * (1.0 - motion.max(stretched));
             additions.push(cell, -under, colour, OPACITY);
             as_scanned.resize(
                 additions.len(),

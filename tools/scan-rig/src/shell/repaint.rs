@@ -42,14 +42,8 @@ const CLEAR: f32 = 0.05;
 const ROUNDS: usize = 10;
 const STEP: f32 = 1.0;
 
-/// Pixels' worth of trust in the colour that a Gaussian has: what hardly shows changes slowly.
-const INERTIA: f32 = 8.0;
-
-/// A colour changes by no more than this: a Gaussian that hardly shows would make up for all that is wrong around it.
-const MOST: f32 = 0.2;
-
 /// A Gaussian that weighs less than so many pixels in all views keeps its colour.
-const LEAST: f32 = 4.0;
+const LEAST: f32 = 0.4;
 
 /// Pictures of the scan's own face.
 #[derive(Debug)]
@@ -96,7 +90,6 @@ impl Pictures {
     pub(crate) fn repaint(&self, scan: &mut Scan, may: &[bool]) {
         let near = near(scan, self.centre, self.reach);
         let mut own = of(scan, &near);
-        let first = own.colours.clone();
         let free: Vec<bool> = near.iter().map(|at| may[*at]).collect();
         for _ in 0..ROUNDS {
             let gathered: Vec<Vec<(Vec3, f32)>> = (self.views.par_iter())
@@ -118,9 +111,8 @@ impl Pictures {
                         (e + error, w + weight)
                     });
                 if weight > LEAST && error.is_finite() {
-                    let colour = own.colours[at] + error * (STEP / (weight + INERTIA));
-                    let (low, high) = (first[at] - MOST, first[at] + MOST);
-                    own.colours[at] = colour.clamp(low.max(Vec3::ZERO), high.min(Vec3::ONE));
+                    let colour = own.colours[at] + error * (STEP / weight);
+                    own.colours[at] = colour.clamp(Vec3::ZERO, Vec3::ONE);
                 }
             }
         }

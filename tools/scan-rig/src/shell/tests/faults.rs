@@ -1,5 +1,10 @@
 //! What was once wrong with avatars of scans, each on a scan of the body model.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "pixels of small pictures, vertices of one mesh"
+)]
+
 use super::super::additions::{brightness, median};
 use super::super::head::Head;
 use super::super::{ShellOptions, ShellReport, complete, stray};
