@@ -21,6 +21,13 @@ const AROUND: f64 = 0.024;
 const CLEARANCE: f64 = 0.0004;
 const MOST_BACK: f64 = 0.006;
 
+/// How small the eyeball may become to stay behind the lids, in steps, and what a metre of that costs over a metre of moving back.
+const SMALLER: [f64; 4] = [1.0, 0.95, 0.90, 0.85];
+const COST: f64 = 0.3;
+
+/// How far the lids are closed where they have to clear the eyeball: they move along straight lines, which cut it off.
+const CLOSING: [f64; 5] = [0.0, 0.3, 0.5, 0.75, 1.0];
+
 /// Width of cells on the iris and beside it, metres.
 const SPACING: [f64; 2] = [0.0006, 0.0013];
 
@@ -134,28 +141,59 @@ fn place(
     // What of the lids is inside of the ball, along the line of sight.
     let forward = head.forward();
     let clearance = CLEARANCE * head.scale;
-    let back = (0..model.body_vertices)
-        .filter(|v| model.outer[*v] && head.lid[*v] > 0.05)
-        .map(|v| vertices[v] - centre)
-        .filter(|away| away.length() < 1.4 * radius && away.dot(forward) > 0.3 * radius)
-        .map(|away| {
-            let beside = away - forward * away.dot(forward);
-            let ball = ((radius + clearance).powi(2) - beside.length_squared())
-                .max(0.0)
-                .sqrt();
-            ball - away.dot(forward)
-        })
-        .fold(0.0, f64::max)
-        .min(MOST_BACK * head.scale);
-    centre -= forward * back;
-    for v in &own {
-        vertices[*v] -= forward * back;
+    let before = skin_before(model, head, vertices, centre, radius);
+    let mut lids: Vec<DVec3> = Vec::with_capacity(CLOSING.len() * before.len());
+    for share in CLOSING {
+        lids.extend(
+            before
+                .iter()
+                .map(|v| vertices[*v] + share * head.closing[*v]),
+        );
     }
+    let back = |centre: DVec3, radius: f64| {
+        (lids.iter().map(|lid| *lid - centre))
+            .filter(|away| away.dot(forward) > 0.2 * radius)
+            .map(|away| {
+                let beside = away - forward * away.dot(forward);
+                let ball = ((radius + clearance).powi(2) - beside.length_squared())
+                    .max(0.0)
+                    .sqrt();
+                ball - away.dot(forward)
+            })
+            .fold(0.0, f64::max)
+            .min(MOST_BACK * head.scale)
+    };
+    // Smaller about its front, which stays.
+    let smaller = |share: f64| (centre + forward * (radius * (1.0 - share)), radius * share);
+    let tried = SMALLER.map(|share| {
+        let (centre, own) = smaller(share);
+        let back = back(centre, own);
+        (back + COST * (radius - own), share, back)
+    });
+    let (_, share, back) = (tried.into_iter()).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (front, radius) = smaller(share);
+    for v in &own {
+        vertices[*v] = front + share * (vertices[*v] - centre) - forward * back;
+    }
+    centre = front - forward * back;
     centre.is_finite().then_some(Eye {
         centre,
         radius,
         gaze: forward,
     })
+}
+
+/// The vertices of the skin before an eyeball that shows with open or closed lids.
+fn skin_before(
+    model: &BodyModel,
+    head: &Head,
+    vertices: &[DVec3],
+    centre: DVec3,
+    radius: f64,
+) -> Vec<usize> {
+    (0..model.body_vertices)
+        .filter(|v| head.shows[*v] && vertices[*v].distance(centre) < 1.4 * radius)
+        .collect()
 }
 
 /// What the scan shows at a cell of an eyeball.

@@ -1,18 +1,16 @@
 //! The face as a thin shell: where units of mouth and eyes move it, the scan's Gaussians give way to finer ones on the body model, which take
 //! their colours from the scan along lines through it.
 
-use super::additions::{Additions, brightness, smoothstep};
+use super::additions::{Additions, brightness, median, smoothstep};
 use super::cells::Cell;
 use super::harmonic::Edges;
-use super::head::{Head, SHELL, corners};
+use super::head::{Head, SHELL, STRETCHED, corners};
 use super::lines::{Line, Lines};
 use super::normals::normals;
+use super::place::Screen;
 use crate::body::{BodyModel, BodyPart};
 use crate::scan::Scan;
-use glam::DVec3;
-
-/// Where expressions stretch the face more than the first it gets a shell; beyond the second, the scan's Gaussians give way to it.
-const STRETCHED: (f64, f64) = (1.3, 1.6);
+use glam::{DVec3, Vec3};
 
 /// Where both show, the shell is this far under the surface, metres: the scan's own Gaussians are before it.
 const UNDER: f64 = 0.0015;
@@ -39,6 +37,25 @@ const CHEEK: f64 = 0.034;
 /// From the rims, the shell closes before what is inside, metres.
 const LIPS: f64 = 0.016;
 
+/// Within this of an eye's joint only what looks like skin colours the lids, metres.
+const AROUND_EYE: f64 = 0.034;
+
+/// Lids are in the shade of the brow, but so much at most and at least.
+const LID_SHADE: (f64, f64) = (0.90, 1.0);
+
+/// How much of the cheeks' hue lids have.
+const LID_HUE: f64 = 0.6;
+
+/// Lashes: shares of the most that closing the eyes moves, between which an edge is the upper lid's; distances from it, metres at scale 1,
+/// between which they end; how dark they are.
+const LASHES: (f64, f64) = (0.75, 0.9);
+const LASH_WIDTH: (f64, f64) = (0.0006, 0.0022);
+const LASH_DARK: f64 = 0.6;
+
+/// What is in a socket stays this far behind the skin around the eye, metres; what is before it by no more than the second, pokes out.
+const BEHIND_SKIN: f64 = 0.0012;
+const POKES_OUT: f64 = 0.008;
+
 /// The colour deep in the mouth.
 const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
 
@@ -49,6 +66,8 @@ const OPACITY: f32 = 0.97;
 #[derive(Debug)]
 pub(crate) struct Face {
     pub(crate) additions: Additions,
+    /// For each of them whether it shows in the neutral face, and has to look there as it was scanned.
+    pub(crate) as_scanned: Vec<bool>,
     /// `[N_g]` which of the scan's Gaussians give way.
     pub(crate) drop: Vec<bool>,
     /// `[N_v]` the colour of the skin at the model's vertices, filled in where it was not seen; black away from the face.
@@ -98,7 +117,22 @@ pub(crate) fn cover(
             !covered && (pocket || away(v).sqrt() < MIST * head.scale)
         })
     };
+    let screen = Screen::of(
+        (model.faces.iter())
+            .filter(|face| face.iter().all(|v| model.outer[*v as usize]))
+            .map(|face| face.map(|v| vertices[v as usize]))
+            .filter(|[corner, ..]| {
+                let eye = |eye: &DVec3| eye.distance(*corner) < AROUND_EYE * head.scale;
+                head.eyes.iter().any(eye)
+            }),
+    );
+    let pokes_out = |point: DVec3| {
+        (screen.nearest(point, head.forward())).is_some_and(|height| {
+            (-POKES_OUT * head.scale..BEHIND_SKIN * head.scale).contains(&height)
+        })
+    };
     let mut additions = Additions::default();
+    let mut as_scanned = Vec::new();
     let mut cells = Vec::new();
     for quad in 0..model.faces.len() / 2 {
         if own(2 * quad) {
@@ -112,6 +146,7 @@ pub(crate) fn cover(
                         vertices,
                         quad,
                         &skin,
+                        &pokes_out,
                         &mut cells,
                         &mut additions,
                     );
@@ -125,30 +160,41 @@ pub(crate) fn cover(
                     &skin,
                     &mut cells,
                     &mut additions,
+                    &mut as_scanned,
                 ),
             }
+            as_scanned.resize(additions.len(), false);
         }
     }
-    let core = |face: usize| own(face) && shelled(model, head, face / 2, SHELL.1, STRETCHED.1);
     let drop = triangles
         .iter()
-        .map(|face| (*face as usize) < model.faces.len() && core(*face as usize))
+        .map(|face| (*face as usize) < model.faces.len() && head.is_core(model, *face as usize / 2))
         .collect();
     Face {
         additions,
+        as_scanned,
         drop,
-        skin,
+        skin: skin.all,
     }
 }
 
-/// Whether a quad of the face moves or is stretched more than this.
-fn shelled(model: &BodyModel, head: &Head, quad: usize, motion: f64, stretched: f64) -> bool {
-    let ring = corners(model, quad);
-    let moves = |least: f64| {
-        ring.iter()
-            .all(|v| head.motion[*v as usize] > least * head.scale)
-    };
-    moves(motion) || (moves(0.2 * motion) && head.stretch[quad].max_element() > stretched)
+/// Colours at the model's vertices, `[N_v]`, black away from the face.
+#[derive(Debug)]
+struct Skin {
+    /// Of all skin, brows and shade as the scan has them.
+    all: Vec<DVec3>,
+    /// Around the eyes, continued from what is skin: what closed lids look like.
+    lids: Vec<DVec3>,
+    /// The usual colour of the cheeks.
+    cheek: DVec3,
+}
+
+/// How much a colour is of skin like that of the cheeks, 0..=1: brows, shade and the white of an eye are less red, or darker.
+fn likeness(colour: DVec3, cheek: DVec3) -> f64 {
+    let redness = |c: DVec3| (c.x - c.z) / brightness(c).max(0.02);
+    let red = redness(colour) / redness(cheek).max(0.1);
+    let bright = brightness(colour) / brightness(cheek).max(0.02);
+    smoothstep(0.55, 0.8, red) * smoothstep(0.62, 0.82, bright)
 }
 
 fn is_skin(model: &BodyModel, face: usize) -> bool {
@@ -205,10 +251,11 @@ impl Painter<'_> {
     }
 
     /// The skin's colour at the vertices of the head, filled in where it was not seen.
-    fn skin(&self, model: &BodyModel, vertices: &[DVec3], normals: &[DVec3]) -> Vec<DVec3> {
-        let reach = 0.17 * self.head.scale;
+    fn skin(&self, model: &BodyModel, vertices: &[DVec3], normals: &[DVec3]) -> Skin {
+        let head = self.head;
+        let reach = 0.17 * head.scale;
         let near: Vec<usize> = (0..model.body_vertices)
-            .filter(|v| vertices[*v].distance(self.head.centre) < reach)
+            .filter(|v| vertices[*v].distance(head.centre) < reach)
             .collect();
         let lines: Vec<Line> = near
             .iter()
@@ -218,7 +265,7 @@ impl Painter<'_> {
         let mut colours = vec![DVec3::ZERO; vertices.len()];
         let mut known = vec![false; vertices.len()];
         for (v, (colour, trust)) in near.iter().zip(self.look(&lines, &own)) {
-            let at_lid = self.head.lid[*v] > 0.2 && self.head.rim[*v] < 0.005 * self.head.scale;
+            let at_lid = head.lid[*v] > 0.2 && head.rim[*v] < 0.005 * head.scale;
             if model.outer[*v] && trust > 0.6 && !at_lid {
                 colours[*v] = colour;
                 known[*v] = true;
@@ -227,10 +274,34 @@ impl Painter<'_> {
         let faces = (model.faces.iter().copied()).filter(|face| {
             face.iter().all(|v| {
                 (*v as usize) < model.body_vertices
-                    && vertices[*v as usize].distance(self.head.centre) < reach
+                    && vertices[*v as usize].distance(head.centre) < reach
             })
         });
-        Edges::new(vertices, faces).fill(&colours, &known)
+        let edges = Edges::new(vertices, faces);
+        let all = edges.fill(&colours, &known);
+        let cheeks: Vec<Vec3> = (near.iter())
+            .filter(|v| {
+                known[**v] && head.mouth[**v] > 0.0015 && head.rim[**v] > 0.006 * head.scale
+            })
+            .map(|v| colours[*v].as_vec3())
+            .collect();
+        let cheek = median(&cheeks);
+        // Around an eye the scan shows brows, lashes, shade, and the eye itself beside its place.
+        for v in &near {
+            let aside = head
+                .eyes
+                .iter()
+                .any(|eye| eye.distance(vertices[*v]) < AROUND_EYE * head.scale);
+            known[*v] &= !aside || likeness(colours[*v], cheek) > 0.5;
+        }
+        let mut lids = edges.fill(&colours, &known);
+        for v in &near {
+            let shade = brightness(all[*v]) / brightness(lids[*v]).max(0.02);
+            let lid = lids[*v] * shade.clamp(LID_SHADE.0, LID_SHADE.1);
+            let usual = cheek * (brightness(lid) / brightness(cheek).max(0.02));
+            lids[*v] = lid.lerp(usual, LID_HUE);
+        }
+        Skin { all, lids, cheek }
     }
 
     /// The shell on one quad, if units move it.
@@ -241,9 +312,10 @@ impl Painter<'_> {
         vertices: &[DVec3],
         normals: &[DVec3],
         quad: usize,
-        skin: &[DVec3],
+        skin: &Skin,
         cells: &mut Vec<Cell>,
         additions: &mut Additions,
+        as_scanned: &mut Vec<bool>,
     ) {
         let head = self.head;
         let ring = corners(model, quad).map(|v| v as usize);
@@ -252,7 +324,8 @@ impl Painter<'_> {
                 .map(|v| values[*v])
                 .fold(f64::INFINITY, f64::min)
         };
-        if !shelled(model, head, quad, SHELL.0, STRETCHED.0) {
+        let under_scan = is_skin(model, 2 * quad) && ring.iter().all(|v| head.underlay[*v]);
+        if !under_scan && !head.is_moved(model, quad, SHELL.0, STRETCHED.0) {
             return;
         }
         let apart = smoothstep(RIM[0], RIM[1], least(&head.rim) / head.scale);
@@ -265,7 +338,9 @@ impl Painter<'_> {
             .map(|(cell, n)| self.line(cell.point, *n))
             .collect();
         for (cell, (seen, trust)) in cells.iter().zip(self.look(&lines, &smooth)) {
-            let filled = at_cell(model, cell, skin);
+            let lid = at_cell(model, cell, &head.lid);
+            let filled = at_cell(model, cell, &skin.all)
+                .lerp(at_cell(model, cell, &skin.lids), smoothstep(0.02, 0.2, lid));
             let outer: f64 = (model.faces[cell.triangle as usize].iter().zip(cell.shares))
                 .map(|(v, share)| {
                     if self.head.shows[*v as usize] {
@@ -275,22 +350,29 @@ impl Painter<'_> {
                     }
                 })
                 .sum();
-            let lid = at_cell(model, cell, &head.lid);
             let rim = at_cell(model, cell, &head.rim) / head.scale;
             // A lid near its rim shows the eye where the registration is off by a millimetre.
             let folded = smoothstep(1.4, 1.9, head.stretch[quad].max_element());
+            let closes = at_cell(model, cell, &head.closes);
+            // The scan's lashes are beside the open eye, and would stay there when it closes.
+            let near_eye =
+                (head.eyes.iter()).any(|eye| eye.distance(cell.point) < 0.022 * head.scale);
+            let beside_eye = if near_eye {
+                1.0 - smoothstep(0.003, 0.006, rim)
+            } else {
+                0.0
+            };
             let eye_shows =
                 smoothstep(0.1, 0.4, lid) * folded.max(1.0 - smoothstep(0.002, 0.0045, rim));
-            let darker = brightness(seen) / brightness(filled).max(0.02);
-            let eye_shows =
-                eye_shows.max(smoothstep(0.1, 0.3, lid) * (1.0 - smoothstep(0.55, 0.75, darker)));
+            let eye_shows = eye_shows.max(
+                smoothstep(0.1, 0.3, lid).max(beside_eye) * (1.0 - likeness(seen, skin.cheek)),
+            );
             let trust = trust * smoothstep(0.6, 0.95, outer) * (1.0 - eye_shows);
             let mut colour = filled.lerp(seen, trust);
-            if lid > 0.2 && outer < 0.999 {
-                // Lashes: a dark line along the rim.
-                colour *=
-                    1.0 - 0.45 * smoothstep(0.2, 0.6, lid) * smoothstep(0.0, 0.5, 1.0 - outer);
-            }
+            // Lashes: a dark line along the free edge of the upper lid, which moves most.
+            let lash = smoothstep(LASHES.0, LASHES.1, closes)
+                * (1.0 - smoothstep(LASH_WIDTH.0, LASH_WIDTH.1, rim));
+            colour *= 1.0 - LASH_DARK * lash;
             let motion = smoothstep(
                 SHELL.0,
                 SHELL.1,
@@ -299,17 +381,23 @@ impl Painter<'_> {
             let stretched = smoothstep(STRETCHED.0, STRETCHED.1, head.stretch[quad].max_element());
             let under = UNDER * (1.0 - motion.max(stretched));
             additions.push(cell, -under, colour, OPACITY);
+            as_scanned.resize(
+                additions.len(),
+                outer > 0.95 && lid < 0.15 && eye_shows < 0.1,
+            );
         }
     }
 }
 
 /// What is behind lips and lids: dark, and darker the deeper.
+#[expect(clippy::too_many_arguments, reason = "the mesh is three of them")]
 fn inside(
     model: &BodyModel,
     head: &Head,
     vertices: &[DVec3],
     quad: usize,
-    skin: &[DVec3],
+    skin: &Skin,
+    pokes_out: &impl Fn(DVec3) -> bool,
     cells: &mut Vec<Cell>,
     additions: &mut Additions,
 ) {
@@ -317,14 +405,20 @@ fn inside(
         .cells(INSIDE_SPACING * head.scale, cells);
     let mouth = model.parts[2 * quad] == BodyPart::InnerMouth;
     for cell in cells.iter() {
-        let filled = at_cell(model, cell, skin);
+        if !mouth && pokes_out(cell.point) {
+            continue;
+        }
+        let filled = at_cell(model, cell, &skin.all);
         let colour = if mouth {
             let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
             let lip = filled * DVec3::new(0.72, 0.55, 0.55);
             lip.lerp(THROAT, smoothstep(0.001, 0.010, deep))
                 * (1.0 - 0.6 * smoothstep(0.010, 0.045, deep))
         } else {
-            filled * 0.3
+            // Lids have an edge, which is skin.
+            let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
+            let edge = at_cell(model, cell, &skin.lids) * 0.85;
+            edge.lerp(filled * 0.3, smoothstep(0.002, 0.006, deep))
         };
         additions.push(cell, 0.0, colour, OPACITY);
     }

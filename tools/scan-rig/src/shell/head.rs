@@ -16,8 +16,14 @@ const JAW: (f64, f64) = (0.28, 0.14);
 /// Where units move the face farther than the first, it gets a shell; beyond the second, the scan's Gaussians give way to it. Metres at scale 1.
 pub(crate) const SHELL: (f64, f64) = (0.0012, 0.003);
 
+/// Where expressions stretch the face more than the first it gets a shell; beyond the second, the scan's Gaussians give way to it.
+pub(crate) const STRETCHED: (f64, f64) = (1.3, 1.6);
+
+/// What gives way was long: the shell continues this far under what stays, metres at scale 1.
+const UNDERLAY: f64 = 0.036;
+
 /// Quads are sized for no more than this much stretch.
-const MOST_STRETCH: f64 = 4.0;
+const MOST_STRETCH: f64 = 8.0;
 
 /// From the middle between the eyes, metres at scale 1: what is farther is not the face.
 const FACE_RADIUS: f64 = 0.15;
@@ -37,16 +43,24 @@ pub(crate) struct Head {
     pub(crate) scale: f64,
     /// The middle between the eyes, metres.
     pub(crate) centre: DVec3,
+    /// The eyes' joints, left and right, metres.
+    pub(crate) eyes: [DVec3; 2],
     /// `[N_v]` how far units of mouth and eyes move each vertex, metres.
     pub(crate) motion: Vec<f64>,
     /// `[N_v]` how much a vertex is of a lid that closes, 0..=1.
     pub(crate) lid: Vec<f64>,
+    /// `[N_v]` how closing both eyes moves a vertex, metres.
+    pub(crate) closing: Vec<DVec3>,
+    /// `[N_v]` how far that is, as a share of the farthest.
+    pub(crate) closes: Vec<f64>,
     /// `[N_v]` how much the units of the mouth move a vertex, metres.
     pub(crate) mouth: Vec<f64>,
     /// `[N_f / 2]` how far each quad's edges are stretched in the widest expression.
     pub(crate) stretch: Vec<DVec2>,
     /// `[N_v]` whether a vertex is skin that shows with open or closed lids: what a lid folds away is not the model's outside.
     pub(crate) shows: Vec<bool>,
+    /// `[N_v]` whether a vertex is under where Gaussians that give way to the shell may have reached.
+    pub(crate) underlay: Vec<bool>,
     /// `[N_v]` distance to the rim of the mouth's and the eyes' openings, metres; infinite away from the face.
     pub(crate) rim: Vec<f64>,
 }
@@ -57,7 +71,8 @@ impl Head {
         let axes = registered.rotations[Joint::Head.index()];
         let scale = registered.scale;
         let joint = |joint: Joint| registered.joints[joint.index()];
-        let centre = 0.5 * (joint(Joint::LeftEye) + joint(Joint::RightEye));
+        let eyes = [Joint::LeftEye, Joint::RightEye].map(joint);
+        let centre = 0.5 * (eyes[0] + eyes[1]);
         let count = model.rest.len();
         let (mut motion, mut lid, mut mouth) =
             (vec![0.0; count], vec![0.0; count], vec![0.0; count]);
@@ -85,27 +100,84 @@ impl Head {
             }
         }
         // The skin around the eyes is before eyeballs and sockets: it has to be as opaque as they are.
-        for eye in [Joint::LeftEye, Joint::RightEye].map(joint) {
+        for eye in eyes {
             for v in (0..model.body_vertices).filter(|v| model.outer[*v]) {
                 if vertices[v].distance(eye) < AROUND_EYE * scale {
                     motion[v] = motion[v].max(1.2 * SHELL.1 * scale);
                 }
             }
         }
-        let stretch = stretch(model, registered, vertices, &near);
+        let closing = closing(model, registered);
+        let most = (closing.iter().take(model.body_vertices))
+            .fold(1e-6, |most, offset| f64::max(most, offset.length()));
+        let closes = closing
+            .iter()
+            .map(|offset| offset.length() / most)
+            .collect();
+        let stretch = stretch(model, registered, vertices, &near, &closing);
         let shows = shows(model, registered, vertices, &lid, centre);
         let rim = rim(model, vertices, &motion, &shows);
-        Self {
+        let mut head = Self {
             axes,
             scale,
             centre,
+            eyes,
             motion,
             lid,
+            closing,
+            closes,
             mouth,
             stretch,
             shows,
+            underlay: Vec::new(),
             rim,
+        };
+        head.underlay = head.underlay(model, vertices);
+        head
+    }
+
+    /// Whether units of mouth and eyes move all of a quad of the face, or stretch it, more than this.
+    #[must_use]
+    pub(crate) fn is_moved(
+        &self,
+        model: &BodyModel,
+        quad: usize,
+        motion: f64,
+        stretched: f64,
+    ) -> bool {
+        let ring = corners(model, quad);
+        let moves =
+            |least: f64| (ring.iter()).all(|v| self.motion[*v as usize] > least * self.scale);
+        moves(motion) || (moves(0.2 * motion) && self.stretch[quad].max_element() > stretched)
+    }
+
+    /// Whether the scan's Gaussians on a quad give way to the shell.
+    #[must_use]
+    pub(crate) fn is_core(&self, model: &BodyModel, quad: usize) -> bool {
+        let own = |v: &u32| (*v as usize) < model.body_vertices;
+        corners(model, quad).iter().all(own) && self.is_moved(model, quad, SHELL.1, STRETCHED.1)
+    }
+
+    fn underlay(&self, model: &BodyModel, vertices: &[DVec3]) -> Vec<bool> {
+        let mut in_core = vec![false; vertices.len()];
+        for quad in (0..model.faces.len() / 2).filter(|quad| self.is_core(model, *quad)) {
+            for v in corners(model, quad) {
+                in_core[v as usize] = model.outer[v as usize];
+            }
         }
+        let pairs = vertices.iter().zip(&in_core);
+        let core: Vec<DVec3> = pairs.filter(|(_, core)| **core).map(|(v, _)| *v).collect();
+        let reach = (UNDERLAY * self.scale).powi(2);
+        let (far, out) = (1.3 * FACE_RADIUS * self.scale, &model.outer);
+        (vertices.par_iter().enumerate())
+            .map(|(v, at)| {
+                v < model.body_vertices
+                    && out[v]
+                    && model.head_share(v) > 0.3
+                    && at.distance(self.centre) < far
+                    && core.iter().any(|core| core.distance_squared(*at) < reach)
+            })
+            .collect()
     }
 
     /// Where the person looks when looking ahead.
@@ -164,12 +236,28 @@ pub(crate) fn expressed(
     moved
 }
 
+/// How the named expression that closes the eyes moves each vertex of the skin, in the scan's pose, metres.
+fn closing(model: &BodyModel, registered: &Registered) -> Vec<DVec3> {
+    let mut moved = vec![DVec3::ZERO; model.rest.len()];
+    let (fields, presets) = model.expressions();
+    let turn = registered.rotations[Joint::Head.index()] * registered.scale;
+    if let Some(blink) = presets.get("blink") {
+        for (field, coefficient) in fields.iter().zip(blink.coefficients) {
+            for (moved, offset) in moved.iter_mut().zip(field) {
+                *moved += turn * offset.as_dvec3() * f64::from(coefficient);
+            }
+        }
+    }
+    moved
+}
+
 /// How far each quad's edges are stretched at most, over how long they are.
 fn stretch(
     model: &BodyModel,
     registered: &Registered,
     vertices: &[DVec3],
     near: &[bool],
+    closing: &[DVec3],
 ) -> Vec<DVec2> {
     let quads = model.faces.len() / 2;
     let in_face: Vec<usize> = (0..quads)
@@ -206,6 +294,10 @@ fn stretch(
             || vec![DVec2::ONE; in_face.len()],
             |a, b| a.iter().zip(&b).map(|(a, b)| a.max(*b)).collect(),
         );
+    let shut: Vec<DVec3> = vertices.iter().zip(closing).map(|(v, c)| *v + *c).collect();
+    let longest: Vec<DVec2> = (in_face.iter().zip(&rest).zip(longest))
+        .map(|((quad, rest), longest)| longest.max(lengths(&shut, *quad) / *rest))
+        .collect();
     let mut stretch = vec![DVec2::ONE; quads];
     for (quad, longest) in in_face.iter().zip(longest) {
         stretch[*quad] = longest.clamp(DVec2::ONE, DVec2::splat(MOST_STRETCH));

@@ -15,7 +15,9 @@ mod lines;
 mod mouth;
 mod normals;
 mod place;
+mod repaint;
 mod shown;
+mod stray;
 mod textures;
 mod unseen;
 
@@ -33,6 +35,7 @@ use crate::body::{BodyModel, Registered};
 use additions::{Additions, median};
 use glam::Vec3;
 use head::Head;
+use repaint::Pictures;
 use serde::Serialize;
 
 /// Choices in completing an avatar.
@@ -99,10 +102,18 @@ pub fn complete(
         ));
     }
     let mut report = ShellReport::default();
+    let stray = stray::tidy(bound, model, registered)?;
+    log::debug!(
+        "between parts of the body: {} left out, {} repainted; {} shortened",
+        stray.dropped,
+        stray.repainted,
+        stray.shortened
+    );
     let mut additions = Additions::default();
     let mut drop = vec![false; bound.scan.len()];
+    let mut painted = None;
     if options.face {
-        complete_face(
+        painted = Some(complete_face(
             bound,
             model,
             registered,
@@ -110,7 +121,7 @@ pub fn complete(
             &mut additions,
             &mut drop,
             &mut report,
-        );
+        ));
     }
     report.hands = hands::complete(
         bound,
@@ -123,13 +134,22 @@ pub fn complete(
     );
     let keep: Vec<bool> = drop.iter().map(|drop| !drop).collect();
     bound.retain(&keep);
+    let first = bound.scan.len();
     join(bound, additions);
-    report.coverage = unseen::complete(bound, model, registered, options.unseen, |face| {
-        hands::is_rigid(model, &report.hands, face)
-    })?;
+    if let Some((pictures, shell)) = painted {
+        let mut may = vec![false; bound.scan.len()];
+        for (may, shell) in may.iter_mut().skip(first).zip(shell) {
+            *may = shell;
+        }
+        pictures.repaint(&mut bound.scan, &may);
+    }
+    let is_stiff = |face| hands::is_rigid(model, &report.hands, face);
+    let fill = options.unseen.then_some(stray.opens.as_slice());
+    report.coverage = unseen::complete(bound, model, registered, fill, is_stiff)?;
     Ok(report)
 }
 
+/// Pictures of the face as it was scanned, and which of the additions' Gaussians are to look like it.
 fn complete_face(
     bound: &mut Bound,
     model: &BodyModel,
@@ -138,7 +158,7 @@ fn complete_face(
     additions: &mut Additions,
     drop: &mut [bool],
     report: &mut ShellReport,
-) {
+) -> (Pictures, Vec<bool>) {
     let (shaped, joints) = model.shaped(&registered.shape);
     let mut vertices = bound.mesh.vertices[..model.rest.len()].to_vec();
     let first = Head::new(model, registered, &vertices);
@@ -146,6 +166,7 @@ fn complete_face(
         !first.shows[v]
     });
     let head = Head::new(model, registered, &vertices);
+    let pictures = Pictures::new(&bound.scan, &head);
     let face = face::cover(model, &head, &vertices, &bound.scan, &bound.triangles);
     for (drop, gives_way) in drop.iter_mut().zip(&face.drop) {
         *drop |= *gives_way;
@@ -183,6 +204,7 @@ fn complete_face(
     );
     report.teeth = additions.len() - before;
     bound.mesh.vertices[..vertices.len()].copy_from_slice(&vertices);
+    (pictures, face.as_scanned)
 }
 
 /// Joins Gaussians to what is bound.

@@ -64,13 +64,13 @@ struct Look {
     positions: Vec<Vec3>,
 }
 
-/// Says how much is covered, and covers what is not if `fill`, but for faces of hands that stay as they were scanned (`is_stiff`): the
-/// model's fingers may be elsewhere.
+/// Says how much is covered, and covers what is not if `fill` says which vertices were closed in as the scan stood (colours are not
+/// continued from there), but for faces of hands that stay as they were scanned (`is_stiff`): the model's fingers may be elsewhere.
 pub(crate) fn complete(
     bound: &mut Bound,
     model: &BodyModel,
     registered: &Registered,
-    fill: bool,
+    fill: Option<&[bool]>,
     is_stiff: impl Fn(usize) -> bool,
 ) -> Result<CoverageReport, RigError> {
     let look = Look::new(bound, model, registered, shown(bound, model), |_| true)?;
@@ -80,8 +80,8 @@ pub(crate) fn complete(
         open_after: open / all.max(1e-12),
         added: 0,
     };
-    if fill {
-        let additions = filling(bound, model, &look, is_stiff);
+    if let Some(closed_in) = fill {
+        let additions = filling(bound, model, &look, closed_in, is_stiff);
         report.added = additions.len();
         super::join(bound, additions);
         let shown = look.shown.clone();
@@ -217,6 +217,7 @@ fn filling(
     bound: &Bound,
     model: &BodyModel,
     look: &Look,
+    closed_in: &[bool],
     is_stiff: impl Fn(usize) -> bool,
 ) -> Additions {
     let faces = &model.faces;
@@ -235,7 +236,9 @@ fn filling(
             }
         }
     }
-    let known: Vec<bool> = (0..count).map(|v| sums[v].1 > 0.0 && !open[v]).collect();
+    let known: Vec<bool> = (0..count)
+        .map(|v| sums[v].1 > 0.0 && !open[v] && closed_in.get(v) != Some(&true))
+        .collect();
     let colours: Vec<DVec3> = sums
         .iter()
         .map(|(sum, weight)| *sum / weight.max(1e-12))

@@ -1,5 +1,6 @@
 //! The shell on a scan of the body model itself, whose registration is exact.
 
+mod faults;
 mod scene;
 
 use super::head::expressed;

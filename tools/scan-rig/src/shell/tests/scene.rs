@@ -53,6 +53,16 @@ pub(super) struct Scene {
 impl Scene {
     /// With Gaussians on the faces that `take` chooses, in a stance with the arms half down, the head turned a little.
     pub(super) fn new(data: &Data, spacing: f64, take: impl Fn(usize) -> bool) -> Self {
+        Self::standing(data, spacing, 0.0, take)
+    }
+
+    /// The same with the left arm lower by an angle, radians.
+    pub(super) fn standing(
+        data: &Data,
+        spacing: f64,
+        lower: f64,
+        take: impl Fn(usize) -> bool,
+    ) -> Self {
         let model = &data.model;
         let shape: Vec<f64> = (0..model.shapes.len())
             .map(|k| if k % 5 == 1 { 0.15 } else { 0.0 })
@@ -62,6 +72,13 @@ impl Scene {
         let turn = DMat3::from_rotation_y(0.15) * DMat3::from_rotation_x(-0.05);
         for joint in [Joint::Head, Joint::Jaw, Joint::LeftEye, Joint::RightEye] {
             rotations[joint.index()] = turn;
+        }
+        let is_arm = |joint: &Joint| {
+            std::iter::successors(Some(*joint), |joint| joint.parent())
+                .any(|joint| joint == Joint::LeftShoulder)
+        };
+        for joint in Joint::ALL.iter().filter(|joint| is_arm(joint)) {
+            rotations[joint.index()] = DMat3::from_rotation_z(-lower);
         }
         let scale = 1.03;
         let posed = posing::chain(&rotations, joints[0] * scale, scale, &joints);

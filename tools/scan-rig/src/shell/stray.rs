@@ -1,0 +1,189 @@
+//! What hung between two parts of the body as the scan stood: between arm and flank no view looked well, and Gaussians there have the
+//! colours of what was behind. Once the arm is lifted they show: what is off the body is left out, what is long is shortened, and what is
+//! lighter than the body around takes its colour.
+
+use super::additions::brightness;
+use super::harmonic::Edges;
+use crate::RigError;
+use crate::bind::Bound;
+use crate::body::{BodyModel, Registered};
+use crate::nearest::Nearest;
+use crate::scan::Scan;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Skin is closed in where other skin is within the first as the scan stands, and more than the second farther in T-pose, metres.
+const BETWEEN: f32 = 0.05;
+const OPENS: f32 = 0.08;
+
+/// How many vertices near a vertex are looked at for that.
+const LOOKED_AT: usize = 128;
+
+/// Between two parts, what is farther off its triangle than the first is left out, and what is farther off than the second is no skin's
+/// colour, metres.
+const OFF: f32 = 0.012;
+const BESIDE: f32 = 0.004;
+
+/// How much lighter than the body around such a Gaussian may be.
+const LIGHTER: f64 = 0.15;
+
+/// Where a Gaussian ends, in standard deviations, how much farther off the body its end may be in T-pose, metres, elsewhere and between two
+/// parts, and how much it may be shortened.
+const END: f32 = 2.0;
+const STANDS_OFF: [f32; 2] = [0.018, 0.008];
+const SHORTEST: f32 = 0.35;
+
+/// More of a vertex is the head's: the face has a shell of its own.
+const HEAD: f64 = 0.5;
+
+/// What was found.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Stray {
+    /// `[N_v]` whether a vertex of the body was closed in as the scan stood.
+    pub(crate) opens: Vec<bool>,
+    /// Gaussians left out.
+    pub(crate) dropped: usize,
+    /// Gaussians shortened.
+    pub(crate) shortened: usize,
+    /// Gaussians in the colour of the body around.
+    pub(crate) repainted: usize,
+}
+
+/// Tidies up what was bound.
+pub(crate) fn tidy(
+    bound: &mut Bound,
+    model: &BodyModel,
+    registered: &Registered,
+) -> Result<Stray, RigError> {
+    let rest = bound.rest(model, registered)?;
+    let here = bound.vertices();
+    let there: Vec<Vec3> = rest.vertices.iter().map(|v| v.as_vec3()).collect();
+    let opens = opening(model, &here, &there);
+    let is_body = |at: usize| {
+        let face = bound.triangles[at] as usize;
+        bound.accessory[at] == 0
+            && (model.faces.get(face))
+                .is_some_and(|corners| model.head_share(corners[0] as usize) < HEAD)
+    };
+    let is_between = |at: usize| {
+        (model.faces.get(bound.triangles[at] as usize))
+            .is_some_and(|corners| corners.iter().any(|v| opens[*v as usize]))
+    };
+    let body: Vec<bool> = (0..bound.scan.len()).map(is_body).collect();
+    let between: Vec<bool> = (0..bound.scan.len())
+        .map(|at| body[at] && is_between(at))
+        .collect();
+    let carried = bound.carried();
+    let posed = carried.posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &there);
+    let (ends_here, ends_there) = (ends(model, &bound.scan, &here), ends(model, &posed, &there));
+    let colours = around(bound, model, &between, &rest.vertices[..model.rest.len()]);
+    let mut stray = Stray::default();
+    let mut keep = vec![true; bound.scan.len()];
+    for at in (0..bound.scan.len()).filter(|at| body[*at]) {
+        let off = carried.offsets[at].length();
+        // What lies as deep under the skin does not show.
+        let corners = model.faces[bound.triangles[at] as usize].map(|v| there[v as usize]);
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let height = (posed.positions[at] - corners[0]).dot(normal.normalize_or_zero());
+        if between[at] && off > OFF && height > 0.4 * OFF {
+            keep[at] = false;
+            stray.dropped += 1;
+            continue;
+        }
+        let grown = ends_there[at] - ends_here[at];
+        let most = STANDS_OFF[usize::from(between[at])];
+        if grown > most {
+            let scales = &mut bound.scan.scales[at];
+            let longest = scales.max_element();
+            let share = (most / grown).clamp(SHORTEST, 1.0);
+            *scales = scales.min(Vec3::splat(longest * share));
+            stray.shortened += 1;
+        }
+        if between[at] && off > BESIDE {
+            let face = model.faces[bound.triangles[at] as usize];
+            let usual = face.iter().map(|v| colours[*v as usize]).sum::<DVec3>() / 3.0;
+            if brightness(bound.scan.colours[at].as_dvec3()) > brightness(usual) + LIGHTER {
+                bound.scan.colours[at] = usual.as_vec3();
+                stray.repainted += 1;
+            }
+        }
+    }
+    bound.retain(&keep);
+    stray.opens = opens;
+    Ok(stray)
+}
+
+/// Which vertices of the skin are near other skin in the scan's pose (`here`) that is far in T-pose (`there`).
+fn opening(model: &BodyModel, here: &[Vec3], there: &[Vec3]) -> Vec<bool> {
+    let outer: Vec<usize> = (0..model.body_vertices)
+        .filter(|v| model.outer[*v])
+        .collect();
+    let points: Vec<[f32; 3]> = outer.iter().map(|v| here[*v].to_array()).collect();
+    let tree = Nearest::new(&points);
+    let found: Vec<bool> = points
+        .par_iter()
+        .zip(&outer)
+        .map_init(
+            || vec![(0.0_f32, 0_u32); LOOKED_AT],
+            |near, (point, v)| {
+                let count = tree.some(point, near);
+                near.iter().take(count).any(|(squared, other)| {
+                    let other = outer[*other as usize];
+                    let apart = squared.sqrt();
+                    apart < BETWEEN && there[*v].distance(there[other]) > apart + OPENS
+                })
+            },
+        )
+        .collect();
+    let mut opens = vec![false; model.rest.len()];
+    for (v, found) in outer.iter().zip(found) {
+        opens[*v] = found;
+    }
+    opens
+}
+
+/// How far the worse end of each Gaussian is from the skin, metres.
+fn ends(model: &BodyModel, scan: &Scan, vertices: &[Vec3]) -> Vec<f32> {
+    let mut points: Vec<[f32; 3]> = Vec::new();
+    for face in &model.faces {
+        if face.iter().all(|v| model.outer[*v as usize]) {
+            let corners = face.map(|v| vertices[v as usize]);
+            points.extend(corners.map(|v| v.to_array()));
+            points.push((corners.iter().sum::<Vec3>() / 3.0).to_array());
+        }
+    }
+    let tree = Nearest::new(&points);
+    let distance = |point: Vec3| {
+        let found = tree.one(&point.to_array());
+        found.map_or(0.0, |found| found.squared.sqrt())
+    };
+    (0..scan.len())
+        .into_par_iter()
+        .map(|at| {
+            let end = scan.longest(at) * END;
+            let centre = scan.positions[at];
+            distance(centre + end).max(distance(centre - end))
+        })
+        .collect()
+}
+
+/// The colour of the body at its vertices, continued from where it was not closed in.
+fn around(bound: &Bound, model: &BodyModel, between: &[bool], vertices: &[DVec3]) -> Vec<DVec3> {
+    let mut sums = vec![(DVec3::ZERO, 0.0_f64); model.rest.len()];
+    for at in (0..bound.scan.len()).filter(|at| !between[*at] && bound.accessory[*at] == 0) {
+        let weight = f64::from(bound.scan.opacities[at]);
+        let corners = model.faces.get(bound.triangles[at] as usize);
+        for v in corners.into_iter().flatten() {
+            let sum = &mut sums[*v as usize];
+            sum.0 += bound.scan.colours[at].as_dvec3() * weight;
+            sum.1 += weight;
+        }
+    }
+    let known: Vec<bool> = sums.iter().map(|(_, weight)| *weight > 0.5).collect();
+    let colours: Vec<DVec3> = (sums.iter())
+        .map(|(sum, weight)| *sum / weight.max(1e-9))
+        .collect();
+    let skin =
+        (model.faces.iter().copied()).filter(|face| face.iter().all(|v| model.outer[*v as usize]));
+    Edges::new(vertices, skin).fill(&colours, &known)
+}

@@ -1,0 +1,162 @@
+//! What was once wrong with avatars of scans, each on a scan of the body model.
+
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "pixels of small pictures, vertices of one mesh"
+)]
+
+use super::super::additions::{brightness, median};
+use super::super::head::Head;
+use super::super::{ShellOptions, ShellReport, complete, stray};
+use super::scene::{Data, Scene, data, picture, psnr, save};
+use glam::{DVec3, Quat, Vec3};
+
+fn completed(data: &Data, scene: &mut Scene) -> ShellReport {
+    let options = ShellOptions {
+        unseen: false,
+        ..ShellOptions::default()
+    };
+    let scan = &mut scene.bound;
+    complete(
+        scan,
+        &data.model,
+        &scene.registered,
+        &data.textures,
+        &options,
+    )
+    .unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn closed_lids_are_skin_like_the_cheeks_and_no_eyeball_cuts_them_on_the_way() {
+    let Some(data) = data() else { return };
+    let model = &data.model;
+    let near_head = |face: usize| model.head_share(model.faces[face][0] as usize) > 0.1;
+    let mut scene = Scene::new(data, 0.006, near_head);
+    let report = completed(data, &mut scene);
+    let vertices = scene.bound.mesh.vertices.clone();
+    let head = Head::new(model, &scene.registered, &vertices);
+    for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
+        for eye in report.eyeballs.iter().flatten() {
+            let deepest = (0..model.body_vertices)
+                .filter(|v| head.shows[*v] && head.lid[*v] > 0.05)
+                .map(|v| vertices[v] + share * head.closing[v] - eye.centre)
+                .filter(|away| away.dot(head.forward()) > 0.2 * eye.radius)
+                .map(|away| eye.radius - away.length())
+                .fold(f64::NEG_INFINITY, f64::max);
+            println!("closed by {share}: {:.2} mm inside", 1e3 * deepest);
+            assert!(deepest < 2e-4, "a lid is {deepest} m inside of the eyeball");
+        }
+    }
+    let closed: Vec<DVec3> = vertices
+        .iter()
+        .zip(&head.closing)
+        .map(|(v, c)| *v + *c)
+        .collect();
+    let view = scene.face_view(0.8, 0.0);
+    let shut = picture(&scene.moved(&closed), &view);
+    save("closed", std::slice::from_ref(&shut), &view);
+    let around = |at: DVec3, half: i32| -> Vec<Vec3> {
+        let middle = view.project(at).unwrap_or_default();
+        let (x, y) = (middle.x as i32, middle.y as i32);
+        (-half..=half)
+            .flat_map(|dy| (-half..=half).map(move |dx| (x + dx, y + dy)))
+            .filter_map(|(x, y)| shut.get((y * view.width as i32 + x) as usize).copied())
+            .collect()
+    };
+    for eye in report.eyeballs.iter().flatten() {
+        let front = eye.centre + eye.radius * head.forward();
+        let lid = median(&around(front, 6));
+        let cheek = median(&around(front - 0.035 * head.axes.y_axis, 6));
+        println!("lid {lid:.2}, cheek {cheek:.2}");
+        let hue = |c: DVec3| c / brightness(c);
+        assert!(
+            hue(lid).distance(hue(cheek)) < 0.15,
+            "lid {lid}, cheek {cheek}"
+        );
+        // The cheek is in the light, the lid under the brow.
+        let ratio = brightness(lid) / brightness(cheek);
+        assert!((0.6..1.15).contains(&ratio), "lid {lid}, cheek {cheek}");
+    }
+}
+
+#[test]
+fn no_seam_shows_where_long_gaussians_gave_way_to_the_shell() {
+    let Some(data) = data() else { return };
+    let model = &data.model;
+    let near_head = |face: usize| model.head_share(model.faces[face][0] as usize) > 0.1;
+    let mut scene = Scene::new(data, 0.008, near_head);
+    for scale in &mut scene.bound.scan.scales {
+        // Long along the skin, as scans are.
+        scale.x *= 4.0;
+    }
+    let before = scene.bound.scan.clone();
+    completed(data, &mut scene);
+    for azimuth in [-30.0, 0.0, 30.0] {
+        let view = scene.face_view(0.8, azimuth);
+        let pictures = [picture(&before, &view), picture(&scene.bound.scan, &view)];
+        let db = psnr(&pictures[0], &pictures[1]);
+        println!("{azimuth} degrees: {db:.1} dB");
+        save(&format!("seam_{azimuth}"), &pictures, &view);
+        assert!(db > 30.0, "{db} dB at {azimuth} degrees");
+    }
+}
+
+#[test]
+fn what_hung_between_arm_and_flank_goes_and_what_lies_on_the_skin_stays() {
+    let Some(data) = data() else { return };
+    let model = &data.model;
+    let mut scene = Scene::standing(data, 0.03, 0.6, |_| true);
+    let before = scene.bound.scan.len();
+    let rest = scene
+        .bound
+        .rest(model, &scene.registered)
+        .unwrap_or_else(|e| panic!("{e}"));
+    let (here, there) = (&scene.bound.mesh.vertices, &rest.vertices);
+    // Pairs of places on arm and flank that face each other, and part.
+    let outer: Vec<usize> = (0..model.body_vertices)
+        .filter(|v| model.outer[*v])
+        .collect();
+    let opening: Vec<(usize, usize)> = (outer.iter())
+        .filter_map(|a| {
+            let b = outer.iter().find(|b| {
+                let gap = here[*a].distance(here[**b]);
+                (0.03..0.045).contains(&gap) && there[*a].distance(there[**b]) > gap + 0.09
+            })?;
+            Some((*a, *b))
+        })
+        .collect();
+    assert!(opening.len() > 20, "{} pairs", opening.len());
+    let mut hung = 0;
+    for (a, b) in &opening {
+        let face = model
+            .faces
+            .iter()
+            .position(|face| face.contains(&(*a as u32)));
+        let middle = 0.5 * (here[*a] + here[*b]);
+        let scan = &mut scene.bound.scan;
+        scan.positions.push(middle.as_vec3());
+        scan.rotations.push(Quat::IDENTITY);
+        scan.scales.push(Vec3::splat(0.008));
+        scan.opacities.push(0.5);
+        scan.colours.push(Vec3::ONE);
+        scene.bound.triangles.push(face.unwrap_or_default() as u32);
+        scene.bound.accessory.push(0);
+        hung += 1;
+    }
+    let found =
+        stray::tidy(&mut scene.bound, model, &scene.registered).unwrap_or_else(|e| panic!("{e}"));
+    println!(
+        "{hung} hung, {found:?}",
+        found = (found.dropped, found.repainted, found.shortened)
+    );
+    let left = scene.bound.scan.colours[..]
+        .iter()
+        .filter(|c| **c == Vec3::ONE)
+        .count();
+    assert!(left * 10 < hung, "{left} of {hung} still hang, white");
+    assert!(
+        scene.bound.scan.len() * 100 > before * 99,
+        "skin was left out"
+    );
+}
