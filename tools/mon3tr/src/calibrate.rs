@@ -125,6 +125,7 @@ mod tests {
     use glam::{Vec2, Vec3};
     use motion_fit::Subject;
     use motion_fit::body::landmark_places;
+    use motion_fit::landmarks::{BODY_LANDMARKS, BodyPoint};
     use spmm3::Joint;
     use synthetic_person::Puppet;
 
@@ -150,7 +151,7 @@ mod tests {
         let places = landmark_places(skeleton, &spmm3::at_ease(skeleton));
         let hips = skeleton.rest_positions()[Joint::Pelvis.index()];
         let mut seen = BodyLandmarks {
-            points: Default::default(),
+            points: [BodyPoint::default(); BODY_LANDMARKS],
         };
         for (point, place) in seen.points.iter_mut().zip(places) {
             let Some(place) = place else { continue };
