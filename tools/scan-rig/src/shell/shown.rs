@@ -20,6 +20,9 @@ const BEFORE: f64 = 0.012;
 /// How far before the face Gaussians may lie, metres: what lies farther is an arm's, or of what is held.
 const OWN: f32 = 0.05;
 
+/// How far behind the face they may lie, metres: gloss does, and what lies farther is the other side of the body, seen through a hole.
+const GLOSS: f32 = 0.12;
+
 /// `[N_f]` of the model's faces.
 pub(crate) fn shown(bound: &Bound, model: &BodyModel) -> Vec<bool> {
     let (vertices, faces) = (&bound.mesh.vertices, &bound.mesh.faces);
@@ -40,8 +43,7 @@ pub(crate) fn shown(bound: &Bound, model: &BodyModel) -> Vec<bool> {
                     return false;
                 };
                 facing > FACING
-                    && seen.is_finite()
-                    && seen > own - OWN
+                    && (own - OWN..own + GLOSS).contains(&seen)
                     && view
                         .pixel(*middle)
                         .is_some_and(|at| f64::from(own) < mesh[at] + BEFORE)
