@@ -67,7 +67,7 @@ pub fn predicted_picture_ms(
     pace.into_iter().fold(0.0, f64::max)
 }
 
-/// The index of the alternative to take: the fastest, [`PREFERRED`] where it makes no difference. `None` if none is to be had.
+/// The index of the alternative to take: the fastest, the preferred plan where it makes no difference. `None` if none is to be had.
 #[must_use]
 pub fn choose(alternatives: &[Alternative]) -> Option<usize> {
     let predicted = |at: usize| alternatives.get(at).and_then(|one| one.predicted_ms);
