@@ -129,12 +129,18 @@ mod tests {
     use spmm3::Joint;
     use synthetic_person::Puppet;
 
-    #[test]
-    fn a_person_who_is_not_seen_is_waited_for_and_then_given_up() {
+    /// A person's skeleton, the camera before them, their fit, and a calibration that has seen nothing.
+    fn begun() -> (Skeleton, Camera, MotionFit, Calibrating) {
         let avatar = Puppet::small().avatar();
         let camera = Camera::guessed(Vec2::new(640.0, 480.0));
-        let mut fit = MotionFit::new(&Subject::from(&avatar), camera);
-        let mut calibrating = Calibrating::new(&avatar.skeleton, camera);
+        let fit = MotionFit::new(&Subject::from(&avatar), camera);
+        let calibrating = Calibrating::new(&avatar.skeleton, camera);
+        (avatar.skeleton, camera, fit, calibrating)
+    }
+
+    #[test]
+    fn a_person_who_is_not_seen_is_waited_for_and_then_given_up() {
+        let (_, _, mut fit, mut calibrating) = begun();
         // The source's clock may begin anywhere.
         let ended =
             (0..1000).find(|k| calibrating.see(50.0 + f64::from(*k) / 30.0, None, &mut fit));
@@ -164,26 +170,12 @@ mod tests {
         seen
     }
 
-    /// Sees pictures from `pictures` on, as `seen` has them, until it is over; returns in which one that was.
-    fn over(
-        calibrating: &mut Calibrating,
-        fit: &mut MotionFit,
-        pictures: std::ops::Range<u32>,
-        seen: impl Fn(u32) -> Option<BodyLandmarks>,
-    ) -> Option<u32> {
-        pictures
-            .into_iter()
-            .find(|k| calibrating.see(f64::from(*k) / 30.0, seen(*k).as_ref(), fit))
-    }
-
     #[test]
     fn a_person_who_begins_to_stand_late_may_stand_to_the_end() {
-        let avatar = Puppet::small().avatar();
-        let camera = Camera::guessed(Vec2::new(640.0, 480.0));
-        let mut fit = MotionFit::new(&Subject::from(&avatar), camera);
-        let mut calibrating = Calibrating::new(&avatar.skeleton, camera);
-        let ended = over(&mut calibrating, &mut fit, 0..1000, |k| {
-            (k > 19 * 30).then(|| standing(&avatar.skeleton, &camera))
+        let (skeleton, camera, mut fit, mut calibrating) = begun();
+        let ended = (0..1000).find(|k| {
+            let seen = (*k > 19 * 30).then(|| standing(&skeleton, &camera));
+            calibrating.see(f64::from(*k) / 30.0, seen.as_ref(), &mut fit)
         });
         let ended = f64::from(ended.expect("over")) / 30.0;
         assert!((ended - 21.0).abs() < 0.2, "after {ended} s");
@@ -192,21 +184,15 @@ mod tests {
 
     #[test]
     fn a_landmark_that_flickers_does_not_make_the_face_learnt_before_forgotten() {
-        let avatar = Puppet::small().avatar();
-        let camera = Camera::guessed(Vec2::new(640.0, 480.0));
-        let mut fit = MotionFit::new(&Subject::from(&avatar), camera);
-        let mut calibrating = Calibrating::new(&avatar.skeleton, camera);
-        let begins = |k: u32| {
-            let mut seen = standing(&avatar.skeleton, &camera);
-            // An ankle, once, shortly before the end.
-            if k == 55 {
-                seen.points[27].confidence = 0.0;
-            }
-            Some(seen)
-        };
+        let (skeleton, camera, mut fit, mut calibrating) = begun();
         let mut starts = 0;
         let ended = (0..100).find(|k| {
-            let over = over(&mut calibrating, &mut fit, *k..*k + 1, begins).is_some();
+            let mut seen = standing(&skeleton, &camera);
+            // An ankle, once, shortly before the end.
+            if *k == 55 {
+                seen.points[27].confidence = 0.0;
+            }
+            let over = calibrating.see(f64::from(*k) / 30.0, Some(&seen), &mut fit);
             starts += u32::from(calibrating.calibrator.begins());
             over
         });

@@ -41,12 +41,12 @@ pub(crate) fn depths(vertices: &[DVec3], faces: &[[u32; 3]], view: &Pinhole) -> 
 }
 
 /// The pixel that contains a coordinate; the first for what is left of or above the picture.
-pub(crate) fn pixel(coordinate: f64) -> usize {
+pub(crate) fn pixel(coordinate: impl Into<f64>) -> usize {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "saturates, and what is no number becomes 0"
     )]
-    let pixel = coordinate as usize;
+    let pixel = coordinate.into() as usize;
     pixel
 }

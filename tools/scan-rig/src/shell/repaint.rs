@@ -60,8 +60,7 @@ impl Pictures {
         #[expect(clippy::cast_possible_truncation, reason = "metres")]
         let reach = (REACH * head.scale) as f32;
         let centre = target.as_vec3();
-        let near = near(scan, centre, reach);
-        let own = of(scan, &near);
+        let own = scan.filtered(&near(scan, centre, reach));
         let views = (DIRECTIONS.par_iter())
             .map(|(aside, up)| {
                 let (aside, up) = (aside.to_radians(), up.to_radians());
@@ -89,8 +88,9 @@ impl Pictures {
     /// Changes the colours of the Gaussians that `may` chooses, such that pictures of `scan` are these.
     pub(crate) fn repaint(&self, scan: &mut Scan, may: &[bool]) {
         let near = near(scan, self.centre, self.reach);
-        let mut own = of(scan, &near);
-        let free: Vec<bool> = near.iter().map(|at| may[*at]).collect();
+        let mut own = scan.filtered(&near);
+        let members: Vec<usize> = (0..scan.len()).filter(|at| near[*at]).collect();
+        let free: Vec<bool> = members.iter().map(|at| may[*at]).collect();
         for _ in 0..ROUNDS {
             let gathered: Vec<Vec<(Vec3, f32)>> = (self.views.par_iter())
                 .map(|(view, wanted)| {
@@ -116,23 +116,15 @@ impl Pictures {
                 }
             }
         }
-        for (at, colour) in near.iter().zip(own.colours) {
+        for (at, colour) in members.iter().zip(own.colours) {
             scan.colours[*at] = colour;
         }
     }
 }
 
-fn near(scan: &Scan, centre: Vec3, reach: f32) -> Vec<usize> {
-    let is_near = |at: &usize| scan.positions[*at].distance_squared(centre) < reach * reach;
-    (0..scan.len()).filter(is_near).collect()
-}
-
-fn of(scan: &Scan, members: &[usize]) -> Scan {
-    Scan {
-        positions: members.iter().map(|at| scan.positions[*at]).collect(),
-        rotations: members.iter().map(|at| scan.rotations[*at]).collect(),
-        scales: members.iter().map(|at| scan.scales[*at]).collect(),
-        opacities: members.iter().map(|at| scan.opacities[*at]).collect(),
-        colours: members.iter().map(|at| scan.colours[*at]).collect(),
-    }
+/// `[N_g]` which Gaussians are drawn.
+fn near(scan: &Scan, centre: Vec3, reach: f32) -> Vec<bool> {
+    (scan.positions.iter())
+        .map(|position| position.distance_squared(centre) < reach * reach)
+        .collect()
 }

@@ -5,6 +5,7 @@
 //! pixels, opacity at most 0.99, nothing below its cut-off of alpha). Strips of rows are drawn at the same time, each from front to back, so the result
 //! does not depend on the number of threads.
 
+use crate::mesh_depth::pixel;
 use crate::pinhole::Pinhole;
 use crate::scan::Scan;
 use glam::{Mat3, Vec3};
@@ -304,17 +305,6 @@ fn by_strip(splats: &[Splat], height: usize) -> Vec<Vec<u32>> {
         }
     }
     strips
-}
-
-/// The pixel that contains a coordinate; the first for what is left of or above the picture.
-fn pixel(coordinate: f32) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "saturates, and what is no number becomes 0"
-    )]
-    let pixel = coordinate as usize;
-    pixel
 }
 
 /// Some rows of a picture.
