@@ -3,15 +3,15 @@
 
 use super::calibration::{Calibrated, triangulate};
 use super::observations::Keeper;
-use super::score::{BODY, FINGERS, LIMBS, Posed, Scores, score};
+use super::score::{LIMBS, Posed, Scores, score};
 use super::table;
 use anyhow::Context;
-use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use motion_fit::body::landmark_places;
 use motion_fit::landmarks::{self, Observation};
 use motion_fit::{Fitted, MotionFit, Subject};
 use serde::Serialize;
-use spmm3::{Avatar, EXPRESSION, Joint, MotionParams, Skeleton};
+use spmm3::{Avatar, Joint, MotionParams, Skeleton};
 use std::path::{Path, PathBuf};
 
 /// BlazePose's landmark at each of the limbs' joints.
@@ -24,12 +24,12 @@ const FINDING: usize = 10;
 /// What real footage came to.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct FootageFigures {
-    cameras: Vec<CameraFigures>,
+    cameras: Vec<OneCameraScores>,
     carphone: Option<CarphoneFigures>,
 }
 
 #[derive(Debug, Serialize)]
-struct CameraFigures {
+struct OneCameraScores {
     camera: usize,
     /// The network's own guess in metres, scaled to the person's size as a whole.
     raw: Scores,
@@ -83,7 +83,7 @@ fn four_cameras(
     avatar: &Avatar,
     keeper: &mut Keeper<'_>,
     folder: &Path,
-) -> anyhow::Result<Vec<CameraFigures>> {
+) -> anyhow::Result<Vec<OneCameraScores>> {
     let cameras = Calibrated::read(&folder.join("Calib.qca.txt"))?;
     let mut seen: Vec<Vec<Observation>> = Vec::new();
     for k in 1..=cameras.len() {
@@ -116,7 +116,7 @@ fn four_cameras(
         let fitted: Vec<Option<Posed>> = (seen.iter())
             .map(|seen| of_fit(&skeleton, &fit.step(seen), &pinhole))
             .collect();
-        figures.push(CameraFigures {
+        figures.push(OneCameraScores {
             camera: number + 1,
             raw: score(&true_frames, &raw, RATE, FINDING),
             fitted: score(&true_frames, &fitted, RATE, FINDING),
@@ -240,25 +240,17 @@ fn as_long_as(skeleton: &Skeleton, truth: &[[DVec3; LIMBS.len()]]) -> anyhow::Re
     Ok(Skeleton::new(positions)?)
 }
 
-/// The limbs in camera axes as a frame to compare; the rest of it is not known.
+/// The limbs in camera axes as a frame to compare.
 fn as_seen(limbs: &[DVec3; LIMBS.len()], camera: &landmarks::Camera) -> Posed {
-    let mut joints = [DVec3::ZERO; BODY];
-    for (joint, at) in LIMBS.iter().zip(limbs) {
-        joints[joint.index()] = *at;
-    }
     let pixels = limbs.map(|p| {
         let at = p.truncate() / p.z.max(1e-3) * f64::from(camera.focal) + camera.centre.as_dvec2();
         at.to_array()
     });
     Posed {
-        joints,
-        feet: [DVec3::ZERO; 2],
-        pelvis: DQuat::IDENTITY,
-        fingers: [DQuat::IDENTITY; FINGERS],
-        jaw: 0.0,
-        expression: [0.0; EXPRESSION],
+        limbs: *limbs,
         pixels,
         seen: [true; LIMBS.len()],
+        whole_body: None,
     }
 }
 
@@ -280,7 +272,7 @@ fn scaled_alike(
     for (truth, seen) in truth.iter().zip(seen) {
         if let Some(limbs) = limbs(seen) {
             ours += spread(&limbs);
-            theirs += spread(&LIMBS.map(|joint| truth.joints[joint.index()]));
+            theirs += spread(&truth.limbs);
         }
     }
     let scale = theirs / ours.max(f64::MIN_POSITIVE);

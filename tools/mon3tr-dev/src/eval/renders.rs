@@ -1,6 +1,6 @@
 //! The avatar drawn in motions that are known, from cameras that are known: pictures with perfect truth.
 
-use super::score::{BODY, FINGERS, LIMBS, Posed};
+use super::score::{FINGERS, LIMBS, Posed, WholeBody};
 use glam::{Affine3A, DQuat, DVec3, Quat, Vec3};
 use mon3tr::viewpoint::Viewpoint;
 use motion_fit::landmarks;
@@ -116,11 +116,7 @@ pub(super) fn posed(
         (0.0..f64::from(camera.size.x)).contains(&x) && (0.0..f64::from(camera.size.y)).contains(&y)
     };
     let turn = Quat::from_mat3a(&sight_from_room.matrix3);
-    let mut body = [DVec3::ZERO; BODY];
     let mut fingers = [DQuat::IDENTITY; FINGERS];
-    for (to, joint) in body.iter_mut().zip(Joint::ALL) {
-        *to = seen(joint);
-    }
     for (to, joint) in fingers
         .iter_mut()
         .zip(Joint::ALL.into_iter().skip(Joint::LeftIndex1.index()))
@@ -132,14 +128,16 @@ pub(super) fn posed(
         *to = f64::from(*from);
     }
     Posed {
-        joints: body,
-        feet: [Joint::LeftFoot, Joint::RightFoot].map(|joint| place(joint).as_dvec3()),
-        pelvis: (turn * motion.rotation(Joint::Pelvis)).as_dquat(),
-        fingers,
-        jaw: f64::from(motion.axis_angle(Joint::Jaw).x),
-        expression,
+        limbs: LIMBS.map(seen),
         pixels,
         seen: pixels.map(inside),
+        whole_body: Some(WholeBody {
+            feet: [Joint::LeftFoot, Joint::RightFoot].map(|joint| place(joint).as_dvec3()),
+            pelvis: (turn * motion.rotation(Joint::Pelvis)).as_dquat(),
+            fingers,
+            jaw: f64::from(motion.axis_angle(Joint::Jaw).x),
+            expression,
+        }),
     }
 }
 

@@ -53,28 +53,36 @@ const FIGURES: [Figure; 14] = [
     ("MPJPE, mm", |row| Some(row.scores.mpjpe_mm)),
     ("95 %, mm", |row| Some(row.scores.mpjpe_p95_mm)),
     ("PA-MPJPE, mm", |row| Some(row.scores.pa_mpjpe_mm)),
-    ("pelvis, degrees", |row| Some(row.scores.pelvis_degrees)),
+    ("pelvis, degrees", |row| {
+        Some(row.scores.whole_body.as_ref()?.pelvis_degrees)
+    }),
     ("fingers left, degrees", |row| {
-        Some(row.scores.finger_degrees[0])
+        Some(row.scores.whole_body.as_ref()?.finger_degrees[0])
     }),
     ("fingers right, degrees", |row| {
-        Some(row.scores.finger_degrees[1])
+        Some(row.scores.whole_body.as_ref()?.finger_degrees[1])
     }),
     ("curl correlation, left", |row| {
-        row.scores.curl_correlation[0]
+        row.scores.whole_body.as_ref()?.curl_correlation[0]
     }),
     ("curl correlation, right", |row| {
-        row.scores.curl_correlation[1]
+        row.scores.whole_body.as_ref()?.curl_correlation[1]
     }),
     ("expression correlation", |row| {
-        row.scores.expression_correlation
+        row.scores.whole_body.as_ref()?.expression_correlation
     }),
-    ("jaw correlation", |row| row.scores.jaw_correlation),
+    ("jaw correlation", |row| {
+        row.scores.whole_body.as_ref()?.jaw_correlation
+    }),
     ("jitter / truth's", |row| {
         Some(row.scores.jitter_mm / row.scores.jitter_truth_mm.max(1e-9))
     }),
-    ("foot slide, m/s", |row| row.scores.foot_slide),
-    ("of feet in the picture", |row| row.scores.foot_slide_seen),
+    ("foot slide, m/s", |row| {
+        row.scores.whole_body.as_ref()?.foot_slide
+    }),
+    ("of feet in the picture", |row| {
+        row.scores.whole_body.as_ref()?.foot_slide_seen
+    }),
     ("reprojection, %", |row| {
         Some(row.scores.reprojection_percent)
     }),
@@ -83,27 +91,32 @@ const FIGURES: [Figure; 14] = [
 /// One motion's figures in a line.
 pub(super) fn print_scores(motion: &str, camera: &str, scores: &Scores) {
     let both = |[left, right]: [Option<f64>; 2]| format!("{}/{}", text(left), text(right));
-    println!(
-        "{motion:<22.22} {camera:<8} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  pelvis {:>3.0}°  fingers {:>2.0}/{:<2.0}° curl {:<11} face {:<5} jaw {:<5} jitter {:>4.1} ({:>4.1})  slide {:<5} (seen {:<5}) swaps {:>2} ({})  reprojection {:.1} %",
+    print!(
+        "{motion:<22.22} {camera:<8} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  jitter {:>4.1} ({:>4.1})  swaps {:>2} ({})  reprojection {:.1} %",
         scores.frames,
         scores.of,
         scores.mpjpe_mm,
         scores.mpjpe_p95_mm,
         scores.pa_mpjpe_mm,
-        scores.pelvis_degrees,
-        scores.finger_degrees[0],
-        scores.finger_degrees[1],
-        both(scores.curl_correlation),
-        text(scores.expression_correlation),
-        text(scores.jaw_correlation),
         scores.jitter_mm,
         scores.jitter_truth_mm,
-        text(scores.foot_slide),
-        text(scores.foot_slide_seen),
         scores.swapped,
         scores.longest_swap,
         scores.reprojection_percent,
     );
+    if let Some(body) = &scores.whole_body {
+        let [left, right] = body.finger_degrees;
+        print!(
+            "  pelvis {:>3.0}°  fingers {left:>2.0}/{right:<2.0}° curl {:<11} face {:<5} jaw {:<5} slide {:<5} (seen {:<5})",
+            body.pelvis_degrees,
+            both(body.curl_correlation),
+            text(body.expression_correlation),
+            text(body.jaw_correlation),
+            text(body.foot_slide),
+            text(body.foot_slide_seen),
+        );
+    }
+    println!();
 }
 
 /// What is known of footage whose truth is that of the limbs alone.

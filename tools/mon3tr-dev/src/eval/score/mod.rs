@@ -1,14 +1,14 @@
 //! How well a tracked motion follows a known one: the figures of the field, in f64.
 
-use glam::{DMat3, DQuat, DVec3};
+mod whole_body;
+
+pub(super) use whole_body::{FINGERS, WholeBody};
+
+use glam::{DMat3, DVec3};
 use nalgebra::{Matrix3, SVD};
 use serde::Serialize;
-use spmm3::{EXPRESSION, Joint};
-
-/// Joints before the jaw, the eyes and the fingers.
-pub(super) const BODY: usize = 22;
-/// Finger joints of both hands.
-pub(super) const FINGERS: usize = 30;
+use spmm3::Joint;
+use whole_body::{Known, WholeBodyScores};
 
 /// The limbs' joints, over which mean errors are taken, as in the literature on monocular capture.
 pub(super) const LIMBS: [Joint; 12] = [
@@ -26,10 +26,6 @@ pub(super) const LIMBS: [Joint; 12] = [
     Joint::RightWrist,
 ];
 
-/// The left ankle in [`LIMBS`]; the right one follows.
-const ANKLES: usize = 4;
-/// A foot is in stance while its joint moves slower than this in truth, metres a second.
-const STANCE: f64 = 0.1;
 /// Labels count as swapped where that makes the error smaller than this share of it.
 const SWAPPED: f64 = 0.85;
 /// Joints that a frame has to show to be compared after its best similarity.
@@ -38,22 +34,14 @@ const LEAST_ALIGNED: usize = 4;
 /// One frame, of truth or as tracked.
 #[derive(Debug, Clone)]
 pub(super) struct Posed {
-    /// The body's joints, metres, camera axes (x right, y down, z away).
-    pub(super) joints: [DVec3; BODY],
-    /// The feet's joints, left and right, in the room, metres.
-    pub(super) feet: [DVec3; 2],
-    /// The pelvis in camera axes.
-    pub(super) pelvis: DQuat,
-    /// Each finger joint relative to its parent, left hand first.
-    pub(super) fingers: [DQuat; FINGERS],
-    /// Opening of the jaw, radians.
-    pub(super) jaw: f64,
-    /// Expression coefficients.
-    pub(super) expression: [f64; EXPRESSION],
+    /// The limbs' joints, metres, camera axes (x right, y down, z away).
+    pub(super) limbs: [DVec3; LIMBS.len()],
     /// The limbs' joints in the picture, pixels.
     pub(super) pixels: [[f64; 2]; LIMBS.len()],
     /// Which of the limbs' joints are in the picture; only truth's are asked for.
     pub(super) seen: [bool; LIMBS.len()],
+    /// The rest of the body, where it is known: of real footage only the limbs are.
+    pub(super) whole_body: Option<WholeBody>,
 }
 
 /// The figures of one motion seen by one camera. Joints are compared relative to the middle of the hips.
@@ -69,28 +57,17 @@ pub(super) struct Scores {
     pub(super) pa_mpjpe_mm: f64,
     /// By joint, in the order of `LIMBS`; none for a joint that was never in the picture.
     pub(super) limbs_mm: [Option<f64>; LIMBS.len()],
-    /// Angle between the pelvis and its truth, degrees.
-    pub(super) pelvis_degrees: f64,
-    /// Mean angle of a finger joint from its truth, degrees: left, right.
-    pub(super) finger_degrees: [f64; 2],
-    /// Correlation of a hand's curl (the sum of its flexions, thumb left out) with truth while the wrist is in the picture; none where truth
-    /// hardly moves.
-    pub(super) curl_correlation: [Option<f64>; 2],
-    /// Mean correlation of those expression coefficients that move in truth, and that of the jaw's opening.
-    pub(super) expression_correlation: Option<f64>,
-    pub(super) jaw_correlation: Option<f64>,
     /// Mean second difference of the limbs' joints, millimetres a frame squared, and that of truth.
     pub(super) jitter_mm: f64,
     pub(super) jitter_truth_mm: f64,
-    /// Mean speed of a foot while it stands in truth, metres a second; none where no foot stands.
-    pub(super) foot_slide: Option<f64>,
-    /// The same of the frames in which that foot's ankle is in the picture.
-    pub(super) foot_slide_seen: Option<f64>,
     /// Frames with left and right swapped, and the longest run of them.
     pub(super) swapped: usize,
     pub(super) longest_swap: usize,
     /// Mean distance of the limbs' joints in the picture, percent of the person's height in it.
     pub(super) reprojection_percent: f64,
+    /// None where only the limbs are known.
+    #[serde(flatten)]
+    pub(super) whole_body: Option<WholeBodyScores>,
 }
 
 /// Compares `tracked` with `truth`, frame by frame; `skip` frames at the beginning are for finding the person.
@@ -111,7 +88,6 @@ pub(super) fn score(
     if pairs.is_empty() {
         return scores;
     }
-    let count = pairs.len() as f64;
     let mut errors = Vec::with_capacity(pairs.len() * LIMBS.len());
     let mut run = 0;
     // Sums, and of how many joints and frames.
@@ -129,14 +105,6 @@ pub(super) fn score(
         if seen_a.len() >= LEAST_ALIGNED {
             aligned.0 += 1e3 * aligned_error(&seen_a, &seen_b) * seen_a.len() as f64;
             aligned.1 += seen_a.len();
-        }
-        scores.pelvis_degrees += angle(tracked.pelvis, truth.pelvis) / count;
-        for (hand, degrees) in scores.finger_degrees.iter_mut().enumerate() {
-            let of = |posed: &Posed, k: usize| posed.fingers[hand * FINGERS / 2 + k];
-            *degrees += (0..FINGERS / 2)
-                .map(|k| angle(of(tracked, k), of(truth, k)))
-                .sum::<f64>()
-                / (count * (FINGERS / 2) as f64);
         }
         let exchanged = only_seen(&swap(&a), truth);
         let swapped =
@@ -156,31 +124,15 @@ pub(super) fn score(
     errors.sort_by(f64::total_cmp);
     scores.mpjpe_p95_mm = errors.get(errors.len() * 95 / 100).copied().unwrap_or(0.0);
     (scores.jitter_mm, scores.jitter_truth_mm) = jitter(&pairs);
-    [scores.foot_slide, scores.foot_slide_seen] = foot_slide(&pairs, rate_hz);
-    for (hand, correlation) in scores.curl_correlation.iter_mut().enumerate() {
-        // A hand that is out of the picture says nothing of the fit.
-        let wrist = LIMBS.len() - 2 + hand;
-        let shown: Vec<_> = pairs
-            .iter()
-            .filter(|(_, truth, _)| truth.seen[wrist])
-            .copied()
-            .collect();
-        *correlation = correlate(&shown, 0.05, |posed| curl(posed, hand));
-    }
-    scores.jaw_correlation = correlate(&pairs, 0.01, |posed| posed.jaw);
-    let moving: Vec<f64> = (0..EXPRESSION)
-        .filter_map(|k| correlate(&pairs, 0.05, |posed| posed.expression[k]))
-        .collect();
-    scores.expression_correlation =
-        (!moving.is_empty()).then(|| moving.iter().sum::<f64>() / moving.len() as f64);
+    let known: Vec<Known<'_>> = pairs.iter().filter_map(Known::of).collect();
+    scores.whole_body = WholeBodyScores::of(&known, rate_hz);
     scores
 }
 
 /// The limbs' joints relative to the middle of the hips.
 fn limbs(posed: &Posed) -> [DVec3; LIMBS.len()] {
-    let at = |joint: Joint| posed.joints[joint.index()];
-    let hips = (at(Joint::LeftHip) + at(Joint::RightHip)) / 2.0;
-    LIMBS.map(|joint| at(joint) - hips)
+    let hips = (posed.limbs[0] + posed.limbs[1]) / 2.0;
+    posed.limbs.map(|joint| joint - hips)
 }
 
 /// Those of one frame's points whose joints truth has in the picture.
@@ -206,11 +158,6 @@ fn swap(limbs: &[DVec3; LIMBS.len()]) -> [DVec3; LIMBS.len()] {
 
 fn mean_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.distance(*b)).sum::<f64>() / a.len().max(1) as f64
-}
-
-/// Degrees between two rotations.
-fn angle(a: DQuat, b: DQuat) -> f64 {
-    a.angle_between(b).to_degrees()
 }
 
 /// Mean distance after the similarity transform of `a` that is best in the sense of least squares (Umeyama, 1991), metres.
@@ -279,67 +226,15 @@ fn jitter(pairs: &[(usize, &Posed, &Posed)]) -> (f64, f64) {
     (sums[0] / count, sums[1] / count)
 }
 
-/// Mean speed of tracked feet while they stand in truth: of all, and of those whose ankles are in the picture.
-fn foot_slide(pairs: &[(usize, &Posed, &Posed)], rate_hz: f64) -> [Option<f64>; 2] {
-    let mut sums = [(0.0, 0u32); 2];
-    for window in pairs.windows(2) {
-        let [a, b] = window else { continue };
-        if b.0 != a.0 + 1 {
-            continue;
-        }
-        for foot in 0..2 {
-            if a.1.feet[foot].distance(b.1.feet[foot]) * rate_hz >= STANCE {
-                continue;
-            }
-            let speed = a.2.feet[foot].distance(b.2.feet[foot]) * rate_hz;
-            let seen = a.1.seen[ANKLES + foot] && b.1.seen[ANKLES + foot];
-            for (sum, count) in &mut sums[..=usize::from(seen)] {
-                *sum += speed;
-                *count += 1;
-            }
-        }
-    }
-    sums.map(|(sum, count)| (count > 0).then(|| sum / f64::from(count)))
-}
-
-/// Sum of the flexions of a hand's four fingers, radians.
-fn curl(posed: &Posed, hand: usize) -> f64 {
-    // Index, middle, little and ring finger; the thumb's joints are the last.
-    let joints = &posed.fingers[hand * FINGERS / 2..][..12];
-    joints
-        .iter()
-        .map(|q| q.angle_between(DQuat::IDENTITY))
-        .sum()
-}
-
-/// Pearson's correlation of `of` between tracked and true frames; none where truth deviates by less than `least`.
-fn correlate(
-    pairs: &[(usize, &Posed, &Posed)],
-    least: f64,
-    of: impl Fn(&Posed) -> f64,
-) -> Option<f64> {
-    let count = pairs.len().max(1) as f64;
-    let mean = |pick: &dyn Fn(&(usize, &Posed, &Posed)) -> f64| {
-        pairs.iter().map(pick).sum::<f64>() / count
-    };
-    let (tracked, truth) = (mean(&|p| of(p.2)), mean(&|p| of(p.1)));
-    let (mut both, mut a, mut b) = (0.0, 0.0, 0.0);
-    for (_, one, other) in pairs {
-        let (x, y) = (of(other) - tracked, of(one) - truth);
-        both += x * y;
-        a += x * x;
-        b += y * y;
-    }
-    let moves = (b / count).sqrt() >= least;
-    moves.then(|| if a > 0.0 { both / (a * b).sqrt() } else { 0.0 })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DQuat;
+    use spmm3::EXPRESSION;
+    use whole_body::ANKLES;
 
     fn posed(seed: f64, moved: impl Fn(DVec3) -> DVec3) -> Posed {
-        let joints: [DVec3; BODY] = std::array::from_fn(|k| {
+        let limbs = std::array::from_fn(|k| {
             let k = k as f64;
             moved(DVec3::new(
                 (k * 1.3 + seed).sin(),
@@ -348,15 +243,21 @@ mod tests {
             ))
         });
         Posed {
-            joints,
-            feet: [DVec3::ZERO; 2],
-            pelvis: DQuat::IDENTITY,
-            fingers: [DQuat::from_rotation_z(seed); FINGERS],
-            jaw: seed,
-            expression: [seed; EXPRESSION],
+            limbs,
+            whole_body: Some(WholeBody {
+                feet: [DVec3::ZERO; 2],
+                pelvis: DQuat::IDENTITY,
+                fingers: [DQuat::from_rotation_z(seed); FINGERS],
+                jaw: seed,
+                expression: [seed; EXPRESSION],
+            }),
             pixels: std::array::from_fn(|k| [k as f64, 100.0 * k as f64]),
             seen: [true; LIMBS.len()],
         }
+    }
+
+    fn whole(scores: &Scores) -> &WholeBodyScores {
+        scores.whole_body.as_ref().expect("all is known")
     }
 
     #[test]
@@ -370,7 +271,7 @@ mod tests {
             "{scores:?}"
         );
         assert!(
-            (scores.jaw_correlation.unwrap_or(0.0) - 1.0).abs() < 1e-9,
+            (whole(&scores).jaw_correlation.unwrap_or(0.0) - 1.0).abs() < 1e-9,
             "{scores:?}"
         );
         assert_eq!(scores.jitter_mm, scores.jitter_truth_mm);
@@ -396,28 +297,49 @@ mod tests {
             .map(|k| {
                 let mut frame = posed(0.3, |p| p);
                 if k == 1 || k == 2 {
-                    for pair in LIMBS.chunks_exact(2) {
-                        frame.joints.swap(pair[0].index(), pair[1].index());
+                    for pair in frame.limbs.chunks_exact_mut(2) {
+                        pair.swap(0, 1);
                     }
                 }
-                frame.feet[0].x = 0.01 * f64::from(k);
+                if let Some(whole_body) = &mut frame.whole_body {
+                    whole_body.feet[0].x = 0.01 * f64::from(k);
+                }
                 Some(frame)
             })
             .collect();
         let scores = score(&truth, &tracked, 30.0, 0);
         assert_eq!((scores.swapped, scores.longest_swap), (2, 2));
-        let slide = scores.foot_slide.unwrap_or(0.0);
+        let slide = whole(&scores).foot_slide.unwrap_or(0.0);
         assert!(
             (slide - 0.15).abs() < 1e-9,
             "one foot of two at 0.3 m/s: {slide}"
         );
-        assert_eq!(scores.foot_slide_seen, scores.foot_slide, "both are seen");
+        assert_eq!(whole(&scores).foot_slide_seen, Some(slide), "both are seen");
         let mut hidden = truth.clone();
         for frame in &mut hidden {
             frame.seen[ANKLES] = false;
         }
         let scores = score(&hidden, &tracked, 30.0, 0);
-        assert_eq!(scores.foot_slide_seen, Some(0.0), "the other foot stands");
+        assert_eq!(
+            whole(&scores).foot_slide_seen,
+            Some(0.0),
+            "the other foot stands"
+        );
+    }
+
+    #[test]
+    fn of_frames_whose_limbs_alone_are_known_nothing_else_is_said() {
+        let truth: Vec<_> = (0..4).map(|k| posed(0.1 * f64::from(k), |p| p)).collect();
+        let limbs_alone = |frame: &Posed| Posed {
+            whole_body: None,
+            ..frame.clone()
+        };
+        let tracked: Vec<_> = truth.iter().map(|frame| Some(limbs_alone(frame))).collect();
+        let scores = score(&truth, &tracked, 30.0, 0);
+        assert!(scores.whole_body.is_none(), "{scores:?}");
+        let json = serde_json::to_value(&scores).expect("figures");
+        assert!(json.get("foot_slide").is_none(), "{json}");
+        assert!(json.get("mpjpe_mm").is_some(), "{json}");
     }
 
     #[test]
