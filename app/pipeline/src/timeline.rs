@@ -3,7 +3,8 @@
 //! States come at the motion rate, each with its place on the time axis of motion; pictures are shown at times of the display.
 //! What lies between, the *lag*, is measured rather than assumed: how old the newest state will be when the picture is shown
 //! goes up and down like a saw, by one motion period, and its upper end is the lag at which there is always a newer state to
-//! interpolate towards. A lag that changes does so slowly: time runs a little faster or slower, nothing jumps.
+//! interpolate towards. A lag that changes does so slowly: time runs a little faster or slower, nothing jumps. Only a lag more
+//! than a motion period too long, as a stall leaves it, is cut at once: states that old are not kept.
 
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -12,6 +13,9 @@ use std::time::{Duration, Instant};
 const WINDOW: usize = 128;
 /// Of those so many percent find a newer state; the rest shows the newest for a moment longer.
 const SERVED_PERCENT: usize = 95;
+/// How far beyond the usual age the lag goes at most, in motion periods: states older than that are not kept, so that a stall
+/// must not be made up for.
+const KEPT: f64 = 1.5;
 /// The lag changes by no more than this share of the time that passes.
 const SLEW: f64 = 0.1;
 /// Until so many pictures the lag follows at once.
@@ -96,15 +100,11 @@ impl Timeline {
             self.ages[self.seen % WINDOW] = age;
             self.seen += 1;
         }
-        let mut ages = self.ages;
-        let ages = &mut ages[..self.seen.min(WINDOW)];
-        let at = (ages.len() * SERVED_PERCENT)
-            .div_ceil(100)
-            .saturating_sub(1);
-        let (_, oldest, _) = ages.select_nth_unstable_by(at, f64::total_cmp);
+        let usual = self.age(50);
+        let oldest = self.age(SERVED_PERCENT).min(usual + KEPT * self.period);
         let wanted = match self.mode {
-            LatencyMode::Interpolate => *oldest,
-            LatencyMode::Extrapolate => (*oldest - self.period).max(0.0),
+            LatencyMode::Interpolate => oldest,
+            LatencyMode::Extrapolate => (oldest - self.period).max(0.0),
             LatencyMode::Newest => 0.0,
         };
         let elapsed = self.last.map_or(0.0, |(last, _)| {
@@ -112,6 +112,9 @@ impl Timeline {
         });
         if self.seen <= ACQUIRING {
             self.lag = self.lag.max(wanted);
+        } else if self.lag > wanted + self.period {
+            // Each picture would show the oldest state as it is, and the motion would go by jerks until the lag is reached.
+            self.lag = wanted;
         } else {
             let most = elapsed * SLEW;
             self.lag += (wanted - self.lag).clamp(-most, most);
@@ -123,6 +126,14 @@ impl Timeline {
         let moment = self.last.map_or(moment, |(_, last)| moment.max(last));
         self.last = Some((displayed, moment));
         moment
+    }
+
+    /// The age that so many percent of the last pictures do not exceed, in seconds.
+    fn age(&self, percent: usize) -> f64 {
+        let mut ages = self.ages;
+        let ages = &mut ages[..self.seen.min(WINDOW)];
+        let at = (ages.len() * percent).div_ceil(100).saturating_sub(1);
+        *ages.select_nth_unstable_by(at, f64::total_cmp).1
     }
 
     /// The place of `moment` between two states: 0 at `from`, 1 at `to`; beyond 1 only where extrapolation is asked for, by
@@ -264,6 +275,33 @@ mod tests {
             inside.alpha(after(9), after(9), after(9)),
             1.0,
             "two at once"
+        );
+    }
+
+    #[test]
+    fn a_stall_at_the_start_does_not_hold_pictures_back_for_seconds() {
+        let start = Instant::now() + Duration::from_secs(10);
+        let mut timeline = Timeline::new(LatencyMode::Interpolate);
+        let mut behind = Vec::new();
+        for picture in 0..90_u32 {
+            let displayed = start + Duration::from_millis(11) * picture;
+            // The first state is shown one second late, as where a unit compiles its program; those after it in time.
+            let state = (picture * 11 / 33).saturating_sub(1);
+            let newest = start + MOTION * state;
+            let newest = if state == 0 {
+                newest - Duration::from_secs(1)
+            } else {
+                newest
+            };
+            let moment = timeline.moment(displayed, newest);
+            behind.push(displayed.duration_since(moment).as_millis());
+        }
+        assert!(behind[0] >= 1000, "{behind:?}");
+        // Evenly, each is up to 66 ms behind; one motion period more is still among the states that are kept.
+        let settled = &behind[30..];
+        assert!(
+            settled.iter().all(|behind| (60..100).contains(behind)),
+            "{behind:?}"
         );
     }
 

@@ -42,7 +42,7 @@ fn on_plan(plan: Plan) {
     let Some(gpu) = vulkan::gpu() else { return };
     // In no simple ratio to the display's 90 Hz, and slower than a busy machine draws: where each picture takes as long as a motion
     // frame, all of them show a state as it is.
-    let swing = Swing::new(17.3, 1000, 0.5);
+    let swing = Swing::new(11.3, 1000, 0.5);
     let Some(mut stage) = Stage::new(&gpu, plan, &[CPU], swing) else {
         return;
     };
