@@ -187,7 +187,6 @@ fn a_package_reads_as_it_was_written_and_keeps_to_its_size() {
         provenance: "made up".into(),
         licence: "none".into(),
         gaussians: Some(8_000),
-        unshaded: false,
     };
     let Some(case) = case(3, &options) else {
         return;

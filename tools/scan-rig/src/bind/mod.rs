@@ -32,7 +32,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use spmm3::{JOINTS, Joint};
 
-/// How much a scan may grow where long Gaussians are split, as a multiple of its Gaussians.
+/// How much a scan may grow where long Gaussians are split, as a multiple of the Gaussians that were given.
 const GROWTH: usize = 4;
 /// Gaussians lower than this are no accessory but ground, metres.
 const GROUND: f32 = 0.08;
@@ -222,7 +222,7 @@ pub fn bind(
     let cleaned = scan.filtered(&keep);
     let kept_at: Vec<usize> = (0..scan.len()).filter(|at| keep[*at]).collect();
     let label: Vec<u8> = kept_at.iter().map(|at| label[*at]).collect();
-    let (split, parents) = split::without_long(&cleaned, split::LONGEST, cleaned.len() * GROWTH);
+    let (split, parents) = split::without_long(&cleaned, split::LONGEST, scan.len() * GROWTH);
     report.split = split.len() - cleaned.len();
     let label: Vec<u8> = parents.iter().map(|at| label[*at as usize]).collect();
 

@@ -61,9 +61,12 @@ pub(super) fn settle(
     let mut of: Vec<(u32, u8, f32)> = (0..before)
         .map(|at| (bound.triangles[at], bound.accessory[at], peak[at]))
         .collect();
-    let parts = split::split_where(&mut bound.scan, &mut of, before * GROWTH, |_, at| {
-        !whole[at]
-    });
+    let parts = split::split_where(
+        &mut bound.scan,
+        &mut of,
+        bound.report.given * GROWTH,
+        |_, at| !whole[at],
+    );
     if parts > 0 {
         bound.triangles = of.iter().map(|of| of.0).collect();
         bound.accessory = of.iter().map(|of| of.1).collect();

@@ -8,7 +8,6 @@ mod face;
 mod gaussians;
 mod posed;
 mod shade;
-mod still;
 mod unpose;
 
 pub use posed::Poser;
@@ -21,6 +20,7 @@ use crate::scan::Scan;
 use glam::{DAffine3, DVec3, Vec3};
 use reconstruct::bake::{Weights, importance};
 use spmm3::networks::{DeformGraph, GraphParts};
+use spmm3::package::MAX_GAUSSIANS;
 use spmm3::{
     Avatar, BoundGaussians, ExpressionBasis, Expressions, Importance, JOINTS, Joint, MotionParams,
     Skeleton, SkinWeights, Template,
@@ -68,8 +68,6 @@ pub struct FinishOptions {
     pub licence: String,
     /// At most so many Gaussians: the least important ones are left out.
     pub gaussians: Option<usize>,
-    /// Whether colours stay as they were scanned, whatever the pose.
-    pub unshaded: bool,
 }
 
 /// An avatar and the motion that poses it as the scan stands.
@@ -98,9 +96,14 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
     let everything: Vec<usize> = (0..bound.len()).collect();
     // On the template now: the same attributes in the same triangles' frames.
     let bound = gaussians::reordered(&template, &bound, &everything)?.quantised();
-    let bound = match options.gaussians {
-        Some(most) if most < bound.len() => thinned(&template, &bound, most)?,
-        _ => bound,
+    // A large scan whose long Gaussians were split may have more than a package takes.
+    let most = options
+        .gaussians
+        .map_or(MAX_GAUSSIANS, |most| most.min(MAX_GAUSSIANS));
+    let bound = if most < bound.len() {
+        thinned(&template, &bound, most)?
+    } else {
+        bound
     };
 
     let mut clock = Clock::start();
@@ -109,21 +112,16 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
     let bound = tied.gaussians;
     let skeleton = Skeleton::new(tpose.joints.map(|j| j.as_vec3()))?;
     let scan_motion = scan_motion(material, &tpose);
-    let (attributes, bound) = if options.unshaded {
-        let count = tied.controllers.vertices().len();
-        (still::still(count, bound.len())?, bound)
-    } else {
-        let shaded = shade::Sitter {
-            template: &template,
-            skeleton: &skeleton,
-            controllers: &tied.controllers,
-            gaussians: &bound,
-            casters: material.casters,
-            scan_motion: &scan_motion,
-        }
-        .shaded(material.presets)?;
-        (shaded.network, shaded.gaussians)
-    };
+    let shaded = shade::Sitter {
+        template: &template,
+        skeleton: &skeleton,
+        controllers: &tied.controllers,
+        gaussians: &bound,
+        casters: material.casters,
+        scan_motion: &scan_motion,
+    }
+    .shaded(material.presets)?;
+    let (attributes, bound) = (shaded.network, shaded.gaussians);
     clock.told("light by pose");
     let importance = importance(&template, &bound, Weights::default())?;
     clock.told("order of importance");

@@ -15,10 +15,12 @@ impl Additions {
     /// Adds a cell, moved along its normal by `lift` metres.
     pub(crate) fn push(&mut self, cell: &Cell, lift: f64, colour: DVec3, opacity: f32) {
         let point = cell.point + cell.normal * lift;
-        let colour = colour.clamp(DVec3::ZERO, DVec3::ONE);
+        // Before the clamp, which makes black of what is no number.
         if !point.is_finite() || !colour.is_finite() {
+            debug_assert!(false, "a cell at {point} of colour {colour}");
             return;
         }
+        let colour = colour.clamp(DVec3::ZERO, DVec3::ONE);
         self.scan.positions.push(point.as_vec3());
         self.scan.rotations.push(cell.rotation);
         self.scan.scales.push(cell.deviations.as_vec3());

@@ -59,6 +59,9 @@ const POKES_OUT: f64 = 0.008;
 /// The colour deep in the mouth.
 const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
 
+/// Colours are looked for this far from the middle of the eyes, metres: beyond all that the shell covers.
+const REACH: f64 = 0.2;
+
 /// Opacity of the shell's Gaussians.
 const OPACITY: f32 = 0.97;
 
@@ -70,8 +73,8 @@ pub(crate) struct Face {
     pub(crate) as_scanned: Vec<bool>,
     /// `[N_g]` which of the scan's Gaussians give way.
     pub(crate) drop: Vec<bool>,
-    /// `[N_v]` the colour of the skin at the model's vertices, filled in where it was not seen; black away from the face.
-    pub(crate) skin: Vec<DVec3>,
+    /// The usual colour of the cheeks.
+    pub(crate) cheek: DVec3,
 }
 
 /// Covers the face. `vertices` are the body model's in the scan's pose, `triangles` carry the scan's Gaussians.
@@ -82,7 +85,7 @@ pub(crate) fn cover(
     scan: &Scan,
     triangles: &[u32],
 ) -> Face {
-    let reach = 0.2 * head.scale;
+    let reach = REACH * head.scale;
     let lines = Lines::new(scan, |at| {
         scan.positions[at].as_dvec3().distance(head.centre) < reach
     });
@@ -174,7 +177,7 @@ pub(crate) fn cover(
         additions,
         as_scanned,
         drop,
-        skin: skin.all,
+        cheek: skin.cheek,
     }
 }
 
@@ -253,7 +256,7 @@ impl Painter<'_> {
     /// The skin's colour at the vertices of the head, filled in where it was not seen.
     fn skin(&self, model: &BodyModel, vertices: &[DVec3], normals: &[DVec3]) -> Skin {
         let head = self.head;
-        let reach = 0.17 * head.scale;
+        let reach = REACH * head.scale;
         let near: Vec<usize> = (0..model.body_vertices)
             .filter(|v| vertices[*v].distance(head.centre) < reach)
             .collect();
@@ -278,14 +281,26 @@ impl Painter<'_> {
             })
         });
         let edges = Edges::new(vertices, faces);
-        let all = edges.fill(&colours, &known);
         let cheeks: Vec<Vec3> = (near.iter())
             .filter(|v| {
                 known[**v] && head.mouth[**v] > 0.0015 && head.rim[**v] > 0.006 * head.scale
             })
             .map(|v| colours[*v].as_vec3())
             .collect();
-        let cheek = median(&cheeks);
+        let cheek = match cheeks.as_slice() {
+            // A visor or a beard may hide them.
+            [] => median(
+                &(near.iter().filter(|v| known[**v]))
+                    .map(|v| colours[*v].as_vec3())
+                    .collect::<Vec<_>>(),
+            ),
+            cheeks => median(cheeks),
+        };
+        // What no colour reaches keeps this one.
+        for v in (0..colours.len()).filter(|v| !known[*v]) {
+            colours[v] = cheek;
+        }
+        let all = edges.fill(&colours, &known);
         // Around an eye the scan shows brows, lashes, shade, and the eye itself beside its place.
         for v in &near {
             let aside = head

@@ -64,6 +64,9 @@ const ENOUGH: usize = 300;
 const SEEN: f64 = 0.8;
 const LINE: (f32, f32) = (0.005, 0.005);
 
+/// The skin of a hand of which nothing was seen, of a person whose face was not seen either.
+const UNSEEN_SKIN: DVec3 = DVec3::new(0.60, 0.45, 0.37);
+
 /// Share of hand and fingers in a vertex's weights from which it is replaced, and over which the replacement blends in.
 const HAND: (f64, f64) = (0.6, 0.95);
 
@@ -94,13 +97,15 @@ pub(crate) fn is_rigid(model: &BodyModel, hands: &[HandReport; 2], face: usize) 
         .any(|(hand, report)| report.became == Hand::Rigid && hand.has_face(model, face))
 }
 
-/// Decides on both hands and does it: left, right.
+/// Decides on both hands and does it: left, right. `cheek` is the colour of the face's skin, where it is known.
+#[expect(clippy::too_many_arguments, reason = "the body is three of them")]
 pub(crate) fn complete(
     bound: &mut Bound,
     model: &BodyModel,
     registered: &Registered,
     textures: &Textures,
     wanted: [Hands; 2],
+    cheek: Option<DVec3>,
     additions: &mut Additions,
     drop: &mut [bool],
 ) -> [HandReport; 2] {
@@ -145,7 +150,12 @@ pub(crate) fn complete(
             for at in &on_it {
                 drop[*at] = true;
             }
-            hand.replace(bound, model, registered, textures, &colours, additions);
+            let skin = match colours.as_slice() {
+                // A hand in a pocket shows nothing.
+                [] => cheek.unwrap_or(UNSEEN_SKIN),
+                colours => median(colours),
+            };
+            hand.replace(bound, model, registered, textures, skin, additions);
         }
     }
     reports
@@ -251,7 +261,7 @@ impl HandJoints {
         model: &BodyModel,
         registered: &Registered,
         textures: &Textures,
-        colours: &[Vec3],
+        skin: DVec3,
         additions: &mut Additions,
     ) {
         let (shaped, joints) = model.shaped(&registered.shape);
@@ -273,7 +283,6 @@ impl HandJoints {
         }
         let is_hand =
             |face: usize| self.has_face(model, face) && model.parts[face] == BodyPart::Hand;
-        let skin = median(colours);
         let texel = |cell: &Cell| {
             let uv: DVec2 = (model.uvs[cell.triangle as usize].iter().zip(cell.shares))
                 .map(|(uv, share)| uv.as_dvec2() * share)

@@ -61,9 +61,12 @@ pub(crate) struct Head {
     pub(crate) shows: Vec<bool>,
     /// `[N_v]` whether a vertex is under where Gaussians that give way to the shell may have reached.
     pub(crate) underlay: Vec<bool>,
-    /// `[N_v]` distance to the rim of the mouth's and the eyes' openings, metres; infinite away from the face.
+    /// `[N_v]` distance to the rim of the mouth's and the eyes' openings, metres; [`FAR`] away from the face.
     pub(crate) rim: Vec<f64>,
 }
+
+/// How far from the rims is what lies away from the face, metres: finite, since cells weigh it by shares that may be 0.
+pub(super) const FAR: f64 = 1.0;
 
 impl Head {
     /// `vertices`: the body model's, in the scan's pose.
@@ -359,11 +362,11 @@ fn rim(model: &BodyModel, vertices: &[DVec3], motion: &[f64], shows: &[bool]) ->
     (vertices.par_iter().zip(motion))
         .map(|(vertex, motion)| {
             if *motion <= 0.0 {
-                return f64::INFINITY;
+                return FAR;
             }
             (rims.iter())
                 .map(|rim| rim.distance_squared(*vertex))
-                .fold(f64::INFINITY, f64::min)
+                .fold(FAR * FAR, f64::min)
                 .sqrt()
         })
         .collect()

@@ -8,8 +8,11 @@ use rayon::prelude::*;
 use renderer_splat::gaussian::ALPHA_CUT;
 use std::collections::HashMap;
 
-/// Edge of a cell of the index, metres.
+/// Edge of a cell of the index, metres: doubled until there are no more entries than [`MOST_ENTRIES`].
 const CELL: f32 = 0.012;
+
+/// A Gaussian has an entry in each cell that it reaches, of 16 bytes.
+const MOST_ENTRIES: usize = 1 << 25;
 
 /// Gaussians are looked for no farther from their centre than this, metres: what reaches farther is no surface.
 const REACH: f32 = 0.06;
@@ -49,6 +52,8 @@ pub(crate) struct Lines<'a> {
     scan: &'a Scan,
     /// Axes times standard deviations, as columns.
     axes: Vec<Mat3>,
+    /// Edge of a cell, metres.
+    edge: f32,
     cells: HashMap<IVec3, (u32, u32)>,
     members: Vec<u32>,
 }
@@ -61,10 +66,13 @@ impl<'a> Lines<'a> {
             .into_par_iter()
             .map(|at| Mat3::from_quat(scan.rotations[at]) * Mat3::from_diagonal(scan.scales[at]))
             .collect();
-        let mut entries: Vec<(IVec3, u32)> = (0..scan.len())
+        // Centres and half sides of the boxes that Gaussians reach; none of those that do not count.
+        let boxes: Vec<Option<(Vec3, Vec3)>> = (0..scan.len())
             .into_par_iter()
-            .filter(|at| take(*at) && scan.opacities[*at] > ALPHA_CUT)
-            .flat_map_iter(|at| {
+            .map(|at| {
+                if !take(at) || scan.opacities[at] <= ALPHA_CUT {
+                    return None;
+                }
                 let rows = axes[at].transpose();
                 let deviations = Vec3::new(
                     rows.x_axis.length(),
@@ -76,12 +84,17 @@ impl<'a> Lines<'a> {
                 let centre = scan.positions[at];
                 let finite =
                     centre.is_finite() && half.is_finite() && centre.abs().max_element() < 100.0;
-                let (low, high) = if finite {
-                    (cell_of(centre - half), cell_of(centre + half))
-                } else {
-                    (IVec3::ONE, IVec3::ZERO)
-                };
-                let at = u32::try_from(at).unwrap_or(u32::MAX);
+                finite.then_some((centre, half))
+            })
+            .collect();
+        let mut edge = CELL;
+        while entries_of(&boxes, edge) > MOST_ENTRIES && edge < REACH {
+            edge *= 2.0;
+        }
+        let mut entries: Vec<(IVec3, u32)> = (boxes.par_iter().enumerate())
+            .filter_map(|(at, of)| Some((u32::try_from(at).ok()?, (*of)?)))
+            .flat_map_iter(|(at, (centre, half))| {
+                let (low, high) = (cell_of(centre - half, edge), cell_of(centre + half, edge));
                 (low.x..=high.x).flat_map(move |x| {
                     (low.y..=high.y)
                         .flat_map(move |y| (low.z..=high.z).map(move |z| (IVec3::new(x, y, z), at)))
@@ -99,6 +112,7 @@ impl<'a> Lines<'a> {
         Self {
             scan,
             axes,
+            edge,
             cells,
             members,
         }
@@ -132,14 +146,14 @@ impl<'a> Lines<'a> {
         let mut last = None;
         let mut height = -line.behind;
         while height <= line.before {
-            let cell = cell_of(point + towards * height);
+            let cell = cell_of(point + towards * height, self.edge);
             if last != Some(cell) {
                 last = Some(cell);
                 if let Some((first, end)) = self.cells.get(&cell) {
                     candidates.extend_from_slice(&self.members[*first as usize..*end as usize]);
                 }
             }
-            height += 0.4 * CELL;
+            height += 0.4 * self.edge;
         }
         candidates.sort_unstable();
         candidates.dedup();
@@ -199,8 +213,21 @@ struct Found {
     splats: Vec<(f32, u32, f32)>,
 }
 
-fn cell_of(point: Vec3) -> IVec3 {
-    (point / CELL).floor().as_ivec3()
+fn cell_of(point: Vec3, edge: f32) -> IVec3 {
+    (point / edge).floor().as_ivec3()
+}
+
+/// How many cells of that edge all boxes reach, each counted for itself.
+fn entries_of(boxes: &[Option<(Vec3, Vec3)>], edge: f32) -> usize {
+    (boxes.par_iter().flatten())
+        .map(|(centre, half)| {
+            let span = cell_of(*centre + *half, edge) - cell_of(*centre - *half, edge) + IVec3::ONE;
+            span.to_array()
+                .map(|cells| usize::try_from(cells).unwrap_or(0))
+                .iter()
+                .product::<usize>()
+        })
+        .sum()
 }
 
 #[cfg(test)]

@@ -32,8 +32,8 @@ pub use unseen::CoverageReport;
 use crate::RigError;
 use crate::bind::Bound;
 use crate::body::{BodyModel, Registered};
-use additions::{Additions, median};
-use glam::Vec3;
+use additions::Additions;
+use glam::DVec3;
 use head::Head;
 use repaint::Pictures;
 use serde::Serialize;
@@ -129,6 +129,7 @@ pub fn complete(
         registered,
         textures,
         options.hands,
+        painted.as_ref().map(|painted| painted.cheek),
         &mut additions,
         &mut drop,
     );
@@ -136,12 +137,12 @@ pub fn complete(
     bound.retain(&keep);
     let first = bound.scan.len();
     join(bound, additions);
-    if let Some((pictures, shell)) = painted {
+    if let Some(painted) = painted {
         let mut may = vec![false; bound.scan.len()];
-        for (may, shell) in may.iter_mut().skip(first).zip(shell) {
+        for (may, shell) in may.iter_mut().skip(first).zip(painted.as_scanned) {
             *may = shell;
         }
-        pictures.repaint(&mut bound.scan, &may);
+        painted.pictures.repaint(&mut bound.scan, &may);
     }
     let is_stiff = |face| hands::is_rigid(model, &report.hands, face);
     let fill = options.unseen.then_some(stray.opens.as_slice());
@@ -149,7 +150,17 @@ pub fn complete(
     Ok(report)
 }
 
-/// Pictures of the face as it was scanned, and which of the additions' Gaussians are to look like it.
+/// A face that has its shell.
+struct Painted {
+    /// The face as it was scanned.
+    pictures: Pictures,
+    /// Which of the additions' Gaussians are to look like it.
+    as_scanned: Vec<bool>,
+    /// The usual colour of the cheeks.
+    cheek: DVec3,
+}
+
+/// Covers the face, the eyes and the mouth's inside.
 fn complete_face(
     bound: &mut Bound,
     model: &BodyModel,
@@ -158,7 +169,7 @@ fn complete_face(
     additions: &mut Additions,
     drop: &mut [bool],
     report: &mut ShellReport,
-) -> (Pictures, Vec<bool>) {
+) -> Painted {
     let (shaped, joints) = model.shaped(&registered.shape);
     let mut vertices = bound.mesh.vertices[..model.rest.len()].to_vec();
     let first = Head::new(model, registered, &vertices);
@@ -174,11 +185,6 @@ fn complete_face(
     report.dropped = face.drop.iter().filter(|drop| **drop).count();
     report.face = face.additions.len();
     additions.append(face.additions);
-    let cheeks: Vec<Vec3> = (0..model.body_vertices)
-        .filter(|v| model.outer[*v] && head.mouth[*v] > 0.0015 && head.rim[*v] > 0.006 * head.scale)
-        .map(|v| face.skin[v].as_vec3())
-        .collect();
-    let skin = median(&cheeks);
     let before = additions.len();
     report.eyeballs = eyes::cover(
         model,
@@ -187,7 +193,7 @@ fn complete_face(
         &head,
         &mut vertices,
         &bound.scan,
-        skin,
+        face.cheek,
         additions,
     );
     report.eyes = additions.len() - before;
@@ -199,12 +205,16 @@ fn complete_face(
         &head,
         &mut vertices,
         textures,
-        skin,
+        face.cheek,
         additions,
     );
     report.teeth = additions.len() - before;
     bound.mesh.vertices[..vertices.len()].copy_from_slice(&vertices);
-    (pictures, face.as_scanned)
+    Painted {
+        pictures,
+        as_scanned: face.as_scanned,
+        cheek: face.cheek,
+    }
 }
 
 /// Joins Gaussians to what is bound.

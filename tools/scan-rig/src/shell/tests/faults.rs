@@ -6,6 +6,7 @@
 )]
 
 use super::super::additions::{brightness, median};
+use super::super::face;
 use super::super::head::Head;
 use super::super::{ShellOptions, ShellReport, complete, stray};
 use super::scene::{Data, Scene, data, picture, psnr, save};
@@ -25,6 +26,31 @@ fn completed(data: &Data, scene: &mut Scene) -> ShellReport {
         &options,
     )
     .unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn the_shell_is_as_light_as_the_skin_before_it_is_repainted() {
+    let Some(data) = data() else { return };
+    let model = &data.model;
+    let near_head = |face: usize| model.head_share(model.faces[face][0] as usize) > 0.1;
+    let scene = Scene::new(data, 0.006, near_head);
+    let vertices = &scene.bound.mesh.vertices[..model.rest.len()];
+    let head = Head::new(model, &scene.registered, vertices);
+    let face = face::cover(
+        model,
+        &head,
+        vertices,
+        &scene.bound.scan,
+        &scene.bound.triangles,
+    );
+    let skin: Vec<f64> = (face.additions.scan.colours.iter().zip(&face.as_scanned))
+        .filter(|(_, as_scanned)| **as_scanned)
+        .map(|(colour, _)| brightness(colour.as_dvec3()) / brightness(face.cheek))
+        .collect();
+    let dark = skin.iter().filter(|share| **share < 0.25).count();
+    println!("{dark} dark of {} on cheeks of {}", skin.len(), face.cheek);
+    assert!(skin.len() > 2000, "{} cells", skin.len());
+    assert_eq!(dark, 0, "of {} cells", skin.len());
 }
 
 #[test]

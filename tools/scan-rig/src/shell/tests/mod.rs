@@ -5,6 +5,7 @@ mod scene;
 
 use super::head::expressed;
 use super::*;
+use glam::Vec3;
 use scene::Scene;
 use scene::{data, picture, psnr, save};
 
@@ -140,7 +141,7 @@ fn the_neutral_face_looks_as_it_was_scanned_and_every_expression_can_be_drawn() 
 fn count(
     pixels: &[Vec3],
     view: &crate::pinhole::Pinhole,
-    at: glam::DVec3,
+    at: DVec3,
     half: f64,
     kind: impl Fn(Vec3) -> bool,
 ) -> usize {
@@ -174,11 +175,11 @@ fn an_open_mouth_is_dark_inside_and_shows_teeth_that_a_closed_one_hides() {
     .unwrap_or_else(|e| panic!("{e}"));
     let vertices = scene.bound.mesh.vertices.clone();
     let view = scene.face_view(0.8, 0.0);
-    let teeth: Vec<glam::DVec3> = (model.faces.iter().zip(&model.parts))
+    let teeth: Vec<DVec3> = (model.faces.iter().zip(&model.parts))
         .filter(|(_, part)| **part == crate::body::BodyPart::Teeth)
         .map(|(face, _)| vertices[face[0] as usize])
         .collect();
-    let mouth = teeth.iter().sum::<glam::DVec3>() / teeth.len() as f64;
+    let mouth = teeth.iter().sum::<DVec3>() / teeth.len() as f64;
     let dark = |c: Vec3| c.max_element() < 0.22;
     let white = |c: Vec3| c.min_element() > 0.45 && c.max_element() - c.min_element() < 0.15;
     let closed = picture(&scene.bound.scan, &view);
@@ -234,7 +235,7 @@ fn eyes_turn_with_their_joints_about_their_middles() {
     {
         let eye = eye.as_ref().expect("an eyeball");
         let turn = glam::DMat3::from_axis_angle(scene.registered.rotations[15].y_axis, 0.3);
-        let vertices: Vec<glam::DVec3> = (scene
+        let vertices: Vec<DVec3> = (scene
             .bound
             .mesh
             .vertices
@@ -249,7 +250,7 @@ fn eyes_turn_with_their_joints_about_their_middles() {
         .collect();
         let moved = scene.moved(&vertices);
         // The pupil: the darkest Gaussians of this eyeball.
-        let pupil = |positions: &[Vec3]| -> glam::DVec3 {
+        let pupil = |positions: &[Vec3]| -> DVec3 {
             let own = (0..positions.len()).filter(|at| {
                 let face = scene.bound.triangles[*at] as usize;
                 model.parts[face] == crate::body::BodyPart::Eyes
@@ -257,7 +258,7 @@ fn eyes_turn_with_their_joints_about_their_middles() {
                     && scene.bound.scan.colours[*at].max_element() < 0.2
             });
             own.map(|at| positions[at].as_dvec3() - eye.centre)
-                .sum::<glam::DVec3>()
+                .sum::<DVec3>()
                 .normalize()
         };
         let (before, after) = (pupil(&scene.bound.scan.positions), pupil(&moved.positions));
@@ -280,11 +281,10 @@ fn a_hole_in_a_scan_is_filled_in_the_colours_around_it() {
         let middle = model.faces[face]
             .iter()
             .map(|v| model.rest[*v as usize])
-            .sum::<glam::DVec3>()
+            .sum::<DVec3>()
             / 3.0;
-        middle.distance(
-            model.joints[spmm3::Joint::Spine3.index()] + glam::DVec3::new(0.05, -0.05, 0.12),
-        ) < 0.08
+        middle.distance(model.joints[spmm3::Joint::Spine3.index()] + DVec3::new(0.05, -0.05, 0.12))
+            < 0.08
     };
     let whole = Scene::new(data, 0.012, |_| true);
     let mut holed = Scene::new(data, 0.012, |face| !is_hole(face));
@@ -294,9 +294,9 @@ fn a_hole_in_a_scan_is_filled_in_the_colours_around_it() {
     };
     let target = whole.registered.joints[spmm3::Joint::Spine3.index()];
     let view = crate::pinhole::Pinhole::look_at(
-        target + glam::DVec3::new(0.1, 0.0, 1.4),
+        target + DVec3::new(0.1, 0.0, 1.4),
         target,
-        glam::DVec3::Y,
+        DVec3::Y,
         900.0,
         400,
         400,
