@@ -1,20 +1,10 @@
 //! What can go wrong between a scan and an avatar.
 
-use std::path::PathBuf;
-
 /// Why a scan did not become an avatar.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RigError {
-    /// The scan cannot be read.
-    #[error("cannot read the scan {path}: {source}", path = path.display())]
-    Scene {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: splat_scene::SceneError,
-    },
-    /// The scan can be read, but no avatar can be made of it.
+    /// No avatar can be made of it.
     #[error("{what}")]
     Unsuited {
         /// What is missing, and what to do.

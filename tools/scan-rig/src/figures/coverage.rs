@@ -13,8 +13,9 @@ use std::f64::consts::TAU;
 const BESIDE: f64 = 0.03;
 /// How far inside the silhouette a pixel has to be opaque, metres.
 const INSIDE: f64 = 0.012;
-/// Distance of the views' cameras, metres, and their focal length, pixels.
+/// Distance of the views' cameras from a body of up to [`USUAL`] metres, metres, and their focal length, pixels.
 const DISTANCE: f64 = 3.4;
+const USUAL: f64 = 2.0;
 const FOCAL: f64 = 700.0;
 
 /// Shares of the body's silhouette.
@@ -35,10 +36,11 @@ pub fn views(vertices: &[DVec3], azimuths: usize) -> Vec<Pinhole> {
         return Vec::new();
     }
     let target = (low + high) / 2.0;
+    let distance = DISTANCE * ((high - low).max_element() / USUAL).max(1.0);
     (0..azimuths)
         .map(|at| {
             let azimuth = TAU * at as f64 / azimuths as f64;
-            let eye = target + DISTANCE * DVec3::new(azimuth.sin(), 0.08, azimuth.cos());
+            let eye = target + distance * DVec3::new(azimuth.sin(), 0.08, azimuth.cos());
             Pinhole::look_at(eye, target, DVec3::Y, FOCAL, 440, 480)
         })
         .collect()

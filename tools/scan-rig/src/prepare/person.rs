@@ -137,10 +137,10 @@ pub fn prepare(
     person_from_scene = person_from_scene.then(&correction);
     scan = person_from_scene.scan(&found.scan);
     complete(&scan, &body)?;
-    figures.body_residual =
-        median(joints(&body).map(|joint| joint.residual)).unwrap_or(f64::INFINITY);
+    let residual = median(joints(&body).map(|joint| joint.residual));
+    figures.body_residual = residual.unwrap_or(f64::INFINITY);
     if figures.body_residual > MOST_RESIDUAL || looks < VIEWS as usize / 2 {
-        return Err(refused::unsure(1e3 * figures.body_residual));
+        return Err(refused::unsure(residual));
     }
     figures.beside = share_beside(&scan, &body, ABOUT_BONES * height / USUAL_HEIGHT);
     if figures.beside > MOST_BESIDE {

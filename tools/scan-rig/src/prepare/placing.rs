@@ -101,7 +101,7 @@ pub(super) fn onto_the_floor(
 ) -> Result<Similarity, RigError> {
     let missing = || refused::incomplete("head or feet");
     if joints(points).any(|joint| joint.support <= 0.0) {
-        return Err(refused::unsure(f64::INFINITY));
+        return Err(refused::unsure(None));
     }
     let up = match known {
         Some(known) => known.up,

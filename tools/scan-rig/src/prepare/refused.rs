@@ -76,10 +76,18 @@ pub(super) fn incomplete(what: &str) -> RigError {
     ))
 }
 
-pub(super) fn unsure(millimetres: f64) -> RigError {
+/// `apart`: how far views differ, metres, where they show all joints.
+pub(super) fn unsure(apart: Option<f64>) -> RigError {
+    let how = match apart {
+        Some(metres) => format!(
+            "do not agree where the person's joints are ({:.0} mm apart)",
+            1e3 * metres
+        ),
+        None => "do not show where all of the person's joints are".to_owned(),
+    };
     RigError::unsuited(format!(
-        "the views of the scan do not agree where the person's joints are ({millimetres:.0} mm apart): give a scan of one person who \
-         stands freely; if others or furniture are near, choose the person with --box x0,y0,z0,x1,y1,z1"
+        "the views of the scan {how}: give a scan of one person who stands freely; if others or furniture are near, choose the person \
+         with --box x0,y0,z0,x1,y1,z1"
     ))
 }
 

@@ -190,8 +190,7 @@ impl HandJoints {
         })
     }
 
-    /// Distance from the first to the last joint of index, middle and ring finger over the bones' length, and how far these lead on from
-    /// the wrist: the least of both, the mean over the fingers.
+    /// Distance from the wrist to the last joint over the bones' length, the mean of index, middle and ring finger: 1 for straight ones.
     fn straight(self, registered: &Registered) -> f64 {
         let at = |joint: usize| registered.joints[joint];
         // The order of SMPL-X: index, middle, pinky, ring, thumb.

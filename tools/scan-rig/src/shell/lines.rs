@@ -42,8 +42,6 @@ pub(crate) struct Seen {
     pub(crate) coverage: f32,
     /// Mean height of what is seen over the point, towards the viewer, metres.
     pub(crate) height: f32,
-    /// The Gaussian with the largest weight.
-    pub(crate) main: Option<u32>,
 }
 
 /// Gaussians, found by place.
@@ -182,15 +180,11 @@ impl<'a> Lines<'a> {
         }
         splats.sort_unstable_by(|p, q| q.0.total_cmp(&p.0).then(p.1.cmp(&q.1)));
         let mut seen = Seen::default();
-        let (mut left, mut largest) = (1.0_f32, 0.0_f32);
+        let mut left = 1.0_f32;
         for (height, at, alpha) in splats.iter() {
             let weight = left * alpha;
             seen.colour += weight * self.scan.colours[*at as usize];
             seen.height += weight * height;
-            if weight > largest {
-                largest = weight;
-                seen.main = Some(*at);
-            }
             left -= weight;
             if left < 1e-3 {
                 break;
@@ -284,6 +278,5 @@ mod tests {
             seen[1]
         );
         assert_eq!(seen[2], Seen::default(), "nothing there");
-        assert_eq!(seen[1].main, Some(1), "the blue one shows most");
     }
 }

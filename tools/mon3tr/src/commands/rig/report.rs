@@ -16,7 +16,7 @@ use scan_rig::pinhole::Pinhole;
 use scan_rig::pipeline::Rigged;
 use scan_rig::scan::Scan;
 use scan_rig::sight::Sight;
-use spmm3::{Joint, LOOP_SECONDS, MotionClip, MotionParams, Playback};
+use spmm3::{Avatar, Joint, LOOP_SECONDS, MotionClip, MotionParams, Playback};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -131,7 +131,7 @@ fn registration(rigged: &Rigged, device: &DeviceOptions) -> anyhow::Result<Row> 
     };
     let mut pictures = Vec::new();
     for (name, degrees) in [("front", 0.0), ("left", 90.0)] {
-        let view = around(degrees);
+        let view = around(&rigged.avatar, degrees);
         let scan = draw(&rigged.scan, &view)?;
         let mut skeleton = scan.clone();
         for joint in body_joints() {
@@ -173,7 +173,7 @@ fn motion(rigged: &Rigged, device: &DeviceOptions) -> anyhow::Result<Row> {
     let stills = (wanted.iter())
         .map(|(_, motion, degrees)| Still {
             motion: motion.clone(),
-            cameras: vec![around(*degrees).camera()],
+            cameras: vec![around(avatar, *degrees).camera()],
         })
         .collect();
     let pictures = drawn(rigged, device, WHOLE, stills)?;
@@ -244,11 +244,13 @@ fn drawn(
     Ok(pictures)
 }
 
-/// The person from so many degrees to its left.
-fn around(degrees: f64) -> Pinhole {
+/// All of the person from so many degrees to its left.
+fn around(avatar: &Avatar, degrees: f64) -> Pinhole {
     let angle = degrees.to_radians();
-    let target = DVec3::Y * 0.9;
-    let eye = target + DVec3::new(angle.sin(), 0.06, angle.cos()) * 3.9;
+    let heights = avatar.template.vertices().iter().map(|v| v.y);
+    let height = f64::from(heights.fold(0.0, f32::max));
+    let target = DVec3::Y * (0.5 * height);
+    let eye = target + DVec3::new(angle.sin(), 0.06, angle.cos()) * (2.17 * height);
     Pinhole::look_at(eye, target, DVec3::Y, FOCAL, WHOLE.width, WHOLE.height)
 }
 
