@@ -75,7 +75,7 @@ pub fn unit_of(provider: ProviderKind) -> Unit {
     }
 }
 
-/// The placement asked for. What is left open is measured; the wish is the NPU's placement then.
+/// The placement asked for. What is left open is measured.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct PlacementRequest {
     /// This plan and no other.

@@ -10,7 +10,7 @@ use clap::ValueEnum;
 /// Options of commands that show a call.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(crate) struct LaneChoices {
-    /// What runs where: auto (measured at the start, by preference as npu), npu (NPU: networks and skinning), cpu-tail, cpu, gpu
+    /// What runs where: auto (measured at the start, plan npu where it is as fast as another), npu (NPU: networks and skinning), cpu-tail, cpu, gpu
     /// (GPU: all but the networks), and which runtime the networks use: npu=qnn, nnapi, xnnpack or cpu, e.g. npu,npu=qnn
     #[arg(long, value_name = "PLACEMENT", default_value = "auto")]
     pub(crate) placement: PlacementRequest,

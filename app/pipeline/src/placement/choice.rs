@@ -42,7 +42,7 @@ pub struct Alternative {
 const MOTION_HZ: f64 = 30.0;
 /// The plan that is taken unless another is faster by more than [`MARGIN`]. Of its providers the fastest is, in the order of
 /// [`ProviderKind::ALL`] where they are equal.
-const PREFERRED: Plan = Plan::Npu;
+pub(super) const PREFERRED: Plan = Plan::Npu;
 /// By how much measurements waver, a share of the time.
 const MARGIN: f64 = 0.03;
 
@@ -67,16 +67,33 @@ pub fn predicted_picture_ms(
     pace.into_iter().fold(0.0, f64::max)
 }
 
+/// The alternatives that [`choose`] may still take when more have been measured: the fastest, and the fastest of the preferred plan.
+/// One that is neither never will be again.
+pub(super) fn contenders(alternatives: &[Alternative]) -> [Option<usize>; 2] {
+    let fastest_where = |wanted: fn(Plan) -> bool| {
+        let possible = alternatives.iter().enumerate().filter_map(|(at, one)| {
+            let ms = one.predicted_ms.filter(|_| wanted(one.plan))?;
+            Some((at, ms))
+        });
+        possible
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map(|(at, _)| at)
+    };
+    [
+        fastest_where(|_| true),
+        fastest_where(|plan| plan == PREFERRED),
+    ]
+}
+
 /// The index of the alternative to take: the fastest, the preferred plan where it makes no difference. `None` if none is to be had.
 #[must_use]
 pub fn choose(alternatives: &[Alternative]) -> Option<usize> {
     let predicted = |at: usize| alternatives.get(at).and_then(|one| one.predicted_ms);
-    let possible = (0..alternatives.len()).filter_map(|at| predicted(at).map(|ms| (at, ms)));
-    let (fastest, least) = possible.clone().min_by(|a, b| a.1.total_cmp(&b.1))?;
-    possible
-        .into_iter()
-        .find(|(at, ms)| alternatives[*at].plan == PREFERRED && *ms <= least * (1.0 + MARGIN))
-        .map_or(Some(fastest), |(at, _)| Some(at))
+    let [fastest, preferred] = contenders(alternatives);
+    let least = predicted(fastest?)?;
+    preferred
+        .filter(|at| predicted(*at).is_some_and(|ms| ms <= least * (1.0 + MARGIN)))
+        .or(fastest)
 }
 
 #[cfg(test)]
@@ -144,5 +161,47 @@ mod tests {
         assert_eq!(choose(&alternatives), Some(1), "without the NPU's");
         alternatives[1].predicted_ms = None;
         assert_eq!(choose(&alternatives), None, "none");
+    }
+
+    #[test]
+    fn what_is_chosen_in_the_end_was_a_contender_from_the_time_it_was_measured() {
+        let rng = &mut fastrand::Rng::with_seed(7);
+        let mut preferred_of_two = 0;
+        for _ in 0..2000 {
+            let mut alternatives = Vec::new();
+            let mut open = Vec::<bool>::new();
+            for provider in [
+                ProviderKind::Nnapi,
+                ProviderKind::Xnnpack,
+                ProviderKind::Cpu,
+            ] {
+                for plan in Plan::ALL {
+                    alternatives.push(Alternative {
+                        plan,
+                        provider,
+                        unit: unit_of(provider),
+                        costs: None,
+                        // Many within the margin of one another.
+                        predicted_ms: (rng.u8(0..5) > 0).then(|| 10.0 + 0.6 * rng.f64()),
+                        refused: None,
+                    });
+                    open.push(true);
+                    let contenders = contenders(&alternatives);
+                    for (at, open) in open.iter_mut().enumerate() {
+                        *open &= contenders.contains(&Some(at));
+                    }
+                }
+            }
+            let chosen = choose(&alternatives).expect("some time of twelve");
+            assert!(open[chosen], "closed too early: {alternatives:?}");
+            let least = (alternatives.iter().filter_map(|one| one.predicted_ms))
+                .fold(f64::INFINITY, f64::min);
+            let ms = alternatives[chosen].predicted_ms.expect("measured");
+            preferred_of_two += u32::from(ms > least);
+        }
+        assert!(
+            preferred_of_two > 100,
+            "the preferred plan was never slower: {preferred_of_two}"
+        );
     }
 }

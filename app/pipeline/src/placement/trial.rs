@@ -1,5 +1,6 @@
 //! The short timed warm-up at the start: every placement that can be had runs a few frames, and the fastest goes on.
 
+use super::choice::{PREFERRED, contenders};
 use super::{Alternative, StageCosts, choose, predicted_picture_ms};
 use crate::control::Control;
 use crate::deform::Deformer;
@@ -203,10 +204,10 @@ fn place_here(
             }
             alternatives.push(alternative);
             open.push(kept);
-            // What is not the best so far never will be: its session's memory is wanted.
-            let best = choose(&alternatives);
+            // The memory of the sessions that can no longer be chosen is wanted.
+            let contenders = contenders(&alternatives);
             for (at, session) in open.iter_mut().enumerate() {
-                if Some(at) != best {
+                if !contenders.contains(&Some(at)) {
                     *session = None;
                 }
             }
@@ -295,7 +296,7 @@ fn reason(chosen: &Alternative, alternatives: &[Alternative]) -> String {
     match others.first() {
         None => "nothing else can be had of what was asked for".into(),
         Some(next) if ms(next) < ms(chosen) => format!(
-            "{:.1} ms a picture is predicted, as good as {} on {} with {:.1} ms: then the NPU's placement goes first",
+            "{:.1} ms a picture is predicted, as good as {} on {} with {:.1} ms: then plan {PREFERRED} goes first",
             ms(chosen),
             next.plan,
             next.provider,

@@ -50,7 +50,7 @@ pub struct Options {
     /// The sender's link of a room that is open already, as `send` prints it
     #[arg(long, value_name = "LINK")]
     room: Option<RoomLink>,
-    /// The owner's token, as `serve` prints it [default: that of a server on this machine]
+    /// The owner's token: what is in the file that `serve` names [default: that of a server on this machine]
     #[arg(
         long,
         value_name = "TOKEN",
@@ -244,9 +244,9 @@ impl Options {
         let owner_token = match &self.owner_token {
             Some(token) => token.clone(),
             None if self.server.is_here() => token_here()?.ok_or_else(|| {
-                anyhow!("no owner's token: start `mon3tr serve` on this machine first, or give the --owner-token that it printed elsewhere")
+                anyhow!("no owner's token: start `mon3tr serve` on this machine first, or give --owner-token: what is in the file that `mon3tr serve` named")
             })?,
-            None => bail!("no owner's token: give the --owner-token that `mon3tr serve` printed where it runs"),
+            None => bail!("no owner's token: give --owner-token: what is in the file that `mon3tr serve` named where it runs"),
         };
         Ok(Place::Server {
             server: self.server.clone(),
