@@ -67,7 +67,7 @@ Seen see(ViewParams v, vec3 position, float opacity, mat3 axes) {
     if (MIP_FILTER) log2_opacity += 0.5 * log2(det_0 / det);
     vec2 mean = v.intrinsics.xy * t.xy * inv_z + v.intrinsics.zw;
     float q_cut = 2.0 * LN_2 * (log2_opacity - LOG2_ALPHA_CUT);
-    // Where alpha reaches 1/255: by opacity, not by three standard deviations.
+    // Where alpha reaches ALPHA_CUT: by opacity, not by three standard deviations.
     vec2 reach = sqrt(q_cut * vec2(a, c));
     if (!(q_cut > 0.0) || !finite(vec4(mean, reach)) || !finite(c * det)) return seen;
 

@@ -19,7 +19,7 @@ struct PackedStatic { uint words[5]; };
 
 // Mirrors `Block` in src/background.rs.
 struct Block {
-    vec4 origin;      // least position, metres; reach: greatest radius at which alpha could be 1/255
+    vec4 origin;      // least position, metres; reach: greatest radius at which alpha could be ALPHA_CUT
     vec4 step_scale;  // size of a position step on each axis; least log2(scale)
     vec4 steps;       // of log2(scale); least colour coefficient; step of that
     vec4 harmonics;   // steps of the coefficients of degree 1, 2 and 3

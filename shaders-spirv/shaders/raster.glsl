@@ -1,6 +1,6 @@
 // A workgroup is one subgroup and owns one block of a 16x16 tile: 8x8 pixels, 16x8 where a subgroup is 128 wide. Each
 // lane tests one listed splat against the block; those that touch it are handed round and blended front to back until
-// the whole block lets less than 1/255 through.
+// the whole block lets less than TRANSMITTANCE_CUT through.
 #include "frame.glsl"
 
 layout(constant_id = 0) const uint SUBGROUP = 8u; // invocations of one subgroup: 4, 8, ... 128

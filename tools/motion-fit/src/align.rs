@@ -78,6 +78,12 @@ impl Similarity {
         })
     }
 
+    /// `point` of `from` laid on `to`.
+    #[must_use]
+    pub fn apply(&self, point: DVec3) -> DVec3 {
+        self.to_centre + self.to_from * (point - self.from_centre) * self.scale
+    }
+
     /// `point` of `to` taken back to `from`.
     #[must_use]
     pub fn invert(&self, point: DVec3) -> DVec3 {
@@ -107,6 +113,8 @@ mod tests {
         assert!(found.to_from.angle_between(turn) < 1e-7, "the rotation");
         assert!((found.scale - 250.0).abs() < 1e-9, "the scale");
         for pair in &pairs {
+            let there = found.apply(pair.from);
+            assert!(there.distance(pair.to) < 1e-6, "{there} for {}", pair.to);
             let back = found.invert(pair.to);
             assert!(back.distance(pair.from) < 1e-9, "{back} for {}", pair.from);
         }

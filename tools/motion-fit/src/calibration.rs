@@ -9,7 +9,8 @@
 
 pub use crate::body::Calibration;
 use crate::body::StandingBody;
-use crate::landmarks::{BodyLandmarks, Camera};
+use crate::landmarks::blazepose::{ANKLES, HIPS, KNEES, SHOULDERS};
+use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks, Camera};
 use nalgebra::{Matrix3, Vector3};
 use spmm3::Skeleton;
 
@@ -28,14 +29,8 @@ const UPRIGHT: f64 = 0.71;
 /// A person who stands moves less than this share of their height from their mean place.
 const STILL: f64 = 0.06;
 
-const SHOULDERS: [usize; 2] = [11, 12];
-const HIPS: [usize; 2] = [23, 24];
-const KNEES: [usize; 2] = [25, 26];
-const ANKLES: [usize; 2] = [27, 28];
 /// All that must be seen.
 const WHOLE: [[usize; 2]; 4] = [SHOULDERS, HIPS, KNEES, ANKLES];
-/// Landmarks that place the body, from the shoulders on.
-const POINTS: usize = 33;
 
 /// What is missing for a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,7 +69,7 @@ pub struct Calibrator {
 struct Sums {
     pictures: u32,
     /// Metres (y up, z towards the camera) times, pixels times, and confidence.
-    points: [(Vector3<f64>, [f64; 2], f64); POINTS],
+    points: [(Vector3<f64>, [f64; 2], f64); BODY_LANDMARKS],
     /// Of the hips' middle, pixels: mean.
     place: [f64; 2],
 }
@@ -83,7 +78,7 @@ impl Default for Sums {
     fn default() -> Self {
         Self {
             pictures: 0,
-            points: [(Vector3::zeros(), [0.0; 2], 0.0); POINTS],
+            points: [(Vector3::zeros(), [0.0; 2], 0.0); BODY_LANDMARKS],
             place: [0.0; 2],
         }
     }

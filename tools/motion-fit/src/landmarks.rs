@@ -3,6 +3,7 @@
 //! Pixels: x to the right, y down, the centre of the first pixel at (0.5, 0.5). Camera axes: x right, y down, z away from the camera,
 //! metres. Left and right are the person's own.
 
+pub mod blazepose;
 pub mod estimates;
 
 pub use estimates::Observation;

@@ -135,7 +135,7 @@ impl Smoother {
             state.advance(&self.config, step, motion, confidence);
             state.seconds = seconds;
         }
-        state.tell(motion);
+        state.write_to(motion);
     }
 }
 
@@ -202,7 +202,7 @@ impl State {
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "motion parameters are f32")]
-    fn tell(&self, motion: &mut MotionParams) {
+    fn write_to(&self, motion: &mut MotionParams) {
         for (joint, q) in Joint::ALL.into_iter().zip(&self.rotations) {
             let [x, y, z, w] = [q.i, q.j, q.k, q.w].map(|v| v as f32);
             motion.set_rotation(joint, Quat::from_xyzw(x, y, z, w).normalize());

@@ -1,7 +1,7 @@
 //! From Gaussians and cameras to finished pictures. A lost device can be opened again.
 //!
 //! Image formation is that of 3D Gaussian Splatting (Kerbl et al., 2023): EWA projection with 0.3 px^2
-//! added to the covariance's diagonal, alpha = min(0.99, opacity exp(-q/2)) cut at 1/255, front to back
+//! added to the covariance's diagonal, alpha = min(0.99, opacity exp(-q/2)) cut at `ALPHA_CUT`, front to back
 //! by depth. Colours are blended as display values.
 
 use std::sync::Arc;

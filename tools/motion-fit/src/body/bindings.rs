@@ -1,10 +1,10 @@
 //! Where on the skeleton each landmark sits, and how far it is trusted there.
 
-use super::{
-    chain::{Attachment, wide},
-    reading::{ANKLES, EARS, ELBOWS, HEELS, HIPS, KNEES, NOSE, SHOULDERS, TOES, WRISTS},
-};
+use super::chain::{Attachment, wide};
 use crate::landmarks::BODY_LANDMARKS;
+use crate::landmarks::blazepose::{
+    ANKLES, EARS, ELBOWS, HEELS, HIPS, KNEES, NOSE, SHOULDERS, TOES, WRISTS,
+};
 use nalgebra::Vector3;
 use spmm3::{Joint, MotionParams, Skeleton};
 

@@ -3,10 +3,11 @@
 use super::{
     bindings::{Binding, COUNT},
     chain::{Attachment, BODY_JOINTS, Placed, Posture},
-    reading::{ANKLES, HIPS, KNEES, Reading, SHOULDERS, Seen},
+    reading::{Reading, Seen},
     solver::SkeletonSolver,
     terms::{NEAREST, Term, View},
 };
+use crate::landmarks::blazepose::{ANKLES, HIPS, KNEES, SHOULDERS};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use spmm3::Joint;
 
@@ -95,7 +96,7 @@ impl Scene {
 }
 
 /// A first posture: the pelvis turned as the torso is, at the depth that the torso's size in the picture tells.
-pub(super) fn begin(
+pub(super) fn first_posture(
     body: &Body,
     solver: &SkeletonSolver,
     scene: &Scene,
@@ -149,7 +150,7 @@ pub(super) fn begin(
 }
 
 /// The landmarks' terms.
-pub(super) fn see(
+pub(super) fn landmark_terms(
     body: &Body,
     solver: &mut SkeletonSolver,
     scene: &Scene,
@@ -195,7 +196,7 @@ pub(super) fn root_of(body: &Body, reading: &Reading, placed: &Placed) -> Vector
 }
 
 /// What the picture does not show is at ease: legs stand below a body that is upright, as of a person before a desk.
-pub(super) fn rest_unseen(body: &Body, solver: &mut SkeletonSolver, reading: &Reading) {
+pub(super) fn unseen_terms(body: &Body, solver: &mut SkeletonSolver, reading: &Reading) {
     let unseen = |points: &[usize]| {
         let best = points.iter().map(|p| reading.points[*p].confidence);
         (1.0 - best.fold(0.0, f64::max) / SEEN).max(0.0)
@@ -228,7 +229,7 @@ pub(super) fn rest_unseen(body: &Body, solver: &mut SkeletonSolver, reading: &Re
 }
 
 /// Continuity with the predicted posture.
-pub(super) fn keep(solver: &mut SkeletonSolver, scene: &Scene, predicted: &Posture) {
+pub(super) fn continuity_terms(solver: &mut SkeletonSolver, scene: &Scene, predicted: &Posture) {
     let turn = 1.0 / (TURN_CHANGE * scene.step).powi(2);
     for joint in Joint::ALL.into_iter().take(BODY_JOINTS) {
         solver.terms.push(Term::Rotation {
@@ -255,7 +256,7 @@ pub(super) fn stands(reading: &Reading) -> bool {
 }
 
 /// A standing body leans little, above all not along the line of sight, where a network sees it least.
-pub(super) fn stand_upright(solver: &mut SkeletonSolver, scene: &Scene, reading: &Reading) {
+pub(super) fn upright_terms(solver: &mut SkeletonSolver, scene: &Scene, reading: &Reading) {
     if !stands(reading) {
         return;
     }

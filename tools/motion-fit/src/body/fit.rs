@@ -7,7 +7,7 @@ use super::{
     pose::{BodyPose, CameraPose, Limb},
     prior::PosePrior,
     proportions::Proportions,
-    reading::{ANKLES, Exchange, KNEES, Reading, SHOULDERS},
+    reading::{Exchange, Reading},
     so3,
     soles::soles,
     solver::SkeletonSolver,
@@ -16,6 +16,7 @@ use super::{
     track::Track,
     upright::Upright,
 };
+use crate::landmarks::blazepose::{ANKLES, KNEES, SHOULDERS};
 use crate::landmarks::{BodyLandmarks, Camera};
 use glam::{Mat3, Quat, Vec3};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
@@ -69,7 +70,7 @@ pub struct BodyFit {
     /// The pelvis above the template's floor at rest, metres.
     pelvis: Vector3<f64>,
     upright: Upright,
-    /// The account that is told, and perhaps another that may be true.
+    /// The account that is shown, and perhaps another that may be true.
     track: Option<Track>,
     rival: Option<Track>,
     /// The point of the floor, x and z, that is the avatar's origin.
@@ -146,11 +147,11 @@ impl BodyFit {
         let seconds = self.last_seconds.unwrap_or(0.0);
         let reading = body.and_then(Reading::new);
         match &reading {
-            Some(reading) => self.see(seconds, step, reading),
+            Some(reading) => self.update(seconds, step, reading),
             None => self.coast(step),
         }
         self.fade_confidence(reading.as_ref(), step);
-        self.tell(reading.as_ref())
+        self.body_pose(reading.as_ref())
     }
 
     /// Holds what a calibration found: tilt and height of the camera, and the person's proportions.
@@ -179,7 +180,7 @@ impl BodyFit {
         }
     }
 
-    fn see(&mut self, seconds: f64, step: f64, reading: &Reading) {
+    fn update(&mut self, seconds: f64, step: f64, reading: &Reading) {
         if self.unseen > GONE {
             self.track = None;
             self.rival = None;
@@ -190,7 +191,7 @@ impl BodyFit {
             self.proportions.shape(self.solver.chain_mut());
         }
         if self.config.parts.upright {
-            self.lift(step, reading);
+            self.update_tilt(step, reading);
         }
         let level = self.upright.level();
         let levelled = reading.levelled(&level, self.proportions.scale());
@@ -209,13 +210,13 @@ impl BodyFit {
             self.rival = Some(Track::new(posture));
         }
         if let Some(rival) = &mut self.rival {
-            // One that begins later takes the labels as they are: the account that is told exchanges all.
+            // One that begins later takes the labels as they are: the account that is shown exchanges all.
             let opposite = if first {
                 Exchange::BOTH
             } else {
                 Exchange::NONE
             };
-            let given = (rival.doubt.1 == 0).then_some(opposite);
+            let given = (rival.costs.1 == 0).then_some(opposite);
             rival.follow(&self.body, &mut self.solver, &scene, &levelled, given);
         }
         if first && self.origin.is_none() {
@@ -228,20 +229,20 @@ impl BodyFit {
                 }
             }
         }
-        self.judge(&mut track);
-        self.touch(&track, step, &levelled);
+        self.choose_track(&mut track);
+        self.update_floor(&track, step, &levelled);
         let at = track.posture.position;
         self.origin.get_or_insert(Vector2::new(at.x, at.z));
         self.track = Some(track);
     }
 
-    /// Tells the better of two accounts, ends their trial, or begins one.
-    fn judge(&mut self, track: &mut Track) {
+    /// Shows the better of two accounts, ends their trial, or begins one.
+    fn choose_track(&mut self, track: &mut Track) {
         let Some(rival) = &mut self.rival else {
-            if track.contrary > self.patience {
+            if track.exchanged_seconds > self.patience {
                 // It doubles while rivals lose: perhaps the network is wrong for long.
                 self.patience = (self.patience * 2.0).min(LONGEST_PATIENCE);
-                track.doubt = (0.0, 0);
+                track.costs = (0.0, 0);
                 self.rival = Some(Track::new(self.solver.prior.posture()));
             }
             return;
@@ -249,12 +250,12 @@ impl BodyFit {
         // Accounts that began together are told apart by their first picture; one that begins later fits it more freely.
         let together = track.age == rival.age;
         let trial = if together { 1 } else { TRIAL / 2 };
-        if rival.doubt.1 >= trial && rival.mean_doubt() < CLEARLY * track.mean_doubt() {
+        if rival.costs.1 >= trial && rival.mean_cost() < CLEARLY * track.mean_cost() {
             std::mem::swap(track, rival);
             self.patience = DOUBTFUL;
         }
-        if rival.doubt.1 >= TRIAL {
-            track.contrary = 0.0;
+        if rival.costs.1 >= TRIAL {
+            track.exchanged_seconds = 0.0;
             self.rival = None;
         }
     }
@@ -284,9 +285,9 @@ impl BodyFit {
     }
 
     /// Takes a standing body's axis into the estimate of the camera's tilt, and turns the accounts into the new level.
-    fn lift(&mut self, step: f64, reading: &Reading) {
+    fn update_tilt(&mut self, step: f64, reading: &Reading) {
         let before = self.upright.level();
-        self.upright.pass(step);
+        self.upright.forget(step);
         let axis = reading.middle(SHOULDERS) - reading.middle(ANKLES);
         self.tallest *= (-step / TALLEST_MEMORY).exp();
         if stands(reading) {
@@ -311,7 +312,7 @@ impl BodyFit {
     }
 
     /// Takes standing soles into the estimate of the floor.
-    fn touch(&mut self, track: &Track, step: f64, reading: &Reading) {
+    fn update_floor(&mut self, track: &Track, step: f64, reading: &Reading) {
         let placed = self.solver.chain().place(&track.posture);
         let back = self.upright.level().transpose();
         let floor = -self.upright.height();
@@ -371,7 +372,7 @@ impl BodyFit {
         }
     }
 
-    fn tell(&self, reading: Option<&Reading>) -> BodyPose {
+    fn body_pose(&self, reading: Option<&Reading>) -> BodyPose {
         let seen = reading.is_some();
         // A leg that is not in the picture stands.
         let unseen = |foot: usize| {

@@ -121,11 +121,11 @@ impl FootLock {
             });
         }
         self.solver.solve(&mut posture, STEPS);
-        self.tell(&posture, motion);
+        self.write_to(&posture, motion);
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "motion parameters are f32")]
-    fn tell(&self, posture: &Posture, motion: &mut MotionParams) {
+    fn write_to(&self, posture: &Posture, motion: &mut MotionParams) {
         for joint in Joint::ALL.into_iter().take(BODY_JOINTS).filter(|j| leg(*j)) {
             let q = &posture.rotations[joint.index()];
             let [x, y, z, w] = [q.i, q.j, q.k, q.w].map(|v| v as f32);

@@ -1,9 +1,7 @@
 //! What a fit tells: the pose, how sure it is, and where the camera is.
 
-use super::{
-    chain::BODY_JOINTS,
-    reading::{ANKLES, EARS, ELBOWS, HIPS, KNEES, NOSE, SHOULDERS, WRISTS},
-};
+use super::chain::BODY_JOINTS;
+use crate::landmarks::blazepose::{ANKLES, EARS, ELBOWS, HIPS, KNEES, NOSE, SHOULDERS, WRISTS};
 use glam::{Mat3, Quat, Vec3};
 use spmm3::{Joint, MotionParams};
 

@@ -7,8 +7,9 @@
 use super::{
     bindings::Binding,
     chain::{Chain, Placed, Posture},
-    reading::{ANKLES, ELBOWS, HIPS, KNEES, Reading, SHOULDERS, WRISTS},
+    reading::Reading,
 };
+use crate::landmarks::blazepose::{ANKLES, ELBOWS, HIPS, KNEES, SHOULDERS, WRISTS};
 use nalgebra::Vector3;
 use spmm3::Joint;
 

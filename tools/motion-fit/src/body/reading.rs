@@ -1,36 +1,18 @@
 //! One picture's landmarks made safe, and left and right exchanged where they were mistaken.
 
 use super::chain::wide;
+use crate::landmarks::blazepose::{
+    ANKLES, EARS, ELBOWS, EYES, HIPS, KNEES, LOWER, NOSE, SHOULDERS, WRISTS, mirrored,
+};
 use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-/// Landmarks by BlazePose's order.
-pub(super) const NOSE: usize = 0;
-pub(super) const EYES: [usize; 2] = [2, 5];
-pub(super) const SHOULDERS: [usize; 2] = [11, 12];
-pub(super) const ELBOWS: [usize; 2] = [13, 14];
-pub(super) const WRISTS: [usize; 2] = [15, 16];
-pub(super) const HIPS: [usize; 2] = [23, 24];
-pub(super) const KNEES: [usize; 2] = [25, 26];
-pub(super) const ANKLES: [usize; 2] = [27, 28];
-pub(super) const HEELS: [usize; 2] = [29, 30];
-pub(super) const TOES: [usize; 2] = [31, 32];
-pub(super) const EARS: [usize; 2] = [7, 8];
-
 /// A landmark less sure than this counts as not seen.
 pub(super) const UNSEEN: f64 = 0.1;
-/// The first landmark of hips and legs.
-const LOWER: usize = HIPS[0];
 /// Landmarks further from the hips than this are mistakes, metres.
 const FURTHEST: f64 = 4.0;
 /// Landmarks further outside are mistakes, pixels.
 const OUTERMOST: f64 = 1e5;
-
-/// Each landmark's twin on the other side.
-const TWINS: [usize; BODY_LANDMARKS] = [
-    0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15, 18, 17, 20, 19, 22, 21, 24, 23, 26,
-    25, 28, 27, 30, 29, 32, 31,
-];
 
 /// A landmark.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -123,7 +105,7 @@ impl Reading {
                 } else {
                     exchange.lower
                 };
-                self.points[if swap { TWINS[i] } else { i }]
+                self.points[if swap { mirrored(i) } else { i }]
             }),
         }
     }

@@ -4,9 +4,9 @@ use super::{
     bindings,
     chain::{Chain, Posture},
     proportions::{LIMBS, PARTS, SHANK, THIGH, TORSO, part_lengths},
-    reading::{ANKLES, HIPS, SHOULDERS},
     soles::soles,
 };
+use crate::landmarks::blazepose::{ANKLES, HIPS, SHOULDERS};
 use nalgebra::Vector3;
 use spmm3::Skeleton;
 

@@ -4,15 +4,16 @@ use super::{
     chain::{BODY_JOINTS, Placed, Posture},
     contact::{Contact, SeenSole},
     evidence::{
-        Body, DEPTHS, Scene, begin, keep, reprojection, rest_unseen, root_of, see, stand_upright,
-        unproject,
+        Body, DEPTHS, Scene, continuity_terms, first_posture, landmark_terms, reprojection,
+        root_of, unproject, unseen_terms, upright_terms,
     },
-    reading::{Exchange, HEELS, Reading, TOES},
+    reading::{Exchange, Reading},
     so3,
     solver::SkeletonSolver,
     terms::Term,
 };
 use crate::landmarks::BODY_LANDMARKS;
+use crate::landmarks::blazepose::{HEELS, TOES};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Steps of the solver for a picture, and for the first one.
@@ -35,9 +36,9 @@ pub(super) struct Track {
     /// What this account exchanged in the last picture.
     pub(super) exchange: Exchange,
     /// For how long it exchanged all without a break, seconds.
-    pub(super) contrary: f64,
+    pub(super) exchanged_seconds: f64,
     /// Sum of the fits' costs and their number.
-    pub(super) doubt: (f64, u32),
+    pub(super) costs: (f64, u32),
     /// Root mean square of the last fit's reprojection, pixels.
     pub(super) reprojection: f64,
     /// Pictures fitted.
@@ -52,8 +53,8 @@ impl Track {
             drift: Vector3::zeros(),
             contacts: [Contact::default(); 4],
             exchange: Exchange::NONE,
-            contrary: 0.0,
-            doubt: (0.0, 0),
+            exchanged_seconds: 0.0,
+            costs: (0.0, 0),
             reprojection: 0.0,
             age: 0,
         }
@@ -64,8 +65,8 @@ impl Track {
     }
 
     /// Mean cost of the fits since the last count began.
-    pub(super) fn mean_doubt(&self) -> f64 {
-        self.doubt.0 / f64::from(self.doubt.1.max(1))
+    pub(super) fn mean_cost(&self) -> f64 {
+        self.costs.0 / f64::from(self.costs.1.max(1))
     }
 
     /// The posture after `step` seconds of fading speed.
@@ -102,7 +103,7 @@ impl Track {
             rotation.renormalize();
         }
         self.contacts = [Contact::default(); 4];
-        self.contrary = 0.0;
+        self.exchanged_seconds = 0.0;
     }
 
     /// Turns all about the camera: the world became level in another way.
@@ -135,36 +136,36 @@ impl Track {
             None if self.begun() && body.parts.labels => guess(body, &placed, reading),
             None => Exchange::NONE,
         };
-        self.contrary = if self.exchange == Exchange::BOTH {
-            self.contrary + step
+        self.exchanged_seconds = if self.exchange == Exchange::BOTH {
+            self.exchanged_seconds + step
         } else {
             0.0
         };
         let reading = reading.exchanged(self.exchange);
         let mut posture = predicted;
         if !self.begun() {
-            posture = begin(body, solver, scene, &reading);
+            posture = first_posture(body, solver, scene, &reading);
         }
         let placed = solver.chain().place(&posture);
 
         solver.terms.clear();
         solver.views.clear();
         solver.views.push(scene.view);
-        see(body, solver, scene, &reading, &placed);
-        rest_unseen(body, solver, &reading);
+        landmark_terms(body, solver, scene, &reading, &placed);
+        unseen_terms(body, solver, &reading);
         if self.begun() {
-            keep(solver, scene, &posture);
+            continuity_terms(solver, scene, &posture);
         }
         if body.parts.upright {
-            stand_upright(solver, scene, &reading);
+            upright_terms(solver, scene, &reading);
         }
         if body.parts.ground && self.begun() {
-            self.ground(body, solver, scene, &reading, &placed);
+            self.ground_terms(body, solver, scene, &reading, &placed);
         }
         let solved = solver.solve(&mut posture, if self.begun() { STEPS } else { FIRST_STEPS });
         if solved.cost.is_finite() {
-            self.doubt.0 += solved.cost;
-            self.doubt.1 += 1;
+            self.costs.0 += solved.cost;
+            self.costs.1 += 1;
         }
         // A body behind the camera or beyond all is a mistake of depth.
         let forward = scene.view.camera_from_world.row(2).transpose();
@@ -191,7 +192,7 @@ impl Track {
     }
 
     /// Pins standing soles and keeps all above the floor.
-    fn ground(
+    fn ground_terms(
         &mut self,
         body: &Body,
         solver: &mut SkeletonSolver,

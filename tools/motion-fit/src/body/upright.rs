@@ -113,7 +113,7 @@ impl Upright {
     }
 
     /// Forgets a little.
-    pub(super) fn pass(&mut self, seconds: f64) {
+    pub(super) fn forget(&mut self, seconds: f64) {
         let keep = (-seconds / MEMORY).exp();
         self.information *= keep;
         self.sum *= keep;

@@ -7,12 +7,10 @@ use crate::models::{BodyEstimate, BodyHints, BodyModel, BodyRotations, JointRota
 use crate::picture::PictureView;
 use glam::{Vec2, Vec3};
 use motion_fit::landmarks::BodyLandmarks;
+use motion_fit::landmarks::blazepose::{HIPS, SHOULDERS};
 
 /// Landmarks that the finder holds for less likely are left out of the region.
 const SEEN: f32 = 0.5;
-/// BlazePose's shoulders and hips.
-const SHOULDERS: [usize; 2] = [11, 12];
-const HIPS: [usize; 2] = [23, 24];
 
 pub(super) struct CustomBody {
     finder: Box<dyn BodyModel>,

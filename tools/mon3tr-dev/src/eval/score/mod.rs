@@ -4,8 +4,8 @@ mod whole_body;
 
 pub(super) use whole_body::{FINGERS, WholeBody};
 
-use glam::{DMat3, DVec3};
-use nalgebra::{Matrix3, SVD};
+use glam::DVec3;
+use motion_fit::align::{Pair, Similarity};
 use serde::Serialize;
 use spmm3::Joint;
 use whole_body::{Known, WholeBodyScores};
@@ -160,35 +160,22 @@ fn mean_distance(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.distance(*b)).sum::<f64>() / a.len().max(1) as f64
 }
 
-/// Mean distance after the similarity transform of `a` that is best in the sense of least squares (Umeyama, 1991), metres.
+/// Mean distance after the similarity transform of `a` that is best in the sense of least squares, metres; without one where `a` determines none.
 fn aligned_error(a: &[DVec3], b: &[DVec3]) -> f64 {
-    let centre = |points: &[DVec3]| points.iter().sum::<DVec3>() / points.len().max(1) as f64;
-    let (ca, cb) = (centre(a), centre(b));
-    let mut covariance = DMat3::ZERO;
-    let mut spread = 0.0;
-    for (a, b) in a.iter().zip(b) {
-        let (a, b) = (*a - ca, *b - cb);
-        covariance += DMat3::from_cols(b * a.x, b * a.y, b * a.z);
-        spread += a.length_squared();
-    }
-    let svd = SVD::new(
-        Matrix3::from_column_slice(&covariance.to_cols_array()),
-        true,
-        true,
-    );
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
-        return mean_distance(a, b);
-    };
-    let mut signs = nalgebra::Vector3::new(1.0, 1.0, 1.0);
-    if (u * v_t).determinant() < 0.0 {
-        // The least singular value's axis; nalgebra sorts them.
-        signs.z = -1.0;
-    }
-    let turn = u * Matrix3::from_diagonal(&signs) * v_t;
-    let scale = svd.singular_values.dot(&signs) / spread.max(f64::MIN_POSITIVE);
-    let turn = DMat3::from_cols_slice(turn.as_slice());
-    let moved: Vec<DVec3> = a.iter().map(|a| scale * (turn * (*a - ca)) + cb).collect();
-    mean_distance(&moved, b)
+    let pairs: Vec<Pair> = (a.iter().zip(b))
+        .map(|(a, b)| Pair {
+            from: *a,
+            to: *b,
+            weight: 1.0,
+        })
+        .collect();
+    Similarity::fit(&pairs).map_or_else(
+        || mean_distance(a, b),
+        |best| {
+            let moved: Vec<DVec3> = a.iter().map(|a| best.apply(*a)).collect();
+            mean_distance(&moved, b)
+        },
+    )
 }
 
 /// Mean distance in the picture as a share of the person's height in it; nothing where no joint is in the picture.
