@@ -1,12 +1,14 @@
 # shellcheck shell=bash disable=SC2154 # run sets what is not assigned here
-# The headset's app executed on this machine (tests/android-rehearsal). Sourced by ./run.
+# The headset's app: its package built and looked at (tools/mon3tr-dev/tests/apk), and its build for this machine's processor executed
+# (tests/android-rehearsal). Sourced by ./run.
 #
-# A rehearsal takes ten minutes with its build, so CI performs it where something changed that it executes. What that was when it last
+# Both take twenty minutes with their builds, so CI performs them where something changed that they build or execute. What that was when it last
 # passed is kept beside the crate, in `rehearsed`: a line a path, with the hash of its tracked files. A developer who changes the app rehearses it,
 # and commits that file with the change; where that was forgotten, CI does it.
 
 rehearsed=$repo/tests/android-rehearsal/rehearsed
-rehearsal_paths=(android app link npu-runtime shaders-spirv splat-scene spmm3 tests/android-rehearsal tests/person tests/support tools/android-native tools/profile-report xr-renderer
+rehearsal_paths=(android app link npu-runtime shaders-spirv splat-scene spmm3 tests/android-rehearsal tests/person tests/support tools/android-native tools/mon3tr-dev/src/apk
+	tools/mon3tr-dev/tests/apk tools/profile-report xr-renderer
 	Cargo.lock Cargo.toml)
 
 # rehearsal_state: a line a path
@@ -49,6 +51,11 @@ rehearse() {
 	set -- "${arguments[@]}"
 	# What is about to be built: an edit made meanwhile was not rehearsed.
 	state=$(rehearsal_state)
+	# One case alone is a developer's: the package waits for the whole.
+	case " $* " in
+	*" --case"*) ;;
+	*) cargo test --manifest-path "$repo/Cargo.toml" --package mon3tr-dev --test apk -- --include-ignored ;;
+	esac
 	cargo build --manifest-path "$repo/Cargo.toml" --package mon3tr --package android-rehearsal
 	"${CARGO_TARGET_DIR:-$repo/target}/debug/rehearse-android" "$@"
 	case " $* " in

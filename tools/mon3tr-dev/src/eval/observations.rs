@@ -2,7 +2,7 @@
 
 use super::kept::{self, Kept, KeptFile};
 use super::renders::{self, RATE, Take};
-use super::table::StageTimes;
+use super::table::StageSamples;
 use anyhow::{Context, bail};
 use app_session::display::Still;
 use mon3tr::device_options::{DeviceOptions, networks};
@@ -25,7 +25,7 @@ pub(super) struct Keeper<'a> {
     /// Which avatar is drawn.
     avatar: String,
     device: &'a DeviceOptions,
-    times: StageTimes,
+    times: StageSamples,
 }
 
 impl<'a> Keeper<'a> {
@@ -34,12 +34,12 @@ impl<'a> Keeper<'a> {
             folder,
             avatar: avatar.to_owned(),
             device,
-            times: StageTimes::default(),
+            times: StageSamples::default(),
         }
     }
 
     /// What the networks took so far.
-    pub(super) fn times(&self) -> &StageTimes {
+    pub(super) fn times(&self) -> &StageSamples {
         &self.times
     }
 

@@ -17,14 +17,14 @@ pub(super) struct Row {
 
 /// Milliseconds that the networks took, frame by frame.
 #[derive(Debug, Default, Serialize)]
-pub(super) struct StageTimes {
+pub(super) struct StageSamples {
     pub(super) body_ms: Vec<f64>,
     pub(super) hands_ms: Vec<f64>,
     pub(super) face_ms: Vec<f64>,
     pub(super) all_ms: Vec<f64>,
 }
 
-impl StageTimes {
+impl StageSamples {
     pub(super) fn add(&mut self, times: &workers::StageTimes) {
         let [left, right] = times.hands_ms;
         self.body_ms.push(times.body_ms.into());

@@ -45,6 +45,7 @@ fn install(built: &Built, name: &str, devices: &str, answer: &str) -> (String, b
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn the_one_headset_gets_it_and_the_app_is_started() {
     let Some(built) = built() else { return };
     let (said, well, asked) = install(built, "one", "2G0YC1ZF\\tdevice", "Success");
@@ -62,6 +63,7 @@ fn the_one_headset_gets_it_and_the_app_is_started() {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn without_a_headset_or_with_two_nothing_is_installed_and_the_error_says_what_to_do() {
     let Some(built) = built() else { return };
     for (name, devices, word) in [
@@ -80,6 +82,7 @@ fn without_a_headset_or_with_two_nothing_is_installed_and_the_error_says_what_to
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn a_headset_that_has_it_from_another_key_is_told_how_to_take_this_one() {
     let Some(built) = built() else { return };
     let refusal =

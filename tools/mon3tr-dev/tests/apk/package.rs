@@ -18,6 +18,7 @@ fn quoted<'a>(said: &'a str, key: &str) -> BTreeSet<&'a str> {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn aapt_reads_an_app_for_quest_in_it() {
     let Some(built) = built() else { return };
     let Some(mut aapt) = android("aapt") else {
@@ -41,6 +42,7 @@ fn aapt_reads_an_app_for_quest_in_it() {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn the_packaged_manifest_has_every_entry_that_quest_needs() {
     let Some(built) = built() else { return };
     let Some(mut aapt) = android("aapt") else {
@@ -84,6 +86,7 @@ fn the_packaged_manifest_has_every_entry_that_quest_needs() {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn its_permissions_are_exactly_the_documented_ones() {
     let Some(built) = built() else { return };
     let Some(mut aapt) = android("aapt") else {
@@ -108,6 +111,7 @@ fn its_permissions_are_exactly_the_documented_ones() {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn zipalign_finds_it_aligned_and_libraries_start_on_pages_of_16_kib() {
     let Some(built) = built() else { return };
     for (name, _, start) in built.libraries() {
@@ -120,6 +124,7 @@ fn zipalign_finds_it_aligned_and_libraries_start_on_pages_of_16_kib() {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn apksigner_verifies_it_and_names_the_certificate_that_the_command_names() {
     let Some(built) = built() else { return };
     let Some(mut apksigner) = android("apksigner") else {
@@ -137,6 +142,7 @@ fn apksigner_verifies_it_and_names_the_certificate_that_the_command_names() {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn every_library_that_is_needed_or_opened_is_in_it_or_androids() {
     let Some(built) = built() else { return };
     let libraries = built.libraries();
@@ -183,6 +189,7 @@ fn every_library_that_is_needed_or_opened_is_in_it_or_androids() {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn it_has_60_megabytes_at_most() {
     let Some(built) = built() else { return };
     let bytes = built.bytes().len();
@@ -191,6 +198,7 @@ fn it_has_60_megabytes_at_most() {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn no_path_of_this_machine_is_in_its_library_and_names_for_backtraces_lie_beside_it() {
     let Some(built) = built() else { return };
     let libraries = built.libraries();
@@ -228,6 +236,7 @@ fn unsigned(apk: &[u8]) -> (&[u8], &[u8]) {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn two_packages_of_one_build_are_the_same_but_for_their_signatures() {
     let Some(built) = built() else { return };
     let place = built.place("twice");
@@ -240,6 +249,7 @@ fn two_packages_of_one_build_are_the_same_but_for_their_signatures() {
 }
 
 #[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn the_parts_in_it_are_the_ones_that_were_fetched() {
     let Some(built) = built() else { return };
     let Some(folder) = variable("MON3TR_ANDROID_PARTS") else {
