@@ -8,9 +8,10 @@
 //! large the focal length is against the distance.
 
 pub use crate::body::Calibration;
-use crate::body::StandingBody;
+use crate::body::{StandingBody, upright_axes};
 use crate::landmarks::blazepose::{ANKLES, HIPS, KNEES, SHOULDERS};
 use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks, Camera};
+use glam::DVec2;
 use nalgebra::{Matrix3, Vector3};
 use spmm3::Skeleton;
 
@@ -68,7 +69,7 @@ pub struct Calibrator {
 #[derive(Debug, Clone, Copy)]
 struct Sums {
     pictures: u32,
-    /// Metres (y up, z towards the camera) times, pixels times, and confidence.
+    /// Metres (the camera's axes with y up and z towards it) times, pixels times, and confidence.
     points: [(Vector3<f64>, [f64; 2], f64); BODY_LANDMARKS],
     /// Of the hips' middle, pixels: mean.
     place: [f64; 2],
@@ -120,11 +121,11 @@ impl Calibrator {
             self.begin_anew();
             self.last = seconds;
             self.begun = Some(seconds);
-            self.sums.add(&picture);
+            self.sums.add(&picture, &self.camera);
             return Progress::Waiting(Missing::Stillness);
         }
         let begun = *self.begun.get_or_insert(seconds);
-        self.sums.add(&picture);
+        self.sums.add(&picture, &self.camera);
         let left = STANDING - (seconds - begun);
         if left > 0.0 || self.sums.pictures < LEAST_PICTURES {
             return Progress::Standing(left.max(0.0));
@@ -197,8 +198,9 @@ impl Calibrator {
 }
 
 impl Sums {
-    fn add(&mut self, picture: &Stance<'_>) {
+    fn add(&mut self, picture: &Stance<'_>, camera: &Camera) {
         self.pictures += 1;
+        let axes = upright_axes(camera.line_of_sight(DVec2::from_array(picture.place)));
         for (place, now) in self.place.iter_mut().zip(picture.place) {
             *place += (now - *place) / f64::from(self.pictures);
         }
@@ -207,7 +209,7 @@ impl Sums {
             let finite = point.metres.is_finite() && point.pixel.is_finite();
             if finite && point.confidence >= SEEN {
                 let pixel = point.pixel.as_dvec2();
-                sum.0 += metres(point.metres) * sure;
+                sum.0 += axes * metres(point.metres) * sure;
                 sum.1[0] += pixel.x * sure;
                 sum.1[1] += pixel.y * sure;
                 sum.2 += sure;

@@ -8,7 +8,7 @@ pub mod estimates;
 
 pub use estimates::Observation;
 
-use glam::{Vec2, Vec3};
+use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
 
 /// Landmarks of the body, in the order of BlazePose (MediaPipe's pose landmarker).
 pub const BODY_LANDMARKS: usize = 33;
@@ -43,6 +43,17 @@ impl Camera {
         }
     }
 
+    /// The rotation from the camera's axis to the line of sight to `pixel`. A network that looks at a part of the picture sees what is there
+    /// as if along the axis: turned by the opposite. The identity where no lens without distortion sees.
+    pub(crate) fn line_of_sight(&self, pixel: DVec2) -> DQuat {
+        let aside = (pixel - self.centre.as_dvec2()) / f64::from(self.focal);
+        if aside.is_finite() && self.focal > 0.0 && aside.length() < 3.0 {
+            DQuat::from_rotation_arc(DVec3::Z, aside.extend(1.0).normalize())
+        } else {
+            DQuat::IDENTITY
+        }
+    }
+
     /// A camera whose lens is not known: [`USUAL_VIEW_DEGREES`].
     #[must_use]
     pub fn guessed(size: Vec2) -> Self {
@@ -55,7 +66,8 @@ impl Camera {
 pub struct BodyPoint {
     /// Where it is in the picture, pixels.
     pub pixel: Vec2,
-    /// Where it is relative to the middle of the hips, metres in camera axes, as the network guesses it.
+    /// Where it is relative to the middle of the hips, as the network guesses it: metres in the axes of a camera that looks straight at
+    /// the hips.
     pub metres: Vec3,
     /// Probability that it is visible and right, 0..=1.
     pub confidence: f32,

@@ -16,9 +16,7 @@ const MOST_EYE: f32 = 0.8;
 
 /// A rotation in the camera's own axes, of one that a network saw along the line of sight through `sight`.
 pub(crate) fn in_camera(rotation: Quat, sight: Option<Vec2>, camera: &Camera) -> DQuat {
-    let aside = sight.map_or(DQuat::IDENTITY, |at| {
-        face::towards(at.as_dvec2().extend(0.0), Some(camera))
-    });
+    let aside = sight.map_or(DQuat::IDENTITY, |at| camera.line_of_sight(at.as_dvec2()));
     aside * rotation.as_dquat()
 }
 

@@ -47,8 +47,8 @@ impl Default for SmoothConfig {
             still: 0.2,
         };
         Self {
-            trunk: cutoff(1.2, 1.0, 2.0),
-            limbs: cutoff(1.2, 0.7, 2.0),
+            trunk: cutoff(0.9, 1.0, 2.0),
+            limbs: cutoff(0.9, 0.7, 2.0),
             fingers: cutoff(1.2, 0.5, 1.0),
             face: cutoff(3.0, 2.0, 2.0),
             expression: cutoff(2.5, 0.7, 1.0),
@@ -64,8 +64,6 @@ pub struct Confidence {
     pub joints: [f32; JOINTS],
     /// Of the expression.
     pub expression: f32,
-    /// Of the root translation.
-    pub root: f32,
 }
 
 impl Default for Confidence {
@@ -74,13 +72,14 @@ impl Default for Confidence {
         Self {
             joints: [1.0; JOINTS],
             expression: 1.0,
-            root: 1.0,
         }
     }
 }
 
 /// Share of the cutoff that is left where nothing is sure.
 const UNSURE: f64 = 0.25;
+/// How far the filters of one chain of joints go along with its quickest: links that lag differently bend and slide what they carry.
+const SHARED: f64 = 0.3;
 /// A pause longer than this begins anew, seconds.
 const PAUSE: f64 = 1.0;
 
@@ -171,33 +170,49 @@ impl State {
         motion: &MotionParams,
         confidence: &Confidence,
     ) {
+        let mut ways = [Vector3::zeros(); JOINTS];
+        let mut cutoffs = [0.0; JOINTS];
         for (i, joint) in Joint::ALL.into_iter().enumerate() {
             let cutoff = config.of(joint);
             let target = so3::exp(&tangent(motion, joint));
-            let way = so3::log(&(target * self.rotations[i].inverse()));
+            ways[i] = so3::log(&(target * self.rotations[i].inverse()));
             let spin = &mut self.spins[i];
-            *spin += (way / step - *spin) * follow(cutoff.speed_hz, step);
-            let hz = cutoff.hz(spin.norm(), confidence.joints[i]);
-            self.rotations[i] = so3::exp(&(way * follow(hz, step))) * self.rotations[i];
-            self.rotations[i].renormalize();
+            *spin += (ways[i] / step - *spin) * follow(cutoff.speed_hz, step);
+            cutoffs[i] = cutoff.hz(spin.norm(), confidence.joints[i]);
+        }
+        // One cutoff for all three axes keeps the root's way straight.
+        let root = motion.root_translation.to_array().map(f64::from);
+        let mut speed = 0.0;
+        for (state, target) in self.root.iter_mut().zip(root) {
+            let now = (target - state[0]) / step;
+            state[1] += (now - state[1]) * follow(config.root.speed_hz, step);
+            speed += state[1] * state[1];
+        }
+        let mut root_hz = config.root.hz(speed.sqrt(), 1.0);
+        for chain in [Chain::Stance, Chain::LeftArm, Chain::RightArm] {
+            let joints = Joint::ALL.into_iter().enumerate();
+            let links = joints.filter(|(_, joint)| Chain::of(*joint) == Some(chain));
+            let carried = if chain == Chain::Stance { root_hz } else { 0.0 };
+            let quickest = links.clone().fold(carried, |hz, (i, _)| cutoffs[i].max(hz));
+            for (i, _) in links {
+                cutoffs[i] += (quickest - cutoffs[i]) * SHARED;
+            }
+            if chain == Chain::Stance {
+                root_hz += (quickest - root_hz) * SHARED;
+            }
+        }
+        for ((rotation, way), hz) in self.rotations.iter_mut().zip(&ways).zip(cutoffs) {
+            *rotation = so3::exp(&(way * follow(hz, step))) * *rotation;
+            rotation.renormalize();
+        }
+        for (state, target) in self.root.iter_mut().zip(root) {
+            state[0] += (target - state[0]) * follow(root_hz, step);
         }
         let face = confidence.expression;
         for (state, value) in self.expression.iter_mut().zip(motion.expression()) {
             config
                 .expression
                 .number(state, f64::from(*value), step, face);
-        }
-        // One cutoff for all three axes keeps the root's way straight.
-        let target = motion.root_translation.to_array().map(f64::from);
-        let mut speed = 0.0;
-        for (state, target) in self.root.iter_mut().zip(target) {
-            let now = (target - state[0]) / step;
-            state[1] += (now - state[1]) * follow(config.root.speed_hz, step);
-            speed += state[1] * state[1];
-        }
-        let part = follow(config.root.hz(speed.sqrt(), confidence.root), step);
-        for (state, target) in self.root.iter_mut().zip(target) {
-            state[0] += (target - state[0]) * part;
         }
     }
 
@@ -211,6 +226,28 @@ impl State {
             *value = state[0] as f32;
         }
         motion.root_translation = glam::Vec3::from_array(self.root.map(|state| state[0] as f32));
+    }
+}
+
+/// Joints that carry one another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Chain {
+    /// The root, pelvis, legs and spine: what stands on the floor.
+    Stance,
+    LeftArm,
+    RightArm,
+}
+
+impl Chain {
+    fn of(joint: Joint) -> Option<Self> {
+        use Joint::*;
+        match joint {
+            Pelvis | LeftHip | RightHip | Spine1 | LeftKnee | RightKnee | Spine2 | LeftAnkle
+            | RightAnkle | Spine3 | LeftFoot | RightFoot => Some(Self::Stance),
+            LeftCollar | LeftShoulder | LeftElbow | LeftWrist => Some(Self::LeftArm),
+            RightCollar | RightShoulder | RightElbow | RightWrist => Some(Self::RightArm),
+            _ => None,
+        }
     }
 }
 

@@ -145,7 +145,7 @@ impl BodyFit {
             self.last_seconds = Some(seconds);
         }
         let seconds = self.last_seconds.unwrap_or(0.0);
-        let reading = body.and_then(Reading::new);
+        let reading = body.and_then(|body| Reading::new(body, &self.config.camera));
         match &reading {
             Some(reading) => self.update(seconds, step, reading),
             None => self.coast(step),

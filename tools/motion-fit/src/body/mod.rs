@@ -28,5 +28,6 @@ pub use evidence::Parts;
 pub use fit::{BodyFit, FitConfig};
 pub use foot_lock::FootLock;
 pub use pose::{BodyPose, CameraPose, Limb};
+pub(crate) use reading::upright_axes;
 pub use standing::Calibration;
 pub(crate) use standing::StandingBody;

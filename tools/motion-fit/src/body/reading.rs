@@ -4,7 +4,8 @@ use super::chain::wide;
 use crate::landmarks::blazepose::{
     ANKLES, EARS, ELBOWS, EYES, HIPS, KNEES, LOWER, NOSE, SHOULDERS, WRISTS, mirrored,
 };
-use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks};
+use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks, Camera};
+use glam::{DMat3, DQuat, DVec2};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// A landmark less sure than this counts as not seen.
@@ -18,7 +19,8 @@ const OUTERMOST: f64 = 1e5;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Seen {
     pub(super) pixel: Vector2<f64>,
-    /// Relative to the middle of [`Reading::root`]: y up, z towards the camera, so not yet level. Metres as the network guesses them.
+    /// Relative to the middle of [`Reading::root`], in the camera's own axes with y up and z towards it, so not yet level. Metres as the
+    /// network guesses them.
     pub(super) metres: Vector3<f64>,
     /// 0..=1, and 0 below [`UNSEEN`].
     pub(super) confidence: f64,
@@ -33,9 +35,9 @@ pub(super) struct Reading {
 }
 
 impl Reading {
-    /// Takes what a network said; a landmark with a number that cannot be is not seen. `None` where too little of the body is seen to
+    /// Takes what a network said of a picture of `camera`; a landmark with a number that cannot be is not seen. `None` where too little of the body is seen to
     /// place it.
-    pub(super) fn new(body: &BodyLandmarks) -> Option<Self> {
+    pub(super) fn new(body: &BodyLandmarks, camera: &Camera) -> Option<Self> {
         let mut points = body.points.map(|point| {
             let metres = wide(point.metres).component_mul(&Vector3::new(1.0, -1.0, -1.0));
             let pixel = Vector2::new(f64::from(point.pixel.x), f64::from(point.pixel.y));
@@ -78,8 +80,17 @@ impl Reading {
         } else {
             (points[root[0]].metres + points[root[1]].metres) / 2.0
         };
+        // A face alone is in the camera's own axes.
+        let axes = if root == EARS {
+            Matrix3::identity()
+        } else {
+            let seen = (root.into_iter()).filter(|at| points[*at].confidence > 0.0);
+            let count = seen.clone().count().max(1) as f64;
+            let pixel = seen.map(|at| points[at].pixel).sum::<Vector2<f64>>() / count;
+            upright_axes(camera.line_of_sight(DVec2::new(pixel.x, pixel.y)))
+        };
         for point in &mut points {
-            point.metres -= middle;
+            point.metres = axes * (point.metres - middle);
         }
         Some(Self { points, root })
     }
@@ -118,6 +129,13 @@ impl Reading {
         }
         out
     }
+}
+
+/// A rotation in the camera's axes (y down, z away), in those with y up and z towards it.
+pub(crate) fn upright_axes(rotation: DQuat) -> Matrix3<f64> {
+    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
+    let rotation = DMat3::from_quat(rotation).to_cols_array();
+    flip * Matrix3::from_column_slice(&rotation) * flip
 }
 
 /// Which halves of a body have left and right exchanged.

@@ -25,6 +25,8 @@ const PRIOR: Vector2<f64> = Vector2::new(1.0 / (0.03 * 0.03), 1.0 / (0.15 * 0.15
 /// landmarks errs alike for a while.
 const STANCE: f64 = 0.12;
 const STANCE_NEWS: f64 = 0.7;
+/// So many looks count at most: what a network errs in depth stays with a person, and no number of looks undoes it.
+const STANCE_LOOKS: f64 = 2.0;
 /// Steepest slope that is believed, as the up axis' part sideways.
 const STEEPEST: f64 = 0.6;
 /// Height of the camera above the floor before a sole is seen, metres.
@@ -130,6 +132,11 @@ impl Upright {
         let worth = seconds / STANCE_NEWS / (STANCE * STANCE);
         self.information += worth;
         self.sum += Vector2::new(axis.x, axis.z) * worth;
+        let most = STANCE_LOOKS / (STANCE * STANCE);
+        if self.information > most {
+            self.sum *= most / self.information;
+            self.information = most;
+        }
         let (slope, steep) = self.way.up().unwrap_or_default();
         let sum = self.sum + Vector2::new(0.0, slope * steep);
         let information = PRIOR.add_scalar(self.information) + Vector2::new(0.0, steep);

@@ -186,7 +186,9 @@ impl FaceFit {
             ((value - neutral.value()) / unit).clamp(low, high)
         };
         Some(FaceMeasures {
-            camera_from_head: towards(similarity.to_centre, camera) * similarity.to_from,
+            camera_from_head: camera.map_or(DQuat::IDENTITY, |camera| {
+                camera.line_of_sight(similarity.to_centre.truncate())
+            }) * similarity.to_from,
             mouth_open: measure(gap, &self.gap, OPEN, 0.0, 1.0),
             mouth_width: measure(width, &self.width, WIDTH, -1.5, 1.0),
             corners: measure(corners, &self.corners, CORNERS, -1.0, 1.5),
@@ -197,20 +199,6 @@ impl FaceFit {
             confidence: f64::from(face.confidence.min(1.0)),
         })
     }
-}
-
-/// The rotation from the camera's axis to the line of sight to the pixel `at`: what is seen along that line without
-/// perspective appears turned by the opposite.
-pub(crate) fn towards(at: DVec3, camera: Option<&Camera>) -> DQuat {
-    let ray = camera.and_then(|camera| {
-        let off = (at.truncate() - camera.centre.as_dvec2()) / f64::from(camera.focal);
-        let ray = off.extend(1.0);
-        // No lens without distortion sees further aside.
-        (ray.is_finite() && camera.focal > 0.0 && off.length() < 3.0).then(|| ray.normalize())
-    });
-    ray.map_or(DQuat::IDENTITY, |ray| {
-        DQuat::from_rotation_arc(DVec3::Z, ray)
-    })
 }
 
 #[cfg(test)]

@@ -8,7 +8,9 @@
 #![allow(unreachable_pub, reason = "it is a module of several test programs")]
 #![allow(dead_code, reason = "each program of tests uses a part of it")]
 
-use crate::common::{M3, Random, V3, add, forward, mul_v, norm, scale, sub, transpose};
+use crate::common::{
+    M3, Random, V3, add, forward, mul_v, norm, rodrigues, scale, sub, transpose,
+};
 use glam::{Quat, Vec2, Vec3};
 use motion_fit::{
     body::{BodyFit, BodyPose, FitConfig, Parts},
@@ -92,6 +94,12 @@ impl Eye {
     }
     pub fn see(&self, point: V3) -> V3 {
         mul_v(&self.axes(), sub(point, self.at))
+    }
+    /// The rotation from the camera's axis to the line of sight to `p`, about the axis across both.
+    pub fn sight(&self, p: V3) -> M3 {
+        let aside = p[0].hypot(p[1]);
+        let turn = aside.atan2(p[2]) / aside.max(1e-9);
+        rodrigues([-p[1] * turn, p[0] * turn, 0.0])
     }
     pub fn project(&self, p: V3) -> [f64; 2] {
         let f = f64::from(self.camera.focal);
@@ -190,6 +198,7 @@ impl Network {
             solid[hip] = sub(solid[hip], ahead);
         }
         let hips = scale(add(solid[23], solid[24]), 0.5);
+        let sight = self.eye.sight(scale(add(places[23], places[24]), 0.5));
         let mut points = [BodyPoint::default(); 33];
         for (i, point) in points.iter_mut().enumerate() {
             let e = &self.errors;
@@ -205,6 +214,8 @@ impl Network {
                 ],
             );
             m = add(m, scale(random.normals(), e.white));
+            // The network looks at a part of the picture, as if straight at the hips.
+            m = mul_v(&transpose(&sight), m);
             *point = BodyPoint {
                 pixel: Vec2::new(
                     (u + e.pixels[0] * random.normal() + e.pixels[1] * self.pixels[i][0]) as f32,
