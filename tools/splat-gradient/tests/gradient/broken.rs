@@ -57,8 +57,12 @@ fn gaussians_that_cannot_be_drawn_change_nothing() {
     let mut one = PLAIN;
     one[6] = 0.0;
     broken.push(one);
-    // Behind the camera, at its near plane, far away beside it, 400 m wide.
-    for (plane, value) in [(2, 10.0), (2, 2.96), (0, 3e38), (1, -1e20), (7, 6.0)] {
+    // Before the near plane.
+    one = PLAIN;
+    one[..3].copy_from_slice(&[0.4, 0.5, 2.96]);
+    broken.push(one);
+    // Behind the camera, far away beside it, 400 m wide.
+    for (plane, value) in [(2, 10.0), (0, 3e38), (1, -1e20), (7, 6.0)] {
         let mut one = PLAIN;
         one[plane] = value;
         broken.push(one);
