@@ -36,7 +36,12 @@ fn view(side: u32) -> Result<View, Box<dyn std::error::Error>> {
     };
     let pose = flip * camera.camera_from_world;
     let pixels = side as usize;
-    Ok(View::new(pose, [camera.fx, camera.fy], [camera.cx, camera.cy], [pixels; 2])?)
+    Ok(View::new(
+        pose,
+        [camera.fx, camera.fy],
+        [camera.cx, camera.cy],
+        [pixels; 2],
+    )?)
 }
 
 fn median(mut times: Vec<f64>) -> f64 {

@@ -108,13 +108,7 @@ struct Factors {
 }
 
 impl Factors {
-    fn step(
-        self,
-        numbers: &mut [f32],
-        gradients: &[f32],
-        firsts: &mut [f32],
-        seconds: &mut [f32],
-    ) {
+    fn step(self, numbers: &mut [f32], gradients: &[f32], firsts: &mut [f32], seconds: &mut [f32]) {
         let moments = firsts.iter_mut().zip(seconds);
         let pairs = numbers.iter_mut().zip(gradients).zip(moments);
         for ((number, gradient), (first, second)) in pairs {
@@ -144,9 +138,18 @@ mod tests {
     #[test]
     fn steps_are_those_of_the_article_at_each_groups_rate() {
         let groups = [
-            Group { count: 2, rate: 0.1 },
-            Group { count: 1, rate: 0.0 },
-            Group { count: 1, rate: 0.003 },
+            Group {
+                count: 2,
+                rate: 0.1,
+            },
+            Group {
+                count: 1,
+                rate: 0.0,
+            },
+            Group {
+                count: 1,
+                rate: 0.003,
+            },
         ];
         let mut numbers = [1.0f32, -2.0, 5.0, 0.5];
         let start = numbers;
@@ -165,9 +168,15 @@ mod tests {
             let expected = reference(f64::from(start[k]), &gradients, rate);
             let got = f64::from(numbers[k]);
             let moved = (expected - f64::from(start[k])).abs();
-            assert!((got - expected).abs() < 1e-4 * moved.max(1.0), "{k}: {got}, {expected}");
+            assert!(
+                (got - expected).abs() < 1e-4 * moved.max(1.0),
+                "{k}: {got}, {expected}"
+            );
         }
-        assert!((numbers[2] - 5.0).abs() < f32::EPSILON, "at rate 0 it stays");
+        assert!(
+            (numbers[2] - 5.0).abs() < f32::EPSILON,
+            "at rate 0 it stays"
+        );
     }
 
     #[test]
@@ -180,7 +189,10 @@ mod tests {
             adam.step(&mut numbers, &[1.0; 3], &group(4)),
             Adam::new(2).step(&mut numbers, &[1.0; 3], &group(3)),
         ] {
-            assert!(matches!(refused, Err(GradientError::Count { .. })), "{refused:?}");
+            assert!(
+                matches!(refused, Err(GradientError::Count { .. })),
+                "{refused:?}"
+            );
         }
         assert_eq!((adam, numbers), (Adam::new(3), [1.0; 3]), "unchanged");
     }

@@ -57,7 +57,9 @@ mod tests {
         let mut state = 7u64;
         let mut keys: Vec<u32> = (0..5_000)
             .map(|_| {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1);
                 let bits = u32::try_from(state >> 32).expect("32 bits");
                 // Equal keys, neighbours and every magnitude.
                 bits >> (bits % 29)

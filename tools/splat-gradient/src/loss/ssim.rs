@@ -190,8 +190,7 @@ fn compare<S: Simd>(
     let mut total = f32x8::splat(simd, 0.0);
     // A window's sums begin REACH before its middle: at the middle's column, without the margin.
     for at in (0..sheet.width).step_by(LANES) {
-        let [mean_x, mean_y, xx, yy, xy] =
-            [0, 1, 2, 3, 4].map(|k| across(simd, &sums.0[k], at));
+        let [mean_x, mean_y, xx, yy, xy] = [0, 1, 2, 3, 4].map(|k| across(simd, &sums.0[k], at));
         let (square_x, square_y, product) = (mean_x * mean_x, mean_y * mean_y, mean_x * mean_y);
         let a1 = product * 2.0 + C1;
         let a2 = (xy - product) * 2.0 + C2;
@@ -201,8 +200,8 @@ fn compare<S: Simd>(
         let similar = a1 * a2 * inverse;
         // Beyond the picture the weights are 0.
         let there = &mut weights_at(simd, weights, at);
-        let by_mean = mean_y * (a2 - a1) * inverse * 2.0
-            + mean_x * similar * 2.0 * (1.0 / b2 - 1.0 / b1);
+        let by_mean =
+            mean_y * (a2 - a1) * inverse * 2.0 + mean_x * similar * 2.0 * (1.0 / b2 - 1.0 / b1);
         let by_square = similar / b2 * -1.0;
         let by_product = a1 * inverse * 2.0;
         total = similar.mul_add(*there, total);

@@ -73,7 +73,11 @@ fn chain<S: Simd>(
     // Q M Q: the derivative by the covariance, twice.
     let (n00, n01) = (qa * hxx + qb * hxy, qa * hxy + qb * hyy);
     let (n10, n11) = (qb * hxx + qc * hxy, qb * hxy + qc * hyy);
-    let (by_a, by_b, by_c) = (n00 * qa + n01 * qb, n00 * qb + n01 * qc, n10 * qb + n11 * qc);
+    let (by_a, by_b, by_c) = (
+        n00 * qa + n01 * qb,
+        n00 * qb + n01 * qc,
+        n10 * qb + n11 * qc,
+    );
 
     // covariance = root root^T.
     let by_root = [
@@ -111,8 +115,8 @@ fn chain<S: Simd>(
     by_place[2] = by_inverse_depth * seen.inverse_depth * seen.inverse_depth * -1.0;
 
     let rows = &lens.rows;
-    let by_position =
-        [0, 1, 2].map(|k| by_place[0] * rows[0][k] + by_place[1] * rows[1][k] + by_place[2] * rows[2][k]);
+    let by_position = [0, 1, 2]
+        .map(|k| by_place[0] * rows[0][k] + by_place[1] * rows[1][k] + by_place[2] * rows[2][k]);
     // A unit quaternion q changes by (turn / 2, 0) q.
     let [x, y, z, w] = seen.rotation;
     let twice = seen.inverse_length * 2.0;
@@ -137,11 +141,28 @@ fn chain<S: Simd>(
     debug_assert!(plane::COLOUR.end == ATTRIBUTES, "the order of the planes");
     (
         [
-            p0, p1, p2, r0, r1, r2, r3, s0, s1, s2, by_logit,
-            lit(0, red), lit(1, green), lit(2, blue),
+            p0,
+            p1,
+            p2,
+            r0,
+            r1,
+            r2,
+            r3,
+            s0,
+            s1,
+            s2,
+            by_logit,
+            lit(0, red),
+            lit(1, green),
+            lit(2, blue),
         ],
         [
-            by_place[0], by_place[1], by_place[2], turned[0], turned[1], turned[2],
+            by_place[0],
+            by_place[1],
+            by_place[2],
+            turned[0],
+            turned[1],
+            turned[2],
         ],
     )
 }

@@ -8,9 +8,7 @@ mod seen;
 mod splat;
 
 pub(crate) use derivatives::pull_back;
-pub(crate) use splat::{
-    ALPHA_CUT_SLACK, LOG2_ALPHA_CUT, MOMENTS, Moments, NEVER, Splat, project,
-};
+pub(crate) use splat::{ALPHA_CUT_SLACK, LOG2_ALPHA_CUT, MOMENTS, Moments, NEVER, Splat, project};
 
 /// Gaussians that one thread takes at a time. Sums over chunks are taken in their order.
 pub(crate) const CHUNK: usize = 1024;

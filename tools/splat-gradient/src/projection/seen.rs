@@ -90,7 +90,10 @@ pub(super) fn see<S: Simd>(
         scaled(&axes[1], inverse_depth * lens.focal[1]),
     ];
 
-    let length_2 = raw[3].mul_add(raw[3], dot(&[raw[0], raw[1], raw[2]], &[raw[0], raw[1], raw[2]]));
+    let length_2 = raw[3].mul_add(
+        raw[3],
+        dot(&[raw[0], raw[1], raw[2]], &[raw[0], raw[1], raw[2]]),
+    );
     let inverse_length = 1.0 / length_2.sqrt();
     let rotation = [
         raw[0] * inverse_length,
@@ -126,7 +129,8 @@ pub(super) fn see<S: Simd>(
     let opacity = 1.0 / (against + 1.0);
 
     // Sums of anything that is not finite are not finite: one test for all.
-    let sum = position[0] + position[1] + position[2] + length_2 + colour[0] + colour[1] + colour[2];
+    let sum =
+        position[0] + position[1] + position[2] + length_2 + colour[0] + colour[1] + colour[2];
     let sound = sum.is_finite()
         & place[2].simd_gt(NEAR)
         & length_2.simd_gt(LEAST_LENGTH_2)

@@ -40,8 +40,16 @@ pub(super) fn reached(splat: &Splat, at: [usize; 2]) -> Runs {
     let last = usize::from(splat.rows[1]).saturating_sub(at[1]).min(side);
     let rows: Runs = ((1 << (last + 1)) - 1) & !((1 << first) - 1);
     let middle = at[0] + RUN;
-    let left = if usize::from(splat.columns[0]) < middle { rows } else { 0 };
-    let right = if usize::from(splat.columns[1]) >= middle { rows << TILE } else { 0 };
+    let left = if usize::from(splat.columns[0]) < middle {
+        rows
+    } else {
+        0
+    };
+    let right = if usize::from(splat.columns[1]) >= middle {
+        rows << TILE
+    } else {
+        0
+    };
     left | right
 }
 
@@ -90,8 +98,7 @@ impl<'a, S: Simd> Half<'a, S> {
         let along = self.along + self.splat.u[1] * dy;
         let log2_alpha =
             f32x8::splat(simd, self.splat.log2_opacity - across * across) - along * along;
-        let drawn: mask32x8<S> =
-            log2_alpha.simd_ge(LOG2_ALPHA_CUT) & transmittance.simd_ge(OPAQUE);
+        let drawn: mask32x8<S> = log2_alpha.simd_ge(LOG2_ALPHA_CUT) & transmittance.simd_ge(OPAQUE);
         let alpha = exp2(simd, log2_alpha).min(ALPHA_MOST);
         Met {
             dy,

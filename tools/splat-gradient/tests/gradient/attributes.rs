@@ -69,7 +69,11 @@ pub(crate) fn compare(attributes: &Attributes, view: &View, least_through: f64) 
         };
         (side(1.0) - side(-1.0)) / (2.0 * STEP)
     });
-    let clear: f64 = frozen.clear.iter().map(|clear| f64::from(u8::from(*clear))).sum();
+    let clear: f64 = frozen
+        .clear
+        .iter()
+        .map(|clear| f64::from(u8::from(*clear)))
+        .sum();
     let all: f64 = frozen.clear.iter().map(|_| 1.0).sum();
     Compared {
         got,
@@ -92,15 +96,26 @@ fn backward(attributes: &Attributes, view: &View, by_pixel: &Picture) -> (Attrib
 fn assert_alike(kind: &str, pairs: &[(f64, f64)], most: f64) {
     let square = |x: f64| x * x;
     let size: f64 = pairs.iter().map(|(_, expected)| square(*expected)).sum();
-    let error: f64 = pairs.iter().map(|(got, expected)| square(got - expected)).sum();
+    let error: f64 = pairs
+        .iter()
+        .map(|(got, expected)| square(got - expected))
+        .sum();
     let relative = (error / size).sqrt();
-    let greatest = pairs.iter().fold(0.0f64, |most, pair| most.max(pair.1.abs()));
+    let greatest = pairs
+        .iter()
+        .fold(0.0f64, |most, pair| most.max(pair.1.abs()));
     let worst = pairs.iter().fold(0.0f64, |most, (got, expected)| {
         most.max((got - expected).abs() / greatest)
     });
-    println!("{kind}: {relative:.1e} of the whole, {worst:.1e} at most, of {}", pairs.len());
+    println!(
+        "{kind}: {relative:.1e} of the whole, {worst:.1e} at most, of {}",
+        pairs.len()
+    );
     assert!(size > 0.0, "{kind}: nothing to compare");
-    assert!(relative <= most && worst <= most, "{kind}: {relative:e}, {worst:e}, not {most:e}");
+    assert!(
+        relative <= most && worst <= most,
+        "{kind}: {relative:e}, {worst:e}, not {most:e}"
+    );
 }
 
 pub(crate) fn assert_all_alike(compared: &Compared, most: f64) {
@@ -114,7 +129,10 @@ pub(crate) fn assert_all_alike(compared: &Compared, most: f64) {
             .collect();
         assert_alike(kind, &pairs, most);
     }
-    let motion = compared.got_motion.into_iter().zip(compared.expected_motion);
+    let motion = compared
+        .got_motion
+        .into_iter()
+        .zip(compared.expected_motion);
     let motion: Vec<(f64, f64)> = motion.collect();
     assert_alike("camera's shift", &motion[..3], most);
     assert_alike("camera's rotation", &motion[3..], most);
@@ -169,7 +187,10 @@ fn derivatives_of_several_views_add_up() {
     for _ in 0..2 {
         let mut drawn = splatter.draw(&attributes, &view);
         let again = drawn.backward(&by_pixel, &mut twice).expect("one size");
-        assert!(again == motion, "the camera's are not added: {again:?}, {motion:?}");
+        assert!(
+            again == motion,
+            "the camera's are not added: {again:?}, {motion:?}"
+        );
     }
     let doubled: Vec<f32> = once.numbers().iter().map(|number| 2.0 * number).collect();
     assert_eq!(twice.numbers(), &doubled[..], "twice the same");
@@ -184,7 +205,8 @@ fn a_moved_view_is_the_moved_reference() {
     let (eye, expected) = (Eye::of(&moved), Eye::of(&view).moved(motion));
     let gaussians = numbers_of(&attributes);
     let ones = vec![1.0; 4 * 32 * 32];
-    let losses = [eye, expected].map(|eye| Frozen::new(&gaussians, &eye, 0.0).loss(&gaussians, &eye, &ones));
+    let losses =
+        [eye, expected].map(|eye| Frozen::new(&gaussians, &eye, 0.0).loss(&gaussians, &eye, &ones));
     assert!((losses[0] / losses[1] - 1.0).abs() < 1e-5, "{losses:?}");
     assert_eq!(view.moved(&[f64::NAN; 6]), view, "no motion at all");
 }
@@ -197,8 +219,13 @@ fn sizes_that_do_not_fit_are_refused() {
     let mut drawn = splatter.draw(&attributes, &view);
     let small = Picture::transparent(31, 32);
     let mut gradients = Attributes::zeros(3);
-    let refused = drawn.backward(&small, &mut gradients).map_err(|why| why.to_string());
-    assert!(refused.is_err_and(|why| why.contains("[31, 32]")), "a picture's size");
+    let refused = drawn
+        .backward(&small, &mut gradients)
+        .map_err(|why| why.to_string());
+    assert!(
+        refused.is_err_and(|why| why.contains("[31, 32]")),
+        "a picture's size"
+    );
     let refused = drawn.backward(&Picture::transparent(32, 32), &mut Attributes::zeros(4));
     assert!(refused.is_err(), "another number of Gaussians");
 }

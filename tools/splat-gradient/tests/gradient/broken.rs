@@ -17,7 +17,10 @@ fn run(attributes: &Attributes, view: &View) -> (Vec<f32>, Attributes) {
     let motion = drawn.backward(&by_pixel, &mut gradients).expect("one size");
     assert!(motion.iter().all(|x| x.is_finite()), "{motion:?}");
     assert!(numbers.iter().all(|x| x.is_finite()), "pixels");
-    assert!(gradients.numbers().iter().all(|x| x.is_finite()), "derivatives");
+    assert!(
+        gradients.numbers().iter().all(|x| x.is_finite()),
+        "derivatives"
+    );
     (numbers, gradients)
 }
 
@@ -46,7 +49,8 @@ fn gaussians_that_cannot_be_drawn_change_nothing() {
     for plane in 0..14 {
         for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             // An opacity of 1, one of 0 and a scale of 0 are sound.
-            let sound = value.is_infinite() && (plane == 10 || value < 0.0 && (7..10).contains(&plane));
+            let sound =
+                value.is_infinite() && (plane == 10 || value < 0.0 && (7..10).contains(&plane));
             if !sound {
                 let mut one = PLAIN;
                 one[plane] = value;
@@ -73,7 +77,10 @@ fn gaussians_that_cannot_be_drawn_change_nothing() {
     for plane in 0..14 {
         let (drawn, not_drawn) = gradients.plane(plane).split_at(sound.len());
         assert_eq!(drawn, expected_gradients.plane(plane), "plane {plane}");
-        assert!(not_drawn.iter().all(|x| *x == 0.0), "plane {plane}: {not_drawn:?}");
+        assert!(
+            not_drawn.iter().all(|x| *x == 0.0),
+            "plane {plane}: {not_drawn:?}"
+        );
     }
 }
 
@@ -117,7 +124,11 @@ fn no_gaussians_and_pictures_of_one_pixel_are_drawn() {
     for (width, height) in [(1, 1), (1, 33), (17, 1)] {
         let view = view_of(&front_camera(width, height));
         let (numbers, _) = run(&attributes, &view);
-        assert_eq!(numbers.len(), 4 * (width * height) as usize, "{width} x {height}");
+        assert_eq!(
+            numbers.len(),
+            4 * (width * height) as usize,
+            "{width} x {height}"
+        );
     }
 }
 
@@ -154,6 +165,9 @@ fn views_that_are_none_are_refused_with_the_reason() {
         (pose, [9.0; 2], [8, 5000], "1 to 4096"),
     ] {
         let refused = View::new(pose, focal, [4.0; 2], size).map_err(|why| why.to_string());
-        assert!(refused.as_ref().is_err_and(|why| why.contains(reason)), "{refused:?}");
+        assert!(
+            refused.as_ref().is_err_and(|why| why.contains(reason)),
+            "{refused:?}"
+        );
     }
 }

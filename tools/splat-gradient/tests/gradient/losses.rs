@@ -21,7 +21,8 @@ fn windows(x: &[f64], y: &[f64]) -> Vec<f64> {
                 sum += weight;
                 let (at_row, at_column) = (row as f64 + dv, column as f64 + du);
                 let inside = (0..height).position(|r| (r as f64 - at_row).abs() < 0.5);
-                let inside = inside.zip((0..width).position(|c| (c as f64 - at_column).abs() < 0.5));
+                let inside =
+                    inside.zip((0..width).position(|c| (c as f64 - at_column).abs() < 0.5));
                 if let Some((r, c)) = inside {
                     let (x, y) = (x[r * width + c], y[r * width + c]);
                     for (m, value) in m.iter_mut().zip([x, y, x * x, y * y, x * y]) {
@@ -48,7 +49,13 @@ fn pictures() -> (Picture, Target) {
         wanted.push(value);
         drawn.push(value + 0.2 * random.signed());
     }
-    let weights = (0..PIXELS).map(|at| if at % 5 == 0 { 0.0 } else { 0.2 + random.unit() });
+    let weights = (0..PIXELS).map(|at| {
+        if at % 5 == 0 {
+            0.0
+        } else {
+            0.2 + random.unit()
+        }
+    });
     let picture = |numbers| Picture::new(SIZE[0], SIZE[1], numbers).expect("as many");
     let target = Target::weighted(picture(wanted), weights.collect()).expect("as many");
     (picture(drawn), target)
@@ -72,7 +79,10 @@ fn assert_right(
     let weights = wide(target.weights());
     let mut numbers = wide(drawn.numbers());
     let expected = plain(&numbers, &wanted, &weights);
-    assert!((got - expected).abs() < 1e-6, "{name}: {got}, expected {expected}");
+    assert!(
+        (got - expected).abs() < 1e-6,
+        "{name}: {got}, expected {expected}"
+    );
 
     let (mut error, mut size) = (0.0, 0.0);
     for index in 0..numbers.len() {
@@ -89,13 +99,19 @@ fn assert_right(
     }
     let relative = (error / size).sqrt();
     println!("{name}: derivatives to {relative:.1e}");
-    assert!(relative < 1e-4, "{name}: derivatives differ by {relative:e}");
+    assert!(
+        relative < 1e-4,
+        "{name}: derivatives differ by {relative:e}"
+    );
 
     // Added to what was there.
     let before = by_pixel.clone();
     loss(&drawn, &target, share, &mut by_pixel);
     for (twice, once) in by_pixel.numbers().iter().zip(before.numbers()) {
-        assert!((twice - 2.0 * once).abs() <= 1e-6 * once.abs(), "{name}: {twice}, {once}");
+        assert!(
+            (twice - 2.0 * once).abs() <= 1e-6 * once.abs(),
+            "{name}: {twice}, {once}"
+        );
     }
 }
 
@@ -130,10 +146,14 @@ fn ssim_is_that_of_the_article() {
         "SSIM",
         |drawn, target, share, by| ssim(drawn, target, share, by).expect("one size"),
         |drawn, wanted, weights| {
-            let channel = |numbers: &[f64], c: usize| numbers[c * PIXELS..(c + 1) * PIXELS].to_vec();
+            let channel =
+                |numbers: &[f64], c: usize| numbers[c * PIXELS..(c + 1) * PIXELS].to_vec();
             let terms = (0..3).map(|c| {
                 let all = windows(&channel(drawn, c), &channel(wanted, c));
-                all.iter().zip(weights).map(|(ssim, weight)| ssim * weight).sum::<f64>()
+                all.iter()
+                    .zip(weights)
+                    .map(|(ssim, weight)| ssim * weight)
+                    .sum::<f64>()
             });
             1.0 - terms.sum::<f64>() / (3.0 * weights.iter().sum::<f64>())
         },
@@ -154,12 +174,24 @@ fn a_picture_that_is_met_costs_nothing_and_one_of_another_size_is_refused() {
         let loss = loss.expect("one size");
         assert!(loss.abs() < 1e-6, "{loss}");
     }
-    let most = by_pixel.numbers().iter().fold(0.0f32, |most, x| most.max(x.abs()));
+    let most = by_pixel
+        .numbers()
+        .iter()
+        .fold(0.0f32, |most, x| most.max(x.abs()));
     assert!(most < 1e-4, "derivatives at the least: {most}");
     let other = Picture::transparent(SIZE[0], SIZE[1] + 1);
-    assert!(ssim(&other, &target, 1.0, &mut by_pixel).is_err(), "another height");
-    assert!(colour_l1(&drawn, &target, 1.0, &mut other.clone()).is_err(), "other derivatives");
-    assert!(Target::weighted(other, vec![1.0; PIXELS]).is_err(), "other weights");
+    assert!(
+        ssim(&other, &target, 1.0, &mut by_pixel).is_err(),
+        "another height"
+    );
+    assert!(
+        colour_l1(&drawn, &target, 1.0, &mut other.clone()).is_err(),
+        "other derivatives"
+    );
+    assert!(
+        Target::weighted(other, vec![1.0; PIXELS]).is_err(),
+        "other weights"
+    );
 }
 
 #[test]
@@ -174,6 +206,9 @@ fn pictures_of_one_pixel_and_without_weight_have_finite_losses() {
             + alpha_l1(&one(0.2), &target, 1.0, &mut by_pixel).expect("one size")
             + ssim(&one(0.2), &target, 1.0, &mut by_pixel).expect("one size");
         assert!(sum.is_finite(), "{sum}");
-        assert!(by_pixel.numbers().iter().all(|x| x.is_finite()), "{by_pixel:?}");
+        assert!(
+            by_pixel.numbers().iter().all(|x| x.is_finite()),
+            "{by_pixel:?}"
+        );
     }
 }

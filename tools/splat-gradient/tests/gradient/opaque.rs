@@ -13,7 +13,11 @@ fn derivatives_of_opaque_layers_are_their_differences_but_for_what_is_hidden() {
         gaussian.opacity = 0.9 + 0.0999 * gaussian.opacity;
         gaussian.scale = gaussian.scale.map(|scale| 0.05 + 2.0 * scale);
     }
-    let compared = compare(&attributes_of(&gaussians), &view_of(&front_camera(40, 40)), 0.0);
+    let compared = compare(
+        &attributes_of(&gaussians),
+        &view_of(&front_camera(40, 40)),
+        0.0,
+    );
     assert!(compared.share > 0.9, "{} of the pixels", compared.share);
     // Less than 1/255 of the light comes from what the splatter leaves out.
     assert_all_alike(&compared, 5e-3);
@@ -41,5 +45,8 @@ fn what_nothing_shows_of_has_no_derivatives() {
         let hidden = gradients.plane(plane)[40];
         assert!(hidden == 0.0, "plane {plane}: {hidden}");
     }
-    assert!(gradients.numbers().iter().any(|x| *x != 0.0), "others have some");
+    assert!(
+        gradients.numbers().iter().any(|x| *x != 0.0),
+        "others have some"
+    );
 }

@@ -15,7 +15,10 @@ use test_support::splat_scenes::random_gaussians;
 const SIZE: u32 = 64;
 
 /// The picture that the f64 reference draws.
-#[expect(clippy::cast_possible_truncation, reason = "pictures are single precision")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "pictures are single precision"
+)]
 fn photograph(gaussians: &[Gaussian], camera: &Camera) -> Picture {
     let reference = render(gaussians, camera);
     let planes = (0..4).flat_map(|channel| reference.pixels.iter().map(move |p| p[channel] as f32));
@@ -59,7 +62,10 @@ fn two_hundred_gaussians_learn_two_pictures_to_35_db() {
         gaussian.colour = [0.5; 3];
     }
     let mut learnt = attributes_of(&start);
-    let mut groups = [Group { count: learnt.len(), rate: 0.0 }; 14];
+    let mut groups = [Group {
+        count: learnt.len(),
+        rate: 0.0,
+    }; 14];
     for (planes, rate) in [
         (plane::POSITION, 4e-3),
         (plane::ROTATION, 1e-2),
@@ -73,7 +79,10 @@ fn two_hundred_gaussians_learn_two_pictures_to_35_db() {
     }
     let mut adam = Adam::new(learnt.numbers().len());
     let mut splatter = Splatter::new();
-    let before = psnr(splatter.draw(&learnt, &views[0]).picture(), targets[0].picture());
+    let before = psnr(
+        splatter.draw(&learnt, &views[0]).picture(),
+        targets[0].picture(),
+    );
     let side = SIZE as usize;
     let steps: u16 = 600;
     for step in 0..steps {
@@ -88,8 +97,12 @@ fn two_hundred_gaussians_learn_two_pictures_to_35_db() {
             drawn.backward(&by_pixel, &mut gradients).expect("one size");
         }
         let slower = 0.02f32.powf(f32::from(step) / f32::from(steps));
-        let now = groups.map(|group| Group { rate: group.rate * slower, ..group });
-        adam.step(learnt.numbers_mut(), gradients.numbers(), &now).expect("all");
+        let now = groups.map(|group| Group {
+            rate: group.rate * slower,
+            ..group
+        });
+        adam.step(learnt.numbers_mut(), gradients.numbers(), &now)
+            .expect("all");
     }
     for (view, target) in views.iter().zip(&targets) {
         let found = psnr(splatter.draw(&learnt, view).picture(), target.picture());

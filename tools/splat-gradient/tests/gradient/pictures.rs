@@ -18,7 +18,9 @@ const LEAST: f64 = 55.0;
 
 fn image_of(picture: &Picture) -> Image {
     let [r, g, b, a] = [0, 1, 2, 3].map(|channel| picture.plane(channel));
-    let pixels = (0..r.len()).map(|at| [r[at], g[at], b[at], a[at]]).collect();
+    let pixels = (0..r.len())
+        .map(|at| [r[at], g[at], b[at], a[at]])
+        .collect();
     let side = |pixels: usize| u32::try_from(pixels).expect("few");
     Image::new(side(picture.width()), side(picture.height()), pixels).expect("as many")
 }
@@ -36,14 +38,24 @@ fn assert_like_reference(name: &str, gaussians: &[Gaussian], camera: &Camera) ->
     let found = psnr(&got, &expected, within);
     println!("{name}: {found:.1} dB against the reference");
     if found.is_nan() || found < LEAST {
-        let start = keep_pictures(&format!("gradient-{name}"), &got, &to_image(&expected).expect("its size"));
+        let start = keep_pictures(
+            &format!("gradient-{name}"),
+            &got,
+            &to_image(&expected).expect("its size"),
+        );
         panic!("{name}: {found:.1} dB; see {start}-*.png");
     }
     (got, within)
 }
 
 /// The renderer's tiles, in the same place.
-fn assert_like_renderer(name: &str, gaussians: &[Gaussian], camera: &Camera, got: &Image, within: PixelBox) {
+fn assert_like_renderer(
+    name: &str,
+    gaussians: &[Gaussian],
+    camera: &Camera,
+    got: &Image,
+    within: PixelBox,
+) {
     let Some(gpu) = gpu() else { return };
     let expected = draw(&gpu, BackEnd::Tiles, &World::of(gaussians), &[*camera]);
     let (found, most) = compare(got, &expected[0], within);
@@ -64,12 +76,23 @@ fn a_person_looks_as_the_reference_and_the_renderer_draw_it() {
 
 #[test]
 fn random_gaussians_look_as_the_reference_and_the_renderer_draw_them() {
-    assert_drawn("random", &random_gaussians(8_000, 7), &front_camera(300, 217));
+    assert_drawn(
+        "random",
+        &random_gaussians(8_000, 7),
+        &front_camera(300, 217),
+    );
 }
 
 #[test]
 fn a_view_from_among_the_gaussians_is_that_of_the_reference_and_the_renderer() {
-    let camera = Camera::look_at(glam::Vec3::splat(0.05), glam::Vec3::X, glam::Vec3::Y, 1.2, 256, 256);
+    let camera = Camera::look_at(
+        glam::Vec3::splat(0.05),
+        glam::Vec3::X,
+        glam::Vec3::Y,
+        1.2,
+        256,
+        256,
+    );
     assert_drawn("within", &random_gaussians(8_000, 5), &camera);
 }
 

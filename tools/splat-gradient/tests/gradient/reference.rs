@@ -99,12 +99,25 @@ fn flat(numbers: &[f64; 14], eye: &Eye) -> Option<Flat> {
     let length = numbers[3..7].iter().map(|x| x * x).sum::<f64>().sqrt();
     let [x, y, z, w] = [3, 4, 5, 6].map(|k| numbers[k] / length);
     let rotation = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        [
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y - z * w),
+            2.0 * (x * z + y * w),
+        ],
+        [
+            2.0 * (x * y + z * w),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z - x * w),
+        ],
+        [
+            2.0 * (x * z - y * w),
+            2.0 * (y * z + x * w),
+            1.0 - 2.0 * (x * x + y * y),
+        ],
     ];
     let variance = [7, 8, 9].map(|k| (2.0 * numbers[k]).exp());
-    let scaled: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| rotation[i][j] * variance[j]));
+    let scaled: Mat3 =
+        std::array::from_fn(|i| std::array::from_fn(|j| rotation[i][j] * variance[j]));
     let covariance = product(&scaled, &transposed(&rotation));
     let slope: [f64; 2] = std::array::from_fn(|k| {
         let margin = 0.3 * 0.5 * eye.size[k] as f64 / eye.focal[k];
@@ -119,12 +132,18 @@ fn flat(numbers: &[f64; 14], eye: &Eye) -> Option<Flat> {
         [0.0; 3],
     ];
     let image_from_world = product(&jacobian, &eye.turn);
-    let image = product(&product(&image_from_world, &covariance), &transposed(&image_from_world));
+    let image = product(
+        &product(&image_from_world, &covariance),
+        &transposed(&image_from_world),
+    );
     let (a, b, c) = (image[0][0] + 0.3, image[0][1], image[1][1] + 0.3);
     let determinant = a * c - b * b;
     Some(Flat {
         depth: t[2],
-        mean: [fx * t[0] / t[2] + eye.centre[0], fy * t[1] / t[2] + eye.centre[1]],
+        mean: [
+            fx * t[0] / t[2] + eye.centre[0],
+            fy * t[1] / t[2] + eye.centre[1],
+        ],
         conic: [c / determinant, -b / determinant, a / determinant],
         opacity: 1.0 / (1.0 + (-numbers[10]).exp()),
         colour: [11, 12, 13].map(|k| numbers[k].max(0.0)),
@@ -159,7 +178,10 @@ impl Frozen {
         flats.sort_by(|a, b| a.1.depth.total_cmp(&b.1.depth));
         for pair in flats.windows(2) {
             let gap = pair[1].1.depth - pair[0].1.depth;
-            assert!(gap > 1e-6, "an order that single precision might miss: {gap}");
+            assert!(
+                gap > 1e-6,
+                "an order that single precision might miss: {gap}"
+            );
         }
         let [width, height] = eye.size;
         let mut shown = Vec::new();

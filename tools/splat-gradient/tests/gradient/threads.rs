@@ -11,14 +11,20 @@ use test_support::splat_scenes::{in_front_of_figure, standing_figure};
 
 /// Three steps of a fit: every number that comes of them.
 fn fitted(threads: usize) -> (Vec<u32>, Vec<u64>) {
-    let pool = ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    let pool = ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .expect("threads");
     pool.install(|| {
         let mut attributes = attributes_of(&standing_figure(9_000));
         let view = view_of(&in_front_of_figure(200, 150));
         let target = Target::new(random_picture(200, 150, &mut Random::new(4)));
         let mut splatter = Splatter::new();
         let mut adam = Adam::new(attributes.numbers().len());
-        let groups = [Group { count: attributes.len(), rate: 1e-3 }; ATTRIBUTES];
+        let groups = [Group {
+            count: attributes.len(),
+            rate: 1e-3,
+        }; ATTRIBUTES];
         let mut wide = Vec::new();
         for _ in 0..3 {
             let mut drawn = splatter.draw(&attributes, &view);
@@ -29,10 +35,14 @@ fn fitted(threads: usize) -> (Vec<u32>, Vec<u64>) {
             wide.push(ssim(picture, &target, 0.2, &mut by_pixel).expect("one size"));
             let mut gradients = Attributes::zeros(9_000);
             wide.extend(drawn.backward(&by_pixel, &mut gradients).expect("one size"));
-            adam.step(attributes.numbers_mut(), gradients.numbers(), &groups).expect("all");
+            adam.step(attributes.numbers_mut(), gradients.numbers(), &groups)
+                .expect("all");
         }
         let bits = attributes.numbers().iter().map(|number| number.to_bits());
-        (bits.collect(), wide.iter().map(|number| number.to_bits()).collect())
+        (
+            bits.collect(),
+            wide.iter().map(|number| number.to_bits()).collect(),
+        )
     })
 }
 
