@@ -71,6 +71,11 @@ impl Picture {
         &self.numbers[channel * pixels..(channel + 1) * pixels]
     }
 
+    /// Makes it all transparent; of derivatives, all 0.
+    pub fn clear(&mut self) {
+        self.numbers.fill(0.0);
+    }
+
     /// One channel of every pixel; `channel` is below 4.
     ///
     /// # Panics

@@ -64,7 +64,8 @@ impl Splatter {
         let (level, splats) = (self.level, &self.splats);
         let across = self.tiles.across;
         let tiles = self.tiles.tiles.par_iter_mut().enumerate();
-        tiles.for_each(|(index, tile)| {
+        let filled = tiles.filter(|(_, tile)| !tile.ranks.is_empty());
+        filled.for_each(|(index, tile)| {
             let at = first_pixel(index, across);
             dispatch!(level, simd => blend(simd, tile, splats, at, size));
         });
@@ -76,7 +77,9 @@ impl Splatter {
             rows.with_min_len(TILE).for_each(|(y, row)| {
                 let tiles = &tiles[y / TILE * across..];
                 for (runs, tile) in row.chunks_mut(TILE).zip(tiles) {
-                    show(tile, channel, y % TILE, runs);
+                    if !tile.ranks.is_empty() {
+                        show(tile, channel, y % TILE, runs);
+                    }
                 }
             });
         }
@@ -194,13 +197,24 @@ fn first_pixel(index: usize, across: usize) -> [usize; 2] {
 /// Copies a channel of a row of a tile, alpha in the place of transmittance.
 fn show(tile: &Tile, channel: usize, row: usize, out: &mut [f32]) {
     for (half, out) in out.chunks_mut(RUN).enumerate() {
-        let run = &tile.pixels[channel][half * TILE + row][..out.len()];
-        out.copy_from_slice(run);
+        let run = &tile.pixels[channel][half * TILE + row];
+        copy_run(run, out);
         if channel + 1 == CHANNELS {
             for through in out {
                 *through = 1.0 - *through;
             }
         }
+    }
+}
+
+/// Copies as many pixels as there is room for; eight, as a rule, which then are no call.
+fn copy_run(from: &[f32], to: &mut [f32]) {
+    if let (Some(from), Some(to)) = (from.first_chunk::<RUN>(), to.first_chunk_mut::<RUN>()) {
+        *to = *from;
+        return;
+    }
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = *from;
     }
 }
 
@@ -211,7 +225,7 @@ fn cut_out(picture: &Picture, at: [usize; 2]) -> [TilePlane; CHANNELS] {
         let rows = picture.plane(channel).chunks_exact(picture.width());
         for (row, pixels) in rows.skip(at[1]).take(TILE).enumerate() {
             for (half, pixels) in pixels[at[0]..].chunks(RUN).take(TILE / RUN).enumerate() {
-                plane[half * TILE + row][..pixels.len()].copy_from_slice(pixels);
+                copy_run(pixels, &mut plane[half * TILE + row]);
             }
         }
     }

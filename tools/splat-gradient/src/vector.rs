@@ -49,6 +49,28 @@ pub(crate) fn log2<S: Simd>(simd: S, x: Eight<S>) -> Eight<S> {
     (s * sum).mul_add(2.0 * std::f32::consts::LOG2_E, whole)
 }
 
+/// An array of three, as an expression says for each index. Not a closure given to `map`: what is compiled apart from its caller does
+/// not have the processor's vectors.
+macro_rules! three {
+    ($index:ident => $value:expr) => {
+        [
+            {
+                let $index = 0usize;
+                $value
+            },
+            {
+                let $index = 1usize;
+                $value
+            },
+            {
+                let $index = 2usize;
+                $value
+            },
+        ]
+    };
+}
+pub(crate) use three;
+
 /// Eight numbers from `at` on; NaN beyond the end.
 #[inline(always)]
 pub(crate) fn load<S: Simd>(simd: S, plane: &[f32], at: usize) -> Eight<S> {

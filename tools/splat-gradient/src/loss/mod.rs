@@ -1,7 +1,7 @@
 //! Photometric losses with their derivatives: the L1 and SSIM terms of the paper's section IV-C.
 //!
 //! Pictures are compared premultiplied, as if both stood before black: so the background of a capture is nothing but alpha 0. Each
-//! function returns its loss as a mean over pixels and adds `share` times its derivatives by the drawn picture's numbers to
+//! returns its loss as a mean over pixels and adds `share` times its derivatives by the drawn picture's numbers to
 //! `by_pixel`; so terms are summed by calling one after the other.
 
 mod l1;
@@ -9,5 +9,5 @@ mod ssim;
 mod target;
 
 pub use l1::{alpha_l1, colour_l1};
-pub use ssim::ssim;
+pub use ssim::Ssim;
 pub use target::Target;

@@ -5,7 +5,7 @@
 use super::Target;
 use crate::error::GradientError;
 use crate::picture::{CHANNELS, Picture};
-use crate::vector::{Eight, LANES};
+use crate::vector::{Eight, LANES, add_to, load, three};
 use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use rayon::prelude::*;
 
@@ -16,96 +16,163 @@ const REACH: usize = WINDOW / 2;
 const C1: f32 = 0.01 * 0.01;
 const C2: f32 = 0.03 * 0.03;
 
-/// The loss 1 - SSIM (paper, section IV-C), the mean over red, green, blue and the weighted pixels as windows' middles.
-///
-/// # Errors
-/// Pictures of different sizes.
-pub fn ssim(
-    drawn: &Picture,
-    target: &Target,
-    share: f32,
-    by_pixel: &mut Picture,
-) -> Result<f64, GradientError> {
-    target.check(drawn, by_pixel)?;
-    let (width, height) = (drawn.width(), drawn.height());
-    let level = Level::new();
-    let sheet = Sheet::of(width, height);
-    let colours = CHANNELS - 1;
-    #[expect(clippy::cast_precision_loss, reason = "three channels")]
-    let mean = target.inverse_sum() / colours as f64;
-    let weights = sheet.laid(target.weights());
-    #[expect(clippy::cast_possible_truncation, reason = "a factor of derivatives")]
-    let slope = (f64::from(share) * -mean) as f32;
-    let mut maps = [(); 3].map(|()| vec![0.0; sheet.stride * height]);
-    let mut sum = 0.0;
-    for channel in 0..colours {
-        let pictures = Pair {
-            sheet,
-            drawn: &sheet.laid(drawn.plane(channel)),
-            wanted: &sheet.laid(target.picture().plane(channel)),
-        };
-        let [means, squares, products] = &mut maps;
-        let rows: Vec<f64> = (
-            means.par_chunks_mut(sheet.stride),
-            squares.par_chunks_mut(sheet.stride),
-            products.par_chunks_mut(sheet.stride),
-        )
-            .into_par_iter()
-            .enumerate()
-            .map_init(
-                || Sums::new(sheet),
-                |sums, (y, (means, squares, products))| {
-                    let weights = &weights[y * sheet.stride..][..sheet.stride];
-                    let maps = [means, squares, products];
-                    dispatch!(level, simd => compare(simd, &pictures, y, weights, sums, maps))
-                },
-            )
-            .collect();
-        sum += rows.iter().sum::<f64>();
-        let maps = &maps;
-        by_pixel
-            .plane_mut(channel)
-            .par_chunks_mut(width.max(1))
-            .enumerate()
-            .for_each_init(
-                || Sums::new(sheet),
-                |sums, (y, by_pixel)| {
-                    dispatch!(level, simd => spread(simd, &pictures, y, maps, slope, sums, by_pixel));
-                },
-            );
-    }
-    Ok(if target.inverse_sum() > 0.0 {
-        1.0 - sum * mean
-    } else {
-        0.0
-    })
+/// Computes the SSIM loss; keeps its memory from one picture to the next.
+#[derive(Debug, Clone)]
+pub struct Ssim {
+    level: Level,
+    drawn: Vec<f32>,
+    wanted: Vec<f32>,
+    weights: Vec<f32>,
+    /// Derivatives by each window's mean, mean square and mean product.
+    maps: [Vec<f32>; 3],
 }
 
-/// Planes with room beside each row: [`REACH`] zeros on both sides, and up to a whole number of vectors.
+impl Default for Ssim {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Ssim {
+    /// Uses the widest vectors that this processor has.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            level: Level::new(),
+            drawn: Vec::new(),
+            wanted: Vec::new(),
+            weights: Vec::new(),
+            maps: [Vec::new(), Vec::new(), Vec::new()],
+        }
+    }
+
+    /// The loss 1 - SSIM (paper, section IV-C): the mean over red, green, blue and the weighted pixels as windows' middles.
+    ///
+    /// # Errors
+    /// Pictures of different sizes.
+    pub fn loss(
+        &mut self,
+        drawn: &Picture,
+        target: &Target,
+        share: f32,
+        by_pixel: &mut Picture,
+    ) -> Result<f64, GradientError> {
+        target.check(drawn, by_pixel)?;
+        let level = self.level;
+        let Some(sheet) = Sheet::around(drawn, target.picture()) else {
+            return Ok(0.0);
+        };
+        let colours = CHANNELS - 1;
+        #[expect(clippy::cast_precision_loss, reason = "three channels")]
+        let mean = target.inverse_sum() / colours as f64;
+        #[expect(clippy::cast_possible_truncation, reason = "a factor of derivatives")]
+        let slope = (f64::from(share) * -mean) as f32;
+        sheet.lay(target.weights(), &mut self.weights);
+        for map in &mut self.maps {
+            map.resize(sheet.stride * sheet.height, 0.0);
+        }
+        let mut sum = 0.0;
+        for channel in 0..colours {
+            sheet.lay(drawn.plane(channel), &mut self.drawn);
+            sheet.lay(target.picture().plane(channel), &mut self.wanted);
+            let pictures = Pair {
+                sheet,
+                drawn: &self.drawn,
+                wanted: &self.wanted,
+            };
+            let weights = self.weights.par_chunks(sheet.stride);
+            let [means, squares, products] = &mut self.maps;
+            let rows: Vec<f64> = (
+                means.par_chunks_mut(sheet.stride),
+                squares.par_chunks_mut(sheet.stride),
+                products.par_chunks_mut(sheet.stride),
+                weights,
+            )
+                .into_par_iter()
+                .enumerate()
+                .map_init(
+                    || Sums::new(sheet),
+                    |sums, (y, (means, squares, products, weights))| {
+                        let maps = [means, squares, products];
+                        dispatch!(level, simd => compare(simd, &pictures, y, weights, sums, maps))
+                    },
+                )
+                .collect();
+            sum += rows.iter().sum::<f64>();
+            let maps = &self.maps;
+            let rows = by_pixel.plane_mut(channel).par_chunks_mut(sheet.across);
+            rows.skip(sheet.top)
+                .take(sheet.height)
+                .enumerate()
+                .for_each_init(
+                    || Sums::new(sheet),
+                    |sums, (y, row)| {
+                        let row = &mut row[sheet.left..sheet.left + sheet.width];
+                        dispatch!(level, simd => spread(simd, &pictures, y, maps, slope, sums, row));
+                    },
+                );
+        }
+        Ok(sum * mean)
+    }
+}
+
+/// The part of a picture beyond which both pictures are 0, so that windows there are equal, with room beside each row: [`REACH`]
+/// zeros on both sides, and up to a whole number of vectors.
 #[derive(Debug, Clone, Copy)]
 struct Sheet {
+    /// Pixels in a row of the picture.
+    across: usize,
+    left: usize,
+    top: usize,
     width: usize,
     height: usize,
     stride: usize,
 }
 
 impl Sheet {
-    fn of(width: usize, height: usize) -> Self {
-        Self {
-            width,
-            height,
-            stride: (width + 2 * REACH).next_multiple_of(LANES),
+    /// Nothing where both pictures are 0 everywhere. Windows reach beyond what is not 0, and from there pixels' derivatives once more.
+    fn around(drawn: &Picture, wanted: &Picture) -> Option<Self> {
+        let (across, down) = (drawn.width(), drawn.height());
+        let (mut columns, mut rows) = (across..0, down..0);
+        for channel in 0..CHANNELS - 1 {
+            for plane in [drawn.plane(channel), wanted.plane(channel)] {
+                for (y, row) in plane.chunks(across.max(1)).enumerate() {
+                    let Some(first) = row.iter().position(|pixel| *pixel != 0.0) else {
+                        continue;
+                    };
+                    let last = row.iter().rposition(|pixel| *pixel != 0.0);
+                    columns = columns.start.min(first)..columns.end.max(last.unwrap_or(first) + 1);
+                    rows = rows.start.min(y)..rows.end.max(y + 1);
+                }
+            }
         }
+        if columns.is_empty() {
+            return None;
+        }
+        let (left, top) = (
+            columns.start.saturating_sub(2 * REACH),
+            rows.start.saturating_sub(2 * REACH),
+        );
+        let width = (columns.end + 2 * REACH).min(across) - left;
+        Some(Self {
+            across,
+            left,
+            top,
+            width,
+            height: (rows.end + 2 * REACH).min(down) - top,
+            stride: (width + 2 * REACH).next_multiple_of(LANES),
+        })
     }
 
-    /// A plane on this sheet.
-    fn laid(self, plane: &[f32]) -> Vec<f32> {
-        let mut laid = vec![0.0; self.stride * self.height];
-        let rows = plane.chunks(self.width.max(1));
+    /// Lays a plane of the picture on the sheet.
+    fn lay(self, plane: &[f32], laid: &mut Vec<f32>) {
+        laid.clear();
+        laid.resize(self.stride * self.height, 0.0);
+        let rows = plane.chunks(self.across).skip(self.top);
         for (laid, row) in laid.chunks_mut(self.stride).zip(rows) {
-            laid[REACH..REACH + row.len()].copy_from_slice(row);
+            laid[REACH..REACH + self.width]
+                .copy_from_slice(&row[self.left..self.left + self.width]);
         }
-        laid
     }
 }
 
@@ -157,7 +224,7 @@ fn across<S: Simd>(simd: S, sums: &[f32], at: usize) -> Eight<S> {
     sum
 }
 
-/// One row of windows' middles: returns the weighted sum of their SSIM, and writes its derivatives by the windows' mean of the drawn
+/// One row of windows' middles: returns the weighted sum of 1 - SSIM, and writes SSIM's derivatives by the windows' mean of the drawn
 /// picture, by the mean of its square and by the mean of the product of both, times the weights.
 #[inline(always)]
 fn compare<S: Simd>(
@@ -190,7 +257,8 @@ fn compare<S: Simd>(
     let mut total = f32x8::splat(simd, 0.0);
     // A window's sums begin REACH before its middle: at the middle's column, without the margin.
     for at in (0..sheet.width).step_by(LANES) {
-        let [mean_x, mean_y, xx, yy, xy] = [0, 1, 2, 3, 4].map(|k| across(simd, &sums.0[k], at));
+        let [mean_x, mean_y, xx] = three!(k => across(simd, &sums.0[k], at));
+        let (yy, xy) = (across(simd, &sums.0[3], at), across(simd, &sums.0[4], at));
         let (square_x, square_y, product) = (mean_x * mean_x, mean_y * mean_y, mean_x * mean_y);
         let a1 = product * 2.0 + C1;
         let a2 = (xy - product) * 2.0 + C2;
@@ -199,18 +267,22 @@ fn compare<S: Simd>(
         let inverse = 1.0 / (b1 * b2);
         let similar = a1 * a2 * inverse;
         // Beyond the picture the weights are 0.
-        let there = &mut weights_at(simd, weights, at);
+        let there = weights_at(simd, weights, at);
         let by_mean =
             mean_y * (a2 - a1) * inverse * 2.0 + mean_x * similar * 2.0 * (1.0 / b2 - 1.0 / b1);
         let by_square = similar / b2 * -1.0;
         let by_product = a1 * inverse * 2.0;
-        total = similar.mul_add(*there, total);
+        total = (1.0 - similar).mul_add(there, total);
         let out = REACH + at;
-        store(simd, means, out, by_mean * *there);
-        store(simd, squares, out, by_square * *there);
-        store(simd, products, out, by_product * *there);
+        store(simd, means, out, by_mean * there);
+        store(simd, squares, out, by_square * there);
+        store(simd, products, out, by_product * there);
     }
-    total.to_array().iter().map(|lane| f64::from(*lane)).sum()
+    let mut sum = 0.0;
+    for lane in total.to_array() {
+        sum += f64::from(lane);
+    }
+    sum
 }
 
 /// The weights of eight middles from column `at` on; 0 beyond the row.
@@ -266,10 +338,10 @@ fn spread<S: Simd>(
     let row = y * sheet.stride..(y + 1) * sheet.stride;
     let (drawn, wanted) = (&pictures.drawn[row.clone()], &pictures.wanted[row]);
     for at in (0..sheet.width).step_by(LANES) {
-        let [by_mean, by_square, by_product] = [0, 1, 2].map(|k| across(simd, &sums.0[k], at));
-        let x = crate::vector::load(simd, drawn, REACH + at);
-        let y = crate::vector::load(simd, wanted, REACH + at);
+        let [by_mean, by_square, by_product] = three!(k => across(simd, &sums.0[k], at));
+        let x = load(simd, drawn, REACH + at);
+        let y = load(simd, wanted, REACH + at);
         let derivative = by_mean + by_square * x * 2.0 + by_product * y;
-        crate::vector::add_to(simd, by_pixel, at, derivative * slope);
+        add_to(simd, by_pixel, at, derivative * slope);
     }
 }

@@ -8,7 +8,7 @@
 use super::seen::{Seen, see};
 use super::splat::{MOMENTS, Moments};
 use crate::attributes::{ATTRIBUTES, plane};
-use crate::vector::{Eight, LANES, Three, add_to, cross, dot, dot_same, mixed};
+use crate::vector::{Eight, LANES, Three, add_to, cross, dot, dot_same, mixed, three};
 use crate::view::{Lens, Twist};
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 
@@ -44,7 +44,10 @@ pub(crate) fn pull_back<'a, S: Simd>(
         }
         let drawn = mask32x8::from_bitmask(simd, drawn);
         let seen = see(simd, lens, planes, start + at);
-        let moments = lanes.map(|lanes| f32x8::load_array(simd, lanes));
+        let mut moments = [none; MOMENTS];
+        for (moments, lanes) in moments.iter_mut().zip(lanes) {
+            *moments = f32x8::load_array(simd, lanes);
+        }
         let (by_attribute, by_motion) = chain(lens, &seen, &moments, none);
         for (out, derivative) in out.iter_mut().zip(by_attribute) {
             add_to(simd, out, at, drawn.select(derivative, none));
@@ -53,7 +56,13 @@ pub(crate) fn pull_back<'a, S: Simd>(
             *sum += drawn.select(derivative, none);
         }
     }
-    motion.map(|sum| sum.to_array().iter().map(|lane| f64::from(*lane)).sum())
+    let mut twist = [0.0; 6];
+    for (twist, lanes) in twist.iter_mut().zip(motion) {
+        for lane in lanes.to_array() {
+            *twist += f64::from(lane);
+        }
+    }
+    twist
 }
 
 /// The derivatives by 14 attributes and by the camera's motion.
@@ -85,20 +94,12 @@ fn chain<S: Simd>(
         mixed(&seen.root[0], by_b, &seen.root[1], by_c),
     ];
     let by_log_scale =
-        [0, 1, 2].map(|k| by_root[0][k] * seen.root[0][k] + by_root[1][k] * seen.root[1][k]);
+        three!(k => by_root[0][k] * seen.root[0][k] + by_root[1][k] * seen.root[1][k]);
     // root = image_from_world R S.
-    let by_image = by_root.map(|row| -> Three<S> {
-        let scaled = [
-            row[0] * seen.scale[0],
-            row[1] * seen.scale[1],
-            row[2] * seen.scale[2],
-        ];
-        let [x, y, z] = &seen.own_axes;
-        [0, 1, 2].map(|k| x[k] * scaled[0] + y[k] * scaled[1] + z[k] * scaled[2])
-    });
+    let by_image = [along_own(seen, &by_root[0]), along_own(seen, &by_root[1])];
     let first = cross(&by_image[0], &seen.image_from_world[0]);
     let second = cross(&by_image[1], &seen.image_from_world[1]);
-    let by_turn = [0, 1, 2].map(|k| first[k] + second[k]);
+    let by_turn = three!(k => first[k] + second[k]);
 
     // image_from_world = focal / z (axis - slope z_axis), mean = focal place / z + centre.
     let mut by_place = [none; 3];
@@ -115,8 +116,8 @@ fn chain<S: Simd>(
     by_place[2] = by_inverse_depth * seen.inverse_depth * seen.inverse_depth * -1.0;
 
     let rows = &lens.rows;
-    let by_position = [0, 1, 2]
-        .map(|k| by_place[0] * rows[0][k] + by_place[1] * rows[1][k] + by_place[2] * rows[2][k]);
+    let by_position =
+        three!(k => by_place[0] * rows[0][k] + by_place[1] * rows[1][k] + by_place[2] * rows[2][k]);
     // A unit quaternion q changes by (turn / 2, 0) q.
     let [x, y, z, w] = seen.rotation;
     let twice = seen.inverse_length * 2.0;
@@ -128,33 +129,22 @@ fn chain<S: Simd>(
         dot(&by_turn, &[x, y, z]) * twice * -1.0,
     ];
     let by_logit = h * seen.transparency;
-    let lit = |channel: usize, derivative: Eight<S>| {
-        seen.colour[channel].simd_gt(0.0).select(derivative, none)
-    };
+    let [red, green, blue] = [
+        lit(seen.colour[0], red, none),
+        lit(seen.colour[1], green, none),
+        lit(seen.colour[2], blue, none),
+    ];
 
     // Turning what the camera sees moves every place and turns every Gaussian.
     let swung = cross(&seen.place, &by_place);
-    let turned = [0, 1, 2].map(|k| swung[k] + dot_same(&by_turn, rows[k]));
+    let turned = three!(k => swung[k] + dot_same(&by_turn, rows[k]));
     let [p0, p1, p2] = by_position;
     let [r0, r1, r2, r3] = by_rotation;
     let [s0, s1, s2] = by_log_scale;
     debug_assert!(plane::COLOUR.end == ATTRIBUTES, "the order of the planes");
     (
         [
-            p0,
-            p1,
-            p2,
-            r0,
-            r1,
-            r2,
-            r3,
-            s0,
-            s1,
-            s2,
-            by_logit,
-            lit(0, red),
-            lit(1, green),
-            lit(2, blue),
+            p0, p1, p2, r0, r1, r2, r3, s0, s1, s2, by_logit, red, green, blue,
         ],
         [
             by_place[0],
@@ -165,4 +155,18 @@ fn chain<S: Simd>(
             turned[2],
         ],
     )
+}
+
+/// R S v: the derivative by a row of J W, of that by the row's product with R S.
+#[inline(always)]
+fn along_own<S: Simd>(seen: &Seen<S>, row: &Three<S>) -> Three<S> {
+    let scaled = three!(k => row[k] * seen.scale[k]);
+    let [x, y, z] = &seen.own_axes;
+    three!(k => x[k] * scaled[0] + y[k] * scaled[1] + z[k] * scaled[2])
+}
+
+/// A colour's derivative: none where it is held at 0.
+#[inline(always)]
+fn lit<S: Simd>(colour: Eight<S>, derivative: Eight<S>, none: Eight<S>) -> Eight<S> {
+    colour.simd_gt(0.0).select(derivative, none)
 }

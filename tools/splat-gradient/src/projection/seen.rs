@@ -1,7 +1,7 @@
 //! Eight Gaussians as a view sees them, with everything that the derivatives need again.
 
 use crate::attributes::{ATTRIBUTES, plane};
-use crate::vector::{Eight, Three, dot, dot_same, exp2, load};
+use crate::vector::{Eight, Three, cross, dot, dot_same, exp2, load, three};
 use crate::view::{Lens, NEAR};
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 use std::f32::consts::LOG2_E;
@@ -54,16 +54,9 @@ pub(super) fn see<S: Simd>(
     planes: &[&[f32]; ATTRIBUTES],
     at: usize,
 ) -> Seen<S> {
-    let three = |first: usize| -> Three<S> {
-        [
-            load(simd, planes[first], at),
-            load(simd, planes[first + 1], at),
-            load(simd, planes[first + 2], at),
-        ]
-    };
-    let position = three(plane::POSITION.start);
-    let log_scale = three(plane::LOG_SCALE.start);
-    let colour = three(plane::COLOUR.start);
+    let position = three!(k => load(simd, planes[plane::POSITION.start + k], at));
+    let log_scale = three!(k => load(simd, planes[plane::LOG_SCALE.start + k], at));
+    let colour = three!(k => load(simd, planes[plane::COLOUR.start + k], at));
     let logit = load(simd, planes[plane::OPACITY], at);
     let first = plane::ROTATION.start;
     let raw = [
@@ -107,21 +100,18 @@ pub(super) fn see<S: Simd>(
         exp2(simd, log_scale[1] * LOG2_E),
         exp2(simd, log_scale[2] * LOG2_E),
     ];
-    let root_of = |row: &Three<S>| -> Three<S> {
-        [
-            dot(row, &own_axes[0]) * scale[0],
-            dot(row, &own_axes[1]) * scale[1],
-            dot(row, &own_axes[2]) * scale[2],
-        ]
-    };
-    let root = [root_of(&image_from_world[0]), root_of(&image_from_world[1])];
+    let [along_x, along_y] = &image_from_world;
+    let root = [
+        three!(k => dot(along_x, &own_axes[k]) * scale[k]),
+        three!(k => dot(along_y, &own_axes[k]) * scale[k]),
+    ];
     let (a, b, c) = (
         dot(&root[0], &root[0]),
         dot(&root[0], &root[1]),
         dot(&root[1], &root[1]),
     );
     // Cauchy-Binet instead of a c - b b, which cancels for thin splats.
-    let minors = crate::vector::cross(&root[0], &root[1]);
+    let minors = cross(&root[0], &root[1]);
     let determinant = dot(&minors, &minors) + (a + c) * LOW_PASS + LOW_PASS * LOW_PASS;
 
     // The sigmoid, and its complement without cancellation.
@@ -170,7 +160,7 @@ fn held<S: Simd>(slope: Eight<S>, lens: &Lens, axis: usize) -> (Eight<S>, mask32
 #[inline(always)]
 fn less_depth<S: Simd>(simd: S, lens: &Lens, axis: usize, slope: Eight<S>) -> Three<S> {
     let (row, depth) = (lens.rows[axis], lens.rows[2]);
-    [0, 1, 2].map(|k| f32x8::splat(simd, row[k]) - slope * depth[k])
+    three!(k => f32x8::splat(simd, row[k]) - slope * depth[k])
 }
 
 #[inline(always)]

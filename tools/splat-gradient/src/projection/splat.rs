@@ -2,7 +2,7 @@
 
 use super::seen::see;
 use crate::attributes::ATTRIBUTES;
-use crate::vector::{LANES, log2};
+use crate::vector::{LANES, log2, three};
 use crate::view::Lens;
 use fearless_simd::prelude::*;
 use std::f32::consts::LN_2;
@@ -80,7 +80,7 @@ pub(crate) fn project<S: Simd>(
         let across = SQRT_HALF_LOG2_E / product.sqrt();
         let (u_x, u_y) = (across * c, across * b * -1.0);
         let w = SQRT_HALF_LOG2_E / c.sqrt();
-        let colour = seen.colour.map(|channel| channel.max(0.0));
+        let colour = three!(k => seen.colour[k].max(0.0));
         while left != 0 {
             let lane = left.trailing_zeros() as usize;
             left &= left - 1;
@@ -90,7 +90,7 @@ pub(crate) fn project<S: Simd>(
                 u: [u_x[lane], u_y[lane]],
                 w: w[lane],
                 log2_opacity: log2_opacity[lane],
-                colour: colour.map(|channel| channel[lane]),
+                colour: three!(k => colour[k][lane]),
                 columns: [pixel(first_x[lane]), pixel(last_x[lane])],
                 rows: [pixel(first_y[lane]), pixel(last_y[lane])],
             };

@@ -71,7 +71,11 @@ pub(crate) fn gather<S: Simd>(
             sums[4] = h1.mul_add(dx, sums[4]);
             sums[5] += h2;
         }
-        tile.moments.push(sums.map(added));
+        let mut moments = [0.0; MOMENTS];
+        for (moment, sum) in moments.iter_mut().zip(sums) {
+            *moment = added(sum);
+        }
+        tile.moments.push(moments);
     }
 }
 

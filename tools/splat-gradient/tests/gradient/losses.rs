@@ -1,7 +1,7 @@
 //! Losses and their derivatives against plain f64 sums and their differences.
 
 use splat_gradient::Picture;
-use splat_gradient::loss::{Target, alpha_l1, colour_l1, ssim};
+use splat_gradient::loss::{Ssim, Target, alpha_l1, colour_l1};
 use synthetic_person::Random;
 
 const SIZE: [usize; 2] = [19, 13];
@@ -144,7 +144,11 @@ fn l1_of_alpha_is_the_mean_of_differences() {
 fn ssim_is_that_of_the_article() {
     assert_right(
         "SSIM",
-        |drawn, target, share, by| ssim(drawn, target, share, by).expect("one size"),
+        |drawn, target, share, by| {
+            Ssim::new()
+                .loss(drawn, target, share, by)
+                .expect("one size")
+        },
         |drawn, wanted, weights| {
             let channel =
                 |numbers: &[f64], c: usize| numbers[c * PIXELS..(c + 1) * PIXELS].to_vec();
@@ -168,7 +172,7 @@ fn a_picture_that_is_met_costs_nothing_and_one_of_another_size_is_refused() {
     let losses = [
         colour_l1(&drawn, &target, 1.0, &mut by_pixel),
         alpha_l1(&drawn, &target, 1.0, &mut by_pixel),
-        ssim(&drawn, &target, 1.0, &mut by_pixel),
+        Ssim::new().loss(&drawn, &target, 1.0, &mut by_pixel),
     ];
     for loss in losses {
         let loss = loss.expect("one size");
@@ -181,7 +185,9 @@ fn a_picture_that_is_met_costs_nothing_and_one_of_another_size_is_refused() {
     assert!(most < 1e-4, "derivatives at the least: {most}");
     let other = Picture::transparent(SIZE[0], SIZE[1] + 1);
     assert!(
-        ssim(&other, &target, 1.0, &mut by_pixel).is_err(),
+        Ssim::new()
+            .loss(&other, &target, 1.0, &mut by_pixel)
+            .is_err(),
         "another height"
     );
     assert!(
@@ -204,7 +210,9 @@ fn pictures_of_one_pixel_and_without_weight_have_finite_losses() {
         let mut by_pixel = Picture::transparent(1, 1);
         let sum = colour_l1(&one(0.2), &target, 1.0, &mut by_pixel).expect("one size")
             + alpha_l1(&one(0.2), &target, 1.0, &mut by_pixel).expect("one size")
-            + ssim(&one(0.2), &target, 1.0, &mut by_pixel).expect("one size");
+            + Ssim::new()
+                .loss(&one(0.2), &target, 1.0, &mut by_pixel)
+                .expect("one size");
         assert!(sum.is_finite(), "{sum}");
         assert!(
             by_pixel.numbers().iter().all(|x| x.is_finite()),

@@ -6,7 +6,7 @@ use renderer_splat::camera::Camera;
 use renderer_splat::gaussian::Gaussian;
 use splat_gradient::adam::{Adam, Group};
 use splat_gradient::attributes::{Attributes, plane};
-use splat_gradient::loss::{Target, alpha_l1, colour_l1, ssim};
+use splat_gradient::loss::{Ssim, Target, alpha_l1, colour_l1};
 use splat_gradient::{Picture, Splatter};
 use synthetic_person::Random;
 use test_support::splat_reference::render;
@@ -78,7 +78,7 @@ fn two_hundred_gaussians_learn_two_pictures_to_35_db() {
         }
     }
     let mut adam = Adam::new(learnt.numbers().len());
-    let mut splatter = Splatter::new();
+    let (mut splatter, mut ssim) = (Splatter::new(), Ssim::new());
     let before = psnr(
         splatter.draw(&learnt, &views[0]).picture(),
         targets[0].picture(),
@@ -92,7 +92,8 @@ fn two_hundred_gaussians_learn_two_pictures_to_35_db() {
             let mut by_pixel = Picture::transparent(side, side);
             let picture = drawn.picture();
             colour_l1(picture, target, 0.8, &mut by_pixel).expect("one size");
-            ssim(picture, target, 0.2, &mut by_pixel).expect("one size");
+            ssim.loss(picture, target, 0.2, &mut by_pixel)
+                .expect("one size");
             alpha_l1(picture, target, 0.1, &mut by_pixel).expect("one size");
             drawn.backward(&by_pixel, &mut gradients).expect("one size");
         }

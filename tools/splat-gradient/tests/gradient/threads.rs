@@ -4,7 +4,7 @@ use crate::scenes::{attributes_of, random_picture, view_of};
 use rayon::ThreadPoolBuilder;
 use splat_gradient::adam::{Adam, Group};
 use splat_gradient::attributes::{ATTRIBUTES, Attributes};
-use splat_gradient::loss::{Target, alpha_l1, colour_l1, ssim};
+use splat_gradient::loss::{Ssim, Target, alpha_l1, colour_l1};
 use splat_gradient::{Picture, Splatter};
 use synthetic_person::Random;
 use test_support::splat_scenes::{in_front_of_figure, standing_figure};
@@ -19,7 +19,7 @@ fn fitted(threads: usize) -> (Vec<u32>, Vec<u64>) {
         let mut attributes = attributes_of(&standing_figure(9_000));
         let view = view_of(&in_front_of_figure(200, 150));
         let target = Target::new(random_picture(200, 150, &mut Random::new(4)));
-        let mut splatter = Splatter::new();
+        let (mut splatter, mut ssim) = (Splatter::new(), Ssim::new());
         let mut adam = Adam::new(attributes.numbers().len());
         let groups = [Group {
             count: attributes.len(),
@@ -32,7 +32,10 @@ fn fitted(threads: usize) -> (Vec<u32>, Vec<u64>) {
             let picture = drawn.picture();
             wide.push(colour_l1(picture, &target, 0.8, &mut by_pixel).expect("one size"));
             wide.push(alpha_l1(picture, &target, 0.1, &mut by_pixel).expect("one size"));
-            wide.push(ssim(picture, &target, 0.2, &mut by_pixel).expect("one size"));
+            wide.push(
+                ssim.loss(picture, &target, 0.2, &mut by_pixel)
+                    .expect("one size"),
+            );
             let mut gradients = Attributes::zeros(9_000);
             wide.extend(drawn.backward(&by_pixel, &mut gradients).expect("one size"));
             adam.step(attributes.numbers_mut(), gradients.numbers(), &groups)
