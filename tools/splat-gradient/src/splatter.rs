@@ -61,13 +61,13 @@ impl Splatter {
         self.rank(gaussians.len());
         self.tiles.list(&self.splats, size);
 
-        let (level, splats) = (self.level, &self.splats);
+        let level = self.level;
         let across = self.tiles.across;
         let tiles = self.tiles.tiles.par_iter_mut().enumerate();
         let filled = tiles.filter(|(_, tile)| !tile.ranks.is_empty());
         filled.for_each(|(index, tile)| {
             let at = first_pixel(index, across);
-            dispatch!(level, simd => blend(simd, tile, splats, at, size));
+            dispatch!(level, simd => blend(simd, tile, at, size));
         });
         self.picture.reset(size[0], size[1]);
         let planes = self.picture.planes_mut();
@@ -162,13 +162,13 @@ impl Drawn<'_> {
             ranks,
             ..
         } = &mut *self.splatter;
-        let (level, across, splats) = (*level, tiles.across, &*splats);
+        let (level, across) = (*level, tiles.across);
         let all = tiles.tiles.par_iter_mut().enumerate();
         all.filter(|(_, tile)| !tile.ranks.is_empty())
             .for_each(|(index, tile)| {
                 let at = first_pixel(index, across);
                 let by_pixel = cut_out(by_pixel, at);
-                dispatch!(level, simd => gather(simd, tile, splats, &by_pixel, at, size));
+                dispatch!(level, simd => gather(simd, tile, &by_pixel, at, size));
             });
         sum_up(&tiles.tiles, splats.len(), moments);
 

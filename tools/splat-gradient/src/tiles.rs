@@ -17,6 +17,8 @@ pub(crate) type TilePlane = [[f32; RUN]; RUNS];
 pub(crate) struct Tile {
     /// Ranks of the splats that may show, rising.
     pub(crate) ranks: Vec<u32>,
+    /// The splats themselves, so that they are read one after the other.
+    pub(crate) splats: Vec<Splat>,
     /// How many of them were blended before nothing more showed.
     pub(crate) blended: usize,
     /// Premultiplied red, green, blue, then transmittance.
@@ -28,6 +30,7 @@ pub(crate) struct Tile {
 impl Tile {
     const EMPTY: Self = Self {
         ranks: Vec::new(),
+        splats: Vec::new(),
         blended: 0,
         pixels: [[[0.0; RUN]; RUNS]; 4],
         moments: Vec::new(),
@@ -63,6 +66,7 @@ impl Tiles {
         rows.enumerate().for_each(|(row, (tiles, ranks))| {
             for tile in tiles.iter_mut() {
                 tile.ranks.clear();
+                tile.splats.clear();
             }
             for rank in ranks {
                 let splat = &splats[*rank as usize];
@@ -70,6 +74,7 @@ impl Tiles {
                 for (column, tile) in (first..).zip(&mut tiles[first..=last]) {
                     if splat.touches([column * TILE, row * TILE]) {
                         tile.ranks.push(*rank);
+                        tile.splats.push(*splat);
                     }
                 }
             }

@@ -4,7 +4,7 @@
 //! dL/dalpha_i = T (c_i . g) - (sum of what lies behind . g - g_alpha T_end) / (1 - alpha_i).
 
 use super::run::{Half, STOP, open, reached};
-use crate::projection::{MOMENTS, Splat};
+use crate::projection::MOMENTS;
 use crate::tiles::{RUN, TILE, Tile, TilePlane};
 use crate::vector::Eight;
 use fearless_simd::{f32x8, prelude::*};
@@ -14,7 +14,6 @@ use fearless_simd::{f32x8, prelude::*};
 pub(crate) fn gather<S: Simd>(
     simd: S,
     tile: &mut Tile,
-    splats: &[Splat],
     by_pixel: &[TilePlane; 4],
     at: [usize; 2],
     size: [usize; 2],
@@ -23,8 +22,7 @@ pub(crate) fn gather<S: Simd>(
     let (mut live, mut transmittances) = open(at, size);
     let mut behind = total(simd, tile, by_pixel);
     tile.moments.clear();
-    for rank in &tile.ranks[..tile.blended] {
-        let splat = &splats[*rank as usize];
+    for splat in &tile.splats[..tile.blended] {
         let meeting = reached(splat, at) & live;
         let mut sums = [none; MOMENTS];
         for half in 0..2 {

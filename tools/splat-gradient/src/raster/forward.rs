@@ -1,7 +1,6 @@
 //! A tile's picture.
 
 use super::run::{Half, STOP, open, reached};
-use crate::projection::Splat;
 use crate::tiles::{RUN, RUNS, TILE, Tile};
 use fearless_simd::{f32x8, prelude::*};
 
@@ -10,17 +9,15 @@ use fearless_simd::{f32x8, prelude::*};
 pub(crate) fn blend<S: Simd>(
     simd: S,
     tile: &mut Tile,
-    splats: &[Splat],
     at: [usize; 2],
     size: [usize; 2],
 ) {
     let (mut live, transmittance) = open(at, size);
     let zero = [[0.0; RUN]; RUNS];
     tile.pixels = [zero, zero, zero, transmittance];
-    tile.blended = tile.ranks.len();
+    tile.blended = tile.splats.len();
     let [reds, greens, blues, transmittances] = &mut tile.pixels;
-    for (count, rank) in tile.ranks.iter().enumerate() {
-        let splat = &splats[*rank as usize];
+    for (count, splat) in tile.splats.iter().enumerate() {
         let meeting = reached(splat, at) & live;
         for half in 0..2 {
             let mut rows = (meeting >> (half * TILE)) & 0xFFFF;
