@@ -1,6 +1,7 @@
 //! Adam (Kingma and Ba, 2015), for any array of numbers.
 
 use crate::error::{GradientError, check_count};
+use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
 /// How fast the first moment forgets.
@@ -62,7 +63,7 @@ impl Adam {
         check_count("Adam's first moments", self.first.len(), count)?;
         check_count("Adam's second moments", self.second.len(), count)?;
         self.steps = self.steps.saturating_add(1);
-        let at = f64::from(self.steps);
+        let (at, level) = (f64::from(self.steps), Level::new());
         let unbiased = |beta: f32| 1.0 / (1.0 - f64::from(beta).powf(at));
         #[expect(clippy::cast_possible_truncation, reason = "factors near 1 to 1000")]
         let (first, second) = (unbiased(BETA_1) as f32, unbiased(BETA_2) as f32);
@@ -91,7 +92,7 @@ impl Adam {
                 .zip(firsts.par_chunks_mut(GRAIN))
                 .zip(seconds.par_chunks_mut(GRAIN))
                 .for_each(|(((numbers, gradients), firsts), seconds)| {
-                    factors.step(numbers, gradients, firsts, seconds);
+                    dispatch!(level, simd => factors.step(simd, numbers, gradients, firsts, seconds));
                 });
         }
         Ok(())
@@ -108,7 +109,16 @@ struct Factors {
 }
 
 impl Factors {
-    fn step(self, numbers: &mut [f32], gradients: &[f32], firsts: &mut [f32], seconds: &mut [f32]) {
+    /// A plain loop, which the compiler lays out for the processor's vectors.
+    #[inline(always)]
+    fn step<S: Simd>(
+        self,
+        _: S,
+        numbers: &mut [f32],
+        gradients: &[f32],
+        firsts: &mut [f32],
+        seconds: &mut [f32],
+    ) {
         let moments = firsts.iter_mut().zip(seconds);
         let pairs = numbers.iter_mut().zip(gradients).zip(moments);
         for ((number, gradient), (first, second)) in pairs {

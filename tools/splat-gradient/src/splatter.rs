@@ -267,3 +267,76 @@ fn in_chunks(planes: [&mut [f32]; ATTRIBUTES]) -> Vec<[&mut [f32]; ATTRIBUTES]> 
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Affine3A, Vec3};
+    use synthetic_person::Random;
+
+    /// This processor's SIMD levels, the narrowest first.
+    fn levels() -> Vec<Level> {
+        let new = Level::new();
+        #[cfg(target_arch = "x86_64")]
+        let more = [
+            new.as_sse4_2().map(Level::Sse4_2),
+            new.as_avx2().map(Level::Avx2),
+        ];
+        #[cfg(not(target_arch = "x86_64"))]
+        let more: [Option<Level>; 0] = [];
+        let more = more.into_iter().flatten();
+        [Level::baseline(), new].into_iter().chain(more).collect()
+    }
+
+    #[test]
+    fn every_level_of_the_processor_gives_the_same_but_for_rounding() {
+        let mut random = Random::new(8);
+        let mut gaussians = Attributes::zeros(500);
+        for plane in 0..ATTRIBUTES {
+            for number in gaussians.plane_mut(plane) {
+                let spread = if (7..10).contains(&plane) { -3.0 } else { 0.0 };
+                *number = spread + random.signed();
+            }
+        }
+        let pose = Affine3A::from_translation(Vec3::new(0.1, 0.0, 3.0));
+        let view = View::new(pose, [60.0; 2], [24.0, 20.0], [48, 40]).expect("a camera");
+        let numbers = (0..CHANNELS * 48 * 40).map(|_| random.signed()).collect();
+        let by_pixel = Picture::new(48, 40, numbers).expect("as many");
+        let results = levels().into_iter().map(|level| {
+            let mut splatter = Splatter {
+                level,
+                ..Splatter::new()
+            };
+            let mut drawn = splatter.draw(&gaussians, &view);
+            let picture = drawn.picture().clone();
+            let mut gradients = Attributes::zeros(500);
+            let motion = drawn.backward(&by_pixel, &mut gradients).expect("a size");
+            (picture, gradients, motion)
+        });
+        let results: Vec<_> = results.collect();
+        let (picture, gradients, motion) = &results[0];
+        assert!(
+            picture.numbers().iter().any(|x| *x > 0.5),
+            "something to see"
+        );
+        let size = |numbers: &[f32]| numbers.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+        for (other, more, other_motion) in &results[1..] {
+            for (a, b) in picture.numbers().iter().zip(other.numbers()) {
+                // An alpha of just 1/255 may be cut by one and not by another.
+                assert!((a - b).abs() < 5e-3, "pixels: {a}, {b}");
+            }
+            for plane in 0..ATTRIBUTES {
+                let most = size(gradients.plane(plane));
+                for (a, b) in gradients.plane(plane).iter().zip(more.plane(plane)) {
+                    assert!(
+                        (a - b).abs() < 1e-2 * most,
+                        "plane {plane}: {a}, {b}, of {most}"
+                    );
+                }
+            }
+            for (a, b) in motion.iter().zip(other_motion) {
+                assert!((a - b).abs() < 1e-2 * a.abs().max(1.0), "motion: {a}, {b}");
+            }
+        }
+    }
+}

@@ -71,8 +71,10 @@ impl Tiles {
             for rank in ranks {
                 let splat = &splats[*rank as usize];
                 let [first, last] = splat.columns.map(|column| usize::from(column) / TILE);
+                // A small one meets the only tile it may reach.
+                let small = first == last && splat.rows.map(|y| usize::from(y) / TILE) == [row; 2];
                 for (column, tile) in (first..).zip(&mut tiles[first..=last]) {
-                    if splat.touches([column * TILE, row * TILE]) {
+                    if small || splat.touches([column * TILE, row * TILE]) {
                         tile.ranks.push(*rank);
                         tile.splats.push(*splat);
                     }

@@ -9,12 +9,13 @@ pub(crate) type Eight<S> = f32x8<S>;
 /// Three-dimensional vectors of eight Gaussians.
 pub(crate) type Three<S> = [f32x8<S>; 3];
 
-/// 2^x, to 3e-7 of it; x is held within -126..=126.
+/// 2^x, to 3e-7 of it, for x in -126..=126; any number beyond.
 #[inline(always)]
 pub(crate) fn exp2<S: Simd>(simd: S, x: Eight<S>) -> Eight<S> {
-    let x = x.max(-126.0).min(126.0);
-    let whole = x.round_ties_even();
-    let part = x - whole;
+    // Added to this, a number is rounded, and its whole part is in the lowest bits.
+    const ROUNDER: f32 = 1.5 * 8_388_608.0;
+    let rounded = x + ROUNDER;
+    let part = x - (rounded - ROUNDER);
     // Through Chebyshev's six nodes in -0.5..=0.5.
     let mut power = f32x8::splat(simd, 1.339_086_3e-3);
     for term in [
@@ -26,9 +27,10 @@ pub(crate) fn exp2<S: Simd>(simd: S, x: Eight<S>) -> Eight<S> {
     ] {
         power = power.mul_add(part, f32x8::splat(simd, term));
     }
-    let exponent: i32x8<S> = (whole + 127.0).to_int::<i32x8<S>>() << 23;
-    let scale: Eight<S> = exponent.bitcast();
-    power * scale
+    // The whole part goes to the exponent.
+    let whole: i32x8<S> = rounded.bitcast();
+    let bits: i32x8<S> = power.bitcast();
+    (bits + (whole << 23)).bitcast()
 }
 
 /// The logarithm of base 2 of normal numbers greater than 0, to 2e-7 in all.

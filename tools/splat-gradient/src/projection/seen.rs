@@ -95,11 +95,7 @@ pub(super) fn see<S: Simd>(
         raw[3] * inverse_length,
     ];
     let own_axes = columns(simd, &rotation);
-    let scale = [
-        exp2(simd, log_scale[0] * LOG2_E),
-        exp2(simd, log_scale[1] * LOG2_E),
-        exp2(simd, log_scale[2] * LOG2_E),
-    ];
+    let scale = three!(k => exp2(simd, in_range(log_scale[k] * LOG2_E)));
     let [along_x, along_y] = &image_from_world;
     let root = [
         three!(k => dot(along_x, &own_axes[k]) * scale[k]),
@@ -115,7 +111,7 @@ pub(super) fn see<S: Simd>(
     let determinant = dot(&minors, &minors) + (a + c) * LOW_PASS + LOW_PASS * LOW_PASS;
 
     // The sigmoid, and its complement without cancellation.
-    let against = exp2(simd, logit * -LOG2_E);
+    let against = exp2(simd, in_range(logit * -LOG2_E));
     let opacity = 1.0 / (against + 1.0);
 
     // Sums of anything that is not finite are not finite: one test for all.
@@ -182,4 +178,10 @@ fn columns<S: Simd>(simd: S, [x, y, z, w]: &[Eight<S>; 4]) -> [Three<S>; 3] {
         [xy - wz, one - (xx + zz), yz + wx],
         [xz + wy, yz - wx, one - (xx + yy)],
     ]
+}
+
+/// Held where 2^x is a normal number.
+#[inline(always)]
+fn in_range<S: Simd>(x: Eight<S>) -> Eight<S> {
+    x.max(-126.0).min(126.0)
 }

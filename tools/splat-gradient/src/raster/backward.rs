@@ -4,9 +4,9 @@
 //! dL/dalpha_i = T (c_i . g) - (sum of what lies behind . g - g_alpha T_end) / (1 - alpha_i).
 
 use super::run::{Half, STOP, open, reached};
-use crate::projection::MOMENTS;
+use crate::projection::{MOMENTS, Moments};
 use crate::tiles::{RUN, TILE, Tile, TilePlane};
-use crate::vector::Eight;
+use crate::vector::{Eight, LANES};
 use fearless_simd::{f32x8, prelude::*};
 
 /// Gathers `tile.moments` of the splats that were blended, from the derivatives by the tile's pixels.
@@ -69,20 +69,30 @@ pub(crate) fn gather<S: Simd>(
             sums[4] = h1.mul_add(dx, sums[4]);
             sums[5] += h2;
         }
-        let mut moments = [0.0; MOMENTS];
-        for (moment, sum) in moments.iter_mut().zip(sums) {
-            *moment = added(sum);
-        }
-        tile.moments.push(moments);
+        tile.moments.push(added(sums));
     }
 }
 
-/// The sum of a vector's numbers, always in one order.
+/// The sum of each vector's numbers, always in one order.
 #[inline(always)]
-fn added<S: Simd>(numbers: Eight<S>) -> f32 {
-    let (low, high) = numbers.split();
-    let [a, b, c, d] = (low + high).to_array();
-    (a + c) + (b + d)
+fn added<S: Simd>(vectors: [Eight<S>; MOMENTS]) -> Moments {
+    let [a, b, c, d, e, f, g, h, last] = vectors;
+    let (abcd, efgh) = (
+        paired(paired(a, b), paired(c, d)),
+        paired(paired(e, f), paired(g, h)),
+    );
+    let (low, high) = last.split();
+    let [p, q, r, s] = (low + high).to_array();
+    let mut sums = [(p + r) + (q + s); MOMENTS];
+    paired(abcd, efgh).store_slice(&mut sums[..LANES]);
+    sums
+}
+
+/// Sums of neighbours: four of the first vector's, then four of the second's.
+#[inline(always)]
+fn paired<S: Simd>(first: Eight<S>, second: Eight<S>) -> Eight<S> {
+    let (even, odd) = first.deinterleave(second);
+    even + odd
 }
 
 /// Of every pixel, what is shown times its derivatives, less what shines through at the end times the derivative by alpha.

@@ -6,12 +6,7 @@ use fearless_simd::{f32x8, prelude::*};
 
 /// Blends the tile's splats into its pixels; its first pixel is at `at`, in a picture of `size`.
 #[inline(always)]
-pub(crate) fn blend<S: Simd>(
-    simd: S,
-    tile: &mut Tile,
-    at: [usize; 2],
-    size: [usize; 2],
-) {
+pub(crate) fn blend<S: Simd>(simd: S, tile: &mut Tile, at: [usize; 2], size: [usize; 2]) {
     let (mut live, transmittance) = open(at, size);
     let zero = [[0.0; RUN]; RUNS];
     tile.pixels = [zero, zero, zero, transmittance];

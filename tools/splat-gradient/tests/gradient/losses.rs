@@ -8,23 +8,21 @@ const SIZE: [usize; 2] = [19, 13];
 const PIXELS: usize = SIZE[0] * SIZE[1];
 
 /// The SSIM of the window around every pixel, by the article's formulas, a double loop over each window; nothing is beyond the edge.
-#[expect(clippy::cast_precision_loss, reason = "pixel counts are small")]
-fn windows(x: &[f64], y: &[f64]) -> Vec<f64> {
-    let [width, height] = SIZE;
+fn windows([width, height]: [usize; 2], x: &[f64], y: &[f64]) -> Vec<f64> {
     let middles = (0..height).flat_map(|row| (0..width).map(move |column| (row, column)));
     middles
         .map(|(row, column)| {
             let (mut sum, mut m) = (0.0, [0.0; 5]);
-            for (v, u) in (0..11).flat_map(|v| (0..11).map(move |u| (v, u))) {
-                let (dv, du) = (f64::from(v) - 5.0, f64::from(u) - 5.0);
-                let weight = (-(dv * dv + du * du) / (2.0 * 1.5 * 1.5)).exp();
+            for (v, u) in (-5isize..=5).flat_map(|v| (-5isize..=5).map(move |u| (v, u))) {
+                let square = u32::try_from(v * v + u * u).expect("at most 50");
+                let weight = (-f64::from(square) / (2.0 * 1.5 * 1.5)).exp();
                 sum += weight;
-                let (at_row, at_column) = (row as f64 + dv, column as f64 + du);
-                let inside = (0..height).position(|r| (r as f64 - at_row).abs() < 0.5);
-                let inside =
-                    inside.zip((0..width).position(|c| (c as f64 - at_column).abs() < 0.5));
-                if let Some((r, c)) = inside {
-                    let (x, y) = (x[r * width + c], y[r * width + c]);
+                let row = row.checked_add_signed(v).filter(|row| *row < height);
+                let column = column
+                    .checked_add_signed(u)
+                    .filter(|column| *column < width);
+                if let Some((row, column)) = row.zip(column) {
+                    let (x, y) = (x[row * width + column], y[row * width + column]);
                     for (m, value) in m.iter_mut().zip([x, y, x * x, y * y, x * y]) {
                         *m += weight * value;
                     }
@@ -153,7 +151,7 @@ fn ssim_is_that_of_the_article() {
             let channel =
                 |numbers: &[f64], c: usize| numbers[c * PIXELS..(c + 1) * PIXELS].to_vec();
             let terms = (0..3).map(|c| {
-                let all = windows(&channel(drawn, c), &channel(wanted, c));
+                let all = windows(SIZE, &channel(drawn, c), &channel(wanted, c));
                 all.iter()
                     .zip(weights)
                     .map(|(ssim, weight)| ssim * weight)
@@ -162,6 +160,58 @@ fn ssim_is_that_of_the_article() {
             1.0 - terms.sum::<f64>() / (3.0 * weights.iter().sum::<f64>())
         },
     );
+}
+
+#[test]
+fn ssim_of_something_small_before_black_is_that_of_the_whole_picture() {
+    // Large enough that windows far from the patch see nothing.
+    let size = [61, 52];
+    let pixels = size[0] * size[1];
+    let mut random = Random::new(14);
+    let (mut drawn, mut wanted) = (vec![0.0; 4 * pixels], vec![0.0; 4 * pixels]);
+    for (row, column) in (23..27).flat_map(|row| (28..34).map(move |column| (row, column))) {
+        drawn[row * size[0] + column] = random.unit();
+        wanted[row * size[0] + column + 1] = random.unit();
+    }
+    let picture =
+        |numbers: &[f32]| Picture::new(size[0], size[1], numbers.to_vec()).expect("as many");
+    let target = Target::new(picture(&wanted));
+    let mut by_pixel = picture(&vec![0.0; 4 * pixels]);
+    let got = Ssim::new()
+        .loss(&picture(&drawn), &target, 1.0, &mut by_pixel)
+        .expect("one size");
+    let wanted = wide(&wanted[..pixels]);
+    let mut red = wide(&drawn[..pixels]);
+    let area = f64::from(u32::try_from(pixels).expect("few"));
+    // Green and blue are equal everywhere.
+    let plain =
+        |red: &[f64]| (area - windows(size, red, &wanted).iter().sum::<f64>()) / (3.0 * area);
+    let expected = plain(&red);
+    assert!(
+        (got - expected).abs() < 1e-6 * expected,
+        "{got}, expected {expected}"
+    );
+    let greatest = by_pixel
+        .plane(0)
+        .iter()
+        .fold(0.0f32, |most, x| most.max(x.abs()));
+    // From within the patch to beyond what any window that touches it reaches.
+    for away in [0, 4, 6, 9, 10, 11, 14] {
+        for at in [25 * size[0] + 28 - away, (26 + away) * size[0] + 30] {
+            let middle = red[at];
+            let mut side = |step: f64| {
+                red[at] = middle + step;
+                plain(&red)
+            };
+            let slope = (side(1e-5) - side(-1e-5)) / 2e-5;
+            red[at] = middle;
+            let difference = (f64::from(by_pixel.plane(0)[at]) - slope).abs();
+            assert!(
+                difference < 1e-4 * f64::from(greatest),
+                "{away} away: {difference}, {slope}"
+            );
+        }
+    }
 }
 
 #[test]
