@@ -22,7 +22,7 @@ pub(crate) fn exp2<S: Simd>(simd: S, x: Eight<S>) -> Eight<S> {
         9.676_032e-3,
         5.550_357e-2,
         0.240_221_07,
-        0.693_147_2,
+        std::f32::consts::LN_2,
         1.000_000_1,
     ] {
         power = power.mul_add(part, f32x8::splat(simd, term));

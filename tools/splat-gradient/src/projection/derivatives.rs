@@ -7,7 +7,7 @@
 
 use super::seen::{Seen, see};
 use super::splat::{MOMENTS, Moments};
-use crate::attributes::{ATTRIBUTES, plane};
+use crate::attributes::ATTRIBUTES;
 use crate::vector::{Eight, LANES, Three, add_to, cross, dot, dot_same, mixed, three};
 use crate::view::{Lens, Twist};
 use fearless_simd::{f32x8, mask32x8, prelude::*};
@@ -141,7 +141,6 @@ fn chain<S: Simd>(
     let [p0, p1, p2] = by_position;
     let [r0, r1, r2, r3] = by_rotation;
     let [s0, s1, s2] = by_log_scale;
-    debug_assert!(plane::COLOUR.end == ATTRIBUTES, "the order of the planes");
     (
         [
             p0, p1, p2, r0, r1, r2, r3, s0, s1, s2, by_logit, red, green, blue,

@@ -102,9 +102,9 @@ fn total<S: Simd>(simd: S, tile: &Tile, by_pixel: &[TilePlane; 4]) -> TilePlane 
     for (run, total) in total.iter_mut().enumerate() {
         let through = f32x8::load_array_ref(simd, &tile.pixels[3][run]);
         let mut sum = through * f32x8::load_array_ref(simd, &by_pixel[3][run]) * -1.0;
-        for channel in 0..3 {
-            let shown = f32x8::load_array_ref(simd, &tile.pixels[channel][run]);
-            sum = shown.mul_add(f32x8::load_array_ref(simd, &by_pixel[channel][run]), sum);
+        for (shown, by_channel) in tile.pixels.iter().zip(by_pixel).take(3) {
+            let shown = f32x8::load_array_ref(simd, &shown[run]);
+            sum = shown.mul_add(f32x8::load_array_ref(simd, &by_channel[run]), sum);
         }
         sum.store_array(total);
     }
