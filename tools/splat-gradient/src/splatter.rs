@@ -112,9 +112,9 @@ impl Splatter {
             self.ranks[*index as usize] = rank;
         }
         let projected = &self.projected;
-        self.splats.clear();
-        let sorted = self.order.iter().map(|index| projected[*index as usize]);
-        self.splats.extend(sorted);
+        let sorted = self.order.par_iter().with_min_len(CHUNK);
+        let sorted = sorted.map(|index| projected[*index as usize]);
+        sorted.collect_into_vec(&mut self.splats);
     }
 }
 

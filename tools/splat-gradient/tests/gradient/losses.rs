@@ -197,7 +197,13 @@ fn ssim_of_something_small_before_black_is_that_of_the_whole_picture() {
         .fold(0.0f32, |most, x| most.max(x.abs()));
     // From within the patch to beyond what any window that touches it reaches.
     for away in [0, 4, 6, 9, 10, 11, 14] {
-        for at in [25 * size[0] + 28 - away, (26 + away) * size[0] + 30] {
+        for (row, column) in [
+            (25, 28 - away),
+            (25, 34 + away),
+            (23 - away, 30),
+            (26 + away, 30),
+        ] {
+            let at = row * size[0] + column;
             let middle = red[at];
             let mut side = |step: f64| {
                 red[at] = middle + step;

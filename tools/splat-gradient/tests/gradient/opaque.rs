@@ -24,6 +24,22 @@ fn derivatives_of_opaque_layers_are_their_differences_but_for_what_is_hidden() {
 }
 
 #[test]
+fn alpha_that_is_held_at_its_most_has_no_derivatives() {
+    let mut gaussians = random_gaussians(4, 21);
+    for (index, gaussian) in (0u8..).zip(&mut gaussians) {
+        let x = if index % 2 == 0 { -0.6 } else { 0.6 };
+        let y = if index < 2 { -0.6 } else { 0.6 };
+        gaussian.position[..2].copy_from_slice(&[x, y]);
+        gaussian.opacity = 0.9999;
+        gaussian.scale = [0.6, 0.5, 0.4];
+    }
+    let attributes = attributes_of(&gaussians);
+    let compared = compare(&attributes, &view_of(&front_camera(40, 40)), 0.005);
+    assert!(compared.share > 0.2, "{} of the pixels", compared.share);
+    assert_all_alike(&compared, 1e-4);
+}
+
+#[test]
 fn what_nothing_shows_of_has_no_derivatives() {
     // A wall of opaque splats before one that nobody sees.
     let mut gaussians = random_gaussians(41, 2);

@@ -105,3 +105,18 @@ fn equal_depths_are_blended_in_the_order_of_their_index() {
     }
     assert_like_reference("stack", &gaussians, &front_camera(128, 128));
 }
+
+#[test]
+fn limits_are_those_of_the_renderer() {
+    let near = [
+        splat_gradient::view::NEAR,
+        renderer_splat::camera::DEFAULT_NEAR,
+    ];
+    assert_eq!(
+        near[0].to_bits(),
+        near[1].to_bits(),
+        "near planes: {near:?}"
+    );
+    let most = u32::try_from(splat_gradient::view::MOST_PIXELS);
+    assert_eq!(most, Ok(renderer_splat::limits::MOST_PIXELS), "pixels");
+}
