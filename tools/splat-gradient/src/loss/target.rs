@@ -22,7 +22,7 @@ impl Target {
     }
 
     /// Pixels count by their weights, row by row from the top: 0 where what should be seen is not known, such as at a mask's edge or
-    /// where something stands before the person.
+    /// where something stands before the person. A weight that is negative or not finite is one of 0.
     ///
     /// # Errors
     /// Another number of weights than of pixels.
@@ -32,7 +32,12 @@ impl Target {
         Ok(Self::with(picture, weights))
     }
 
-    fn with(picture: Picture, weights: Vec<f32>) -> Self {
+    fn with(picture: Picture, mut weights: Vec<f32>) -> Self {
+        for weight in &mut weights {
+            if !(weight.is_finite() && *weight > 0.0) {
+                *weight = 0.0;
+            }
+        }
         let sum: f64 = weights.iter().map(|weight| f64::from(*weight)).sum();
         let inverse_sum = if sum > 0.0 { 1.0 / sum } else { 0.0 };
         Self {

@@ -262,6 +262,7 @@ fn pictures_of_one_pixel_and_without_weight_have_finite_losses() {
     for target in [
         Target::new(one(0.7)),
         Target::weighted(one(0.7), vec![0.0]).expect("one"),
+        Target::weighted(one(0.7), vec![f32::NAN]).expect("one"),
     ] {
         let mut by_pixel = Picture::transparent(1, 1);
         let sum = colour_l1(&one(0.2), &target, 1.0, &mut by_pixel).expect("one size")
