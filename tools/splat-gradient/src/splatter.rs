@@ -11,7 +11,8 @@ use crate::view::{Twist, View};
 use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
-/// Draws pictures; keeps its memory from one to the next.
+/// Draws pictures; keeps its memory from one to the next: about 50 bytes for every tile of 16x16 pixels that a Gaussian touches, and 36
+/// more where it is not hidden. A million Gaussians as large as the picture are more than a machine holds: a trainer bounds their scale.
 #[derive(Debug, Clone)]
 pub struct Splatter {
     level: Level,
