@@ -85,8 +85,8 @@ const PAUSE: f64 = 1.0;
 
 /// Smooths a stream of motion parameters.
 ///
-/// A low pass of cutoff f lags by 1 / (2 pi f): 132 ms for a limb at rest, where nothing is there to lag, and on a swing of half a radian at
-/// 0.2 to 3 Hz 21 ms, fingers 39 ms (`cargo test -p motion-fit --test smoother -- --nocapture`). The jitter that is left of a noisy fit is
+/// A low pass of cutoff f lags by 1 / (2 pi f): 177 ms for a limb at rest, where nothing is there to lag, and on a swing of half a radian at
+/// 0.2 to 3 Hz 23 ms, fingers 39 ms (`cargo test -p motion-fit --test smoother -- --nocapture`). The jitter that is left of a noisy fit is
 /// printed by `cargo test -p motion-fit --test body_motion -- --nocapture`: a tenth to a sixth above the recorded motion's own.
 #[derive(Debug, Clone)]
 pub struct Smoother {
