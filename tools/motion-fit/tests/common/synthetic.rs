@@ -8,9 +8,7 @@
 #![allow(unreachable_pub, reason = "it is a module of several test programs")]
 #![allow(dead_code, reason = "each program of tests uses a part of it")]
 
-use crate::common::{
-    M3, Random, V3, add, forward, mul_v, norm, rodrigues, scale, sub, transpose,
-};
+use crate::common::{M3, Random, V3, add, forward, mul_v, norm, rodrigues, scale, sub, transpose};
 use glam::{Quat, Vec2, Vec3};
 use motion_fit::{
     body::{BodyFit, BodyPose, FitConfig, Parts},
