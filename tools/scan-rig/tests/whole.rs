@@ -6,7 +6,7 @@ use renderer_vulkan::choice::GpuChoice;
 use scan_rig::RigError;
 use scan_rig::finish::{FinishOptions, Poser};
 use scan_rig::pipeline::{RigOptions, Rigged, STEPS, rig};
-use scan_rig::prepare::Networks;
+use scan_rig::prepare::{self, Networks};
 use scan_rig::shell::Hands;
 use scan_rig::sight::Sight;
 use scan_rig::synthetic::{Fault, ScanOptions, Surroundings, SyntheticPerson, SyntheticScan};
@@ -70,10 +70,10 @@ impl Tools {
     fn rig(&mut self, scene: &Scene, height: f64) -> Result<Rigged, RigError> {
         let options = RigOptions {
             makehuman: self.makehuman.clone(),
-            height: Some(height),
-            within: None,
-            up: None,
-            joints: Vec::new(),
+            person: prepare::Options {
+                height: Some(height),
+                ..prepare::Options::default()
+            },
             accessories: true,
             hands: [Hands::AsSeen; 2],
             finish: FinishOptions::default(),

@@ -2,6 +2,8 @@
 //! joint.
 
 use crate::body::SkinRow;
+use crate::body::state::is_above;
+use crate::nearest::Nearest;
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
@@ -18,6 +20,10 @@ const LEAST: usize = 600;
 const MOST: usize = 5;
 /// How far a thing reaches beyond its Gaussians that are off the body, metres.
 const GROWN: f32 = 0.025;
+/// What is nearer to the skin of another part of the body stays with the body, metres: the fit follows the surface to less.
+const SKIN: f32 = 0.015;
+/// A vertex is of another part if the thing's joint, and those that hang from it, have less of its weight.
+const OWN: f32 = 0.5;
 /// Weight, in vertices, of a hand in a thing from which on the hand holds it.
 const HELD: f32 = 5.0;
 /// What is larger than this is not held in a hand unless it is thin, metres.
@@ -43,13 +49,13 @@ fn by_name<S: Serializer>(joint: &Joint, serializer: S) -> Result<S::Ok, S::Erro
     serializer.serialize_str(joint.name())
 }
 
-/// The convex shape around points, bounded by planes in fixed directions.
+/// The convex hull of points, bounded by planes in fixed directions.
 #[derive(Debug, Clone)]
-pub struct Shape {
+struct Hull {
     bounds: Vec<(Vec3, f32)>,
 }
 
-impl Shape {
+impl Hull {
     /// Around points, `grown` metres farther.
     fn around(points: &[Vec3], grown: f32) -> Self {
         let bounds = directions()
@@ -65,9 +71,50 @@ impl Shape {
     }
 
     /// Whether a point is inside.
+    fn contains(&self, point: Vec3) -> bool {
+        self.bounds.iter().all(|(d, most)| point.dot(*d) <= *most)
+    }
+}
+
+/// Where a thing is, the body left out.
+#[derive(Debug, Clone)]
+pub struct Extent {
+    hull: Hull,
+    /// The wearer's vertices about the hull, and whether each moves with something else than the thing.
+    skin: Nearest<3>,
+    foreign: Vec<bool>,
+}
+
+impl Extent {
+    fn new(hull: Hull, joint: Joint, wearer: Wearer<'_>) -> Self {
+        let own = |row: &SkinRow| -> f32 {
+            let below = Joint::ALL.into_iter().filter(|j| is_above(joint, *j));
+            below.map(|j| row[j as usize]).sum()
+        };
+        let near = wearer.vertices.iter().zip(wearer.weights);
+        let near = near.filter(|(vertex, _)| {
+            let beyond = |(d, most): &(Vec3, f32)| vertex.dot(*d) > *most + SKIN;
+            !hull.bounds.iter().any(beyond)
+        });
+        let (points, foreign): (Vec<[f32; 3]>, Vec<bool>) = near
+            .map(|(vertex, row)| (vertex.to_array(), own(row) < OWN))
+            .unzip();
+        Self {
+            hull,
+            skin: Nearest::new(&points),
+            foreign,
+        }
+    }
+
+    /// Whether a point of the scan is the thing's: inside of its hull, and not on the skin of another part of the body than that which holds
+    /// the thing. A helmet in a hand at the thigh takes the hand along, but not the thigh.
     #[must_use]
     pub fn contains(&self, point: Vec3) -> bool {
-        self.bounds.iter().all(|(d, most)| point.dot(*d) <= *most)
+        self.hull.contains(point)
+            && !self.skin.one(&point.to_array()).is_some_and(|found| {
+                found.squared < SKIN * SKIN
+                    && self.foreign.get(found.at).copied().unwrap_or_default()
+            })
     }
 }
 
@@ -123,17 +170,17 @@ pub struct Wearer<'a> {
     pub weights: &'a [SkinRow],
 }
 
-/// The shape of a cluster, and the joint that it moves with.
+/// The extent of a cluster, and the joint that it moves with.
 #[must_use]
-pub fn attach(cluster: &[Vec3], wearer: Wearer<'_>) -> (Shape, Accessory) {
-    let shape = Shape::around(cluster, GROWN);
+pub fn attach(cluster: &[Vec3], wearer: Wearer<'_>) -> (Extent, Accessory) {
+    let hull = Hull::around(cluster, GROWN);
     let low = cluster.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
     let high = cluster.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b));
     let centre = cluster.iter().sum::<Vec3>() / cluster.len().max(1) as f32;
     let size = (high - low).length();
     let mut score = [0.0_f32; JOINTS];
     for (vertex, weights) in wearer.vertices.iter().zip(wearer.weights) {
-        if shape.contains(*vertex) {
+        if hull.contains(*vertex) {
             for (sum, weight) in score.iter_mut().zip(weights) {
                 *sum += weight;
             }
@@ -148,13 +195,13 @@ pub fn attach(cluster: &[Vec3], wearer: Wearer<'_>) -> (Shape, Accessory) {
         centre: centre.to_array(),
         size,
     };
-    (shape, accessory)
+    (Extent::new(hull, joint, wearer), accessory)
 }
 
 /// The wrist of the hand that reaches into a thing of that size.
 fn held_by(score: &[f32; JOINTS], size: f32) -> Option<Joint> {
     let hand = |wrist: Joint| -> f32 {
-        let below = Joint::ALL.into_iter().filter(|j| is_below(*j, wrist));
+        let below = Joint::ALL.into_iter().filter(|j| is_above(wrist, *j));
         below.map(|joint| score[joint as usize]).sum()
     };
     let (left, right) = (hand(Joint::LeftWrist), hand(Joint::RightWrist));
@@ -164,18 +211,6 @@ fn held_by(score: &[f32; JOINTS], size: f32) -> Option<Joint> {
         Joint::RightWrist
     };
     (left.max(right) >= HELD && size < HELD_SIZE).then_some(wrist)
-}
-
-/// Whether a joint is another one or hangs from it.
-fn is_below(joint: Joint, other: Joint) -> bool {
-    let mut at = Some(joint);
-    while let Some(here) = at {
-        if here == other {
-            return true;
-        }
-        at = here.parent();
-    }
-    false
 }
 
 /// The joint with the largest score; of the head's and the fingers' joints the one that carries them.
@@ -195,7 +230,7 @@ fn carrier(joint: Joint) -> Joint {
         Joint::LeftAnkle,
         Joint::RightAnkle,
     ] {
-        if is_below(joint, whole) {
+        if is_above(whole, joint) {
             return whole;
         }
     }
@@ -219,4 +254,44 @@ fn nearest_joint(cluster: &[Vec3], wearer: Wearer<'_>) -> Joint {
     nearest
         .and_then(|(_, weights)| most(weights))
         .unwrap_or(Joint::Pelvis)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square of vertices across z, all of which move with one joint.
+    fn plate(middle: Vec3, joint: Joint, vertices: &mut Vec<Vec3>, weights: &mut Vec<SkinRow>) {
+        let mut row = [0.0; JOINTS];
+        row[joint as usize] = 1.0;
+        for x in -6_i8..=6 {
+            for y in -6_i8..=6 {
+                vertices.push(middle + Vec3::new(f32::from(x), f32::from(y), 0.0) * 0.01);
+                weights.push(row);
+            }
+        }
+    }
+
+    #[test]
+    fn a_helmet_in_a_hand_takes_the_hand_along_and_leaves_the_thigh_that_it_touches() {
+        let (mut vertices, mut weights) = (Vec::new(), Vec::new());
+        let (hand, thigh) = (Vec3::new(0.0, 0.08, 0.0), Vec3::new(0.0, 0.0, -0.1));
+        plate(hand, Joint::LeftMiddle1, &mut vertices, &mut weights);
+        plate(thigh, Joint::LeftHip, &mut vertices, &mut weights);
+        let ball: Vec<Vec3> = directions().map(|d| d * 0.12).collect();
+        let wearer = Wearer {
+            vertices: &vertices,
+            weights: &weights,
+        };
+        let (extent, thing) = attach(&ball, wearer);
+        assert_eq!(thing.joint, Joint::LeftWrist, "what holds it");
+        assert!(extent.contains(hand), "the hand");
+        assert!(!extent.contains(thigh), "the thigh");
+        assert!(!extent.contains(thigh - 0.01 * Vec3::Z), "its trousers");
+        assert!(
+            extent.contains(thigh + 0.02 * Vec3::Z),
+            "the ball's side at the thigh"
+        );
+        assert!(!extent.contains(Vec3::X), "elsewhere");
+    }
 }

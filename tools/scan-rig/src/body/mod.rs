@@ -19,6 +19,7 @@ pub mod state;
 #[cfg(test)]
 mod tests;
 
+pub use confidence::{Heeded, UNSURE};
 pub use model::{BodyModel, BodyPart, SkinRow};
 pub use register::{FitReport, Observed, register};
 

@@ -1,9 +1,11 @@
 //! Eight people: bodies, clothes and stances.
 
 use crate::RigError;
-use crate::body::SkinRow;
 use crate::body::posing::{chain, posed_from_rest, skinned, t_pose};
+use crate::body::state::is_above;
+use crate::body::{BodyModel, Registered, SkinRow};
 use crate::normals::vertex_normals;
+use crate::prepare::Similarity;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use reconstruct::makehuman::{Macros, Quad};
 use reconstruct::{BareBody, Part, Texture};
@@ -196,6 +198,35 @@ impl SyntheticPerson {
         skinned(&self.weights, &maps, &self.rest)
     }
 
+    /// What a perfect registration to this person's scan would find: the body model with the person's own body, clothes included, and its
+    /// pose. `person_from_stance`: from where the person stood to where the scan was placed, in metres.
+    #[must_use]
+    pub fn registered(
+        &self,
+        model: &BodyModel,
+        person_from_stance: &Similarity,
+    ) -> (BodyModel, Registered) {
+        let own = BodyModel {
+            rest: self.rest.clone(),
+            joints: self.joints,
+            shapes: Vec::new(),
+            ..model.clone()
+        };
+        let stance = self.stance();
+        let turn = DMat3::from_quat(person_from_stance.rotation);
+        let registered = Registered {
+            shape: Vec::new(),
+            rotations: stance.rotations.map(|rotation| turn * rotation),
+            scale: person_from_stance.scale,
+            joints: stance.joints.map(|joint| person_from_stance.point(joint)),
+            vertices: (self.posed(&stance).iter())
+                .map(|vertex| person_from_stance.point(*vertex))
+                .collect(),
+            confidence: [1.0; JOINTS],
+        };
+        (own, registered)
+    }
+
     /// Unit normals at the vertices of a pose, outwards.
     #[must_use]
     pub(super) fn normals(&self, vertices: &[DVec3]) -> Vec<DVec3> {
@@ -251,15 +282,8 @@ fn stance(rng: &mut fastrand::Rng) -> ([DMat3; JOINTS], f64) {
     let mut rotations = [DMat3::IDENTITY; JOINTS];
     let mut turn = |joint: Joint, axis_angle: DVec3| {
         let by = DMat3::from_quat(DQuat::from_scaled_axis(axis_angle));
-        for below in Joint::ALL {
-            let mut up = Some(below);
-            while let Some(j) = up {
-                if j == joint {
-                    rotations[below.index()] = by * rotations[below.index()];
-                    break;
-                }
-                up = j.parent();
-            }
+        for below in Joint::ALL.into_iter().filter(|j| is_above(joint, *j)) {
+            rotations[below.index()] = by * rotations[below.index()];
         }
     };
     let mut within = |low: f64, high: f64| (low + (high - low) * rng.f64()).to_radians();
