@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut random = fastrand::Rng::with_seed(7);
     for number in 0..people {
         let person = SyntheticPerson::new(&mut body, &makehuman, number)?;
-        let stance = person.balanced_stance();
+        let stance = person.stance();
         let scan_options = ScanOptions {
             surroundings,
             ..Default::default()

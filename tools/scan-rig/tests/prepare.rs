@@ -66,7 +66,7 @@ impl Tools {
 
     /// A person who stands, with about so many Gaussians.
     fn standing(&self, gaussians: usize) -> (Scan, Stance) {
-        let stance = self.person.balanced_stance();
+        let stance = self.person.stance();
         let options = ScanOptions {
             gaussians,
             ..ScanOptions::default()

@@ -35,6 +35,10 @@ const POINTS: f64 = 6000.0;
 /// How much thicker or thinner than usual clothes may be, metres.
 const CLOTH: f64 = 0.004;
 
+/// How much larger or smaller a body is than its shape says, as a share. Tall people have longer legs than small ones, so it is the shape that
+/// should say how tall somebody is; what is left is a scan whose height is not known.
+const SIZE: f64 = 0.07;
+
 /// How much the diagonal is raised, as a share.
 const DAMPING: f64 = 1e-3;
 
@@ -133,12 +137,14 @@ fn add_priors(model: &BodyModel, state: &State, shapes: f64, equations: &mut Nor
     }
     for (at, (weight, shape)) in state.shape.iter().zip(&model.shapes).enumerate() {
         let usual: f64 = match shape.name.as_str() {
-            "gender" | "muscle" | "weight" | "height" => 0.3,
+            // The average is nearer to a man: a woman is -0.8.
+            "gender" => 0.6,
+            "muscle" | "weight" | "height" => 0.3,
             _ => 0.5,
         };
         equations.add_one(SHAPES + at, shapes * usual.powi(-2), -weight);
     }
-    equations.add_one(SCALE, 25.0, -state.scale.ln());
+    equations.add_one(SCALE, SIZE.powi(-2), -state.scale.ln());
     equations.add_one(state.cloth_at(), CLOTH.powi(-2), USUAL_CLOTH - state.cloth);
 }
 

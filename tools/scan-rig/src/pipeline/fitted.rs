@@ -8,8 +8,8 @@ use crate::body::{BodyModel, FitReport, Hint, Observed, Registered, register};
 use crate::prepare::{Networks, Prepared, prepare};
 use crate::sight::Sight;
 use crate::stopwatch::StepSeconds;
-use crate::surface::{Look, look};
-use glam::DVec3;
+use crate::surface::{Look, Surface, look};
+use glam::{DQuat, DVec3};
 use splat_scene::Scene;
 
 /// A scan's person, and the body model as it was registered to it: what an avatar is made of.
@@ -43,9 +43,9 @@ pub fn fitted(
     told: &dyn Fn(&'static str),
 ) -> Result<Fitted, RigError> {
     let mut steps = Steps::after(Vec::new(), told);
-    let prepared = steps.run(|| prepare(scene, &options.person, sight, networks))?;
-    let seen = steps.run(|| Ok(look(&prepared.scan)))?;
-    let (model, registered, fit) = steps.run(|| {
+    let mut prepared = steps.run(|| prepare(scene, &options.person, sight, networks))?;
+    let mut seen = steps.run(|| Ok(look(&prepared.scan)))?;
+    let (model, mut registered, fit) = steps.run(|| {
         let model = BodyModel::load(&options.makehuman)?;
         let hints: Vec<Hint> = (options.person.joints.iter())
             .map(|(joint, place)| Hint {
@@ -66,6 +66,7 @@ pub fn fitted(
         )?;
         Ok((model, registered, fit))
     })?;
+    face_forwards(&mut prepared, &mut seen.surface, &mut registered);
     Ok(Fitted {
         placement: placement(scene, &prepared, options.person.height.is_some()),
         prepared,
@@ -76,6 +77,21 @@ pub fn fitted(
         scene_gaussians: scene.len(),
         steps: steps.done(),
     })
+}
+
+/// Turns the person until the fitted body faces +z. The landmarks that [`prepare`] went by are each off by centimetres; the body is held by all
+/// of the surface.
+fn face_forwards(prepared: &mut Prepared, surface: &mut Surface, registered: &mut Registered) {
+    let Some(front) = registered.facing() else {
+        return;
+    };
+    let yaw = front.x.atan2(front.z);
+    log::debug!("turned by {:.1} degrees", -yaw.to_degrees());
+    let turn = DQuat::from_rotation_y(-yaw);
+    prepared.turn(turn);
+    registered.turn(turn);
+    let vectors = surface.points.iter_mut().chain(&mut surface.normals);
+    vectors.for_each(|vector| *vector = turn.as_quat() * *vector);
 }
 
 /// How the person stands in the file.

@@ -19,7 +19,7 @@ use crate::points::KeyPoint;
 use crate::scan::Scan;
 use crate::sight::Sight;
 use crate::stopwatch::Stopwatch;
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 use motion_fit::landmarks::{BODY_LANDMARKS, FACE_LANDMARKS};
 use splat_scene::{Scene, UpAxis};
 use spmm3::Joint;
@@ -52,6 +52,22 @@ pub struct Prepared {
     pub height: f64,
     /// What was measured, and what may be wrong.
     pub figures: Figures,
+}
+
+impl Prepared {
+    /// Turns the person about the vertical through the origin.
+    pub fn turn(&mut self, turn: DQuat) {
+        let turn = Similarity {
+            rotation: turn,
+            ..Similarity::IDENTITY
+        };
+        self.scan = turn.scan(&self.scan);
+        let face = self.face.iter_mut().flat_map(|face| face.iter_mut());
+        for point in self.body.iter_mut().chain(face) {
+            point.position = turn.point(point.position);
+        }
+        self.person_from_scene = self.person_from_scene.then(&turn);
+    }
 }
 
 /// Views of the body.

@@ -110,7 +110,7 @@ impl SyntheticPerson {
         let package = reconstruct::makehuman::Package::new(makehuman);
         let skins = "skins/young_caucasian_male/textures/young_caucasian_male_special_suit.png";
         let eyes = "proxies/eyes/HighPolyEyes/textures/blue_eye.png";
-        Ok(Self {
+        let mut person = Self {
             number,
             rest,
             joints,
@@ -128,7 +128,9 @@ impl SyntheticPerson {
             }),
             stance,
             yaw,
-        })
+        };
+        person.stance = person.balanced(&stance);
+        Ok(person)
     }
 
     /// The triangles of the whole mesh, those of the registered model.
@@ -160,7 +162,7 @@ impl SyntheticPerson {
         &self.joints
     }
 
-    /// How the person stands when it is scanned: soles at y = 0, the pelvis above the origin.
+    /// How the person stands when it is scanned, without falling over: soles level at y = 0, the pelvis above the origin.
     #[must_use]
     pub fn stance(&self) -> Stance {
         let standing = self.standing(&self.stance, DVec3::ZERO);
@@ -277,7 +279,7 @@ pub(super) fn normal(rng: &mut fastrand::Rng) -> f64 {
     (0..12).map(|_| rng.f64()).sum::<f64>().clamp(2.5, 9.5) - 6.0
 }
 
-/// World rotations of a natural stance for a scan, arms away from the body, and how far it is turned to the left.
+/// World rotations of a natural stance for a scan, arms away from the body, which may not be balanced, and how far it is turned to the left.
 fn stance(rng: &mut fastrand::Rng) -> ([DMat3; JOINTS], f64) {
     let mut rotations = [DMat3::IDENTITY; JOINTS];
     let mut turn = |joint: Joint, axis_angle: DVec3| {
