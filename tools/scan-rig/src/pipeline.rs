@@ -2,15 +2,16 @@
 
 use crate::RigError;
 use crate::bind::{BindOptions, BindReport, Bound, bind};
+use crate::body::posing::JointPose;
 use crate::body::{BodyModel, FitReport, Hint, Observed, Registered, register};
 use crate::figures::coverage::{self, Coverage, coverage};
 use crate::figures::likeness::{person_psnr, six_views};
-use crate::finish::{FinishOptions, JointPose, Material, Poser, avatar};
+use crate::finish::{FinishOptions, Material, Poser, avatar};
 use crate::prepare::{self, Networks, Prepared, Similarity, prepare};
 use crate::scan::Scan;
 use crate::shell::{Hands, ShellOptions, ShellReport, Textures, complete};
 use crate::sight::Sight;
-use crate::surface::look;
+use crate::surface::survey;
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use splat_scene::{Scene, UpAxis};
@@ -210,7 +211,7 @@ pub fn rig(
     steps.begin(0);
     let prepared = prepared(scene, options, sight, networks)?;
     steps.begin(1);
-    let seen = look(&prepared.scan);
+    let seen = survey(&prepared.scan);
     steps.begin(2);
     let model = BodyModel::load(&options.makehuman)?;
     let hints: Vec<Hint> = (options.joints.iter())
@@ -232,7 +233,6 @@ pub fn rig(
     steps.begin(3);
     let choices = BindOptions {
         accessories: options.accessories,
-        ..BindOptions::default()
     };
     let mut bound = bind(&prepared.scan, &seen, &model, &registered, &choices)?;
     drop(seen);
