@@ -2,7 +2,7 @@
 
 use crate::body::SkinRow;
 use rayon::prelude::*;
-use spmm3::{JOINTS, Joint};
+use spmm3::Joint;
 
 /// Rounds in which a vertex takes half of its weights from its neighbours.
 const ROUNDS: usize = 25;
@@ -71,6 +71,7 @@ pub(super) fn smooth<'a>(rows: &mut [SkinRow], neighbours: impl Fn(usize) -> &'a
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spmm3::JOINTS;
 
     #[test]
     fn fingers_move_with_their_wrists() {
