@@ -3,15 +3,29 @@
 # (tests/android-rehearsal). Sourced by ./run.
 #
 # Both take twenty minutes with their builds, so CI performs them where something changed that they build or execute. What that was when it last
-# passed is kept beside the crate, in `rehearsed`: a line a path, with the hash of its tracked files. A developer who changes the app rehearses it,
-# and commits that file with the change; where that was forgotten, CI does it.
+# passed is kept beside the crate, in `rehearsed`: a line a path, with the hash of its tracked files, and a line each for the crates of others that the
+# app is built from and for the profiles it is built by, so that what only desktop tools depend on rehearses nothing. A developer who changes the app
+# rehearses it, and commits that file with the change; where that was forgotten, CI does it.
 
 rehearsed=$repo/tests/android-rehearsal/rehearsed
 rehearsal_paths=(android app link npu-runtime shaders-spirv splat-scene spmm3 tests/android-rehearsal tests/person tests/support tools/android-native tools/mon3tr-dev/src/apk
-	tools/mon3tr-dev/tests/apk tools/profile-report xr-renderer
-	Cargo.lock Cargo.toml)
+	tools/mon3tr-dev/tests/apk tools/profile-report xr-renderer)
 
-# rehearsal_state: a line a path
+# rehearsal_dependencies: the crates that the app and the rehearsal are built from, a line each, with versions and features
+rehearsal_dependencies() {
+	local tree=(cargo tree --locked --manifest-path "$repo/Cargo.toml" --edges normal,build --prefix none --format '{p} {f}')
+	{
+		"${tree[@]}" --package mon3tr-android --target aarch64-linux-android
+		"${tree[@]}" --package android-rehearsal --target "$(uname -m)-unknown-linux-gnu"
+	} | sed 's/ ([^)]*)//g' | LC_ALL=C sort -u
+}
+
+# rehearsal_profiles: how the app is built; `profile.android` inherits `profile.dev` without its table of packages
+rehearsal_profiles() {
+	awk '/^\[/ { wanted = /^\[profile\.(dev|release|android[^]]*)\]/ } wanted' "$repo/Cargo.toml"
+}
+
+# rehearsal_state: a line a path, and one each for dependencies and profiles
 rehearsal_state() {
 	local path hash
 	for path in "${rehearsal_paths[@]}"; do
@@ -19,6 +33,10 @@ rehearsal_state() {
 			xargs -0 sha256sum | sha256sum | cut -c1-32)
 		printf '%s %s\n' "$hash" "$path"
 	done
+	hash=$(rehearsal_dependencies | sha256sum | cut -c1-32)
+	printf '%s %s\n' "$hash" dependencies
+	hash=$(rehearsal_profiles | sha256sum | cut -c1-32)
+	printf '%s %s\n' "$hash" profiles
 }
 
 # rehearsal_changes: what changed since it last passed, in one line
