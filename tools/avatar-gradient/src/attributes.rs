@@ -58,11 +58,7 @@ impl ControllerPass {
         by_p: &mut [f32],
     ) {
         let (hidden, bases) = (hidden.max(1), bases.max(1));
-        add_scaled(
-            &mut gradients.controllers_second_bias,
-            by_potentials,
-            1.0,
-        );
+        add_scaled(&mut gradients.controllers_second_bias, by_potentials, 1.0);
         self.by_after.resize(self.after.len(), 0.0);
         let weights = parameters.controllers_second.chunks_exact(hidden * bases);
         let by_weights = gradients

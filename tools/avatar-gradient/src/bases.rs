@@ -35,7 +35,9 @@ pub(crate) fn forces(holds: &[Hold], potentials: &[f32], bases: usize, out: &mut
         let runs = plane.par_chunks_mut(RUN).zip(holds.par_chunks(RUN));
         runs.for_each(|(forces, holds)| {
             for (force, hold) in forces.iter_mut().zip(holds) {
-                let [first, second, third] = hold.controllers.map(|c| potentials[usize::from(c) * bases + basis]);
+                let [first, second, third] = hold
+                    .controllers
+                    .map(|c| potentials[usize::from(c) * bases + basis]);
                 let [a, b, c] = hold.masses;
                 *force = a * first + b * second + c * third;
             }
@@ -123,26 +125,6 @@ pub(crate) fn attributes_backward(
                     add_products(out, &bases[row..row + count][range.clone()], &by[range.clone()]);
                 }
             });
-        });
-    });
-}
-
-/// Adds the derivatives by the bases, of those by the attributes, to `by_bases` (row-major [14, B, N_g]).
-pub(crate) fn bases_backward(
-    level: Level,
-    forces: &[f32],
-    by_attributes: &[f32],
-    by_bases: &mut [f32],
-) {
-    let count = (by_attributes.len() / ATTRIBUTES).max(1);
-    let number_of_bases = (forces.len() / count).max(1);
-    let rows = by_bases.par_chunks_mut(count).enumerate();
-    rows.for_each(|(row, out)| {
-        let (plane, basis) = (row / number_of_bases, row % number_of_bases);
-        dispatch!(level, simd => {
-            let _ = simd;
-            let by = &by_attributes[plane * count..(plane + 1) * count];
-            add_products(out, &forces[basis * count..(basis + 1) * count], by);
         });
     });
 }

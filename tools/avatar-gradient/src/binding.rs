@@ -164,8 +164,8 @@ impl Binding {
                 dot(&of_rotation, n) + of_offset[2],
             ];
             let lean = torque[0] * frame.inverse_height;
-            let swing = (torque[0] * frame.along * frame.inverse_height + torque[1])
-                * frame.inverse_edge;
+            let swing =
+                (torque[0] * frame.along * frame.inverse_height + torque[1]) * frame.inverse_edge;
             let by_ab = add_scaled(&scaled(y, torque[2] * frame.inverse_edge), n, swing * -1.0);
             let by_ac = scaled(n, lean);
             let [v, w] = seat.barycentrics;
@@ -295,7 +295,8 @@ impl<S: Simd> Frame<S> {
             sound.select(up[2] * inverse_height, x[1] * -1.0),
         ];
         let y = cross(&n, &x);
-        let free = inverse_edge.simd_le(1.0 / LEAST_EDGE) & inverse_height.simd_le(1.0 / LEAST_EDGE);
+        let free =
+            inverse_edge.simd_le(1.0 / LEAST_EDGE) & inverse_height.simd_le(1.0 / LEAST_EDGE);
         let quaternion = frame_quaternion(simd, &x, &y, &n);
         let length = 1.0 / dot_four(&quaternion, &quaternion).sqrt();
         Self {

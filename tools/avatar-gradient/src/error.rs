@@ -17,7 +17,9 @@ pub enum ModelError {
         expected: usize,
     },
     /// The pose that derivatives are asked for was not computed by this model, or with other parts of it switched on.
-    #[error("{0} were not computed for this pose: call `Model::pose` first, with the same parts of the model")]
+    #[error(
+        "{0} were not computed for this pose: call `Model::pose` first, with the same parts of the model"
+    )]
     NotPosed(&'static str),
     /// Numbers that do not make networks or Gaussians.
     #[error(transparent)]

@@ -3,9 +3,7 @@
 use crate::error::ModelError;
 use crate::parameters::{Layer, Parameters, Sizes};
 use half::f16;
-use spmm3::networks::{
-    AttributeNetwork, Dense, MeshNetwork, QuantisedBases, QuantisedDecoder,
-};
+use spmm3::networks::{AttributeNetwork, Dense, MeshNetwork, QuantisedBases, QuantisedDecoder};
 use spmm3::{BoundGaussians, Controllers, PARAMS, Template};
 
 /// What an avatar's package stores of [`Parameters`]: `spmm3::networks::DeformGraph` makes its graph.

@@ -74,7 +74,8 @@ impl JointPass {
                 Some(parent) => {
                     let offset = skeleton.rest_offset(joint).as_dvec3();
                     let above = &mut by_frame[parent.index()];
-                    above.0 += by_rotation * parent_from_joint.transpose() + outer(by_place, offset);
+                    above.0 +=
+                        by_rotation * parent_from_joint.transpose() + outer(by_place, offset);
                     above.1 += by_place;
                     let parent = self.person_from_joint[parent.index()].matrix3;
                     parent.as_dmat3().transpose() * by_rotation
@@ -84,7 +85,10 @@ impl JointPass {
             let torque = axial(by_turn * parent_from_joint.transpose());
             let by_vector = through_jacobian(vector.as_dvec3(), torque);
             let at = MotionParams::offset_of(joint);
-            for (by_p, by) in by_p[at..at + 3].iter_mut().zip(by_vector.as_vec3().to_array()) {
+            for (by_p, by) in by_p[at..at + 3]
+                .iter_mut()
+                .zip(by_vector.as_vec3().to_array())
+            {
                 *by_p += by;
             }
         }

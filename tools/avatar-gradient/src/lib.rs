@@ -11,6 +11,7 @@
 
 mod attributes;
 mod bases;
+mod basis_derivatives;
 mod binding;
 mod correction;
 mod error;
@@ -20,6 +21,7 @@ mod layer;
 pub mod loss;
 mod mesh;
 mod model;
+mod offsets;
 mod parameters;
 mod planes;
 mod posed;

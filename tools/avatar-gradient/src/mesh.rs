@@ -13,13 +13,18 @@ pub(crate) struct MeshPass {
     before: [Vec<f32>; 2],
     after: [Vec<f32>; 2],
     /// How much of each field the pose has, `[rank]`.
-    pub(crate) code: Vec<f32>,
+    code: Vec<f32>,
     by_code: Vec<f32>,
     by_after: Vec<f32>,
     by_before: Vec<f32>,
 }
 
 impl MeshPass {
+    /// Whether the last forward pass was with the network (`on`) and of this rank.
+    pub(crate) fn fits(&self, on: bool, rank: usize) -> bool {
+        self.code.len() == if on { rank } else { 0 }
+    }
+
     /// Canonical vertices ([3, N_v], metres) of P; `rest` are the template's. Without the network (`on`), the template and the mean
     /// offsets are left.
     pub(crate) fn forward(

@@ -1,20 +1,21 @@
 //! An avatar's forward pass, from motion to Gaussians, and its backward pass.
 
 use crate::bases::{self, Hold};
+use crate::basis_derivatives::BasisDerivatives;
 use crate::binding::{Binding, CORNERS};
 use crate::correction::PoseCorrection;
 use crate::error::{ModelError, check_count};
 use crate::exchange::Networks;
+use crate::offsets;
 use crate::parameters::{Parameters, Sizes};
-use crate::planes::{add_scaled, planes};
+use crate::planes::{RUN, add_scaled, planes};
 use crate::posed::Posed;
 use crate::skinning;
 use fearless_simd::Level;
 use glam::Mat3;
-use spmm3::{
-    ATTRIBUTES, Controllers, PARAMS, Skeleton, SkinWeights, Template, triangle_frame,
-};
+use rayon::prelude::*;
 use splat_gradient::Attributes;
+use spmm3::{ATTRIBUTES, Controllers, PARAMS, Skeleton, SkinWeights, Template, triangle_frame};
 
 /// Which parts move the avatar; without both, the mean mesh drives the template Gaussians. Parts that are off cost nothing and have no
 /// derivatives.
@@ -52,18 +53,18 @@ pub struct Derivatives<'a> {
 pub struct Model {
     /// Which parts move the avatar.
     pub parts: Parts,
-    pub(crate) level: Level,
+    level: Level,
     sizes: Sizes,
     skeleton: Skeleton,
     skin: Vec<SkinWeights>,
     /// [3, N_v].
     rest: Vec<f32>,
-    pub(crate) binding: Binding,
-    pub(crate) holds: Vec<Hold>,
+    binding: Binding,
+    holds: Vec<Hold>,
     /// Of every Gaussian: its triangle's frame in T-pose.
-    pub(crate) rest_frames: Vec<Mat3>,
+    rest_frames: Vec<Mat3>,
     /// 1 / the sum of all masses by which each controller pulls.
-    pub(crate) inverse_masses: Vec<f32>,
+    inverse_masses: Vec<f32>,
 }
 
 impl Model {
@@ -83,8 +84,15 @@ impl Model {
         check_count("Gaussians that controllers hold", held, sizes.gaussians)?;
         // Of another template, perhaps.
         let corners = bound.corners().as_flattened();
-        let most = corners.iter().max().map_or(0, |vertex| *vertex as usize + 1);
-        check_count("template vertices", vertices.len(), most.max(vertices.len()))?;
+        let most = corners
+            .iter()
+            .max()
+            .map_or(0, |vertex| *vertex as usize + 1);
+        check_count(
+            "template vertices",
+            vertices.len(),
+            most.max(vertices.len()),
+        )?;
         let frames = bound.corners().iter();
         let frames = frames.map(|corners| triangle_frame(corners.map(|v| vertices[v as usize])));
         let mut masses = vec![0.0f32; sizes.controllers];
@@ -139,6 +147,7 @@ impl Model {
         self.pose_mesh(parameters, posed);
         let (level, sizes) = (self.level, &self.sizes);
         posed.offsets.clear();
+        posed.back.by_local.clear();
         if self.parts.attributes {
             let shape = [sizes.controller_hidden, sizes.bases];
             let p = posed.motion.values();
@@ -162,6 +171,35 @@ impl Model {
         self.binding
             .forward(level, &posed.vertices, &posed.local, world);
         Ok(())
+    }
+
+    /// Position offset that each controller causes, row-major [C, 3], metres in the template's axes, for [`crate::loss::guide`]: the mean
+    /// over the Gaussians that it holds, by their masses, of the position residual that its potentials alone would give them in T-pose.
+    /// Empty where F_attr is switched off.
+    ///
+    /// # Errors
+    /// Parameters of other sizes; a pose that was not computed with these parts of this model.
+    pub fn controller_offsets<'a>(
+        &self,
+        parameters: &Parameters,
+        posed: &'a mut Posed,
+    ) -> Result<&'a [f32], ModelError> {
+        parameters.check(&self.sizes, false)?;
+        self.check_posed(posed)?;
+        if self.parts.attributes {
+            let bases = self.sizes.bases;
+            offsets::mean_bases(
+                &self.holds,
+                &self.rest_frames,
+                &self.inverse_masses,
+                &parameters.bases,
+                bases,
+                &mut posed.mean_bases,
+            );
+            let potentials = &posed.controllers.potentials;
+            offsets::forward(potentials, &posed.mean_bases, bases, &mut posed.offsets);
+        }
+        Ok(&posed.offsets)
     }
 
     fn pose_mesh(&self, parameters: &Parameters, posed: &mut Posed) {
@@ -258,15 +296,31 @@ impl Model {
             &mut back.by_basis,
             &mut back.by_potentials,
         );
-        if !gradients.bases.is_empty() {
-            bases::bases_backward(
-                level,
-                &posed.forces,
-                &back.by_local,
-                &mut gradients.bases,
+        back.pulls.clear();
+        if let Some(by_offsets) = by_offsets {
+            offsets::backward(
+                by_offsets,
+                &posed.mean_bases,
+                sizes.bases,
+                &mut back.by_potentials,
+            );
+            offsets::pulls(
+                &self.holds,
+                &self.rest_frames,
+                &self.inverse_masses,
+                by_offsets,
+                &mut back.pulls,
             );
         }
-        let _ = by_offsets;
+        if !gradients.bases.is_empty() {
+            let derivatives = self.basis_derivatives(posed);
+            let rows = gradients.bases.par_chunks_mut(sizes.gaussians.max(1));
+            rows.enumerate().for_each(|(row, out)| {
+                for (run, out) in out.chunks_mut(RUN).enumerate() {
+                    derivatives.add_to(row, run * RUN, out);
+                }
+            });
+        }
         posed.controllers.backward(
             level,
             parameters,
@@ -276,6 +330,19 @@ impl Model {
             gradients,
             by_p,
         );
+    }
+
+    /// The derivatives by the bases that the last backward pass of a pose left, as factors.
+    pub(crate) fn basis_derivatives<'a>(&'a self, posed: &'a Posed) -> BasisDerivatives<'a> {
+        BasisDerivatives {
+            level: self.level,
+            number_of_bases: self.sizes.bases,
+            holds: &self.holds,
+            forces: &posed.forces,
+            by_local: &posed.back.by_local,
+            potentials: &posed.controllers.potentials,
+            pulls: &posed.back.pulls,
+        }
     }
 
     /// The mesh's part, from `back.by_vertices` on.
@@ -333,12 +400,7 @@ impl Model {
         let sizes = &self.sizes;
         parameters.check(sizes, false)?;
         gradients.check(sizes, true)?;
-        if posed.world.len() != sizes.gaussians || posed.vertices.len() != 3 * sizes.vertices {
-            return Err(ModelError::NotPosed("the Gaussians"));
-        }
-        if self.parts.attributes && posed.forces.len() != sizes.bases * sizes.gaussians {
-            return Err(ModelError::NotPosed("F_attr's residuals"));
-        }
+        self.check_posed(posed)?;
         if let Some(gaussians) = by.gaussians {
             check_count("derivatives by Gaussians", gaussians.len(), sizes.gaussians)?;
         }
@@ -358,13 +420,38 @@ impl Model {
                 offsets.len(),
                 3 * sizes.controllers,
             )?;
+            if self.parts.attributes && posed.offsets.is_empty() && sizes.controllers > 0 {
+                return Err(ModelError::NotPosed("the controllers' offsets"));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_posed(&self, posed: &Posed) -> Result<(), ModelError> {
+        let sizes = &self.sizes;
+        if posed.world.len() != sizes.gaussians || posed.vertices.len() != 3 * sizes.vertices {
+            return Err(ModelError::NotPosed("the Gaussians"));
+        }
+        let forces = if self.parts.attributes {
+            sizes.bases * sizes.gaussians
+        } else {
+            0
+        };
+        if posed.forces.len() != forces {
+            return Err(ModelError::NotPosed("F_attr's residuals"));
+        }
+        if !posed.mesh.fits(self.parts.mesh, sizes.rank) {
+            return Err(ModelError::NotPosed("F_mesh's offsets"));
         }
         Ok(())
     }
 }
 
 /// A sum in double precision, in the order of the numbers.
-#[expect(clippy::cast_possible_truncation, reason = "derivatives are single precision")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "derivatives are single precision"
+)]
 fn sum(numbers: &[f32]) -> f32 {
     numbers.iter().map(|x| f64::from(*x)).sum::<f64>() as f32
 }

@@ -24,8 +24,9 @@ pub struct Posed {
     /// Template attributes plus residuals, [14, N_g].
     pub(crate) local: Vec<f32>,
     pub(crate) world: Attributes,
-    /// Mean offset that each controller causes, row-major [C, 3], where it was asked for.
+    /// Offset that each controller causes, row-major [C, 3], and the mean position bases [B, C, 3], where they were asked for.
     pub(crate) offsets: Vec<f32>,
+    pub(crate) mean_bases: Vec<f32>,
     pub(crate) back: Back,
 }
 
@@ -34,8 +35,8 @@ pub struct Posed {
 pub(crate) struct Back {
     /// Derivatives by `local`, [14, N_g].
     pub(crate) by_local: Vec<f32>,
-    /// By the offsets of controllers, [C, 3]; empty where there are none.
-    pub(crate) by_offsets: Vec<f32>,
+    /// What L_guide pulls at position bases; empty where it was left out.
+    pub(crate) pulls: Vec<f32>,
     pub(crate) by_corners: Vec<f32>,
     pub(crate) by_forces: Vec<f32>,
     pub(crate) by_basis: Vec<f32>,

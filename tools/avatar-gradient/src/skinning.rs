@@ -101,28 +101,32 @@ pub(crate) fn backward(
     );
     parts.clear();
     parts.resize(skin.len().div_ceil(RUN), NO_JOINTS);
-    parts.par_iter_mut().zip(skin.par_chunks(RUN)).enumerate().for_each(|(run, (sums, skin))| {
-        dispatch!(level, simd => {
-            let _ = simd;
-            for (vertex, skin) in (run * RUN..).zip(skin) {
-                let [bx, by, bz] = by_posed.map(|plane| plane[vertex]);
-                let [x, y, z] = canonical.map(|plane| plane[vertex]);
-                let outer = [
-                    bx * x, by * x, bz * x, 0.0,
-                    bx * y, by * y, bz * y, 0.0,
-                    bx * z, by * z, bz * z, 0.0,
-                    bx, by, bz, 0.0,
-                ];
-                for (joint, weight) in skin.joints.iter().zip(skin.weights) {
-                    if weight != 0.0 {
-                        for (sum, number) in sums[usize::from(*joint)].iter_mut().zip(&outer) {
-                            *sum += weight * number;
+    parts
+        .par_iter_mut()
+        .zip(skin.par_chunks(RUN))
+        .enumerate()
+        .for_each(|(run, (sums, skin))| {
+            dispatch!(level, simd => {
+                let _ = simd;
+                for (vertex, skin) in (run * RUN..).zip(skin) {
+                    let [bx, by, bz] = by_posed.map(|plane| plane[vertex]);
+                    let [x, y, z] = canonical.map(|plane| plane[vertex]);
+                    let outer = [
+                        bx * x, by * x, bz * x, 0.0,
+                        bx * y, by * y, bz * y, 0.0,
+                        bx * z, by * z, bz * z, 0.0,
+                        bx, by, bz, 0.0,
+                    ];
+                    for (joint, weight) in skin.joints.iter().zip(skin.weights) {
+                        if weight != 0.0 {
+                            for (sum, number) in sums[usize::from(*joint)].iter_mut().zip(&outer) {
+                                *sum += weight * number;
+                            }
                         }
                     }
                 }
-            }
+            });
         });
-    });
     let mut total = NO_JOINTS;
     for part in parts.iter() {
         for (total, part) in total.as_flattened_mut().iter_mut().zip(part.as_flattened()) {

@@ -2,19 +2,31 @@
 
 use crate::error::{ModelError, check_count};
 use crate::model::Model;
+use crate::planes::RUN;
 use crate::posed::Posed;
+use rayon::prelude::*;
+use splat_gradient::adam::Step;
+use spmm3::ATTRIBUTES;
+use std::ops::Range;
+
+/// Neighbouring Gaussians that a step of [`Moved::Seen`] takes or leaves together: a line of the processor's cache.
+const GROUP: usize = 16;
 
 /// Which bases a step moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moved {
     /// All, as Adam has it: those without a derivative go on by their momentum.
     All,
-    /// Groups of 16 neighbouring Gaussians of which one has a derivative; the others' numbers and moments stay. Cheaper, and bases of
-    /// Gaussians that a picture does not show are left alone.
+    /// Groups of 16 neighbouring Gaussians of which one has a derivative; the others' numbers and moments stay. Bases of Gaussians that a
+    /// picture does not show are left alone, and cost nothing.
     Seen,
 }
 
-/// Adam's moments of the bases, row-major [14, B, N_g] each.
+/// Adam's moments of the bases, row-major [14, B, N_g] each. Plain arrays, so that a trainer can store them, or move them when Gaussians
+/// come and go.
+///
+/// The bases are nine tenths of an avatar's numbers. Their derivatives by one pose are products of small arrays, which the step multiplies
+/// as it goes: a step reads and writes the bases and the moments once, and nothing else of that size exists.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BasisAdam {
     /// Mean of the derivatives by each number, not yet corrected for its start at 0.
@@ -26,7 +38,7 @@ pub struct BasisAdam {
 }
 
 impl BasisAdam {
-    /// Before the first step, for so many numbers.
+    /// Before the first step, for so many numbers: 14 x B x N_g.
     #[must_use]
     pub fn new(count: usize) -> Self {
         Self {
@@ -34,5 +46,81 @@ impl BasisAdam {
             second: vec![0.0; count],
             steps: 0,
         }
+    }
+
+    /// Makes a step of the bases down the gradient that the last [`Model::backward`] of `posed` found: the same as `splat_gradient::Adam`
+    /// by `gradients.bases`. `rates` has a learning rate for each attribute plane; at 0 its bases and their moments stay.
+    ///
+    /// Runs on rayon's current pool.
+    ///
+    /// # Errors
+    /// Bases or moments of another size than the model's; a pose without derivatives or without F_attr. Nothing has changed then.
+    pub fn step(
+        &mut self,
+        bases: &mut [f32],
+        model: &Model,
+        posed: &Posed,
+        rates: &[f32; ATTRIBUTES],
+        moved: Moved,
+    ) -> Result<(), ModelError> {
+        let derivatives = model.basis_derivatives(posed);
+        if !derivatives.fit(bases.len()) {
+            return Err(ModelError::NotPosed("derivatives by the bases"));
+        }
+        check_count("the bases' first moments", self.first.len(), bases.len())?;
+        check_count("the bases' second moments", self.second.len(), bases.len())?;
+        self.steps = self.steps.saturating_add(1);
+        let (count, rows) = (derivatives.holds.len(), derivatives.number_of_bases);
+        let steps = rates.map(|rate| Step::new(self.steps, rate));
+        let numbers = bases.par_chunks_mut(count.max(1));
+        let firsts = self.first.par_chunks_mut(count.max(1));
+        let seconds = self.second.par_chunks_mut(count.max(1));
+        let all = numbers.zip(firsts.zip(seconds)).enumerate();
+        all.for_each(|(row, (numbers, (firsts, seconds)))| {
+            let plane = row / rows;
+            if rates[plane] == 0.0 {
+                return;
+            }
+            let moments = firsts.chunks_mut(RUN).zip(seconds.chunks_mut(RUN));
+            for (run, (numbers, (firsts, seconds))) in
+                numbers.chunks_mut(RUN).zip(moments).enumerate()
+            {
+                let mut buffer = [0.0; RUN];
+                let gradients = &mut buffer[..numbers.len()];
+                derivatives.add_to(row, run * RUN, gradients);
+                let mut take = |range: Range<usize>| {
+                    steps[plane].take(
+                        &mut numbers[range.clone()],
+                        &gradients[range.clone()],
+                        &mut firsts[range.clone()],
+                        &mut seconds[range],
+                    );
+                };
+                match moved {
+                    Moved::All => take(0..gradients.len()),
+                    Moved::Seen => seen(gradients, take),
+                }
+            }
+        });
+        Ok(())
+    }
+}
+
+/// Calls `take` with every stretch of groups that have a derivative.
+fn seen(gradients: &[f32], mut take: impl FnMut(Range<usize>)) {
+    let mut from = None;
+    for (group, numbers) in gradients.chunks(GROUP).enumerate() {
+        let at = group * GROUP;
+        match (numbers.iter().any(|x| *x != 0.0), from) {
+            (true, None) => from = Some(at),
+            (false, Some(start)) => {
+                take(start..at);
+                from = None;
+            }
+            _ => {}
+        }
+    }
+    if let Some(start) = from {
+        take(start..gradients.len());
     }
 }

@@ -41,7 +41,10 @@ pub(crate) fn store<S: Simd>(plane: &mut [f32], at: usize, numbers: Eight<S>) {
 #[inline(always)]
 pub(crate) fn gather<S: Simd>(simd: S, plane: &[f32], indices: &[u32], at: usize) -> Eight<S> {
     let mut numbers = [0.0; LANES];
-    for (number, index) in numbers.iter_mut().zip(indices.get(at..).unwrap_or_default()) {
+    for (number, index) in numbers
+        .iter_mut()
+        .zip(indices.get(at..).unwrap_or_default())
+    {
         *number = plane[*index as usize];
     }
     f32x8::load_array(simd, numbers)
