@@ -10,9 +10,8 @@ use spmm3::{ATTRIBUTES, BoundGaussians, Template};
 
 /// The surface near each Gaussian.
 ///
-/// The nearest point is sought on the Gaussian's own triangle, and where that one's nearest point lies on its rim, also on all triangles that
-/// share a corner with it. A Gaussian that strayed further is drawn back to this neighbourhood, which is what the term is for: the nearest
-/// point of the whole mesh could be another limb's.
+/// The nearest point is sought on the Gaussian's own triangle and on all that share a corner with it. A Gaussian that strayed further is
+/// drawn back to this neighbourhood, which is what the term is for: the nearest point of the whole mesh could be another limb's.
 #[derive(Debug, Clone)]
 pub struct Surface {
     faces: Vec<[u32; 3]>,
@@ -22,7 +21,15 @@ pub struct Surface {
     starts: Vec<u32>,
     around: Vec<u32>,
     vertices: usize,
+    spheres: Vec<Sphere>,
     found: Vec<Nearest>,
+}
+
+/// Around a triangle: what is farther from it is farther from the triangle.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sphere {
+    centre: Vec3,
+    radius: f32,
 }
 
 /// A Gaussian's nearest point of the surface.
@@ -68,6 +75,7 @@ impl Surface {
             starts,
             around,
             vertices,
+            spheres: Vec::new(),
             found: Vec::new(),
         })
     }
@@ -99,6 +107,7 @@ impl Surface {
         let all: [&[f32]; ATTRIBUTES] = planes(gaussians.numbers());
         let [xs, ys, zs, ..] = all;
         let planes: [&[f32]; 3] = planes(vertices);
+        self.surround(&planes);
         let mut found = std::mem::take(&mut self.found);
         found.resize(count, Nearest::default());
         let runs = found.par_chunks_mut(RUN).enumerate();
@@ -132,33 +141,53 @@ impl Surface {
         Ok(f64::from(weight) * sums.iter().sum::<f64>())
     }
 
+    /// Fills `spheres`.
+    fn surround(&mut self, planes: &[&[f32]; 3]) {
+        let faces = self.faces.par_iter().with_min_len(RUN);
+        let spheres = faces.map(|corners| {
+            let [a, b, c] = points(planes, corners);
+            let centre = (a + b + c) / 3.0;
+            let reach = |point: Vec3| point.distance_squared(centre);
+            let radius = reach(a).max(reach(b)).max(reach(c)).sqrt();
+            Sphere { centre, radius }
+        });
+        spheres.collect_into_vec(&mut self.spheres);
+    }
+
     fn nearest(&self, place: Vec3, triangle: u32, planes: &[&[f32]; 3]) -> Nearest {
         let on = |triangle: u32| {
             let corners = self.faces[triangle as usize];
-            let points = corners.map(|corner| {
-                let corner = corner as usize;
-                Vec3::new(planes[0][corner], planes[1][corner], planes[2][corner])
-            });
-            let (weights, inside) = closest(place, points);
-            let point = points[0] * weights[0] + points[1] * weights[1] + points[2] * weights[2];
-            let nearest = Nearest {
+            let [a, b, c] = points(planes, &corners);
+            let weights = closest(place, [a, b, c]);
+            let away = place - (a * weights[0] + b * weights[1] + c * weights[2]);
+            Nearest {
                 corners,
                 weights,
-                away: place - point,
-            };
-            (nearest, inside)
+                away,
+            }
         };
-        let (mut best, inside) = on(triangle);
-        if inside {
-            return best;
-        }
+        let mut best = on(triangle);
+        let mut distance = best.away.length();
         let range = [0, 1].map(|k| self.starts[triangle as usize + k] as usize);
         for other in &self.around[range[0]..range[1]] {
-            let (nearest, _) = on(*other);
-            if nearest.away.length_squared() < best.away.length_squared() {
-                best = nearest;
+            let sphere = self.spheres[*other as usize];
+            let reach = distance + sphere.radius;
+            if place.distance_squared(sphere.centre) > reach * reach {
+                continue;
+            }
+            let nearest = on(*other);
+            let nearer = nearest.away.length();
+            if nearer < distance {
+                (best, distance) = (nearest, nearer);
             }
         }
         best
     }
+}
+
+fn points(planes: &[&[f32]; 3], corners: &[u32; 3]) -> [Vec3; 3] {
+    corners.map(|corner| {
+        let corner = corner as usize;
+        Vec3::new(planes[0][corner], planes[1][corner], planes[2][corner])
+    })
 }
