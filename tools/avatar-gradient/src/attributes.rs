@@ -8,6 +8,8 @@ use fearless_simd::{Level, dispatch};
 /// What the controllers computed on the way.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ControllerPass {
+    /// H and B.
+    shape: [usize; 2],
     /// What SiLU was given and what it gave, [C, H].
     before: Vec<f32>,
     after: Vec<f32>,
@@ -24,8 +26,10 @@ impl ControllerPass {
         level: Level,
         parameters: &Parameters,
         p: &[f32],
-        [hidden, bases]: [usize; 2],
+        shape: [usize; 2],
     ) {
+        self.shape = shape;
+        let [hidden, bases] = shape;
         layer::forward(level, &parameters.controllers_first, p, &mut self.before);
         layer::silu(&self.before, &mut self.after);
         self.potentials.clear();
@@ -52,12 +56,11 @@ impl ControllerPass {
         level: Level,
         parameters: &Parameters,
         p: &[f32],
-        [hidden, bases]: [usize; 2],
         by_potentials: &[f32],
         gradients: &mut Parameters,
         by_p: &mut [f32],
     ) {
-        let (hidden, bases) = (hidden.max(1), bases.max(1));
+        let [hidden, bases] = self.shape.map(|count| count.max(1));
         add_scaled(&mut gradients.controllers_second_bias, by_potentials, 1.0);
         self.by_after.resize(self.after.len(), 0.0);
         let weights = parameters.controllers_second.chunks_exact(hidden * bases);

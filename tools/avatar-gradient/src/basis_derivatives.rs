@@ -31,6 +31,13 @@ impl BasisDerivatives<'_> {
             && bases == ATTRIBUTES * self.forces.len()
     }
 
+    /// Whether a picture shows a Gaussian: it has a derivative by its opacity or colour.
+    pub(crate) fn seen(&self, gaussian: usize) -> bool {
+        let count = self.holds.len();
+        (attribute::OPACITY..attribute::COLOUR.end)
+            .any(|plane| self.by_local[plane * count + gaussian] != 0.0)
+    }
+
     /// Adds the derivatives by row `row` of [14 x B, N_g], Gaussians `start..`, to `out`.
     pub(crate) fn add_to(&self, row: usize, start: usize, out: &mut [f32]) {
         let (plane, basis) = (row / self.number_of_bases, row % self.number_of_bases);

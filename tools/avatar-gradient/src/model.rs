@@ -325,7 +325,6 @@ impl Model {
             level,
             parameters,
             posed.motion.values(),
-            [sizes.controller_hidden, sizes.bases],
             &posed.back.by_potentials,
             gradients,
             by_p,

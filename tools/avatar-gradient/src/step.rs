@@ -17,8 +17,8 @@ const GROUP: usize = 16;
 pub enum Moved {
     /// All, as Adam has it: those without a derivative go on by their momentum.
     All,
-    /// Groups of 16 neighbouring Gaussians of which one has a derivative; the others' numbers and moments stay. Bases of Gaussians that a
-    /// picture does not show are left alone, and cost nothing.
+    /// Groups of 16 neighbouring Gaussians of which one has a derivative by opacity or colour, which only pictures give; the others'
+    /// numbers and moments stay. Bases of Gaussians that a picture does not show are left alone, and cost nothing.
     Seen,
 }
 
@@ -71,6 +71,10 @@ impl BasisAdam {
         check_count("the bases' second moments", self.second.len(), bases.len())?;
         self.steps = self.steps.saturating_add(1);
         let (count, rows) = (derivatives.holds.len(), derivatives.number_of_bases);
+        let stretches = match moved {
+            Moved::All => stretches(count, |_| true),
+            Moved::Seen => stretches(count, |gaussian| derivatives.seen(gaussian)),
+        };
         let steps = rates.map(|rate| Step::new(self.steps, rate));
         let numbers = bases.par_chunks_mut(count.max(1));
         let firsts = self.first.par_chunks_mut(count.max(1));
@@ -81,46 +85,35 @@ impl BasisAdam {
             if rates[plane] == 0.0 {
                 return;
             }
-            let moments = firsts.chunks_mut(RUN).zip(seconds.chunks_mut(RUN));
-            for (run, (numbers, (firsts, seconds))) in
-                numbers.chunks_mut(RUN).zip(moments).enumerate()
-            {
-                let mut buffer = [0.0; RUN];
-                let gradients = &mut buffer[..numbers.len()];
-                derivatives.add_to(row, run * RUN, gradients);
-                let mut take = |range: Range<usize>| {
-                    steps[plane].take(
-                        &mut numbers[range.clone()],
-                        &gradients[range.clone()],
-                        &mut firsts[range.clone()],
-                        &mut seconds[range],
-                    );
-                };
-                match moved {
-                    Moved::All => take(0..gradients.len()),
-                    Moved::Seen => seen(gradients, take),
-                }
+            let mut buffer = [0.0; RUN];
+            for range in &stretches {
+                let gradients = &mut buffer[..range.len()];
+                gradients.fill(0.0);
+                derivatives.add_to(row, range.start, gradients);
+                steps[plane].take(
+                    &mut numbers[range.clone()],
+                    gradients,
+                    &mut firsts[range.clone()],
+                    &mut seconds[range.clone()],
+                );
             }
         });
         Ok(())
     }
 }
 
-/// Calls `take` with every stretch of groups that have a derivative.
-fn seen(gradients: &[f32], mut take: impl FnMut(Range<usize>)) {
-    let mut from = None;
-    for (group, numbers) in gradients.chunks(GROUP).enumerate() {
-        let at = group * GROUP;
-        match (numbers.iter().any(|x| *x != 0.0), from) {
-            (true, None) => from = Some(at),
-            (false, Some(start)) => {
-                take(start..at);
-                from = None;
-            }
-            _ => {}
+/// Gaussians of the groups of which one is wanted, in stretches of at most [`RUN`].
+fn stretches(count: usize, wanted: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
+    let mut stretches: Vec<Range<usize>> = Vec::new();
+    for start in (0..count).step_by(GROUP) {
+        let group = start..count.min(start + GROUP);
+        if !group.clone().any(&wanted) {
+            continue;
+        }
+        match stretches.last_mut() {
+            Some(last) if last.end == start && last.len() < RUN => last.end = group.end,
+            _ => stretches.push(group),
         }
     }
-    if let Some(start) = from {
-        take(start..gradients.len());
-    }
+    stretches
 }
