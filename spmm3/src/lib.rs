@@ -43,8 +43,8 @@ mod template;
 pub use basis::ExpressionBasis;
 pub use binding::{BoundGaussians, PlanarVertices, triangle_frame};
 pub use clip::{
-    LEGS, LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Playback, at_ease, bend_leg,
-    fit_expression,
+    LEGS, LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Npz, NpzArray, NpzWriter, Playback,
+    at_ease, bend_leg, fit_expression,
 };
 pub use controllers::{Controllers, NEIGHBOURS};
 pub use error::PersonError;

@@ -25,7 +25,9 @@ mod write;
 pub use built_in::{LOOP_SECONDS, at_ease};
 pub use error::MotionError;
 pub use face::fit_expression;
+pub use npy::{Npz, NpzArray};
 pub use stance::{LEGS, bend_leg};
+pub use write::NpzWriter;
 
 use crate::{EXPRESSION, ExpressionBasis, Expressions, Joint, MotionParams, Skeleton};
 use std::{io::Read, path::Path};

@@ -1,4 +1,4 @@
-//! NumPy arrays inside an `.npz` archive.
+//! NumPy arrays inside an `.npz` archive: what motion files, and captures' poses, are.
 //!
 //! Written here on purpose: the crates for it parse the header's Python literal recursively, so that a
 //! hostile header of nested brackets overflows the stack, and bring an arbitrary-precision integer and a grammar engine.
@@ -18,16 +18,21 @@ const MAX_TEXT: usize = 256;
 
 /// An array of numbers, row-major whatever its order in the file.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Array {
-    pub(super) shape: Vec<usize>,
-    pub(super) values: Vec<f32>,
+pub struct NpzArray {
+    /// Its sizes, the outermost first; none for a single number.
+    pub shape: Vec<usize>,
+    /// All finite, in single precision whatever they are in the file.
+    pub values: Vec<f32>,
     /// Numbers per frame: those of all dimensions but the first, or of the only one.
     width: usize,
 }
 
-impl Array {
+impl NpzArray {
     /// Rows of a [F, ...] array, or the one row of a flat array; `width` numbers each.
-    pub(super) fn rows(&self, name: &str, width: usize) -> Result<&[f32], MotionError> {
+    ///
+    /// # Errors
+    /// [`MotionError::Array`] with `name` if a row has another width.
+    pub fn rows(&self, name: &str, width: usize) -> Result<&[f32], MotionError> {
         let fits = !self.shape.is_empty() && self.width == width;
         if fits && (self.shape.len() >= 2 || width > 0) {
             Ok(&self.values)
@@ -42,27 +47,33 @@ impl Array {
         }
     }
 
-    /// Numbers per frame.
-    pub(super) fn width(&self) -> usize {
+    /// Numbers per frame: those of all dimensions but the first, or of the only one.
+    #[must_use]
+    pub fn width(&self) -> usize {
         self.width
     }
 }
 
 /// An `.npz` held in memory.
 #[derive(Debug)]
-pub(super) struct Npz<'a> {
+pub struct Npz<'a> {
     archive: ZipArchive<Cursor<&'a [u8]>>,
 }
 
 impl<'a> Npz<'a> {
-    pub(super) fn open(bytes: &'a [u8]) -> Result<Self, MotionError> {
+    /// Reads the archive's directory.
+    ///
+    /// # Errors
+    /// [`MotionError::Archive`] if it is no zip.
+    pub fn open(bytes: &'a [u8]) -> Result<Self, MotionError> {
         Ok(Self {
             archive: ZipArchive::new(Cursor::new(bytes))?,
         })
     }
 
     /// Names of the arrays, printable.
-    pub(super) fn names(&self) -> Vec<String> {
+    #[must_use]
+    pub fn names(&self) -> Vec<String> {
         self.archive
             .file_names()
             .filter_map(|name| Some(printable(name.ok()?.strip_suffix(".npy")?)))
@@ -70,7 +81,10 @@ impl<'a> Npz<'a> {
     }
 
     /// Reads one array of numbers; `None` if the archive has none of that name.
-    pub(super) fn array(&mut self, name: &str) -> Result<Option<Array>, MotionError> {
+    ///
+    /// # Errors
+    /// [`MotionError::Array`] if it is damaged, no array of numbers, too large, or has a number that is not finite.
+    pub fn array(&mut self, name: &str) -> Result<Option<NpzArray>, MotionError> {
         let member = format!("{name}.npy");
         if self.archive.index_for_name(&member).is_none() {
             return Ok(None);
@@ -80,7 +94,10 @@ impl<'a> Npz<'a> {
     }
 
     /// Reads one array of one string (`<U10` or `|S10` and the like); `None` if the archive has none of that name.
-    pub(super) fn text(&mut self, name: &str) -> Result<Option<String>, MotionError> {
+    ///
+    /// # Errors
+    /// [`MotionError::Array`] if it is damaged or no single short string.
+    pub fn text(&mut self, name: &str) -> Result<Option<String>, MotionError> {
         let member = format!("{name}.npy");
         if self.archive.index_for_name(&member).is_none() {
             return Ok(None);
@@ -176,7 +193,7 @@ fn read_text(name: &str, file: &mut impl Read) -> Result<String, MotionError> {
         .collect())
 }
 
-fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
+fn read_array(name: &str, file: &mut impl Read) -> Result<NpzArray, MotionError> {
     let fail = |reason: String| MotionError::array(name, reason);
     let damaged = |e: std::io::Error| MotionError::array(name, format!("cannot be read: {e}"));
     let Header {
@@ -230,7 +247,7 @@ fn read_array(name: &str, file: &mut impl Read) -> Result<Array, MotionError> {
     } else {
         values
     };
-    Ok(Array {
+    Ok(NpzArray {
         shape,
         values,
         width,

@@ -9,7 +9,7 @@
 use super::{
     MAX_FRAMES, MotionClip, MotionError,
     ground::{self, Height},
-    npy::{Array, Npz},
+    npy::{Npz, NpzArray},
     range,
 };
 use crate::{EXPRESSION, ExpressionBasis, Joint, MotionParams, Skeleton};
@@ -132,7 +132,7 @@ fn expression_basis(
 
 /// The rows of `array`, after checking their width and number; one row serves all `frames`.
 fn rows_for<'a>(
-    array: &'a Array,
+    array: &'a NpzArray,
     name: &str,
     width: usize,
     frames: usize,
@@ -175,7 +175,7 @@ fn layout(width: usize) -> Option<&'static [(Joint, usize)]> {
     })
 }
 
-fn from_poses(poses: &Array, notes: &mut Vec<String>) -> Result<Vec<MotionParams>, MotionError> {
+fn from_poses(poses: &NpzArray, notes: &mut Vec<String>) -> Result<Vec<MotionParams>, MotionError> {
     let width = poses.width();
     let layout = layout(width).ok_or_else(|| {
         MotionError::array(

@@ -31,72 +31,104 @@ impl MotionClip {
             expression.extend_from_slice(frame.expression());
         }
         let frames = self.frames.len();
-        let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
-        write_numbers(&mut archive, "poses", &[frames, 165], &poses)?;
-        write_numbers(&mut archive, "trans", &[frames, 3], &trans)?;
-        write_numbers(&mut archive, "expression", &[frames, 50], &expression)?;
-        write_numbers(&mut archive, "betas", &[10], &[0.0; 10])?;
+        let mut archive = NpzWriter::default();
+        archive.numbers("poses", &[frames, 165], &poses)?;
+        archive.numbers("trans", &[frames, 3], &trans)?;
+        archive.numbers("expression", &[frames, 50], &expression)?;
+        archive.numbers("betas", &[10], &[0.0; 10])?;
         let rate = self.frame_seconds.recip().to_le_bytes();
-        write_array(&mut archive, "mocap_frame_rate", "<f8", &[], &rate)?;
-        write_text(&mut archive, "gender", "neutral")?;
-        write_text(&mut archive, "surface_model_type", "smplx")?;
+        archive.array("mocap_frame_rate", "<f8", &[], &rate)?;
+        archive.text("gender", "neutral")?;
+        archive.text("surface_model_type", "smplx")?;
         if let Some(basis) = &self.expression_basis {
-            write_text(&mut archive, "expression_basis", basis.name())?;
+            archive.text("expression_basis", basis.name())?;
         }
-        Ok(archive.finish()?.into_inner())
+        archive.finish()
     }
 }
 
-type Archive = ZipWriter<Cursor<Vec<u8>>>;
-
-fn write_numbers(
-    archive: &mut Archive,
-    name: &str,
-    shape: &[usize],
-    values: &[f32],
-) -> Result<(), MotionError> {
-    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-    write_array(archive, name, "<f4", shape, &bytes)
+/// Writes NumPy arrays into an `.npz` archive in memory, deflated.
+#[derive(Debug)]
+pub struct NpzWriter {
+    archive: ZipWriter<Cursor<Vec<u8>>>,
 }
 
-/// A single text, as NumPy stores it: UTF-32.
-fn write_text(archive: &mut Archive, name: &str, text: &str) -> Result<(), MotionError> {
-    let bytes: Vec<u8> = text
-        .chars()
-        .flat_map(|c| u32::from(c).to_le_bytes())
-        .collect();
-    let kind = format!("<U{}", text.chars().count());
-    write_array(archive, name, &kind, &[], &bytes)
+impl Default for NpzWriter {
+    /// Without arrays.
+    fn default() -> Self {
+        Self {
+            archive: ZipWriter::new(Cursor::new(Vec::new())),
+        }
+    }
 }
 
-fn write_array(
-    archive: &mut Archive,
-    name: &str,
-    kind: &str,
-    shape: &[usize],
-    data: &[u8],
-) -> Result<(), MotionError> {
-    // A Python tuple: one size is followed by a comma.
-    let shape: String = shape.iter().map(|size| format!("{size},")).collect();
-    let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
-    // Magic, version and the header's length are 10 bytes, its end is a line's.
-    let used = 10 + header.len() + 1;
-    header.extend(std::iter::repeat_n(
-        ' ',
-        used.next_multiple_of(ALIGNMENT) - used,
-    ));
-    header.push('\n');
-    let length = u16::try_from(header.len()).unwrap_or(u16::MAX);
-    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
-    archive.start_file(format!("{name}.npy"), options)?;
-    let mut write = |bytes: &[u8]| {
-        archive
-            .write_all(bytes)
-            .map_err(zip::result::ZipError::from)
-    };
-    write(b"\x93NUMPY\x01\x00")?;
-    write(&length.to_le_bytes())?;
-    write(header.as_bytes())?;
-    write(data)?;
-    Ok(())
+impl NpzWriter {
+    /// Adds an array of single precision, row-major.
+    ///
+    /// # Errors
+    /// [`MotionError::Archive`] if it cannot be written: a name that is there already, for instance.
+    pub fn numbers(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        values: &[f32],
+    ) -> Result<(), MotionError> {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.array(name, "<f4", shape, &bytes)
+    }
+
+    /// Adds a single text, as NumPy stores it: UTF-32.
+    ///
+    /// # Errors
+    /// As [`Self::numbers`].
+    pub fn text(&mut self, name: &str, text: &str) -> Result<(), MotionError> {
+        let bytes: Vec<u8> = text
+            .chars()
+            .flat_map(|c| u32::from(c).to_le_bytes())
+            .collect();
+        let kind = format!("<U{}", text.chars().count());
+        self.array(name, &kind, &[], &bytes)
+    }
+
+    /// The archive's bytes.
+    ///
+    /// # Errors
+    /// As [`Self::numbers`].
+    pub fn finish(self) -> Result<Vec<u8>, MotionError> {
+        Ok(self.archive.finish()?.into_inner())
+    }
+
+    fn array(
+        &mut self,
+        name: &str,
+        kind: &str,
+        shape: &[usize],
+        data: &[u8],
+    ) -> Result<(), MotionError> {
+        let archive = &mut self.archive;
+        // A Python tuple: one size is followed by a comma.
+        let shape: String = shape.iter().map(|size| format!("{size},")).collect();
+        let mut header =
+            format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
+        // Magic, version and the header's length are 10 bytes, its end is a line's.
+        let used = 10 + header.len() + 1;
+        header.extend(std::iter::repeat_n(
+            ' ',
+            used.next_multiple_of(ALIGNMENT) - used,
+        ));
+        header.push('\n');
+        let length = u16::try_from(header.len()).unwrap_or(u16::MAX);
+        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
+        archive.start_file(format!("{name}.npy"), options)?;
+        let mut write = |bytes: &[u8]| {
+            archive
+                .write_all(bytes)
+                .map_err(zip::result::ZipError::from)
+        };
+        write(b"\x93NUMPY\x01\x00")?;
+        write(&length.to_le_bytes())?;
+        write(header.as_bytes())?;
+        write(data)?;
+        Ok(())
+    }
 }

@@ -27,6 +27,9 @@ pub enum SynthesisError {
     /// A texture of the person has no texels.
     #[error("the person's texture for {0:?} is empty: fetch the MakeHuman data again")]
     Texture(reconstruct::Part),
+    /// The capture cannot be written.
+    #[error("cannot write the capture")]
+    Capture(#[from] capture::CaptureError),
     /// The truth cannot be written.
     #[error("cannot write {}: make sure that its folder exists and has room", path.display())]
     Write {

@@ -14,6 +14,7 @@ pub mod raster;
 pub mod ring;
 pub mod shadow;
 pub mod sitter;
+pub mod synthesise;
 pub mod texture;
 pub mod truth;
 

@@ -1,0 +1,241 @@
+//! Writing our own layout. `capture.json` is written last, under another name first: a capture without it is not finished.
+
+use crate::camera::{Camera, MOST_CAMERAS};
+use crate::error::CaptureError;
+use crate::held_out::HeldOut;
+use crate::layouts::{MANIFEST, MOST_FRAMES, OWN_FRAMES, OWN_MASKS, OWN_MOTION, manifest};
+use crate::photograph::Photograph;
+use crate::pose::{self, FramePose};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+use spmm3::ExpressionBasis;
+use std::fs;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// What was written of a camera's frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Written {
+    Nothing,
+    Picture,
+    PictureAndMask,
+}
+
+/// Writes a capture in our own layout; pictures may be written by several threads in any order.
+#[derive(Debug)]
+pub struct CaptureWriter {
+    folder: PathBuf,
+    cameras: Vec<Camera>,
+    frames: usize,
+    frame_rate: f64,
+    expression_basis: Option<ExpressionBasis>,
+    /// [camera][frame].
+    written: Mutex<Vec<Vec<Written>>>,
+}
+
+impl CaptureWriter {
+    /// Makes the folders. A capture that was not finished there is written over.
+    ///
+    /// # Errors
+    /// Cameras that [`Camera::check`] refuses, that share a name or have a distortion (a [`Photograph`] has none: hand over
+    /// [`Camera::undistorted`]); no frames, or an impossible rate; a folder that already holds a capture, or cannot be written.
+    pub fn create(
+        folder: &Path,
+        cameras: &[Camera],
+        frames: usize,
+        frame_rate: f64,
+    ) -> Result<Self, CaptureError> {
+        let refuse = |reason: String| Err(CaptureError::Request(reason));
+        if cameras.is_empty() || cameras.len() > MOST_CAMERAS {
+            return refuse(format!(
+                "a capture has 1 to {MOST_CAMERAS} cameras, not {}",
+                cameras.len()
+            ));
+        }
+        for (k, camera) in cameras.iter().enumerate() {
+            camera.check()?;
+            let wrong = |reason: &str| {
+                Err(CaptureError::Camera {
+                    name: camera.name.clone(),
+                    reason: reason.to_owned(),
+                })
+            };
+            if camera.distortion != [0.0; 5] {
+                return wrong(
+                    "photographs are undistorted, but `distortion` is not zero: hand over `undistorted()`",
+                );
+            }
+            if cameras[..k].iter().any(|other| other.name == camera.name) {
+                return wrong("`name` is another camera's as well");
+            }
+        }
+        if !(1..=MOST_FRAMES).contains(&frames) || !(frame_rate > 0.0 && frame_rate <= 1000.0) {
+            return refuse(format!(
+                "a capture has 1 to {MOST_FRAMES} frames at up to 1000 Hz, not {frames} at {frame_rate}"
+            ));
+        }
+        if folder.join(MANIFEST).exists() {
+            return refuse(format!(
+                "{} already holds a capture: remove it, or name another folder",
+                folder.display()
+            ));
+        }
+        // What is left of one that was not finished must not be taken for this one's.
+        for old in [OWN_FRAMES, OWN_MASKS] {
+            let old = folder.join(old);
+            if old.is_dir() {
+                fs::remove_dir_all(&old).map_err(|e| CaptureError::write(&old, e))?;
+            }
+        }
+        for camera in cameras {
+            let made = folder.join(OWN_FRAMES).join(&camera.name);
+            fs::create_dir_all(&made).map_err(|e| CaptureError::write(&made, e))?;
+        }
+        let motion = folder.join(OWN_MOTION);
+        if motion.exists() {
+            fs::remove_file(&motion).map_err(|e| CaptureError::write(&motion, e))?;
+        }
+        Ok(Self {
+            folder: folder.to_owned(),
+            cameras: cameras.to_owned(),
+            frames,
+            frame_rate,
+            expression_basis: None,
+            written: Mutex::new(vec![vec![Written::Nothing; frames]; cameras.len()]),
+        })
+    }
+
+    /// Names the basis of the poses' expressions.
+    #[must_use]
+    pub fn with_expression_basis(mut self, basis: Option<ExpressionBasis>) -> Self {
+        self.expression_basis = basis;
+        self
+    }
+
+    /// Writes a camera's picture of a frame, and its mask if it has one.
+    ///
+    /// # Errors
+    /// No such camera or frame; a photograph of another size than the camera's; a file that cannot be written.
+    pub fn write(
+        &self,
+        camera: usize,
+        frame: usize,
+        photograph: &Photograph,
+    ) -> Result<(), CaptureError> {
+        let Some(of) = self.cameras.get(camera).filter(|_| frame < self.frames) else {
+            return Err(CaptureError::Request(format!(
+                "camera {camera}, frame {frame} is outside the {} cameras and {} frames of the capture",
+                self.cameras.len(),
+                self.frames
+            )));
+        };
+        photograph.check()?;
+        if photograph.size != of.size {
+            return Err(CaptureError::Request(format!(
+                "camera `{}` has pictures of {:?} pixels, the photograph has {:?}",
+                of.name, of.size, photograph.size
+            )));
+        }
+        let path = |kind: &str| {
+            let folder = self.folder.join(kind).join(&of.name);
+            folder.join(format!("{frame:06}.png"))
+        };
+        write_png(
+            &path(OWN_FRAMES),
+            &photograph.rgb,
+            of.size,
+            ExtendedColorType::Rgb8,
+        )?;
+        if let Some(mask) = &photograph.mask {
+            let path = path(OWN_MASKS);
+            if let Some(folder) = path.parent() {
+                fs::create_dir_all(folder).map_err(|e| CaptureError::write(folder, e))?;
+            }
+            write_png(&path, mask, of.size, ExtendedColorType::L8)?;
+        }
+        let now = match photograph.mask {
+            Some(_) => Written::PictureAndMask,
+            None => Written::Picture,
+        };
+        // A thread that died while it held the lock left no half-written entry.
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(entry) = written.get_mut(camera).and_then(|c| c.get_mut(frame)) {
+            *entry = now;
+        }
+        Ok(())
+    }
+
+    /// Writes the motion, if there is one, and then `capture.json`: the capture is finished.
+    ///
+    /// # Errors
+    /// A picture that was not written; masks for some frames of a camera only; poses that are not one a frame or not finite; held out
+    /// indices that are not there, not ascending, or all of them; a file that cannot be written.
+    pub fn finish(
+        self,
+        poses: Option<&[FramePose]>,
+        held_out: &HeldOut,
+    ) -> Result<(), CaptureError> {
+        let refuse = |reason: String| Err(CaptureError::Request(reason));
+        let written = (self.written.into_inner()).unwrap_or_else(PoisonError::into_inner);
+        for (camera, frames) in self.cameras.iter().zip(&written) {
+            let masked = frames.first() == Some(&Written::PictureAndMask);
+            for (frame, of) in frames.iter().enumerate() {
+                if *of == Written::Nothing {
+                    return refuse(format!(
+                        "frame {frame} of camera `{}` was not written",
+                        camera.name
+                    ));
+                }
+                if (*of == Written::PictureAndMask) != masked {
+                    return refuse(format!(
+                        "camera `{}` has masks for some frames and none for frame {}",
+                        camera.name,
+                        if masked { frame } else { 0 }
+                    ));
+                }
+            }
+        }
+        if let Some(fault) = held_out.fault(self.cameras.len(), self.frames) {
+            return refuse(format!("what is held out {fault}"));
+        }
+        if let Some(poses) = poses {
+            if poses.len() != self.frames {
+                return refuse(format!(
+                    "{} poses were given for {} frames",
+                    poses.len(),
+                    self.frames
+                ));
+            }
+            let mut numbered = poses.iter().enumerate();
+            let fault = numbered.find_map(|(frame, pose)| Some((frame, pose.fault()?)));
+            if let Some((frame, fault)) = fault {
+                return refuse(format!("the pose of frame {frame} {fault}"));
+            }
+            let path = self.folder.join(OWN_MOTION);
+            let bytes = pose::encode(poses, self.expression_basis.as_ref())
+                .map_err(|e| CaptureError::motion(&path, e))?;
+            fs::write(&path, bytes).map_err(|e| CaptureError::write(&path, e))?;
+        }
+        let value = manifest(&self.cameras, self.frames, self.frame_rate, held_out);
+        let path = self.folder.join(MANIFEST);
+        let half = self.folder.join(format!("{MANIFEST}.partial"));
+        fs::write(&half, format!("{value:#}\n")).map_err(|e| CaptureError::write(&half, e))?;
+        fs::rename(&half, &path).map_err(|e| CaptureError::write(&path, e))
+    }
+}
+
+fn write_png(
+    path: &Path,
+    pixels: &[u8],
+    size: [u32; 2],
+    kind: ExtendedColorType,
+) -> Result<(), CaptureError> {
+    let failed = |e: std::io::Error| CaptureError::write(path, e);
+    let mut file = BufWriter::new(fs::File::create(path).map_err(failed)?);
+    // A capture has thousands of pictures: time counts more than a tenth of their bytes.
+    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(pixels, size[0], size[1], kind)
+        .map_err(|e| failed(std::io::Error::other(e)))?;
+    file.flush().map_err(failed)
+}
