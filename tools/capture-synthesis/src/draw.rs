@@ -125,7 +125,10 @@ impl<'a> Scene<'a> {
         let samples = SAMPLES as f64;
         let corner = |position: &Vec3| {
             let seen = lens.camera_point(*position);
-            #[expect(clippy::cast_possible_truncation, reason = "single precision is enough")]
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "single precision is enough"
+            )]
             let nearness = (1.0 / seen.z) as f32;
             (seen.z >= NEAR).then(|| Corner {
                 x: (seen.x / seen.z * lens.focal[0] + lens.centre[0]) * samples,
@@ -146,7 +149,10 @@ impl<'a> Scene<'a> {
         };
         // Rows grow downwards: a counter-clockwise triangle's area is negative here.
         let area = 0.5 * ((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x));
-        #[expect(clippy::cast_possible_truncation, reason = "single precision is enough")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "single precision is enough"
+        )]
         let samples = area.abs().max(1e-6) as f32;
         let texels = self.model.materials[face].texels;
         Side {

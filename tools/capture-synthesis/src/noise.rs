@@ -77,7 +77,13 @@ mod tests {
 
     #[test]
     fn errors_have_the_size_that_was_asked_for_and_none_when_none_was() {
-        let lens = Lens::look_at(DVec3::new(0.0, 1.0, 3.0), DVec3::Y, DVec3::Y, 500.0, [64; 2]);
+        let lens = Lens::look_at(
+            DVec3::new(0.0, 1.0, 3.0),
+            DVec3::Y,
+            DVec3::Y,
+            500.0,
+            [64; 2],
+        );
         let none = Noise::default();
         assert_eq!(none.camera(&lens, 3.0, 4), lens, "no error was asked for");
         let noise = Noise {
@@ -102,8 +108,16 @@ mod tests {
         }
         // Three axes each.
         let deviation = |sum: f64| (sum / (3 * count) as f64).sqrt();
-        assert!((deviation(places) / 5e-3 - 1.0).abs() < 0.1, "{}", deviation(places));
-        assert!((deviation(turns) / (5e-3 / 3.0) - 1.0).abs() < 0.1, "{}", deviation(turns));
+        assert!(
+            (deviation(places) / 5e-3 - 1.0).abs() < 0.1,
+            "{}",
+            deviation(places)
+        );
+        assert!(
+            (deviation(turns) / (5e-3 / 3.0) - 1.0).abs() < 0.1,
+            "{}",
+            deviation(turns)
+        );
         let degrees = deviation(joints).to_degrees();
         assert!((degrees / 2.0 - 1.0).abs() < 0.1, "{degrees} degrees");
     }

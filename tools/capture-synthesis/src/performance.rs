@@ -73,7 +73,9 @@ pub fn built_in(person: &Person) -> Result<Vec<MotionClip>, SynthesisError> {
 /// A motion through sampled poses, which stands at each for a moment.
 fn sampled(name: &str, seed: u64, person: &Person) -> MotionClip {
     let mut sampler = PoseSampler::new(seed, person.presets(), person.expressions().len());
-    let poses: Vec<MotionParams> = (0..POSES).map(|_| on_floor(sampler.sample(), person)).collect();
+    let poses: Vec<MotionParams> = (0..POSES)
+        .map(|_| on_floor(sampler.sample(), person))
+        .collect();
     let keys = MotionClip {
         name: name.to_owned(),
         frames: poses,
@@ -137,7 +139,10 @@ mod tests {
         let roots: Vec<Vec3> = (performance.motions.iter())
             .map(|motion| motion.root_translation)
             .collect();
-        assert!(roots.iter().all(|root| root.length() < REACH + 0.02), "{roots:?}");
+        assert!(
+            roots.iter().all(|root| root.length() < REACH + 0.02),
+            "{roots:?}"
+        );
         assert!(
             roots.windows(2).all(|pair| pair[0].x < pair[1].x),
             "the order of the travel is kept: {roots:?}"

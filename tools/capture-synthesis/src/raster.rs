@@ -116,7 +116,10 @@ fn span(low: i64, high: i64, side: usize) -> Range<usize> {
 impl Facet {
     fn new(face: u32, corners: [Corner; 3], size: [usize; 2]) -> Option<Self> {
         let sound = |c: &Corner| {
-            c.x.abs() < MOST && c.y.abs() < MOST && c.inverse_w.is_finite() && c.nearness.is_finite()
+            c.x.abs() < MOST
+                && c.y.abs() < MOST
+                && c.inverse_w.is_finite()
+                && c.nearness.is_finite()
         };
         if !corners.iter().all(sound) {
             return None;

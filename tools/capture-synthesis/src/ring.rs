@@ -167,10 +167,7 @@ mod tests {
             ..ring
         };
         assert!(
-            matches!(
-                near.lenses(&frames),
-                Err(SynthesisError::TooNear { .. })
-            ),
+            matches!(near.lenses(&frames), Err(SynthesisError::TooNear { .. })),
             "the person reaches past the cameras"
         );
     }

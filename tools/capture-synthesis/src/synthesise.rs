@@ -153,8 +153,13 @@ pub fn synthesise(
     let frame_rate = (clips.first())
         .map(|clip| options.frames as f64 / clip.duration().max(1e-3))
         .unwrap_or_default();
-    let writer = CaptureWriter::create(folder, &cameras, motions.len(), frame_rate.clamp(0.01, 1000.0))?
-        .with_expression_basis(Some(ExpressionBasis::MAKEHUMAN_1));
+    let writer = CaptureWriter::create(
+        folder,
+        &cameras,
+        motions.len(),
+        frame_rate.clamp(0.01, 1000.0),
+    )?
+    .with_expression_basis(Some(ExpressionBasis::MAKEHUMAN_1));
     progress.begin("drawing", motions.len() * lenses.len());
     // Frames one after the other, whose light is shared by their cameras; within a frame every core has work.
     for (frame, positions) in surfaces.into_iter().enumerate() {
@@ -169,7 +174,9 @@ pub fn synthesise(
                 mask: Some(drawn.mask),
             };
             if let Err(error) = writer.write(number, frame, &photograph) {
-                let mut first = failed.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                let mut first = failed
+                    .lock()
+                    .unwrap_or_else(std::sync::PoisonError::into_inner);
                 first.get_or_insert(error);
             }
             progress.advance();

@@ -117,7 +117,13 @@ fn object(person: &Person) -> String {
     for (face, corners) in person.template().faces().iter().enumerate() {
         let [a, b, c] = corners.map(|corner| corner + 1);
         let first = 3 * face;
-        let _ = writeln!(text, "f {a}/{} {b}/{} {c}/{}", first + 1, first + 2, first + 3);
+        let _ = writeln!(
+            text,
+            "f {a}/{} {b}/{} {c}/{}",
+            first + 1,
+            first + 2,
+            first + 3
+        );
     }
     text
 }

@@ -147,7 +147,10 @@ fn the_mask_is_the_silhouette() {
     let distance = lens.eye().length();
     let radius = 260.0 * 0.5 / (distance * distance - 0.25).sqrt();
     let disc = std::f64::consts::PI * radius * radius;
-    assert!((covered / disc - 1.0).abs() < 0.004, "{covered} pixels, not {disc}");
+    assert!(
+        (covered / disc - 1.0).abs() < 0.004,
+        "{covered} pixels, not {disc}"
+    );
     for (pixel, mask) in drawn.mask.iter().enumerate() {
         let (x, y) = ((pixel % 160) as f64 + 0.5, (pixel / 160) as f64 + 0.5);
         let away = DVec2::new(x - 80.0, y - 72.0).length();
@@ -163,7 +166,10 @@ fn the_mask_is_the_silhouette() {
     for position in &posed.positions {
         let point = project(&lens, *position);
         let mask = drawn.mask[point.y as usize * 160 + point.x as usize];
-        assert!(mask > 0 || (point - DVec2::new(80.0, 72.0)).length() > radius - 1.0, "{point}");
+        assert!(
+            mask > 0 || (point - DVec2::new(80.0, 72.0)).length() > radius - 1.0,
+            "{point}"
+        );
     }
 }
 
@@ -198,8 +204,13 @@ fn a_plate_shades_what_is_under_it_and_nothing_else() {
     assert_eq!(light(0.25, 0.0), 1.0, "beside the shadow");
     assert_eq!(light(0.0, 0.5), 1.0, "the plate does not shade itself");
     let edge = light(0.2, 0.0);
-    assert!((edge - 0.5).abs() < 0.2, "half of the light at the edge: {edge}");
-    let fading: Vec<f32> = (0..40u8).map(|k| light(0.18 + f32::from(k) * 1e-3, 0.0)).collect();
+    assert!(
+        (edge - 0.5).abs() < 0.2,
+        "half of the light at the edge: {edge}"
+    );
+    let fading: Vec<f32> = (0..40u8)
+        .map(|k| light(0.18 + f32::from(k) * 1e-3, 0.0))
+        .collect();
     assert!(
         fading.windows(2).all(|pair| pair[0] <= pair[1] + 1e-6),
         "the light grows outwards: {fading:?}"
@@ -220,5 +231,8 @@ fn a_texture_keeps_its_mean_at_every_size_and_transparent_texels_do_not_darken_i
     for (value, wanted) in far.to_array().into_iter().zip([200.0, 100.0, 50.0, 64.0]) {
         assert!((value * 255.0 - wanted).abs() < 1.1, "{far}");
     }
-    assert!(Pyramid::new([4, 4], vec![[0; 4]; 15]).is_none(), "a texel is missing");
+    assert!(
+        Pyramid::new([4, 4], vec![[0; 4]; 15]).is_none(),
+        "a texel is missing"
+    );
 }

@@ -115,7 +115,9 @@ fn coverage_depth_and_perspective_correct_shares_are_those_of_rays() {
         // A corner's place on the grid is off by 1/512 sample at most: more of a share on a small or steep triangle.
         let [a, b, c] = faces[*face].map(|point| corner(&lens, point));
         let area = ((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)).abs();
-        let longest = (b.x - a.x).hypot(b.y - a.y).max((c.x - a.x).hypot(c.y - a.y));
+        let longest = (b.x - a.x)
+            .hypot(b.y - a.y)
+            .max((c.x - a.x).hypot(c.y - a.y));
         let allowed = 1e-4 + 0.03 * longest / area;
         let depth = 1.0 / f64::from(sample.nearness);
         assert!((depth - r).abs() < allowed * 2.0, "depth {depth}, not {r}");
@@ -126,7 +128,10 @@ fn coverage_depth_and_perspective_correct_shares_are_those_of_rays() {
             );
         }
     }
-    assert!(compared > SIZE * SIZE * 8 / 10, "only {compared} samples compared");
+    assert!(
+        compared > SIZE * SIZE * 8 / 10,
+        "only {compared} samples compared"
+    );
     assert!(covered > 1000, "only {covered} samples are covered");
 }
 
@@ -136,7 +141,11 @@ fn neighbours_leave_no_gap_and_share_no_sample() {
     let lens = lens();
     let spoke = |k: u16| {
         let angle = f32::from(k % 64) / 64.0 * std::f32::consts::TAU;
-        Vec3::new(0.5 * angle.cos(), 0.5 * angle.sin(), 0.1 * (3.0 * angle).sin())
+        Vec3::new(
+            0.5 * angle.cos(),
+            0.5 * angle.sin(),
+            0.1 * (3.0 * angle).sin(),
+        )
     };
     let middle = Vec3::new(0.05, 0.02, 0.0);
     let mut owners = vec![0; SIZE * SIZE];
@@ -149,9 +158,16 @@ fn neighbours_leave_no_gap_and_share_no_sample() {
         }
     }
     let whole = draw(&lens, &all, SIZE);
-    assert!(owners.iter().all(|count| *count <= 1), "a sample has two owners");
+    assert!(
+        owners.iter().all(|count| *count <= 1),
+        "a sample has two owners"
+    );
     let filled = whole.iter().filter(|sample| sample.is_covered()).count();
-    assert_eq!(filled, owners.iter().filter(|count| **count == 1).count(), "a sample was lost");
+    assert_eq!(
+        filled,
+        owners.iter().filter(|count| **count == 1).count(),
+        "a sample was lost"
+    );
     // Row by row there is no hole.
     for row in whole.chunks(SIZE) {
         let first = row.iter().position(Sample::is_covered);
