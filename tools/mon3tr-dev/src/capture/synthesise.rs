@@ -124,8 +124,7 @@ fn clips(options: &Options, person: &Person) -> anyhow::Result<Vec<MotionClip>> 
         .map(|file| {
             let mut clip = MotionClip::load(file, person.skeleton(), &LoadOptions::default())
                 .with_context(|| format!("cannot use the motion {}", file.display()))?;
-            if let Some(line) =
-                clip.fit_expression(&ExpressionBasis::MAKEHUMAN_1, person.presets())
+            if let Some(line) = clip.fit_expression(&ExpressionBasis::MAKEHUMAN_1, person.presets())
             {
                 println!("{}: {line}", clip.name);
             }
