@@ -13,7 +13,7 @@ use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use spmm3::{ATTRIBUTES, BoundGaussians, SH_C0, attribute};
 
 /// An edge or height of a triangle that is shorter, metres, does not turn the frame: its derivatives would be no use.
-const LEAST_EDGE: f32 = 1e-6;
+const LEAST_EDGE: f32 = 1e-5;
 /// A quaternion whose length squared is less says no rotation, as in `spmm3`.
 const LEAST_ROTATION: f32 = 1e-12;
 /// Derivatives by the coordinates of three corners.

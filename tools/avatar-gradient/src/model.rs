@@ -155,6 +155,7 @@ impl Model {
             let potentials = &posed.controllers.potentials;
             bases::forces(&self.holds, potentials, sizes.bases, &mut posed.forces);
         } else {
+            posed.controllers.potentials.clear();
             posed.forces.clear();
         }
         bases::attributes(
@@ -227,7 +228,7 @@ impl Model {
     /// Adds the derivatives of a loss by all parameters to `gradients`, and returns those by the pose: by P and by the root translation,
     /// whether or not a correction was applied. Where `gradients.bases` is empty they are left to [`crate::BasisAdam::step`].
     ///
-    /// Runs on rayon's current pool. An edge or height of a triangle below a micrometre does not turn its Gaussians: no derivative is
+    /// Runs on rayon's current pool. An edge or height of a triangle below ten micrometres does not turn its Gaussians: no derivative is
     /// taken through it. A template's rotation of length 0 has none.
     ///
     /// # Errors
@@ -453,4 +454,75 @@ impl Model {
 )]
 fn sum(numbers: &[f32]) -> f32 {
     numbers.iter().map(|x| f64::from(*x)).sum::<f64>() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use synthetic_person::{Puppet, Random};
+
+    /// This processor's SIMD levels, the narrowest first.
+    fn levels() -> Vec<Level> {
+        let new = Level::new();
+        #[cfg(target_arch = "x86_64")]
+        let more = [
+            new.as_sse4_2().map(Level::Sse4_2),
+            new.as_avx2().map(Level::Avx2),
+        ];
+        #[cfg(not(target_arch = "x86_64"))]
+        let more: [Option<Level>; 0] = [];
+        let more = more.into_iter().flatten();
+        [Level::baseline(), new].into_iter().chain(more).collect()
+    }
+
+    #[test]
+    fn every_level_of_the_processor_gives_the_same_but_for_rounding() {
+        let puppet = Puppet::small();
+        let networks = Networks {
+            gaussians: puppet.gaussians.clone(),
+            mesh: puppet.mesh.clone(),
+            attributes: puppet.attributes.clone(),
+        };
+        let (template, controllers) = (&puppet.template, &puppet.controllers);
+        let mut model =
+            Model::new(&puppet.skeleton, template, controllers, &networks).expect("fits");
+        let parameters = networks.parameters();
+        let mut random = Random::new(2);
+        let motion = random.motion(0.6);
+        let mut by_gaussians = Attributes::zeros(model.sizes.gaussians);
+        for number in by_gaussians.numbers_mut() {
+            *number = random.signed();
+        }
+        let by = Derivatives {
+            gaussians: Some(&by_gaussians),
+            ..Derivatives::default()
+        };
+        let mut results = Vec::new();
+        for level in levels() {
+            model.level = level;
+            let mut posed = Posed::new();
+            let mut gradients = Parameters::zeros(&model.sizes);
+            model
+                .pose(&parameters, &motion, None, &mut posed)
+                .expect("fits");
+            let by_pose = model.backward(&parameters, &mut posed, &by, &mut gradients);
+            let mut arrays: Vec<Vec<f32>> =
+                gradients.arrays().map(|(_, array)| array.to_vec()).into();
+            arrays.push(posed.world.numbers().to_vec());
+            arrays.push(by_pose.expect("fits").0.to_vec());
+            results.push(arrays);
+        }
+        for other in &results[1..] {
+            for (index, (first, other)) in results[0].iter().zip(other).enumerate() {
+                let most = first.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+                assert!(most > 0.0, "array {index}: something to compare");
+                for (a, b) in first.iter().zip(other) {
+                    assert!(
+                        (a - b).abs() < 1e-4 * most,
+                        "array {index}: {a}, {b}, of {most}"
+                    );
+                }
+            }
+        }
+    }
 }

@@ -77,7 +77,7 @@ impl Posed {
         &self.local
     }
 
-    /// Displacement potentials u_j, row-major [C, B]; those of an earlier pose where F_attr is switched off.
+    /// Displacement potentials u_j, row-major [C, B]; empty where F_attr is switched off.
     #[must_use]
     pub fn potentials(&self) -> &[f32] {
         &self.controllers.potentials
