@@ -6,6 +6,7 @@ mod bench;
 mod capture;
 mod eval;
 mod netlab;
+mod reconstruct;
 
 use clap::{Parser, Subcommand};
 use mon3tr::program::{self, SharedOptions};
@@ -35,6 +36,8 @@ enum Command {
     Eval(eval::Options),
     /// Measure calls over networks of any quality, all on this machine
     Netlab(netlab::Options),
+    /// Train an avatar from a capture's pictures
+    Reconstruct(reconstruct::Options),
 }
 
 fn main() -> ExitCode {
@@ -47,6 +50,7 @@ fn main() -> ExitCode {
         Command::Capture(options) => capture::run(options),
         Command::Eval(options) => eval::run(options, device),
         Command::Netlab(options) => netlab::run(options),
+        Command::Reconstruct(options) => reconstruct::run(options),
     })
 }
 

@@ -5,7 +5,7 @@ use crate::error::TrainError;
 use crate::pictures::Pair;
 use crate::preview::Preview;
 use crate::score::Score;
-use avatar_gradient::{Model, Networks, Parameters};
+use avatar_gradient::{Networks, Parameters, Parts};
 use spmm3::networks::{DeformGraph, GraphParts};
 use spmm3::{Avatar, package::PackageError};
 use std::path::Path;
@@ -82,9 +82,10 @@ impl Trainer<'_> {
         let motion = &self.motions[pair.frame];
         let correction = &self.poses[pair.frame].correction;
         let memory = &mut self.memory;
-        let mut model: Model = self.model.clone();
-        model.parts = avatar_gradient::Parts::ALL;
-        model.pose(parameters, motion, Some(correction), &mut memory.posed)?;
+        // As a receiver has it, whatever learns at present.
+        self.model.parts = Parts::ALL;
+        self.model
+            .pose(parameters, motion, Some(correction), &mut memory.posed)?;
         let drawn = memory.splatter.draw(memory.posed.gaussians(), &view);
         let corrected = if self.options.colour_correction {
             Some(self.colours[pair.camera].apply(drawn.picture())?)

@@ -18,7 +18,7 @@ fn two_hundred_gaussians_learn_two_cameras_to_35_db() {
     };
     let mut trainer = Trainer::new(&capture, first, frames, options).expect("a training");
     let before = trainer.validate().expect("drawn").psnr;
-    let steps: u16 = 1200;
+    let steps: u16 = 1600;
     for step in 0..steps {
         let progress = f32::from(step) / f32::from(steps);
         trainer.step(progress).expect("a step");
