@@ -1,7 +1,7 @@
 //! The body: the avatar's skeleton fitted to landmarks.
 //!
 //! [`fit::BodyFit`] follows one body in one camera's pictures. Its inner parts serve other sources, too: [`solver::SkeletonSolver`] bends a
-//! [`chain::Chain`] to any set of [`terms::Term`]s, in f64.
+//! [`chain::Chain`] to any set of [`terms::Term`]s, in f64. [`several::fit`] fits a whole recording of several calibrated cameras.
 
 mod bindings;
 pub mod chain;
@@ -9,18 +9,21 @@ mod contact;
 mod evidence;
 pub mod fit;
 pub mod foot_lock;
+mod lengths;
 mod limits;
 mod pose;
 pub mod prior;
 mod prior_table;
 mod proportions;
 mod reading;
+pub mod several;
 pub mod so3;
 mod soles;
 pub mod solver;
 mod standing;
 pub mod terms;
 mod track;
+mod triangulate;
 mod upright;
 
 pub use bindings::landmark_places;
@@ -31,3 +34,4 @@ pub use pose::{BodyPose, CameraPose, Limb};
 pub(crate) use reading::upright_axes;
 pub use standing::Calibration;
 pub(crate) use standing::StandingBody;
+pub use triangulate::{Located, LocatedBody, triangulate};
