@@ -7,7 +7,6 @@ use crate::held_out::HeldOut;
 use crate::layouts::{self, Found};
 use crate::photograph::Photograph;
 use crate::pose::FramePose;
-use crate::undistort::undistort;
 use spmm3::ExpressionBasis;
 use std::path::{Path, PathBuf};
 
@@ -84,11 +83,7 @@ impl Capture {
         let mask = (pictures.masks.as_ref())
             .map(|masks| decode::read(&masks.path(number), lens.size, Channels::Grey))
             .transpose()?;
-        Ok(Photograph {
-            size: lens.size,
-            rgb: undistort(lens, rgb, 3),
-            mask: mask.map(|mask| undistort(lens, mask, 1)),
-        })
+        lens.photograph(rgb, mask)
     }
 
     /// How the person stands in each frame, where that is known.

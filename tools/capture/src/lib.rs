@@ -17,6 +17,7 @@ mod layouts;
 mod lens;
 mod photograph;
 mod pose;
+mod qualisys;
 mod undistort;
 mod writer;
 
@@ -26,4 +27,5 @@ pub use error::CaptureError;
 pub use held_out::HeldOut;
 pub use photograph::Photograph;
 pub use pose::FramePose;
+pub use qualisys::{read_qualisys, upright};
 pub use writer::CaptureWriter;

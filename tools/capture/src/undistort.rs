@@ -1,11 +1,38 @@
 //! Pictures without their lens' distortion: each pixel of the pinhole is looked up where its ray is seen, bilinearly.
 
 use crate::camera::Camera;
+use crate::error::CaptureError;
 use crate::lens;
+use crate::photograph::Photograph;
 use glam::DVec2;
 
+impl Camera {
+    /// A picture that this camera took ([height, width, 3]), and its mask if there is one ([height, width]), as the [`Photograph`] that
+    /// [`Self::undistorted`] would have taken: each pixel is looked up where its ray is seen, bilinearly. What the camera did not see is 0.
+    ///
+    /// # Errors
+    /// [`CaptureError::Request`] if the arrays are not of the camera's size.
+    pub fn photograph(
+        &self,
+        rgb: Vec<u8>,
+        mask: Option<Vec<u8>>,
+    ) -> Result<Photograph, CaptureError> {
+        let taken = Photograph {
+            size: self.size,
+            rgb,
+            mask,
+        };
+        taken.check()?;
+        Ok(Photograph {
+            size: self.size,
+            rgb: undistort(self, taken.rgb, 3),
+            mask: taken.mask.map(|mask| undistort(self, mask, 1)),
+        })
+    }
+}
+
 /// The picture that `camera.undistorted()` would have taken; [height, width, channels] in and out. What the camera did not see is 0.
-pub(crate) fn undistort(camera: &Camera, pixels: Vec<u8>, channels: usize) -> Vec<u8> {
+fn undistort(camera: &Camera, pixels: Vec<u8>, channels: usize) -> Vec<u8> {
     if camera.distortion == [0.0; 5] {
         return pixels;
     }

@@ -113,6 +113,25 @@ impl CaptureWriter {
         self
     }
 
+    /// Places a camera: for one whose pose is found only once its pictures were looked at.
+    ///
+    /// # Errors
+    /// No such camera, or a pose that [`Camera::check`] refuses.
+    pub fn place(
+        &mut self,
+        camera: usize,
+        camera_from_world: glam::DAffine3,
+    ) -> Result<(), CaptureError> {
+        let count = self.cameras.len();
+        let Some(placed) = self.cameras.get_mut(camera) else {
+            return Err(CaptureError::Request(format!(
+                "camera {camera} is none of the capture's {count}"
+            )));
+        };
+        placed.camera_from_world = camera_from_world;
+        placed.check()
+    }
+
     /// Writes a camera's picture of a frame, and its mask if it has one.
     ///
     /// # Errors

@@ -3,8 +3,10 @@
 
 mod apk;
 mod bench;
+mod capture;
 mod eval;
 mod netlab;
+mod reconstruct;
 
 use clap::{Parser, Subcommand};
 use mon3tr::program::{self, SharedOptions};
@@ -28,10 +30,14 @@ enum Command {
     Apk(apk::Options),
     /// Time drawing and sorting on this machine
     Bench(bench::Options),
+    /// Folders of calibrated pictures of a person
+    Capture(capture::Options),
     /// Compare what the camera's tracker finds with the truth
     Eval(eval::Options),
     /// Measure calls over networks of any quality, all on this machine
     Netlab(netlab::Options),
+    /// Train an avatar from a capture's pictures
+    Reconstruct(reconstruct::Options),
 }
 
 fn main() -> ExitCode {
@@ -41,8 +47,10 @@ fn main() -> ExitCode {
         Command::Shared(command) => command.run(device),
         Command::Apk(options) => apk::run(options),
         Command::Bench(options) => bench::run(options, device),
+        Command::Capture(options) => capture::run(options),
         Command::Eval(options) => eval::run(options, device),
         Command::Netlab(options) => netlab::run(options),
+        Command::Reconstruct(options) => reconstruct::run(options),
     })
 }
 

@@ -35,7 +35,7 @@ impl Network {
     }
 
     /// Becomes true on Ctrl-C or when the process is asked to end. A second Ctrl-C ends it at once.
-    pub(crate) fn stop_on_signal(&self) -> Arc<AtomicBool> {
+    pub fn stop_on_signal(&self) -> Arc<AtomicBool> {
         let stop = Arc::new(AtomicBool::new(false));
         let set = Arc::clone(&stop);
         self.0.spawn(async move {

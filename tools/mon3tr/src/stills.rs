@@ -112,6 +112,37 @@ impl StillRenderer<'_> {
         stills: impl IntoIterator<Item = Still>,
         mut drawn: impl FnMut(usize, Vec<RgbImage>) -> anyhow::Result<()>,
     ) -> anyhow::Result<StillsReport> {
+        let has_scene = setting.background.is_some();
+        self.show(setting, stills, |number, splatted, picture| {
+            let people = (picture.people.iter())
+                .map(|(avatar, motion, place)| (&avatar.skeleton, motion, *place));
+            drawn(
+                number,
+                compose_views(&splatted, picture.cameras, people, has_scene)?,
+            )
+        })
+    }
+
+    /// Draws stills as [`Self::draw`] does, and hands each one's views as the renderer made them: premultiplied, with nothing behind the
+    /// person but the scene, if there is one.
+    pub fn splat(
+        &self,
+        setting: &RenderSettings,
+        stills: impl IntoIterator<Item = Still>,
+        mut drawn: impl FnMut(usize, Vec<Image>) -> anyhow::Result<()>,
+    ) -> anyhow::Result<StillsReport> {
+        self.show(setting, stills, |number, splatted, _| {
+            drawn(number, splatted)
+        })
+    }
+
+    /// Draws stills and hands each one's views with its number.
+    fn show(
+        &self,
+        setting: &RenderSettings,
+        stills: impl IntoIterator<Item = Still>,
+        mut drawn: impl FnMut(usize, Vec<Image>, &DrawnPicture<'_>) -> anyhow::Result<()>,
+    ) -> anyhow::Result<StillsReport> {
         let backends = InferenceBackends {
             runtime: self.runtime,
             threads: DeviceOptions::threads(),
@@ -131,22 +162,18 @@ impl StillRenderer<'_> {
             // There is no rate to hold.
             period: Duration::from_secs(1),
         };
-        let has_scene = setting.background.is_some();
         let mut gpu = Arc::clone(self.gpu);
-        let mut compose = |number: usize, picture: DrawnPicture<'_>| -> anyhow::Result<bool> {
+        let mut show = |number: usize, picture: DrawnPicture<'_>| -> anyhow::Result<bool> {
             gpu = Arc::clone(picture.renderer.gpu());
             let splatted = match read_views(picture.renderer) {
                 Err(error) if error.is_device_lost() => return Ok(false),
                 views => views?,
             };
-            let people = (picture.people.iter())
-                .map(|(avatar, motion, place)| (&avatar.skeleton, motion, *place));
-            let views = compose_views(&splatted, picture.cameras, people, has_scene)?;
-            drawn(number, views)?;
+            drawn(number, splatted, &picture)?;
             Ok(true)
         };
         let mut display = StillsDisplay::new(needs, stills, |number, picture| {
-            compose(number, picture).map_err(display_error)
+            show(number, picture).map_err(display_error)
         });
         let participant = Participant {
             avatar: Arc::clone(self.avatar),

@@ -63,10 +63,6 @@ impl Adam {
         check_count("Adam's first moments", self.first.len(), count)?;
         check_count("Adam's second moments", self.second.len(), count)?;
         self.steps = self.steps.saturating_add(1);
-        let (at, level) = (f64::from(self.steps), Level::new());
-        let unbiased = |beta: f32| 1.0 / (1.0 - f64::from(beta).powf(at));
-        #[expect(clippy::cast_possible_truncation, reason = "factors near 1 to 1000")]
-        let (first, second) = (unbiased(BETA_1) as f32, unbiased(BETA_2) as f32);
         let mut rest = (
             numbers,
             gradients,
@@ -82,36 +78,58 @@ impl Adam {
             if group.rate == 0.0 {
                 continue;
             }
-            let factors = Factors {
-                rate: group.rate * first,
-                second,
-            };
+            let step = Step::new(self.steps, group.rate);
             numbers
                 .par_chunks_mut(GRAIN)
                 .zip(gradients.par_chunks(GRAIN))
                 .zip(firsts.par_chunks_mut(GRAIN))
                 .zip(seconds.par_chunks_mut(GRAIN))
                 .for_each(|(((numbers, gradients), firsts), seconds)| {
-                    dispatch!(level, simd => factors.step(simd, numbers, gradients, firsts, seconds));
+                    step.take(numbers, gradients, firsts, seconds);
                 });
         }
         Ok(())
     }
 }
 
-/// The factors of a step.
+/// One step at one rate, for who keeps moments of their own or computes derivatives as they are needed.
 #[derive(Debug, Clone, Copy)]
-struct Factors {
+pub struct Step {
+    level: Level,
     /// The learning rate, corrected for the first moment's start.
     rate: f32,
     /// The correction of the second moment.
     second: f32,
 }
 
-impl Factors {
+impl Step {
+    /// Step number `steps` (the first is 1) at a learning rate.
+    #[must_use]
+    pub fn new(steps: u32, rate: f32) -> Self {
+        let unbiased = |beta: f32| 1.0 / (1.0 - f64::from(beta).powf(f64::from(steps)));
+        #[expect(clippy::cast_possible_truncation, reason = "factors near 1 to 1000")]
+        let (first, second) = (unbiased(BETA_1) as f32, unbiased(BETA_2) as f32);
+        Self {
+            level: Level::new(),
+            rate: rate * first,
+            second,
+        }
+    }
+
+    /// Moves as many numbers as there are of everything, on this thread.
+    pub fn take(
+        self,
+        numbers: &mut [f32],
+        gradients: &[f32],
+        firsts: &mut [f32],
+        seconds: &mut [f32],
+    ) {
+        dispatch!(self.level, simd => self.run(simd, numbers, gradients, firsts, seconds));
+    }
+
     /// A plain loop, which the compiler lays out for the processor's vectors.
     #[inline(always)]
-    fn step<S: Simd>(
+    fn run<S: Simd>(
         self,
         _: S,
         numbers: &mut [f32],

@@ -67,6 +67,9 @@ impl Tiles {
             for tile in tiles.iter_mut() {
                 tile.ranks.clear();
                 tile.splats.clear();
+                // A tile that stays empty is not blended: nothing of the last picture may be left in it.
+                tile.moments.clear();
+                tile.blended = 0;
             }
             for rank in ranks {
                 let splat = &splats[*rank as usize];

@@ -1,8 +1,8 @@
 //! A skeleton with the lengths of a person whose landmarks are known in the room.
 
-use super::bindings::bind;
 use super::chain::{body_index, wide};
 use super::triangulate::LocatedBody;
+use crate::landmarks::BODY_LANDMARKS;
 use crate::landmarks::blazepose::{ANKLES, ELBOWS, HIPS, KNEES, SHOULDERS, WRISTS};
 use nalgebra::Vector3;
 use spmm3::{Joint, Skeleton};
@@ -12,28 +12,30 @@ const LEAST_FRAMES: usize = 3;
 /// Bones are at least and at most so much of the skeleton's.
 const RANGE: (f64, f64) = (0.6, 1.6);
 
-/// `skeleton` with limbs, torso, hips and shoulders as long as the person's: medians over all frames of the distances between landmarks, against the
-/// same landmarks' on the skeleton. Head, hands and feet are scaled as the torso and the shanks are.
+/// Places of landmarks, metres.
+pub(super) type Places = [Option<Vector3<f64>>; BODY_LANDMARKS];
+
+/// `skeleton` with limbs, torso, hips and shoulders as long as the person's: by the medians over all frames of the distances between landmarks against
+/// the same landmarks' on the skeleton, which `own` has for each frame, in about the same pose. Head, hands and feet are scaled as torso and limbs are.
 #[must_use]
-pub fn as_long_as(skeleton: &Skeleton, frames: &[LocatedBody]) -> Skeleton {
+pub(super) fn as_long_as(skeleton: &Skeleton, frames: &[LocatedBody], own: &[Places]) -> Skeleton {
     use Joint::*;
     let rest = skeleton.rest_positions();
-    let mut own: LocatedBodyPlaces = [None; crate::landmarks::BODY_LANDMARKS];
-    for binding in bind(skeleton) {
-        let joint = Joint::ALL.get(binding.drawn.joint).copied().unwrap_or(Pelvis);
-        if let Some(place) = own.get_mut(binding.landmark) {
-            *place = Some(wide(rest[joint.index()]) + binding.drawn.offset);
-        }
-    }
-    let located: Vec<LocatedBodyPlaces> = (frames.iter())
+    let located: Vec<Places> = (frames.iter())
         .map(|frame| frame.map(|located| located.map(|located| located.place)))
         .collect();
-    let share = |length: &dyn Fn(&LocatedBodyPlaces) -> Option<f64>| {
-        let mut seen: Vec<f64> = located.iter().filter_map(length).collect();
-        seen.sort_by(f64::total_cmp);
-        let middle = seen.get(seen.len() / 2).filter(|_| seen.len() >= LEAST_FRAMES)?;
-        let own = length(&own)?;
-        (own > 0.01).then(|| (middle / own).clamp(RANGE.0, RANGE.1))
+    let share = |length: &dyn Fn(&Places) -> Option<f64>| {
+        let mut shares: Vec<f64> = (located.iter().zip(own))
+            .filter_map(|(located, own)| {
+                let own = length(own).filter(|own| *own > 0.01)?;
+                Some(length(located)? / own)
+            })
+            .collect();
+        shares.sort_by(f64::total_cmp);
+        let middle = shares
+            .get(shares.len() / 2)
+            .filter(|_| shares.len() >= LEAST_FRAMES)?;
+        Some(middle.clamp(RANGE.0, RANGE.1))
     };
     let between = |a: [usize; 2], b: [usize; 2]| {
         share(&|places| {
@@ -44,9 +46,8 @@ pub fn as_long_as(skeleton: &Skeleton, frames: &[LocatedBody]) -> Skeleton {
             }
         })
     };
-    let apart = |pair: [usize; 2]| {
-        share(&|places| Some((places[pair[0]]? - places[pair[1]]?).norm()))
-    };
+    let apart =
+        |pair: [usize; 2]| share(&|places| Some((places[pair[0]]? - places[pair[1]]?).norm()));
     let torso = share(&|places| {
         let middle = |pair: [usize; 2]| Some((places[pair[0]]? + places[pair[1]]?) / 2.0);
         Some((middle(SHOULDERS)? - middle(HIPS)?).norm())
@@ -87,8 +88,6 @@ pub fn as_long_as(skeleton: &Skeleton, frames: &[LocatedBody]) -> Skeleton {
     // Shares in range of a skeleton that is one.
     Skeleton::new(positions).unwrap_or_else(|_| skeleton.clone())
 }
-
-type LocatedBodyPlaces = [Option<Vector3<f64>>; crate::landmarks::BODY_LANDMARKS];
 
 #[expect(clippy::cast_possible_truncation, reason = "skeletons are f32")]
 fn narrow(v: &Vector3<f64>) -> glam::Vec3 {

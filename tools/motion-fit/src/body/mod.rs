@@ -30,7 +30,6 @@ pub use bindings::landmark_places;
 pub use evidence::Parts;
 pub use fit::{BodyFit, FitConfig};
 pub use foot_lock::FootLock;
-pub use lengths::as_long_as;
 pub use pose::{BodyPose, CameraPose, Limb};
 pub(crate) use reading::upright_axes;
 pub use standing::Calibration;

@@ -113,7 +113,11 @@ pub(super) fn pixel(
     } else {
         exchange.lower
     };
-    let from = if swapped { mirrored(landmark) } else { landmark };
+    let from = if swapped {
+        mirrored(landmark)
+    } else {
+        landmark
+    };
     let point = seen.and_then(|seen| seen.points.get(from));
     point.map_or((Vector2::zeros(), 0.0), |point| {
         let pixel = Vector2::new(f64::from(point.pixel.x), f64::from(point.pixel.y));
@@ -164,7 +168,11 @@ fn tried(views: &[View], seen: &[Option<BodyLandmarks>]) -> Vec<Exchange> {
                     lower: !upper && set(k),
                 })
                 .collect();
-            let range = if upper { 0..LOWER } else { LOWER..BODY_LANDMARKS };
+            let range = if upper {
+                0..LOWER
+            } else {
+                LOWER..BODY_LANDMARKS
+            };
             let mut off = 0.0;
             for landmark in range.filter(|landmark| mirrored(*landmark) != *landmark) {
                 let pixels: Vec<(Vector2<f64>, f64)> = (seen.iter().zip(&labelled))
@@ -242,6 +250,7 @@ fn relabel(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::landmarks::BodyPoint;
     use nalgebra::Rotation3;
 
     fn views() -> Vec<View> {
@@ -297,7 +306,7 @@ mod tests {
         let seen: Vec<Option<BodyLandmarks>> = (views.iter().enumerate())
             .map(|(camera, view)| {
                 let mut body = BodyLandmarks {
-                    points: Default::default(),
+                    points: [BodyPoint::default(); BODY_LANDMARKS],
                 };
                 for (k, point) in body.points.iter_mut().enumerate() {
                     let from = if wrong(camera, k) { mirrored(k) } else { k };

@@ -48,6 +48,18 @@ impl Texture {
         texture
     }
 
+    /// Width and height, texels.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// `[height, width]` colour and alpha, 0..=1, row by row from the top.
+    #[must_use]
+    pub fn texels(&self) -> &[Vec4] {
+        &self.texels
+    }
+
     /// The texture with what is nearly black filled in from around it: for cloth whose hidden lining was never painted.
     #[must_use]
     pub fn with_lining(mut self) -> Self {

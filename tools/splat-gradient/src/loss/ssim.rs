@@ -69,6 +69,8 @@ impl Ssim {
         let slope = (f64::from(share) * -mean) as f32;
         sheet.lay(target.weights(), &mut self.weights);
         for map in &mut self.maps {
+            // The margins are read and never written: nothing of a picture of another width may be left there.
+            map.clear();
             map.resize(sheet.stride * sheet.height, 0.0);
         }
         let mut sum = 0.0;

@@ -277,3 +277,23 @@ fn pictures_of_one_pixel_and_without_weight_have_finite_losses() {
         );
     }
 }
+
+#[test]
+fn ssim_of_one_picture_does_not_depend_on_the_ones_before() {
+    let mut random = Random::new(5);
+    let mut picture = |width: usize, height: usize| {
+        let numbers = (0..4 * width * height).map(|_| random.unit()).collect();
+        Picture::new(width, height, numbers).expect("as many")
+    };
+    let mut used = Ssim::new();
+    for size in [[40, 31], [26, 60], [40, 31], [33, 20]] {
+        let (drawn, wanted) = (picture(size[0], size[1]), picture(size[0], size[1]));
+        let target = Target::new(wanted);
+        let mut take = |ssim: &mut Ssim| {
+            let mut by_pixel = Picture::transparent(size[0], size[1]);
+            let loss = ssim.loss(&drawn, &target, 0.5, &mut by_pixel);
+            (loss.expect("one size"), by_pixel)
+        };
+        assert!(take(&mut used) == take(&mut Ssim::new()), "{size:?}");
+    }
+}

@@ -6,6 +6,7 @@ mod detector;
 mod face;
 mod face_mesh;
 mod hands;
+mod mask;
 mod one_euro;
 mod regions;
 
@@ -13,6 +14,7 @@ pub use body::Body;
 pub use detector::{Detection, Detector};
 pub use face::Face;
 pub use hands::Hands;
+pub use mask::{Mask, PersonMask};
 
 use crate::TrackerError;
 use crate::models::{HandModels, Models};

@@ -1,0 +1,150 @@
+//! What a user may choose of a training.
+
+use crate::error::TrainError;
+use serde::{Deserialize, Serialize};
+
+/// The fewest Gaussians that an avatar is trained with.
+const LEAST_GAUSSIANS: usize = 16;
+
+/// Options of a training. A checkpoint keeps them: a training goes on with those it was begun with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Options {
+    /// Orders the pictures, holds some of them back and scatters new Gaussians.
+    pub seed: u64,
+    /// The most Gaussians: until there are as many, they are split and cloned where pictures need it.
+    pub gaussians: usize,
+    /// Pictures of training cameras and frames that are held back, to tell which package is the best so far.
+    pub validation: usize,
+    /// Most bytes of pictures kept decoded; further ones are decoded whenever they are needed.
+    pub picture_memory: usize,
+    /// Shares of the losses.
+    pub weights: Weights,
+    /// Whether each camera has an affine correction of colours: real cameras differ, and their exposure does.
+    pub colour_correction: bool,
+    /// Whether poses are refined.
+    pub refine_poses: bool,
+    /// Whether F_mesh learns, vertices' mean offsets included.
+    pub learn_mesh: bool,
+    /// Whether F_attr learns.
+    pub learn_attributes: bool,
+    /// Whether Gaussians come and go.
+    pub densify: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            gaussians: 40_000,
+            validation: 16,
+            picture_memory: 2 << 30,
+            weights: Weights::default(),
+            colour_correction: false,
+            refine_poses: true,
+            learn_mesh: true,
+            learn_attributes: true,
+            densify: true,
+        }
+    }
+}
+
+/// Shares of the losses: (1 - `ssim`) L_1 + `ssim` L_SSIM + `alpha` L1 of alpha + the regularising terms of the paper's section
+/// IV-C, which states none of the shares. The sums over Gaussians or pairs of controllers are taken as means, so that the shares do not depend on
+/// how many there are.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Weights {
+    /// alpha of L_photo: the share of 1 - SSIM, 0..=1.
+    pub ssim: f32,
+    /// The share of the silhouette's L1.
+    pub alpha: f32,
+    /// lambda_g: of the guide coherence loss, by square metres.
+    pub guide: f32,
+    /// lambda_s: of the scale regularisation, by metres.
+    pub scale: f32,
+    /// s_thresh of the scale regularisation, metres.
+    pub scale_threshold: f32,
+    /// lambda_b: of the binding regularisation, by square metres.
+    pub bind: f32,
+    /// Pull of refined poses towards the capture's, by square radians and square decimetres.
+    pub pose: f32,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self {
+            ssim: 0.2,
+            alpha: 0.1,
+            guide: 20.0,
+            scale: 1.0,
+            scale_threshold: 0.03,
+            bind: 20.0,
+            pose: 1e-3,
+        }
+    }
+}
+
+impl Options {
+    /// Refuses what no training can be made with.
+    ///
+    /// # Errors
+    /// Names the option and its range.
+    pub fn check(&self) -> Result<(), TrainError> {
+        let refused = |what, value: String, range| Err(TrainError::Option { what, value, range });
+        if !(LEAST_GAUSSIANS..=spmm3::package::MAX_GAUSSIANS).contains(&self.gaussians) {
+            let range = "16 to as many as a package may hold";
+            return refused("the number of Gaussians", self.gaussians.to_string(), range);
+        }
+        let Weights {
+            ssim,
+            alpha,
+            guide,
+            scale,
+            scale_threshold,
+            bind,
+            pose,
+        } = self.weights;
+        if !(0.0..=1.0).contains(&ssim) {
+            return refused("the share of SSIM", ssim.to_string(), "0 to 1");
+        }
+        for (what, share) in [
+            ("the share of alpha", alpha),
+            ("the share of the guide loss", guide),
+            ("the share of the scale loss", scale),
+            ("the scale threshold", scale_threshold),
+            ("the share of the binding loss", bind),
+            ("the pull towards the capture's poses", pose),
+        ] {
+            if !(0.0..=1e6).contains(&share) {
+                return refused(what, share.to_string(), "0 to 1,000,000");
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_out_of_their_range_are_refused_by_name() {
+        assert!(Options::default().check().is_ok(), "the default ones");
+        let few = Options {
+            gaussians: 3,
+            ..Options::default()
+        };
+        let said = few.check().expect_err("too few").to_string();
+        assert!(said.contains("number of Gaussians is 3"), "{said}");
+        let mut wild = Options::default();
+        wild.weights.bind = f32::NAN;
+        let said = wild.check().expect_err("no number").to_string();
+        assert!(said.contains("binding loss is NaN"), "{said}");
+    }
+
+    #[test]
+    fn options_survive_json() {
+        let text = serde_json::to_string(&Options::default()).expect("text");
+        let back: Options = serde_json::from_str(&text).expect("read");
+        assert_eq!(back, Options::default(), "the same");
+    }
+}

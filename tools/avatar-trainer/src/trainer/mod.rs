@@ -1,0 +1,279 @@
+//! The training loop.
+
+mod avatar;
+mod begin;
+mod optimiser;
+mod population;
+mod regularise;
+mod smoothing;
+mod state;
+
+pub use avatar::Validation;
+
+use crate::colour::Correction;
+use crate::density::Statistics;
+use crate::error::TrainError;
+use crate::options::Options;
+use crate::pictures::{Pair, Pictures, Split};
+use crate::schedule::{FIRST, Phase, phase};
+use crate::score::Score;
+use avatar_gradient::{Derivatives, Model, Moved, Parameters, PoseCorrection, Posed};
+use optimiser::{FramePose, Optimiser, basis_planes};
+use regularise::Regularisers;
+use smoothing::Smoother;
+use splat_gradient::loss::{Ssim, Target, alpha_l1, colour_l1};
+use splat_gradient::{Attributes, Picture, Splatter, View};
+use spmm3::{Avatar, BoundGaussians, Controllers, MotionParams};
+
+/// Poses' corrections are centred after so many steps.
+const CENTRE_EVERY: u64 = 100;
+
+/// What a step found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepReport {
+    /// The picture.
+    pub pair: Pair,
+    /// The whole loss.
+    pub loss: f64,
+    /// Masked PSNR of the picture before the step, decibels, at the resolution that it was compared in.
+    pub psnr: f64,
+    /// Gaussians after it.
+    pub gaussians: usize,
+}
+
+/// An avatar in training.
+#[derive(Debug)]
+pub struct Trainer<'a> {
+    options: Options,
+    pictures: Pictures<'a>,
+    split: Split,
+    /// Frames that pictures are learnt from, ascending.
+    frames: Vec<usize>,
+    /// How the person stands in each frame, as the first avatar's skeleton has it.
+    motions: Vec<MotionParams>,
+    /// The first avatar: what is not learnt of it stays.
+    first: Avatar,
+    /// Whether the first avatar's F_attr already moves something.
+    had_attributes: bool,
+    /// Where Gaussians are bound; its attributes are those at the last change of the population.
+    bound: BoundGaussians,
+    controllers: Controllers,
+    model: Model,
+    parameters: Parameters,
+    optimiser: Optimiser,
+    poses: Vec<FramePose>,
+    colours: Vec<Correction>,
+    statistics: Statistics,
+    regularisers: Regularisers,
+    smoother: Smoother,
+    /// Steps made.
+    step: u64,
+    /// Steps since the population changed, and how often it did.
+    unchanged: u32,
+    rounds: u32,
+    /// Masked PSNR of the best avatar that was handed out.
+    best: Option<f64>,
+    memory: Memory,
+}
+
+/// Memory that is kept from step to step; nothing in it is state.
+#[derive(Debug)]
+struct Memory {
+    splatter: Splatter,
+    ssim: Ssim,
+    posed: Posed,
+    by_gaussians: Attributes,
+    by_pixel: Picture,
+    gradients: Parameters,
+}
+
+impl Memory {
+    fn new(model: &Model) -> Self {
+        Self {
+            splatter: Splatter::new(),
+            ssim: Ssim::new(),
+            posed: Posed::new(),
+            by_gaussians: Attributes::zeros(model.sizes().gaussians),
+            by_pixel: Picture::default(),
+            gradients: Parameters::zeros_without_bases(model.sizes()),
+        }
+    }
+}
+
+impl Trainer<'_> {
+    /// Steps that were made.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.step
+    }
+
+    /// Gaussians at present.
+    #[must_use]
+    pub fn gaussians(&self) -> usize {
+        self.bound.len()
+    }
+
+    /// The options.
+    #[must_use]
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// Which pictures are learnt from.
+    #[must_use]
+    pub fn split(&self) -> &Split {
+        &self.split
+    }
+
+    /// Learns from one picture. `progress` (0..=1) is how much of the training is done: it decides rates, resolution and stages, and should not
+    /// fall.
+    ///
+    /// # Errors
+    /// A picture that cannot be read, or a loss that is not a number. Nothing was learnt then, and the training can go on or be written.
+    pub fn step(&mut self, progress: f32) -> Result<StepReport, TrainError> {
+        let phase = phase(progress, &self.options);
+        let pair = self.split.at(self.step, self.options.seed);
+        let cut = self.pictures.cut(pair)?;
+        let halvings = cut.halvings(phase.halvings);
+        let target = cut.target(halvings)?;
+        let camera = &self.pictures.capture().cameras()[pair.camera];
+        let view = cut.view(camera, halvings)?;
+
+        self.model.parts.attributes = self.had_attributes || phase.attributes;
+        let compared = self.compare(pair, &target, &view)?;
+        let mut loss = compared.loss;
+        loss += self.learn(pair, &phase, &compared)?;
+        self.step += 1;
+        self.unchanged = self.unchanged.saturating_add(1);
+        if self.options.refine_poses && self.step.is_multiple_of(CENTRE_EVERY) {
+            optimiser::centre(&mut self.poses, &self.frames);
+        }
+        self.change_population(progress, &phase)?;
+        Ok(StepReport {
+            pair,
+            loss,
+            psnr: compared.psnr,
+            gaussians: self.bound.len(),
+        })
+    }
+
+    /// Draws the person and gathers the photometric loss' derivatives by the Gaussians and by the camera's colours.
+    fn compare(
+        &mut self,
+        pair: Pair,
+        target: &Target,
+        view: &View,
+    ) -> Result<Compared, TrainError> {
+        let Memory {
+            splatter,
+            ssim,
+            posed,
+            by_gaussians,
+            by_pixel,
+            ..
+        } = &mut self.memory;
+        let correction = &self.poses[pair.frame].correction;
+        let motion = &self.motions[pair.frame];
+        self.model
+            .pose(&self.parameters, motion, Some(correction), posed)?;
+        let mut drawn = splatter.draw(posed.gaussians(), view);
+        let colours = self
+            .options
+            .colour_correction
+            .then(|| &self.colours[pair.camera]);
+        let corrected = colours
+            .map(|colours| colours.apply(drawn.picture()))
+            .transpose()?;
+        let picture = corrected.as_ref().unwrap_or(drawn.picture());
+        let [width, height] = view.size();
+        if [by_pixel.width(), by_pixel.height()] == [width, height] {
+            by_pixel.clear();
+        } else {
+            *by_pixel = Picture::transparent(width, height);
+        }
+        let weights = &self.options.weights;
+        let l1 = colour_l1(picture, target, 1.0 - weights.ssim, by_pixel)?;
+        let dissimilar = ssim.loss(picture, target, weights.ssim, by_pixel)?;
+        let silhouette = alpha_l1(picture, target, weights.alpha, by_pixel)?;
+        let loss = f64::from(1.0 - weights.ssim) * l1
+            + f64::from(weights.ssim) * dissimilar
+            + f64::from(weights.alpha) * silhouette;
+        if !loss.is_finite() {
+            let cameras = self.pictures.capture().cameras();
+            return Err(TrainError::NotFinite {
+                step: self.step,
+                camera: cameras[pair.camera].name.clone(),
+                frame: pair.frame,
+            });
+        }
+        let mut score = Score::default();
+        score.add(picture, target);
+        let by_colours = colours.map(|colours| colours.pull_back(drawn.picture(), by_pixel));
+        by_gaussians.numbers_mut().fill(0.0);
+        drawn.backward(by_pixel, by_gaussians)?;
+        self.statistics.add(posed.gaussians(), by_gaussians, view);
+        Ok(Compared {
+            loss,
+            psnr: score.psnr(),
+            by_colours,
+        })
+    }
+
+    /// Adds the regularising terms, takes all derivatives back to the parameters, and moves these. Returns the terms' sum.
+    fn learn(&mut self, pair: Pair, phase: &Phase, compared: &Compared) -> Result<f64, TrainError> {
+        let Memory {
+            posed,
+            by_gaussians,
+            gradients,
+            ..
+        } = &mut self.memory;
+        gradients.clear();
+        let terms = self.regularisers.add(
+            self.step,
+            (&self.model, &self.parameters),
+            posed,
+            &self.options.weights,
+            by_gaussians,
+        )?;
+        let by = Derivatives {
+            gaussians: Some(by_gaussians),
+            offsets: terms.by_offsets,
+            vertices: terms.by_vertices,
+            canonical: None,
+        };
+        let sum = terms.sum;
+        let by_pose: PoseCorrection =
+            self.model
+                .backward(&self.parameters, posed, &by, gradients)?;
+        let rates = &phase.rates;
+        if rates.mesh_mean > 0.0 || rates.mesh_fields > 0.0 {
+            self.smoother.spread(gradients);
+        }
+        if rates.bases > 0.0 && self.model.parts.attributes {
+            self.optimiser.bases.step(
+                &mut self.parameters.bases,
+                &self.model,
+                posed,
+                &basis_planes(rates),
+                Moved::Seen,
+            )?;
+        }
+        self.optimiser
+            .step(&mut self.parameters, gradients, rates)?;
+        let pull = self.options.weights.pose;
+        self.poses[pair.frame].step(&by_pose, pull, rates)?;
+        if let Some(by_colours) = &compared.by_colours {
+            let slower = rates.colour / FIRST.colour;
+            self.colours[pair.camera].step(by_colours, slower)?;
+        }
+        Ok(sum)
+    }
+}
+
+/// One picture compared.
+#[derive(Debug)]
+struct Compared {
+    loss: f64,
+    psnr: f64,
+    by_colours: Option<[f32; crate::colour::NUMBERS]>,
+}

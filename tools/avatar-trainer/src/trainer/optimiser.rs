@@ -1,0 +1,193 @@
+//! Adam for every kind of parameter, each at its rate.
+
+use crate::error::TrainError;
+use crate::schedule::{FIRST, Rates};
+use avatar_gradient::{BasisAdam, CORRECTION, Parameters, PoseCorrection};
+use splat_gradient::adam::{Adam, Group};
+use spmm3::{ATTRIBUTES, BODY, EXPRESSION, HANDS, attribute};
+
+/// The name of the bases among the arrays of [`Parameters`]: their derivatives are never stored.
+pub(super) const BASES: &str = "bases";
+/// The name of the template Gaussians' array.
+pub(super) const GAUSSIANS: &str = "gaussians";
+
+/// Fingers are seen by few pixels: they learn by this share of the other joints' rate.
+const FINGERS: f32 = 0.3;
+
+/// What Adam remembers of all parameters but poses.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Optimiser {
+    /// One for each array of [`Parameters`], in their order; that of the bases is empty.
+    pub(super) arrays: Vec<Adam>,
+    pub(super) bases: BasisAdam,
+}
+
+impl Optimiser {
+    pub(super) fn new(parameters: &Parameters) -> Self {
+        let arrays = parameters
+            .arrays()
+            .map(|(name, array)| Adam::new(if name == BASES { 0 } else { array.len() }));
+        Self {
+            arrays: arrays.into(),
+            bases: BasisAdam::new(parameters.bases.len()),
+        }
+    }
+
+    /// Steps all arrays but the bases.
+    pub(super) fn step(
+        &mut self,
+        parameters: &mut Parameters,
+        gradients: &Parameters,
+        rates: &Rates,
+    ) -> Result<(), TrainError> {
+        let arrays = parameters.arrays_mut().into_iter().zip(gradients.arrays());
+        for (((name, numbers), (_, gradients)), adam) in arrays.zip(&mut self.arrays) {
+            let count = numbers.len();
+            let rate = match name {
+                BASES => continue,
+                GAUSSIANS => {
+                    let each = count / ATTRIBUTES;
+                    let groups = planes(rates).map(|rate| Group { count: each, rate });
+                    if groups.iter().any(|group| group.rate > 0.0) {
+                        adam.step(numbers, gradients, &groups)?;
+                    }
+                    continue;
+                }
+                "mesh.mean" => rates.mesh_mean,
+                "mesh.fields" => rates.mesh_fields,
+                name if name.starts_with("mesh.") => rates.mesh_layers,
+                _ => rates.controllers,
+            };
+            // What does not learn has no time either: its moments would be corrected for steps that they did not see.
+            if rate > 0.0 {
+                adam.step(numbers, gradients, &[Group { count, rate }])?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The rate of each attribute plane of the template's Gaussians.
+pub(super) fn planes(rates: &Rates) -> [f32; ATTRIBUTES] {
+    std::array::from_fn(|plane| match plane {
+        p if attribute::OFFSET.contains(&p) => rates.offset,
+        p if attribute::ROTATION.contains(&p) => rates.rotation,
+        p if attribute::LOG_SCALE.contains(&p) => rates.log_scale,
+        attribute::OPACITY => rates.opacity,
+        _ => rates.colour,
+    })
+}
+
+/// The rate of each attribute plane of the bases.
+pub(super) fn basis_planes(rates: &Rates) -> [f32; ATTRIBUTES] {
+    planes(&FIRST).map(|rate| rate * rates.bases)
+}
+
+/// One frame's correction, and what Adam remembers of it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct FramePose {
+    pub(super) correction: PoseCorrection,
+    pub(super) adam: Adam,
+}
+
+impl Default for FramePose {
+    fn default() -> Self {
+        Self {
+            correction: PoseCorrection::default(),
+            adam: Adam::new(CORRECTION),
+        }
+    }
+}
+
+impl FramePose {
+    /// Makes a step. The face keeps the capture's coefficients: what pictures say of it goes into the avatar.
+    pub(super) fn step(
+        &mut self,
+        by_pose: &PoseCorrection,
+        pull: f32,
+        rates: &Rates,
+    ) -> Result<(), TrainError> {
+        if rates.pose <= 0.0 && rates.shift <= 0.0 {
+            return Ok(());
+        }
+        let mut gradient = by_pose.0;
+        for (at, (gradient, number)) in gradient.iter_mut().zip(&self.correction.0).enumerate() {
+            // A decimetre weighs as much as a radian.
+            let unit = if at < CORRECTION - 3 { 1.0 } else { 100.0 };
+            *gradient += 2.0 * pull * unit * number;
+        }
+        let groups = [
+            (BODY, rates.pose),
+            (EXPRESSION, 0.0),
+            (HANDS, FINGERS * rates.pose),
+            (3, rates.shift),
+        ]
+        .map(|(count, rate)| Group { count, rate });
+        self.adam.step(&mut self.correction.0, &gradient, &groups)?;
+        Ok(())
+    }
+}
+
+/// Takes the mean over `frames` from each of them: what all frames have in common is the avatar's to learn, since poses to come have no
+/// correction.
+pub(super) fn centre(poses: &mut [FramePose], frames: &[usize]) {
+    let mut mean = [0.0f64; CORRECTION];
+    let Ok(count) = u32::try_from(frames.len()) else {
+        return;
+    };
+    for pose in frames.iter().filter_map(|frame| poses.get(*frame)) {
+        for (mean, number) in mean.iter_mut().zip(&pose.correction.0) {
+            *mean += f64::from(*number) / f64::from(count);
+        }
+    }
+    for frame in frames {
+        let Some(pose) = poses.get_mut(*frame) else {
+            continue;
+        };
+        for (number, mean) in pose.correction.0.iter_mut().zip(&mean) {
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "poses are single precision"
+            )]
+            let mean = *mean as f32;
+            *number -= mean;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corrections_have_no_mean_once_they_are_centred() {
+        let mut poses = vec![FramePose::default(); 4];
+        for (frame, value) in [1.0, 2.0, 6.0, 50.0].into_iter().enumerate() {
+            poses[frame].correction.0[5] = value;
+        }
+        centre(&mut poses, &[0, 1, 2]);
+        let at = |frame: usize| poses[frame].correction.0[5];
+        assert_eq!([at(0), at(1), at(2)], [-2.0, -1.0, 3.0], "less the mean");
+        assert!((at(3) - 50.0).abs() < 1e-6, "another frame is left alone");
+    }
+
+    #[test]
+    fn the_face_keeps_the_captures_coefficients() {
+        let mut pose = FramePose::default();
+        let rates = Rates {
+            pose: 0.1,
+            shift: 0.2,
+            ..Rates::default()
+        };
+        pose.step(&PoseCorrection([1.0; CORRECTION]), 0.0, &rates)
+            .expect("as many");
+        let correction = &pose.correction;
+        assert!((correction.0[0] + 0.1).abs() < 1e-5, "body");
+        assert!(correction.0[BODY].abs() < 1e-9, "face");
+        assert!(
+            (correction.0[BODY + EXPRESSION] + 0.03).abs() < 1e-5,
+            "hands"
+        );
+        assert!((correction.shift().x + 0.2).abs() < 1e-5, "root");
+    }
+}

@@ -1,0 +1,116 @@
+//! Captures and checkpoints that are not what they should be.
+
+use crate::studio::{capture, motions, poses, puppet, stranger};
+use avatar_trainer::{Options, TrainError, Trainer};
+use capture::{Capture, HeldOut};
+use std::error::Error;
+use std::path::Path;
+
+fn whole_message(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        text = format!("{text}: {cause}");
+        next = cause.source();
+    }
+    text
+}
+
+#[test]
+fn a_picture_that_breaks_mid_way_is_named_and_the_best_package_stays() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let pictures = folder.path().join("capture");
+    let truth = puppet();
+    let capture = capture(&pictures, &truth, 2, &motions(3), &HeldOut::default());
+    let first = stranger(&truth);
+    let package = folder.path().join("me.m3a");
+    let options = Options {
+        // Nothing is kept decoded: every picture is read again.
+        picture_memory: 0,
+        ..Options::default()
+    };
+    let frames = poses(&capture, &first);
+    let mut trainer = Trainer::new(&capture, first, frames, options).expect("a training");
+    for _ in 0..10 {
+        trainer.step(0.0).expect("a step");
+    }
+    let validation = trainer.validate().expect("drawn");
+    assert!(
+        trainer.keep_best(&validation, &package).expect("written"),
+        "the first is the best"
+    );
+    assert!(
+        !trainer.keep_best(&validation, &package).expect("compared"),
+        "no better one"
+    );
+    let before = std::fs::read(&package).expect("a package");
+    let picture = pictures.join("frames").join("cam01").join("000001.png");
+    let bytes = std::fs::read(&picture).expect("a picture");
+    std::fs::write(&picture, &bytes[..bytes.len() / 2]).expect("cut short");
+
+    let said = (0..12)
+        .find_map(|_| trainer.step(0.1).err())
+        .expect("the picture is among two rounds of six");
+    assert!(matches!(said, TrainError::Capture(_)), "{said:?}");
+    let said = whole_message(&said);
+    assert!(said.contains("000001.png"), "{said}");
+    assert!(
+        std::fs::read(&package).expect("a package") == before,
+        "the best package is still there"
+    );
+    let checkpoint = folder.path().join("checkpoint.safetensors");
+    trainer
+        .save(&checkpoint, 0.0)
+        .expect("the state can be kept");
+    std::fs::write(&picture, &bytes).expect("mended");
+    let (mut trainer, _) = Trainer::resume(&capture, &checkpoint).expect("taken up");
+    trainer.step(0.1).expect("it goes on");
+}
+
+#[test]
+fn a_checkpoint_of_another_capture_or_damaged_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = puppet();
+    let of = |name: &str, cameras: u32| {
+        let folder = folder.path().join(name);
+        capture(&folder, &truth, cameras, &motions(2), &HeldOut::default())
+    };
+    let (one, other) = (of("one", 2), of("other", 3));
+    let first = stranger(&truth);
+    let frames = poses(&one, &first);
+    let trainer = Trainer::new(&one, first, frames, Options::default()).expect("a training");
+    let path = folder.path().join("checkpoint.safetensors");
+    trainer.save(&path, 0.0).expect("written");
+    let refused = |capture: &Capture, path: &Path| {
+        let error = Trainer::resume(capture, path).map(|_| ());
+        error.expect_err("refused").to_string()
+    };
+    let said = refused(&other, &path);
+    assert!(said.contains("2 cameras"), "{said}");
+    let bytes = std::fs::read(&path).expect("read");
+    for length in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
+        std::fs::write(&path, &bytes[..length]).expect("cut short");
+        let said = refused(&one, &path);
+        assert!(said.contains("checkpoint"), "{length} bytes: {said}");
+    }
+}
+
+#[test]
+fn what_is_held_out_is_never_looked_at() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = puppet();
+    let held_out = HeldOut {
+        cameras: vec![1],
+        frames: vec![2, 3],
+    };
+    let capture = capture(folder.path(), &truth, 3, &motions(4), &held_out);
+    let first = stranger(&truth);
+    let frames = poses(&capture, &first);
+    let trainer = Trainer::new(&capture, first, frames, Options::default()).expect("a training");
+    let split = trainer.split();
+    let all = split.training.iter().chain(&split.validation);
+    assert_eq!(all.clone().count(), 4, "two cameras, two frames");
+    for pair in all {
+        assert!(pair.camera != 1 && pair.frame < 2, "{pair:?}");
+    }
+}

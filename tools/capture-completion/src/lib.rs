@@ -1,0 +1,23 @@
+//! What a capture lacks, made: [`Videos`] become pictures, a network makes masks, and one fit over all cameras' landmarks makes the motion.
+//!
+//! [`complete`] does all of it and writes our own layout. [`check`] says what is wrong with a capture; [`draw`] shows it.
+//!
+//! Nobody but the tracker looks at pictures here, and nobody but `motion-fit` knows a body.
+
+pub mod check;
+mod complete;
+pub mod draw;
+mod error;
+mod look;
+mod matte;
+mod motion;
+mod pictures;
+mod videos;
+
+pub use complete::{Completed, complete};
+pub use error::CompletionError;
+pub use look::{Look, Networks, look};
+pub use matte::refine;
+pub use motion::{Motion, fit_motion, view_of};
+pub use pictures::{OfCapture, Pictures};
+pub use videos::Videos;

@@ -1,0 +1,185 @@
+//! `mon3tr-dev reconstruct`: an avatar from a capture, trained through the splatter.
+
+mod begin;
+mod length;
+mod progress_line;
+
+use anyhow::{Context, bail};
+use avatar_trainer::{Options as Training, Trainer, Validation};
+use begin::begin;
+use capture::Capture;
+use image::RgbImage;
+use length::{Clock, Length};
+use mon3tr::device_options::make_folder;
+use mon3tr::film::write_png;
+use mon3tr::network::Network;
+use progress_line::ProgressLine;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering::Relaxed;
+
+/// Options of `reconstruct`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// The capture's folder: calibrated cameras, pictures, masks and motion
+    #[arg(value_name = "CAPTURE")]
+    capture: PathBuf,
+    /// The package to write; whenever the training is ended, the best one so far is there
+    #[arg(short, long, value_name = "FILE")]
+    out: PathBuf,
+    /// How long to train; the first avatar is made besides
+    #[arg(long, value_name = "MINUTES", default_value = "60", value_parser = length::parse_minutes)]
+    minutes: f64,
+    /// Train so many steps instead, however long they take: the same ones give the same bytes
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// The most Gaussians, e.g. 40000
+    #[arg(long, value_name = "COUNT", default_value = "40000")]
+    gaussians: usize,
+    /// A first avatar of the person to begin with [default: made of the capture]
+    #[arg(long, value_name = "PACKAGE")]
+    template: Option<PathBuf>,
+    /// Go on with the training that was ended or interrupted, with the options it was begun with
+    #[arg(long, conflicts_with_all = ["template", "gaussians", "seed", "colour_correction", "without"])]
+    resume: bool,
+    /// Correct each camera's colours: for real cameras, whose exposures differ
+    #[arg(long)]
+    colour_correction: bool,
+    /// Leave a part out, to see what it is worth; may be given several times
+    #[arg(long, value_name = "PART")]
+    without: Vec<Part>,
+    /// Orders the pictures and scatters new Gaussians
+    #[arg(long, value_name = "NUMBER", default_value = "1")]
+    seed: u64,
+    /// Folder of the checkpoint and of the preview pictures; made if missing
+    #[arg(long, value_name = "FOLDER", default_value = "out/reconstruct")]
+    work: PathBuf,
+}
+
+/// A part of the training.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Part {
+    /// F_mesh, which moves vertices by the pose
+    Mesh,
+    /// F_attr, which changes Gaussians by the pose
+    Attributes,
+    /// The refinement of the capture's poses
+    Poses,
+}
+
+impl Options {
+    fn training(&self) -> Training {
+        let learns = |part| !self.without.contains(&part);
+        Training {
+            seed: self.seed,
+            gaussians: self.gaussians,
+            colour_correction: self.colour_correction,
+            learn_mesh: learns(Part::Mesh),
+            learn_attributes: learns(Part::Attributes),
+            refine_poses: learns(Part::Poses),
+            ..Training::default()
+        }
+    }
+}
+
+/// Runs `reconstruct`.
+pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    let capture = Capture::open(&options.capture)?;
+    for note in capture.notes() {
+        eprintln!("{note}");
+    }
+    make_folder(&options.work)?;
+    if let Some(folder) = options.out.parent().filter(|p| !p.as_os_str().is_empty()) {
+        make_folder(folder)?;
+    }
+    let checkpoint = options.work.join("checkpoint.safetensors");
+    let (mut trainer, used) = if options.resume {
+        Trainer::resume(&capture, &checkpoint)?
+    } else {
+        let template = options.template.as_deref();
+        (begin(&capture, template, options.training())?, 0.0)
+    };
+    let length = options
+        .steps
+        .map_or(Length::Minutes(options.minutes), Length::Steps);
+    let mut clock = Clock::new(length, used);
+    let files = Files {
+        checkpoint: &checkpoint,
+        package: &options.out,
+        work: &options.work,
+    };
+    let outcome = train(&mut trainer, &mut clock, &files);
+    // Whatever ended it, all that was learnt is kept.
+    trainer.save(&checkpoint, clock.used())?;
+    let validation = outcome?;
+    println!(
+        "{}: {:.2} dB masked PSNR over {} pictures that were {}, {} Gaussians, {} steps, {:.1} minutes",
+        options.out.display(),
+        trainer.best().unwrap_or(validation.psnr),
+        validation.pictures,
+        if validation.held_back {
+            "held back"
+        } else {
+            "learnt from"
+        },
+        trainer.gaussians(),
+        trainer.steps(),
+        clock.used() / 60.0
+    );
+    Ok(())
+}
+
+/// Where a training leaves what.
+struct Files<'a> {
+    checkpoint: &'a Path,
+    package: &'a Path,
+    work: &'a Path,
+}
+
+/// Trains until the clock or the user ends it; returns the last look at the pictures.
+fn train(
+    trainer: &mut Trainer<'_>,
+    clock: &mut Clock,
+    files: &Files<'_>,
+) -> anyhow::Result<Validation> {
+    let network = Network::start()?;
+    let stop = network.stop_on_signal();
+    let mut line = ProgressLine::new();
+    let mut next = clock.next_mark(trainer.steps());
+    let mut last = None;
+    loop {
+        let progress = clock.progress(trainer.steps());
+        let ends = progress >= 1.0 || stop.load(Relaxed);
+        if ends || progress >= next {
+            let validation = trainer.validate()?;
+            let better = trainer.keep_best(&validation, files.package)?;
+            let hundredths = (progress.clamp(0.0, 1.0) * 100.0).round();
+            show(&validation, &files.work.join(format!("preview-{hundredths:03}.png")))?;
+            line.validated(validation.psnr, better);
+            next = clock.next_mark(trainer.steps());
+            last = Some(validation);
+            if !ends {
+                trainer.save(files.checkpoint, clock.used())?;
+            }
+        }
+        if ends {
+            break;
+        }
+        let report = trainer.step(clock.progress(trainer.steps()))?;
+        line.stepped(&report, clock, trainer.steps());
+    }
+    line.finish();
+    if stop.load(Relaxed) {
+        eprintln!(
+            "Ended: the best package and all that was learnt are written; go on with --resume"
+        );
+    }
+    last.context("no picture was looked at")
+}
+
+fn show(validation: &Validation, path: &Path) -> anyhow::Result<()> {
+    let [width, height] = validation.preview.size;
+    let Some(picture) = RgbImage::from_raw(width, height, validation.preview.rgb.clone()) else {
+        bail!("a preview of {width} x {height} pixels has another number of bytes");
+    };
+    write_png(path, &picture)
+}
