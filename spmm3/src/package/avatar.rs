@@ -45,7 +45,7 @@ pub struct Avatar {
     pub deform_graph: Vec<u8>,
     /// The same graph compiled for chips, if it was.
     pub compiled: Vec<CompiledGraph>,
-    /// What the builder measured (errors, times), free in form.
+    /// What the builder measured (errors), free in form.
     pub report: serde_json::Value,
 }
 

@@ -71,7 +71,7 @@ pub struct Manifest {
     /// Named expressions.
     #[serde(default)]
     pub expressions: BTreeMap<String, ExpressionEntry>,
-    /// What the builder measured (errors, times), free in form.
+    /// What the builder measured (errors), free in form.
     #[serde(default)]
     pub report: serde_json::Value,
 }
