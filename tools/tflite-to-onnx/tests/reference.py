@@ -3,6 +3,7 @@
 face_landmark_with_attention, whose custom operators LiteRT lacks, what MediaPipe computes.
 
     pip install ai-edge-litert==2.3.0 mediapipe==0.10.21
+    ./run setup
     MON3TR_NETWORKS=.cache/networks python3 tools/tflite-to-onnx/tests/reference.py
 
 A file holds, little-endian: the number of outputs (u32); of each, its length and step (u32), its least and largest value (f32), and every
@@ -19,6 +20,7 @@ import operators
 NETWORKS = [
     ("pose_detection", 224, True),
     ("pose_landmark_full", 256, False),
+    ("pose_landmark_heavy", 256, False),
     ("hand_recrop", 256, False),
     ("hand_landmark_full", 224, False),
     ("hand_landmark_lite", 224, False),

@@ -15,6 +15,7 @@ use motion_fit::{Fitted, MotionFit, Subject};
 use spmm3::{Avatar, LOOP_SECONDS, LoadOptions, MotionClip};
 use std::path::PathBuf;
 use std::time::Instant;
+use tracker::mediapipe::BodyBy;
 
 /// Frames at the beginning of a motion that are not counted: the person is being found.
 const FINDING: usize = 5;
@@ -33,6 +34,9 @@ pub(super) struct Options {
     /// Seconds of each motion, at most
     #[arg(long, value_name = "SECONDS", default_value = "4")]
     seconds: f64,
+    /// Which networks see the body, as of track: full, heavy, or both and their mean. ./run fetches the heavy one (52 MB) when it is asked for
+    #[arg(long, value_name = "full|heavy|both", default_value = BodyBy::Full.name())]
+    body: BodyBy,
     /// Keep what the networks saw in this folder, and where it is there already, neither draw nor look: for work on the fit
     #[arg(long, value_name = "FOLDER")]
     observations: Option<PathBuf>,
@@ -66,7 +70,12 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let takes = renders::takes(&avatar, &clips, options.seconds)?;
     let mut rows = Vec::new();
     let contents = kept::package(&package)?;
-    let mut keeper = Keeper::new(options.observations.as_deref(), &contents, device);
+    let mut keeper = Keeper::new(
+        options.observations.as_deref(),
+        &contents,
+        options.body,
+        device,
+    );
     for take in &takes {
         let seen = keeper.take(take, &avatar)?;
         let fit_began = Instant::now();

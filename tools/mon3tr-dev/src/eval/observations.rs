@@ -16,7 +16,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 use tracker::Tracker;
-use tracker::mediapipe::Options;
+use tracker::mediapipe::{BodyBy, Options};
 use tracker::source::{self, Picture, SourceChoice};
 
 /// Looks at pictures, or reads what was seen in them before.
@@ -24,15 +24,26 @@ pub(super) struct Keeper<'a> {
     folder: Option<&'a Path>,
     /// Which avatar is drawn.
     avatar: String,
+    /// The networks that look.
+    models: Options,
     device: &'a DeviceOptions,
     times: StageSamples,
 }
 
 impl<'a> Keeper<'a> {
-    pub(super) fn new(folder: Option<&'a Path>, avatar: &str, device: &'a DeviceOptions) -> Self {
+    pub(super) fn new(
+        folder: Option<&'a Path>,
+        avatar: &str,
+        body: BodyBy,
+        device: &'a DeviceOptions,
+    ) -> Self {
         Self {
             folder,
             avatar: avatar.to_owned(),
+            models: Options {
+                body,
+                ..Options::default()
+            },
             device,
             times: StageSamples::default(),
         }
@@ -70,7 +81,7 @@ impl<'a> Keeper<'a> {
             return look(self);
         };
         let file = folder.join(format!("{name}.json"));
-        let by = kept::networks(&networks()?, &Options::default().names())?;
+        let by = kept::networks(&networks()?, &self.models.names())?;
         if file.is_file() {
             let text =
                 std::fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
@@ -173,7 +184,7 @@ impl<'a> Keeper<'a> {
 
     /// A tracker that has seen nothing: each motion begins with one.
     fn tracker(&self) -> anyhow::Result<Tracker> {
-        let models = Options::default().load(&networks()?, &self.device.runtime()?)?;
+        let models = self.models.load(&networks()?, &self.device.runtime()?)?;
         Ok(Tracker::new(models)?)
     }
 }

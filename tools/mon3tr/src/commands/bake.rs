@@ -9,7 +9,9 @@ use anyhow::{Context, bail};
 use app_kernels::state::GaussianState;
 use glam::Vec3;
 use npu_runtime::{ProviderKind, QnnTarget, Runtime};
-use reconstruct::bake::{BAKE_VERSION, BakeOptions, BakeReport, Shot, bake};
+use reconstruct::bake::{
+    BAKE_VERSION, BakeOptions, BakeReport, PictureReport, Shot, StepTime, bake,
+};
 use renderer_splat::camera::Camera;
 use renderer_splat::error::RenderError;
 use renderer_splat::options::{BackEnd, RendererOptions};
@@ -213,7 +215,11 @@ fn bake_to(
     let baked =
         bake(&options, &makehuman, &bars, Some(&draw)).context("cannot bake the demo avatar")?;
     bars.finish();
-    let report = baked.report.clone();
+    let measured = Measured {
+        report: baked.report.clone(),
+        pictures: baked.pictures,
+        steps: baked.steps.clone(),
+    };
     let mut avatar = baked
         .into_avatar()
         .context("cannot put the avatar together")?;
@@ -222,7 +228,7 @@ fn bake_to(
     let figures = BakeFigures {
         package: out.to_path_buf(),
         package_bytes,
-        report,
+        measured,
         compiled,
     };
     figures.print();
@@ -274,9 +280,19 @@ impl Easel {
 struct BakeFigures {
     package: PathBuf,
     package_bytes: u64,
-    report: BakeReport,
+    #[serde(flatten)]
+    measured: Measured,
     #[serde(skip_serializing_if = "Option::is_none")]
     compiled: Option<CompiledFigures>,
+}
+
+/// What a bake measured.
+#[derive(Debug, Serialize)]
+struct Measured {
+    /// Also in the package.
+    report: BakeReport,
+    pictures: Option<PictureReport>,
+    steps: Vec<StepTime>,
 }
 
 /// What compiling took and gave.
@@ -305,8 +321,12 @@ enum Written {
 
 impl BakeFigures {
     fn print(&self) {
-        let report = &self.report;
-        let seconds: f32 = report.steps.iter().map(|s| s.seconds).sum();
+        let Measured {
+            report,
+            pictures,
+            steps,
+        } = &self.measured;
+        let seconds: f32 = steps.iter().map(|s| s.seconds).sum();
         println!(
             "{}: {:.1} MB, baked in {seconds:.0} s",
             self.package.display(),
@@ -349,7 +369,7 @@ impl BakeFigures {
             "8-bit bases cost {:.4} mm and {:.5} of a colour channel",
             report.quantisation_position_mm, report.quantisation_colour
         );
-        match &report.pictures {
+        match pictures {
             Some(p) => println!(
                 "\n{} pictures of held-out poses: {:.1} dB without networks, {:.1} dB with F_mesh, {:.1} dB with F_mesh and F_attr",
                 p.pictures, p.without_networks_db, p.with_mesh_db, p.with_both_db

@@ -9,6 +9,7 @@ use crate::side_by_side;
 use crate::stills::load_avatar;
 use anyhow::{Context, bail};
 use std::path::PathBuf;
+use tracker::mediapipe::BodyBy;
 use tracker::source::SourceChoice;
 
 /// Frames of the longest video: 20 minutes at 60 Hz.
@@ -30,6 +31,10 @@ pub struct Options {
     bake: BakeChoices,
     #[command(flatten)]
     capture: CaptureOptions,
+    /// Which networks see the body: full (the one of a live camera), heavy (four times as slow), or both and their mean. ./run fetches the heavy one (52 MB) when it
+    /// is asked for
+    #[arg(long, value_name = "full|heavy|both", default_value = BodyBy::Full.name(), conflicts_with = "body_model")]
+    body: BodyBy,
     /// Draw the avatar beside the video, into this animation
     #[arg(long, value_name = "FILE.webp")]
     render: Option<PathBuf>,
@@ -64,7 +69,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         check_writable(file)?;
     }
     // Before a bake of minutes.
-    let open = OpenCamera::recorded(&options.video, &options.capture, device)?;
+    let open = OpenCamera::recorded(&options.video, &options.capture, options.body, device)?;
     let package = chosen_or_demo_avatar(options.avatar.as_deref(), &options.bake, device)?;
     let (avatar, _) = load_avatar(&package)?;
     let capture = CameraCapture::new(open, &avatar, None);

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Everything `bake` measured; stored in the package's manifest.
+/// What `bake` measured of the avatar, the same on every run of the same options; stored in the package's manifest. Times and what a device drew
+/// are not here but in [`Baked`](super::Baked): equal avatars have equal packages.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BakeReport {
     /// Seed of poses and random features.
@@ -33,10 +34,6 @@ pub struct BakeReport {
     pub quantisation_position_mm: f32,
     /// The same for a colour channel, 0..=1.
     pub quantisation_colour: f32,
-    /// Pictures of held-out poses against those of the simulated truth; `None` where nothing could draw.
-    pub pictures: Option<PictureReport>,
-    /// Seconds per step.
-    pub steps: Vec<StepTime>,
 }
 
 /// The simulated cloth.

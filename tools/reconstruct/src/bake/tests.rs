@@ -107,6 +107,17 @@ fn a_seed_gives_one_avatar_whatever_the_number_of_threads() {
     assert_eq!(one.attributes, two.attributes, "F_attr differs");
     assert_eq!(one.gaussians, two.gaussians, "the Gaussians differ");
     assert_eq!(one.importance, two.importance, "their order differs");
+    let package = |baked: &Baked| {
+        let avatar = baked.clone().into_avatar().expect("the parts fit");
+        avatar.to_bytes().expect("a package")
+    };
+    let (one, two) = (package(&one), package(two));
+    assert!(
+        one == two,
+        "packages of {} and {} bytes differ",
+        one.len(),
+        two.len()
+    );
 }
 
 #[test]

@@ -5,7 +5,7 @@ use crate::sight::Rgb;
 use motion_fit::landmarks::{BodyLandmarks, FaceLandmarks};
 use npu_runtime::{Provider, Runtime};
 use std::path::Path;
-use tracker::mediapipe::{Body, Face};
+use tracker::mediapipe::{Body, BodyBy, Face};
 use tracker::models::{BodyEstimate, BodyModel, FaceEstimate, FaceModel};
 use tracker::networks::NetworkSet;
 
@@ -30,10 +30,11 @@ impl Networks {
             None => NetworkSet::folder_of_environment()?,
         };
         let runtime = Runtime::open(None)?;
-        let names: Vec<&str> = [Body::NAMES, Face::NAMES].concat();
+        let mut names = Body::names(BodyBy::Full);
+        names.extend(Face::NAMES);
         let set = NetworkSet::open(&folder, &names, &runtime)?;
         Ok(Self {
-            body: Body::open(&set, Provider::Cpu { threads: THREADS })?,
+            body: Body::open(&set, BodyBy::Full, Provider::Cpu { threads: THREADS })?,
             face: Face::open(&set, 1, Provider::Cpu { threads: THREADS })?,
         })
     }

@@ -166,6 +166,11 @@ fn the_landmarks_of_a_body_are_litert_s() {
 }
 
 #[test]
+fn the_landmarks_of_a_body_by_the_larger_network_are_litert_s() {
+    agrees("pose_landmark_heavy", false, Some(&[0, 1, 3, 4]));
+}
+
+#[test]
 fn outputs_that_are_left_out_change_nothing_in_the_others() {
     agrees("pose_landmark_full", false, Some(&[0, 1, 4]));
 }

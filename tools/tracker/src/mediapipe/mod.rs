@@ -1,6 +1,7 @@
 //! MediaPipe's networks for a body, hands and a face, and how its holistic graph finds where to look
 //! (<https://github.com/google-ai-edge/mediapipe>, `mediapipe/modules`, Apache-2.0).
 
+mod blaze_pose;
 mod body;
 mod detector;
 mod face;
@@ -10,6 +11,7 @@ mod mask;
 mod one_euro;
 mod regions;
 
+pub use blaze_pose::{BodyBy, UnknownBody};
 pub use body::Body;
 pub use detector::{Detection, Detector};
 pub use face::Face;
@@ -33,6 +35,8 @@ fn exceeds(value: f32, limit: f32) -> bool {
 /// Which of MediaPipe's networks track a person, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
+    /// Which networks see the body's landmarks.
+    pub body: BodyBy,
     /// Whether and how hands are looked at.
     pub hands: HandsBy,
     /// In every how manieth picture a hand or a face that is followed is searched again: 1 is what MediaPipe does.
@@ -44,6 +48,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
+            body: BodyBy::Full,
             hands: HandsBy::Each,
             search_every: 15,
             provider: Provider::Cpu { threads: 1 },
@@ -66,7 +71,7 @@ impl Options {
     /// The files that the networks are in, without their ending.
     #[must_use]
     pub fn names(&self) -> Vec<&'static str> {
-        let mut names = Body::NAMES.to_vec();
+        let mut names = Body::names(self.body);
         if self.hands != HandsBy::None {
             names.extend(Hands::NAMES);
         }
@@ -82,7 +87,7 @@ impl Options {
         let set = NetworkSet::open(folder, &self.names(), runtime)?;
         let hands = || Hands::open(&set, self.search_every, self.provider).map(Box::new);
         Ok(Models {
-            body: Box::new(Body::open(&set, self.provider)?),
+            body: Box::new(Body::open(&set, self.body, self.provider)?),
             hands: match self.hands {
                 HandsBy::None => HandModels::None,
                 HandsBy::Alternating => HandModels::Alternating(hands()?),

@@ -30,6 +30,7 @@ use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tracker::mediapipe::BodyBy;
 use tracker::source::SourceChoice;
 
 /// Longest call of the demo, seconds: as long as an animation may be.
@@ -224,7 +225,7 @@ impl Options {
                 "the demo reads a recording more than once, and standard input cannot be: write it to a file first"
             ),
             Some(choice) if self.display == Display::Offscreen && !choice.is_live() => {
-                OpenCamera::recorded(choice, &self.camera.capture, device).map(Some)
+                OpenCamera::recorded(choice, &self.camera.capture, BodyBy::Full, device).map(Some)
             }
             _ => Ok(None),
         }
