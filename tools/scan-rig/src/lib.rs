@@ -15,7 +15,7 @@ pub mod figures;
 pub mod finish;
 mod median;
 mod mesh_depth;
-pub mod nearest;
+mod nearest;
 mod normals;
 pub mod pinhole;
 pub mod pipeline;
