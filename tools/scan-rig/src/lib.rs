@@ -15,7 +15,7 @@ pub mod figures;
 pub mod finish;
 mod median;
 mod mesh_depth;
-pub mod nearest;
+mod nearest;
 mod normals;
 pub mod pinhole;
 pub mod pipeline;
@@ -24,6 +24,7 @@ pub mod prepare;
 pub mod scan;
 pub mod shell;
 pub mod sight;
+pub mod stopwatch;
 pub mod surface;
 pub mod synthetic;
 
