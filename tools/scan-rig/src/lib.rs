@@ -15,7 +15,7 @@ pub mod figures;
 pub mod finish;
 mod median;
 mod mesh_depth;
-mod nearest;
+pub mod nearest;
 mod normals;
 pub mod pinhole;
 pub mod pipeline;
@@ -24,7 +24,6 @@ pub mod prepare;
 pub mod scan;
 pub mod shell;
 pub mod sight;
-pub mod stopwatch;
 pub mod surface;
 pub mod synthetic;
 

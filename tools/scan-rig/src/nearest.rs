@@ -10,7 +10,7 @@ const LEAF: usize = 12;
 
 /// A position and a unit normal times `weight` metres, as one point of six dimensions.
 #[must_use]
-pub(crate) fn oriented(position: Vec3, normal: Vec3, weight: f32) -> [f32; 6] {
+pub fn oriented(position: Vec3, normal: Vec3, weight: f32) -> [f32; 6] {
     let [x, y, z] = position.to_array();
     let [u, v, w] = (normal * weight).to_array();
     [x, y, z, u, v, w]
@@ -18,16 +18,16 @@ pub(crate) fn oriented(position: Vec3, normal: Vec3, weight: f32) -> [f32; 6] {
 
 /// A point that was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Found {
+pub struct Found {
     /// Which one, as given to [`Nearest::new`].
-    pub(crate) at: usize,
+    pub at: usize,
     /// Its squared distance.
-    pub(crate) squared: f32,
+    pub squared: f32,
 }
 
 /// Points in a tree. Of points at one distance the one that was given first is nearer; points that are not finite are never found.
 #[derive(Debug, Clone)]
-pub(crate) struct Nearest<const D: usize> {
+pub struct Nearest<const D: usize> {
     points: Vec<[f32; D]>,
     /// Which point each of `points` was.
     names: Vec<u32>,
@@ -52,7 +52,7 @@ enum Node {
 impl<const D: usize> Nearest<D> {
     /// Builds the tree of at most 2^32 points.
     #[must_use]
-    pub(crate) fn new(points: &[[f32; D]]) -> Self {
+    pub fn new(points: &[[f32; D]]) -> Self {
         let mut order: Vec<u32> = (0..u32::try_from(points.len()).unwrap_or(u32::MAX))
             .filter(|at| points[*at as usize].iter().all(|x| x.is_finite()))
             .collect();
@@ -67,14 +67,14 @@ impl<const D: usize> Nearest<D> {
 
     /// The nearest point; nothing if there is none, or the query is not finite.
     #[must_use]
-    pub(crate) fn one(&self, query: &[f32; D]) -> Option<Found> {
+    pub fn one(&self, query: &[f32; D]) -> Option<Found> {
         let mut best = [(f32::INFINITY, u32::MAX)];
         let count = self.search(query, &mut best);
         (count == 1).then(|| found(best[0]))
     }
 
     /// The nearest points, nearest first, as many as fit into `out`; how many there are. The others stay as they were.
-    pub(crate) fn some(&self, query: &[f32; D], out: &mut [(f32, u32)]) -> usize {
+    pub fn some(&self, query: &[f32; D], out: &mut [(f32, u32)]) -> usize {
         out.fill((f32::INFINITY, u32::MAX));
         self.search(query, out)
     }

@@ -1,6 +1,7 @@
 //! Which Gaussians of a scan are left out: what shows nowhere as the scan stands, but would once the person moves.
 
 use crate::scan::Scan;
+use crate::surface::Visibility;
 
 /// A Gaussian that never has a larger blending weight shows nowhere.
 const HIDDEN: f32 = 0.015;
@@ -17,7 +18,7 @@ const COARSE: (f32, f32) = (0.04, 0.1);
 
 /// Why a Gaussian is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Unfit {
+pub enum Fault {
     /// It shows nowhere.
     Hidden,
     /// It is no part of the person.
@@ -32,39 +33,39 @@ pub(super) enum Unfit {
 
 /// Where a Gaussian is relative to the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Place {
+pub struct Place {
     /// Distance to the nearest point of the surface, metres.
-    pub(super) distance: f32,
+    pub distance: f32,
     /// Of that, along the surface's normal: negative behind it, metres.
-    pub(super) height: f32,
+    pub height: f32,
 }
 
-/// What is wrong with a Gaussian. `peak` is how much each shows. What is worn or carried is judged by less.
+/// What is wrong with a Gaussian. What is worn or carried is judged by less.
 #[must_use]
-pub(super) fn unfit(
+pub fn fault(
     scan: &Scan,
-    peak: &[f32],
+    visibility: &Visibility,
     at: usize,
     place: Place,
     worn: bool,
-) -> Option<Unfit> {
-    let peak = peak[at];
+) -> Option<Fault> {
+    let peak = visibility.peak[at];
     let less = |rule: (f32, f32)| place.distance > rule.0 && peak < rule.1;
     if peak.is_nan() || peak <= HIDDEN {
-        return Some(Unfit::Hidden);
+        return Some(Fault::Hidden);
     }
     if place.distance.is_nan() || place.distance >= APART {
-        return Some(Unfit::Apart);
+        return Some(Fault::Apart);
     }
     if worn {
         return None;
     }
     if place.height < BEHIND {
-        return Some(Unfit::Behind);
+        return Some(Fault::Behind);
     }
     if less(OFF) || less(FAINT) {
-        return Some(Unfit::Off);
+        return Some(Fault::Off);
     }
     let long = scan.scales[at].max_element() > COARSE.0;
-    (long && peak < COARSE.1).then_some(Unfit::Coarse)
+    (long && peak < COARSE.1).then_some(Fault::Coarse)
 }

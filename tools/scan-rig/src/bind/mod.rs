@@ -5,33 +5,32 @@
 //! in other poses left out.
 
 pub mod accessories;
-pub(crate) mod carried;
-mod clean;
+pub mod carried;
+pub mod clean;
 mod ground;
 mod growth;
-mod rest;
+pub mod rest;
 mod samples;
 mod settle;
-mod split;
-mod triangles;
-mod weights;
+pub mod split;
+pub mod triangles;
+pub mod weights;
 
 pub use rest::Rest;
 
 use crate::RigError;
-use crate::body::posing::kept;
 use crate::body::{BodyModel, BodyPart, Registered, SkinRow};
 use crate::figures::Percentiles;
 use crate::scan::Scan;
-use crate::surface::Survey;
+use crate::surface::Look;
 use accessories::{Accessory, Wearer};
 use carried::Carried;
-use clean::Unfit;
+use clean::Fault;
 use glam::{DVec3, Vec3};
 use ground::{Ground, Placed, Skin};
 use rayon::prelude::*;
 use serde::Serialize;
-use spmm3::JOINTS;
+use spmm3::{JOINTS, Joint};
 
 /// How much a scan may grow where long Gaussians are split, as a multiple of the Gaussians that were given.
 const GROWTH: usize = 4;
@@ -98,15 +97,23 @@ pub struct BindReport {
 }
 
 /// Choices in binding.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct BindOptions {
     /// Look for things that are no body. Without, all Gaussians are the body's.
     pub accessories: bool,
+    /// Joints that the things move with, the largest thing first; for further ones the joint is found.
+    pub attach: Vec<Joint>,
+    /// Hands stay as they were scanned: fingers move with the wrist.
+    pub stiff_fingers: bool,
 }
 
 impl Default for BindOptions {
     fn default() -> Self {
-        Self { accessories: true }
+        Self {
+            accessories: true,
+            attach: Vec::new(),
+            stiff_fingers: true,
+        }
     }
 }
 
@@ -119,7 +126,7 @@ impl Bound {
 
     /// The Gaussians in their triangles' frames.
     #[must_use]
-    pub(crate) fn carried(&self) -> Carried {
+    pub fn carried(&self) -> Carried {
         Carried::new(
             &self.scan,
             &self.triangles,
@@ -154,25 +161,26 @@ impl Bound {
 /// If nothing of the scan is left, or the body model does not fit its registration.
 pub fn bind(
     scan: &Scan,
-    survey: &Survey,
+    look: &Look,
     model: &BodyModel,
     registered: &Registered,
     options: &BindOptions,
 ) -> Result<Bound, RigError> {
     let body = single(&registered.vertices);
-    if body.len() != model.rest.len() || scan.len() != survey.peak.len() {
+    if body.len() != model.rest.len() || scan.len() != look.visibility.peak.len() {
         return Err(RigError::unsuited(
             "the body model, its registration and the scan are of different runs: run all steps again on one scan",
         ));
     }
     let outer = |face: usize| is_outer(model, face);
     let mut rows = model.weights.clone();
-    // Hands stay as they were scanned, until completing them decides otherwise.
-    weights::stiffen_fingers(&mut rows);
+    if options.stiff_fingers {
+        weights::stiffen_fingers(&mut rows);
+    }
     weights::smooth(&mut rows, |vertex| model.neighbours.of(vertex));
-    let rows: Vec<SkinRow> = rows.iter().map(|row| kept(row).dense()).collect();
+    let rows: Vec<SkinRow> = rows.iter().map(weights::largest).collect();
 
-    let ground = Ground::new(&survey.surface)?;
+    let ground = Ground::new(&look.surface)?;
     let places: Vec<Placed> = scan
         .positions
         .par_iter()
@@ -190,7 +198,7 @@ pub fn bind(
             vertices: &body,
             weights: &model.weights,
         };
-        things = find_things(scan, survey, &places, model, wearer, &mut label);
+        things = find_things(scan, look, &places, model, wearer, options, &mut label);
     }
 
     let mut report = BindReport {
@@ -199,14 +207,14 @@ pub fn bind(
     };
     let keep: Vec<bool> = (0..scan.len())
         .map(|at| {
-            let unfit = clean::unfit(scan, &survey.peak, at, places[at].place, label[at] != 0);
-            match unfit {
+            let fault = clean::fault(scan, &look.visibility, at, places[at].place, label[at] != 0);
+            match fault {
                 None => return true,
-                Some(Unfit::Hidden) => report.hidden += 1,
-                Some(Unfit::Apart) => report.apart += 1,
-                Some(Unfit::Behind) => report.behind += 1,
-                Some(Unfit::Off) => report.off += 1,
-                Some(Unfit::Coarse) => report.coarse += 1,
+                Some(Fault::Hidden) => report.hidden += 1,
+                Some(Fault::Apart) => report.apart += 1,
+                Some(Fault::Behind) => report.behind += 1,
+                Some(Fault::Off) => report.off += 1,
+                Some(Fault::Coarse) => report.coarse += 1,
             }
             false
         })
@@ -253,7 +261,7 @@ pub fn bind(
     };
     let peak: Vec<f32> = parents
         .iter()
-        .map(|at| survey.peak[kept_at[*at as usize]])
+        .map(|at| look.visibility.peak[kept_at[*at as usize]])
         .collect();
     settle::settle(&mut bound, peak, model, registered, &faces, &ground)?;
     let offsets = bound.carried().offsets;
@@ -283,25 +291,29 @@ fn is_outer(model: &BodyModel, face: usize) -> bool {
 /// Finds what is no body and labels its Gaussians.
 fn find_things(
     scan: &Scan,
-    survey: &Survey,
+    look: &Look,
     places: &[Placed],
     model: &BodyModel,
     wearer: Wearer<'_>,
+    options: &BindOptions,
     label: &mut [u8],
 ) -> Vec<Accessory> {
     let skin = Skin::new(model, wearer.vertices);
     let off: Vec<Vec3> = (0..scan.len())
         .into_par_iter()
         .filter(|at| {
-            let unfit = clean::unfit(scan, &survey.peak, *at, places[*at].place, true);
+            let fault = clean::fault(scan, &look.visibility, *at, places[*at].place, true);
             let position = scan.positions[*at];
-            unfit.is_none() && position.y > GROUND && skin.is_off(position)
+            fault.is_none() && position.y > GROUND && skin.is_off(position)
         })
         .map(|at| scan.positions[at])
         .collect();
     let mut things = Vec::new();
-    for cluster in accessories::clusters(&off) {
-        let (shape, thing) = accessories::attach(&cluster, wearer);
+    for (at, cluster) in accessories::clusters(&off).into_iter().enumerate() {
+        let (shape, mut thing) = accessories::attach(&cluster, wearer);
+        if let Some(joint) = options.attach.get(at) {
+            thing.joint = *joint;
+        }
         things.push(thing);
         let number = u8::try_from(things.len()).unwrap_or(u8::MAX);
         label

@@ -8,12 +8,14 @@ mod face;
 mod gaussians;
 mod posed;
 mod shade;
+mod unpose;
 
 pub use posed::Poser;
+pub use unpose::JointPose;
 
 use crate::RigError;
 use crate::body::SkinRow;
-use crate::body::posing::{JointPose, blended, brought_to_t_pose, kept};
+use crate::body::posing::blended;
 use crate::scan::Scan;
 use glam::{DAffine3, DVec3, Vec3};
 use reconstruct::bake::{Weights, importance};
@@ -82,20 +84,9 @@ pub struct Finished {
 /// # Errors
 /// If counts do not fit each other or a number is not finite.
 pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finished, RigError> {
-    let skin: Vec<SkinWeights> = material.weights.iter().map(kept).collect();
+    let skin: Vec<SkinWeights> = material.weights.iter().map(unpose::kept).collect();
     let rows: Vec<SkinRow> = skin.iter().map(SkinWeights::dense).collect();
-    let (vertices, tpose) = brought_to_t_pose(
-        material.vertices,
-        &rows,
-        material.body_vertices,
-        material.scan_pose,
-        material.tpose,
-    );
-    let template = Template::new(
-        vertices.iter().map(|v| v.as_vec3()).collect(),
-        material.faces.to_vec(),
-        skin.clone(),
-    )?;
+    let (template, tpose) = template(material, &skin, &rows)?;
     let posed = Template::new(
         material.vertices.iter().map(|v| v.as_vec3()).collect(),
         material.faces.to_vec(),
@@ -123,7 +114,6 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
     let scan_motion = scan_motion(material, &tpose);
     let shaded = shade::Sitter {
         template: &template,
-        weights: &rows,
         skeleton: &skeleton,
         controllers: &tied.controllers,
         gaussians: &bound,
@@ -176,6 +166,27 @@ impl Clock {
         log::debug!("{what}: {:.2} s", self.0.elapsed().as_secs_f64());
         self.0 = Instant::now();
     }
+}
+
+/// The mesh in T-pose, on its floor; and the T-pose itself, moved there.
+fn template(
+    material: &Material<'_>,
+    skin: &[SkinWeights],
+    rows: &[SkinRow],
+) -> Result<(Template, JointPose), RigError> {
+    let scan_from_tpose = material.scan_pose.maps_from(material.tpose);
+    let vertices = unpose::unpose(material.vertices, rows, &scan_from_tpose);
+    let body = vertices.get(..material.body_vertices).unwrap_or(&vertices);
+    let soles = body.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
+    let hips = [Joint::LeftHip, Joint::RightHip].map(|j| material.tpose.joints[j.index()]);
+    let middle = 0.5 * (hips[0] + hips[1]);
+    let to_floor = -DVec3::new(middle.x, soles, middle.z);
+    let template = Template::new(
+        vertices.iter().map(|v| (*v + to_floor).as_vec3()).collect(),
+        material.faces.to_vec(),
+        skin.to_vec(),
+    )?;
+    Ok((template, material.tpose.clone().moved(to_floor)))
 }
 
 /// The expressions' offsets, turned from the body model's rest pose to the T-pose.

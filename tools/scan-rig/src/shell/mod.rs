@@ -17,7 +17,6 @@ mod normals;
 mod place;
 mod repaint;
 mod shown;
-mod skin;
 mod stray;
 mod textures;
 mod unseen;

@@ -95,7 +95,7 @@ impl Scene {
                 weights: model
                     .weights
                     .iter()
-                    .map(|row| posing::kept(row).dense())
+                    .map(crate::bind::weights::largest)
                     .collect(),
             },
             accessory,
