@@ -32,9 +32,9 @@ fn main() -> Result<()> {
         Some(folder) => (folder, None),
         None => {
             let scenario = made_up::Scenario {
-                cameras: 12,
-                frames: 24,
-                side: 512,
+                cameras: 8,
+                frames: 16,
+                side: 384,
                 noise: (0.006, 0.02),
             };
             let model = BodyModel::load(&makehuman)?;
@@ -43,10 +43,18 @@ fn main() -> Result<()> {
         }
     };
     let capture = Capture::open(&folder)?;
+    let options = TemplateOptions {
+        frames: 12,
+        ..TemplateOptions::default()
+    };
     let clock = Instant::now();
     let told = |what: &'static str| println!("{:6.1} s: {what}", clock.elapsed().as_secs_f64());
-    let first = first_avatar(&capture, &makehuman, &TemplateOptions::default(), &told)?;
-    println!("{:6.1} s: done\n{:#?}", clock.elapsed().as_secs_f64(), first.report);
+    let first = first_avatar(&capture, &makehuman, &options, &told)?;
+    println!(
+        "{:6.1} s: done\n{:#?}",
+        clock.elapsed().as_secs_f64(),
+        first.report
+    );
     if let Some(truth) = truth {
         print_joints(&first, &truth);
     }
@@ -68,7 +76,10 @@ fn print_joints(first: &First, truth: &made_up::Truth) {
                 count += 1.0;
             }
         }
-        println!("joints in {name}: {:.1} mm", 1e3 * sum / f64::max(count, 1.0));
+        println!(
+            "joints in {name}: {:.1} mm",
+            1e3 * sum / f64::max(count, 1.0)
+        );
     }
 }
 
@@ -85,7 +96,12 @@ fn pictures(first: &First, out: &Path) -> Result<()> {
         ("face", face, DVec3::Z, 0.36),
         ("profile", face, DVec3::X, 0.4),
         ("hand", hand, DVec3::new(0.1, 1.0, 0.15), 0.3),
-        ("shoulder", joint(Joint::LeftShoulder), DVec3::new(0.2, 0.3, 1.0), 0.6),
+        (
+            "shoulder",
+            joint(Joint::LeftShoulder),
+            DVec3::new(0.2, 0.3, 1.0),
+            0.6,
+        ),
     ] {
         let camera = look_at(target + way.normalize() * AWAY, target, width);
         for (kind, coloured) in [("normals", false), ("colours", true)] {
@@ -135,7 +151,11 @@ fn picture(first: &First, camera: &Camera, coloured: bool) -> RgbImage {
         let grey = Vec3::splat((0.25 + 0.7 * light.max(0.0)) as f32);
         // What is seen from its back is red: there should be none.
         let shade = if normal.z > 0.05 { Vec3::X } else { grey };
-        let shown = if coloured { colours[*face as usize] } else { shade };
+        let shown = if coloured {
+            colours[*face as usize]
+        } else {
+            shade
+        };
         *pixel = Rgb((shown * 255.0).to_array().map(|value| value.round() as u8));
     }
     picture
@@ -149,7 +169,10 @@ fn face_colours(first: &First) -> Vec<Vec3> {
     for (at, face) in gaussians.triangles().iter().enumerate() {
         let channel = |k: usize| 0.5 + SH_C0 * planes[(11 + k) * count + at];
         let sum = &mut sums[*face as usize];
-        *sum = (sum.0 + Vec3::new(channel(0), channel(1), channel(2)), sum.1 + 1.0);
+        *sum = (
+            sum.0 + Vec3::new(channel(0), channel(1), channel(2)),
+            sum.1 + 1.0,
+        );
     }
     (sums.into_iter())
         .map(|(sum, count)| if count > 0.0 { sum / count } else { Vec3::ONE })

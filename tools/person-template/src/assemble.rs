@@ -46,8 +46,7 @@ pub(crate) struct Figure {
 pub(crate) fn figure(body: &Body, canonical: &Canonical) -> Result<Figure, PersonError> {
     let own = &canonical.vertices[..body.model.body_vertices];
     let soles = own.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
-    let [left, right] =
-        [Joint::LeftHip, Joint::RightHip].map(|hip| canonical.joints[hip.index()]);
+    let [left, right] = [Joint::LeftHip, Joint::RightHip].map(|hip| canonical.joints[hip.index()]);
     let middle = 0.5 * (left + right);
     let to_floor = -DVec3::new(middle.x, soles, middle.z);
     let moved = |v: &DVec3| (*v + to_floor).as_vec3();

@@ -148,7 +148,11 @@ impl Samples {
                 continue;
             }
             let least = (0..samples.len()).fold(0, |least, at| {
-                if samples[at].weight < samples[least].weight { at } else { least }
+                if samples[at].weight < samples[least].weight {
+                    at
+                } else {
+                    least
+                }
             });
             if samples[least].weight < sample.weight {
                 samples[least] = *sample;
@@ -257,7 +261,10 @@ mod tests {
         }
         let medians = samples.medians();
         let first = medians[0].expect("it was seen") * 255.0;
-        assert!(first.distance(DVec3::new(101.0, 154.0, 7.0)) < 1e-6, "{first}");
+        assert!(
+            first.distance(DVec3::new(101.0, 154.0, 7.0)) < 1e-6,
+            "{first}"
+        );
         assert_eq!(medians[1], None, "it was not seen");
         for weight in 0..40_u8 {
             samples.add(&[Some(sample(20, f32::from(weight))), None]);
@@ -280,7 +287,10 @@ mod tests {
         found[0] = Some(DVec3::ZERO);
         found[9] = Some(DVec3::ONE);
         let colours = continued(&found, (&on, &barycentrics), &vertices, &faces, &parts);
-        assert!(colours.windows(3).all(|w| w[2].x >= w[0].x - 1e-4), "{colours:?}");
+        assert!(
+            colours.windows(3).all(|w| w[2].x >= w[0].x - 1e-4),
+            "{colours:?}"
+        );
         assert!((colours[4].x - 0.5).abs() < 0.2, "{}", colours[4]);
     }
 }

@@ -148,9 +148,16 @@ mod tests {
                 .filter(|other| inside[*other] != inside[at])
                 .map(|other| place(other).distance(place(at)))
                 .fold(f64::INFINITY, f64::min);
-            let expected = if inside[at] { 0.5 - nearest } else { nearest - 0.5 };
+            let expected = if inside[at] {
+                0.5 - nearest
+            } else {
+                nearest - 0.5
+            };
             let got = f64::from(field.values[at]);
-            assert!((got - expected).abs() < 1e-3, "pixel {at}: {got} is not {expected}");
+            assert!(
+                (got - expected).abs() < 1e-3,
+                "pixel {at}: {got} is not {expected}"
+            );
         }
     }
 
@@ -166,11 +173,19 @@ mod tests {
         let field = SignedDistance::new(&inside, size, size).expect("an outline");
         for step in 0..90 {
             let outwards = DVec2::from_angle(f64::from(step) * 0.0698);
-            let (value, gradient) = field.at(centre + outwards * (radius + 4.0)).expect("inside");
+            let (value, gradient) = field
+                .at(centre + outwards * (radius + 4.0))
+                .expect("inside");
             assert!((value - 4.0).abs() < 0.6, "{value} pixels at step {step}");
-            assert!(gradient.normalize().dot(outwards) > 0.9, "{gradient} at step {step}");
+            assert!(
+                gradient.normalize().dot(outwards) > 0.9,
+                "{gradient} at step {step}"
+            );
         }
-        assert!(field.at(DVec2::new(-1.0, 5.0)).is_none(), "outside of the picture");
+        assert!(
+            field.at(DVec2::new(-1.0, 5.0)).is_none(),
+            "outside of the picture"
+        );
         assert!(
             SignedDistance::new(&vec![true; 12], 4, 3).is_none(),
             "a mask without an outline"

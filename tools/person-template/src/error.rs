@@ -18,7 +18,9 @@ pub enum TemplateError {
     #[error("cannot assemble the avatar")]
     Person(#[from] PersonError),
     /// There is no motion.
-    #[error("the capture has no motion (no pose of the person in each frame): complete it first, or put a motion.npz beside its pictures")]
+    #[error(
+        "the capture has no motion (no pose of the person in each frame): complete it first, or put a motion.npz beside its pictures"
+    )]
     NoPoses,
     /// A pose is no pose.
     #[error("the pose of frame {frame} {reason}: make the capture's motion again")]
@@ -29,13 +31,17 @@ pub enum TemplateError {
         reason: String,
     },
     /// No picture has a mask.
-    #[error("none of the {pictures} chosen pictures has a mask with a person in it: complete the capture first, or put masks beside its pictures")]
+    #[error(
+        "none of the {pictures} chosen pictures has a mask with a person in it: complete the capture first, or put masks beside its pictures"
+    )]
     NoMasks {
         /// How many pictures were looked at.
         pictures: usize,
     },
     /// Too little of the person is seen.
-    #[error("the person is seen in {views} pictures of {frames} frames only, of which at least {least} are needed: use more frames or cameras for training")]
+    #[error(
+        "the person is seen in {views} pictures of {frames} frames only, of which at least {least} are needed: use more frames or cameras for training"
+    )]
     TooFewViews {
         /// Pictures with a person.
         views: usize,

@@ -202,12 +202,7 @@ struct Chosen {
 }
 
 impl Chosen {
-    fn of(
-        capture: &Capture,
-        poses: &[FramePose],
-        body: &Body,
-        options: &TemplateOptions,
-    ) -> Self {
+    fn of(capture: &Capture, poses: &[FramePose], body: &Body, options: &TemplateOptions) -> Self {
         let held_out = capture.held_out();
         let frames = kept(poses.len(), &held_out.frames);
         let average = Shape {
@@ -320,7 +315,9 @@ impl Painter<'_> {
                 let corners = faces[*face as usize].map(|corner| corner as usize);
                 let shares = [1.0 - v - w, *v, *w].map(f64::from);
                 let mixed = |of: &[DVec3]| -> DVec3 {
-                    (corners.iter().zip(shares)).map(|(c, share)| of[*c] * share).sum()
+                    (corners.iter().zip(shares))
+                        .map(|(c, share)| of[*c] * share)
+                        .sum()
                 };
                 Spot {
                     place: mixed(vertices),

@@ -20,15 +20,15 @@ const SHARE: f64 = 0.45;
 /// Least cosine between a face's normal before and after.
 const TURNED: f64 = 0.15;
 
-/// Rounds in which inside-out faces are flattened, each harder than the one before.
-const ROUNDS: usize = 24;
+/// Rounds in which the displacement around inside-out faces is evened out, then those in which it is halved as well; after them it is given up there: the
+/// bare body is not inside out.
+const EVEN_ROUNDS: usize = 16;
+const HALVING_ROUNDS: usize = 8;
 
 /// `[N_v]` how far each vertex may go along its normal in T-pose, metres: half of the way to what faces it (the other leg, the flank below an arm).
 pub(crate) fn room(body: &Body, bare: &Canonical) -> Vec<f64> {
     let normals = bare.normals(body);
-    let free: Vec<usize> = (0..bare.vertices.len())
-        .filter(|v| body.free[*v])
-        .collect();
+    let free: Vec<usize> = (0..bare.vertices.len()).filter(|v| body.free[*v]).collect();
     let places: Vec<[f32; 3]> = (free.iter())
         .map(|v| bare.vertices[*v].as_vec3().to_array())
         .collect();
@@ -71,11 +71,13 @@ pub(crate) fn turn_outwards(body: &Body, bare: &Canonical, displacement: &mut [D
         .map(|face| normal(face.map(|v| bare.vertices[v as usize])))
         .collect();
     let mut changed = vec![false; count];
-    for round in 0..ROUNDS {
+    // Every round that gives up leaves fewer displaced vertices.
+    for round in 0..EVEN_ROUNDS + HALVING_ROUNDS + count {
         let mut wrong = vec![false; count];
         for (face, before) in faces.iter().zip(&before) {
             let after = normal(face.map(|v| bare.vertices[v as usize] + displacement[v as usize]));
-            if after.dot(*before) < TURNED {
+            // A face without an area has no outside.
+            if *before != DVec3::ZERO && after.dot(*before) < TURNED {
                 face.iter().for_each(|v| wrong[*v as usize] = true);
             }
         }
@@ -83,14 +85,14 @@ pub(crate) fn turn_outwards(body: &Body, bare: &Canonical, displacement: &mut [D
             break;
         }
         let given = displacement.to_vec();
-        // The last rounds give up the displacement: the bare body is never inside out.
-        let kept = if round + 8 < ROUNDS { 1.0 } else { 0.5 };
+        let kept = match round {
+            _ if round < EVEN_ROUNDS => 1.0,
+            _ if round < EVEN_ROUNDS + HALVING_ROUNDS => 0.5,
+            _ => 0.0,
+        };
         for v in (0..count).filter(|v| wrong[*v]) {
             let around = body.model.neighbours.of(v);
-            let mean = around
-                .iter()
-                .map(|n| given[*n as usize])
-                .sum::<DVec3>()
+            let mean = around.iter().map(|n| given[*n as usize]).sum::<DVec3>()
                 / around.len().max(1) as f64;
             displacement[v] = given[v].lerp(mean, 0.7) * kept;
             changed[v] = true;

@@ -52,7 +52,9 @@ pub(crate) fn poses(
             return Err(refused("has a number that is not finite"));
         }
         if pose.pelvis.abs().max_element() > FURTHEST {
-            return Err(refused("puts the pelvis kilometres away: metres are needed"));
+            return Err(refused(
+                "puts the pelvis kilometres away: metres are needed",
+            ));
         }
         if let Some(from) = capture.expression_basis() {
             let own = ExpressionBasis::MAKEHUMAN_1;
@@ -113,7 +115,11 @@ fn farthest(of: usize, count: usize, apart: impl Fn(usize, usize) -> f64) -> Vec
     let mut chosen = Vec::new();
     while chosen.len() < count.min(of) {
         let next = (0..of).fold(0, |most, at| {
-            if distance[at] > distance[most] { at } else { most }
+            if distance[at] > distance[most] {
+                at
+            } else {
+                most
+            }
         });
         chosen.push(next);
         for (at, distance) in distance.iter_mut().enumerate() {
@@ -139,11 +145,13 @@ pub(crate) fn views(
         .map(|(slot, frame, camera)| {
             let photograph = capture.photograph(*camera, *frame)?;
             let pinhole = capture.cameras()[*camera].undistorted();
-            Ok(outlined(&photograph, &pinhole, side).map(|(camera, outline)| View {
-                slot: *slot,
-                camera,
-                outline,
-            }))
+            Ok(
+                outlined(&photograph, &pinhole, side).map(|(camera, outline)| View {
+                    slot: *slot,
+                    camera,
+                    outline,
+                }),
+            )
         })
         .collect::<Result<_, TemplateError>>()?;
     let views: Vec<View> = views.into_iter().flatten().collect();
@@ -265,7 +273,11 @@ mod tests {
         let mask: Vec<u8> = (0..size[0] * size[1])
             .map(|at| {
                 let (x, y) = (at % size[0], at / size[0]);
-                if (90..210).contains(&x) && (60..140).contains(&y) { 255 } else { 0 }
+                if (90..210).contains(&x) && (60..140).contains(&y) {
+                    255
+                } else {
+                    0
+                }
             })
             .collect();
         let photograph = Photograph {
@@ -285,7 +297,9 @@ mod tests {
         assert!(small.size[0] <= 100, "{:?}", small.size);
         for (pixel, outside) in [([90.0, 100.0], -1.0), ([210.0, 100.0], 1.0)] {
             let slope = (pixel[0] - 150.0) / 250.0;
-            let at = small.project(DVec3::new(slope, 0.0, 1.0)).expect("in front");
+            let at = small
+                .project(DVec3::new(slope, 0.0, 1.0))
+                .expect("in front");
             let (value, gradient) = outline.at(at).expect("in the picture");
             assert!(value.abs() < 0.6, "{value} pixels off");
             assert!(gradient.x * outside > 0.4, "{gradient}");

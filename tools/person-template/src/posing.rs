@@ -76,7 +76,11 @@ fn local(pose: &FramePose, correction: &Correction, joint: Joint) -> DQuat {
 }
 
 /// The motion parameters of a corrected pose; `rest_pelvis` is the pelvis joint of the avatar's skeleton, metres.
-pub(crate) fn motion(pose: &FramePose, correction: &Correction, rest_pelvis: DVec3) -> MotionParams {
+pub(crate) fn motion(
+    pose: &FramePose,
+    correction: &Correction,
+    rest_pelvis: DVec3,
+) -> MotionParams {
     let mut motion = pose.parameters.clone();
     for joint in TURNED {
         let turned = local(pose, correction, joint).normalize();

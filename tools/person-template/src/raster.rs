@@ -37,8 +37,7 @@ pub fn draw(camera: &Camera, vertices: &[DVec3], faces: &[[u32; 3]]) -> Drawn {
         })
         .collect();
     for (name, face) in (0_u32..).zip(faces) {
-        let [Some(a), Some(b), Some(c)] =
-            face.map(|v| seen.get(v as usize).copied().flatten())
+        let [Some(a), Some(b), Some(c)] = face.map(|v| seen.get(v as usize).copied().flatten())
         else {
             continue;
         };

@@ -18,7 +18,8 @@ use std::f64::consts::PI;
 
 /// How near pulls must be in each round, metres.
 const ROUNDS: [f64; 16] = [
-    0.16, 0.13, 0.11, 0.09, 0.08, 0.07, 0.06, 0.05, 0.04, 0.035, 0.03, 0.03, 0.025, 0.025, 0.02, 0.02,
+    0.16, 0.13, 0.11, 0.09, 0.08, 0.07, 0.06, 0.05, 0.04, 0.035, 0.03, 0.03, 0.025, 0.025, 0.02,
+    0.02,
 ];
 
 /// Rounds before poses are corrected: first the size must be about right.
@@ -125,8 +126,8 @@ impl Scene<'_> {
                     &found.correction(slot),
                 );
                 let vertices = posed.vertices(&self.body.skin, &canonical.vertices);
-                let counts = (self.views_of(slot).iter())
-                    .map(|view| overlap(self.body, &vertices, view));
+                let counts =
+                    (self.views_of(slot).iter()).map(|view| overlap(self.body, &vertices, view));
                 counts.fold((0, 0), |sum, count| (sum.0 + count.0, sum.1 + count.1))
             })
             .collect();
@@ -147,9 +148,13 @@ impl Scene<'_> {
             shared: Correction::default(),
             own: vec![Correction::default(); self.poses.len()],
         };
+        let mut fields = Vec::new();
         for (round, reach) in ROUNDS.into_iter().enumerate() {
             let canonical = Canonical::clothed(self.body, &found.shape);
-            let fields = Canonical::fields(self.body, &found.shape);
+            // Bodies change nearly linearly with the shape: every other round is enough.
+            if round % 2 == 0 {
+                fields = Canonical::fields(self.body, &found.shape);
+            }
             let looser = if round < SIZE_ROUNDS { 0.1 } else { 1.0 };
             let frames: Vec<Reduced> = (0..self.poses.len())
                 .into_par_iter()
@@ -261,11 +266,7 @@ fn deviation(at: usize, (shift, turn): (f64, f64)) -> f64 {
     if at < 3 { shift } else { turn }
 }
 
-fn summed(
-    canonical: &Canonical,
-    derivatives: &Derivatives<'_>,
-    pulls: &[Pull],
-) -> NormalEquations {
+fn summed(canonical: &Canonical, derivatives: &Derivatives<'_>, pulls: &[Pull]) -> NormalEquations {
     let mut equations = NormalEquations::new(derivatives.unknowns());
     let mut row = vec![0.0; derivatives.unknowns()];
     for pull in pulls {
@@ -346,7 +347,8 @@ mod tests {
         // The whole: own and shared corrections have the same columns.
         let size = CORRECTION + unknowns;
         let column = |at: usize| if at < CORRECTION { at } else { at - CORRECTION };
-        let mut whole = DMatrix::from_fn(size, size, |i, j| equations.product(column(i), column(j)));
+        let mut whole =
+            DMatrix::from_fn(size, size, |i, j| equations.product(column(i), column(j)));
         let mut right = DVector::from_fn(size, |i, _| equations.gradient()[column(i)]);
         for (at, value) in own.values().into_iter().enumerate() {
             let precision = deviation(at, (0.5, 0.7)).powi(-2);
@@ -358,12 +360,17 @@ mod tests {
         }
         let expected = Cholesky::new(whole).expect("definite").solve(&right);
         let products = &reduced.products + DMatrix::identity(unknowns, unknowns) * ridge;
-        let shared = Cholesky::new(products).expect("definite").solve(&reduced.gradient);
+        let shared = Cholesky::new(products)
+            .expect("definite")
+            .solve(&reduced.gradient);
         let both: Vec<f64> = (reduced.own_step(&shared).iter().chain(shared.iter()))
             .copied()
             .collect();
         for (at, (got, expected)) in both.iter().zip(expected.iter()).enumerate() {
-            assert!((got - expected).abs() < 1e-8, "unknown {at}: {got} is not {expected}");
+            assert!(
+                (got - expected).abs() < 1e-8,
+                "unknown {at}: {got} is not {expected}"
+            );
         }
     }
 }

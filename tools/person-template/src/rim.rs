@@ -71,7 +71,10 @@ pub(crate) fn pulls(body: &Body, mesh: PosedMesh<'_>, view: &View, reach: f64) -
             scaled.extend(-scaled.dot(slopes))
         };
         let normal = rotation * mesh.normals[vertex];
-        let across = DVec2::new(gradient(DVec2::X).dot(normal), gradient(DVec2::Y).dot(normal));
+        let across = DVec2::new(
+            gradient(DVec2::X).dot(normal),
+            gradient(DVec2::Y).dot(normal),
+        );
         let across = across.try_normalize()?;
         if drawn.covers(pixel + BESIDE * across) || !near(&drawn, pixel - across, sight.z) {
             return None;

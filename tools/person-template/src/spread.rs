@@ -84,7 +84,12 @@ mod tests {
             .flatten()
             .collect();
         let faces = [[0, 2, 3], [0, 3, 1], [4, 6, 7], [4, 7, 5]];
-        let parts = [BodyPart::Skin, BodyPart::Skin, BodyPart::Face, BodyPart::Face];
+        let parts = [
+            BodyPart::Skin,
+            BodyPart::Skin,
+            BodyPart::Face,
+            BodyPart::Face,
+        ];
         let places = spread(&vertices, &faces, &parts, 1000);
         assert_eq!(places.faces.len(), 1000, "as many as asked for");
         let on = |face: u32| places.faces.iter().filter(|f| **f == face).count();
@@ -96,6 +101,9 @@ mod tests {
         );
         let [first, last] = [places.spacing[0], places.spacing[999]];
         assert!((first / last - 2.0).abs() < 1e-9, "{first} and {last}");
-        assert!(spread(&vertices, &faces, &parts, 0).faces.is_empty(), "none");
+        assert!(
+            spread(&vertices, &faces, &parts, 0).faces.is_empty(),
+            "none"
+        );
     }
 }

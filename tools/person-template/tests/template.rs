@@ -60,7 +60,9 @@ fn made() -> Option<&'static Made> {
         let truth = made_up::write(folder.path(), &model, SCENARIO).expect("a capture");
         let first = of_folder(folder.path(), &makehuman).expect("an avatar");
         let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        let again = alone.expect("a thread").install(|| of_folder(folder.path(), &makehuman));
+        let again = alone
+            .expect("a thread")
+            .install(|| of_folder(folder.path(), &makehuman));
         println!("{:#?}", first.report);
         Some(Made {
             model,
@@ -83,17 +85,21 @@ fn vertices(avatar: &Avatar, motion: &MotionParams) -> Vec<DVec3> {
     let mut transforms = SkinningTransforms::default();
     let posed = avatar.skeleton.pose(motion);
     avatar.skeleton.skinning(&posed, &mut transforms);
-    (avatar.template.vertices().iter().zip(avatar.template.skin()))
-        .map(|(vertex, skin)| {
-            let moved: glam::Vec3 = (skin.joints.iter().zip(skin.weights))
-                .map(|(joint, weight)| {
-                    let map = transforms.posed_from_rest(Joint::ALL[usize::from(*joint)]);
-                    map.transform_point3(*vertex) * weight
-                })
-                .sum();
-            (moved + motion.root_translation).as_dvec3()
-        })
-        .collect()
+    (avatar
+        .template
+        .vertices()
+        .iter()
+        .zip(avatar.template.skin()))
+    .map(|(vertex, skin)| {
+        let moved: glam::Vec3 = (skin.joints.iter().zip(skin.weights))
+            .map(|(joint, weight)| {
+                let map = transforms.posed_from_rest(Joint::ALL[usize::from(*joint)]);
+                map.transform_point3(*vertex) * weight
+            })
+            .sum();
+        (moved + motion.root_translation).as_dvec3()
+    })
+    .collect()
 }
 
 #[test]
@@ -117,7 +123,10 @@ fn joints_are_found_to_fifteen_millimetres_though_captured_poses_are_noisy() {
 fn the_dressed_template_covers_the_masks() {
     let Some(made) = made() else { return };
     let report = &made.first.report;
-    println!("overlap {:.4}, before clothes {:.4}", report.dressed_overlap, report.body_overlap);
+    println!(
+        "overlap {:.4}, before clothes {:.4}",
+        report.dressed_overlap, report.body_overlap
+    );
     assert!(report.dressed_overlap >= 0.97, "{}", report.dressed_overlap);
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
 }
@@ -144,10 +153,14 @@ fn the_dressed_surface_is_the_true_one_to_a_centimetre() {
 fn normal(model: &BodyModel, vertices: &[DVec3], vertex: usize) -> DVec3 {
     let around = model.neighbours.of(vertex);
     // From the neighbours' ring: enough for a distance.
-    let centre: DVec3 = around.iter().map(|n| vertices[*n as usize]).sum::<DVec3>()
-        / around.len().max(1) as f64;
-    let first = around.first().map_or(DVec3::X, |n| vertices[*n as usize] - centre);
-    let second = around.get(1).map_or(DVec3::Y, |n| vertices[*n as usize] - centre);
+    let centre: DVec3 =
+        around.iter().map(|n| vertices[*n as usize]).sum::<DVec3>() / around.len().max(1) as f64;
+    let first = around
+        .first()
+        .map_or(DVec3::X, |n| vertices[*n as usize] - centre);
+    let second = around
+        .get(1)
+        .map_or(DVec3::Y, |n| vertices[*n as usize] - centre);
     first.cross(second).normalize_or(DVec3::Z)
 }
 
@@ -155,7 +168,11 @@ fn normal(model: &BodyModel, vertices: &[DVec3], vertex: usize) -> DVec3 {
 fn no_weight_crosses_from_arm_to_trunk_though_the_arms_touch_the_body() {
     let Some(made) = made() else { return };
     // The first frame, in which they do, was fitted to.
-    assert!(made.first.report.frames.contains(&0), "{:?}", made.first.report.frames);
+    assert!(
+        made.first.report.frames.contains(&0),
+        "{:?}",
+        made.first.report.frames
+    );
     let arm = |joint: Joint| {
         joint.index() >= Joint::LeftIndex1.index()
             || matches!(
@@ -186,7 +203,10 @@ fn no_weight_crosses_from_arm_to_trunk_though_the_arms_touch_the_body() {
     let hips = made.first.avatar.skeleton.rest_positions()[Joint::LeftHip.index()];
     for (vertex, skin) in template.vertices().iter().zip(template.skin()) {
         let wrist = skin.dense()[Joint::LeftWrist.index()];
-        assert!(wrist < 0.5 || vertex.x > 3.0 * hips.x, "a wrist's vertex at {vertex}");
+        assert!(
+            wrist < 0.5 || vertex.x > 3.0 * hips.x,
+            "a wrist's vertex at {vertex}"
+        );
     }
 }
 
@@ -201,10 +221,22 @@ fn the_avatar_is_a_package_that_reads_back_and_has_the_expressions() {
     assert_eq!(read.template, avatar.template, "the template");
     assert_eq!(read.gaussians, avatar.gaussians, "the Gaussians");
     assert_eq!(avatar.gaussians.len(), 8000, "as many as asked for");
-    assert_eq!(avatar.controllers.vertices().len(), 500, "the paper's controllers");
-    assert_eq!(avatar.template.vertices().len(), made.model.rest.len(), "the model's mesh");
+    assert_eq!(
+        avatar.controllers.vertices().len(),
+        500,
+        "the paper's controllers"
+    );
+    assert_eq!(
+        avatar.template.vertices().len(),
+        made.model.rest.len(),
+        "the model's mesh"
+    );
     assert!(made.first.mesh.decoder.rank() >= 16, "the expression basis");
-    assert!(made.first.report.coloured > 0.8, "{}", made.first.report.coloured);
+    assert!(
+        made.first.report.coloured > 0.8,
+        "{}",
+        made.first.report.coloured
+    );
 }
 
 #[test]
@@ -221,7 +253,9 @@ fn gaussians_have_the_colours_of_the_pictures() {
                 .map(|(c, share)| made_up::colour(made.model.rest[*c as usize]) * share)
                 .sum();
             let channel = |k: usize| 0.5 + spmm3::SH_C0 * planes[(11 + k) * count + at];
-            (glam::Vec3::new(channel(0), channel(1), channel(2)) - true_colour).abs().max_element()
+            (glam::Vec3::new(channel(0), channel(1), channel(2)) - true_colour)
+                .abs()
+                .max_element()
         })
         .collect();
     off.sort_by(f32::total_cmp);
@@ -271,17 +305,32 @@ fn captures_without_poses_or_masks_or_with_others_poses_are_refused_in_words() {
         of_folder(&path, &makehuman)
     };
     let refused = again(false, true, 0.0).err();
-    assert!(matches!(refused, Some(TemplateError::NoPoses)), "{refused:?}");
+    assert!(
+        matches!(refused, Some(TemplateError::NoPoses)),
+        "{refused:?}"
+    );
     let refused = again(true, false, 0.0).err();
-    assert!(matches!(refused, Some(TemplateError::NoMasks { pictures: 8 })), "{refused:?}");
+    assert!(
+        matches!(refused, Some(TemplateError::NoMasks { pictures: 8 })),
+        "{refused:?}"
+    );
     let refused = again(true, true, 1.5).err();
-    assert!(matches!(refused, Some(TemplateError::NoFit { .. })), "{refused:?}");
+    assert!(
+        matches!(refused, Some(TemplateError::NoFit { .. })),
+        "{refused:?}"
+    );
     let options = TemplateOptions {
         gaussians: 3,
         ..options()
     };
     let refused = first_avatar(&capture, &makehuman, &options, &|_| ()).err();
-    assert!(matches!(refused, Some(TemplateError::Options(_))), "{refused:?}");
+    assert!(
+        matches!(refused, Some(TemplateError::Options(_))),
+        "{refused:?}"
+    );
     let refused = first_avatar(&capture, whole.path(), &self::options(), &|_| ()).err();
-    assert!(matches!(refused, Some(TemplateError::Body(_))), "{refused:?}");
+    assert!(
+        matches!(refused, Some(TemplateError::Body(_))),
+        "{refused:?}"
+    );
 }

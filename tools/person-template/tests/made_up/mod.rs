@@ -112,14 +112,34 @@ fn bends(frame: usize, random: &mut fastrand::Rng) -> [DVec3; JOINTS] {
         return bends;
     }
     set(Joint::Pelvis, 0.0, within(-120.0, 120.0), 0.0);
-    set(Joint::Spine2, within(-5.0, 15.0), within(-15.0, 15.0), within(-8.0, 8.0));
+    set(
+        Joint::Spine2,
+        within(-5.0, 15.0),
+        within(-15.0, 15.0),
+        within(-8.0, 8.0),
+    );
     set(Joint::Head, within(-10.0, 10.0), within(-25.0, 25.0), 0.0);
-    set(Joint::LeftShoulder, 0.0, within(-50.0, 10.0), within(-70.0, 30.0));
-    set(Joint::RightShoulder, 0.0, within(-10.0, 50.0), within(-30.0, 70.0));
+    set(
+        Joint::LeftShoulder,
+        0.0,
+        within(-50.0, 10.0),
+        within(-70.0, 30.0),
+    );
+    set(
+        Joint::RightShoulder,
+        0.0,
+        within(-10.0, 50.0),
+        within(-30.0, 70.0),
+    );
     set(Joint::LeftElbow, 0.0, within(-90.0, -5.0), 0.0);
     set(Joint::RightElbow, 0.0, within(5.0, 90.0), 0.0);
     set(Joint::LeftHip, within(-60.0, 10.0), 0.0, within(0.0, 20.0));
-    set(Joint::RightHip, within(-60.0, 10.0), 0.0, within(-20.0, 0.0));
+    set(
+        Joint::RightHip,
+        within(-60.0, 10.0),
+        0.0,
+        within(-20.0, 0.0),
+    );
     set(Joint::LeftKnee, within(0.0, 70.0), 0.0, 0.0);
     set(Joint::RightKnee, within(0.0, 70.0), 0.0, 0.0);
     bends
@@ -155,12 +175,10 @@ fn posed(
     }
     let vertices = (0..rest.len())
         .map(|v| {
-            let carried = (0..JOINTS)
-                .filter(|j| model.weights[v][*j] > 0.0)
-                .map(|j| {
-                    let arm = (rest[v] - rest_joints[j]) * SCALE;
-                    f64::from(model.weights[v][j]) * (rotations[j] * arm + joints[j])
-                });
+            let carried = (0..JOINTS).filter(|j| model.weights[v][*j] > 0.0).map(|j| {
+                let arm = (rest[v] - rest_joints[j]) * SCALE;
+                f64::from(model.weights[v][j]) * (rotations[j] * arm + joints[j])
+            });
             carried.sum()
         })
         .collect();
