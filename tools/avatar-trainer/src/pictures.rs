@@ -116,9 +116,10 @@ impl Cut {
                         }
                     }
                 }
-                if count > 0 {
-                    for (channel, sum) in pixel.iter_mut().zip(sums) {
-                        *channel = u8::try_from((sum + count / 2) / count).unwrap_or(u8::MAX);
+                let mean = sums.map(|sum| (sum + count / 2).checked_div(count));
+                if let [Some(red), Some(green), Some(blue)] = mean {
+                    for (channel, mean) in pixel.iter_mut().zip([red, green, blue]) {
+                        *channel = u8::try_from(mean).unwrap_or(u8::MAX);
                     }
                     break;
                 }

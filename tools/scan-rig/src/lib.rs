@@ -16,7 +16,7 @@ pub mod finish;
 mod median;
 mod mesh_depth;
 pub mod nearest;
-mod normals;
+pub mod normals;
 pub mod pinhole;
 pub mod pipeline;
 pub mod points;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 /// `[N_v]` unit normals of vertices, weighted by the faces' areas; `faceless` where a vertex has no face.
 #[must_use]
-pub(crate) fn vertex_normals<'a>(
+pub fn vertex_normals<'a>(
     vertices: &[DVec3],
     faces: impl IntoIterator<Item = &'a [u32; 3]>,
     faceless: DVec3,

@@ -26,7 +26,7 @@ pub(crate) struct Options {
     /// The package to write; whenever the training is ended, the best one so far is there
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
-    /// How long to train; the first avatar is made besides
+    /// How long to train in all, what was done before --resume included; the first avatar is made besides
     #[arg(long, value_name = "MINUTES", default_value = "60", value_parser = length::parse_minutes)]
     minutes: f64,
     /// Train so many steps instead, however long they take: the same ones give the same bytes
@@ -144,7 +144,8 @@ fn train(
     let network = Network::start()?;
     let stop = network.stop_on_signal();
     let mut line = ProgressLine::new();
-    let mut next = clock.next_mark(trainer.steps());
+    // At once, so that a package is there whatever comes.
+    let mut next = clock.progress(trainer.steps());
     let mut last = None;
     loop {
         let progress = clock.progress(trainer.steps());
@@ -153,7 +154,10 @@ fn train(
             let validation = trainer.validate()?;
             let better = trainer.keep_best(&validation, files.package)?;
             let hundredths = (progress.clamp(0.0, 1.0) * 100.0).round();
-            show(&validation, &files.work.join(format!("preview-{hundredths:03}.png")))?;
+            show(
+                &validation,
+                &files.work.join(format!("preview-{hundredths:03}.png")),
+            )?;
             line.validated(validation.psnr, better);
             next = clock.next_mark(trainer.steps());
             last = Some(validation);

@@ -17,18 +17,20 @@ const ENOUGH: Enough = Enough {
 
 /// What pulls a vertex.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Pulled {
-    /// A unit direction, and the weight of being right along it.
-    pub(super) normal: DVec3,
-    pub(super) along: f64,
+pub struct Pulled {
+    /// A unit direction.
+    pub normal: DVec3,
+    /// The weight of being right along [`Self::normal`].
+    pub along: f64,
     /// The weight of being right in every direction.
-    pub(super) every_way: f64,
+    pub every_way: f64,
     /// Weights times wanted displacements, metres.
-    pub(super) towards: DVec3,
+    pub towards: DVec3,
 }
 
 /// The uniform Laplacian of a mesh: a vertex minus the mean of its neighbours.
-pub(super) struct Laplacian<'a> {
+#[derive(Debug)]
+pub struct Laplacian<'a> {
     neighbours: &'a Neighbours,
     /// How much each vertex' Laplacian counts.
     stiffness: Vec<f64>,
@@ -38,7 +40,8 @@ pub(super) struct Laplacian<'a> {
 
 impl<'a> Laplacian<'a> {
     /// Over the first vertices of the mesh, as many as `stiffness` has values; they must have no neighbours beyond.
-    pub(super) fn new(neighbours: &'a Neighbours, stiffness: Vec<f64>) -> Self {
+    #[must_use]
+    pub fn new(neighbours: &'a Neighbours, stiffness: Vec<f64>) -> Self {
         let share = (0..stiffness.len())
             .map(|v| 1.0 / f64::max(1.0, f64::from(neighbours.count(v))))
             .collect();
@@ -50,7 +53,7 @@ impl<'a> Laplacian<'a> {
     }
 
     /// Finds the displacement, which holds a first guess; returns the steps taken.
-    pub(super) fn solve(&self, stiff: f64, pulled: &[Pulled], displacement: &mut [DVec3]) -> usize {
+    pub fn solve(&self, stiff: f64, pulled: &[Pulled], displacement: &mut [DVec3]) -> usize {
         let inverse: Vec<DMat3> = (0..pulled.len())
             .map(|v| {
                 let around: f64 = (self.neighbours.of(v).iter())

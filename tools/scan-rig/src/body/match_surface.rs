@@ -120,13 +120,15 @@ pub(super) fn residual(pulls: &[Pull]) -> f64 {
 
 impl BodyModel {
     /// How much of a vertex is under clothes as a rule, 0..=1: not head, neck and hands.
-    fn clothed_share(&self, vertex: usize) -> f64 {
+    #[must_use]
+    pub fn clothed_share(&self, vertex: usize) -> f64 {
         let bare = self.share(vertex, &[Joint::Neck, Joint::LeftWrist, Joint::RightWrist]);
         (1.0 - bare - self.head_share(vertex) - self.finger_share(vertex)).clamp(0.0, 1.0)
     }
 
     /// What a point at a vertex is worth: less at hands.
-    fn hand_factor(&self, vertex: usize) -> f64 {
+    #[must_use]
+    pub fn hand_factor(&self, vertex: usize) -> f64 {
         let wrists = self.share(vertex, &[Joint::LeftWrist, Joint::RightWrist]);
         if self.finger_share(vertex) + 0.5 * wrists > 0.5 {
             HANDS

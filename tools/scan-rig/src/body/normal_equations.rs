@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// `H` and `g` of `H x = g`: the lower triangle of the sum of weighted products of the terms' rows, and the sum of rows times residuals.
 #[derive(Debug, Clone)]
-pub(super) struct NormalEquations {
+pub struct NormalEquations {
     unknowns: usize,
     /// Row by row, of which only the part up to the diagonal is used.
     products: Vec<f64>,
@@ -12,7 +12,9 @@ pub(super) struct NormalEquations {
 }
 
 impl NormalEquations {
-    pub(super) fn new(unknowns: usize) -> Self {
+    /// The sum of no terms.
+    #[must_use]
+    pub fn new(unknowns: usize) -> Self {
         Self {
             unknowns,
             products: vec![0.0; unknowns * unknowns],
@@ -21,12 +23,25 @@ impl NormalEquations {
     }
 
     /// How many unknowns there are.
-    pub(super) fn unknowns(&self) -> usize {
+    #[must_use]
+    pub fn unknowns(&self) -> usize {
         self.unknowns
     }
 
+    /// An entry of `H`, which is symmetric.
+    #[must_use]
+    pub fn product(&self, row: usize, column: usize) -> f64 {
+        self.products[row.max(column) * self.unknowns + row.min(column)]
+    }
+
+    /// `g`.
+    #[must_use]
+    pub fn gradient(&self) -> &[f64] {
+        &self.gradient
+    }
+
     /// Adds the term `weight * (row . x - residual)^2`.
-    pub(super) fn add(&mut self, row: &[f64], weight: f64, residual: f64) {
+    pub fn add(&mut self, row: &[f64], weight: f64, residual: f64) {
         for (at, value) in row.iter().enumerate() {
             let scaled = weight * value;
             if scaled != 0.0 {
@@ -40,13 +55,13 @@ impl NormalEquations {
     }
 
     /// Adds the term `weight * (x[at] - residual)^2`.
-    pub(super) fn add_one(&mut self, at: usize, weight: f64, residual: f64) {
+    pub fn add_one(&mut self, at: usize, weight: f64, residual: f64) {
         self.products[at * (self.unknowns + 1)] += weight;
         self.gradient[at] += weight * residual;
     }
 
     /// Adds another sum.
-    pub(super) fn merge(&mut self, other: &Self) {
+    pub fn merge(&mut self, other: &Self) {
         let sums = self.products.iter_mut().zip(&other.products);
         sums.for_each(|(sum, value)| *sum += value);
         let sums = self.gradient.iter_mut().zip(&other.gradient);
@@ -54,7 +69,8 @@ impl NormalEquations {
     }
 
     /// The step, its diagonal damped by the share `damping`; nothing where the equations have no finite solution.
-    pub(super) fn solved(&self, damping: f64) -> Option<DVector<f64>> {
+    #[must_use]
+    pub fn solved(&self, damping: f64) -> Option<DVector<f64>> {
         let step = self
             .factor(damping)?
             .solve(&DVector::from_column_slice(&self.gradient));
@@ -62,7 +78,8 @@ impl NormalEquations {
     }
 
     /// The Cholesky factor of `H`, which is also that of the inverse of the unknowns' covariance.
-    pub(super) fn factor(&self, damping: f64) -> Option<Cholesky<f64, nalgebra::Dyn>> {
+    #[must_use]
+    pub fn factor(&self, damping: f64) -> Option<Cholesky<f64, nalgebra::Dyn>> {
         let mut products = DMatrix::from_row_slice(self.unknowns, self.unknowns, &self.products);
         for at in 0..self.unknowns {
             products[(at, at)] *= 1.0 + damping;

@@ -9,7 +9,7 @@ use spmm3::{BODY, EXPRESSION, PARAMS, PersonError};
 ///
 /// # Errors
 /// If a field has another length than `vertices`, or offsets are not finite.
-pub(super) fn linear(fields: &[Vec<Vec3>], vertices: usize) -> Result<MeshNetwork, PersonError> {
+pub fn linear(fields: &[Vec<Vec3>], vertices: usize) -> Result<MeshNetwork, PersonError> {
     let used = fields.len().min(EXPRESSION);
     let rank = used.max(1);
     let hidden = 2 * rank;

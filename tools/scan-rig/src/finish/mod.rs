@@ -10,8 +10,9 @@ mod posed;
 mod shade;
 mod unpose;
 
+pub use face::linear;
 pub use posed::Poser;
-pub use unpose::JointPose;
+pub use unpose::{JointPose, kept};
 
 use crate::RigError;
 use crate::body::SkinRow;

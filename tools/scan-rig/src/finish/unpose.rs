@@ -81,7 +81,8 @@ pub(super) fn unpose(
 }
 
 /// The strongest joints of a row, as an avatar keeps them.
-pub(super) fn kept(row: &SkinRow) -> SkinWeights {
+#[must_use]
+pub fn kept(row: &SkinRow) -> SkinWeights {
     let mut order: [u8; JOINTS] = Joint::ALL.map(|j| j as u8);
     order.sort_by(|a, b| row[usize::from(*b)].total_cmp(&row[usize::from(*a)]));
     let mut skin = SkinWeights::default();

@@ -18,7 +18,7 @@ const ENOUGH: Enough = Enough {
 
 /// A mesh's edges with weights, by vertex.
 #[derive(Debug, Clone)]
-pub(crate) struct Edges {
+pub struct Edges {
     /// Where the edges of each vertex begin, and the end of the last.
     starts: Vec<u32>,
     /// The other end of each edge, and its weight.
@@ -28,7 +28,7 @@ pub(crate) struct Edges {
 impl Edges {
     /// The edges of triangles over `vertices`. Triangles that name a vertex that does not exist are left out.
     #[must_use]
-    pub(crate) fn new(vertices: &[DVec3], faces: impl Iterator<Item = [u32; 3]>) -> Self {
+    pub fn new(vertices: &[DVec3], faces: impl Iterator<Item = [u32; 3]>) -> Self {
         let mut pairs: Vec<(u32, u32, f64)> = Vec::new();
         for face in faces {
             if face.iter().any(|v| *v as usize >= vertices.len()) {
@@ -77,20 +77,20 @@ impl Edges {
 
     /// The neighbours of a vertex, with weights.
     #[must_use]
-    pub(crate) fn of(&self, vertex: usize) -> &[(u32, f64)] {
+    pub fn of(&self, vertex: usize) -> &[(u32, f64)] {
         &self.ends[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
     }
 
     /// How many vertices there are.
     #[must_use]
-    pub(crate) fn vertices(&self) -> usize {
+    pub fn vertices(&self) -> usize {
         self.starts.len() - 1
     }
 
     /// The values, unchanged where `known`, harmonic elsewhere. A vertex that no known one can be reached from keeps its own.
     /// `values` and `known` have one entry a vertex.
     #[must_use]
-    pub(crate) fn fill(&self, values: &[DVec3], known: &[bool]) -> Vec<DVec3> {
+    pub fn fill(&self, values: &[DVec3], known: &[bool]) -> Vec<DVec3> {
         let reached = self.reached(known);
         let solve: Vec<usize> = (0..self.vertices())
             .filter(|v| !known[*v] && reached[*v].is_some())
@@ -143,7 +143,7 @@ impl Edges {
 
     /// For each vertex the known vertex that is fewest edges away (itself if known); nothing if none can be reached.
     #[must_use]
-    pub(crate) fn reached(&self, known: &[bool]) -> Vec<Option<u32>> {
+    pub fn reached(&self, known: &[bool]) -> Vec<Option<u32>> {
         let mut source: Vec<Option<u32>> = vec![None; self.vertices()];
         let mut front: Vec<u32> = Vec::new();
         for (v, known) in known.iter().enumerate() {
@@ -172,7 +172,7 @@ impl Edges {
 
     /// Each value moved towards the mean of its neighbours, `rounds` times.
     #[must_use]
-    pub(crate) fn smoothed(&self, values: &[DVec3], rounds: usize) -> Vec<DVec3> {
+    pub fn smoothed(&self, values: &[DVec3], rounds: usize) -> Vec<DVec3> {
         let mut values = values.to_vec();
         for _ in 0..rounds {
             values = (0..self.vertices())

@@ -9,7 +9,7 @@ mod cells;
 mod eyes;
 mod face;
 mod hands;
-mod harmonic;
+pub mod harmonic;
 mod head;
 mod lines;
 mod mouth;

@@ -19,6 +19,7 @@ pub(super) fn view(camera: &Camera) -> View {
     let turned = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
     let pose = pinhole.camera_from_world;
     let matrix = turned * pose.matrix3;
+    let translation: DVec3 = turned * DVec3::from(pose.translation);
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the renderer computes in single precision"
@@ -33,7 +34,7 @@ pub(super) fn view(camera: &Camera) -> View {
     View {
         camera_from_world: Affine3A {
             matrix3: Mat3A::from(matrix.as_mat3()),
-            translation: (turned * pose.translation).as_vec3().into(),
+            translation: translation.as_vec3().into(),
         },
         fx,
         fy,

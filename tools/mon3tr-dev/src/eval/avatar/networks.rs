@@ -156,13 +156,14 @@ impl Lpips {
         part: [usize; 4],
     ) -> anyhow::Result<f64> {
         let values = self.0.run(&[a, b], part, |value| 2.0 * value - 1.0)?;
-        ensure!(
-            values.len() == 1,
-            "LPIPS is one number, but the network {} gives {}",
-            self.0.path.display(),
-            values.len()
-        );
-        Ok(f64::from(values[0]))
+        let &[distance] = values else {
+            let count = values.len();
+            bail!(
+                "LPIPS is one number, but the network {} gives {count}",
+                self.0.path.display()
+            );
+        };
+        Ok(f64::from(distance))
     }
 }
 

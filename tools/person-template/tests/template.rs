@@ -1,0 +1,336 @@
+//! From made-up captures, whose truth is known, to first avatars.
+
+mod made_up;
+
+use capture::{Capture, CaptureError, HeldOut};
+use glam::DVec3;
+use made_up::{Scenario, Truth};
+use person_template::{First, TemplateError, TemplateOptions, first_avatar};
+use scan_rig::body::BodyModel;
+use spmm3::{Avatar, JOINTS, Joint, MotionParams, SkinningTransforms};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// Where the MakeHuman data is; `None` (said aloud) on a machine without them.
+fn makehuman() -> Option<PathBuf> {
+    let found = std::env::var_os("MON3TR_MAKEHUMAN").map(PathBuf::from);
+    if found.is_none() {
+        let ci = std::env::var("CI").as_deref() == Ok("true");
+        assert!(!ci, "MON3TR_MAKEHUMAN must name the MakeHuman data in CI");
+        eprintln!("skipped: MON3TR_MAKEHUMAN does not name the MakeHuman data");
+    }
+    found
+}
+
+const SCENARIO: Scenario = Scenario {
+    cameras: 8,
+    frames: 7,
+    side: 256,
+    noise: (0.006, 0.02),
+};
+
+struct Made {
+    model: BodyModel,
+    truth: Truth,
+    first: First,
+    again: First,
+}
+
+fn options() -> TemplateOptions {
+    TemplateOptions {
+        name: "made up".to_owned(),
+        gaussians: 8000,
+        frames: 6,
+        ..TemplateOptions::default()
+    }
+}
+
+fn of_folder(folder: &Path, makehuman: &Path) -> Result<First, TemplateError> {
+    let capture = Capture::open(folder)?;
+    first_avatar(&capture, makehuman, &options(), &|_| ())
+}
+
+/// The capture and its avatar, made once; the second time on one thread.
+fn made() -> Option<&'static Made> {
+    static MADE: OnceLock<Option<Made>> = OnceLock::new();
+    MADE.get_or_init(|| {
+        let makehuman = makehuman()?;
+        let folder = tempfile::tempdir().expect("a folder");
+        let model = BodyModel::load(&makehuman).expect("the package is whole");
+        let truth = made_up::write(folder.path(), &model, SCENARIO).expect("a capture");
+        let first = of_folder(folder.path(), &makehuman).expect("an avatar");
+        let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let again = alone
+            .expect("a thread")
+            .install(|| of_folder(folder.path(), &makehuman));
+        println!("{:#?}", first.report);
+        Some(Made {
+            model,
+            truth,
+            first,
+            again: again.expect("an avatar"),
+        })
+    })
+    .as_ref()
+}
+
+/// Joints of a motion in the world, metres.
+fn joints(avatar: &Avatar, motion: &MotionParams) -> [DVec3; JOINTS] {
+    let posed = avatar.skeleton.pose(motion);
+    Joint::ALL.map(|joint| (posed.position(joint) + motion.root_translation).as_dvec3())
+}
+
+/// The template in a motion, the root included, metres.
+fn vertices(avatar: &Avatar, motion: &MotionParams) -> Vec<DVec3> {
+    let mut transforms = SkinningTransforms::default();
+    let posed = avatar.skeleton.pose(motion);
+    avatar.skeleton.skinning(&posed, &mut transforms);
+    (avatar
+        .template
+        .vertices()
+        .iter()
+        .zip(avatar.template.skin()))
+    .map(|(vertex, skin)| {
+        let moved: glam::Vec3 = (skin.joints.iter().zip(skin.weights))
+            .map(|(joint, weight)| {
+                let map = transforms.posed_from_rest(Joint::ALL[usize::from(*joint)]);
+                map.transform_point3(*vertex) * weight
+            })
+            .sum();
+        (moved + motion.root_translation).as_dvec3()
+    })
+    .collect()
+}
+
+#[test]
+fn joints_are_found_to_fifteen_millimetres_though_captured_poses_are_noisy() {
+    let Some(made) = made() else { return };
+    let (mut sum, mut count, mut worst) = (0.0, 0.0, 0.0_f64);
+    for frame in &made.first.report.frames {
+        let found = joints(&made.first.avatar, &made.first.poses[*frame]);
+        for joint in Joint::ALL.into_iter().take(Joint::Jaw.index()) {
+            let off = found[joint.index()].distance(made.truth.joints[*frame][joint.index()]);
+            (sum, count, worst) = (sum + off, count + 1.0, worst.max(off));
+        }
+    }
+    let mean = 1e3 * sum / count;
+    println!("joints: mean {mean:.1} mm, worst {:.1} mm", 1e3 * worst);
+    assert!(mean <= 15.0, "{mean} mm");
+    assert_eq!(made.first.poses.len(), SCENARIO.frames, "a motion a frame");
+}
+
+#[test]
+fn the_dressed_template_covers_the_masks() {
+    let Some(made) = made() else { return };
+    let report = &made.first.report;
+    println!(
+        "overlap {:.4}, before clothes {:.4}",
+        report.dressed_overlap, report.body_overlap
+    );
+    assert!(report.dressed_overlap >= 0.97, "{}", report.dressed_overlap);
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+}
+
+#[test]
+fn the_dressed_surface_is_the_true_one_to_a_centimetre() {
+    let Some(made) = made() else { return };
+    let mut off = Vec::new();
+    for frame in &made.first.report.frames {
+        let found = vertices(&made.first.avatar, &made.first.poses[*frame]);
+        let truth = &made.truth.vertices[*frame];
+        // Vertices may slide along the surface: the distance from the true one's nearest vertices' plane is what counts.
+        for v in (0..made.model.body_vertices).filter(|v| made.model.outer[*v]) {
+            let normal = normal(&made.model, truth, v);
+            off.push((found[v] - truth[v]).dot(normal).abs());
+        }
+    }
+    off.sort_by(f64::total_cmp);
+    let [median, tenth] = [0.5, 0.9].map(|share| off[(share * off.len() as f64) as usize] * 1e3);
+    println!("surface: median {median:.1} mm, 90 % within {tenth:.1} mm");
+    assert!(median < 6.0 && tenth < 20.0, "{median} and {tenth} mm");
+}
+
+fn normal(model: &BodyModel, vertices: &[DVec3], vertex: usize) -> DVec3 {
+    let around = model.neighbours.of(vertex);
+    // From the neighbours' ring: enough for a distance.
+    let centre: DVec3 =
+        around.iter().map(|n| vertices[*n as usize]).sum::<DVec3>() / around.len().max(1) as f64;
+    let first = around
+        .first()
+        .map_or(DVec3::X, |n| vertices[*n as usize] - centre);
+    let second = around
+        .get(1)
+        .map_or(DVec3::Y, |n| vertices[*n as usize] - centre);
+    first.cross(second).normalize_or(DVec3::Z)
+}
+
+#[test]
+fn no_weight_crosses_from_arm_to_trunk_though_the_arms_touch_the_body() {
+    let Some(made) = made() else { return };
+    // The first frame, in which they do, was fitted to.
+    assert!(
+        made.first.report.frames.contains(&0),
+        "{:?}",
+        made.first.report.frames
+    );
+    let arm = |joint: Joint| {
+        joint.index() >= Joint::LeftIndex1.index()
+            || matches!(
+                joint,
+                Joint::LeftElbow | Joint::RightElbow | Joint::LeftWrist | Joint::RightWrist
+            )
+    };
+    let trunk = |joint: Joint| {
+        matches!(
+            joint,
+            Joint::Pelvis | Joint::Spine1 | Joint::Spine2 | Joint::LeftHip | Joint::RightHip
+        )
+    };
+    let template = &made.first.avatar.template;
+    for (vertex, skin) in template.skin().iter().enumerate() {
+        let dense = skin.dense();
+        let share = |which: &dyn Fn(Joint) -> bool| -> f32 {
+            let of = Joint::ALL.into_iter().filter(|joint| which(*joint));
+            of.map(|joint| dense[joint.index()]).sum()
+        };
+        let (arm, trunk) = (share(&arm), share(&trunk));
+        assert!(
+            arm < 1e-6 || trunk < 1e-6,
+            "vertex {vertex} has {arm} of an arm and {trunk} of the trunk"
+        );
+    }
+    // In T-pose arms stand apart: what is an arm's is beside the trunk, not in it.
+    let hips = made.first.avatar.skeleton.rest_positions()[Joint::LeftHip.index()];
+    for (vertex, skin) in template.vertices().iter().zip(template.skin()) {
+        let wrist = skin.dense()[Joint::LeftWrist.index()];
+        assert!(
+            wrist < 0.5 || vertex.x > 3.0 * hips.x,
+            "a wrist's vertex at {vertex}"
+        );
+    }
+}
+
+#[test]
+fn the_avatar_is_a_package_that_reads_back_and_has_the_expressions() {
+    let Some(made) = made() else { return };
+    let avatar = &made.first.avatar;
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("first.m3a");
+    avatar.save(&path).expect("it is written");
+    let read = Avatar::load(&path).expect("it is read");
+    assert_eq!(read.template, avatar.template, "the template");
+    assert_eq!(read.gaussians, avatar.gaussians, "the Gaussians");
+    assert_eq!(avatar.gaussians.len(), 8000, "as many as asked for");
+    assert_eq!(
+        avatar.controllers.vertices().len(),
+        500,
+        "the paper's controllers"
+    );
+    assert_eq!(
+        avatar.template.vertices().len(),
+        made.model.rest.len(),
+        "the model's mesh"
+    );
+    assert!(made.first.mesh.decoder.rank() >= 16, "the expression basis");
+    assert!(
+        made.first.report.coloured > 0.8,
+        "{}",
+        made.first.report.coloured
+    );
+}
+
+#[test]
+fn gaussians_have_the_colours_of_the_pictures() {
+    let Some(made) = made() else { return };
+    let avatar = &made.first.avatar;
+    let count = avatar.gaussians.len();
+    let planes = avatar.gaussians.attributes();
+    let mut off: Vec<f32> = (0..count)
+        .map(|at| {
+            let corners = avatar.gaussians.corners()[at];
+            let [v, w] = avatar.gaussians.barycentrics()[at];
+            let true_colour: glam::Vec3 = (corners.iter().zip([1.0 - v - w, v, w]))
+                .map(|(c, share)| made_up::colour(made.model.rest[*c as usize]) * share)
+                .sum();
+            let channel = |k: usize| 0.5 + spmm3::SH_C0 * planes[(11 + k) * count + at];
+            (glam::Vec3::new(channel(0), channel(1), channel(2)) - true_colour)
+                .abs()
+                .max_element()
+        })
+        .collect();
+    off.sort_by(f32::total_cmp);
+    let [median, tenth] = [off[count / 2], off[count * 9 / 10]];
+    println!("colours: median {median:.3}, 90 % within {tenth:.3}");
+    assert!(median < 0.04 && tenth < 0.2, "{median} and {tenth}");
+}
+
+#[test]
+fn the_same_capture_gives_the_same_avatar_on_one_thread_and_on_many() {
+    let Some(made) = made() else { return };
+    assert_eq!(made.first.poses, made.again.poses, "the motion");
+    assert_eq!(made.first.report, made.again.report, "the report");
+    assert!(made.first.avatar == made.again.avatar, "the avatar");
+}
+
+#[test]
+fn captures_without_poses_or_masks_or_with_others_poses_are_refused_in_words() {
+    let Some(makehuman) = makehuman() else { return };
+    let model = BodyModel::load(&makehuman).expect("the package is whole");
+    let small = Scenario {
+        cameras: 4,
+        frames: 2,
+        side: 96,
+        noise: (0.0, 0.0),
+    };
+    let whole = tempfile::tempdir().expect("a folder");
+    made_up::write(whole.path(), &model, small).expect("a capture");
+    let capture = Capture::open(whole.path()).expect("it opens");
+    let again = |poses: bool, masks: bool, shift: f32| -> Result<First, TemplateError> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("capture");
+        let copied = || -> Result<(), CaptureError> {
+            let writer = capture::CaptureWriter::create(&path, capture.cameras(), 2, 30.0)?;
+            for camera in 0..4 {
+                for frame in 0..2 {
+                    let mut photograph = capture.photograph(camera, frame)?;
+                    photograph.mask = photograph.mask.filter(|_| masks);
+                    writer.write(camera, frame, &photograph)?;
+                }
+            }
+            let mut given = capture.poses().unwrap_or_default().to_vec();
+            given.iter_mut().for_each(|pose| pose.pelvis.x += shift);
+            writer.finish(poses.then_some(&given[..]), &HeldOut::default())
+        };
+        copied().expect("it is written");
+        of_folder(&path, &makehuman)
+    };
+    let refused = again(false, true, 0.0).err();
+    assert!(
+        matches!(refused, Some(TemplateError::NoPoses)),
+        "{refused:?}"
+    );
+    let refused = again(true, false, 0.0).err();
+    assert!(
+        matches!(refused, Some(TemplateError::NoMasks { pictures: 8 })),
+        "{refused:?}"
+    );
+    let refused = again(true, true, 1.5).err();
+    assert!(
+        matches!(refused, Some(TemplateError::NoFit { .. })),
+        "{refused:?}"
+    );
+    let options = TemplateOptions {
+        gaussians: 3,
+        ..options()
+    };
+    let refused = first_avatar(&capture, &makehuman, &options, &|_| ()).err();
+    assert!(
+        matches!(refused, Some(TemplateError::Options(_))),
+        "{refused:?}"
+    );
+    let refused = first_avatar(&capture, whole.path(), &self::options(), &|_| ()).err();
+    assert!(
+        matches!(refused, Some(TemplateError::Body(_))),
+        "{refused:?}"
+    );
+}
