@@ -26,6 +26,9 @@ const ROUNDS: [(f64, f64, bool); 8] = [
 /// How much stiffer the head is.
 const HEAD: f64 = 3.0;
 
+/// The length of an edge where the mesh is neither fine nor coarse, metres.
+const USUAL_EDGE: f64 = 0.018;
+
 /// Weight of staying where face and hands are.
 const PINNED: f64 = 6.0;
 
@@ -75,7 +78,7 @@ pub(crate) fn dress(scene: &Scene<'_>, found: &mut Registration) -> Dressed {
     let room = room(body, &bare);
     let pinned: Vec<f64> = (0..count).map(|v| pinned(body, v)).collect();
     let stiffness = (0..count)
-        .map(|v| 1.0 + HEAD * body.model.head_share(v))
+        .map(|v| (1.0 + HEAD * body.model.head_share(v)) * fineness(body, &bare, v).powi(2))
         .collect();
     let laplacian = Laplacian::new(&body.model.neighbours, stiffness);
     let mut displacement: Vec<DVec3> = (0..count)
@@ -121,6 +124,16 @@ pub(crate) fn dress(scene: &Scene<'_>, found: &mut Registration) -> Dressed {
         looseness: looseness(body, &last),
         held_back,
     }
+}
+
+/// How many times finer than usual the mesh is at a vertex: its Laplacian, which knows no lengths, gets as much stiffer, or ears and toes would be crumpled.
+fn fineness(body: &Body, bare: &Canonical, vertex: usize) -> f64 {
+    let around = body.model.neighbours.of(vertex);
+    let lengths = (around.iter())
+        .map(|n| bare.vertices[*n as usize].distance(bare.vertices[vertex]))
+        .sum::<f64>();
+    let mean = lengths / around.len().max(1) as f64;
+    (USUAL_EDGE / mean.max(1e-6)).clamp(0.7, 6.0)
 }
 
 /// How strongly a vertex stays the body model's.

@@ -187,7 +187,7 @@ mod tests {
             "outside of the picture"
         );
         assert!(
-            SignedDistance::new(&vec![true; 12], 4, 3).is_none(),
+            SignedDistance::new(&[true; 12], 4, 3).is_none(),
             "a mask without an outline"
         );
     }

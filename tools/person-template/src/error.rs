@@ -10,7 +10,7 @@ use spmm3::PersonError;
 pub enum TemplateError {
     /// The capture cannot be read.
     #[error("cannot read the capture")]
-    Capture(#[from] CaptureError),
+    Capture(#[source] Box<CaptureError>),
     /// The body model cannot be built.
     #[error("cannot build the body model of the MakeHuman files")]
     Body(#[from] RigError),
@@ -63,4 +63,10 @@ pub enum TemplateError {
     /// The caller asked for what is not possible.
     #[error("{0}")]
     Options(String),
+}
+
+impl From<CaptureError> for TemplateError {
+    fn from(error: CaptureError) -> Self {
+        Self::Capture(Box::new(error))
+    }
 }

@@ -339,8 +339,10 @@ mod tests {
             let row: Vec<f64> = (0..unknowns).map(|_| random.f64() - 0.5).collect();
             equations.add(&row, 1.0 + random.f64(), random.f64() - 0.5);
         }
-        let mut own = Correction::default();
-        own.pelvis = DVec3::new(0.01, -0.02, 0.005);
+        let mut own = Correction {
+            pelvis: DVec3::new(0.01, -0.02, 0.005),
+            ..Correction::default()
+        };
         own.turns[3] = DVec3::new(0.0, 0.03, -0.01);
         let reduced = Reduced::new(&equations, &own, (0.5, 0.7));
         let ridge = 0.3;

@@ -132,6 +132,7 @@ fn the_dressed_template_covers_the_masks() {
 }
 
 #[test]
+#[expect(clippy::cast_possible_truncation, reason = "a share of a count")]
 fn the_dressed_surface_is_the_true_one_to_a_centimetre() {
     let Some(made) = made() else { return };
     let mut off = Vec::new();

@@ -214,6 +214,10 @@ pub(crate) fn colour(rest: DVec3) -> Vec3 {
 }
 
 /// A picture before a bright wall, by a depth buffer.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "pixels within a picture, display values"
+)]
 fn picture(model: &BodyModel, camera: &Camera, vertices: &[DVec3]) -> Photograph {
     let [width, height] = camera.size.map(|side| side as usize);
     let mut depth = vec![f64::INFINITY; width * height];

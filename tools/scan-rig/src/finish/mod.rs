@@ -85,7 +85,7 @@ pub struct Finished {
 /// # Errors
 /// If counts do not fit each other or a number is not finite.
 pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finished, RigError> {
-    let skin: Vec<SkinWeights> = material.weights.iter().map(unpose::kept).collect();
+    let skin: Vec<SkinWeights> = material.weights.iter().map(kept).collect();
     let rows: Vec<SkinRow> = skin.iter().map(SkinWeights::dense).collect();
     let (template, tpose) = template(material, &skin, &rows)?;
     let posed = Template::new(
@@ -127,7 +127,7 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
     let importance = importance(&template, &bound, Weights::default())?;
     clock.told("order of importance");
     let fields = expression_fields(material, &tpose, &rows);
-    let mesh = face::linear(&fields, template.vertices().len())?;
+    let mesh = linear(&fields, template.vertices().len())?;
     let deform_graph = DeformGraph {
         template: &template,
         controllers: &tied.controllers,
