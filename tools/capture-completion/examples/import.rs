@@ -10,6 +10,7 @@ use glam::Vec3;
 use motion_fit::Subject;
 use motion_fit::body::several::fit;
 use motion_fit::body::{LocatedBody, landmark_places};
+use npu_runtime::Runtime;
 use std::error::Error;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -28,15 +29,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     for note in &videos.notes {
         println!("{note}");
     }
+    let networks = Networks::new(None, Runtime::open(None)?)?;
     let start = Instant::now();
     let subject = Subject::from(&avatar);
-    let done = complete(
-        &mut videos,
-        &subject,
-        &Networks::open(None)?,
-        out,
-        &mut |_, _| {},
-    )?;
+    let done = complete(&mut videos, &subject, &networks, out, &mut |_, _| {})?;
     println!(
         "{} cameras, {} frames, {:.1} s",
         videos.cameras().len(),

@@ -9,6 +9,8 @@ use tracker::source::{self, Picture, Source, SourceChoice};
 
 /// A calibration file's ending.
 const CALIBRATION: &str = ".qca.txt";
+/// Encoders pad pictures to blocks of so many pixels on the right and below; calibrations may count the padding.
+const PADDING: u32 = 16;
 /// Endings of videos.
 const ENDINGS: [&str; 6] = ["mp4", "mov", "mkv", "webm", "avi", "y4m"];
 
@@ -95,13 +97,13 @@ impl Videos {
 
     fn opened(
         files: Vec<PathBuf>,
-        lenses: Vec<Camera>,
+        mut lenses: Vec<Camera>,
         posed: bool,
     ) -> Result<Self, CompletionError> {
         let mut notes = Vec::new();
         let mut counts = Vec::with_capacity(files.len());
         let mut rate: Option<f64> = None;
-        for (file, lens) in files.iter().zip(&lenses) {
+        for (file, lens) in files.iter().zip(&mut lenses) {
             let wrong = |reason: String| CompletionError::Video {
                 path: file.clone(),
                 reason,
@@ -109,7 +111,20 @@ impl Videos {
             let mut video = open(file)?;
             let info = video.info().clone();
             let [width, height] = lens.size;
-            if (info.width, info.height) != (width, height) {
+            let padding = |calibrated: u32, found: u32| {
+                calibrated
+                    .checked_sub(found)
+                    .is_some_and(|pixels| pixels < PADDING)
+            };
+            if padding(width, info.width) && padding(height, info.height) {
+                if (info.width, info.height) != (width, height) {
+                    notes.push(format!(
+                        "camera `{}` was calibrated at {width} x {height} pixels, of which the video has the first {} x {}",
+                        lens.name, info.width, info.height
+                    ));
+                }
+                lens.size = [info.width, info.height];
+            } else {
                 return Err(wrong(format!(
                     "has {} x {} pixels where camera `{}` has {width} x {height}",
                     info.width, info.height, lens.name

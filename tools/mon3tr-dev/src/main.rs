@@ -3,6 +3,7 @@
 
 mod apk;
 mod bench;
+mod capture;
 mod eval;
 mod netlab;
 
@@ -28,6 +29,8 @@ enum Command {
     Apk(apk::Options),
     /// Time drawing and sorting on this machine
     Bench(bench::Options),
+    /// Import captures of a person from videos, and say what is wrong with them
+    Capture(capture::Options),
     /// Compare what the camera's tracker finds with the truth
     Eval(eval::Options),
     /// Measure calls over networks of any quality, all on this machine
@@ -41,6 +44,7 @@ fn main() -> ExitCode {
         Command::Shared(command) => command.run(device),
         Command::Apk(options) => apk::run(options),
         Command::Bench(options) => bench::run(options, device),
+        Command::Capture(options) => capture::run(options, device),
         Command::Eval(options) => eval::run(options, device),
         Command::Netlab(options) => netlab::run(options),
     })

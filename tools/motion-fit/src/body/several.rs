@@ -3,7 +3,7 @@
 //! The whole recording is there, so frames are smoothed by what comes before and after: nothing lags.
 
 use super::bindings::{self, Binding, COUNT};
-use super::chain::{Attachment, BODY_JOINTS, Chain, Posture, wide};
+use super::chain::{Attachment, BODY_JOINTS, Chain, Posture};
 use super::lengths::{Places, as_long_as};
 use super::prior::PosePrior;
 use super::reading::Exchange;
@@ -374,6 +374,7 @@ fn single(value: f64) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::chain::wide;
     use super::*;
     use crate::landmarks::BodyPoint;
     use glam::{DMat3, DVec2, DVec3, Vec2};
@@ -453,7 +454,7 @@ mod tests {
         let places = bindings::landmark_places(skeleton, motion);
         (views.iter())
             .map(|view| {
-                let mut points = [BodyPoint::default(); crate::landmarks::BODY_LANDMARKS];
+                let mut points = [BodyPoint::default(); BODY_LANDMARKS];
                 for (point, place) in points.iter_mut().zip(places) {
                     if let Some(place) = place {
                         let pixel = view.project(&wide(place));

@@ -1,0 +1,30 @@
+//! `mon3tr-dev capture`: captures of a person, from which avatars are reconstructed: imported from videos, and looked at.
+
+mod check;
+mod import;
+
+use clap::Subcommand;
+use mon3tr::device_options::DeviceOptions;
+
+/// Options of `capture`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Show frames with skeleton and mask over them, reprojection errors, and what is wrong with a capture, in words
+    Check(check::Options),
+    /// Make a capture of videos: pictures, masks and motion in our own layout
+    Import(import::Options),
+}
+
+/// Runs `capture`.
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
+    match &options.what {
+        What::Check(options) => check::run(options, device),
+        What::Import(options) => import::run(options, device),
+    }
+}
