@@ -23,6 +23,8 @@ pub struct Videos {
     cameras: Vec<Camera>,
     frames: usize,
     frame_rate: f64,
+    /// Pictures of the videos from one frame to the next.
+    every: usize,
     posed: bool,
     /// What was decided or left out, one sentence each.
     pub notes: Vec<String>,
@@ -95,6 +97,19 @@ impl Videos {
         Self::opened(vec![file.to_owned()], vec![lens], false)
     }
 
+    /// Only every so manieth picture becomes a frame: an avatar learns more from different poses than from many of one.
+    #[must_use]
+    pub fn every(mut self, pictures: usize) -> Self {
+        let pictures = pictures.max(1);
+        self.frames = self.frames.div_ceil(pictures);
+        #[expect(clippy::cast_precision_loss, reason = "a small number of pictures")]
+        {
+            self.frame_rate /= pictures as f64;
+        }
+        self.every *= pictures;
+        self
+    }
+
     fn opened(
         files: Vec<PathBuf>,
         mut lenses: Vec<Camera>,
@@ -162,6 +177,7 @@ impl Videos {
             lenses,
             frames,
             frame_rate: rate.unwrap_or(30.0),
+            every: 1,
             posed,
             notes,
         })
@@ -201,11 +217,14 @@ impl Pictures for Videos {
         let mut video = open(file)?;
         let mut picture = Picture::empty();
         for frame in 0..self.frames {
-            if !video.next(&mut picture)? {
-                return Err(CompletionError::Video {
-                    path: file.clone(),
-                    reason: format!("ends at frame {frame}, but had {} before", self.frames),
-                });
+            let left_out = if frame == 0 { 0 } else { self.every - 1 };
+            for _ in 0..=left_out {
+                if !video.next(&mut picture)? {
+                    return Err(CompletionError::Video {
+                        path: file.clone(),
+                        reason: format!("ends at frame {frame}, but had {} before", self.frames),
+                    });
+                }
             }
             take(
                 frame,

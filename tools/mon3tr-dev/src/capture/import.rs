@@ -21,6 +21,9 @@ pub(super) struct Options {
     /// Field of view along the longer side of a single video, degrees
     #[arg(long, value_name = "DEGREES", default_value_t = f64::from(motion_fit::landmarks::USUAL_VIEW_DEGREES))]
     fov: f64,
+    /// Take every so manieth picture
+    #[arg(long, value_name = "COUNT", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
+    every: u16,
     /// The avatar whose skeleton and face are fitted [default: the demo's]
     #[arg(long, value_name = "PACKAGE")]
     avatar: Option<PathBuf>,
@@ -30,11 +33,12 @@ pub(super) struct Options {
 
 pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     let networks = Networks::new(None, device.runtime()?)?;
-    let mut videos = if options.videos.is_dir() {
+    let videos = if options.videos.is_dir() {
         Videos::calibrated(&options.videos)?
     } else {
         Videos::single(&options.videos, options.fov)?
     };
+    let mut videos = videos.every(usize::from(options.every));
     for note in &videos.notes {
         println!("{note}");
     }

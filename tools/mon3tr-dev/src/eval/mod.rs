@@ -1,6 +1,5 @@
 //! `mon3tr-dev eval`: how well parts of the system do their work, against truth that is known.
 
-mod calibration;
 mod capture;
 mod footage;
 mod kept;
