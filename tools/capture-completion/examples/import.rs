@@ -1,4 +1,5 @@
-//! Imports calibrated videos into a capture and prints how well the motion fits them: `import FOLDER OUT [PAGE.png]`.
+//! Imports calibrated videos into a capture and prints how well the motion fits them: `import FOLDER OUT EVERY [PAGE.png]`, every EVERYth
+//! picture of them.
 //!
 //! The skeleton is the tests' puppet's, so that nothing has to be baked; its lengths become the person's.
 
@@ -10,6 +11,7 @@ use glam::Vec3;
 use motion_fit::Subject;
 use motion_fit::body::several::fit;
 use motion_fit::body::{LocatedBody, landmark_places};
+use npu_runtime::Runtime;
 use std::error::Error;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -20,23 +22,19 @@ const LIMBS: [usize; 12] = [23, 24, 25, 26, 27, 28, 11, 12, 13, 14, 15, 16];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
-    let [folder, out, page @ ..] = arguments.as_slice() else {
-        return Err("usage: import FOLDER OUT [PAGE.png]".into());
+    let [folder, out, every, page @ ..] = arguments.as_slice() else {
+        return Err("usage: import FOLDER OUT EVERY [PAGE.png]".into());
     };
     let avatar = Puppet::new(PuppetSize::SMALL).avatar();
-    let mut videos = Videos::calibrated(folder)?;
+    let every: usize = every.to_string_lossy().parse()?;
+    let mut videos = Videos::calibrated(folder)?.every(every);
     for note in &videos.notes {
         println!("{note}");
     }
+    let networks = Networks::new(None, Runtime::open(None)?)?;
     let start = Instant::now();
     let subject = Subject::from(&avatar);
-    let done = complete(
-        &mut videos,
-        &subject,
-        &Networks::open(None)?,
-        out,
-        &mut |_, _| {},
-    )?;
+    let done = complete(&mut videos, &subject, &networks, out, &mut |_, _| {})?;
     println!(
         "{} cameras, {} frames, {:.1} s",
         videos.cameras().len(),

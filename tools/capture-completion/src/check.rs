@@ -4,7 +4,7 @@ use crate::motion::view_of;
 use capture::{Camera, FramePose};
 use glam::DVec2;
 use motion_fit::body::landmark_places;
-use motion_fit::landmarks::blazepose::{ANKLES, EYES};
+use motion_fit::landmarks::blazepose::{ANKLES, EYES, LOWER, mirrored};
 use motion_fit::landmarks::{BODY_LANDMARKS, BodyLandmarks};
 use spmm3::Skeleton;
 
@@ -158,17 +158,38 @@ fn of_camera(camera: &Camera, shown: &[Shown], places: &[Places]) -> CameraRepor
     }
 }
 
-/// Root mean square distance of the sure landmarks from where the pose has them, pixels.
+/// Root mean square distance of the sure landmarks from where the pose has them, pixels. Networks take left for right, in the upper or the lower half of a
+/// body: each half counts as it fits better, as the fit over all cameras has it.
 fn error_px(camera: &Camera, seen: &BodyLandmarks, places: &Places) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for (point, place) in seen.points.iter().zip(places) {
-        if let (true, Some(place)) = (point.confidence > SURE, place) {
-            let at = camera.project(place.as_dvec3())?;
-            sum += at.distance_squared(point.pixel.as_dvec2());
-            count += 1.0;
+    let half = |range: std::ops::Range<usize>, crossed: bool| -> Option<(f64, f64)> {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for landmark in range {
+            let from = if crossed {
+                mirrored(landmark)
+            } else {
+                landmark
+            };
+            let point = &seen.points[from];
+            if let (true, Some(place)) = (point.confidence > SURE, places[landmark]) {
+                let at = camera.project(place.as_dvec3())?;
+                sum += at.distance_squared(point.pixel.as_dvec2());
+                count += 1.0;
+            }
         }
-    }
-    (count > 0.0).then(|| f64::sqrt(sum / count))
+        Some((sum, count))
+    };
+    let better = |range: std::ops::Range<usize>| {
+        let mean = |(sum, count): &(f64, f64)| sum / f64::max(*count, 1.0);
+        let (straight, crossed) = (half(range.clone(), false)?, half(range, true)?);
+        Some(if crossed.1 > 0.0 && mean(&crossed) < mean(&straight) {
+            crossed
+        } else {
+            straight
+        })
+    };
+    let (upper, lower) = (better(0..LOWER)?, better(LOWER..BODY_LANDMARKS)?);
+    let count = upper.1 + lower.1;
+    (count > 0.0).then(|| f64::sqrt((upper.0 + lower.0) / count))
 }
 
 /// The person's height in the picture, pixels: from eyes to ankles is 0.88 of it.

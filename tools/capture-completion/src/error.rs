@@ -1,7 +1,6 @@
 //! What can go wrong while a capture is completed.
 
 use capture::CaptureError;
-use npu_runtime::RuntimeError;
 use std::path::PathBuf;
 use tracker::TrackerError;
 use tracker::source::SourceError;
@@ -16,9 +15,6 @@ pub enum CompletionError {
     /// The networks.
     #[error(transparent)]
     Tracker(#[from] TrackerError),
-    /// What runs the networks.
-    #[error(transparent)]
-    Runtime(#[from] RuntimeError),
     /// A video.
     #[error(transparent)]
     Source(#[from] SourceError),

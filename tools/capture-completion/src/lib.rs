@@ -19,5 +19,5 @@ pub use error::CompletionError;
 pub use look::{Look, Networks, look};
 pub use matte::refine;
 pub use motion::{Motion, fit_motion, view_of};
-pub use pictures::{OfCapture, Pictures};
+pub use pictures::{OfCapture, Pictures, Take};
 pub use videos::Videos;

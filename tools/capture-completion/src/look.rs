@@ -25,17 +25,17 @@ pub struct Networks {
 }
 
 impl Networks {
-    /// The networks in a folder; without one, in the folder that the environment names.
+    /// The networks in a folder, run by `runtime`; without a folder, in the one that the environment names.
     ///
     /// # Errors
-    /// [`CompletionError::Tracker`] if it names none, [`CompletionError::Runtime`] if there is no ONNX Runtime.
-    pub fn open(folder: Option<&Path>) -> Result<Self, CompletionError> {
+    /// [`CompletionError::Tracker`] if it names none.
+    pub fn new(folder: Option<&Path>, runtime: Runtime) -> Result<Self, CompletionError> {
         Ok(Self {
             folder: match folder {
                 Some(folder) => folder.to_owned(),
                 None => NetworkSet::folder_of_environment()?,
             },
-            runtime: Runtime::open(None)?,
+            runtime,
         })
     }
 }

@@ -44,12 +44,13 @@ pub fn refine(photograph: &Photograph, coarse: &Mask) -> Vec<u8> {
         reason = "a few pixels; casts saturate"
     )]
     let reach = ((REACH * coarse.grain).round() as usize).clamp(1, 64);
+    let around = box_mean(&shares, size, reach);
     let filtered = guided(&guide, &shares, size, reach);
-    for (k, (filtered, coarse)) in filtered.into_iter().zip(&shares).enumerate() {
+    for (k, (filtered, around)) in filtered.into_iter().zip(&around).enumerate() {
         // Far inside and far outside the network is right and the picture's texture is not asked.
-        let value = if *coarse > 0.98 {
+        let value = if *around > 0.98 {
             1.0
-        } else if *coarse < 0.02 {
+        } else if *around < 0.02 {
             0.0
         } else {
             ((filtered - SHARP.0) / (SHARP.1 - SHARP.0)).clamp(0.0, 1.0)

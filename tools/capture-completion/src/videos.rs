@@ -9,6 +9,8 @@ use tracker::source::{self, Picture, Source, SourceChoice};
 
 /// A calibration file's ending.
 const CALIBRATION: &str = ".qca.txt";
+/// Encoders pad pictures to blocks of so many pixels on the right and below; calibrations may count the padding.
+const PADDING: u32 = 16;
 /// Endings of videos.
 const ENDINGS: [&str; 6] = ["mp4", "mov", "mkv", "webm", "avi", "y4m"];
 
@@ -21,6 +23,8 @@ pub struct Videos {
     cameras: Vec<Camera>,
     frames: usize,
     frame_rate: f64,
+    /// Pictures of the videos from one frame to the next.
+    every: usize,
     posed: bool,
     /// What was decided or left out, one sentence each.
     pub notes: Vec<String>,
@@ -93,15 +97,28 @@ impl Videos {
         Self::opened(vec![file.to_owned()], vec![lens], false)
     }
 
+    /// Only every so manieth picture becomes a frame: an avatar learns more from different poses than from many of one.
+    #[must_use]
+    pub fn every(mut self, pictures: usize) -> Self {
+        let pictures = pictures.max(1);
+        self.frames = self.frames.div_ceil(pictures);
+        #[expect(clippy::cast_precision_loss, reason = "a small number of pictures")]
+        {
+            self.frame_rate /= pictures as f64;
+        }
+        self.every *= pictures;
+        self
+    }
+
     fn opened(
         files: Vec<PathBuf>,
-        lenses: Vec<Camera>,
+        mut lenses: Vec<Camera>,
         posed: bool,
     ) -> Result<Self, CompletionError> {
         let mut notes = Vec::new();
         let mut counts = Vec::with_capacity(files.len());
         let mut rate: Option<f64> = None;
-        for (file, lens) in files.iter().zip(&lenses) {
+        for (file, lens) in files.iter().zip(&mut lenses) {
             let wrong = |reason: String| CompletionError::Video {
                 path: file.clone(),
                 reason,
@@ -109,7 +126,20 @@ impl Videos {
             let mut video = open(file)?;
             let info = video.info().clone();
             let [width, height] = lens.size;
-            if (info.width, info.height) != (width, height) {
+            let padding = |calibrated: u32, found: u32| {
+                calibrated
+                    .checked_sub(found)
+                    .is_some_and(|pixels| pixels < PADDING)
+            };
+            if padding(width, info.width) && padding(height, info.height) {
+                if (info.width, info.height) != (width, height) {
+                    notes.push(format!(
+                        "camera `{}` was calibrated at {width} x {height} pixels, of which the video has the first {} x {}",
+                        lens.name, info.width, info.height
+                    ));
+                }
+                lens.size = [info.width, info.height];
+            } else {
                 return Err(wrong(format!(
                     "has {} x {} pixels where camera `{}` has {width} x {height}",
                     info.width, info.height, lens.name
@@ -147,6 +177,7 @@ impl Videos {
             lenses,
             frames,
             frame_rate: rate.unwrap_or(30.0),
+            every: 1,
             posed,
             notes,
         })
@@ -186,11 +217,14 @@ impl Pictures for Videos {
         let mut video = open(file)?;
         let mut picture = Picture::empty();
         for frame in 0..self.frames {
-            if !video.next(&mut picture)? {
-                return Err(CompletionError::Video {
-                    path: file.clone(),
-                    reason: format!("ends at frame {frame}, but had {} before", self.frames),
-                });
+            let left_out = if frame == 0 { 0 } else { self.every - 1 };
+            for _ in 0..=left_out {
+                if !video.next(&mut picture)? {
+                    return Err(CompletionError::Video {
+                        path: file.clone(),
+                        reason: format!("ends at frame {frame}, but had {} before", self.frames),
+                    });
+                }
             }
             take(
                 frame,

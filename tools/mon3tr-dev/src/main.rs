@@ -30,7 +30,7 @@ enum Command {
     Apk(apk::Options),
     /// Time drawing and sorting on this machine
     Bench(bench::Options),
-    /// Folders of calibrated pictures of a person
+    /// Captures of a person: imported from videos, made up for tests, looked at
     Capture(capture::Options),
     /// Compare what the camera's tracker finds with the truth
     Eval(eval::Options),
@@ -47,7 +47,7 @@ fn main() -> ExitCode {
         Command::Shared(command) => command.run(device),
         Command::Apk(options) => apk::run(options),
         Command::Bench(options) => bench::run(options, device),
-        Command::Capture(options) => capture::run(options),
+        Command::Capture(options) => capture::run(options, device),
         Command::Eval(options) => eval::run(options, device),
         Command::Netlab(options) => netlab::run(options),
         Command::Reconstruct(options) => reconstruct::run(options),

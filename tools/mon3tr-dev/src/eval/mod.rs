@@ -1,7 +1,6 @@
 //! `mon3tr-dev eval`: how well parts of the system do their work, against truth that is known.
 
 mod avatar;
-mod calibration;
 mod capture;
 mod footage;
 mod kept;

@@ -3,7 +3,7 @@
 //! The whole recording is there, so frames are smoothed by what comes before and after: nothing lags.
 
 use super::bindings::{self, Binding, COUNT};
-use super::chain::{Attachment, BODY_JOINTS, Chain, Posture, wide};
+use super::chain::{Attachment, BODY_JOINTS, Chain, Posture};
 use super::lengths::{Places, as_long_as};
 use super::prior::PosePrior;
 use super::reading::Exchange;
@@ -374,6 +374,7 @@ fn single(value: f64) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::chain::wide;
     use super::*;
     use crate::landmarks::BodyPoint;
     use glam::{DMat3, DVec2, DVec3, Vec2};
@@ -453,7 +454,7 @@ mod tests {
         let places = bindings::landmark_places(skeleton, motion);
         (views.iter())
             .map(|view| {
-                let mut points = [BodyPoint::default(); crate::landmarks::BODY_LANDMARKS];
+                let mut points = [BodyPoint::default(); BODY_LANDMARKS];
                 for (point, place) in points.iter_mut().zip(places) {
                     if let Some(place) = place {
                         let pixel = view.project(&wide(place));
@@ -480,28 +481,30 @@ mod tests {
             pose.write(&mut found);
             let (true_joints, joints) = (skeleton.pose(&truth), fitted.skeleton.pose(&found));
             let root = pose.pelvis - fitted.skeleton.rest_positions()[0];
+            // The shoulder joints are not here: no landmark tells the collar's turn about itself. Their landmarks are, below.
             for joint in [
-                Pelvis,
-                LeftHip,
-                RightHip,
-                LeftKnee,
-                RightKnee,
-                LeftAnkle,
-                RightAnkle,
-                LeftShoulder,
-                RightShoulder,
-                LeftElbow,
-                RightElbow,
-                LeftWrist,
-                RightWrist,
+                Pelvis, LeftHip, RightHip, LeftKnee, RightKnee, LeftAnkle, RightAnkle, LeftElbow,
+                RightElbow, LeftWrist, RightWrist,
             ] {
                 let off = joints.position(joint) + root
                     - (true_joints.position(joint) + truth.root_translation);
+                let name = joint.name();
+                let millimetres = off.length() * 1e3;
                 assert!(
-                    off.length() < 1e-3,
-                    "{} is {:.2} mm off in frame {frame}",
-                    joint.name(),
-                    off.length() * 1e3
+                    millimetres < 1.0,
+                    "{name} is {millimetres:.2} mm off in frame {frame}"
+                );
+            }
+            found.root_translation = root;
+            let places = bindings::landmark_places(&fitted.skeleton, &found);
+            let true_places = bindings::landmark_places(&skeleton, &truth);
+            for landmark in SHOULDERS {
+                let off = places[landmark]
+                    .zip(true_places[landmark])
+                    .map(|(a, b)| a.distance(b));
+                assert!(
+                    off.is_some_and(|off| off < 1e-3),
+                    "a shoulder is {off:?} m off in frame {frame}"
                 );
             }
         }

@@ -1,0 +1,77 @@
+//! `mon3tr-dev capture import`: videos of cameras that stand still, as a capture.
+
+use anyhow::Context;
+use capture_completion::{Networks, Pictures, Videos, complete};
+use mon3tr::commands::bake::{BakeChoices, chosen_or_demo_avatar};
+use mon3tr::device_options::DeviceOptions;
+use mon3tr::progress;
+use mon3tr::stills::load_avatar;
+use motion_fit::Subject;
+use std::path::PathBuf;
+
+/// Options of `capture import`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    /// A folder with a Qualisys calibration (*.qca.txt) and a video for each camera, named as its serial; or a single video
+    #[arg(value_name = "VIDEOS")]
+    videos: PathBuf,
+    /// The capture's folder
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+    /// Field of view along the longer side of a single video, degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = f64::from(motion_fit::landmarks::USUAL_VIEW_DEGREES))]
+    fov: f64,
+    /// Take every so manieth picture
+    #[arg(long, value_name = "COUNT", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
+    every: u16,
+    /// The avatar whose skeleton and face are fitted [default: the demo's]
+    #[arg(long, value_name = "PACKAGE")]
+    avatar: Option<PathBuf>,
+    #[command(flatten)]
+    bake: BakeChoices,
+}
+
+pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
+    let networks = Networks::new(None, device.runtime()?)?;
+    let videos = if options.videos.is_dir() {
+        Videos::calibrated(&options.videos)?
+    } else {
+        Videos::single(&options.videos, options.fov)?
+    };
+    let mut videos = videos.every(usize::from(options.every));
+    for note in &videos.notes {
+        println!("{note}");
+    }
+    // Minutes of a bake come after what may be wrong with the videos.
+    let package = chosen_or_demo_avatar(options.avatar.as_deref(), &options.bake, device)?;
+    let (avatar, _) = load_avatar(&package)?;
+    let count = videos.cameras().len() * videos.frames();
+    let bar = progress::bar("importing", count);
+    let subject = Subject::from(&avatar);
+    let done = complete(
+        &mut videos,
+        &subject,
+        &networks,
+        &options.out,
+        &mut |_, _| {
+            bar.inc(1);
+        },
+    )
+    .with_context(|| format!("cannot make a capture of {}", options.videos.display()))?;
+    bar.finish_and_clear();
+    println!(
+        "{}: {} cameras, {} frames at {:.2} Hz; a person in {} of {count} pictures",
+        options.out.display(),
+        videos.cameras().len(),
+        videos.frames(),
+        videos.frame_rate(),
+        (done.observations.iter().flatten())
+            .filter(|seen| seen.body_landmarks().is_some())
+            .count()
+    );
+    println!(
+        "look at it: mon3tr-dev capture check {} --out PAGES",
+        options.out.display()
+    );
+    Ok(())
+}
