@@ -7,7 +7,7 @@ use capture::Capture;
 use capture_completion::check::{MaskFacts, Shown, report};
 use capture_completion::draw::{Drawing, Over, draw};
 use capture_completion::{Networks, Pictures, Videos, complete};
-use glam::Vec3;
+use glam::DVec3;
 use motion_fit::Subject;
 use motion_fit::body::several::fit;
 use motion_fit::body::{LocatedBody, landmark_places};
@@ -93,8 +93,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         let places = landmark_places(skeleton, &pose.on(skeleton));
         for landmark in LIMBS {
             if let (Some(place), Some(located)) = (places[landmark], located[landmark]) {
-                let [x, y, z]: [f64; 3] = located.place.into();
-                off.push(place.distance(Vec3::new(x as f32, y as f32, z as f32)));
+                let located = DVec3::from(<[f64; 3]>::from(located.place));
+                off.push(place.distance(located.as_vec3()));
             }
         }
     }

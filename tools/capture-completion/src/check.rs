@@ -1,6 +1,6 @@
 //! What is wrong with a capture, in figures and words.
 
-use crate::motion::view_of;
+use crate::motion::{on_view, view_of};
 use capture::{Camera, FramePose};
 use glam::DVec2;
 use motion_fit::body::landmark_places;
@@ -280,9 +280,8 @@ pub fn measured(
     let frames = shown.iter().map(Vec::len).min().unwrap_or(0);
     let seen: Vec<Vec<Option<BodyLandmarks>>> = (0..frames)
         .map(|frame| {
-            shown
-                .iter()
-                .map(|shown| shown[frame].landmarks.clone())
+            (cameras.iter().zip(shown))
+                .map(|(camera, shown)| Some(on_view(camera, shown[frame].landmarks.as_ref()?)))
                 .collect()
         })
         .collect();

@@ -171,7 +171,7 @@ pub fn view_of(camera: &Camera) -> View {
 }
 
 /// Landmarks of a pinhole whose pixels may be oblong, on its [`view_of`].
-fn on_view(camera: &Camera, seen: &BodyLandmarks) -> BodyLandmarks {
+pub(crate) fn on_view(camera: &Camera, seen: &BodyLandmarks) -> BodyLandmarks {
     let mut out = seen.clone();
     for point in &mut out.points {
         let y = (f64::from(point.pixel.y) - camera.centre[1]) / camera.focal[1];

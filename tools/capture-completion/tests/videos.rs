@@ -45,10 +45,12 @@ fn every_third_picture_of_a_single_video_becomes_a_frame() {
             Ok(())
         })
         .expect("all of it");
-    for ((frame, grey), expected) in seen.iter().zip([0_i32, 60, 120]) {
+    // Studio range, BT.601: luma 16 is black, 235 is white.
+    for ((frame, grey), luma) in seen.iter().zip([0.0, 60.0, 120.0]) {
+        let expected: f64 = (luma - 16.0_f64).max(0.0) * 255.0 / 219.0;
         assert!(
-            (i32::from(*grey) - expected).abs() <= 2,
-            "frame {frame} is {grey}"
+            (f64::from(*grey) - expected).abs() <= 2.0,
+            "frame {frame} is {grey} for {expected:.1}"
         );
     }
     assert_eq!(seen.len(), 3, "three frames");

@@ -227,8 +227,12 @@ impl Facets {
             .collect();
         let mut bands = vec![Vec::new(); size[1].div_ceil(rows_in_band)];
         for (index, facet) in (0u32..).zip(&facets) {
-            for band in facet.rows.start / rows_in_band..=(facet.rows.end - 1) / rows_in_band {
-                bands[band].push(index);
+            let (first, last) = (
+                facet.rows.start / rows_in_band,
+                (facet.rows.end - 1) / rows_in_band,
+            );
+            for band in &mut bands[first..=last] {
+                band.push(index);
             }
         }
         Self {

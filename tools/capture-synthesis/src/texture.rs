@@ -35,11 +35,9 @@ impl Level {
             }
             let alpha = sum[3];
             let colour = |k: usize| {
-                if alpha == 0 {
-                    (plain[k] + 2) / 4
-                } else {
-                    (sum[k] + alpha / 2) / alpha
-                }
+                (sum[k] + alpha / 2)
+                    .checked_div(alpha)
+                    .unwrap_or((plain[k] + 2) / 4)
             };
             [colour(0), colour(1), colour(2), (alpha + 2) / 4].map(byte)
         };
@@ -72,9 +70,8 @@ impl Level {
     }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "limited to 255")]
 fn byte(value: u32) -> u8 {
-    value.min(255) as u8
+    u8::try_from(value).unwrap_or(u8::MAX)
 }
 
 impl Pyramid {

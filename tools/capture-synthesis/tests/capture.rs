@@ -1,5 +1,10 @@
 //! A small capture of the demo person, whose raw material `MON3TR_MAKEHUMAN` names, read back.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "pixels and metres of small scenes"
+)]
+
 use capture::Capture;
 use capture_synthesis::noise::Noise;
 use capture_synthesis::performance;

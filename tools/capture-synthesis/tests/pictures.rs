@@ -1,5 +1,10 @@
 //! Pictures of simple bodies: what two cameras see of one point, masks against geometry, shadows, and that threads change nothing.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "pixels and metres of small scenes"
+)]
+
 use capture_synthesis::draw::Scene;
 use capture_synthesis::lens::Lens;
 use capture_synthesis::model::{Material, Model, Shade};

@@ -1,5 +1,10 @@
 //! The rasteriser against rays that are cut with every triangle in double precision.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "pixels and metres of small scenes"
+)]
+
 use capture_synthesis::lens::Lens;
 use capture_synthesis::raster::{Corner, Facets, Sample};
 use glam::{DVec3, Vec3};

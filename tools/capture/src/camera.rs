@@ -81,7 +81,9 @@ impl Camera {
             let reason =
                 "is no rotation: its rows must be perpendicular, of length 1, right-handed";
             Some(("camera_from_world", reason.to_owned()))
-        } else if !(self.camera_from_world.translation.abs().max_element() < FURTHEST) {
+        } else if !self.camera_from_world.translation.is_finite()
+            || self.camera_from_world.translation.abs().max_element() >= FURTHEST
+        {
             let reason = format!(
                 "has the translation {}; metres are needed",
                 self.camera_from_world.translation
@@ -97,7 +99,7 @@ impl Camera {
     #[must_use]
     pub fn project(&self, world: DVec3) -> Option<DVec2> {
         let sight = self.camera_from_world.transform_point3(world);
-        if !(sight.z > NEAR) {
+        if sight.z.is_nan() || sight.z <= NEAR {
             return None;
         }
         let slopes = lens::distort(&self.distortion, sight.truncate() / sight.z)?;

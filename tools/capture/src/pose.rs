@@ -114,7 +114,7 @@ pub(crate) fn read(
     }
     let basis = archive.text(BASIS).map_err(fail)?;
     let basis = basis
-        .map(|name| ExpressionBasis::new(name))
+        .map(ExpressionBasis::new)
         .transpose()
         .map_err(|e| CaptureError::field(path, BASIS, format!("is refused: {e}")))?;
     let rows = (poses.values.chunks_exact(POSES))

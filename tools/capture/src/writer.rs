@@ -70,7 +70,8 @@ impl CaptureWriter {
                 return wrong("`name` is another camera's as well");
             }
         }
-        if !(1..=MOST_FRAMES).contains(&frames) || !(frame_rate > 0.0 && frame_rate <= 1000.0) {
+        let rate_fits = frame_rate > 0.0 && frame_rate <= 1000.0;
+        if !(1..=MOST_FRAMES).contains(&frames) || !rate_fits {
             return refuse(format!(
                 "a capture has 1 to {MOST_FRAMES} frames at up to 1000 Hz, not {frames} at {frame_rate}"
             ));

@@ -242,7 +242,9 @@ fn every_way_to_break_a_capture_is_named_by_file_and_field() {
 
 #[test]
 fn a_motion_that_does_not_fit_is_named_by_its_array() {
-    let cases: [(&str, &[(&str, &[usize], usize)]); 4] = [
+    /// An array of the file: its name, its shape, how many numbers it holds.
+    type Array = (&'static str, &'static [usize], usize);
+    let cases: [(&str, &[Array]); 4] = [
         (
             "`pelvis`",
             &[("poses", &[3, 165], 495), ("expression", &[3, 50], 150)],

@@ -63,7 +63,7 @@ pub(super) fn turn_up(found: &mut Found) {
     }
     let back = DAffine3::from_mat3(turn.transpose());
     for camera in &mut found.cameras {
-        camera.camera_from_world = camera.camera_from_world * back;
+        camera.camera_from_world *= back;
     }
     let quarter = DQuat::from_mat3(&turn);
     for pose in found.poses.iter_mut().flatten() {

@@ -78,7 +78,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         observations.push(seen);
     }
     bar.finish_and_clear();
-    let subject = Subject::from(&avatar);
+    let subject = Subject::from(&*avatar);
     let rate = capture.frame_rate();
     let (poses, skeleton): (Vec<FramePose>, Skeleton) = match capture.poses() {
         Some(poses) => {

@@ -47,7 +47,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let (avatar, _) = load_avatar(&package)?;
     let count = videos.cameras().len() * videos.frames();
     let bar = progress::bar("importing", count);
-    let subject = Subject::from(&avatar);
+    let subject = Subject::from(&*avatar);
     let done = complete(
         &mut videos,
         &subject,

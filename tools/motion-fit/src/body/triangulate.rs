@@ -59,7 +59,7 @@ pub fn triangulate(views: &[View], seen: &[(Vector2<f64>, f64)]) -> Option<Locat
         }
         let eigen = normal.symmetric_eigenvalues();
         let crossing = eigen.min() / eigen.max();
-        if !(crossing > LEAST_CROSSING) {
+        if crossing.is_nan() || crossing <= LEAST_CROSSING {
             return None;
         }
         place = normal.cholesky()?.solve(&right);

@@ -289,7 +289,7 @@ fn ssim_of_one_picture_does_not_depend_on_the_ones_before() {
     for size in [[40, 31], [26, 60], [40, 31], [33, 20]] {
         let (drawn, wanted) = (picture(size[0], size[1]), picture(size[0], size[1]));
         let target = Target::new(wanted);
-        let mut take = |ssim: &mut Ssim| {
+        let take = |ssim: &mut Ssim| {
             let mut by_pixel = Picture::transparent(size[0], size[1]);
             let loss = ssim.loss(&drawn, &target, 0.5, &mut by_pixel);
             (loss.expect("one size"), by_pixel)
