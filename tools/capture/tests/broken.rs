@@ -100,7 +100,7 @@ fn every_way_to_break_a_capture_is_named_by_file_and_field() {
             "a JPEG cut short",
             |f| {
                 fs::write(f.join("frames/side/000000.png"), b"\xff\xd8\xff\xe0 no end")
-                    .expect("written")
+                    .expect("written");
             },
             &["side/000000.png", "cut short"],
         ),
@@ -111,7 +111,7 @@ fn every_way_to_break_a_capture_is_named_by_file_and_field() {
                     f.join("frames/side/000001.png"),
                     f.join("frames/side/1.png"),
                 )
-                .expect("moved")
+                .expect("moved");
             },
             &["frames/side"],
         ),
@@ -122,7 +122,7 @@ fn every_way_to_break_a_capture_is_named_by_file_and_field() {
                     f.join("frames/side/000001.png"),
                     f.join("frames/side/000001.jpg"),
                 )
-                .expect("moved")
+                .expect("moved");
             },
             &["000001.jpg", "rename"],
         ),
@@ -158,7 +158,7 @@ fn every_way_to_break_a_capture_is_named_by_file_and_field() {
                     &f.join("capture.json"),
                     "[-0.1, 0.01, 0, 0, 0]",
                     "[-0.1, 0.01]",
-                )
+                );
             },
             &["cameras[1].distortion", "5"],
         ),
@@ -194,7 +194,7 @@ fn every_way_to_break_a_capture_is_named_by_file_and_field() {
                     &f.join("capture.json"),
                     "\"name\": \"side\"",
                     "\"name\": \"front\"",
-                )
+                );
             },
             &["cameras"],
         ),

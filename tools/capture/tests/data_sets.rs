@@ -229,7 +229,7 @@ fn broken_data_sets_are_refused_by_file_and_field() {
                     &f.join("calibration_full.json"),
                     "[1, 0, 0, 0, 1, 0, 0, 0, 1]",
                     "[1, 0, 0, 0, 1, 0, 0, 0, 2]",
-                )
+                );
             },
             &["22010708.R", "rotation"],
         ),
@@ -245,7 +245,7 @@ fn broken_data_sets_are_refused_by_file_and_field() {
                     &f.join("calibration_full.json"),
                     "[0, 0, 0, 0, 0]",
                     "[0, 0, 0, 0, 0, 1]",
-                )
+                );
             },
             &["distCoeff"],
         ),
@@ -256,7 +256,7 @@ fn broken_data_sets_are_refused_by_file_and_field() {
                     &f.join("calibration_full.json"),
                     "\"imgSize\": [8, 6]",
                     "\"imgSize\": [8]",
-                )
+                );
             },
             &["22010708.imgSize"],
         ),
@@ -267,7 +267,7 @@ fn broken_data_sets_are_refused_by_file_and_field() {
                     &f.join("calibration_full.json"),
                     "\"T\": [0,",
                     "\"T\": [NaN,",
-                )
+                );
             },
             &["calibration_full.json", "line 1"],
         ),
