@@ -14,10 +14,10 @@ pub enum CompletionError {
     Capture(#[from] CaptureError),
     /// The networks.
     #[error(transparent)]
-    Tracker(#[from] TrackerError),
+    Tracker(Box<TrackerError>),
     /// A video.
     #[error(transparent)]
-    Source(#[from] SourceError),
+    Source(Box<SourceError>),
     /// A video does not fit its camera, or the folder is none of videos.
     #[error("{path} {reason}")]
     Video {
@@ -34,4 +34,17 @@ pub enum CompletionError {
         /// Frames that were looked at.
         frames: usize,
     },
+}
+
+// Boxed: both are large, and results with them are passed for every picture.
+impl From<TrackerError> for CompletionError {
+    fn from(error: TrackerError) -> Self {
+        Self::Tracker(Box::new(error))
+    }
+}
+
+impl From<SourceError> for CompletionError {
+    fn from(error: SourceError) -> Self {
+        Self::Source(Box::new(error))
+    }
 }

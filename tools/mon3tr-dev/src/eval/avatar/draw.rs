@@ -19,7 +19,7 @@ pub(super) fn view(camera: &Camera) -> View {
     let turned = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
     let pose = pinhole.camera_from_world;
     let matrix = turned * pose.matrix3;
-    let translation: DVec3 = turned * DVec3::from(pose.translation);
+    let translation = turned * pose.translation;
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the renderer computes in single precision"

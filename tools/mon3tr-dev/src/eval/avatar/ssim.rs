@@ -86,6 +86,7 @@ mod tests {
     }
 
     /// The definition, window by window, with two-dimensional weights and centred moments.
+    #[expect(clippy::cast_possible_truncation, reason = "within a small picture")]
     fn by_definition(a: &Canvas, b: &Canvas, x: i64, y: i64) -> f64 {
         let (width, height) = (a.width as i64, a.height() as i64);
         let at = |canvas: &Canvas, x: i64, y: i64, channel: usize| {

@@ -35,6 +35,7 @@ fn camera(name: &str, angle: f64) -> Camera {
 
 /// What was drawn as a masked photograph: colours without alpha, and alpha.
 fn photograph(image: &Image) -> Photograph {
+    #[expect(clippy::cast_possible_truncation, reason = "limited to 0..=255")]
     let byte = |value: f32| (value * 255.0).round().clamp(0.0, 255.0) as u8;
     let mut rgb = Vec::new();
     for [red, green, blue, alpha] in image.pixels() {
