@@ -229,7 +229,7 @@ impl OpenCamera {
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
         let source = source::open_live(choice, true);
-        // A call needs the pictures that the larger network is too late for.
+        // The larger network is too slow for a call.
         let body = BodyBy::Full;
         Self::new(source.context("cannot capture")?, options, body, device)
     }
