@@ -3,7 +3,7 @@
 
 use nalgebra::DMatrix;
 
-/// |m_a - m_b|^2 + Tr(C_a + C_b - 2 (C_a C_b)^(1/2)) of features [pictures][features]; nothing for fewer than two pictures a set, or features
+/// |m_a - m_b|^2 + Tr(C_a + C_b - 2 (C_a C_b)^(1/2)) of features, a row a picture; nothing for fewer than two pictures a set, or features
 /// of different lengths.
 ///
 /// Features are many and pictures few, so no covariance is formed: with centred rows A and B, the eigenvalues of C_a C_b other than 0 are the
