@@ -14,7 +14,7 @@ use std::path::Path;
 pub struct Completed {
     /// The motion that was written.
     pub motion: Motion,
-    /// [camera][frame]: what the networks saw, pixels on the cameras' pinholes.
+    /// By camera, then by frame: what the networks saw, pixels on the cameras' pinholes.
     pub observations: Vec<Vec<Observation>>,
 }
 

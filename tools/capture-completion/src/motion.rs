@@ -17,15 +17,15 @@ pub struct Motion {
     pub poses: Vec<FramePose>,
     /// A skeleton as long as the person, as far as that is known: for drawing and comparing, not the avatar's.
     pub skeleton: Skeleton,
-    /// [frame][camera]: root mean square distance of the landmarks from the fitted pose, pixels; `None` where no body was seen.
+    /// By frame, then by camera: root mean square distance of the landmarks from the fitted pose, pixels; `None` where no body was seen.
     pub reprojection_px: Vec<Vec<Option<f64>>>,
-    /// [frame][camera]: whether the network had left and right exchanged.
+    /// By frame, then by camera: whether the network had left and right exchanged.
     pub exchanged: Vec<Vec<bool>>,
     /// Where a single camera stands, which the fit found.
     pub camera_from_world: Option<DAffine3>,
 }
 
-/// Fits the motion to `observations[camera][frame]`, pixels on the cameras' pinholes. `posed` says that the cameras' poses are known.
+/// Fits the motion to `observationsBy camera, then by frame`, pixels on the cameras' pinholes. `posed` says that the cameras' poses are known.
 #[must_use]
 pub fn fit_motion(
     subject: &Subject<'_>,
