@@ -96,7 +96,7 @@ pub struct Report {
     pub findings: Vec<String>,
 }
 
-/// Compares `shownBy camera, then by frame` with the poses of the same frames on a skeleton as long as the person.
+/// Compares `shown[camera][frame]` with the poses of the same frames on a skeleton as long as the person.
 #[must_use]
 pub fn report(
     cameras: &[Camera],

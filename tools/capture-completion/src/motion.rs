@@ -25,7 +25,7 @@ pub struct Motion {
     pub camera_from_world: Option<DAffine3>,
 }
 
-/// Fits the motion to `observationsBy camera, then by frame`, pixels on the cameras' pinholes. `posed` says that the cameras' poses are known.
+/// Fits the motion to `observations[camera][frame]`, pixels on the cameras' pinholes. `posed` says that the cameras' poses are known.
 #[must_use]
 pub fn fit_motion(
     subject: &Subject<'_>,
