@@ -2,7 +2,7 @@
 //! of a demo's size, takes derivatives and steps, and prints milliseconds, means of many runs; with one thread those of the processor.
 
 use avatar_gradient::loss::{Pairs, Surface, guide, scale};
-use avatar_gradient::{BasisAdam, Derivatives, Model, Moved, Networks, Parameters, Posed};
+use avatar_gradient::{Derivatives, Model, Moved, Networks, Parameters, Posed, step_bases};
 use rayon::ThreadPoolBuilder;
 use splat_gradient::Attributes;
 use splat_gradient::adam::{Adam, Group};
@@ -99,7 +99,7 @@ fn measure(puppet: &Puppet) -> Result<(), Failure> {
         model.backward(&parameters, &mut posed, &by, &mut full)?;
         Ok(())
     })?;
-    let mut adam = BasisAdam::new(parameters.bases.len());
+    let mut adam = Adam::new(parameters.bases.len());
     for (name, seen, moved) in [
         ("all", &by_gaussians, Moved::All),
         ("those seen: half, by 512", &by_gaussians, Moved::Seen),
@@ -111,7 +111,14 @@ fn measure(puppet: &Puppet) -> Result<(), Failure> {
         };
         model.backward(&parameters, &mut posed, &by, &mut gradients)?;
         row(&format!("step of the bases, {name}"), || {
-            Ok(adam.step(&mut parameters.bases, &model, &posed, &[1e-6; 14], moved)?)
+            Ok(step_bases(
+                &mut adam,
+                &mut parameters.bases,
+                &model,
+                &posed,
+                &[1e-6; 14],
+                moved,
+            )?)
         })?;
     }
     let mut adams: Vec<Adam> = full.arrays().map(|(_, a)| Adam::new(a.len())).into();
@@ -150,7 +157,8 @@ fn measure(puppet: &Puppet) -> Result<(), Failure> {
         Ok(())
     })?;
     row("step of the bases with L_guide, all", || {
-        Ok(adam.step(
+        Ok(step_bases(
+            &mut adam,
             &mut parameters.bases,
             &model,
             &posed,

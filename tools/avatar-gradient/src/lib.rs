@@ -35,4 +35,4 @@ pub use exchange::Networks;
 pub use model::{Derivatives, Model, Parts};
 pub use parameters::{Layer, Parameters, Sizes};
 pub use posed::Posed;
-pub use step::{BasisAdam, Moved};
+pub use step::{Moved, step_bases};

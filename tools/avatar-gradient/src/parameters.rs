@@ -34,7 +34,7 @@ pub struct Layer {
 /// What is learnt. Each array is one group for an optimiser, or several: the planes of [`Self::gaussians`] and [`Self::bases`] have units of
 /// their own (`spmm3::attribute` says which is which).
 ///
-/// As derivatives, [`Self::bases`] may be empty: then [`crate::Model::backward`] leaves them out, and [`crate::BasisAdam`] makes the step.
+/// As derivatives, [`Self::bases`] may be empty: then [`crate::Model::backward`] leaves them out, and [`crate::step_bases`] makes the step.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Parameters {
     /// Template Gaussians in their triangles' frames, row-major [14, N_g]: metres, quaternion, ln metres, logit, coefficients of spherical
@@ -74,7 +74,7 @@ impl Parameters {
         zeros
     }
 
-    /// Derivatives without those by the bases, which [`crate::BasisAdam`] computes as it steps.
+    /// Derivatives without those by the bases, which [`crate::step_bases`] computes as it goes.
     #[must_use]
     pub fn zeros_without_bases(sizes: &Sizes) -> Self {
         let mut zeros = Self::default();

@@ -1,11 +1,11 @@
-//! Adam for the deformation bases, whose derivatives are never stored.
+//! Adam's step of the deformation bases, whose derivatives are never stored.
 
 use crate::error::{ModelError, check_count};
 use crate::model::Model;
 use crate::planes::RUN;
 use crate::posed::Posed;
 use rayon::prelude::*;
-use splat_gradient::adam::Step;
+use splat_gradient::adam::{Adam, Step};
 use spmm3::ATTRIBUTES;
 use std::ops::Range;
 
@@ -23,84 +23,60 @@ pub enum Moved {
     Seen,
 }
 
-/// Adam's moments of the bases, row-major [14, B, N_g] each. Plain arrays, so that a trainer can store them, or move them when Gaussians
-/// come and go.
+/// Makes a step of the bases down the gradient that the last [`Model::backward`] of `posed` found: the same as [`Adam::step`] by
+/// `gradients.bases`. `rates` has a learning rate for each attribute plane; at 0 its bases and their moments stay.
 ///
 /// The bases are nine tenths of an avatar's numbers. Their derivatives by one pose are products of small arrays, which the step multiplies
-/// as it goes: a step reads and writes the bases and the moments once, and nothing else of that size exists.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct BasisAdam {
-    /// Mean of the derivatives by each number, not yet corrected for its start at 0.
-    pub first: Vec<f32>,
-    /// Mean of their squares.
-    pub second: Vec<f32>,
-    /// Steps that were made.
-    pub steps: u32,
-}
-
-impl BasisAdam {
-    /// Before the first step, for so many numbers: 14 x B x N_g.
-    #[must_use]
-    pub fn new(count: usize) -> Self {
-        Self {
-            first: vec![0.0; count],
-            second: vec![0.0; count],
-            steps: 0,
-        }
+/// as it goes: it reads and writes the bases and Adam's moments, row-major [14, B, N_g] each, once, and nothing else of that size exists.
+///
+/// Runs on rayon's current pool.
+///
+/// # Errors
+/// Bases or moments of another size than the model's; a pose without derivatives or without F_attr. Nothing has changed then.
+pub fn step_bases(
+    adam: &mut Adam,
+    bases: &mut [f32],
+    model: &Model,
+    posed: &Posed,
+    rates: &[f32; ATTRIBUTES],
+    moved: Moved,
+) -> Result<(), ModelError> {
+    let derivatives = model.basis_derivatives(posed);
+    if !derivatives.fit(bases.len()) {
+        return Err(ModelError::NotPosed("derivatives by the bases"));
     }
-
-    /// Makes a step of the bases down the gradient that the last [`Model::backward`] of `posed` found: the same as `splat_gradient::Adam`
-    /// by `gradients.bases`. `rates` has a learning rate for each attribute plane; at 0 its bases and their moments stay.
-    ///
-    /// Runs on rayon's current pool.
-    ///
-    /// # Errors
-    /// Bases or moments of another size than the model's; a pose without derivatives or without F_attr. Nothing has changed then.
-    pub fn step(
-        &mut self,
-        bases: &mut [f32],
-        model: &Model,
-        posed: &Posed,
-        rates: &[f32; ATTRIBUTES],
-        moved: Moved,
-    ) -> Result<(), ModelError> {
-        let derivatives = model.basis_derivatives(posed);
-        if !derivatives.fit(bases.len()) {
-            return Err(ModelError::NotPosed("derivatives by the bases"));
+    check_count("the bases' first moments", adam.first.len(), bases.len())?;
+    check_count("the bases' second moments", adam.second.len(), bases.len())?;
+    adam.steps = adam.steps.saturating_add(1);
+    let (count, rows) = (derivatives.holds.len(), derivatives.number_of_bases);
+    let stretches = match moved {
+        Moved::All => stretches(count, |_| true),
+        Moved::Seen => stretches(count, |gaussian| derivatives.seen(gaussian)),
+    };
+    let steps = rates.map(|rate| Step::new(adam.steps, rate));
+    let numbers = bases.par_chunks_mut(count.max(1));
+    let firsts = adam.first.par_chunks_mut(count.max(1));
+    let seconds = adam.second.par_chunks_mut(count.max(1));
+    let all = numbers.zip(firsts.zip(seconds)).enumerate();
+    all.for_each(|(row, (numbers, (firsts, seconds)))| {
+        let plane = row / rows;
+        if rates[plane] == 0.0 {
+            return;
         }
-        check_count("the bases' first moments", self.first.len(), bases.len())?;
-        check_count("the bases' second moments", self.second.len(), bases.len())?;
-        self.steps = self.steps.saturating_add(1);
-        let (count, rows) = (derivatives.holds.len(), derivatives.number_of_bases);
-        let stretches = match moved {
-            Moved::All => stretches(count, |_| true),
-            Moved::Seen => stretches(count, |gaussian| derivatives.seen(gaussian)),
-        };
-        let steps = rates.map(|rate| Step::new(self.steps, rate));
-        let numbers = bases.par_chunks_mut(count.max(1));
-        let firsts = self.first.par_chunks_mut(count.max(1));
-        let seconds = self.second.par_chunks_mut(count.max(1));
-        let all = numbers.zip(firsts.zip(seconds)).enumerate();
-        all.for_each(|(row, (numbers, (firsts, seconds)))| {
-            let plane = row / rows;
-            if rates[plane] == 0.0 {
-                return;
-            }
-            let mut buffer = [0.0; RUN];
-            for range in &stretches {
-                let gradients = &mut buffer[..range.len()];
-                gradients.fill(0.0);
-                derivatives.add_to(row, range.start, gradients);
-                steps[plane].take(
-                    &mut numbers[range.clone()],
-                    gradients,
-                    &mut firsts[range.clone()],
-                    &mut seconds[range.clone()],
-                );
-            }
-        });
-        Ok(())
-    }
+        let mut buffer = [0.0; RUN];
+        for range in &stretches {
+            let gradients = &mut buffer[..range.len()];
+            gradients.fill(0.0);
+            derivatives.add_to(row, range.start, gradients);
+            steps[plane].take(
+                &mut numbers[range.clone()],
+                gradients,
+                &mut firsts[range.clone()],
+                &mut seconds[range.clone()],
+            );
+        }
+    });
+    Ok(())
 }
 
 /// Gaussians of the groups of which one is wanted, in stretches of at most [`RUN`].

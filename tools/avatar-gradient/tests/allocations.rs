@@ -1,7 +1,7 @@
 //! Posing, its derivatives and a step of the bases ask for no memory once it is there: a test program of its own, since it counts for the
 //! whole process.
 
-use avatar_gradient::{BasisAdam, Derivatives, Model, Moved, Networks, Parameters, Posed};
+use avatar_gradient::{Derivatives, Model, Moved, Networks, Parameters, Posed, step_bases};
 use rayon::ThreadPoolBuilder;
 use splat_gradient::Attributes;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -47,7 +47,7 @@ fn a_step_after_the_first_allocates_only_its_list_of_stretches() {
     .expect("the puppet's parts fit");
     let mut parameters = networks.parameters();
     let mut gradients = Parameters::zeros_without_bases(model.sizes());
-    let mut adam = BasisAdam::new(parameters.bases.len());
+    let mut adam = splat_gradient::adam::Adam::new(parameters.bases.len());
     let mut posed = Posed::new();
     let mut by_gaussians = Attributes::zeros(model.sizes().gaussians);
     by_gaussians.numbers_mut().fill(0.5);
@@ -69,8 +69,15 @@ fn a_step_after_the_first_allocates_only_its_list_of_stretches() {
             .backward(&parameters, &mut posed, &by, &mut gradients)
             .expect("everything fits");
         let rates = [1e-3; 14];
-        adam.step(&mut parameters.bases, &model, &posed, &rates, Moved::All)
-            .expect("derivatives");
+        step_bases(
+            &mut adam,
+            &mut parameters.bases,
+            &model,
+            &posed,
+            &rates,
+            Moved::All,
+        )
+        .expect("derivatives");
     };
     let pool = ThreadPoolBuilder::new().num_threads(1).build();
     let taken = pool.expect("a thread").install(|| {

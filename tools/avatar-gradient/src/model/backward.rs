@@ -30,7 +30,7 @@ pub struct Derivatives<'a> {
 
 impl Model {
     /// Adds the derivatives of a loss by all parameters to `gradients`, and returns those by the pose: by P and by the root translation,
-    /// whether or not a correction was applied. Where `gradients.bases` is empty they are left to [`crate::BasisAdam::step`].
+    /// whether or not a correction was applied. Where `gradients.bases` is empty they are left to [`crate::step_bases`].
     ///
     /// Runs on rayon's current pool. An edge or height of a triangle below ten micrometres does not turn its Gaussians: no derivative is
     /// taken through it. A template's rotation of length 0 has none.

@@ -1,7 +1,7 @@
 //! Adam's steps of the bases.
 
 use crate::people::{Person, TINY, random_attributes};
-use avatar_gradient::{BasisAdam, Derivatives, ModelError, Moved, Parameters, Posed};
+use avatar_gradient::{Derivatives, ModelError, Moved, Parameters, Posed, step_bases};
 use splat_gradient::Attributes;
 use splat_gradient::adam::{Adam, Group};
 use synthetic_person::Random;
@@ -34,7 +34,7 @@ fn derived(person: &Person, posed: &mut Posed, by: &Attributes) -> Vec<f32> {
 fn a_step_that_multiplies_as_it_goes_is_adams() {
     let mut person = Person::new(TINY);
     let mut wanted = person.parameters.bases.clone();
-    let (mut adam, mut fused) = (Adam::new(wanted.len()), BasisAdam::new(wanted.len()));
+    let (mut adam, mut fused) = (Adam::new(wanted.len()), Adam::new(wanted.len()));
     let groups = RATES.map(|rate| Group {
         count: wanted.len() / 14,
         rate,
@@ -44,15 +44,15 @@ fn a_step_that_multiplies_as_it_goes_is_adams() {
         let by = random_attributes(TINY.gaussians, &mut Random::new(seed));
         let gradients = derived(&person, &mut posed, &by);
         adam.step(&mut wanted, &gradients, &groups).expect("all");
-        fused
-            .step(
-                &mut person.parameters.bases,
-                &person.model,
-                &posed,
-                &RATES,
-                Moved::All,
-            )
-            .expect("derivatives");
+        step_bases(
+            &mut fused,
+            &mut person.parameters.bases,
+            &person.model,
+            &posed,
+            &RATES,
+            Moved::All,
+        )
+        .expect("derivatives");
         assert_eq!(person.parameters.bases, wanted, "step {seed}");
     }
     assert_eq!(
@@ -80,8 +80,9 @@ fn gaussians_that_are_not_seen_keep_their_bases() {
         .backward(&person.parameters, &mut posed, &derivatives, &mut gradients)
         .expect("fits");
     let before = person.parameters.bases.clone();
-    let mut adam = BasisAdam::new(before.len());
-    adam.step(
+    let mut adam = Adam::new(before.len());
+    step_bases(
+        &mut adam,
         &mut person.parameters.bases,
         &person.model,
         &posed,
@@ -104,7 +105,7 @@ fn a_step_needs_derivatives_of_the_pose() {
     let mut person = Person::new(TINY);
     let motion = Random::new(1).motion(0.5);
     let mut posed = person.posed(&motion);
-    let mut adam = BasisAdam::new(person.parameters.bases.len());
+    let mut adam = Adam::new(person.parameters.bases.len());
     let by = random_attributes(TINY.gaussians, &mut Random::new(1));
     derived(&person, &mut posed, &by);
     // Another pose into the same memory.
@@ -113,7 +114,8 @@ fn a_step_needs_derivatives_of_the_pose() {
         .pose(&person.parameters, &motion, None, &mut posed)
         .expect("fits");
     let before = person.parameters.bases.clone();
-    let refused = adam.step(
+    let refused = step_bases(
+        &mut adam,
         &mut person.parameters.bases,
         &person.model,
         &posed,

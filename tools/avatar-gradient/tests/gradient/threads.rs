@@ -2,8 +2,9 @@
 
 use crate::people::{Person, random_attributes};
 use avatar_gradient::loss::{Pairs, Surface, guide, scale};
-use avatar_gradient::{BasisAdam, Derivatives, Moved, Parameters};
+use avatar_gradient::{Derivatives, Moved, Parameters, step_bases};
 use rayon::ThreadPoolBuilder;
+use splat_gradient::adam::Adam;
 use synthetic_person::{PuppetSize, Random};
 
 /// Two steps of a fit: every number that comes of them.
@@ -18,7 +19,7 @@ fn fitted(threads: usize) -> Vec<u32> {
         let puppet = &person.puppet;
         let pairs = Pairs::neighbouring(&puppet.controllers);
         let mut surface = Surface::new(&puppet.template, &puppet.gaussians).expect("bound");
-        let mut adam = BasisAdam::new(person.parameters.bases.len());
+        let mut adam = Adam::new(person.parameters.bases.len());
         let mut bits = Vec::new();
         for seed in 0..2 {
             let mut posed = person.posed(&Random::new(seed).motion(0.5));
@@ -52,7 +53,8 @@ fn fitted(threads: usize) -> Vec<u32> {
                 .model
                 .backward(&person.parameters, &mut posed, &by, &mut gradients)
                 .expect("fits");
-            adam.step(
+            step_bases(
+                &mut adam,
                 &mut person.parameters.bases,
                 &person.model,
                 &posed,

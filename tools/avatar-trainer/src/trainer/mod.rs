@@ -17,7 +17,7 @@ use crate::options::Options;
 use crate::pictures::{Pair, Pictures, Split};
 use crate::schedule::{FIRST, Phase, phase};
 use crate::score::Score;
-use avatar_gradient::{Derivatives, Model, Moved, Parameters, PoseCorrection, Posed};
+use avatar_gradient::{Derivatives, Model, Moved, Parameters, PoseCorrection, Posed, step_bases};
 use optimiser::{FramePose, Optimiser, basis_planes};
 use regularise::Regularisers;
 use smoothing::Smoother;
@@ -250,7 +250,8 @@ impl Trainer<'_> {
             self.smoother.spread(gradients);
         }
         if rates.bases > 0.0 && self.model.parts.attributes {
-            self.optimiser.bases.step(
+            step_bases(
+                &mut self.optimiser.bases,
                 &mut self.parameters.bases,
                 &self.model,
                 posed,

@@ -2,7 +2,7 @@
 
 use crate::error::TrainError;
 use crate::schedule::{FIRST, Rates};
-use avatar_gradient::{BasisAdam, CORRECTION, Parameters, PoseCorrection};
+use avatar_gradient::{CORRECTION, Parameters, PoseCorrection};
 use splat_gradient::adam::{Adam, Group};
 use spmm3::{ATTRIBUTES, BODY, EXPRESSION, HANDS, attribute};
 
@@ -19,7 +19,7 @@ const FINGERS: f32 = 0.3;
 pub(super) struct Optimiser {
     /// One for each array of [`Parameters`], in their order; that of the bases is empty.
     pub(super) arrays: Vec<Adam>,
-    pub(super) bases: BasisAdam,
+    pub(super) bases: Adam,
 }
 
 impl Optimiser {
@@ -29,7 +29,7 @@ impl Optimiser {
             .map(|(name, array)| Adam::new(if name == BASES { 0 } else { array.len() }));
         Self {
             arrays: arrays.into(),
-            bases: BasisAdam::new(parameters.bases.len()),
+            bases: Adam::new(parameters.bases.len()),
         }
     }
 
