@@ -267,12 +267,7 @@ fn findings(cameras: &[CameraReport]) -> Vec<String> {
 
 /// A skeleton as long as the person whom the cameras saw; `skeleton` itself where fewer than two cameras did.
 #[must_use]
-pub fn measured(
-    skeleton: &Skeleton,
-    cameras: &[Camera],
-    shown: &[Vec<Shown>],
-    frame_rate: f64,
-) -> Skeleton {
+pub fn measured(skeleton: &Skeleton, cameras: &[Camera], shown: &[Vec<Shown>]) -> Skeleton {
     if cameras.len() < 2 {
         return skeleton.clone();
     }
@@ -285,7 +280,7 @@ pub fn measured(
                 .collect()
         })
         .collect();
-    motion_fit::body::several::fit(skeleton, &views, &seen, 1.0 / frame_rate).skeleton
+    motion_fit::body::several::measure(skeleton, &views, &seen)
 }
 
 #[cfg(test)]

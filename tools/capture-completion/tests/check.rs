@@ -132,7 +132,7 @@ fn a_skeleton_is_measured_by_what_several_cameras_saw() {
                 .collect()
         })
         .collect();
-    let found = measured(&skeleton, &cameras, &shown, 30.0);
+    let found = measured(&skeleton, &cameras, &shown);
     for joint in [Joint::LeftKnee, Joint::RightAnkle, Joint::LeftWrist] {
         let share = found.rest_offset(joint).length() / skeleton.rest_offset(joint).length();
         assert!((share - 1.1).abs() < 0.03, "{}: {share}", joint.name());

@@ -83,7 +83,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let (poses, skeleton): (Vec<FramePose>, Skeleton) = match capture.poses() {
         Some(poses) => {
             let poses = poses.iter().skip(first).take(frames).cloned().collect();
-            (poses, measured(&avatar.skeleton, &cameras, &shown, rate))
+            (poses, measured(&avatar.skeleton, &cameras, &shown))
         }
         None => {
             println!(

@@ -81,6 +81,37 @@ pub fn fit(
     frames: &[Vec<Option<BodyLandmarks>>],
     step_seconds: f64,
 ) -> RoomMotion {
+    let (labels, located) = located(views, frames);
+    let (skeleton, mut recording) = measured(skeleton, views, frames, &labels, &located);
+    recording.step = step_seconds.clamp(1e-3, 1.0);
+    let mut postures = recording.follow(&located);
+    for _ in 0..SWEEPS {
+        recording.smooth(&mut postures);
+    }
+    let poses = recording.poses(&postures);
+    RoomMotion {
+        poses,
+        skeleton,
+        located,
+    }
+}
+
+/// A skeleton as long as the person whom the cameras saw: that of [`fit`], without the motion.
+#[must_use]
+pub fn measure(
+    skeleton: &Skeleton,
+    views: &[View],
+    frames: &[Vec<Option<BodyLandmarks>>],
+) -> Skeleton {
+    let (labels, located) = located(views, frames);
+    measured(skeleton, views, frames, &labels, &located).0
+}
+
+/// For each frame, whose sides each camera has exchanged, and where the landmarks are.
+fn located(
+    views: &[View],
+    frames: &[Vec<Option<BodyLandmarks>>],
+) -> (Vec<Vec<Exchange>>, Vec<LocatedBody>) {
     let mut labels = Vec::with_capacity(frames.len());
     let mut located: Vec<LocatedBody> = Vec::with_capacity(frames.len());
     for seen in frames {
@@ -92,13 +123,25 @@ pub fn fit(
         located.push(locate(views, seen, &exchanges));
         labels.push(exchanges);
     }
+    (labels, located)
+}
+
+/// The skeleton with the person's lengths, and the recording to be followed with it.
+fn measured<'a>(
+    skeleton: &Skeleton,
+    views: &[View],
+    frames: &'a [Vec<Option<BodyLandmarks>>],
+    labels: &'a [Vec<Exchange>],
+    located: &[LocatedBody],
+) -> (Skeleton, Recording<'a>) {
     let mut skeleton = skeleton.clone();
     let mut recording = Recording {
         bindings: bindings::bind(&skeleton),
         solver: solver(&skeleton, views),
         frames,
-        labels: &labels,
-        step: step_seconds.clamp(1e-3, 1.0),
+        labels,
+        // Lengths are measured frame by frame, without time.
+        step: 1.0,
     };
     // Distances between landmarks depend on the pose, and the pose on the lengths.
     let every = frames.len().div_ceil(MEASURED).max(1);
@@ -112,16 +155,7 @@ pub fn fit(
         recording.bindings = bindings::bind(&skeleton);
         recording.solver = solver(&skeleton, views);
     }
-    let mut postures = recording.follow(&located);
-    for _ in 0..SWEEPS {
-        recording.smooth(&mut postures);
-    }
-    let poses = recording.poses(&postures);
-    RoomMotion {
-        poses,
-        skeleton,
-        located,
-    }
+    (skeleton, recording)
 }
 
 /// A solver of the skeleton's bones for several views.
@@ -148,34 +182,23 @@ impl Recording<'_> {
         let mut known = false;
         for (frame, located) in located.iter().enumerate() {
             let seen = self.is_seen(frame);
-            let posture = match postures.as_slice() {
-                _ if !known => {
-                    let mut posture = first(&self.solver, &self.bindings, located);
-                    if seen {
-                        self.pixel_terms(frame, &posture);
-                        self.solver.solve(&mut posture, FIRST);
-                        known = true;
-                        postures.fill(posture);
-                    }
-                    posture
-                }
-                [.., before, last] => {
-                    let predicted = ahead(before, last);
-                    let mut posture = predicted;
-                    self.pixel_terms(frame, &posture);
-                    self.near_terms(&predicted, 1.0);
-                    self.solver.solve(&mut posture, FURTHER);
-                    posture
-                }
-                [last] => {
-                    let mut posture = *last;
-                    self.pixel_terms(frame, &posture);
-                    self.near_terms(last, 1.0);
-                    self.solver.solve(&mut posture, FURTHER);
-                    posture
-                }
-                [] => first(&self.solver, &self.bindings, located),
+            let predicted = match postures.as_slice() {
+                [.., before, last] if known => Some(ahead(before, last)),
+                [last] if known => Some(*last),
+                _ => None,
             };
+            let mut posture =
+                predicted.unwrap_or_else(|| first(&self.solver, &self.bindings, located));
+            if let Some(predicted) = predicted {
+                self.pixel_terms(frame, &posture);
+                self.near_terms(&predicted, 1.0);
+                self.solver.solve(&mut posture, FURTHER);
+            } else if seen {
+                self.pixel_terms(frame, &posture);
+                self.solver.solve(&mut posture, FIRST);
+                known = true;
+                postures.fill(posture);
+            }
             postures.push(posture);
         }
         postures
