@@ -63,7 +63,7 @@ pub fn plan(
     let opaque = |i: usize| 1.0 / (1.0 + (-logits[i]).exp()) >= LEAST_OPACITY;
     let stays: Vec<usize> = (0..count).filter(|i| opaque(*i) && !unseen(*i)).collect();
     // Never everyone: a training that went astray keeps what it has.
-    let mut stays = if stays.len() < count / 2 {
+    let mut stays = if 2 * stays.len() < count {
         (0..count).collect()
     } else {
         stays
