@@ -10,7 +10,7 @@ fn bench_render_times_a_scene_frame_by_frame() {
         return;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (scene, cameras) = (scene(&folder), cameras(&folder));
+    let (scene, cameras) = (scene(folder.path()), cameras(folder.path()));
     let (figures, picture) = (
         folder.path().join("figures.json"),
         folder.path().join("a.png"),

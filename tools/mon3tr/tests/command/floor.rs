@@ -1,13 +1,12 @@
 //! A made-up scene: a green floor, and cameras that look at it.
 
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 
 /// Gaussians of the floor.
 pub(crate) const FLOOR: usize = 900;
 
 /// A standard PLY in COLMAP's axes (y down): a green floor of 3 x 3 units at y = 0 and one Gaussian without a position.
-pub(crate) fn scene(folder: &TempDir) -> PathBuf {
+pub(crate) fn scene(folder: &Path) -> PathBuf {
     let count = FLOOR + 1;
     let names = [
         "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
@@ -29,14 +28,14 @@ pub(crate) fn scene(folder: &TempDir) -> PathBuf {
             bytes.extend(f32::to_le_bytes(value));
         }
     }
-    let file = folder.path().join("floor.ply");
+    let file = folder.join("floor.ply");
     std::fs::write(&file, bytes).expect("a file can be written");
     file
 }
 
 /// Cameras 3 and 7, which look down at the floor from before and from the left of it.
-pub(crate) fn cameras(folder: &TempDir) -> PathBuf {
-    let file = folder.path().join("cameras.json");
+pub(crate) fn cameras(folder: &Path) -> PathBuf {
+    let file = folder.join("cameras.json");
     let half = 0.5f32.sqrt();
     let camera = |id: i32, position: [f32; 3], rotation: [[f32; 3]; 3]| {
         format!(

@@ -13,7 +13,7 @@ fn inspect_tells_a_scene_by_its_content_and_counts_what_it_leaves_out() {
         folder.path().join("odd.name"),
         folder.path().join("figures.json"),
     );
-    std::fs::rename(scene(&folder), &file).expect("a file can be renamed");
+    std::fs::rename(scene(folder.path()), &file).expect("a file can be renamed");
     let shown = mon3tr(&["inspect", text(&file), "--json", text(&figures)]).succeeds();
     for word in [
         "3DGS PLY",
@@ -46,7 +46,7 @@ fn inspect_tells_a_scene_by_its_content_and_counts_what_it_leaves_out() {
 #[test]
 fn inspect_tells_what_is_up_and_why_and_takes_another_axis() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (file, figures) = (scene(&folder), folder.path().join("figures.json"));
+    let (file, figures) = (scene(folder.path()), folder.path().join("figures.json"));
     let inspect = |arguments: &[&str]| {
         let fixed = ["inspect", text(&file), "--json", text(&figures)];
         let shown = mon3tr(&[&fixed[..], arguments].concat()).succeeds();
@@ -90,7 +90,7 @@ fn render_shows_a_scene_without_anyone_from_a_side_or_from_its_cameras() {
         return;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (scene, cameras) = (scene(&folder), cameras(&folder));
+    let (scene, cameras) = (scene(folder.path()), cameras(folder.path()));
     let picture = |out: &str, more: &[&str]| {
         let out = folder.path().join(out);
         let arguments = [
@@ -149,7 +149,7 @@ fn render_shows_a_scene_without_anyone_from_a_side_or_from_its_cameras() {
 #[test]
 fn render_explains_mistakes_about_scenes_and_cameras() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (scene, cameras) = (scene(&folder), cameras(&folder));
+    let (scene, cameras) = (scene(folder.path()), cameras(folder.path()));
     let (scene, cameras) = (text(&scene), text(&cameras));
     let render = |arguments: &[&str]| mon3tr(&[&["render"], arguments].concat());
     render(&["--background", scene, "--view", cameras, "--id", "9"])
@@ -186,7 +186,7 @@ fn render_puts_a_person_onto_a_scenes_ground_wherever_that_lies() {
         return;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (scene, package) = (scene(&folder), puppet(&folder));
+    let (scene, package) = (scene(folder.path()), puppet(&folder));
     let figures = folder.path().join("figures.json");
     let picture = |out: &str, more: &[&str]| {
         let out = folder.path().join(out);
