@@ -1,7 +1,7 @@
 //! `mon3tr demo` before a camera, or what stands in for one: what becomes of the call where something fails.
 
 use crate::command::Outcome;
-use crate::place::{Demo, Place, can_draw, crash, fails_naming, wait_for_receiver};
+use crate::place::{Demo, Place, can_draw, fails_naming, kill, wait_for_receiver};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -34,8 +34,8 @@ fn a_demo_whose_sender_dies_says_so_and_ends() {
     let place = Place::make();
     let (mut demo, said) = start(&place, &mut place.demo(&[]));
     wait_for_receiver(&mut demo, &said);
-    crash(&place, " send ");
-    fails_naming(&mut demo, &said, &["`mon3tr send` failed", "signal: 11"]);
+    kill(&place, " send ");
+    fails_naming(&mut demo, &said, &["`mon3tr send` failed", "signal: 9"]);
     place.assert_left_clean();
 }
 

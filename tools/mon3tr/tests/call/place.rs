@@ -133,13 +133,13 @@ pub(crate) fn wait_for_receiver(demo: &mut Demo, said: &Path) {
     });
 }
 
-/// Has the demo's process whose command line has these words crash.
-pub(crate) fn crash(place: &Place, words: &str) {
+/// Kills the demo's process whose command line has these words: it can say nothing.
+pub(crate) fn kill(place: &Place, words: &str) {
     let processes = place.processes();
     let one = processes.iter().find(|(_, line)| line.contains(words));
     let (number, _) = one.unwrap_or_else(|| panic!("no `{words}` in {processes:?}"));
     let number = Pid::from_raw(*number).expect("a process");
-    kill_process(number, Signal::SEGV).expect("it can be killed");
+    kill_process(number, Signal::KILL).expect("it can be killed");
 }
 
 /// Waits for a demo's end, which is to be a failure whose one error has all of these words; returns all that it said.

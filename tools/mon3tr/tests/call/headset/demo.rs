@@ -2,7 +2,7 @@
 
 use crate::command::{Outcome, json};
 use crate::house::{count, wait_for};
-use crate::place::{Demo, Place, can_draw, crash, fails_naming, wait_for_receiver};
+use crate::place::{Demo, Place, can_draw, fails_naming, kill, wait_for_receiver};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -83,8 +83,8 @@ fn a_demo_whose_monado_dies_says_so_at_once_and_ends() {
         .stderr(File::create(&said).expect("a file"));
     let mut demo = Demo::start(&mut demo);
     wait_for_receiver(&mut demo, &said);
-    crash(&place, "monado-service");
-    let named = ["Monado has ended by itself", "signal: 11"];
+    kill(&place, "monado-service");
+    let named = ["Monado has ended by itself", "signal: 9"];
     fails_naming(&mut demo, &said, &named);
     place.assert_left_clean();
 }
