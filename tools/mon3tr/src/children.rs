@@ -91,18 +91,37 @@ impl Process {
         self.finish_beside(longest, stop, || Ok(()))
     }
 
-    /// The same; an error too if what is beside it has one.
+    /// The same; an error too if what is beside it has one. Where it does not come to its end it is asked to end: it keeps what it has
+    /// until then.
     pub(crate) fn finish_beside(
         mut self,
         longest: Option<Duration>,
         stop: &AtomicBool,
         beside: impl FnMut() -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
-        match self.wait_unless(longest, stop, beside)? {
-            None if stop.load(Relaxed) => bail!("stopped before the end"),
-            Some(status) if status.success() => Ok(()),
-            Some(status) => bail!("`mon3tr {}` failed ({status})", self.name),
-            None => bail!("`mon3tr {}` takes too long", self.name),
+        let name = self.name;
+        let waited = self.wait_unless(longest, stop, beside);
+        match waited {
+            Ok(Some(status)) if status.success() => return Ok(()),
+            Ok(Some(status)) => bail!("`mon3tr {name}` failed ({status})"),
+            _ => self.stop()?,
+        }
+        waited?;
+        if stop.load(Relaxed) {
+            bail!("stopped before the end");
+        }
+        bail!("`mon3tr {name}` takes too long")
+    }
+
+    /// An error if it has failed, which it has told itself; that it has ended is none.
+    pub(crate) fn check(&mut self) -> anyhow::Result<()> {
+        let name = self.name;
+        let status = self.child.try_wait();
+        match status.with_context(|| format!("cannot watch `mon3tr {name}`"))? {
+            Some(status) if !status.success() => bail!(
+                "the call is over, because `mon3tr {name}` failed ({status}); what it said is above"
+            ),
+            _ => Ok(()),
         }
     }
 
@@ -177,12 +196,13 @@ fn command<A: AsRef<OsStr>>(
 }
 
 /// Has a process asked to end when the thread that starts it ends, also where this process is killed and can do nothing about it any
-/// more. Linux alone can do that.
+/// more. A terminal's Ctrl-C then is for this process alone: one that is asked to end twice keeps nothing. Linux alone can do that.
 pub(crate) fn end_with_this(command: &mut Command) {
     #[cfg(target_os = "linux")]
     {
         use rustix::process::{Signal, set_parent_process_death_signal};
         use std::os::unix::process::CommandExt;
+        command.process_group(0);
         // SAFETY: between fork and exec only one system call is made, and nothing is allocated.
         unsafe {
             command.pre_exec(|| Ok(set_parent_process_death_signal(Some(Signal::TERM))?));

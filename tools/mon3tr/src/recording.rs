@@ -6,6 +6,7 @@ use anyhow::{Context, bail};
 use motion_fit::Fitted;
 use motion_fit::landmarks::{Camera, Observation};
 use spmm3::{Avatar, MotionClip};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use tracker::source::SourceInfo;
 
 /// Pictures of a recording that are drawn beside the avatar, at most: as many as an animation has.
@@ -31,16 +32,21 @@ pub(crate) struct TrackedRecording {
 }
 
 impl TrackedRecording {
-    /// Tracks the first `most` pictures of a recording that was opened.
+    /// Tracks the first `most` pictures of a recording that was opened, or those until `stop` becomes true.
     ///
     /// # Errors
     /// If it cannot be read, the networks fail, or there is no person in it.
-    pub(crate) fn track(mut capture: CameraCapture, most: usize) -> anyhow::Result<Self> {
+    pub(crate) fn track(
+        mut capture: CameraCapture,
+        most: usize,
+        stop: &AtomicBool,
+    ) -> anyhow::Result<Self> {
         let info = capture.source().info().clone();
         let known = info.frames.and_then(|frames| usize::try_from(frames).ok());
         let bar = progress::bar("tracking", known.map_or(0, |known| known.min(most)));
         let mut seen = Vec::new();
         while seen.len() < most
+            && !stop.load(Relaxed)
             && let Some(tracked) = capture.track()?
         {
             seen.push(Seen {
@@ -58,8 +64,11 @@ impl TrackedRecording {
             figures: capture.figures(),
         };
         if recording.with_person() == 0 {
+            if stop.load(Relaxed) {
+                bail!("stopped before a person was seen");
+            }
             bail!(
-                "there is no person in any of the {} pictures of {}",
+                "there is no person in any of the {} pictures of {}: head and shoulders have to be seen",
                 recording.seen.len(),
                 recording.info.name
             );

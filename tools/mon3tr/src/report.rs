@@ -5,6 +5,7 @@ use crate::scenery::SceneFigures;
 use crate::size::{Size, Views};
 use anyhow::{Context, bail};
 use app_pipeline::profile::StageSummary;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use npu_runtime::Runtime;
 use profile_report::AvatarFigures;
 use renderer_splat::back_ends::BackEndTrial;
@@ -206,6 +207,16 @@ fn call_line(call: &serde_json::Value) -> Option<String> {
         number("/pictures/per_second")?,
         number("/display_hz")?
     ))
+}
+
+/// A file to write, of the one format that its name's ending tells, such as `npz`.
+pub(crate) fn file_of_format(ending: &'static str) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(move |file| {
+        let is_told = (file.extension()).is_some_and(|told| told.eq_ignore_ascii_case(ending));
+        is_told.then_some(file).ok_or_else(|| {
+            format!("give a name that ends in .{ending}: no other format is written")
+        })
+    })
 }
 
 /// Makes sure, before minutes of work, that a file can be written to `path`.

@@ -1,7 +1,6 @@
 //! A video with what the networks saw in it, and beside it the avatar that follows, from the same camera.
 
 use crate::composed::{Composition, Facing};
-use crate::device_options::DeviceOptions;
 use crate::film::Film;
 use crate::progress;
 use crate::recording::{DRAWN, TrackedRecording};
@@ -10,28 +9,29 @@ use crate::stills::{RenderSettings, StillRenderer};
 use anyhow::Context;
 use app_session::display::Still;
 use renderer_splat::options::Filter;
-use spmm3::Avatar;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 use tracker::source::{self, Picture, SourceChoice};
 
 /// Height of the animation, pixels.
 const HEIGHT: u32 = 480;
 
-/// Reads the recording again and draws it beside the avatar into the animation `file`.
+/// Reads the recording again and draws it beside the avatar into the animation `file`: all of it, or as much as there is when `stop`
+/// becomes true.
 pub(crate) fn draw(
     choice: &SourceChoice,
     recording: &TrackedRecording,
-    avatar: &Arc<Avatar>,
-    device: &DeviceOptions,
+    renderer: &StillRenderer<'_>,
+    stop: &AtomicBool,
     file: &Path,
 ) -> anyhow::Result<()> {
     let TrackedRecording { seen, camera, .. } = recording;
     let mut source = source::open(choice)?;
     let composition = Composition::of_height(camera, HEIGHT);
     let shown = &seen[..seen.len().min(DRAWN)];
-    let stills = shown.iter().map(|seen| Still {
+    let asked = shown.iter().take_while(|_| !stop.load(Relaxed));
+    let stills = asked.map(|seen| Still {
         motion: seen.fitted.motion.clone(),
         cameras: vec![composition.eye(seen.fitted.camera_from_room)],
     });
@@ -40,12 +40,6 @@ pub(crate) fn draw(
         views: Views::Mono,
         background: None,
         filter: Filter::Dilation,
-    };
-    let (gpu, runtime) = (device.gpu()?, device.runtime()?);
-    let renderer = StillRenderer {
-        gpu: &gpu,
-        runtime: &runtime,
-        avatar,
     };
     let mut film = Film::start(file.to_owned());
     let bar = progress::bar("drawing side by side", shown.len());

@@ -17,7 +17,7 @@ pub enum SendError {
         .0.display()
     )]
     NotUploaded(PathBuf),
-    /// The source of motion failed.
-    #[error("the source of motion failed")]
-    Capture(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// The source of motion failed, as it says itself.
+    #[error(transparent)]
+    Capture(Box<dyn std::error::Error + Send + Sync>),
 }

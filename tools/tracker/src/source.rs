@@ -23,7 +23,7 @@ mod v4l2;
 mod y4m;
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, stdin};
+use std::io::{self, BufRead, BufReader, stdin};
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use std::thread::Builder;
@@ -43,6 +43,9 @@ const READ_AHEAD: usize = 2;
 const LONGEST_START: Duration = Duration::from_secs(30);
 /// Without a picture of an address, a pipe or a recording that is read ahead.
 const LONGEST_SILENCE: Duration = Duration::from_secs(20);
+
+/// Why there is no picture in a file or a pipe of no bytes.
+const EMPTY: &str = "it is empty";
 
 /// The start of a y4m file.
 const Y4M_SIGNATURE: &[u8] = b"YUV4MPEG2";
@@ -150,7 +153,7 @@ fn standard_input(changing_size: bool) -> Result<Box<dyn Source>, SourceError> {
     } else if start.is_empty() {
         Err(SourceError::NoPicture {
             name,
-            why: "it is empty".to_owned(),
+            why: EMPTY.to_owned(),
         })
     } else {
         Err(SourceError::Malformed {
@@ -165,13 +168,26 @@ fn name_of(path: &Path) -> String {
 }
 
 fn reader(path: &Path) -> Result<BufReader<File>, SourceError> {
-    let refused = |source| SourceError::Read {
-        name: name_of(path),
-        source,
+    let refused = |source: io::Error| match source.kind() {
+        io::ErrorKind::NotFound => SourceError::NotThere {
+            name: name_of(path),
+        },
+        _ => SourceError::Read {
+            name: name_of(path),
+            source,
+        },
     };
     let file = File::open(path).map_err(refused)?;
-    if file.metadata().map_err(refused)?.is_dir() {
-        return Err(refused(std::io::ErrorKind::IsADirectory.into()));
+    let found = file.metadata().map_err(refused)?;
+    if found.is_dir() {
+        return Err(refused(io::ErrorKind::IsADirectory.into()));
+    }
+    // A pipe's length is not known.
+    if found.is_file() && found.len() == 0 {
+        return Err(SourceError::NoPicture {
+            name: name_of(path),
+            why: EMPTY.to_owned(),
+        });
     }
     Ok(BufReader::with_capacity(1 << 16, file))
 }

@@ -79,12 +79,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                 compiled,
             })
         }
-        _ => Written::Baked(Box::new(bake_to(
-            &options.choices,
-            npu.as_ref(),
-            out,
-            device,
-        )?)),
+        _ => {
+            let figures = bake_to(&options.choices, npu.as_ref(), out, device)?;
+            figures.print();
+            Written::Baked(Box::new(figures))
+        }
     };
     write_json(options.json.as_deref(), &figures)
 }
@@ -169,7 +168,7 @@ pub(crate) fn baked_demo_avatar(
     let package = cache()?.join("avatars").join(file);
     if !package.is_file() {
         println!(
-            "baking the demo avatar with {} Gaussians, once: this takes some minutes",
+            "baking the demo avatar with {} Gaussians, once: one to three minutes",
             choices.gaussians
         );
         bake_to(choices, None, &package, device)?;
@@ -177,7 +176,7 @@ pub(crate) fn baked_demo_avatar(
     Ok(package)
 }
 
-/// Bakes the demo person into the package `out`, compiled for `npu` too if there is one, and prints what was measured.
+/// Bakes the demo person into the package `out`, compiled for `npu` too if there is one.
 fn bake_to(
     choices: &BakeChoices,
     npu: Option<&Npu>,
@@ -225,14 +224,12 @@ fn bake_to(
         .context("cannot put the avatar together")?;
     let compiled = npu.map(|npu| npu.compile(&mut avatar)).transpose()?;
     let package_bytes = save(&avatar, out)?;
-    let figures = BakeFigures {
+    Ok(BakeFigures {
         package: out.to_path_buf(),
         package_bytes,
         measured,
         compiled,
-    };
-    figures.print();
-    Ok(figures)
+    })
 }
 
 /// Draws held-out poses for the report, with one renderer for all pictures of a size.

@@ -151,7 +151,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                 // Before that, people who see themselves move already, and those who are to calibrate do it.
                 Motion::Camera(capture) if shown.is_some() || capture.is_calibrating() => {
                     if capture.track()?.is_none() {
-                        break;
+                        bail!("{name} has ended before a viewer came");
                     }
                 }
                 _ => std::thread::sleep(LOOK),
@@ -257,16 +257,18 @@ impl Options {
 
 impl Report {
     fn print(&self) {
-        if let Some(camera) = &self.camera {
+        let sent = &self.sent;
+        // Without a viewer, pictures are not looked at as a rule.
+        let camera = self.camera.as_ref().filter(|camera| camera.pictures > 0);
+        if let Some(camera) = camera {
             camera.print();
         }
-        let sent = &self.sent;
-        if let Some(camera) = &self.camera {
+        if let Some(latency_ms) = camera.and_then(|camera| camera.latency_ms) {
             let encode_ms = sent.encode_ns as f64 / 1e6 / sent.encoded.max(1) as f64;
             println!(
                 "{:.1} motions a second; from the light to the packet {:.1} ms, the median with the mean of encoding",
                 f64::from(sent.captured) / self.seconds.max(1e-3),
-                camera.latency_ms + encode_ms
+                latency_ms + encode_ms
             );
         }
         if let Some(line) = self.memory.line() {

@@ -3,12 +3,14 @@
 use crate::camera::{CameraCapture, CaptureOptions, OpenCamera};
 use crate::commands::bake::{BakeChoices, chosen_or_demo_avatar};
 use crate::device_options::{DeviceOptions, make_folder};
+use crate::network::Network;
 use crate::recording::TrackedRecording;
-use crate::report::{check_writable, write_json};
+use crate::report::{check_writable, file_of_format, write_json};
 use crate::side_by_side;
-use crate::stills::load_avatar;
+use crate::stills::{StillRenderer, load_avatar};
 use anyhow::{Context, bail};
 use std::path::PathBuf;
+use std::sync::atomic::Ordering::Relaxed;
 use tracker::mediapipe::BodyBy;
 use tracker::source::SourceChoice;
 
@@ -18,13 +20,13 @@ const MOST_FRAMES: usize = 72_000;
 /// Options of `track`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// A video file, a folder of pictures, or - for a .y4m or MJPEG stream on standard input
+    /// A video file or its URL, a folder of pictures, or - for a .y4m or MJPEG stream on standard input; a camera is for send and demo
     #[arg(value_name = "VIDEO")]
     video: SourceChoice,
-    /// The motion, as SMPL-X and AMASS write it
-    #[arg(long, value_name = "FILE.npz", default_value = "motion.npz")]
+    /// The motion, as SMPL-X and AMASS write it. The folders of this and of the other files are made if missing
+    #[arg(long, value_name = "FILE.npz", default_value = "motion.npz", value_parser = file_of_format("npz"))]
     out: PathBuf,
-    /// The avatar whose skeleton and face are fitted [default: the demo's]
+    /// The avatar whose skeleton and face are fitted [default: the demo's, baked once: one to three minutes]
     #[arg(long, value_name = "PACKAGE")]
     avatar: Option<PathBuf>,
     #[command(flatten)]
@@ -35,8 +37,8 @@ pub struct Options {
     /// is asked for
     #[arg(long, value_name = "full|heavy|both", default_value = BodyBy::Full.name(), conflicts_with = "body_model")]
     body: BodyBy,
-    /// Draw the avatar beside the video, into this animation
-    #[arg(long, value_name = "FILE.webp")]
+    /// Draw the avatar beside the video, into this animation. The video is read again for it, which standard input cannot be
+    #[arg(long, value_name = "FILE.webp", value_parser = file_of_format("webp"))]
     render: Option<PathBuf>,
     /// Write every figure as JSON
     #[arg(long, value_name = "FILE")]
@@ -55,6 +57,12 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             "--render reads the video a second time, and standard input cannot be: write it to a file first"
         );
     }
+    // What may be missing comes before minutes of work.
+    let open = OpenCamera::recorded(&options.video, &options.capture, options.body, device)?;
+    let drawing = match &options.render {
+        Some(file) => Some((file, device.gpu()?, device.runtime()?)),
+        None => None,
+    };
     for file in [
         Some(&options.out),
         options.render.as_ref(),
@@ -63,17 +71,16 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     .into_iter()
     .flatten()
     {
-        if let Some(folder) = file.parent() {
-            make_folder(folder)?;
-        }
+        file.parent().map_or(Ok(()), make_folder)?;
         check_writable(file)?;
     }
-    // Before a bake of minutes.
-    let open = OpenCamera::recorded(&options.video, &options.capture, options.body, device)?;
     let package = chosen_or_demo_avatar(options.avatar.as_deref(), &options.bake, device)?;
     let (avatar, _) = load_avatar(&package)?;
+    let network = Network::start()?;
+    // From here on Ctrl-C leaves what there is.
+    let stop = network.stop_on_signal();
     let capture = CameraCapture::new(open, &avatar, None);
-    let recording = TrackedRecording::track(capture, MOST_FRAMES)?;
+    let recording = TrackedRecording::track(capture, MOST_FRAMES, &stop)?;
     if recording.seen.len() == MOST_FRAMES {
         log::warn!("only the first {MOST_FRAMES} pictures are tracked");
     }
@@ -90,9 +97,18 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         recording.seen.len(),
     );
     recording.figures.print();
-    if let Some(file) = &options.render {
-        side_by_side::draw(&options.video, &recording, &avatar, device, file)?;
+    write_json(options.json.as_deref(), &recording.figures)?;
+    if let (Some((file, gpu, runtime)), false) = (&drawing, stop.load(Relaxed)) {
+        let renderer = StillRenderer {
+            gpu,
+            runtime,
+            avatar: &avatar,
+        };
+        side_by_side::draw(&options.video, &recording, &renderer, &stop, file)?;
         println!("{}", file.display());
     }
-    write_json(options.json.as_deref(), &recording.figures)
+    if stop.load(Relaxed) {
+        bail!("stopped before the end: the files above have what there was until then");
+    }
+    Ok(())
 }

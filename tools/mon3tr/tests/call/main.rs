@@ -5,12 +5,14 @@
 #[path = "../command/support.rs"]
 #[allow(dead_code, reason = "shared with the tests of the other sub-commands")]
 mod command;
+mod demo;
 mod headset;
 mod house;
 mod interop;
 mod network;
 mod outage;
 mod people;
+mod place;
 mod restart;
 mod room;
 

@@ -203,9 +203,16 @@ fn what_a_camera_cannot_do_is_said_in_one_line() {
     let track =
         |video: &str| mon3tr(&["track", video, "--avatar", package, "--out", &path("m.npz")]);
     track("0").fails_naming(&["recording", "send --camera"]);
-    track(&path("nothing.mp4")).fails_naming(&["nothing.mp4"]);
+    let absent = path("nothing.mp4");
+    track(&absent).fails_naming(&[&format!("error: there is no file or folder {absent}: give")]);
     std::fs::create_dir(path("empty")).expect("a folder");
     track(&path("empty")).fails_naming(&["empty"]);
+    for (flag, file, ending) in [
+        ("--render", "side.gif", ".webp"),
+        ("--out", "m.bvh", ".npz"),
+    ] {
+        mon3tr(&["track", &absent, flag, &path(file)]).fails_naming(&[file, ending]);
+    }
     mon3tr(&["send", "--avatar", package, "--camera", "/dev/video99"])
         .fails_naming(&["/dev/video99"]);
     mon3tr(&[

@@ -92,13 +92,31 @@ pub enum SourceError {
         /// Where it was looked for.
         looked: String,
     },
-    /// ffmpeg could not decode it.
+    /// A file in which ffmpeg finds no video.
+    #[error(
+        "{name} is no video that ffmpeg reads ({why}): give a video file, or a folder of PNG or JPEG pictures"
+    )]
+    NotAVideo {
+        /// The source's name.
+        name: String,
+        /// What ffmpeg said.
+        why: String,
+    },
+    /// ffmpeg could not read an address, or could not be started.
     #[error("ffmpeg cannot read {name}: {why}")]
     Ffmpeg {
         /// The source's name.
         name: String,
         /// What ffmpeg said.
         why: String,
+    },
+    /// No such file or folder.
+    #[error(
+        "there is no file or folder {name}: give a video file, or a folder of PNG or JPEG pictures"
+    )]
+    NotThere {
+        /// The source's name.
+        name: String,
     },
     /// The file, folder or pipe could not be read.
     #[error("cannot read {name}")]

@@ -23,6 +23,7 @@ use program::Running;
 pub(super) struct Input {
     name: String,
     argument: OsString,
+    is_file: bool,
     live: bool,
     before: &'static [&'static str],
     /// What must not be shown, and what is shown in its place.
@@ -37,6 +38,7 @@ impl Input {
         Self {
             name: path.display().to_string(),
             argument,
+            is_file: true,
             live: false,
             before: &[],
             hidden: Vec::new(),
@@ -49,6 +51,7 @@ impl Input {
         Self {
             name: without_password(url),
             argument: url.into(),
+            is_file: false,
             live,
             before: match (live, url.starts_with("rtsp")) {
                 // UDP loses packets, which smear pictures for seconds.
@@ -201,7 +204,8 @@ impl Source for Decoded {
                 let status = self.running.end();
                 if status.is_none_or(|status| !status.success()) {
                     let words = self.running.words();
-                    let why = words.last.as_deref().unwrap_or("it does not say why");
+                    let why = words.cause();
+                    let why = why.as_deref().unwrap_or("ffmpeg does not say why");
                     log::warn!(
                         "{} breaks off after {} pictures: {why}",
                         self.info.name,

@@ -10,7 +10,7 @@ use link_http::Client;
 use serde_json::Value;
 use std::ffi::OsString;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// What the receiver needs beyond the motion: to fetch the avatar, to prepare, to write the pictures.
@@ -38,17 +38,17 @@ pub(super) enum Length {
     Seconds(f64),
 }
 
-/// Holds the call and returns the receiver's figures; a window leaves none.
-pub(super) fn run(options: &Options, package: &Path, mut shown: Shown) -> anyhow::Result<Value> {
+/// Holds the call and returns the receiver's figures; a window leaves none. When `stop` becomes true, the call ends and is an error: what
+/// was shown until then is kept.
+pub(super) fn run(
+    options: &Options,
+    package: &Path,
+    mut shown: Shown,
+    network: &Network,
+    stop: &AtomicBool,
+) -> anyhow::Result<Value> {
     let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
     let server = LocalServer::start(folder.path())?;
-    let network = Network::start()?;
-    let stop = match &shown {
-        // From here on Ctrl-C leaves no folder behind either.
-        Shown::Window | Shown::Headset { .. } => network.stop_on_signal(),
-        // What is drawn after the call would not look whether it is to stop.
-        Shown::Offscreen { .. } => Arc::default(),
-    };
     let client = Client::new(None)?;
     let (sender_link, viewer_link) = network.block_on(server.open_room(&client))?;
 
@@ -102,7 +102,7 @@ pub(super) fn run(options: &Options, package: &Path, mut shown: Shown) -> anyhow
     println!(
         "a call on this machine: a server, a sender and a receiver, each a process of its own"
     );
-    let sender = Process::start_sender(send, &server.owner_token)?;
+    let mut sender = Process::start_sender(send, &server.owner_token)?;
     let environment = match &shown {
         Shown::Headset { monado, .. } => monado.as_ref().map_or_else(Vec::new, Monado::environment),
         Shown::Window | Shown::Offscreen { .. } => Vec::new(),
@@ -110,13 +110,13 @@ pub(super) fn run(options: &Options, package: &Path, mut shown: Shown) -> anyhow
     let receiver = Process::start_in(environment, "receive", receive, Output::Shown)?;
     match &mut shown {
         Shown::Window => {
-            receiver.finish_unless(None, &stop)?;
+            receiver.finish_beside(None, stop, || sender.check())?;
             return Ok(Value::Null);
         }
         Shown::Offscreen { seconds } => {
             let longest = BESIDES + Duration::from_secs_f64(*seconds);
-            receiver.finish_unless(Some(longest), &stop)?;
-            sender.finish_unless(Some(BESIDES), &stop)?;
+            receiver.finish_beside(Some(longest), stop, || sender.check())?;
+            sender.finish_unless(Some(BESIDES), stop)?;
         }
         Shown::Headset { monado, length } => {
             // A frame a second at the slowest.
@@ -124,9 +124,12 @@ pub(super) fn run(options: &Options, package: &Path, mut shown: Shown) -> anyhow
                 Length::Frames(frames) => Duration::from_secs(*frames as u64),
                 Length::Seconds(seconds) => Duration::from_secs_f64(*seconds),
             };
-            // The receiver would wait for it to come back, and it does not.
-            let lives = || monado.as_mut().map_or(Ok(()), Monado::check);
-            receiver.finish_beside(Some(BESIDES + most), &stop, lives)?;
+            // The receiver would wait for either to come back, and it does not.
+            let live = || {
+                sender.check()?;
+                monado.as_mut().map_or(Ok(()), Monado::check)
+            };
+            receiver.finish_beside(Some(BESIDES + most), stop, live)?;
             sender.stop()?;
         }
     }

@@ -10,6 +10,7 @@ use crate::device_options::{DeviceOptions, make_folder};
 use crate::film::write_png;
 use crate::gaze::{GazeChoice, Sight};
 use crate::monado::{self, Monado};
+use crate::network::Network;
 use crate::performance::{MOTION_RATE, MotionOptions, Performance};
 use crate::progress;
 use crate::recording::TrackedRecording;
@@ -27,9 +28,9 @@ use clap::ValueEnum;
 use image::{RgbImage, imageops};
 use renderer_splat::options::Filter;
 use renderer_vulkan::gpu::Gpu;
-use spmm3::Avatar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use tracker::mediapipe::BodyBy;
 use tracker::source::SourceChoice;
 
@@ -48,8 +49,12 @@ const VIEWS: [&str; 6] = ["front", "side", "back", "waist-up", "face", "hands"];
 /// Frames drawn to measure stereo.
 const STEREO_FRAMES: usize = 30;
 
+/// What of `--camera` the demo takes: all that `send` does but standard input.
+const CAMERA_HELP: &str = "Capture the motion from a camera: its number or device (0, /dev/video0), or what stands in for one: a video file or URL, or a folder of pictures";
+
 /// Options of `demo`.
 #[derive(Debug, clap::Args)]
+#[command(mut_arg("camera", |camera| camera.help(CAMERA_HELP)))]
 pub struct Options {
     #[command(flatten)]
     motion: MotionOptions,
@@ -106,6 +111,8 @@ struct Show<'a> {
     performance: &'a Performance,
     out: &'a Path,
     setting: &'a RenderSettings,
+    /// Becomes true on Ctrl-C.
+    stop: &'a AtomicBool,
 }
 
 /// Runs `demo`.
@@ -127,6 +134,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         Display::Xr => None,
         Display::Offscreen | Display::Window => Some(device.gpu()?),
     };
+    let recording = options.open_camera(device)?;
     if options.display == Display::Window {
         drop(window::events(
             "leave out --display window, and demo draws pictures instead",
@@ -138,7 +146,6 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         make_folder(&options.out)?;
         options.json.as_deref().map_or(Ok(()), check_writable)?;
     }
-    let recording = options.open_recording(device)?;
     // Before the bake, and gone when this returns.
     let monado = match options.display {
         Display::Xr if !monado::is_another_active() => Some(Monado::start()?),
@@ -149,7 +156,22 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         None => baked_demo_avatar(&options.bake, device)?,
     };
     let (avatar, figures) = load_avatar(&package)?;
-    let performance = options.performance(recording, &avatar, device)?;
+    let network = Network::start()?;
+    // From here on Ctrl-C leaves what there is, and no temporary folder.
+    let stop = network.stop_on_signal();
+    let still_renderer = gpu.as_ref().map(|gpu| StillRenderer {
+        gpu,
+        runtime: &runtime,
+        avatar: &avatar,
+    });
+    let performance = match (&options.camera.camera, recording, &still_renderer) {
+        (None, ..) => Some(options.motion.load(&avatar)?),
+        (Some(choice), Some(recording), Some(renderer)) => {
+            Some(options.tracked(choice, recording, renderer, &stop)?)
+        }
+        // What a camera will see, or what a window or a headset alone shows of a recording.
+        (Some(_), ..) => None,
+    };
     // A camera has no end.
     let seconds = performance.as_ref().map_or(LONGEST_CALL, |performance| {
         (performance.frames.len() as f64 / MOTION_RATE).min(LONGEST_CALL)
@@ -159,22 +181,22 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         Some(_) => seconds.max(SHORTEST_CALL),
         None => seconds,
     };
-    let gpu = match gpu {
-        Some(_) if options.display == Display::Window => {
-            return call::run(options, &package, Shown::Window).map(drop);
-        }
-        Some(gpu) => gpu,
-        None => {
-            let length = match options.motion.count() {
+    let shown = match options.display {
+        Display::Window => Shown::Window,
+        Display::Offscreen => Shown::Offscreen { seconds },
+        Display::Xr => Shown::Headset {
+            monado,
+            length: match options.motion.count() {
                 Some(frames) => Length::Frames(frames),
                 None => Length::Seconds(seconds),
-            };
-            let call = call::run(options, &package, Shown::Headset { monado, length })?;
-            return write_json(options.json.as_deref(), &call);
-        }
+            },
+        },
     };
-    let call = call::run(options, &package, Shown::Offscreen { seconds })?;
-    let Some(performance) = performance else {
+    let call = call::run(options, &package, shown, &network, &stop)?;
+    let (Some(performance), Some(renderer), Display::Offscreen) =
+        (performance, still_renderer, options.display)
+    else {
+        // A window leaves no figures, and was asked for none.
         return write_json(options.json.as_deref(), &call);
     };
 
@@ -189,14 +211,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         filter: scenery.as_ref().map_or(Filter::Dilation, Scenery::filter),
     };
     let show = Show {
-        renderer: StillRenderer {
-            gpu: &gpu,
-            runtime: &runtime,
-            avatar: &avatar,
-        },
+        renderer,
         performance: &performance,
         out: &options.out,
         setting: &setting,
+        stop: &stop,
     };
     let (stereo, stereo_picture) = show.stereo(&options.view)?;
     let mut pictures = vec![stereo_picture];
@@ -217,40 +236,40 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
 }
 
 impl Options {
-    /// The recording that is tracked and drawn beside the avatar, if there is one: before a bake of minutes. What a window or a headset
-    /// shows is the call alone.
-    fn open_recording(&self, device: &DeviceOptions) -> anyhow::Result<Option<OpenCamera>> {
-        match &self.camera.camera {
-            Some(SourceChoice::Stdin) => bail!(
-                "the demo reads a recording more than once, and standard input cannot be: write it to a file first"
-            ),
-            Some(choice) if self.display == Display::Offscreen && !choice.is_live() => {
-                OpenCamera::recorded(choice, &self.camera.capture, BodyBy::Full, device).map(Some)
-            }
-            _ => Ok(None),
-        }
-    }
-
-    /// The motion that is known before the call: a clip's or a recording's, not a camera's.
-    fn performance(
-        &self,
-        recording: Option<OpenCamera>,
-        avatar: &Arc<Avatar>,
-        device: &DeviceOptions,
-    ) -> anyhow::Result<Option<Performance>> {
-        let Some(choice) = &self.camera.camera else {
-            return self.motion.load(avatar).map(Some);
-        };
-        let Some(recording) = recording else {
+    /// Opens the camera or recording, before a bake of minutes and a call that would wait for it. A recording is kept, to be tracked and
+    /// drawn beside the avatar; of a camera, and of what a window or a headset shows, the call's sender has to have it for itself.
+    fn open_camera(&self, device: &DeviceOptions) -> anyhow::Result<Option<OpenCamera>> {
+        let (Some(choice), capture) = (&self.camera.camera, &self.camera.capture) else {
             return Ok(None);
         };
-        let capture = CameraCapture::new(recording, avatar, None);
-        let recording = TrackedRecording::track(capture, LONGEST_RECORDING)?;
+        if *choice == SourceChoice::Stdin {
+            bail!(
+                "the demo reads a recording more than once, and standard input cannot be: write it to a file first"
+            );
+        }
+        if self.display == Display::Offscreen && !choice.is_live() {
+            return OpenCamera::recorded(choice, capture, BodyBy::Full, device).map(Some);
+        }
+        OpenCamera::live(choice, capture, device).map(drop)?;
+        Ok(None)
+    }
+
+    /// The motion of a recording, which is left drawn beside the avatar.
+    fn tracked(
+        &self,
+        choice: &SourceChoice,
+        recording: OpenCamera,
+        renderer: &StillRenderer<'_>,
+        stop: &AtomicBool,
+    ) -> anyhow::Result<Performance> {
+        let capture = CameraCapture::new(recording, renderer.avatar, None);
+        let recording = TrackedRecording::track(capture, LONGEST_RECORDING, stop)?;
         recording.figures.print();
         let file = self.out.join("side-by-side.webp");
-        side_by_side::draw(choice, &recording, avatar, device, &file)?;
+        side_by_side::draw(choice, &recording, renderer, stop, &file)?;
         println!("  {}", file.display());
-        Performance::of(&recording.clip(avatar)?).map(Some)
+        go_on(stop)?;
+        Performance::of(&recording.clip(renderer.avatar)?)
     }
 }
 
@@ -281,7 +300,7 @@ impl Show<'_> {
                 imageops::replace(&mut both, picture, x, 0);
             }
             bar.inc(1);
-            Ok(())
+            go_on(self.stop)
         })?;
         bar.finish_and_clear();
         let file = self.out.join("stereo.png");
@@ -312,8 +331,16 @@ impl Show<'_> {
             let file = self.out.join(format!("{name}.png"));
             write_png(&file, picture)?;
             pictures.push(file);
-            Ok(())
+            go_on(self.stop)
         })?;
         Ok(drawn.gpu)
     }
+}
+
+/// An error once it is time to stop.
+fn go_on(stop: &AtomicBool) -> anyhow::Result<()> {
+    if stop.load(Relaxed) {
+        bail!("stopped before the end");
+    }
+    Ok(())
 }

@@ -1,7 +1,7 @@
 //! `--display auto` and `--display xr` where there is no headset: one line that says why, and the next best place, or none.
 
-use super::viewer::can_draw;
 use crate::house::{House, Program, count};
+use crate::place::can_draw;
 use serde_json::Value;
 use std::process::Command;
 use test_support::monado::{Compositor, Driver, Monado};

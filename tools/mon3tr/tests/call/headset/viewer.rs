@@ -1,6 +1,7 @@
 //! Somebody in a headset: `receive --display xr` where it finds a Monado.
 
 use crate::house::{House, Program};
+use crate::place::can_draw;
 use serde_json::Value;
 use test_support::monado::{Compositor, Driver, Head, Monado, Pose, Scripted};
 
@@ -13,12 +14,6 @@ pub(super) fn monado() -> Option<(Monado, Head)> {
     let monado = Monado::start(Driver::Remote, Compositor::Null)?;
     let head = upright(&monado);
     Some((monado, head))
-}
-
-/// Nothing, after a line that says why, where the networks cannot be run or nothing can be drawn.
-pub(super) fn can_draw() -> Option<()> {
-    test_support::onnx::runtime()?;
-    test_support::vulkan::gpu().map(drop)
 }
 
 fn upright(monado: &Monado) -> Head {

@@ -63,7 +63,7 @@ pub(super) struct Words {
     described: bool,
     /// The first error, which mostly is the cause of the others, and the last one.
     first: Option<String>,
-    pub(super) last: Option<String>,
+    last: Option<String>,
     /// What must not be shown, and what is shown in its place.
     hidden: Vec<(String, String)>,
 }
@@ -73,6 +73,7 @@ pub(super) struct Words {
 pub(super) struct Running {
     child: Child,
     program: PathBuf,
+    reads_file: bool,
     words: Arc<Mutex<Words>>,
     listener: Option<JoinHandle<()>>,
 }
@@ -128,6 +129,7 @@ impl Running {
         let mut running = Self {
             child,
             program,
+            reads_file: input.is_file,
             words: Arc::new(Mutex::new(Words {
                 hidden: input.hidden.clone(),
                 ..Words::default()
@@ -200,28 +202,23 @@ impl Running {
                 looked: format!("{} is older: {why}", self.program.display()),
             };
         }
-        let why = match (&words.first, &words.last) {
-            (Some(first), Some(last)) if first != last => format!("{last} ({first})"),
-            (_, Some(last)) => last.clone(),
-            _ => {
-                return SourceError::NoPicture {
-                    name: name.to_owned(),
-                    why: match status {
-                        Some(status) if status.success() => "its video stream is empty".to_owned(),
-                        // Statically linked ones crash as they look up an address.
-                        Some(status) => {
-                            format!(
-                                "ffmpeg crashed ({status}): set MON3TR_FFMPEG to another build of it"
-                            )
-                        }
-                        None => "ffmpeg does not end".to_owned(),
-                    },
-                };
-            }
-        };
-        SourceError::Ffmpeg {
-            name: name.to_owned(),
-            why,
+        let name = name.to_owned();
+        match words.cause() {
+            Some(why) if self.reads_file => SourceError::NotAVideo { name, why },
+            Some(why) => SourceError::Ffmpeg { name, why },
+            None => SourceError::NoPicture {
+                name,
+                why: match status {
+                    Some(status) if status.success() => "its video stream is empty".to_owned(),
+                    // Statically linked ones crash as they look up an address.
+                    Some(status) => {
+                        format!(
+                            "ffmpeg crashed ({status}): set MON3TR_FFMPEG to another build of it"
+                        )
+                    }
+                    None => "ffmpeg does not end".to_owned(),
+                },
+            },
         }
     }
 }
@@ -253,7 +250,29 @@ fn listen(mut lines: impl BufRead, words: &Mutex<Words>) {
     }
 }
 
+/// What ffmpeg puts before the cause, which it names more than once.
+const BEFORE_CAUSE: [&str; 3] = [
+    "Error opening input: ",
+    "Error opening input files: ",
+    "Error opening output files: ",
+];
+
 impl Words {
+    /// The first and the last error; the first alone where the other says no more.
+    pub(super) fn cause(&self) -> Option<String> {
+        let plain = |words: &str| {
+            let cause = BEFORE_CAUSE
+                .iter()
+                .find_map(|start| words.strip_prefix(start));
+            cause.unwrap_or(words).trim_end_matches('.').to_owned()
+        };
+        let first = plain(self.first.as_deref()?);
+        match self.last.as_deref().map(plain) {
+            Some(last) if !first.ends_with(&last) => Some(format!("{first}; {last}")),
+            _ => Some(first),
+        }
+    }
+
     fn hear(&mut self, line: &str) {
         let line = line.trim();
         let words = ["[error] ", "[fatal] ", "[panic] "]
@@ -358,6 +377,7 @@ mod tests {
                 .spawn()
                 .expect("every Unix has that program"),
             program: "/usr/bin/ffmpeg".into(),
+            reads_file: true,
             words: Arc::default(),
             listener: None,
         };
@@ -388,6 +408,7 @@ mod tests {
         let mut running = Running {
             child,
             program: "sh".into(),
+            reads_file: true,
             words,
             listener: Some(std::thread::spawn(move || {
                 listen(BufReader::new(lines), &heard);
@@ -418,10 +439,24 @@ mod tests {
             words.hear(line);
         }
         assert_eq!(words.rate_hz, Some(29.97), "rate");
+        assert_eq!(words.cause().as_deref(), Some("first; last"), "errors");
+    }
+
+    #[test]
+    fn a_cause_that_ffmpeg_names_twice_is_told_once() {
+        let mut words = Words::default();
+        assert_eq!(words.cause(), None, "no words");
+        for line in [
+            "[in#0 @ 0x1] [error] Error opening input: Invalid data found when processing input",
+            "[error] Error opening input file file:notes.txt.",
+            "[fatal] Error opening input files: Invalid data found when processing input",
+        ] {
+            words.hear(line);
+        }
         assert_eq!(
-            (words.first.as_deref(), words.last.as_deref()),
-            (Some("first"), Some("last")),
-            "errors"
+            words.cause().as_deref(),
+            Some("Invalid data found when processing input"),
+            "the cause"
         );
     }
 }
