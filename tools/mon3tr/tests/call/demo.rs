@@ -76,8 +76,9 @@ fn half_garbage(place: &Place) -> Option<PathBuf> {
     assert!(made.expect("ffmpeg starts").success(), "ffmpeg failed");
     let mut bytes = std::fs::read(&whole).expect("the video");
     let middle = bytes.len() / 2;
-    for (k, byte) in bytes.iter_mut().enumerate().skip(middle) {
-        *byte = (k * 2_654_435_761 >> 13) as u8;
+    let garbage = (0_u32..).map(|k| k.wrapping_mul(2_654_435_761).to_be_bytes()[0]);
+    for (byte, garbage) in bytes.iter_mut().skip(middle).zip(garbage) {
+        *byte = garbage;
     }
     std::fs::write(&half, bytes).expect("a file");
     Some(half)
