@@ -1,7 +1,7 @@
 //! What a step of training costs beside the splatter: `cargo run --release -p avatar-gradient --example step_cost [threads]` poses a person
 //! of a demo's size, takes derivatives and steps, and prints milliseconds, means of many runs; with one thread those of the processor.
 
-use avatar_gradient::loss::{Pairs, Surface, guide, scale};
+use avatar_gradient::loss::{Pairs, Share, Surface, guide, scale};
 use avatar_gradient::{Derivatives, Model, Moved, Networks, Parameters, Posed, step_bases};
 use rayon::ThreadPoolBuilder;
 use splat_gradient::Attributes;
@@ -173,9 +173,15 @@ fn measure(puppet: &Puppet) -> Result<(), Failure> {
     })?;
     let mut surface = Surface::new(template, &networks.gaussians)?;
     let mut by_vertices = vec![0.0; 3 * sizes.vertices];
-    row("L_bind", || {
-        let (all, mesh) = (posed.gaussians(), posed.vertices());
-        surface.bind(all, mesh, 1.0, &mut by_all, &mut by_vertices)?;
-        Ok(())
-    })
+    for (name, share) in [
+        ("L_bind, all Gaussians", Share::ALL),
+        ("L_bind, one Gaussian of 16", Share::of_step(0, 16)),
+    ] {
+        row(name, || {
+            let shown = (posed.gaussians(), posed.vertices());
+            surface.bind(shown, share, 1.0, &mut by_all, &mut by_vertices)?;
+            Ok(())
+        })?;
+    }
+    Ok(())
 }

@@ -34,7 +34,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let networks = Networks::new(None, Runtime::open(None)?)?;
     let start = Instant::now();
     let subject = Subject::from(&avatar);
-    let done = complete(&mut videos, &subject, &networks, out, &mut |_, _| {})?;
+    let done = complete(
+        &mut videos,
+        &subject,
+        &networks,
+        out,
+        &capture::HeldOut::default(),
+        &mut |_, _| {},
+    )?;
     println!(
         "{} cameras, {} frames, {:.1} s",
         videos.cameras().len(),

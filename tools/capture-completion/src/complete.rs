@@ -19,7 +19,7 @@ pub struct Completed {
 }
 
 /// Writes `pictures` as a capture into `folder`: with the masks they have, or the network's, and with the motion of `subject`'s skeleton and face. Frames in
-/// which a camera saw nobody get an empty mask. `progress` hears of each frame of each camera that is done.
+/// which a camera saw nobody get an empty mask. What is `held_out` is written down as kept away from training. `progress` hears of each frame of each camera that is done.
 ///
 /// # Errors
 /// What reading, the networks and writing fail with, and [`CompletionError::Nobody`].
@@ -28,6 +28,7 @@ pub fn complete(
     subject: &Subject<'_>,
     networks: &Networks,
     folder: &Path,
+    held_out: &HeldOut,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Completed, CompletionError> {
     let cameras = pictures.cameras().to_vec();
@@ -55,7 +56,7 @@ pub fn complete(
     if let Some(pose) = motion.camera_from_world {
         writer.place(0, pose)?;
     }
-    writer.finish(Some(&motion.poses), &HeldOut::default())?;
+    writer.finish(Some(&motion.poses), held_out)?;
     Ok(Completed {
         motion,
         observations,

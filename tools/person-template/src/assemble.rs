@@ -33,31 +33,35 @@ const OPACITY: f32 = 2.94;
 /// Where vertices swing farther than this, controllers are denser (`reconstruct::fit::scatter_controllers` knows it as 20 mm of looseness).
 const LOOSE: f32 = 0.012;
 
-/// Template and skeleton, and the move that puts them on the floor.
+/// Template and skeleton, standing on the floor.
 #[derive(Debug)]
 pub(crate) struct Figure {
     pub(crate) template: Template,
     pub(crate) skeleton: Skeleton,
-    /// Added to a dressed body whose pelvis is at the origin, metres.
-    pub(crate) to_floor: DVec3,
 }
 
-/// Puts a body on the floor, its hips above the origin.
-pub(crate) fn figure(body: &Body, canonical: &Canonical) -> Result<Figure, PersonError> {
+/// Puts a body on the floor, its hips above the origin. `shift`: where the body is from the pelvis joint that the capture's poses mean, metres; the
+/// skeleton gets that joint.
+pub(crate) fn figure(
+    body: &Body,
+    canonical: &Canonical,
+    shift: DVec3,
+) -> Result<Figure, PersonError> {
     let own = &canonical.vertices[..body.model.body_vertices];
     let soles = own.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
     let [left, right] = [Joint::LeftHip, Joint::RightHip].map(|hip| canonical.joints[hip.index()]);
     let middle = 0.5 * (left + right);
     let to_floor = -DVec3::new(middle.x, soles, middle.z);
     let moved = |v: &DVec3| (*v + to_floor).as_vec3();
+    let mut joints = canonical.joints;
+    joints[Joint::Pelvis.index()] -= shift;
     Ok(Figure {
         template: Template::new(
             canonical.vertices.iter().map(moved).collect(),
             body.model.faces.clone(),
             body.skin.clone(),
         )?,
-        skeleton: Skeleton::new(canonical.joints.map(|joint| moved(&joint)))?,
-        to_floor,
+        skeleton: Skeleton::new(joints.map(|joint| moved(&joint)))?,
     })
 }
 
@@ -88,9 +92,7 @@ pub(crate) struct Assembled {
 
 /// Puts the avatar together; name, provenance, licence and report are left to the caller.
 pub(crate) fn assemble(material: Material<'_>) -> Result<Assembled, PersonError> {
-    let Figure {
-        template, skeleton, ..
-    } = material.figure;
+    let Figure { template, skeleton } = material.figure;
     let gaussians = gaussians(&template, material.places, material.colours)?;
     let puppet = puppet(material.body, material.dressed, &template, &skeleton);
     let seats = scatter_controllers(&puppet, &gaussians, CONTROLLERS);

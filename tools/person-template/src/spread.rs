@@ -20,7 +20,8 @@ fn density(part: BodyPart) -> f64 {
         BodyPart::Skin => 1.0,
         BodyPart::Face => 4.0,
         BodyPart::Head => 1.5,
-        BodyPart::Hand => 2.5,
+        // A finger is as wide as two Gaussians of plain skin.
+        BodyPart::Hand => 5.0,
         BodyPart::Eyes => 3.0,
         BodyPart::InnerMouth | BodyPart::EyeSocket => 0.4,
         BodyPart::Teeth | BodyPart::Tongue => 0.8,

@@ -5,7 +5,7 @@ use crate::guard::{room, turn_outwards};
 use crate::posing::{CORRECTION, Correction, Derivatives, Posed, motion};
 use capture::FramePose;
 use glam::{DQuat, DVec3, Vec3};
-use scan_rig::body::{BodyModel, posing};
+use scan_rig::body::posing;
 use spmm3::{Joint, MotionParams, Skeleton};
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -20,7 +20,7 @@ fn body() -> Option<&'static Body> {
             assert!(!ci, "MON3TR_MAKEHUMAN must name the MakeHuman data in CI");
             eprintln!("skipped: MON3TR_MAKEHUMAN does not name the MakeHuman data");
         }
-        found.map(|path| Body::new(BodyModel::load(&path).expect("the package is whole")))
+        found.map(|path| Body::load(&path).expect("the package is whole"))
     })
     .as_ref()
 }
@@ -201,4 +201,48 @@ fn legs_leave_each_other_room_and_what_would_be_inside_out_is_turned_outwards() 
         0,
         "some are left"
     );
+}
+
+#[test]
+fn ears_hands_and_toes_are_found_where_they_are() {
+    let Some(body) = body() else { return };
+    let canonical = Canonical::bare(body, &shape(body));
+    let joint = |joint: Joint| canonical.joints[joint.index()];
+    let head = joint(Joint::Head);
+    let wholly = |share: &[f64]| -> Vec<usize> {
+        let all = share.iter().enumerate();
+        all.filter(|(_, share)| **share > 0.99)
+            .map(|(v, _)| v)
+            .collect()
+    };
+    let (ears, hands, toes) = (wholly(&body.ear), wholly(&body.hand), wholly(&body.toes));
+    assert!(
+        ears.len() > 100 && hands.len() > 500 && toes.len() > 200,
+        "{}, {} and {} vertices",
+        ears.len(),
+        hands.len(),
+        toes.len()
+    );
+    for v in ears {
+        let from = canonical.vertices[v] - head;
+        let beside = (0.05..0.12).contains(&from.x.abs()) && from.z.abs() < 0.08;
+        assert!(
+            beside && (-0.05..0.15).contains(&from.y),
+            "an ear at {from}"
+        );
+    }
+    for v in hands {
+        let reach = canonical.vertices[v].x.abs() - joint(Joint::LeftWrist).x;
+        assert!(
+            (-0.03..0.25).contains(&reach),
+            "a hand {reach} m beyond the wrist"
+        );
+    }
+    for v in toes {
+        let before = canonical.vertices[v].z - joint(Joint::LeftFoot).z;
+        assert!(
+            (-0.06..0.15).contains(&before),
+            "toes {before} m before the balls"
+        );
+    }
 }

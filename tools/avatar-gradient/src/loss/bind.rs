@@ -8,6 +8,9 @@ use rayon::prelude::*;
 use splat_gradient::Attributes;
 use spmm3::{ATTRIBUTES, BoundGaussians, Template};
 
+/// Gaussians whose nearest points one task seeks.
+const PIECE: usize = 256;
+
 /// The surface near each Gaussian.
 ///
 /// The nearest point is sought on the Gaussian's own triangle and on all that share a corner with it. A Gaussian that strayed further is
@@ -23,6 +26,43 @@ pub struct Surface {
     vertices: usize,
     spheres: Vec<Sphere>,
     found: Vec<Nearest>,
+}
+
+/// Which Gaussians are looked at: number `first`, and from there on one of `every`.
+///
+/// The search for nearest points costs as much as drawing does. Where each step takes a share of the Gaussians in turn, with a weight as many times
+/// as large, every Gaussian is looked at as often as the others, and none in an order that depends on the machine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Share {
+    /// Index of the first one.
+    pub first: usize,
+    /// From one to the next; 0 counts as 1.
+    pub every: usize,
+}
+
+impl Share {
+    /// All of them.
+    pub const ALL: Self = Self { first: 0, every: 1 };
+
+    /// The share of a step: over any `every` steps that follow each other, each Gaussian is looked at once.
+    #[must_use]
+    pub fn of_step(step: u64, every: u8) -> Self {
+        let every = every.max(1);
+        Self {
+            first: usize::try_from(step % u64::from(every)).unwrap_or(0),
+            every: usize::from(every),
+        }
+    }
+
+    /// How many of `count` Gaussians it has.
+    fn len(self, count: usize) -> usize {
+        count.saturating_sub(self.first).div_ceil(self.every.max(1))
+    }
+
+    /// The index of the one at `slot`.
+    fn index(self, slot: usize) -> usize {
+        self.first + slot * self.every.max(1)
+    }
 }
 
 /// Around a triangle: what is farther from it is farther from the triangle.
@@ -81,7 +121,8 @@ impl Surface {
     }
 
     /// The paper's L_bind (section IV-C): squared distance between each Gaussian's centre and the nearest point of the posed surface,
-    /// summed, square metres. `gaussians` and `vertices` (row-major [3, N_v], world) are those of a [`crate::Posed`].
+    /// summed over a `share` of the Gaussians, square metres. `gaussians` and `vertices` (row-major [3, N_v], world) are those of a
+    /// [`crate::Posed`].
     ///
     /// Derivatives are added by both: a Gaussian is drawn to the surface, and the surface to it.
     ///
@@ -89,8 +130,8 @@ impl Surface {
     /// Arrays of another number of Gaussians or vertices.
     pub fn bind(
         &mut self,
-        gaussians: &Attributes,
-        vertices: &[f32],
+        (gaussians, vertices): (&Attributes, &[f32]),
+        share: Share,
         weight: f32,
         by_gaussians: &mut Attributes,
         by_vertices: &mut [f32],
@@ -109,11 +150,12 @@ impl Surface {
         let planes: [&[f32]; 3] = planes(vertices);
         self.surround(&planes);
         let mut found = std::mem::take(&mut self.found);
-        found.resize(count, Nearest::default());
-        let runs = found.par_chunks_mut(RUN).enumerate();
+        found.resize(share.len(count), Nearest::default());
+        let runs = found.par_chunks_mut(PIECE).enumerate();
         let sums = runs.map(|(run, found)| {
             let mut sum = 0.0;
-            for (index, found) in (run * RUN..).zip(found) {
+            for (slot, found) in (run * PIECE..).zip(found) {
+                let index = share.index(slot);
                 let place = Vec3::new(xs[index], ys[index], zs[index]);
                 *found = self.nearest(place, self.triangles[index], &planes);
                 sum += f64::from(found.away.length_squared());
@@ -125,16 +167,17 @@ impl Surface {
         let by: [&mut [f32]; ATTRIBUTES] = planes_mut(by_gaussians.numbers_mut());
         let [by_x, by_y, by_z, ..] = by;
         let [of_x, of_y, of_z] = planes_mut::<3>(by_vertices);
-        for (index, nearest) in found.iter().enumerate() {
+        for (slot, nearest) in found.iter().enumerate() {
+            let index = share.index(slot);
             let [x, y, z] = (2.0 * weight * nearest.away).to_array();
             by_x[index] += x;
             by_y[index] += y;
             by_z[index] += z;
-            for (corner, share) in nearest.corners.iter().zip(nearest.weights) {
+            for (corner, weight) in nearest.corners.iter().zip(nearest.weights) {
                 let corner = *corner as usize;
-                of_x[corner] -= share * x;
-                of_y[corner] -= share * y;
-                of_z[corner] -= share * z;
+                of_x[corner] -= weight * x;
+                of_y[corner] -= weight * y;
+                of_z[corner] -= weight * z;
             }
         }
         self.found = found;

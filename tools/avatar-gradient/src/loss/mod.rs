@@ -11,7 +11,7 @@ mod normals;
 mod scale;
 mod vertices;
 
-pub use bind::Surface;
+pub use bind::{Share, Surface};
 pub use guide::{Pairs, guide};
 pub use normals::VertexNormals;
 pub use scale::scale;

@@ -1,7 +1,7 @@
 //! The terms that look at Gaussians, controllers and vertices: their values and their differences in f64.
 
 use crate::people::{Person, TINY, random_numbers};
-use avatar_gradient::loss::{Pairs, Surface, VertexNormals, guide, scale, vertex_l1};
+use avatar_gradient::loss::{Pairs, Share, Surface, VertexNormals, guide, scale, vertex_l1};
 use glam::{DVec3, Vec3};
 use splat_gradient::Attributes;
 use synthetic_person::Random;
@@ -195,7 +195,13 @@ fn binding_measures_the_distance_to_the_triangles_around() {
     let mut by = Attributes::zeros(n);
     let mut by_vertices = vec![0.0; 3 * count];
     let loss = surface
-        .bind(&gaussians, posed.vertices(), 2.0, &mut by, &mut by_vertices)
+        .bind(
+            (&gaussians, posed.vertices()),
+            Share::ALL,
+            2.0,
+            &mut by,
+            &mut by_vertices,
+        )
         .expect("as many");
     let wide: Vec<f64> = numbers.iter().map(|x| f64::from(*x)).collect();
     let expected = reference(&wide);
@@ -211,6 +217,35 @@ fn binding_measures_the_distance_to_the_triangles_around() {
         )
         .collect();
     assert_derivatives(&got, &numbers, &tried, 1e-2, &reference);
+}
+
+#[test]
+fn the_shares_of_steps_that_follow_each_other_make_up_the_whole_binding_term() {
+    let person = Person::new(TINY);
+    let posed = person.posed(&Random::new(3).motion(0.3));
+    let shown = (posed.gaussians(), posed.vertices());
+    let puppet = &person.puppet;
+    let mut surface = Surface::new(&puppet.template, &puppet.gaussians).expect("bound");
+    let zeros = || (Attributes::zeros(TINY.gaussians), vec![0.0; shown.1.len()]);
+    let ((mut by, mut by_vertices), (mut parts, mut parts_by_vertices)) = (zeros(), zeros());
+    let whole = surface
+        .bind(shown, Share::ALL, 3.0, &mut by, &mut by_vertices)
+        .expect("as many");
+    let steps = 40..47;
+    let sum: f64 = steps
+        .map(|step| {
+            let share = Share::of_step(step, 7);
+            let (by, by_vertices) = (&mut parts, &mut parts_by_vertices);
+            let part = surface.bind(shown, share, 3.0, by, by_vertices);
+            part.expect("as many")
+        })
+        .sum();
+    assert!((sum / whole - 1.0).abs() < 1e-9, "{sum}, {whole}");
+    assert_eq!(parts.numbers(), by.numbers(), "each Gaussian once");
+    let most = by_vertices.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+    for (part, whole) in parts_by_vertices.iter().zip(&by_vertices) {
+        assert!((part - whole).abs() < 1e-5 * most, "{part}, {whole}");
+    }
 }
 
 #[test]
@@ -283,7 +318,13 @@ fn a_collapsed_mesh_has_no_normals_and_finite_derivatives() {
     let gaussians = Attributes::zeros(TINY.gaussians);
     let mut by_gaussians = Attributes::zeros(TINY.gaussians);
     let loss = surface
-        .bind(&gaussians, &vertices, 1.0, &mut by_gaussians, &mut by)
+        .bind(
+            (&gaussians, &vertices),
+            Share::ALL,
+            1.0,
+            &mut by_gaussians,
+            &mut by,
+        )
         .expect("as many");
     let expected = 3.0 * 0.0625 * 300.0;
     assert!((loss - expected).abs() < 1e-3, "{loss}, {expected}");

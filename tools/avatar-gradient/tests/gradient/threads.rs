@@ -1,7 +1,7 @@
 //! The same bytes from any number of threads.
 
 use crate::people::{Person, random_attributes};
-use avatar_gradient::loss::{Pairs, Surface, guide, scale};
+use avatar_gradient::loss::{Pairs, Share, Surface, guide, scale};
 use avatar_gradient::{Derivatives, Moved, Parameters, step_bases};
 use rayon::ThreadPoolBuilder;
 use splat_gradient::adam::Adam;
@@ -29,8 +29,8 @@ fn fitted(threads: usize) -> Vec<u32> {
             let large = scale(all, 0.01, 0.5, &mut by_gaussians).expect("as many");
             let far = surface
                 .bind(
-                    all,
-                    posed.vertices(),
+                    (all, posed.vertices()),
+                    Share::ALL,
                     0.5,
                     &mut by_gaussians,
                     &mut by_vertices,

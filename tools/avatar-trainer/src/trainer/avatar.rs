@@ -6,6 +6,7 @@ use crate::pictures::Pair;
 use crate::preview::Preview;
 use crate::score::Score;
 use avatar_gradient::{Networks, Parameters, Parts};
+use reconstruct::bake::{Weights as ImportanceWeights, importance};
 use spmm3::networks::{DeformGraph, GraphParts};
 use spmm3::{Avatar, package::PackageError};
 use std::path::Path;
@@ -120,11 +121,16 @@ impl Trainer<'_> {
             "pictures": self.split.training.len(),
             "validation_psnr_db": self.best,
         });
+        // The first avatar's order is of Gaussians that have come and gone.
+        let order = importance(
+            &self.first.template,
+            &networks.gaussians,
+            ImportanceWeights::default(),
+        )?;
         Ok(Avatar {
             gaussians: networks.gaussians,
             controllers: self.controllers.clone(),
-            // The first avatar's order is of Gaussians that have come and gone; without one, readers keep the larger ones.
-            importance: None,
+            importance: Some(order),
             compiled: Vec::new(),
             deform_graph,
             report,

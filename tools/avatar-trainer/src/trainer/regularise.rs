@@ -2,13 +2,16 @@
 
 use crate::error::TrainError;
 use crate::options::Weights;
-use avatar_gradient::loss::{Pairs, Surface, guide, scale};
+use avatar_gradient::loss::{Pairs, Share, Surface, guide, scale};
 use avatar_gradient::{Model, Parameters, Posed};
 use splat_gradient::Attributes;
 use spmm3::{BoundGaussians, Controllers, Template};
 
-/// The terms cost as much as drawing does, and change slowly: each is taken in one step of so many, with a weight as many times as large.
+/// The terms cost as much as drawing does, and change slowly: L_scale and L_guide are taken in one step of so many, with a weight as many times as
+/// large.
 const EVERY: u8 = 4;
+/// Of L_bind, each step takes one Gaussian of so many.
+const BOUND_EVERY: u8 = 16;
 
 /// What the terms need of a population, and their derivatives.
 #[derive(Debug)]
@@ -63,12 +66,12 @@ impl Regularisers {
             let weight = f32::from(EVERY) * weights.scale * each;
             terms.sum += scale(gaussians, weights.scale_threshold, weight, by_gaussians)?;
         }
-        if turn == 1 && weights.bind > 0.0 {
+        if weights.bind > 0.0 {
             self.by_vertices.fill(0.0);
             terms.sum += self.surface.bind(
-                gaussians,
-                posed.vertices(),
-                f32::from(EVERY) * weights.bind * each,
+                (gaussians, posed.vertices()),
+                Share::of_step(step, BOUND_EVERY),
+                f32::from(BOUND_EVERY) * weights.bind * each,
                 by_gaussians,
                 &mut self.by_vertices,
             )?;

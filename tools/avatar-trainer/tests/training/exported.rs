@@ -84,6 +84,11 @@ fn the_packages_vertices_and_gaussians_are_the_trainings_to_a_twentieth_of_a_mil
     let avatar = Avatar::load(&path).expect("read again");
     let number = avatar.gaussians.len();
     assert!((201..=260).contains(&number), "{number} Gaussians");
+    let order = avatar.importance.as_ref().expect("an order of importance");
+    let mut all = order.order().to_vec();
+    all.sort_unstable();
+    assert!(all.into_iter().eq((0..).take(number)), "of all Gaussians");
+    assert!(order.heirs().is_some(), "with heirs, as `bake` writes it");
     let (networks, model) = model(&avatar);
     let parameters = networks.parameters();
     let mut posed = Posed::new();

@@ -1,6 +1,7 @@
 //! `mon3tr-dev capture import`: videos of cameras that stand still, as a capture.
 
-use anyhow::Context;
+use ::capture::HeldOut;
+use anyhow::{Context, ensure};
 use capture_completion::{Networks, Pictures, Videos, complete};
 use mon3tr::commands::bake::{BakeChoices, chosen_or_demo_avatar};
 use mon3tr::device_options::DeviceOptions;
@@ -24,6 +25,12 @@ pub(super) struct Options {
     /// Take every so manieth picture
     #[arg(long, value_name = "COUNT", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
     every: u16,
+    /// Keep this camera away from training, to measure on it; may be given several times
+    #[arg(long, value_name = "CAMERA")]
+    hold_out_camera: Vec<String>,
+    /// Keep every so manieth frame away from training, to measure on them
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(2..))]
+    hold_out_every: Option<u16>,
     /// The avatar whose skeleton and face are fitted [default: the demo's]
     #[arg(long, value_name = "PACKAGE")]
     avatar: Option<PathBuf>,
@@ -42,6 +49,10 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     for note in &videos.notes {
         println!("{note}");
     }
+    let names: Vec<&str> = (videos.cameras().iter())
+        .map(|camera| camera.name.as_str())
+        .collect();
+    let held_out = held_out(options, &names, videos.frames())?;
     // Minutes of a bake come after what may be wrong with the videos.
     let package = chosen_or_demo_avatar(options.avatar.as_deref(), &options.bake, device)?;
     let (avatar, _) = load_avatar(&package)?;
@@ -53,6 +64,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         &subject,
         &networks,
         &options.out,
+        &held_out,
         &mut |_, _| {
             bar.inc(1);
         },
@@ -74,4 +86,30 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         options.out.display()
     );
     Ok(())
+}
+
+/// What the options keep away from training, of cameras of these names and so many frames.
+fn held_out(options: &Options, cameras: &[&str], frames: usize) -> anyhow::Result<HeldOut> {
+    let mut held = HeldOut::default();
+    for name in &options.hold_out_camera {
+        let at = cameras.iter().position(|camera| camera == name);
+        let at = at.with_context(|| {
+            format!(
+                "--hold-out-camera {name}: the cameras are {}",
+                cameras.join(", ")
+            )
+        })?;
+        held.cameras.push(at);
+    }
+    held.cameras.sort_unstable();
+    held.cameras.dedup();
+    ensure!(
+        held.cameras.len() < cameras.len(),
+        "--hold-out-camera leaves no camera for training"
+    );
+    if let Some(every) = options.hold_out_every.map(usize::from) {
+        // From the middle of the first stretch on, so that training frames surround each of them.
+        held.frames = (every / 2..frames).step_by(every).collect();
+    }
+    Ok(held)
 }

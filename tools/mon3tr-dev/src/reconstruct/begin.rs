@@ -11,24 +11,48 @@ use std::path::Path;
 /// What others may do with an avatar unless its maker says otherwise.
 const LICENCE: &str = "all rights reserved by the person who was captured";
 
-/// A training of the avatar at `template`, or of a first one that is made of the capture.
+/// What a training begins with.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum First<'a> {
+    /// A package of the person.
+    Package(&'a Path),
+    /// One that is made of the capture.
+    Made {
+        /// Whether the body model grows to the person's outlines.
+        clothes: bool,
+    },
+}
+
+/// A training of `capture` from the first avatar on.
+///
+/// Of one that is made here, each frame's own error is corrected in its pose already, but not what the registration corrected in all of them alike: poses
+/// to come, which drive the avatar and on which it is measured, have no such correction, so the avatar has to learn it.
 pub(super) fn begin<'a>(
     capture: &'a Capture,
-    template: Option<&Path>,
+    first: First<'_>,
     options: Options,
 ) -> anyhow::Result<Trainer<'a>> {
-    let first = match template {
-        Some(path) => {
-            Avatar::load(path).with_context(|| format!("cannot begin with {}", path.display()))?
+    let (avatar, motions) = match first {
+        First::Package(path) => {
+            let avatar = Avatar::load(path)
+                .with_context(|| format!("cannot begin with {}", path.display()))?;
+            let motions = motions(capture, &avatar)?;
+            (avatar, motions)
         }
-        None => made(capture, options.gaussians)?,
+        First::Made { clothes } => {
+            let made = made(capture, options.gaussians, clothes)?;
+            (made.avatar, made.uncorrected)
+        }
     };
-    let motions = motions(capture, &first)?;
-    Ok(Trainer::new(capture, first, motions, options)?)
+    Ok(Trainer::new(capture, avatar, motions, options)?)
 }
 
 /// A first avatar of the capture, of half as many Gaussians as there will be: pictures say where the others are needed.
-fn made(capture: &Capture, gaussians: usize) -> anyhow::Result<Avatar> {
+fn made(
+    capture: &Capture,
+    gaussians: usize,
+    clothes: bool,
+) -> anyhow::Result<person_template::First> {
     let name = capture.folder().file_name();
     let name = name.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let template = TemplateOptions {
@@ -38,20 +62,29 @@ fn made(capture: &Capture, gaussians: usize) -> anyhow::Result<Avatar> {
         name,
         licence: LICENCE.to_owned(),
         gaussians: (gaussians / 2).max(1),
+        clothes,
         ..TemplateOptions::default()
     };
     let first = first_avatar(capture, &makehuman()?, &template, &|step| {
         eprintln!("first avatar: {step} ...");
     });
-    Ok(first
-        .context("cannot make a first avatar of the capture")?
-        .avatar)
+    let first = first.context("cannot make a first avatar of the capture")?;
+    for warning in &first.report.warnings {
+        eprintln!("first avatar: {warning}");
+    }
+    let report = &first.report;
+    eprintln!(
+        "first avatar: {:.2} m tall, {:.1} % of the masks covered, poses of {} frames fitted, {:.0} mm and {:.1} degrees a joint off on average",
+        report.height,
+        100.0 * report.dressed_overlap,
+        report.posed,
+        1e3 * report.own_shift,
+        report.own_turn.to_degrees()
+    );
+    Ok(first)
 }
 
 /// The capture's poses on the avatar's skeleton, the face in its basis.
-///
-/// They are taken as the capture has them, without what the first avatar's registration corrected in all of them: poses to come, which drive the
-/// avatar and on which it is measured, have no such correction, so the avatar has to learn it.
 fn motions(capture: &Capture, first: &Avatar) -> Result<Vec<MotionParams>, TrainError> {
     let poses = capture.poses().ok_or(TrainError::NoMotion)?;
     let basis = capture.expression_basis();

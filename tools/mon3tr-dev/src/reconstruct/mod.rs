@@ -6,7 +6,7 @@ mod progress_line;
 
 use anyhow::{Context, bail};
 use avatar_trainer::{Options as Training, Trainer, Validation};
-use begin::begin;
+use begin::{First, begin};
 use capture::Capture;
 use image::RgbImage;
 use length::{Clock, Length};
@@ -64,11 +64,17 @@ enum Part {
     Attributes,
     /// The refinement of the capture's poses
     Poses,
+    /// The growth of the body model to the person's outlines: Gaussians are bound to a bare body
+    Clothes,
 }
 
 impl Options {
+    fn learns(&self, part: Part) -> bool {
+        !self.without.contains(&part)
+    }
+
     fn training(&self) -> Training {
-        let learns = |part| !self.without.contains(&part);
+        let learns = |part| self.learns(part);
         Training {
             seed: self.seed,
             gaussians: self.gaussians,
@@ -95,8 +101,15 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let (mut trainer, used) = if options.resume {
         Trainer::resume(&capture, &checkpoint)?
     } else {
-        let template = options.template.as_deref();
-        (begin(&capture, template, options.training())?, 0.0)
+        let clothes = options.learns(Part::Clothes);
+        let first = match &options.template {
+            Some(_) if !clothes => {
+                bail!("--without clothes is of the first avatar that is made: leave --template out")
+            }
+            Some(path) => First::Package(path),
+            None => First::Made { clothes },
+        };
+        (begin(&capture, first, options.training())?, 0.0)
     };
     let length = options
         .steps

@@ -8,7 +8,7 @@ use spmm3::networks::{
 use spmm3::{ATTRIBUTES, Avatar, Controllers, NEIGHBOURS};
 
 /// A part that may be left out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub(super) enum Part {
     /// F_attr: every residual is 0
     Attributes,
@@ -29,6 +29,28 @@ impl Ablation {
     /// Whether nothing is.
     pub(super) fn is_none(&self) -> bool {
         *self == Self::default()
+    }
+
+    /// The rows of a table: the full avatar, what is switched off one by one, and all of it together where that is more than one.
+    pub(super) fn rows(&self) -> Vec<Self> {
+        let mut parts = self.without.clone();
+        parts.sort_unstable();
+        parts.dedup();
+        let mut rows = vec![Self::default()];
+        rows.extend(parts.iter().map(|part| Self {
+            without: vec![*part],
+            nearest_controller: false,
+        }));
+        if self.nearest_controller {
+            rows.push(Self {
+                without: Vec::new(),
+                nearest_controller: true,
+            });
+        }
+        if rows.len() > 2 {
+            rows.push(self.clone());
+        }
+        rows
     }
 
     /// In words, as the paper's table names its rows.
@@ -114,6 +136,33 @@ fn strongest_alone(masses: &[f32; NEIGHBOURS]) -> [f32; NEIGHBOURS] {
 mod tests {
     use super::*;
     use synthetic_person::Puppet;
+
+    #[test]
+    fn parts_are_switched_off_one_by_one_and_then_together() {
+        let names = |without: &[Part], nearest_controller| -> Vec<String> {
+            let ablation = Ablation {
+                without: without.to_vec(),
+                nearest_controller,
+            };
+            ablation.rows().iter().map(Ablation::name).collect()
+        };
+        assert_eq!(names(&[], false), ["full"], "nothing is off");
+        assert_eq!(
+            names(&[Part::Mesh], false),
+            ["full", "w/o F_mesh"],
+            "one part"
+        );
+        assert_eq!(
+            names(&[Part::Mesh, Part::Attributes, Part::Mesh], false),
+            ["full", "w/o F_attr", "w/o F_mesh", "w/o F_mesh, w/o F_attr"],
+            "two parts, one of them twice"
+        );
+        assert_eq!(
+            names(&[Part::Attributes], true).len(),
+            4,
+            "with the nearest controller"
+        );
+    }
 
     #[test]
     fn what_is_switched_off_gives_zero_and_the_rest_stays() {

@@ -50,11 +50,11 @@ pub(super) struct Means {
 }
 
 impl Pair {
-    /// Puts both over black.
+    /// Puts both over black; nothing where the mask is empty: the person is not in the picture.
     ///
     /// # Errors
-    /// A photograph without a mask, or with an empty one; pictures of different sizes.
-    pub(super) fn new(photograph: &Photograph, drawn: &Image) -> anyhow::Result<Self> {
+    /// A photograph without a mask; pictures of different sizes.
+    pub(super) fn new(photograph: &Photograph, drawn: &Image) -> anyhow::Result<Option<Self>> {
         let mask = (photograph.mask.as_ref()).context(
             "the capture has no masks: an avatar can be compared with a masked person only",
         )?;
@@ -65,15 +65,11 @@ impl Pair {
             "the photograph and the avatar's picture differ in size"
         );
         let counts = dilated(mask, truth.width);
-        ensure!(
-            counts.contains(&true),
-            "the mask is empty: the person is not in the picture"
-        );
-        Ok(Self {
+        Ok(counts.contains(&true).then_some(Self {
             truth,
             drawn,
             counts,
-        })
+        }))
     }
 
     /// How alike the two are, without what networks judge.
@@ -170,7 +166,9 @@ mod tests {
         }
         let score = |pixels: &[[f32; 4]]| {
             let image = Image::new(60, 50, pixels.to_vec()).expect("its size");
-            let pair = Pair::new(&photograph, &image).expect("a pair");
+            let pair = Pair::new(&photograph, &image)
+                .expect("a pair")
+                .expect("a person");
             pair.scores().expect("scores")
         };
         let same = score(&pixels);
@@ -192,7 +190,8 @@ mod tests {
     fn the_square_holds_the_person() {
         for person in [[2, 3, 10, 30], [40, 1, 18, 5], [0, 0, 60, 50]] {
             let image = Image::new(60, 50, vec![[0.0; 4]; 3000]).expect("its size");
-            let pair = Pair::new(&photograph([60, 50], person), &image).expect("a pair");
+            let pair = Pair::new(&photograph([60, 50], person), &image);
+            let pair = pair.expect("a pair").expect("a person");
             let [left, top, side, same] = pair.square();
             let [x, y, width, height] = person.map(|value| value as usize);
             assert_eq!(side, same, "a square");
@@ -205,10 +204,11 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_without_a_person_is_refused() {
+    fn a_picture_without_a_person_is_no_pair_and_one_without_a_mask_is_refused() {
         let image = Image::new(60, 50, vec![[0.0; 4]; 3000]).expect("its size");
         let empty = photograph([60, 50], [0, 0, 0, 0]);
-        assert!(Pair::new(&empty, &image).is_err(), "an empty mask");
+        let nobody = Pair::new(&empty, &image).expect("a mask");
+        assert!(nobody.is_none(), "an empty mask");
         let bare = Photograph {
             mask: None,
             ..photograph([60, 50], [1, 1, 5, 5])

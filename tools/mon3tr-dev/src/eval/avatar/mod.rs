@@ -46,10 +46,10 @@ pub(super) struct Options {
     /// Pictures of each group at most, spread evenly over cameras and frames
     #[arg(long, value_name = "N", default_value = "60")]
     pictures: usize,
-    /// Leave a part of the avatar out, besides the full one; may be given several times
+    /// Also measure the avatar without a part; may be given several times: each alone, then all that are switched off together
     #[arg(long, value_name = "PART")]
     without: Vec<Part>,
-    /// Let each Gaussian follow its strongest controller alone, besides the full avatar
+    /// Also measure the avatar with each Gaussian following its strongest controller alone
     #[arg(long)]
     nearest_controller: bool,
     /// LPIPS as ONNX: two pictures [1, 3, height, width] of values -1 to 1 in, one number out
@@ -96,14 +96,11 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         capture.held_out(),
         options.pictures,
     );
-    let mut methods = vec![Ablation::default()];
     let ablation = Ablation {
         without: options.without.clone(),
         nearest_controller: options.nearest_controller,
     };
-    if !ablation.is_none() {
-        methods.push(ablation);
-    }
+    let methods = ablation.rows();
     let mut pages = options.pages.as_deref().map(Pages::new).transpose()?;
     let motions = draw::motions(&capture, &avatar)?;
     let mut rows = Vec::new();
@@ -170,13 +167,16 @@ fn measure(
     mut compared: impl FnMut(usize, &Pair, &Scores) -> anyhow::Result<()>,
 ) -> anyhow::Result<Means> {
     let bar = bar(group.name, group.pictures.len());
-    let mut all = Vec::new();
+    let (mut all, mut nobody) = (Vec::new(), 0);
     let (mut of_truth, mut of_drawn) = (Vec::new(), Vec::new());
     draw::draw(renderer, capture, motions, &group.pictures, |k, image| {
         let (camera, frame) = group.pictures[k];
-        let pair =
-            || -> anyhow::Result<Pair> { Pair::new(&capture.photograph(camera, frame)?, image) };
-        let pair = pair().with_context(|| format!("camera {camera}, frame {frame}"))?;
+        bar.inc(1);
+        let pair = || Pair::new(&capture.photograph(camera, frame)?, image);
+        let Some(pair) = pair().with_context(|| format!("camera {camera}, frame {frame}"))? else {
+            nobody += 1;
+            return Ok(());
+        };
         let mut scores = pair.scores()?;
         let square = pair.square();
         if let Some(lpips) = &mut judges.lpips {
@@ -188,9 +188,15 @@ fn measure(
         }
         compared(k, &pair, &scores)?;
         all.push(scores);
-        bar.inc(1);
         Ok(())
     })?;
     bar.finish_and_clear();
+    if nobody > 0 {
+        eprintln!(
+            "{}: {nobody} of {} pictures have an empty mask and are left out",
+            group.name,
+            group.pictures.len()
+        );
+    }
     Ok(Means::of(&all, [&of_truth, &of_drawn]))
 }

@@ -10,10 +10,15 @@ use std::path::{Path, PathBuf};
 /// How many times the difference is shown.
 const TIMES: f32 = 4.0;
 
+/// The most pixels of a side at which a person is shown.
+const SIDE: usize = 640;
+
 /// A pair that is shown.
 #[derive(Debug)]
 struct Shown {
     group: &'static str,
+    camera: String,
+    frame: usize,
     caption: String,
     file: String,
 }
@@ -49,8 +54,10 @@ impl Pages {
         (beside(pair)?.save(&path)).with_context(|| format!("cannot write {}", path.display()))?;
         self.shown.push(Shown {
             group,
+            camera: camera.to_owned(),
+            frame,
             caption: format!(
-                "{method}; camera {camera}, frame {frame}: {:.2} dB masked, SSIM {:.4}",
+                "{method}: {:.2} dB masked, SSIM {:.4}",
                 scores.psnr_masked, scores.ssim_masked
             ),
             file,
@@ -62,7 +69,9 @@ impl Pages {
     pub(super) fn finish(&self, report: &Report) -> anyhow::Result<()> {
         let mut html = String::from(
             "<!doctype html><meta charset=\"utf-8\"><title>eval avatar</title>\
-             <style>body{font:15px sans-serif;margin:2em}img{max-width:100%}figure{margin:1em 0}pre{background:#f4f4f4;padding:1em}</style>\n\
+             <meta name=\"viewport\" content=\"width=device-width\">\
+             <style>body{font:15px sans-serif;margin:2em}img{max-width:100%}figure{margin:1em 0}\
+             pre{background:#f4f4f4;padding:1em;overflow-x:auto}h3{margin:1.5em 0 0}</style>\n\
              <h1>Avatar against photographs</h1>\n",
         );
         // Writing to a String cannot fail.
@@ -73,12 +82,23 @@ impl Pages {
         );
         for group in &report.groups {
             let _ = writeln!(html, "<h2>{}</h2>", escaped(group));
-            for shown in self.shown.iter().filter(|shown| shown.group == *group) {
+            // All methods of one picture below each other.
+            let mut of_group: Vec<&Shown> = (self.shown.iter())
+                .filter(|shown| shown.group == *group)
+                .collect();
+            of_group.sort_by_key(|shown| (shown.frame, &shown.camera));
+            let mut last = None;
+            for shown in of_group {
+                let picture = (shown.frame, &shown.camera);
+                if last.replace(picture) != Some(picture) {
+                    let (frame, camera) = picture;
+                    let _ = writeln!(html, "<h3>camera {}, frame {frame}</h3>", escaped(camera));
+                }
+                let caption = escaped(&shown.caption);
                 let _ = writeln!(
                     html,
-                    "<figure><img src=\"{}\"><figcaption>{}</figcaption></figure>",
-                    shown.file,
-                    escaped(&shown.caption)
+                    "<figure><img src=\"{}\" alt=\"{caption}\"><figcaption>{caption}</figcaption></figure>",
+                    shown.file
                 );
             }
         }
@@ -93,25 +113,27 @@ fn escaped(text: &str) -> String {
         .replace('>', "&gt;")
 }
 
+/// Photograph, avatar and difference of the person's square.
 fn beside(pair: &Pair) -> anyhow::Result<RgbImage> {
-    let (width, height) = (pair.truth.width, pair.truth.height());
-    let mut bytes = Vec::with_capacity(9 * width * height);
+    let square = pair.square();
+    let side = square[2].min(SIDE);
+    let [truth, drawn] =
+        [&pair.truth, &pair.drawn].map(|canvas| canvas.resampled(square, [side, side]));
+    let mut bytes = Vec::with_capacity(9 * side * side);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "clamped to 0..=255"
     )]
     let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
-    let rows = (pair.truth.pixels.chunks(width)).zip(pair.drawn.pixels.chunks(width));
+    let rows = truth.pixels.chunks(side).zip(drawn.pixels.chunks(side));
     for (truth, drawn) in rows {
         bytes.extend(truth.iter().flatten().map(|value| byte(*value)));
         bytes.extend(drawn.iter().flatten().map(|value| byte(*value)));
         let differences = (truth.iter().flatten()).zip(drawn.iter().flatten());
         bytes.extend(differences.map(|(a, b)| byte((a - b).abs() * TIMES)));
     }
-    let sides = u32::try_from(3 * width)
-        .ok()
-        .zip(u32::try_from(height).ok());
+    let sides = u32::try_from(3 * side).ok().zip(u32::try_from(side).ok());
     sides
         .and_then(|(width, height)| RgbImage::from_raw(width, height, bytes))
         .context("a picture that is too large to show")
