@@ -28,7 +28,7 @@ pub(super) struct Options {
     /// Keep this camera away from training, to measure on it; may be given several times
     #[arg(long, value_name = "CAMERA")]
     hold_out_camera: Vec<String>,
-    /// Keep every so manieth frame away from training, to measure on them
+    /// Keep one frame of so many away from training, to measure on them
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(2..))]
     hold_out_every: Option<u16>,
     /// The avatar whose skeleton and face are fitted [default: the demo's]
