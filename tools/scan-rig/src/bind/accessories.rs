@@ -2,6 +2,7 @@
 //! joint.
 
 use crate::body::SkinRow;
+use crate::body::state::is_above;
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
@@ -179,7 +180,7 @@ pub fn attach(cluster: &[Vec3], wearer: Wearer<'_>) -> (Shape, Accessory) {
 /// The wrist of the hand that reaches into a thing of that size.
 fn held_by(score: &[f32; JOINTS], size: f32) -> Option<Joint> {
     let hand = |wrist: Joint| -> f32 {
-        let below = Joint::ALL.into_iter().filter(|j| is_below(*j, wrist));
+        let below = Joint::ALL.into_iter().filter(|j| is_above(wrist, *j));
         below.map(|joint| score[joint as usize]).sum()
     };
     let (left, right) = (hand(Joint::LeftWrist), hand(Joint::RightWrist));
@@ -189,18 +190,6 @@ fn held_by(score: &[f32; JOINTS], size: f32) -> Option<Joint> {
         Joint::RightWrist
     };
     (left.max(right) >= HELD && size < HELD_SIZE).then_some(wrist)
-}
-
-/// Whether a joint is another one or hangs from it.
-fn is_below(joint: Joint, other: Joint) -> bool {
-    let mut at = Some(joint);
-    while let Some(here) = at {
-        if here == other {
-            return true;
-        }
-        at = here.parent();
-    }
-    false
 }
 
 /// The joint with the largest score; of the head's and the fingers' joints the one that carries them.
@@ -220,7 +209,7 @@ fn carrier(joint: Joint) -> Joint {
         Joint::LeftAnkle,
         Joint::RightAnkle,
     ] {
-        if is_below(joint, whole) {
+        if is_above(whole, joint) {
             return whole;
         }
     }

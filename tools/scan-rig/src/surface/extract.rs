@@ -1,7 +1,7 @@
 //! Points and normals of the surface from depths, and what was seen of each Gaussian.
 
 use super::raster::{self, Picture, Shares};
-use super::views::{DepthView, around, head};
+use super::views::{around, head};
 use super::{Surface, Visibility};
 use crate::pinhole::Pinhole;
 use crate::scan::Scan;
@@ -28,8 +28,6 @@ pub struct Look {
     pub surface: Surface,
     /// How much of each Gaussian shows.
     pub visibility: Visibility,
-    /// The views and their depths.
-    pub views: Vec<DepthView>,
 }
 
 /// Looks at a scan from all sides.
@@ -39,8 +37,7 @@ pub fn look(scan: &Scan) -> Look {
         .into_par_iter()
         .map(|view| {
             let (picture, shares) = raster::draw_with_shares(scan, &view);
-            let points = oriented_points(&picture, &view);
-            (DepthView::new(view, picture), shares, points)
+            (shares, oriented_points(&picture, &view))
         })
         .collect();
     let mut look = Look {
@@ -51,10 +48,9 @@ pub fn look(scan: &Scan) -> Look {
         ..Look::default()
     };
     let mut points = Vec::new();
-    for (view, shares, found) in seen {
+    for (shares, found) in seen {
         look.visibility.add(shares);
         points.extend(found);
-        look.views.push(view);
     }
     let (close, of_head) = head(scan);
     let close: Vec<_> = close
