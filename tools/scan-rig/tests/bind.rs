@@ -8,17 +8,23 @@ use scan_rig::figures::likeness::{person_psnr, six_views};
 use scan_rig::scan::Scan;
 use scan_rig::surface::look;
 use spmm3::{JOINTS, Joint};
-use std::path::Path;
+use std::path::PathBuf;
+use std::sync::OnceLock;
 
-/// The body model; nothing, after a line that says so, where MakeHuman was not fetched. On CI that is a failure.
-fn model() -> Option<BodyModel> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../.cache/makehuman");
-    if !folder.exists() {
-        assert!(std::env::var("CI").as_deref() != Ok("true"), "no MakeHuman");
-        println!("skipped: {} is not here", folder.display());
-        return None;
-    }
-    Some(BodyModel::load(&folder).expect("the body model"))
+/// The body model, built once; nothing, after a line that says so, where MakeHuman was not fetched. On CI that is a failure.
+fn model() -> Option<&'static BodyModel> {
+    static MODEL: OnceLock<Option<BodyModel>> = OnceLock::new();
+    MODEL
+        .get_or_init(|| {
+            let found = std::env::var_os("MON3TR_MAKEHUMAN").map(PathBuf::from);
+            if found.is_none() {
+                let ci = std::env::var("CI").as_deref() == Ok("true");
+                assert!(!ci, "MON3TR_MAKEHUMAN must name the MakeHuman data in CI");
+                println!("skipped: MON3TR_MAKEHUMAN does not name the MakeHuman data");
+            }
+            found.map(|folder| BodyModel::load(&folder).expect("the package is whole"))
+        })
+        .as_ref()
 }
 
 /// The model with the arms nearly at the body, and the pose that it is in.
@@ -101,10 +107,10 @@ fn joint_of(bound: &Bound, face: u32) -> Joint {
 #[test]
 fn gaussians_on_a_body_are_bound_where_they_are_and_move_with_it() {
     let Some(model) = model() else { return };
-    let body = standing(&model);
-    let (scan, truth) = dressed(&model, &body);
+    let body = standing(model);
+    let (scan, truth) = dressed(model, &body);
     let seen = look(&scan);
-    let bound = bind(&scan, &seen, &model, &body, &BindOptions::default()).expect("bound");
+    let bound = bind(&scan, &seen, model, &body, &BindOptions::default()).expect("bound");
     let report = &bound.report;
     println!("{report:?}");
     assert!(report.accessories.is_empty(), "a bare body wears nothing");
@@ -129,7 +135,7 @@ fn gaussians_on_a_body_are_bound_where_they_are_and_move_with_it() {
     }
 
     // Gaussians still where they were given: their triangle's limb is the true one's.
-    let rest = bound.rest(&model, &body).expect("at rest");
+    let rest = bound.rest(model, &body).expect("at rest");
     let tree = scan_rig::nearest::Nearest::new(
         &scan
             .positions
@@ -166,8 +172,8 @@ fn gaussians_on_a_body_are_bound_where_they_are_and_move_with_it() {
 #[test]
 fn a_ball_in_the_hand_moves_with_the_wrist_and_nothing_else_does() {
     let Some(model) = model() else { return };
-    let body = standing(&model);
-    let (mut scan, _) = dressed(&model, &body);
+    let body = standing(model);
+    let (mut scan, _) = dressed(model, &body);
     let own = scan.len();
     let hand = body.joints[Joint::LeftMiddle2.index()].as_vec3();
     let centre = hand + Vec3::new(0.07, -0.11, 0.03);
@@ -182,7 +188,7 @@ fn a_ball_in_the_hand_moves_with_the_wrist_and_nothing_else_does() {
         scan.colours.push(Vec3::X);
     }
     let seen = look(&scan);
-    let bound = bind(&scan, &seen, &model, &body, &BindOptions::default()).expect("bound");
+    let bound = bind(&scan, &seen, model, &body, &BindOptions::default()).expect("bound");
     let [ball] = &bound.report.accessories[..] else {
         panic!("{:?}", bound.report.accessories);
     };
@@ -219,7 +225,7 @@ fn a_ball_in_the_hand_moves_with_the_wrist_and_nothing_else_does() {
         attach: vec![Joint::LeftElbow],
         ..BindOptions::default()
     };
-    let bound = bind(&scan, &seen, &model, &body, &to_the_elbow).expect("bound");
+    let bound = bind(&scan, &seen, model, &body, &to_the_elbow).expect("bound");
     assert_eq!(
         bound.report.accessories[0].joint,
         Joint::LeftElbow,
@@ -229,24 +235,24 @@ fn a_ball_in_the_hand_moves_with_the_wrist_and_nothing_else_does() {
         accessories: false,
         ..BindOptions::default()
     };
-    let bound = bind(&scan, &seen, &model, &body, &none).expect("bound");
+    let bound = bind(&scan, &seen, model, &body, &none).expect("bound");
     assert!(bound.accessory.iter().all(|a| *a == 0), "asked for none");
 }
 
 #[test]
 fn what_fits_no_registration_is_refused() {
     let Some(model) = model() else { return };
-    let mut body = standing(&model);
-    let (scan, _) = dressed(&model, &body);
+    let mut body = standing(model);
+    let (scan, _) = dressed(model, &body);
     let few = scan.filtered(&vec![false; scan.len()]);
     let options = BindOptions::default();
     assert!(
-        bind(&few, &look(&few), &model, &body, &options).is_err(),
+        bind(&few, &look(&few), model, &body, &options).is_err(),
         "of nothing"
     );
     body.vertices.pop();
     assert!(
-        bind(&few, &look(&few), &model, &body, &options).is_err(),
+        bind(&few, &look(&few), model, &body, &options).is_err(),
         "of another body"
     );
 }

@@ -137,6 +137,11 @@ fn check_report(rigged: &Rigged, up: Vec3) {
         .collect();
     let apart = DVec3::from_slice(&told).angle_between(up.as_dvec3());
     assert!(apart < 0.05, "up is {told:?}");
+    let text = report.to_string();
+    assert!(
+        !text.contains("seconds"),
+        "two packages of one scan would differ"
+    );
     let best = &report["prepare"]["candidates"][0]["score"];
     assert!(best.as_f64().is_some_and(|score| score > 1.0), "{best}");
     let own = report["prepare"]["gaussians"].as_u64().expect("a count");

@@ -17,7 +17,7 @@ pub mod posing;
 mod register;
 pub mod state;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use confidence::{Heeded, UNSURE};
 pub use model::{BodyModel, BodyPart, SkinRow};

@@ -120,7 +120,8 @@ pub struct RigReport {
     pub quality: Option<Quality>,
     /// What the user should look at, in words.
     pub warnings: Vec<String>,
-    /// What each of [`super::STEPS`] took.
+    /// What each of [`super::STEPS`] took. Never in a package, which is the same whenever it is made.
+    #[serde(skip)]
     pub steps: Vec<StepSeconds>,
 }
 

@@ -27,7 +27,8 @@ pub struct Figures {
     pub body_residual: f64,
     /// Median residual of the face's landmarks, metres; nothing without a face.
     pub face_residual: Option<f64>,
-    /// What each step took, in order.
+    /// What each step took, in order. Never in a package, which is the same whenever it is made.
+    #[serde(skip)]
     pub steps: Vec<StepSeconds>,
     /// What may be wrong with the result, as sentences for the user.
     #[serde(skip)]

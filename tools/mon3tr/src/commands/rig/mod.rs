@@ -17,6 +17,7 @@ use scan_rig::pipeline::{self, RigOptions, RigReport, Rigged, STEPS};
 use scan_rig::prepare::{self, Networks};
 use scan_rig::shell::{Hand, Hands};
 use scan_rig::sight::Sight;
+use scan_rig::stopwatch::StepSeconds;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use spmm3::Joint;
@@ -154,6 +155,10 @@ struct RigFigures {
     package: PathBuf,
     package_bytes: u64,
     seconds: f64,
+    /// What each of [`STEPS`] took.
+    steps: Vec<StepSeconds>,
+    /// What the parts of the first step took.
+    prepare_steps: Vec<StepSeconds>,
     #[serde(flatten)]
     report: RigReport,
     pictures: Option<PathBuf>,
@@ -255,6 +260,8 @@ fn rig_to(
         package: out.to_path_buf(),
         package_bytes,
         seconds: began.elapsed().as_secs_f64(),
+        steps: rigged.report.steps.clone(),
+        prepare_steps: rigged.report.prepare.steps.clone(),
         report: rigged.report.clone(),
         pictures: None,
     };
@@ -331,7 +338,7 @@ impl RigFigures {
             report.vertices,
             self.seconds
         );
-        for step in &report.steps {
+        for step in &self.steps {
             println!("  {:<32} {:>6.1} s", step.step, step.seconds);
         }
         let [left, right] = report.shell.hands.map(|hand| match hand.became {
