@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec3, Vec3};
 use reconstruct::BareBody;
-use scan_rig::body::posing::t_pose;
-use scan_rig::finish::{FinishOptions, Finished, JointPose, Material, Poser, avatar};
+use scan_rig::body::posing::{JointPose, t_pose};
+use scan_rig::finish::{FinishOptions, Finished, Material, Poser, avatar};
 use scan_rig::synthetic::{ScanOptions, SyntheticPerson, SyntheticScan};
 use spmm3::{Avatar, JOINTS, Joint, MotionParams, Template};
 use std::path::PathBuf;

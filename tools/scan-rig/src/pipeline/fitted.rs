@@ -8,7 +8,7 @@ use crate::body::{BodyModel, FitReport, Hint, Observed, Registered, register};
 use crate::prepare::{Networks, Prepared, prepare};
 use crate::sight::Sight;
 use crate::stopwatch::StepSeconds;
-use crate::surface::{Look, Surface, look};
+use crate::surface::{Surface, Survey, survey};
 use glam::{DQuat, DVec3};
 use splat_scene::Scene;
 
@@ -18,7 +18,7 @@ pub struct Fitted {
     /// The person, upright.
     pub prepared: Prepared,
     /// What is seen of the person.
-    pub seen: Look,
+    pub seen: Survey,
     /// The body model.
     pub model: BodyModel,
     /// Its registration.
@@ -44,7 +44,7 @@ pub fn fitted(
 ) -> Result<Fitted, RigError> {
     let mut steps = Steps::after(Vec::new(), told);
     let mut prepared = steps.run(|| prepare(scene, &options.person, sight, networks))?;
-    let mut seen = steps.run(|| Ok(look(&prepared.scan)))?;
+    let mut seen = steps.run(|| Ok(survey(&prepared.scan)))?;
     let (model, mut registered, fit) = steps.run(|| {
         let model = BodyModel::load(&options.makehuman)?;
         let hints: Vec<Hint> = (options.person.joints.iter())

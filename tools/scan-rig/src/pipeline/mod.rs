@@ -10,10 +10,11 @@ pub use steps::STEPS;
 
 use crate::RigError;
 use crate::bind::{BindOptions, Bound, bind};
+use crate::body::posing::JointPose;
 use crate::body::{BodyModel, Registered};
 use crate::figures::coverage::{self, coverage};
 use crate::figures::likeness::{person_psnr, six_views};
-use crate::finish::{FinishOptions, JointPose, Material, Poser, avatar};
+use crate::finish::{FinishOptions, Material, Poser, avatar};
 use crate::prepare::{self, Networks, Similarity};
 use crate::scan::Scan;
 use crate::shell::{Hands, ShellOptions, ShellReport, Textures, complete};
@@ -103,7 +104,6 @@ pub fn rigged(
     let mut bound = steps.run(|| {
         let choices = BindOptions {
             accessories: options.accessories,
-            ..BindOptions::default()
         };
         bind(&prepared.scan, &seen, &model, &registered, &choices)
     })?;

@@ -141,7 +141,7 @@ fn an_open_mouth_is_dark_inside_and_shows_teeth_that_a_closed_one_hides() {
         .collect();
     let mouth = teeth.iter().sum::<DVec3>() / teeth.len() as f64;
     let dark = |c: Vec3| c.max_element() < 0.22;
-    let white = |c: Vec3| c.min_element() > 0.45 && c.max_element() - c.min_element() < 0.15;
+    let white = |c: Vec3| c.min_element() > 0.38 && c.max_element() - c.min_element() < 0.15;
     let closed = picture(&scene.bound.scan, &view);
     let open = expressed(
         model,

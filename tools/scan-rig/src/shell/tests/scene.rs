@@ -135,7 +135,7 @@ impl Scene {
                 weights: model
                     .weights
                     .iter()
-                    .map(crate::bind::weights::largest)
+                    .map(|row| posing::kept(row).dense())
                     .collect(),
             },
             accessory,
