@@ -37,6 +37,9 @@ use spmm3::JOINTS;
 const GROWTH: usize = 4;
 /// Gaussians lower than this are no accessory but ground, metres.
 const GROUND: f32 = 0.08;
+/// Parts of a long Gaussian that are farther from the body are left out: its middle was by the body, its ends are of the surroundings and
+/// would fly beside the person, metres.
+const ASTRAY: f32 = 0.055;
 /// Side of the triangle that carries an accessory, metres.
 const CARRIER: f64 = 0.05;
 
@@ -183,6 +186,7 @@ pub fn bind(
         faces: model.faces.clone(),
         weights: rows,
     };
+    let skin = Skin::new(model, &body);
     let mut label = vec![0_u8; scan.len()];
     let mut things = Vec::new();
     if options.accessories {
@@ -190,7 +194,7 @@ pub fn bind(
             vertices: &body,
             weights: &model.weights,
         };
-        things = find_things(scan, survey, &places, model, wearer, &mut label);
+        things = find_things(scan, survey, &places, &skin, wearer, &mut label);
     }
 
     let mut report = BindReport {
@@ -216,6 +220,20 @@ pub fn bind(
     let label: Vec<u8> = kept_at.iter().map(|at| label[*at]).collect();
     let (split, parents) = split::without_long(&cleaned, split::LONGEST, scan.len() * GROWTH);
     report.split = split.len() - cleaned.len();
+    let mut parts = vec![0_u32; cleaned.len()];
+    parents.iter().for_each(|at| parts[*at as usize] += 1);
+    let stays: Vec<bool> = (parents.par_iter().zip(&split.positions))
+        .map(|(parent, position)| {
+            let parent = *parent as usize;
+            label[parent] != 0 || parts[parent] == 1 || skin.off(*position) <= ASTRAY
+        })
+        .collect();
+    report.apart += stays.iter().filter(|stays| !**stays).count();
+    let split = split.filtered(&stays);
+    let mut stay = stays.into_iter();
+    let parents: Vec<u32> = (parents.into_iter())
+        .filter(|_| stay.next().unwrap_or(false))
+        .collect();
     let label: Vec<u8> = parents.iter().map(|at| label[*at as usize]).collect();
 
     let normals: Vec<Vec3> = split
@@ -285,17 +303,16 @@ fn find_things(
     scan: &Scan,
     survey: &Survey,
     places: &[Placed],
-    model: &BodyModel,
+    skin: &Skin<'_>,
     wearer: Wearer<'_>,
     label: &mut [u8],
 ) -> Vec<Accessory> {
-    let skin = Skin::new(model, wearer.vertices);
     let off: Vec<Vec3> = (0..scan.len())
         .into_par_iter()
         .filter(|at| {
             let unfit = clean::unfit(scan, &survey.peak, *at, places[*at].place, true);
             let position = scan.positions[*at];
-            unfit.is_none() && position.y > GROUND && skin.is_off(position)
+            unfit.is_none() && position.y > GROUND && skin.off(position) > accessories::OFF_BODY
         })
         .map(|at| scan.positions[at])
         .collect();

@@ -12,7 +12,7 @@ use crate::RigError;
 use crate::bind::{BindOptions, Bound, bind};
 use crate::body::posing::JointPose;
 use crate::body::{BodyModel, Registered};
-use crate::figures::coverage::{self, coverage};
+use crate::figures::coverage::{self, Coverage, coverage};
 use crate::figures::likeness::{person_psnr, six_views};
 use crate::finish::{FinishOptions, Material, Poser, avatar};
 use crate::prepare::{self, Networks, Similarity};
@@ -219,17 +219,20 @@ pub fn measure(rigged: &Rigged) -> Result<Quality, RigError> {
     let again = poser.scan(&rigged.scan_motion)?;
     let faces = rigged.avatar.template.faces();
     let faces = faces.get(..rigged.body_faces).unwrap_or(faces);
-    // What is held stands beside the body, and has every right to.
+    // What is held stands beside the body, and has every right to; what it hides is no hole.
     let of_body: Vec<bool> = (rigged.avatar.gaussians.triangles().iter())
         .map(|triangle| (*triangle as usize) < rigged.model_faces)
         .collect();
     let covers = |scan: &Scan, motion: &MotionParams| {
-        let scan = scan.filtered(&of_body);
         let vertices: Vec<DVec3> = (poser.vertices(motion).iter())
             .map(|v| v.as_dvec3())
             .collect();
         let views = coverage::views(&vertices, 6);
-        coverage(&scan, &vertices, faces, &views)
+        let body = coverage(&scan.filtered(&of_body), &vertices, faces, &views);
+        Coverage {
+            holes: coverage(scan, &vertices, faces, &views).holes,
+            ..body
+        }
     };
     let straight = MotionParams::default();
     Ok(Quality {

@@ -35,7 +35,7 @@ const LIPS: f64 = 0.016;
 /// between which they end; how dark they are.
 const LASHES: (f64, f64) = (0.75, 0.9);
 const LASH_WIDTH: (f64, f64) = (0.0006, 0.0022);
-const LASH_DARK: f64 = 0.6;
+const LASH_DARK: f64 = 0.4;
 
 /// What is in a socket stays this far behind the skin around the eye, metres; what is before it by no more than the second, pokes out.
 const BEHIND_SKIN: f64 = 0.0012;
@@ -255,7 +255,8 @@ impl Painter<'_> {
             additions.push(cell, -under, colour, OPACITY);
             as_scanned.resize(
                 additions.len(),
-                outer > 0.95 && lid < 0.15 && eye_shows < 0.1,
+                // Nor do pictures colour what is beside an eye: they show its lashes there.
+                outer > 0.95 && lid < 0.15 && eye_shows.max(beside_eye) < 0.1,
             );
         }
     }
