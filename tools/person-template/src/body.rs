@@ -5,10 +5,10 @@
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
+use scan_rig::body::posing::kept;
 use scan_rig::body::posing::{self, blended};
 use scan_rig::body::state::{TURNED, is_above};
 use scan_rig::body::{BodyModel, BodyPart};
-use scan_rig::body::posing::kept;
 use scan_rig::normals::vertex_normals;
 use spmm3::{JOINTS, Joint, SkinWeights};
 

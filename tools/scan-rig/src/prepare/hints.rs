@@ -56,8 +56,7 @@ impl Hints {
                 .map(|(at, _)| at.as_dvec3().distance_squared(place))
                 .fold(f64::INFINITY, f64::min)
                 .sqrt();
-            // Not so either for what is no number.
-            if !(apart < FARTHEST) {
+            if apart.is_nan() || apart >= FARTHEST {
                 return Err(refused::astray(scene, *joint, apart, corners));
             }
         }
