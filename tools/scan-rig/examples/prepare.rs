@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut networks = Networks::open(None)?;
     let prepared = prepare(&scene, &options, &mut sight, &mut networks)?;
     let figures = &prepared.figures;
-    for up in &figures.up {
+    for up in &figures.candidates {
         println!("up {:.2}: score {:.2}", up.up, up.score);
     }
     println!(
@@ -95,8 +95,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for doubt in &figures.doubts {
         println!("doubt: {doubt}");
     }
-    for (step, seconds) in &figures.seconds {
-        println!("{step}: {seconds:.2} s");
+    for step in &figures.steps {
+        println!("{}: {:.2} s", step.step, step.seconds);
     }
     let Some(out) = out else { return Ok(()) };
     std::fs::create_dir_all(&out)?;

@@ -10,7 +10,7 @@ use renderer_vulkan::choice::GpuChoice;
 use scan_rig::body::{BodyModel, Observed, register};
 use scan_rig::prepare::{Networks, Options, prepare};
 use scan_rig::sight::Sight;
-use scan_rig::surface::look;
+use scan_rig::surface::survey;
 use scan_rig::synthetic::{ScanOptions, SyntheticPerson};
 use splat_scene::Scene;
 use spmm3::{JOINTS, Joint};
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Err(_) => (Scene::load(PathBuf::from(&argument).as_path())?, None),
         };
         let prepared = prepare(&scene, &Options::default(), &mut sight, &mut networks)?;
-        let surface = look(&prepared.scan).surface;
+        let surface = survey(&prepared.scan).surface;
         let clock = Instant::now();
         let (registered, report) = register(
             &model,

@@ -5,7 +5,7 @@
 use glam::{DVec3, EulerRot, Quat, Vec3};
 use reconstruct::BareBody;
 use renderer_vulkan::choice::GpuChoice;
-use scan_rig::prepare::landmarks::{ANKLES, ELBOWS, HIPS, KNEES, SHOULDERS, WRISTS};
+use scan_rig::prepare::landmarks::JOINTS;
 use scan_rig::prepare::{Networks, Options, prepare};
 use scan_rig::sight::Sight;
 use scan_rig::synthetic::{ScanOptions, Surroundings, SyntheticPerson};
@@ -13,16 +13,6 @@ use spmm3::Joint;
 use std::error::Error;
 use std::f32::consts::FRAC_PI_2;
 use std::path::PathBuf;
-
-/// Pairs of joints that the landmarks are meant to be.
-const PAIRS: [([usize; 2], [Joint; 2]); 6] = [
-    (SHOULDERS, [Joint::LeftShoulder, Joint::RightShoulder]),
-    (ELBOWS, [Joint::LeftElbow, Joint::RightElbow]),
-    (WRISTS, [Joint::LeftWrist, Joint::RightWrist]),
-    (HIPS, [Joint::LeftHip, Joint::RightHip]),
-    (KNEES, [Joint::LeftKnee, Joint::RightKnee]),
-    (ANKLES, [Joint::LeftAnkle, Joint::RightAnkle]),
-];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (mut people, mut turns, mut surroundings) = (4, 4, Surroundings::None);
@@ -43,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut random = fastrand::Rng::with_seed(7);
     for number in 0..people {
         let person = SyntheticPerson::new(&mut body, &makehuman, number)?;
-        let stance = person.balanced_stance();
+        let stance = person.stance();
         let scan_options = ScanOptions {
             surroundings,
             ..Default::default()
@@ -100,13 +90,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             let front = rotation * truly_front;
             let yaw = front.x.atan2(front.z).to_degrees();
             let mut errors = Vec::new();
-            for (landmarks, joints) in PAIRS {
-                for (landmark, joint) in landmarks.into_iter().zip(joints) {
-                    let there = all * stance.joints[joint.index()].as_vec3() * 2.7
-                        + Vec3::new(0.4, -1.0, 2.0);
-                    let there = placed.point(there.as_dvec3());
-                    errors.push(1e3 * (prepared.body[landmark].position - there).length());
-                }
+            for (joint, landmark) in JOINTS {
+                let there =
+                    all * stance.joints[joint.index()].as_vec3() * 2.7 + Vec3::new(0.4, -1.0, 2.0);
+                let there = placed.point(there.as_dvec3());
+                errors.push(1e3 * (prepared.body[landmark].position - there).length());
             }
             let mean = errors.iter().sum::<f64>() / 12.0;
             let most = errors.iter().copied().fold(0.0, f64::max);
@@ -122,13 +110,9 @@ fn main() -> Result<(), Box<dyn Error>> {
                 1e3 * figures.face_residual.unwrap_or(f64::NAN),
                 figures.planes,
                 figures.gaussians,
-                figures.up.len(),
+                figures.candidates.len(),
                 100.0 * figures.beside,
-                figures
-                    .seconds
-                    .iter()
-                    .map(|(_, seconds)| seconds)
-                    .sum::<f64>(),
+                figures.steps.iter().map(|step| step.seconds).sum::<f64>(),
             );
         }
     }

@@ -24,6 +24,7 @@ pub mod prepare;
 pub mod scan;
 pub mod shell;
 pub mod sight;
+pub mod stopwatch;
 pub mod surface;
 pub mod synthetic;
 

@@ -2,11 +2,12 @@
 
 use glam::{DMat3, DVec3, Vec3};
 use reconstruct::BareBody;
-use scan_rig::body::posing::t_pose;
-use scan_rig::finish::{FinishOptions, Finished, JointPose, Material, Poser, avatar};
+use scan_rig::body::posing::{JointPose, t_pose};
+use scan_rig::finish::{FinishOptions, Finished, Material, Poser, avatar};
 use scan_rig::synthetic::{ScanOptions, SyntheticPerson, SyntheticScan};
 use spmm3::{Avatar, JOINTS, Joint, MotionParams, Template};
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 /// The unpacked package; `None` (said aloud) on a machine without it.
 fn makehuman() -> Option<PathBuf> {
@@ -32,7 +33,7 @@ fn case(number: usize, finish: &FinishOptions) -> Option<Case> {
     let mut body = BareBody::open(&makehuman).expect("the package is whole");
     let person = SyntheticPerson::new(&mut body, &makehuman, number).expect("a person");
     let options = ScanOptions {
-        gaussians: 24_000,
+        gaussians: 9_000,
         ..ScanOptions::default()
     };
     let scan = person.scan(&options);
@@ -69,6 +70,13 @@ fn case(number: usize, finish: &FinishOptions) -> Option<Case> {
     })
 }
 
+/// A whole avatar, built once for all tests that only look at it.
+fn whole() -> Option<&'static Case> {
+    static CASE: OnceLock<Option<Case>> = OnceLock::new();
+    CASE.get_or_init(|| case(2, &FinishOptions::default()))
+        .as_ref()
+}
+
 /// The largest and the mean distance between two lists of points, metres, the second one's order found by its nearest points.
 fn away(from: &[Vec3], to: &[Vec3]) -> (f32, f32) {
     let distance = |p: &Vec3| {
@@ -85,7 +93,7 @@ fn away(from: &[Vec3], to: &[Vec3]) -> (f32, f32) {
 
 #[test]
 fn posed_as_in_the_scan_the_avatar_is_the_scan() {
-    let Some(case) = case(0, &FinishOptions::default()) else {
+    let Some(case) = whole() else {
         return;
     };
     let Finished {
@@ -117,7 +125,7 @@ fn posed_as_in_the_scan_the_avatar_is_the_scan() {
 
 #[test]
 fn the_template_stands_upright_on_its_soles_with_its_arms_stretched() {
-    let Some(case) = case(1, &FinishOptions::default()) else {
+    let Some(case) = whole() else {
         return;
     };
     let template: &Template = &case.finished.avatar.template;
@@ -146,7 +154,7 @@ fn the_template_stands_upright_on_its_soles_with_its_arms_stretched() {
 
 #[test]
 fn a_novel_pose_is_the_true_persons() {
-    let Some(case) = case(2, &FinishOptions::default()) else {
+    let Some(case) = whole() else {
         return;
     };
     let Finished { avatar, .. } = &case.finished;
@@ -186,13 +194,13 @@ fn a_package_reads_as_it_was_written_and_keeps_to_its_size() {
         name: "a synthetic person".into(),
         provenance: "made up".into(),
         licence: "none".into(),
-        gaussians: Some(8_000),
+        gaussians: Some(3_000),
     };
     let Some(case) = case(3, &options) else {
         return;
     };
     let avatar = &case.finished.avatar;
-    assert_eq!(avatar.gaussians.len(), 8_000, "as many as asked for");
+    assert_eq!(avatar.gaussians.len(), 3_000, "as many as asked for");
     let bytes = avatar.to_bytes().expect("a package");
     println!(
         "{} Gaussians in {:.2} MB",

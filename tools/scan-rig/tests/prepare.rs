@@ -5,7 +5,7 @@ use glam::{DVec3, EulerRot, Quat, Vec3};
 use reconstruct::BareBody;
 use renderer_vulkan::choice::GpuChoice;
 use scan_rig::RigError;
-use scan_rig::prepare::landmarks::{ANKLES, ELBOWS, HIPS, KNEES, SHOULDERS, WRISTS};
+use scan_rig::prepare::landmarks::JOINTS;
 use scan_rig::prepare::{Networks, Options, Prepared, prepare};
 use scan_rig::scan::Scan;
 use scan_rig::sight::Sight;
@@ -66,7 +66,7 @@ impl Tools {
 
     /// A person who stands, with about so many Gaussians.
     fn standing(&self, gaussians: usize) -> (Scan, Stance) {
-        let stance = self.person.balanced_stance();
+        let stance = self.person.stance();
         let options = ScanOptions {
             gaussians,
             ..ScanOptions::default()
@@ -107,21 +107,10 @@ fn check(
     );
     assert!(tilt < degrees, "{case}: up is off by {tilt} degrees");
     assert!(yaw.abs() < 5.0, "{case}: facing is off by {yaw} degrees");
-    let pairs = [
-        (SHOULDERS, [Joint::LeftShoulder, Joint::RightShoulder]),
-        (ELBOWS, [Joint::LeftElbow, Joint::RightElbow]),
-        (WRISTS, [Joint::LeftWrist, Joint::RightWrist]),
-        (HIPS, [Joint::LeftHip, Joint::RightHip]),
-        (KNEES, [Joint::LeftKnee, Joint::RightKnee]),
-        (ANKLES, [Joint::LeftAnkle, Joint::RightAnkle]),
-    ];
-    for (landmarks, joints) in pairs {
-        for (landmark, joint) in landmarks.into_iter().zip(joints) {
-            let there = turn * at(joint).as_vec3() * size + shift;
-            let apart =
-                (prepared.body[landmark].position - placed.point(there.as_dvec3())).length();
-            assert!(apart < 0.07, "{case}: {joint:?} is {apart} m off");
-        }
+    for (joint, landmark) in JOINTS {
+        let there = turn * at(joint).as_vec3() * size + shift;
+        let apart = (prepared.body[landmark].position - placed.point(there.as_dvec3())).length();
+        assert!(apart < 0.07, "{case}: {joint:?} is {apart} m off");
     }
 }
 
@@ -279,6 +268,12 @@ fn scans_that_no_avatar_can_be_made_of_are_refused_and_say_why() {
         println!("{what}");
         assert!(what.contains(expected), "{what}");
     }
+    let astray = Options {
+        joints: vec![(Joint::LeftWrist, Vec3::new(0.4, 9.0, 0.1))],
+        ..Options::default()
+    };
+    let what = tools.refusal(&whole, &astray);
+    assert!(what.contains("--joint left_wrist is"), "{what}");
     let empty: Scene = SceneBuilder::new(0).expect("degree 0").finish();
     let refused = prepare(
         &empty,

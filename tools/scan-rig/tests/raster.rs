@@ -82,9 +82,19 @@ fn weights_and_what_comes_through_are_all_of_the_light() {
         scan.colours.push(Vec3::ONE);
     }
     let view = Pinhole::look_at(DVec3::Z * 2.0, DVec3::ZERO, DVec3::Y, 120.0, 90, 70);
-    let (picture, shares) = raster::draw_with_shares(&scan, &view);
+    let (picture, peaks) = raster::draw_with_peaks(&scan, &view);
+    let unpainted = raster::draw_unpainted(&scan, &view, &vec![true; scan.len()]);
+    let shares = unpainted
+        .shares
+        .iter()
+        .map(|(_, weight)| f64::from(*weight));
+    assert_eq!(
+        unpainted.starts.len(),
+        picture.colours.len() + 1,
+        "shares of every pixel"
+    );
     let through: f64 = picture.transmittance.iter().map(|t| f64::from(*t)).sum();
-    let weights: f64 = shares.sum.iter().map(|s| f64::from(*s)).sum();
+    let weights: f64 = shares.sum();
     assert!(
         (through + weights - 90.0 * 70.0).abs() < 0.1,
         "{through} + {weights}"
@@ -95,17 +105,20 @@ fn weights_and_what_comes_through_are_all_of_the_light() {
             "white is as opaque as it is bright"
         );
     }
-    assert!(
-        shares.peak.iter().all(|p| *p <= 0.99),
-        "a weight is too large"
-    );
+    let mut largest = vec![0.0_f32; scan.len()];
+    for (gaussian, weight) in &unpainted.shares {
+        let slot = &mut largest[*gaussian as usize];
+        *slot = slot.max(*weight);
+    }
+    assert!(peaks == largest, "the largest shares are the peaks");
+    assert!(peaks.iter().all(|p| *p <= 0.99), "a weight is too large");
     let one = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()
         .expect("a thread");
-    let again = one.install(|| raster::draw_with_shares(&scan, &view));
+    let again = one.install(|| raster::draw_with_peaks(&scan, &view));
     assert!(
-        again == (picture, shares),
+        again == (picture, peaks),
         "another number of threads draws another picture"
     );
 }

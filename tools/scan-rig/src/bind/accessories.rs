@@ -2,11 +2,12 @@
 //! joint.
 
 use crate::body::SkinRow;
+use crate::body::state::is_above;
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use spmm3::{JOINTS, Joint};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// What is farther from the body is not body, metres.
 pub const OFF_BODY: f32 = 0.045;
@@ -14,6 +15,8 @@ pub const OFF_BODY: f32 = 0.045;
 const CELL: f32 = 0.03;
 /// Gaussians that a thing has at least.
 const LEAST: usize = 600;
+/// A cell with so many times fewer points than the median cell of its cluster has strays alone.
+const EMPTY: usize = 4;
 /// The most things.
 const MOST: usize = 5;
 /// How far a thing reaches beyond its Gaussians that are off the body, metres.
@@ -82,36 +85,59 @@ fn directions() -> impl Iterator<Item = Vec3> {
     })
 }
 
-/// The clusters of points, largest first: cells of a grid that touch, with at least as many points as a thing has.
+/// The clusters of points, largest first: cells of a grid that touch, with at least as many points as a thing has. Cells that are much emptier
+/// than a cluster's others belong to none: a handful of strays, trousers that stand 45 mm off the model for once, would link two things,
+/// and a hull that reaches to them takes in what lies between.
 #[must_use]
 pub fn clusters(points: &[Vec3]) -> Vec<Vec<Vec3>> {
-    let mut cells: BTreeMap<[i32; 3], Vec<Vec3>> = BTreeMap::new();
+    let mut cells = Cells::new();
     for point in points.iter().filter(|p| p.is_finite()) {
         let cell = (*point / CELL).floor().as_ivec3();
         cells.entry(cell.to_array()).or_default().push(*point);
     }
-    let mut left: BTreeSet<[i32; 3]> = cells.keys().copied().collect();
-    let mut found = Vec::new();
-    while let Some(first) = left.pop_first() {
-        let mut members = Vec::new();
-        let mut open = vec![first];
-        while let Some(cell) = open.pop() {
-            members.extend(cells.remove(&cell).unwrap_or_default());
-            for at in 0..27 {
-                let step = IVec3::new(at % 3, at / 3 % 3, at / 9) - 1;
-                let beside = (IVec3::from(cell) + step).to_array();
-                if left.remove(&beside) {
-                    open.push(beside);
-                }
-            }
-        }
-        if members.len() >= LEAST {
-            found.push(members);
-        }
-    }
+    let mut found: Vec<Vec<Vec3>> = touching(cells)
+        .into_iter()
+        .flat_map(|mut cluster| {
+            let least = usual(&cluster) / EMPTY;
+            cluster.retain(|_, members| members.len() >= least);
+            touching(cluster)
+        })
+        .map(|cluster| cluster.into_values().flatten().collect())
+        .collect();
     found.sort_by_key(|members| std::cmp::Reverse(members.len()));
     found.truncate(MOST);
     found
+}
+
+/// Points by the cell of the grid that they are in.
+type Cells = BTreeMap<[i32; 3], Vec<Vec3>>;
+
+/// How many points the median cell has.
+fn usual(cells: &Cells) -> usize {
+    let mut counts: Vec<usize> = cells.values().map(Vec::len).collect();
+    counts.sort_unstable();
+    counts.get(counts.len() / 2).copied().unwrap_or_default()
+}
+
+/// The cells in groups that touch, those with too few points for a thing left out.
+fn touching(mut cells: Cells) -> Vec<Cells> {
+    let mut groups = Vec::new();
+    while let Some(first) = cells.pop_first() {
+        let mut group = Cells::new();
+        let mut open = vec![first];
+        while let Some((cell, members)) = open.pop() {
+            for at in 0..27 {
+                let step = IVec3::new(at % 3, at / 3 % 3, at / 9) - 1;
+                let beside = (IVec3::from(cell) + step).to_array();
+                open.extend(cells.remove_entry(&beside));
+            }
+            group.insert(cell, members);
+        }
+        if group.values().map(Vec::len).sum::<usize>() >= LEAST {
+            groups.push(group);
+        }
+    }
+    groups
 }
 
 /// The body as things see it: its vertices, and the weight of every joint for each.
@@ -154,7 +180,7 @@ pub fn attach(cluster: &[Vec3], wearer: Wearer<'_>) -> (Shape, Accessory) {
 /// The wrist of the hand that reaches into a thing of that size.
 fn held_by(score: &[f32; JOINTS], size: f32) -> Option<Joint> {
     let hand = |wrist: Joint| -> f32 {
-        let below = Joint::ALL.into_iter().filter(|j| is_below(*j, wrist));
+        let below = Joint::ALL.into_iter().filter(|j| is_above(wrist, *j));
         below.map(|joint| score[joint as usize]).sum()
     };
     let (left, right) = (hand(Joint::LeftWrist), hand(Joint::RightWrist));
@@ -164,18 +190,6 @@ fn held_by(score: &[f32; JOINTS], size: f32) -> Option<Joint> {
         Joint::RightWrist
     };
     (left.max(right) >= HELD && size < HELD_SIZE).then_some(wrist)
-}
-
-/// Whether a joint is another one or hangs from it.
-fn is_below(joint: Joint, other: Joint) -> bool {
-    let mut at = Some(joint);
-    while let Some(here) = at {
-        if here == other {
-            return true;
-        }
-        at = here.parent();
-    }
-    false
 }
 
 /// The joint with the largest score; of the head's and the fingers' joints the one that carries them.
@@ -195,7 +209,7 @@ fn carrier(joint: Joint) -> Joint {
         Joint::LeftAnkle,
         Joint::RightAnkle,
     ] {
-        if is_below(joint, whole) {
+        if is_above(whole, joint) {
             return whole;
         }
     }
@@ -219,4 +233,34 @@ fn nearest_joint(cluster: &[Vec3], wearer: Wearer<'_>) -> Joint {
     nearest
         .and_then(|(_, weights)| most(weights))
         .unwrap_or(Joint::Pelvis)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strays_beside_a_thing_neither_widen_it_nor_link_it_to_another() {
+        let shell = |centre: Vec3| {
+            (0..40).flat_map(move |turn| {
+                let turn = glam::Quat::from_rotation_y(turn as f32);
+                directions().map(move |d| centre + turn * d * 0.12)
+            })
+        };
+        let (left, right) = (Vec3::ZERO, Vec3::X * 0.5);
+        let mut points: Vec<Vec3> = shell(left).chain(shell(right)).collect();
+        let between: Vec<Vec3> = (0..60)
+            .map(|at| Vec3::X * (0.13 + 0.004 * at as f32))
+            .collect();
+        points.extend(&between);
+        let found = clusters(&points);
+        assert_eq!(found.len(), 2, "two things");
+        for thing in &found {
+            let hull = Shape::around(thing, GROWN);
+            assert!(!hull.contains(Vec3::X * 0.25), "what lies between them");
+            let centre = if hull.contains(left) { left } else { right };
+            let whole = shell(centre).all(|point| hull.contains(point));
+            assert!(whole, "all of it");
+        }
+    }
 }

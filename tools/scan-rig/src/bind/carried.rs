@@ -2,32 +2,36 @@
 
 use crate::scan::Scan;
 use glam::{Quat, Vec3};
-use half::f16;
 use rayon::prelude::*;
 use reconstruct::shares_of_closest;
 use spmm3::triangle_frame;
 
 /// Where each Gaussian is on and above its triangle, and how it is turned in the triangle's frame (`spmm3::triangle_frame`).
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Carried {
+pub(crate) struct Carried {
     /// Shares of the triangle's second and third corner, 0..=1.
-    pub barycentrics: Vec<[f32; 2]>,
+    pub(crate) barycentrics: Vec<[f32; 2]>,
     /// From that point of the triangle, in its frame, metres.
-    pub offsets: Vec<Vec3>,
+    pub(crate) offsets: Vec<Vec3>,
     /// Relative to the triangle's frame.
-    pub rotations: Vec<Quat>,
+    pub(crate) rotations: Vec<Quat>,
 }
 
 impl Carried {
     /// Takes Gaussians and the mesh in the same pose; `triangles` has one face of the mesh for each.
     #[must_use]
-    pub fn new(scan: &Scan, triangles: &[u32], faces: &[[u32; 3]], vertices: &[Vec3]) -> Self {
+    pub(crate) fn new(
+        scan: &Scan,
+        triangles: &[u32],
+        faces: &[[u32; 3]],
+        vertices: &[Vec3],
+    ) -> Self {
         let all: Vec<_> = triangles
             .par_iter()
             .enumerate()
             .map(|(at, triangle)| {
                 let corners = faces[*triangle as usize].map(|v| vertices[v as usize]);
-                let shares = nearest(scan.positions[at], corners);
+                let shares = shares(scan.positions[at], corners);
                 let world_from_local = triangle_frame(corners);
                 let anchor = point(corners, shares);
                 (
@@ -47,25 +51,9 @@ impl Carried {
         carried
     }
 
-    /// These, rounded as an avatar's package rounds them.
-    #[must_use]
-    pub fn quantised(mut self) -> Self {
-        let round = |value: f32| f16::from_f32(value).to_f32();
-        for shares in &mut self.barycentrics {
-            *shares = shares.map(round);
-        }
-        for offset in &mut self.offsets {
-            *offset = offset.to_array().map(round).into();
-        }
-        for rotation in &mut self.rotations {
-            *rotation = Quat::from_array(rotation.to_array().map(round)).normalize();
-        }
-        self
-    }
-
     /// The Gaussians on the mesh in another pose. `scan` gives what does not change.
     #[must_use]
-    pub fn posed(
+    pub(crate) fn posed(
         &self,
         scan: &Scan,
         triangles: &[u32],
@@ -100,11 +88,11 @@ fn point([a, b, c]: [Vec3; 3], [v, w]: [f32; 2]) -> Vec3 {
 
 /// The point of a triangle that is nearest to `p`.
 pub(super) fn nearest_point(p: Vec3, corners: [Vec3; 3]) -> Vec3 {
-    point(corners, nearest(p, corners))
+    point(corners, shares(p, corners))
 }
 
-/// Shares of the second and the third corner in the triangle's point that is nearest to `p`.
-fn nearest(p: Vec3, corners: [Vec3; 3]) -> [f32; 2] {
+/// Where a Gaussian at `p` sits on its triangle: shares of the second and the third corner in the triangle's point that is nearest to it.
+pub(crate) fn shares(p: Vec3, corners: [Vec3; 3]) -> [f32; 2] {
     let [_, v, w] = shares_of_closest(p, corners);
     [v, w]
 }

@@ -1,7 +1,6 @@
 //! Which Gaussians of a scan are left out: what shows nowhere as the scan stands, but would once the person moves.
 
 use crate::scan::Scan;
-use crate::surface::Visibility;
 
 /// A Gaussian that never has a larger blending weight shows nowhere.
 const HIDDEN: f32 = 0.015;
@@ -18,7 +17,7 @@ const COARSE: (f32, f32) = (0.04, 0.1);
 
 /// Why a Gaussian is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fault {
+pub(super) enum Unfit {
     /// It shows nowhere.
     Hidden,
     /// It is no part of the person.
@@ -33,39 +32,39 @@ pub enum Fault {
 
 /// Where a Gaussian is relative to the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub(super) struct Place {
     /// Distance to the nearest point of the surface, metres.
-    pub distance: f32,
+    pub(super) distance: f32,
     /// Of that, along the surface's normal: negative behind it, metres.
-    pub height: f32,
+    pub(super) height: f32,
 }
 
-/// What is wrong with a Gaussian. What is worn or carried is judged by less.
+/// What is wrong with a Gaussian. `peak` is how much each shows. What is worn or carried is judged by less.
 #[must_use]
-pub fn fault(
+pub(super) fn unfit(
     scan: &Scan,
-    visibility: &Visibility,
+    peak: &[f32],
     at: usize,
     place: Place,
     worn: bool,
-) -> Option<Fault> {
-    let peak = visibility.peak[at];
+) -> Option<Unfit> {
+    let peak = peak[at];
     let less = |rule: (f32, f32)| place.distance > rule.0 && peak < rule.1;
     if peak.is_nan() || peak <= HIDDEN {
-        return Some(Fault::Hidden);
+        return Some(Unfit::Hidden);
     }
     if place.distance.is_nan() || place.distance >= APART {
-        return Some(Fault::Apart);
+        return Some(Unfit::Apart);
     }
     if worn {
         return None;
     }
     if place.height < BEHIND {
-        return Some(Fault::Behind);
+        return Some(Unfit::Behind);
     }
     if less(OFF) || less(FAINT) {
-        return Some(Fault::Off);
+        return Some(Unfit::Off);
     }
     let long = scan.scales[at].max_element() > COARSE.0;
-    (long && peak < COARSE.1).then_some(Fault::Coarse)
+    (long && peak < COARSE.1).then_some(Unfit::Coarse)
 }

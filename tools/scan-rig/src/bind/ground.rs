@@ -1,6 +1,5 @@
 //! Where a Gaussian is relative to the scan's surface and to the body's skin.
 
-use super::accessories;
 use super::clean::Place;
 use crate::RigError;
 use crate::body::BodyModel;
@@ -89,12 +88,12 @@ impl<'a> Skin<'a> {
         }
     }
 
-    /// Whether a point is outside, and farther from the skin than clothes reach.
-    pub(super) fn is_off(&self, point: Vec3) -> bool {
-        self.tree.one(&point.to_array()).is_some_and(|found| {
+    /// How far outside of the skin a point is, to the nearest vertex, metres; 0 inside.
+    pub(super) fn off(&self, point: Vec3) -> f32 {
+        self.tree.one(&point.to_array()).map_or(0.0, |found| {
             let vertex = self.names[found.at] as usize;
             let outside = (point - self.vertices[vertex]).dot(self.normals[vertex]) > 0.0;
-            outside && found.squared > accessories::OFF_BODY * accessories::OFF_BODY
+            if outside { found.squared.sqrt() } else { 0.0 }
         })
     }
 }

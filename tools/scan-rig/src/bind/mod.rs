@@ -5,37 +5,41 @@
 //! in other poses left out.
 
 pub mod accessories;
-pub mod carried;
-pub mod clean;
+pub(crate) mod carried;
+mod clean;
 mod ground;
 mod growth;
-pub mod rest;
+mod rest;
 mod samples;
 mod settle;
-pub mod split;
-pub mod triangles;
-pub mod weights;
+mod split;
+mod triangles;
+mod weights;
 
 pub use rest::Rest;
 
 use crate::RigError;
+use crate::body::posing::kept;
 use crate::body::{BodyModel, BodyPart, Registered, SkinRow};
 use crate::figures::Percentiles;
 use crate::scan::Scan;
-use crate::surface::Look;
+use crate::surface::Survey;
 use accessories::{Accessory, Wearer};
 use carried::Carried;
-use clean::Fault;
+use clean::Unfit;
 use glam::{DVec3, Vec3};
 use ground::{Ground, Placed, Skin};
 use rayon::prelude::*;
 use serde::Serialize;
-use spmm3::{JOINTS, Joint};
+use spmm3::JOINTS;
 
 /// How much a scan may grow where long Gaussians are split, as a multiple of the Gaussians that were given.
 const GROWTH: usize = 4;
 /// Gaussians lower than this are no accessory but ground, metres.
 const GROUND: f32 = 0.08;
+/// Parts of a long Gaussian that are farther from the body are left out: its middle was by the body, its ends are of the surroundings and
+/// would fly beside the person, metres.
+const ASTRAY: f32 = 0.055;
 /// Side of the triangle that carries an accessory, metres.
 const CARRIER: f64 = 0.05;
 
@@ -97,23 +101,15 @@ pub struct BindReport {
 }
 
 /// Choices in binding.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BindOptions {
     /// Look for things that are no body. Without, all Gaussians are the body's.
     pub accessories: bool,
-    /// Joints that the things move with, the largest thing first; for further ones the joint is found.
-    pub attach: Vec<Joint>,
-    /// Hands stay as they were scanned: fingers move with the wrist.
-    pub stiff_fingers: bool,
 }
 
 impl Default for BindOptions {
     fn default() -> Self {
-        Self {
-            accessories: true,
-            attach: Vec::new(),
-            stiff_fingers: true,
-        }
+        Self { accessories: true }
     }
 }
 
@@ -126,7 +122,7 @@ impl Bound {
 
     /// The Gaussians in their triangles' frames.
     #[must_use]
-    pub fn carried(&self) -> Carried {
+    pub(crate) fn carried(&self) -> Carried {
         Carried::new(
             &self.scan,
             &self.triangles,
@@ -161,26 +157,25 @@ impl Bound {
 /// If nothing of the scan is left, or the body model does not fit its registration.
 pub fn bind(
     scan: &Scan,
-    look: &Look,
+    survey: &Survey,
     model: &BodyModel,
     registered: &Registered,
     options: &BindOptions,
 ) -> Result<Bound, RigError> {
     let body = single(&registered.vertices);
-    if body.len() != model.rest.len() || scan.len() != look.visibility.peak.len() {
+    if body.len() != model.rest.len() || scan.len() != survey.peak.len() {
         return Err(RigError::unsuited(
             "the body model, its registration and the scan are of different runs: run all steps again on one scan",
         ));
     }
     let outer = |face: usize| is_outer(model, face);
     let mut rows = model.weights.clone();
-    if options.stiff_fingers {
-        weights::stiffen_fingers(&mut rows);
-    }
+    // Hands stay as they were scanned, until completing them decides otherwise.
+    weights::stiffen_fingers(&mut rows);
     weights::smooth(&mut rows, |vertex| model.neighbours.of(vertex));
-    let rows: Vec<SkinRow> = rows.iter().map(weights::largest).collect();
+    let rows: Vec<SkinRow> = rows.iter().map(|row| kept(row).dense()).collect();
 
-    let ground = Ground::new(&look.surface)?;
+    let ground = Ground::new(&survey.surface)?;
     let places: Vec<Placed> = scan
         .positions
         .par_iter()
@@ -191,6 +186,7 @@ pub fn bind(
         faces: model.faces.clone(),
         weights: rows,
     };
+    let skin = Skin::new(model, &body);
     let mut label = vec![0_u8; scan.len()];
     let mut things = Vec::new();
     if options.accessories {
@@ -198,7 +194,7 @@ pub fn bind(
             vertices: &body,
             weights: &model.weights,
         };
-        things = find_things(scan, look, &places, model, wearer, options, &mut label);
+        things = find_things(scan, survey, &places, &skin, wearer, &mut label);
     }
 
     let mut report = BindReport {
@@ -207,14 +203,14 @@ pub fn bind(
     };
     let keep: Vec<bool> = (0..scan.len())
         .map(|at| {
-            let fault = clean::fault(scan, &look.visibility, at, places[at].place, label[at] != 0);
-            match fault {
+            let unfit = clean::unfit(scan, &survey.peak, at, places[at].place, label[at] != 0);
+            match unfit {
                 None => return true,
-                Some(Fault::Hidden) => report.hidden += 1,
-                Some(Fault::Apart) => report.apart += 1,
-                Some(Fault::Behind) => report.behind += 1,
-                Some(Fault::Off) => report.off += 1,
-                Some(Fault::Coarse) => report.coarse += 1,
+                Some(Unfit::Hidden) => report.hidden += 1,
+                Some(Unfit::Apart) => report.apart += 1,
+                Some(Unfit::Behind) => report.behind += 1,
+                Some(Unfit::Off) => report.off += 1,
+                Some(Unfit::Coarse) => report.coarse += 1,
             }
             false
         })
@@ -224,6 +220,20 @@ pub fn bind(
     let label: Vec<u8> = kept_at.iter().map(|at| label[*at]).collect();
     let (split, parents) = split::without_long(&cleaned, split::LONGEST, scan.len() * GROWTH);
     report.split = split.len() - cleaned.len();
+    let mut parts = vec![0_u32; cleaned.len()];
+    parents.iter().for_each(|at| parts[*at as usize] += 1);
+    let stays: Vec<bool> = (parents.par_iter().zip(&split.positions))
+        .map(|(parent, position)| {
+            let parent = *parent as usize;
+            label[parent] != 0 || parts[parent] == 1 || skin.off(*position) <= ASTRAY
+        })
+        .collect();
+    report.apart += stays.iter().filter(|stays| !**stays).count();
+    let split = split.filtered(&stays);
+    let mut stay = stays.into_iter();
+    let parents: Vec<u32> = (parents.into_iter())
+        .filter(|_| stay.next().unwrap_or(false))
+        .collect();
     let label: Vec<u8> = parents.iter().map(|at| label[*at as usize]).collect();
 
     let normals: Vec<Vec3> = split
@@ -261,7 +271,7 @@ pub fn bind(
     };
     let peak: Vec<f32> = parents
         .iter()
-        .map(|at| look.visibility.peak[kept_at[*at as usize]])
+        .map(|at| survey.peak[kept_at[*at as usize]])
         .collect();
     settle::settle(&mut bound, peak, model, registered, &faces, &ground)?;
     let offsets = bound.carried().offsets;
@@ -291,29 +301,24 @@ fn is_outer(model: &BodyModel, face: usize) -> bool {
 /// Finds what is no body and labels its Gaussians.
 fn find_things(
     scan: &Scan,
-    look: &Look,
+    survey: &Survey,
     places: &[Placed],
-    model: &BodyModel,
+    skin: &Skin<'_>,
     wearer: Wearer<'_>,
-    options: &BindOptions,
     label: &mut [u8],
 ) -> Vec<Accessory> {
-    let skin = Skin::new(model, wearer.vertices);
     let off: Vec<Vec3> = (0..scan.len())
         .into_par_iter()
         .filter(|at| {
-            let fault = clean::fault(scan, &look.visibility, *at, places[*at].place, true);
+            let unfit = clean::unfit(scan, &survey.peak, *at, places[*at].place, true);
             let position = scan.positions[*at];
-            fault.is_none() && position.y > GROUND && skin.is_off(position)
+            unfit.is_none() && position.y > GROUND && skin.off(position) > accessories::OFF_BODY
         })
         .map(|at| scan.positions[at])
         .collect();
     let mut things = Vec::new();
-    for (at, cluster) in accessories::clusters(&off).into_iter().enumerate() {
-        let (shape, mut thing) = accessories::attach(&cluster, wearer);
-        if let Some(joint) = options.attach.get(at) {
-            thing.joint = *joint;
-        }
+    for cluster in accessories::clusters(&off) {
+        let (shape, thing) = accessories::attach(&cluster, wearer);
         things.push(thing);
         let number = u8::try_from(things.len()).unwrap_or(u8::MAX);
         label

@@ -4,7 +4,7 @@ use crate::scan::Scan;
 use glam::{Mat3, Vec3};
 
 /// Gaussians whose longest standard deviation is more are split, metres.
-pub const LONGEST: f32 = 0.02;
+pub(super) const LONGEST: f32 = 0.02;
 /// Rounds of splitting: what is 3 m long ends below [`LONGEST`].
 const ROUNDS: usize = 10;
 /// Standard deviation of the three parts along the axis that is split, as a share of the whole's.
@@ -26,7 +26,7 @@ const PARTS: [(f32, [f32; 3]); 5] = [
 /// A scan without Gaussians longer than `longest` metres (standard deviation), and which Gaussian of the given scan each was part of.
 /// No more than `most` Gaussians are made: if that is too few, the longest of the last round stay.
 #[must_use]
-pub fn without_long(scan: &Scan, longest: f32, most: usize) -> (Scan, Vec<u32>) {
+pub(super) fn without_long(scan: &Scan, longest: f32, most: usize) -> (Scan, Vec<u32>) {
     let mut out = scan.clone();
     let mut parents: Vec<u32> = (0_u32..).take(scan.len()).collect();
     for _ in 0..ROUNDS {

@@ -21,7 +21,7 @@ const ROUNDS: usize = 3;
 
 /// The faces that Gaussians may be on, in the scan's pose.
 #[derive(Debug)]
-pub struct Faces {
+pub(super) struct Faces {
     /// Which face each of the following is.
     names: Vec<u32>,
     points: Vec<[f32; 6]>,
@@ -34,7 +34,7 @@ pub struct Faces {
 impl Faces {
     /// Takes the faces for which `outer` is true. `weights` has the weight of every joint for each vertex.
     #[must_use]
-    pub fn new(
+    pub(super) fn new(
         vertices: &[Vec3],
         faces: &[[u32; 3]],
         weights: &[SkinRow],
@@ -68,7 +68,7 @@ impl Faces {
 
     /// The nearest face to a place with this normal.
     #[must_use]
-    pub fn nearest(&self, position: Vec3, normal: Vec3) -> Option<u32> {
+    pub(super) fn nearest(&self, position: Vec3, normal: Vec3) -> Option<u32> {
         let at = self.in_tree(&self.tree, |at| at, position, normal)?;
         Some(self.names[at])
     }
@@ -102,7 +102,7 @@ impl Faces {
     /// For each Gaussian (its position, and the normal of the surface there) a face, and how many were moved to another part of the body
     /// because their neighbours are on it. Nothing if no face may be taken.
     #[must_use]
-    pub fn choose(&self, positions: &[Vec3], normals: &[Vec3]) -> Option<(Vec<u32>, usize)> {
+    pub(super) fn choose(&self, positions: &[Vec3], normals: &[Vec3]) -> Option<(Vec<u32>, usize)> {
         let mut chosen: Vec<usize> = (0..positions.len())
             .into_par_iter()
             .map(|at| self.in_tree(&self.tree, |at| at, positions[at], normals[at]))

@@ -2,13 +2,13 @@
 
 use crate::body::SkinRow;
 use rayon::prelude::*;
-use spmm3::{INFLUENCES, JOINTS, Joint};
+use spmm3::Joint;
 
 /// Rounds in which a vertex takes half of its weights from its neighbours.
 const ROUNDS: usize = 25;
 
 /// Gives the weights of the fingers to the wrists: hands as they were scanned.
-pub fn stiffen_fingers(rows: &mut [SkinRow]) {
+pub(super) fn stiffen_fingers(rows: &mut [SkinRow]) {
     for row in rows {
         for finger in Joint::ALL {
             let Some(wrist) = wrist_of(finger) else {
@@ -32,11 +32,11 @@ fn wrist_of(joint: Joint) -> Option<Joint> {
 }
 
 /// The joints of the head, whose weights stay as they are.
-const HEAD: [Joint; 4] = [Joint::Head, Joint::Jaw, Joint::LeftEye, Joint::RightEye];
+const OF_HEAD: [Joint; 4] = [Joint::Head, Joint::Jaw, Joint::LeftEye, Joint::RightEye];
 
 /// Smooths weights along the mesh, so that no two neighbouring triangles part when a joint turns far. Along the mesh only: Gaussians
 /// beside each other, on an arm and the trunk, must not share joints. The head keeps its own; `neighbours` gives the vertices beside one.
-pub fn smooth<'a>(rows: &mut [SkinRow], neighbours: impl Fn(usize) -> &'a [u32] + Sync) {
+pub(super) fn smooth<'a>(rows: &mut [SkinRow], neighbours: impl Fn(usize) -> &'a [u32] + Sync) {
     let given = rows.to_vec();
     let mut before = rows.to_vec();
     for _ in 0..ROUNDS {
@@ -57,7 +57,10 @@ pub fn smooth<'a>(rows: &mut [SkinRow], neighbours: impl Fn(usize) -> &'a [u32] 
         before.copy_from_slice(rows);
     }
     for (row, given) in rows.iter_mut().zip(given) {
-        let head = HEAD.iter().map(|joint| given[*joint as usize]).sum::<f32>();
+        let head = OF_HEAD
+            .iter()
+            .map(|joint| given[*joint as usize])
+            .sum::<f32>();
         let head = head.clamp(0.0, 1.0);
         for (weight, given) in row.iter_mut().zip(given) {
             *weight += (given - *weight) * head;
@@ -65,27 +68,10 @@ pub fn smooth<'a>(rows: &mut [SkinRow], neighbours: impl Fn(usize) -> &'a [u32] 
     }
 }
 
-/// The four largest weights, which sum to 1.
-#[must_use]
-pub fn largest(row: &SkinRow) -> SkinRow {
-    let mut order: [usize; JOINTS] = std::array::from_fn(|joint| joint);
-    order.sort_by(|a, b| row[*b].total_cmp(&row[*a]));
-    let kept = &order[..INFLUENCES];
-    let sum: f32 = kept.iter().map(|joint| row[*joint]).sum();
-    let mut out = [0.0; JOINTS];
-    for joint in kept {
-        out[*joint] = row[*joint] / sum;
-    }
-    if sum.is_nan() || sum <= 0.0 {
-        out = [0.0; JOINTS];
-        out[order[0]] = 1.0;
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spmm3::JOINTS;
 
     #[test]
     fn fingers_move_with_their_wrists() {
@@ -133,7 +119,7 @@ mod tests {
             "{knee:?}"
         );
         assert_eq!(rows[39][Joint::Head as usize], 1.0, "the head's");
-        let skin = largest(&rows[20]);
+        let skin = crate::body::posing::kept(&rows[20]).dense();
         assert!(
             (skin.iter().sum::<f32>() - 1.0).abs() < 1e-6,
             "four sum to 1"

@@ -12,8 +12,13 @@ use motion_fit::landmarks::BODY_LANDMARKS;
 use nalgebra::DVector;
 use spmm3::{JOINTS, Joint};
 
+/// Joints less sure than this are pointed out.
+pub const UNSURE: f64 = 0.5;
+
 /// An error that makes a joint as doubtful as not, metres.
 const DOUBTFUL: f64 = 0.03;
+/// A hint may be this far from where a sure joint was found, metres: networks err alike in all views where clothes mislead them.
+const CONTRADICTED: f64 = 0.06;
 
 /// Landmarks may be off by this much though all is well, metres.
 const USUAL_MISS: f64 = 0.025;
@@ -105,9 +110,9 @@ pub(super) fn confidence(
             errors[at] = errors[at].max(errors[parent.index()]);
         }
     }
-    let confidence = errors.map(|error| 1.0 / (1.0 + (error / DOUBTFUL).powi(2)));
+    let confidence = errors.map(sure);
     let warnings = (Joint::ALL.into_iter().take(NAMED))
-        .filter(|joint| confidence[joint.index()] < 0.5)
+        .filter(|joint| confidence[joint.index()] < UNSURE)
         .map(|joint| {
             let name = joint.name();
             format!(
@@ -118,6 +123,53 @@ pub(super) fn confidence(
         })
         .collect();
     (confidence, warnings)
+}
+
+/// How sure a joint with such an error is, metres.
+fn sure(error: f64) -> f64 {
+    1.0 / (1.0 + (error / DOUBTFUL).powi(2))
+}
+
+/// What one of the user's hints did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Heeded {
+    /// The joint.
+    pub joint: Joint,
+    /// How far the hint is from where the joint is found without any hint, metres; nothing where it is not found.
+    pub apart: Option<f64>,
+    /// How sure the joint is without any hint, 0..=1.
+    pub sure_without: f64,
+    /// How far the joint is from the hint in the end, metres.
+    pub missed: f64,
+}
+
+impl Heeded {
+    /// How far the hint is from where everything else surely has the joint, metres; nothing where that is near enough, or unsure.
+    fn contradicted(&self) -> Option<f64> {
+        self.apart
+            .filter(|apart| self.sure_without >= UNSURE && *apart > CONTRADICTED)
+    }
+
+    /// How sure the joint can be.
+    pub(super) fn confidence(&self) -> f64 {
+        sure(self.missed.max(self.contradicted().unwrap_or(0.0)))
+    }
+
+    /// What to tell the user of a hint that nothing else agrees with.
+    pub(super) fn warning(&self) -> Option<String> {
+        let name = self.joint.name();
+        let words = name.replace('_', " ");
+        if let Some(apart) = self.contradicted() {
+            let mm = 1e3 * apart;
+            return Some(format!(
+                "--joint {name} is {mm:.0} mm from where all else has the {words}: check its numbers, or leave it out"
+            ));
+        }
+        (self.missed > DOUBTFUL).then(|| {
+            let mm = 1e3 * self.missed;
+            format!("the {words} stays {mm:.0} mm from --joint {name}: a body does not reach there; check its numbers")
+        })
+    }
 }
 
 /// The deviation of each joint that the last equations leave open.

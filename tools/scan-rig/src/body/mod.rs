@@ -17,12 +17,13 @@ pub mod posing;
 mod register;
 pub mod state;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
+pub use confidence::{Heeded, UNSURE};
 pub use model::{BodyModel, BodyPart, SkinRow};
 pub use register::{FitReport, Observed, register};
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use spmm3::{JOINTS, Joint};
 
 /// Where a joint is, as the user knows.
@@ -49,4 +50,27 @@ pub struct Registered {
     pub vertices: Vec<DVec3>,
     /// How sure each joint is, 0..=1.
     pub confidence: [f64; JOINTS],
+}
+
+impl Registered {
+    /// Where the body faces, level and of unit length: across the lines of shoulders and hips. Nothing if they stand upright.
+    #[must_use]
+    pub fn facing(&self) -> Option<DVec3> {
+        let at = |joint: Joint| self.joints[joint.index()];
+        let shoulders = at(Joint::LeftShoulder) - at(Joint::RightShoulder);
+        let hips = at(Joint::LeftHip) - at(Joint::RightHip);
+        (shoulders + hips).cross(DVec3::Y).try_normalize()
+    }
+
+    /// Everything turned about the origin.
+    pub fn turn(&mut self, turn: DQuat) {
+        let matrix = DMat3::from_quat(turn);
+        self.rotations.iter_mut().for_each(|r| *r = matrix * *r);
+        self.joints
+            .iter_mut()
+            .for_each(|joint| *joint = turn * *joint);
+        self.vertices
+            .iter_mut()
+            .for_each(|vertex| *vertex = turn * *vertex);
+    }
 }

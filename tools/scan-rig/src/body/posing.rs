@@ -1,12 +1,93 @@
 //! Posing in double precision: a chain of joints, the maps that carry flesh, linear blend skinning and its inverse, the T-pose.
+//!
+//! The only skinning of this crate: what is tried while an avatar is made moves as the avatar does.
 
-use super::model::SkinRow;
+use super::Registered;
+use super::model::{BodyModel, SkinRow};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
-use spmm3::{JOINTS, Joint};
+use spmm3::{INFLUENCES, JOINTS, Joint, MotionParams, Skeleton, SkinWeights, SkinningTransforms};
 
 /// How far the straight legs of the T-pose spread, radians: as in the demo person.
 const LEG_SPREAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
+
+/// A blended map with a smaller determinant has nearly collapsed (joints turned against each other), and its inverse would throw
+/// vertices far away.
+const COLLAPSED: f64 = 0.15;
+
+/// Where every joint is and how it is turned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointPose {
+    /// World rotations relative to the body model's rest pose.
+    pub rotations: [DMat3; JOINTS],
+    /// Positions, metres.
+    pub joints: [DVec3; JOINTS],
+}
+
+impl JointPose {
+    /// The pose that a body was registered in.
+    #[must_use]
+    pub fn of_scan(registered: &Registered) -> Self {
+        Self {
+            rotations: registered.rotations,
+            joints: registered.joints,
+        }
+    }
+
+    /// The T-pose of a registered body, the pelvis at the origin.
+    #[must_use]
+    pub fn t_pose(model: &BodyModel, registered: &Registered) -> Self {
+        let (_, rest) = model.shaped(&registered.shape);
+        Self::chained(&t_pose(&rest), &rest, registered.scale)
+    }
+
+    /// Joints turned so, the pelvis at the origin; `rest` are the body's joints in the rest pose.
+    #[must_use]
+    pub fn chained(rotations: &[DMat3; JOINTS], rest: &[DVec3; JOINTS], scale: f64) -> Self {
+        Self {
+            rotations: *rotations,
+            joints: chain(rotations, DVec3::ZERO, scale, rest),
+        }
+    }
+
+    /// For each joint the rigid map that takes a point from pose `from`, of the same scale, to this one.
+    #[must_use]
+    pub fn maps_from(&self, from: &Self) -> [DAffine3; JOINTS] {
+        std::array::from_fn(|joint| {
+            let matrix3 = self.rotations[joint] * from.rotations[joint].transpose();
+            DAffine3 {
+                matrix3,
+                translation: self.joints[joint] - matrix3 * from.joints[joint],
+            }
+        })
+    }
+
+    /// The same pose, everything moved by `offset`, metres.
+    fn moved(mut self, offset: DVec3) -> Self {
+        self.joints.iter_mut().for_each(|j| *j += offset);
+        self
+    }
+}
+
+/// A mesh that stands in the scan's pose, brought to the T-pose: the inverse of skinning it to the scan's pose. It stands on its soles, those
+/// of the first `body_vertices`, its hips above the origin. Also the T-pose as it is there.
+#[must_use]
+pub fn brought_to_t_pose(
+    vertices: &[DVec3],
+    weights: &[SkinRow],
+    body_vertices: usize,
+    scan_pose: &JointPose,
+    t_pose: &JointPose,
+) -> (Vec<DVec3>, JointPose) {
+    let mut vertices = unskinned(weights, &scan_pose.maps_from(t_pose), vertices);
+    let body = vertices.get(..body_vertices).unwrap_or(&vertices);
+    let soles = body.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
+    let hips = [Joint::LeftHip, Joint::RightHip].map(|j| t_pose.joints[j.index()]);
+    let middle = 0.5 * (hips[0] + hips[1]);
+    let to_floor = -DVec3::new(middle.x, soles, middle.z);
+    vertices.iter_mut().for_each(|v| *v += to_floor);
+    (vertices, t_pose.clone().moved(to_floor))
+}
 
 /// Where the joints are: `rotations` are the joints' world rotations relative to the rest pose, `root` is where the pelvis is, `scale` is of the
 /// whole body, `rest` the joints in the rest pose.
@@ -44,19 +125,12 @@ pub fn posed_from_rest(
     })
 }
 
-/// The map of each joint's flesh from one pose to another of the same scale; each pose is its joints' world rotations and positions.
+/// The map of each joint's flesh from the T-pose to a motion's pose, the root's translation left out.
 #[must_use]
-pub fn between(
-    from: (&[DMat3; JOINTS], &[DVec3; JOINTS]),
-    to: (&[DMat3; JOINTS], &[DVec3; JOINTS]),
-) -> [DAffine3; JOINTS] {
-    std::array::from_fn(|joint| {
-        let matrix3 = to.0[joint] * from.0[joint].transpose();
-        DAffine3 {
-            matrix3,
-            translation: to.1[joint] - matrix3 * from.1[joint],
-        }
-    })
+pub fn posed_by_motion(skeleton: &Skeleton, motion: &MotionParams) -> [DAffine3; JOINTS] {
+    let mut transforms = SkinningTransforms::default();
+    skeleton.skinning(&skeleton.pose(motion), &mut transforms);
+    Joint::ALL.map(|joint| transforms.posed_from_rest(joint).as_daffine3())
 }
 
 /// The joints' maps blended by a row of weights.
@@ -84,18 +158,16 @@ pub fn skinned(weights: &[SkinRow], maps: &[DAffine3; JOINTS], vertices: &[DVec3
         .collect()
 }
 
-/// The vertices that [`skinned`] would move to `vertices`. Where the blended map has no inverse (flesh folded flat), the strongest joint's
-/// map is inverted instead.
+/// The vertices that [`skinned`] would move to `vertices`. Where the blended map has nearly collapsed, the strongest joint's map is inverted
+/// instead.
 #[must_use]
 pub fn unskinned(weights: &[SkinRow], maps: &[DAffine3; JOINTS], vertices: &[DVec3]) -> Vec<DVec3> {
     (weights.par_iter().zip(vertices))
         .map(|(row, vertex)| {
-            let map = blended(row, maps);
-            let map = if map.matrix3.determinant().abs() > 1e-3 {
-                map
-            } else {
-                maps[strongest(row)]
-            };
+            let mut map = blended(row, maps);
+            if map.matrix3.determinant() < COLLAPSED {
+                map = maps[strongest(row)];
+            }
             map.inverse().transform_point3(*vertex)
         })
         .collect()
@@ -107,6 +179,31 @@ pub fn strongest(row: &SkinRow) -> usize {
     (0..JOINTS)
         .max_by(|a, b| row[*a].total_cmp(&row[*b]).then(b.cmp(a)))
         .unwrap_or(0)
+}
+
+/// The strongest joints of a row, as an avatar keeps them: their weights sum to 1.
+#[must_use]
+pub fn kept(row: &SkinRow) -> SkinWeights {
+    let mut order: [u8; JOINTS] = Joint::ALL.map(|j| j as u8);
+    order.sort_by(|a, b| row[usize::from(*b)].total_cmp(&row[usize::from(*a)]));
+    let mut skin = SkinWeights::default();
+    let strongest = order.iter().take(INFLUENCES);
+    let sum: f32 = strongest
+        .clone()
+        .map(|j| row[usize::from(*j)].max(0.0))
+        .sum();
+    if sum.is_nan() || sum <= 0.0 {
+        // A vertex that no joint holds stays with the root.
+        skin.weights = std::array::from_fn(|k| if k == 0 { 1.0 } else { 0.0 });
+        return skin;
+    }
+    for ((slot, weight), joint) in (skin.joints.iter_mut().zip(&mut skin.weights)).zip(strongest) {
+        let share = row[usize::from(*joint)].max(0.0);
+        if share > 0.0 {
+            (*slot, *weight) = (*joint, share / sum);
+        }
+    }
+    skin
 }
 
 /// World rotations that bring the rest pose with these joints to the T-pose: arms along +-x with elbows that bend forward and palms down,

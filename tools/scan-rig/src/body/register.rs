@@ -1,6 +1,6 @@
 //! The whole registration: fit, face, surface.
 
-use super::confidence::confidence;
+use super::confidence::{Heeded, confidence};
 use super::face::{error, landmarks};
 use super::fit::fit;
 use super::follow::follow;
@@ -10,6 +10,7 @@ use super::nonrigid::displaced;
 use super::{Hint, Registered};
 use crate::RigError;
 use crate::points::KeyPoint;
+use crate::prepare::landmarks::{HIPS, SHOULDERS};
 use glam::{DVec3, Vec3};
 use motion_fit::landmarks::{BODY_LANDMARKS, FACE_LANDMARKS};
 use spmm3::Joint;
@@ -42,6 +43,8 @@ pub struct FitReport {
     pub displaced: f64,
     /// Median distance of the face's landmarks from their vertices, metres; none without a face.
     pub face: Option<f64>,
+    /// What the user's hints did.
+    pub hints: Vec<Heeded>,
     /// What the user should look at, in words.
     pub warnings: Vec<String>,
 }
@@ -52,20 +55,62 @@ const POINTS: usize = 12_000;
 /// Registers the model to what was seen of a person.
 ///
 /// # Errors
-/// If the landmarks of shoulders and hips are missing: nothing says where the person is.
+/// If shoulders and hips have neither landmarks nor hints: nothing says where the person is.
 pub fn register(
     model: &BodyModel,
     seen: &Observed<'_>,
 ) -> Result<(Registered, FitReport), RigError> {
-    let hips = [seen.body[23], seen.body[24]];
-    let known = |point: &KeyPoint| point.support > 0.0 && point.position.is_finite();
-    if !hips.iter().all(known) || ![11, 12].iter().all(|k| known(&seen.body[*k])) {
-        return Err(RigError::unsuited(
-            "shoulders and hips were not found in the scan: is it a whole person, upright and alone? Cut away what surrounds the person, or say which \
-             axis points up",
-        ));
+    let (mut registered, mut report) = registered(model, seen)?;
+    if seen.hints.is_empty() {
+        return Ok((registered, report));
     }
-    let start = (hips[0].position + hips[1].position) / 2.0;
+    let without = Observed {
+        hints: &[],
+        ..*seen
+    };
+    let without = self::registered(model, &without).ok();
+    for hint in seen.hints {
+        let at = hint.joint.index();
+        let found = without.as_ref().map(|(found, _)| found);
+        let heeded = Heeded {
+            joint: hint.joint,
+            apart: found.map(|found| found.joints[at].distance(hint.position)),
+            sure_without: found.map_or(0.0, |found| found.confidence[at]),
+            missed: registered.joints[at].distance(hint.position),
+        };
+        registered.confidence[at] = registered.confidence[at].min(heeded.confidence());
+        report.warnings.extend(heeded.warning());
+        report.hints.push(heeded);
+    }
+    Ok((registered, report))
+}
+
+/// Where a landmark or, before it, a hint says that a joint is.
+fn place(seen: &Observed<'_>, joint: Joint, landmark: usize) -> Option<DVec3> {
+    let hint = seen.hints.iter().find(|hint| hint.joint == joint);
+    let point = seen.body[landmark];
+    let found = (point.support > 0.0).then_some(point.position);
+    hint.map(|hint| hint.position)
+        .or(found)
+        .filter(|place| place.is_finite())
+}
+
+fn registered(model: &BodyModel, seen: &Observed<'_>) -> Result<(Registered, FitReport), RigError> {
+    let trunk = [
+        (Joint::LeftHip, HIPS[0]),
+        (Joint::RightHip, HIPS[1]),
+        (Joint::LeftShoulder, SHOULDERS[0]),
+        (Joint::RightShoulder, SHOULDERS[1]),
+    ];
+    let [Some(left), Some(right), Some(_), Some(_)] =
+        trunk.map(|(joint, landmark)| place(seen, joint, landmark))
+    else {
+        return Err(RigError::unsuited(
+            "shoulders and hips were not found in the scan: is it a whole person, upright and alone? Cut away what surrounds the person, say which \
+             axis points up, or say where these joints are, with --joint left_hip=x,y,z and so on",
+        ));
+    };
+    let start = (left + right) / 2.0;
     let mut surface: Vec<(Vec3, Vec3)> = (seen.points.iter().zip(seen.normals))
         .filter(|(point, normal)| point.is_finite() && normal.is_finite())
         .map(|(point, normal)| (*point, *normal))
@@ -97,6 +142,7 @@ pub fn register(
         cloth: fitted.state.cloth,
         displaced: displaced.residual,
         face: error(&face, head, &vertices),
+        hints: Vec::new(),
         warnings,
     };
     Ok((

@@ -1,5 +1,6 @@
 //! Gaussians of a scan on the triangles of a mesh in the same pose, as the template's.
 
+use crate::bind::carried::shares;
 use crate::scan::Scan;
 use glam::{Quat, Vec3};
 use spmm3::{ATTRIBUTES, BoundGaussians, GaussianSet, PersonError, SH_C0, Template, attribute};
@@ -9,9 +10,6 @@ const THINNEST: f32 = 1e-5;
 
 /// Opacities are stored as logits: of these at least and at most.
 const OPACITY: (f32, f32) = (1e-3, 0.999);
-
-/// Barycentric coordinates of Gaussians stay within this of their triangle: what lies beside it is offset.
-const BESIDE: f32 = 0.0;
 
 /// Binds the scan's Gaussians to `triangles` of `posed`, the mesh in the scan's pose.
 ///
@@ -32,7 +30,7 @@ pub(super) fn bind(
                 let known = posed.vertices().get(v as usize);
                 known.copied().unwrap_or_default()
             };
-            barycentric(corners.map(at), *position)
+            shares(*position, corners.map(at))
         })
         .collect();
     let set = GaussianSet {
@@ -64,29 +62,6 @@ fn upright(rotation: &Quat) -> Quat {
     } else {
         Quat::IDENTITY
     }
-}
-
-/// Shares of the second and third corner in the point of the triangle that is nearest `point`, about.
-fn barycentric([a, b, c]: [Vec3; 3], point: Vec3) -> [f32; 2] {
-    // In f64: the model's smallest triangles (lips, lids) have edges of a millimetre.
-    let (e0, e1, p) = (
-        (b - a).as_dvec3(),
-        (c - a).as_dvec3(),
-        (point - a).as_dvec3(),
-    );
-    let (d00, d01, d11) = (e0.dot(e0), e0.dot(e1), e1.dot(e1));
-    let (d20, d21) = (p.dot(e0), p.dot(e1));
-    let area = d00 * d11 - d01 * d01;
-    if area <= 1e-16 {
-        return [1.0 / 3.0; 2];
-    }
-    let v = (d11 * d20 - d01 * d21) / area;
-    let w = (d00 * d21 - d01 * d20) / area;
-    let beside = f64::from(BESIDE);
-    let shares = [1.0 - v - w, v, w].map(|s| s.clamp(-beside, 1.0 + beside));
-    let sum: f64 = shares.iter().sum();
-    #[expect(clippy::cast_possible_truncation, reason = "shares of 1")]
-    [(shares[1] / sum) as f32, (shares[2] / sum) as f32]
 }
 
 /// The Gaussians that `order` lists, in its order.

@@ -8,15 +8,13 @@ mod face;
 mod gaussians;
 mod posed;
 mod shade;
-mod unpose;
 
 pub use face::linear;
 pub use posed::Poser;
-pub use unpose::{JointPose, kept};
 
 use crate::RigError;
 use crate::body::SkinRow;
-use crate::body::posing::blended;
+use crate::body::posing::{JointPose, blended, brought_to_t_pose, kept};
 use crate::scan::Scan;
 use glam::{DAffine3, DVec3, Vec3};
 use reconstruct::bake::{Weights, importance};
@@ -87,7 +85,18 @@ pub struct Finished {
 pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finished, RigError> {
     let skin: Vec<SkinWeights> = material.weights.iter().map(kept).collect();
     let rows: Vec<SkinRow> = skin.iter().map(SkinWeights::dense).collect();
-    let (template, tpose) = template(material, &skin, &rows)?;
+    let (vertices, tpose) = brought_to_t_pose(
+        material.vertices,
+        &rows,
+        material.body_vertices,
+        material.scan_pose,
+        material.tpose,
+    );
+    let template = Template::new(
+        vertices.iter().map(|v| v.as_vec3()).collect(),
+        material.faces.to_vec(),
+        skin.clone(),
+    )?;
     let posed = Template::new(
         material.vertices.iter().map(|v| v.as_vec3()).collect(),
         material.faces.to_vec(),
@@ -115,6 +124,7 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
     let scan_motion = scan_motion(material, &tpose);
     let shaded = shade::Sitter {
         template: &template,
+        weights: &rows,
         skeleton: &skeleton,
         controllers: &tied.controllers,
         gaussians: &bound,
@@ -167,27 +177,6 @@ impl Clock {
         log::debug!("{what}: {:.2} s", self.0.elapsed().as_secs_f64());
         self.0 = Instant::now();
     }
-}
-
-/// The mesh in T-pose, on its floor; and the T-pose itself, moved there.
-fn template(
-    material: &Material<'_>,
-    skin: &[SkinWeights],
-    rows: &[SkinRow],
-) -> Result<(Template, JointPose), RigError> {
-    let scan_from_tpose = material.scan_pose.maps_from(material.tpose);
-    let vertices = unpose::unpose(material.vertices, rows, &scan_from_tpose);
-    let body = vertices.get(..material.body_vertices).unwrap_or(&vertices);
-    let soles = body.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
-    let hips = [Joint::LeftHip, Joint::RightHip].map(|j| material.tpose.joints[j.index()]);
-    let middle = 0.5 * (hips[0] + hips[1]);
-    let to_floor = -DVec3::new(middle.x, soles, middle.z);
-    let template = Template::new(
-        vertices.iter().map(|v| (*v + to_floor).as_vec3()).collect(),
-        material.faces.to_vec(),
-        skin.to_vec(),
-    )?;
-    Ok((template, material.tpose.clone().moved(to_floor)))
 }
 
 /// The expressions' offsets, turned from the body model's rest pose to the T-pose.

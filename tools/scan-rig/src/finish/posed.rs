@@ -1,14 +1,13 @@
 //! An avatar posed on the CPU, without a runtime: for measuring it.
 
 use crate::RigError;
+use crate::body::SkinRow;
+use crate::body::posing::{posed_by_motion, skinned};
 use crate::scan::Scan;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use reconstruct::fit::{MeshRunner, residuals};
 use spmm3::networks::{AttributeNetwork, MeshNetwork};
-use spmm3::{
-    Avatar, GaussianSet, Joint, MotionParams, PersonError, PlanarVertices, SH_C0,
-    SkinningTransforms,
-};
+use spmm3::{Avatar, GaussianSet, MotionParams, PersonError, PlanarVertices, SH_C0, SkinWeights};
 
 /// An avatar's networks, read back from its deform graph.
 #[derive(Debug)]
@@ -17,6 +16,7 @@ pub struct Poser<'a> {
     mesh: MeshNetwork,
     attributes: AttributeNetwork,
     bases: Vec<f32>,
+    weights: Vec<SkinRow>,
 }
 
 impl<'a> Poser<'a> {
@@ -35,29 +35,22 @@ impl<'a> Poser<'a> {
             mesh,
             attributes,
             bases,
+            weights: (avatar.template.skin().iter())
+                .map(SkinWeights::dense)
+                .collect(),
         })
     }
 
     /// The mesh of a motion, metres, the root's translation included, `[N_v]`.
     #[must_use]
     pub fn vertices(&self, motion: &MotionParams) -> Vec<Vec3> {
-        let skeleton = &self.avatar.skeleton;
-        let mut transforms = SkinningTransforms::default();
-        skeleton.skinning(&skeleton.pose(motion), &mut transforms);
-        let maps = Joint::ALL.map(|joint| transforms.posed_from_rest(joint));
         let offsets = MeshRunner::new(&self.mesh).offsets(motion);
-        let template = &self.avatar.template;
-        let rows = template.vertices().iter().zip(template.skin());
-        rows.zip(offsets)
-            .map(|((rest, skin), offset)| {
-                let moved: Vec3 = (skin.joints.iter().zip(skin.weights))
-                    .filter_map(|(joint, weight)| {
-                        let map = maps.get(usize::from(*joint))?;
-                        Some(map.transform_point3(*rest + offset) * weight)
-                    })
-                    .sum();
-                moved + motion.root_translation
-            })
+        let expressed: Vec<DVec3> = (self.avatar.template.vertices().iter().zip(offsets))
+            .map(|(rest, offset)| (*rest + offset).as_dvec3())
+            .collect();
+        let maps = posed_by_motion(&self.avatar.skeleton, motion);
+        (skinned(&self.weights, &maps, &expressed).iter())
+            .map(|vertex| vertex.as_vec3() + motion.root_translation)
             .collect()
     }
 

@@ -3,15 +3,17 @@
 //! template, for some poses, relative to the scan's; the network learns the ratio.
 
 use crate::RigError;
-use glam::{Affine3A, Vec3};
+use crate::body::SkinRow;
+use crate::body::posing::{posed_by_motion, skinned};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use reconstruct::Light;
 use reconstruct::fit::{AttributeOptions, Residuals, fit_residuals, residuals};
 use reconstruct::simulate::{Fabric, PoseSampler, Puppet, without_root};
 use spmm3::networks::AttributeNetwork;
 use spmm3::{
-    ATTRIBUTES, BoundGaussians, Controllers, Expressions, JOINTS, Joint, MotionParams, SH_C0,
-    Skeleton, SkinningTransforms, Template, attribute,
+    ATTRIBUTES, BoundGaussians, Controllers, Expressions, MotionParams, SH_C0, Skeleton, Template,
+    attribute,
 };
 
 /// Poses that it learns from.
@@ -43,6 +45,8 @@ pub(super) struct Shaded {
 /// A person as it is shaded.
 pub(super) struct Sitter<'a> {
     pub(super) template: &'a Template,
+    /// The template's skinning weights, `[N_v]`.
+    pub(super) weights: &'a [SkinRow],
     pub(super) skeleton: &'a Skeleton,
     pub(super) controllers: &'a Controllers,
     pub(super) gaussians: &'a BoundGaussians,
@@ -91,10 +95,17 @@ impl Sitter<'_> {
         let mut sampler = PoseSampler::new(SEED, expressions, 0);
         let mut poses = vec![without_root(self.scan_motion), MotionParams::default()];
         poses.extend((0..POSES).map(|_| sampler.sample()));
+        let vertices: Vec<DVec3> = (self.template.vertices().iter())
+            .map(|vertex| vertex.as_dvec3())
+            .collect();
         let brightness: Vec<Vec<f32>> = poses
             .par_iter()
             .map(|motion| {
-                let factors = light.factors(&self.posed(motion));
+                let maps = posed_by_motion(self.skeleton, &without_root(motion));
+                let posed: Vec<Vec3> = (skinned(self.weights, &maps, &vertices).iter())
+                    .map(|vertex| vertex.as_vec3())
+                    .collect();
+                let factors = light.factors(&posed);
                 factors.iter().map(|f| f.x).collect()
             })
             .collect();
@@ -146,25 +157,6 @@ impl Sitter<'_> {
         let network = fitted.network;
         let gaussians = self.corrected(&network)?;
         Ok(Shaded { network, gaussians })
-    }
-
-    /// The posed mesh, the root left out.
-    fn posed(&self, motion: &MotionParams) -> Vec<Vec3> {
-        let mut transforms = SkinningTransforms::default();
-        let joints = self.skeleton.pose(&without_root(motion));
-        self.skeleton.skinning(&joints, &mut transforms);
-        let maps: [Affine3A; JOINTS] = Joint::ALL.map(|joint| transforms.posed_from_rest(joint));
-        (self.template.vertices().iter())
-            .zip(self.template.skin())
-            .map(|(vertex, skin)| {
-                (skin.joints.iter().zip(skin.weights))
-                    .filter_map(|(joint, weight)| {
-                        let map = maps.get(usize::from(*joint))?;
-                        Some(map.transform_point3(*vertex) * weight)
-                    })
-                    .sum()
-            })
-            .collect()
     }
 
     /// The Gaussians less what the network adds in the pose of the scan.

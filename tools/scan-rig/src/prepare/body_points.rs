@@ -9,7 +9,7 @@ use motion_fit::landmarks::{BODY_LANDMARKS, BodyLandmarks};
 
 /// What a network saw of the body in one view.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Look {
+pub struct Sighting {
     /// The view.
     pub view: Pinhole,
     /// The landmarks in the view's pixels.
@@ -35,15 +35,15 @@ const CLEARLY: f64 = 0.7;
 /// A network that sees a person from behind may take the left side for the right one: a view in which head, arms or legs agree better
 /// with the other views once their sides are exchanged has them exchanged.
 #[must_use]
-pub fn body_points(looks: &[Look], reach: f64) -> BodyPoints {
-    let mut swaps = vec![[false; GROUPS.len()]; looks.len()];
-    let mut points = all(looks, &swaps, reach);
+pub fn body_points(sightings: &[Sighting], reach: f64) -> BodyPoints {
+    let mut swaps = vec![[false; GROUPS.len()]; sightings.len()];
+    let mut points = all(sightings, &swaps, reach);
     for _ in 0..VOTES {
         let mut changed = false;
-        for (look, swaps) in looks.iter().zip(&mut swaps) {
+        for (sighting, swaps) in sightings.iter().zip(&mut swaps) {
             for (group, swap) in GROUPS.iter().zip(swaps) {
-                let now = cost(look, group, *swap, &points, reach);
-                let other = cost(look, group, !*swap, &points, reach);
+                let now = cost(sighting, group, *swap, &points, reach);
+                let other = cost(sighting, group, !*swap, &points, reach);
                 if other < CLEARLY * now {
                     *swap = !*swap;
                     changed = true;
@@ -53,7 +53,7 @@ pub fn body_points(looks: &[Look], reach: f64) -> BodyPoints {
         if !changed {
             break;
         }
-        points = all(looks, &swaps, reach);
+        points = all(sightings, &swaps, reach);
     }
     BodyPoints {
         points,
@@ -62,23 +62,27 @@ pub fn body_points(looks: &[Look], reach: f64) -> BodyPoints {
 }
 
 /// Where the landmark is in the picture and how much that counts.
-fn observed(look: &Look, landmark: usize, swap: bool) -> (DVec2, f64) {
+fn observed(sighting: &Sighting, landmark: usize, swap: bool) -> (DVec2, f64) {
     let at = if swap { mirrored(landmark) } else { landmark };
-    let point = &look.seen.points[at];
+    let point = &sighting.seen.points[at];
     let weight = f64::from(point.confidence.clamp(0.0, 1.0)).powi(2) + 1e-4;
     (point.pixel.as_dvec2(), weight)
 }
 
-fn all(looks: &[Look], swaps: &[[bool; GROUPS.len()]], reach: f64) -> [KeyPoint; BODY_LANDMARKS] {
+fn all(
+    sightings: &[Sighting],
+    swaps: &[[bool; GROUPS.len()]],
+    reach: f64,
+) -> [KeyPoint; BODY_LANDMARKS] {
     std::array::from_fn(|landmark| {
         let group = GROUPS.iter().position(|group| group.contains(&landmark));
-        let rays: Vec<Ray> = looks
+        let rays: Vec<Ray> = sightings
             .iter()
             .zip(swaps)
-            .map(|(look, swaps)| {
+            .map(|(sighting, swaps)| {
                 let swap = group.is_some_and(|group| swaps[group]);
-                let (pixel, weight) = observed(look, landmark, swap);
-                Ray::new(&look.view, pixel, weight)
+                let (pixel, weight) = observed(sighting, landmark, swap);
+                Ray::new(&sighting.view, pixel, weight)
             })
             .collect();
         triangulate(&rays, reach).unwrap_or_default()
@@ -87,15 +91,15 @@ fn all(looks: &[Look], swaps: &[[bool; GROUPS.len()]], reach: f64) -> [KeyPoint;
 
 /// How badly a view agrees with points in space.
 fn cost(
-    look: &Look,
+    sighting: &Sighting,
     group: &[usize],
     swap: bool,
     points: &[KeyPoint; BODY_LANDMARKS],
     reach: f64,
 ) -> f64 {
     let costs = group.iter().map(|landmark| {
-        let (pixel, weight) = observed(look, *landmark, swap);
-        let distance = Ray::new(&look.view, pixel, weight).distance(points[*landmark].position);
+        let (pixel, weight) = observed(sighting, *landmark, swap);
+        let distance = Ray::new(&sighting.view, pixel, weight).distance(points[*landmark].position);
         weight * robust_cost(distance, 3.0 * reach)
     });
     costs.sum()
@@ -108,7 +112,7 @@ mod tests {
     use motion_fit::landmarks::BodyPoint;
 
     /// A figure whose sides differ, seen by 12 views with a little noise.
-    fn looks(random: &mut fastrand::Rng) -> (Vec<DVec3>, Vec<Look>) {
+    fn sightings(random: &mut fastrand::Rng) -> (Vec<DVec3>, Vec<Sighting>) {
         let truth: Vec<DVec3> = (0..BODY_LANDMARKS)
             .map(|_| {
                 DVec3::new(
@@ -118,7 +122,7 @@ mod tests {
                 )
             })
             .collect();
-        let looks = (0..12)
+        let sightings = (0..12)
             .map(|index| {
                 let angle = f64::from(index) / 12.0 * std::f64::consts::TAU;
                 let eye = DVec3::new(3.2 * angle.sin(), 1.1, 3.2 * angle.cos());
@@ -133,19 +137,19 @@ mod tests {
                         ..BodyPoint::default()
                     }
                 });
-                Look {
+                Sighting {
                     view,
                     seen: BodyLandmarks { points },
                 }
             })
             .collect();
-        (truth, looks)
+        (truth, sightings)
     }
 
     #[test]
     fn views_that_take_left_for_right_are_exchanged_and_change_nothing() {
         let mut random = fastrand::Rng::with_seed(11);
-        let (truth, mut looks) = looks(&mut random);
+        let (truth, mut sightings) = sightings(&mut random);
         // The whole body in two views, the legs alone in a third, the head alone in a fourth.
         for (view, groups) in [
             (5, &GROUPS[..]),
@@ -153,12 +157,12 @@ mod tests {
             (7, &GROUPS[2..]),
             (8, &GROUPS[..1]),
         ] {
-            let before = looks[view].seen.clone();
+            let before = sightings[view].seen.clone();
             for landmark in groups.concat() {
-                looks[view].seen.points[landmark] = before.points[mirrored(landmark)];
+                sightings[view].seen.points[landmark] = before.points[mirrored(landmark)];
             }
         }
-        let found = body_points(&looks, 0.03);
+        let found = body_points(&sightings, 0.03);
         assert_eq!(found.exchanged, 4, "views with exchanged sides");
         for (landmark, (point, truth)) in found.points.iter().zip(&truth).enumerate() {
             let apart = (point.position - *truth).length();

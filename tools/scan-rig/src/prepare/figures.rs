@@ -1,16 +1,14 @@
 //! What was measured while a scan was prepared.
 
-use super::landmarks::{ANKLES, ELBOWS, HIPS, KNEES, SHOULDERS, WRISTS};
 use super::upright::UpScore;
-use crate::points::KeyPoint;
-use motion_fit::landmarks::BODY_LANDMARKS;
-use std::time::Instant;
+use crate::stopwatch::StepSeconds;
+use serde::Serialize;
 
 /// What was measured while a scan was prepared.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Figures {
     /// Candidates for up, in the scene's axes, that were looked at, and how much each looks like a standing person, 0..=4.
-    pub up: Vec<UpScore>,
+    pub candidates: Vec<UpScore>,
     /// How far up was from the best candidate in the end, degrees.
     pub tilt_degrees: f64,
     /// Planes (floors, walls) that were taken off.
@@ -29,36 +27,10 @@ pub struct Figures {
     pub body_residual: f64,
     /// Median residual of the face's landmarks, metres; nothing without a face.
     pub face_residual: Option<f64>,
-    /// Seconds that each step took, in order.
-    pub seconds: Vec<(&'static str, f64)>,
+    /// What each step took, in order. Never in a package, which is the same whenever it is made.
+    #[serde(skip)]
+    pub steps: Vec<StepSeconds>,
     /// What may be wrong with the result, as sentences for the user.
+    #[serde(skip)]
     pub doubts: Vec<String>,
-}
-
-/// Measures steps that follow each other.
-pub(super) struct Steps {
-    start: Instant,
-    pub(super) seconds: Vec<(&'static str, f64)>,
-}
-
-impl Steps {
-    pub(super) fn start() -> Self {
-        Self {
-            start: Instant::now(),
-            seconds: Vec::new(),
-        }
-    }
-
-    /// The step of that name ended.
-    pub(super) fn ended(&mut self, name: &'static str) {
-        self.seconds
-            .push((name, self.start.elapsed().as_secs_f64()));
-        self.start = Instant::now();
-    }
-}
-
-/// The landmarks that are joints of limbs.
-pub(super) fn joints(points: &[KeyPoint; BODY_LANDMARKS]) -> impl Iterator<Item = &KeyPoint> {
-    let all = [SHOULDERS, ELBOWS, WRISTS, HIPS, KNEES, ANKLES];
-    all.into_iter().flatten().map(|at| &points[at])
 }

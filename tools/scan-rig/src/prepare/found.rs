@@ -27,6 +27,8 @@ pub(super) struct Found {
     /// The same, as large as a person and about the origin.
     pub(super) normal: Scan,
     pub(super) normal_from_scene: Similarity,
+    /// Opposite corners of its box, in the scene's units.
+    pub(super) corners: (Vec3, Vec3),
     /// The axis that is up.
     pub(super) up: DVec3,
     /// What a floor says, in the space of `normal`.
@@ -94,12 +96,13 @@ pub(super) fn the_person(
                     level: Some(level),
                 })
             });
-            figures.up = scores;
+            figures.candidates = scores;
             figures.planes = part.planes.len();
             found = Some(Found {
                 scan,
                 normal,
                 normal_from_scene,
+                corners: (part.low, part.high),
                 up: best.up,
                 known,
             });

@@ -1,6 +1,8 @@
 //! `BlazePose`'s landmarks by name, and their mirror images.
 
+use crate::points::KeyPoint;
 use motion_fit::landmarks::BODY_LANDMARKS;
+use spmm3::Joint;
 
 /// What the landmarks are, in their order.
 pub const NAMES: [&str; BODY_LANDMARKS] = [
@@ -63,6 +65,29 @@ pub const ANKLES: [usize; 2] = [27, 28];
 pub const HEELS: [usize; 2] = [29, 30];
 /// Tips of the feet.
 pub const TOES: [usize; 2] = [31, 32];
+
+/// The joints of the limbs, and the landmark that lies near each.
+pub const JOINTS: [(Joint, usize); 12] = [
+    (Joint::LeftShoulder, SHOULDERS[0]),
+    (Joint::RightShoulder, SHOULDERS[1]),
+    (Joint::LeftElbow, ELBOWS[0]),
+    (Joint::RightElbow, ELBOWS[1]),
+    (Joint::LeftWrist, WRISTS[0]),
+    (Joint::RightWrist, WRISTS[1]),
+    (Joint::LeftHip, HIPS[0]),
+    (Joint::RightHip, HIPS[1]),
+    (Joint::LeftKnee, KNEES[0]),
+    (Joint::RightKnee, KNEES[1]),
+    (Joint::LeftAnkle, ANKLES[0]),
+    (Joint::RightAnkle, ANKLES[1]),
+];
+
+/// The joints of the limbs and their landmarks.
+pub(super) fn limbs(
+    points: &[KeyPoint; BODY_LANDMARKS],
+) -> impl Iterator<Item = (Joint, &KeyPoint)> {
+    JOINTS.iter().map(|(joint, at)| (*joint, &points[*at]))
+}
 
 /// Landmarks whose sides networks mistake together: head, arms, legs.
 pub const GROUPS: [&[usize]; 3] = [

@@ -1,6 +1,6 @@
 //! What a network sees of the body from all around.
 
-use super::body_points::{BodyPoints, Look, body_points};
+use super::body_points::{BodyPoints, Sighting, body_points};
 use super::networks::Networks;
 use super::views::Subject;
 use crate::RigError;
@@ -56,13 +56,13 @@ pub(super) fn look_around(
     sight: &mut Sight,
     networks: &mut Networks,
 ) -> Result<(BodyPoints, usize, usize), RigError> {
-    let (mut looks, mut crowded) = (Vec::new(), 0);
+    let (mut sightings, mut crowded) = (Vec::new(), 0);
     for view in subject(scan, up).around(views, front, share) {
         let picture = sight.picture(&view, BEHIND)?;
         if let Some(seen) = networks.body(&picture)? {
-            looks.push(Look { view, seen });
+            sightings.push(Sighting { view, seen });
         }
         crowded += usize::from(networks.people() > 1);
     }
-    Ok((body_points(&looks, REACH), looks.len(), crowded))
+    Ok((body_points(&sightings, REACH), sightings.len(), crowded))
 }

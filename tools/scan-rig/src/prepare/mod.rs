@@ -10,6 +10,7 @@ pub mod cut;
 pub mod face_points;
 mod figures;
 mod found;
+mod hints;
 pub mod landmarks;
 mod looking;
 pub mod networks;

@@ -2,9 +2,10 @@
 
 use super::cut::cut;
 use super::face_points::{Head, face_landmarks_of};
-use super::figures::{Figures, Steps, joints};
+use super::figures::Figures;
 use super::found::{USUAL_HEIGHT, count, the_person};
-use super::landmarks::{ANKLES, EARS, EYES, HIPS, KNEES};
+use super::hints::{Hints, with};
+use super::landmarks::{ANKLES, EARS, EYES, HIPS, KNEES, limbs};
 use super::looking::{MOST_DRAWN, look_around};
 use super::networks::Networks;
 use super::placing::{onto_the_floor, stood};
@@ -17,12 +18,14 @@ use crate::median::median;
 use crate::points::KeyPoint;
 use crate::scan::Scan;
 use crate::sight::Sight;
-use glam::{DVec3, Vec3};
+use crate::stopwatch::Stopwatch;
+use glam::{DQuat, DVec3, Vec3};
 use motion_fit::landmarks::{BODY_LANDMARKS, FACE_LANDMARKS};
 use splat_scene::{Scene, UpAxis};
+use spmm3::Joint;
 
 /// What is known of a scan before it is looked at.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options {
     /// How tall the person is, metres; without it, [`USUAL_HEIGHT`]: a scan has no unit.
     pub height: Option<f64>,
@@ -30,6 +33,8 @@ pub struct Options {
     pub up: Option<UpAxis>,
     /// Opposite corners of a box that the person is in, in the file's own units and axes.
     pub within: Option<[[f32; 3]; 2]>,
+    /// Joints whose places the user knows, in the file's own units and axes.
+    pub joints: Vec<(Joint, Vec3)>,
 }
 
 /// A scan that stands in the person's space, and what networks saw of it.
@@ -37,7 +42,7 @@ pub struct Options {
 pub struct Prepared {
     /// The person's Gaussians, surroundings cut away.
     pub scan: Scan,
-    /// BlazePose's landmarks.
+    /// BlazePose's landmarks, as the network has them wherever the user placed joints.
     pub body: [KeyPoint; BODY_LANDMARKS],
     /// The face mesh's landmarks, where a face was seen.
     pub face: Option<Box<[KeyPoint; FACE_LANDMARKS]>>,
@@ -47,6 +52,22 @@ pub struct Prepared {
     pub height: f64,
     /// What was measured, and what may be wrong.
     pub figures: Figures,
+}
+
+impl Prepared {
+    /// Turns the person about the vertical through the origin.
+    pub fn turn(&mut self, turn: DQuat) {
+        let turn = Similarity {
+            rotation: turn,
+            ..Similarity::IDENTITY
+        };
+        self.scan = turn.scan(&self.scan);
+        let face = self.face.iter_mut().flat_map(|face| face.iter_mut());
+        for point in self.body.iter_mut().chain(face) {
+            point.position = turn.point(point.position);
+        }
+        self.person_from_scene = self.person_from_scene.then(&turn);
+    }
 }
 
 /// Views of the body.
@@ -72,7 +93,7 @@ pub fn prepare(
     sight: &mut Sight,
     networks: &mut Networks,
 ) -> Result<Prepared, RigError> {
-    let mut steps = Steps::start();
+    let mut steps = Stopwatch::start();
     let mut figures = Figures::default();
     if scene.is_empty() {
         return Err(refused::empty());
@@ -111,13 +132,20 @@ pub fn prepare(
         return Err(refused::too_many(found.scan.len()));
     }
     figures.gaussians = found.scan.len();
+    let hints = Hints::new(scene, &options.joints);
+    hints.check(
+        scene,
+        &found.normal,
+        &found.normal_from_scene,
+        found.corners,
+    )?;
     steps.ended("up");
 
-    let placed = stood(&found, height, sight, networks)?;
-    figures.tilt_degrees = placed.tilt.to_degrees();
+    let stood = stood(&found, height, &hints, sight, networks)?;
+    figures.tilt_degrees = stood.tilt.to_degrees();
     steps.ended("stance");
 
-    let mut person_from_scene = found.normal_from_scene.then(&placed.person_from_normal);
+    let mut person_from_scene = found.normal_from_scene.then(&stood.person_from_normal);
     let mut scan = person_from_scene.scan(&found.scan);
     sight.set(&thinned(&scan, MOST_DRAWN));
     let (seen, looks, crowded) =
@@ -129,20 +157,22 @@ pub fn prepare(
     figures.views = looks;
     figures.exchanged = seen.exchanged;
     let mut body = seen.points;
-    let correction = onto_the_floor(&scan, &mut body, placed.known, height, height)?;
+    let hinted = hints.landmarks(&person_from_scene);
+    let correction = onto_the_floor(&scan, &mut body, &hinted, stood.known, height, height)?;
     for point in &mut body {
         point.position = correction.point(point.position);
         point.residual *= correction.scale;
     }
     person_from_scene = person_from_scene.then(&correction);
     scan = person_from_scene.scan(&found.scan);
-    complete(&scan, &body)?;
-    let residual = median(joints(&body).map(|joint| joint.residual));
+    let marked = with(&body, &hints.landmarks(&person_from_scene));
+    complete(&scan, &marked)?;
+    let residual = median(limbs(&marked).map(|(_, point)| point.residual));
     figures.body_residual = residual.unwrap_or(f64::INFINITY);
     if figures.body_residual > MOST_RESIDUAL || looks < VIEWS as usize / 2 {
-        return Err(refused::unsure(residual));
+        return Err(refused::unsure(&marked));
     }
-    figures.beside = share_beside(&scan, &body, ABOUT_BONES * height / USUAL_HEIGHT);
+    figures.beside = share_beside(&scan, &marked, ABOUT_BONES * height / USUAL_HEIGHT);
     if figures.beside > MOST_BESIDE {
         return Err(refused::crowded(figures.beside));
     }
@@ -180,7 +210,7 @@ pub fn prepare(
             "no face was seen: is this a person whose face is not covered? The avatar's face will not move as one".to_owned(),
         );
     }
-    figures.seconds = steps.seconds;
+    figures.steps = steps.done;
     Ok(Prepared {
         scan,
         body,

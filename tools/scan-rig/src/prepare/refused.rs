@@ -1,8 +1,12 @@
 //! Scans that no avatar can be made of, and what their owners can do.
 
+use super::landmarks::limbs;
 use crate::RigError;
+use crate::points::KeyPoint;
 use glam::Vec3;
+use motion_fit::landmarks::BODY_LANDMARKS;
 use splat_scene::Scene;
+use spmm3::Joint;
 
 /// The fewest Gaussians that make a person.
 pub(super) const FEWEST: usize = 8_000;
@@ -76,18 +80,48 @@ pub(super) fn incomplete(what: &str) -> RigError {
     ))
 }
 
-/// `apart`: how far views differ, metres, where they show all joints.
-pub(super) fn unsure(apart: Option<f64>) -> RigError {
-    let how = match apart {
-        Some(metres) => format!(
-            "do not agree where the person's joints are ({:.0} mm apart)",
-            1e3 * metres
-        ),
-        None => "do not show where all of the person's joints are".to_owned(),
-    };
+/// No two views show these joints.
+pub(super) fn unseen(joints: &[Joint]) -> RigError {
+    let hints: Vec<String> = (joints.iter())
+        .map(|joint| format!("--joint {}=x,y,z", joint.name()))
+        .collect();
     RigError::unsuited(format!(
-        "the views of the scan {how}: give a scan of one person who stands freely; if others or furniture are near, choose the person \
-         with --box x0,y0,z0,x1,y1,z1"
+        "the views of the scan do not show where all of the person's joints are: give a scan of one person who stands freely, or say where \
+         they are, with {}",
+        hints.join(" ")
+    ))
+}
+
+/// Views differ where these joints are.
+pub(super) fn unsure(points: &[KeyPoint; BODY_LANDMARKS]) -> RigError {
+    /// Joints that are named.
+    const NAMED: usize = 3;
+    let mut worst: Vec<(Joint, f64)> = (limbs(points))
+        .map(|(joint, point)| (joint, point.residual))
+        .collect();
+    worst.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let named: Vec<String> = (worst.iter().take(NAMED))
+        .map(|(joint, apart)| format!("{} by {:.0} mm", joint.name(), 1e3 * apart))
+        .collect();
+    RigError::unsuited(format!(
+        "the views of the scan do not agree where the person's joints are ({}): give a scan of one person who stands freely; if others or \
+         furniture are near, choose the person with --box x0,y0,z0,x1,y1,z1; or say where these joints are, with --joint name=x,y,z",
+        named.join(", ")
+    ))
+}
+
+/// A joint of the user's that is so many metres from the person, whose box has these corners.
+pub(super) fn astray(
+    scene: &Scene,
+    joint: Joint,
+    metres: f64,
+    (low, high): (Vec3, Vec3),
+) -> RigError {
+    RigError::unsuited(format!(
+        "--joint {} is {metres:.1} m from the person: check its numbers, which are in the file's own coordinates; there the person is within \
+         {}",
+        joint.name(),
+        boxed(scene, low, high)
     ))
 }
 

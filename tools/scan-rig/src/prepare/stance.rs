@@ -161,6 +161,10 @@ pub fn turn_to(up: DVec3, front: DVec3) -> DQuat {
     DQuat::from_mat3(&person.transpose())
 }
 
+/// Shares of all that a scan shows, by area, that lie below the soles' level and above the crown's: strays.
+const SOLES: f64 = 0.0005;
+const CROWN: f64 = 0.0002;
+
 /// Levels of the soles and of the top of the head along `up`, in the scan's units: quantiles of opacity times area, near the feet and
 /// about the head alone, so that a raised hand does not count. `size` is about how tall the person is. Nothing is shown where a level is
 /// missing.
@@ -189,8 +193,8 @@ pub fn extent(scan: &Scan, points: &Points, up: DVec3, size: f64) -> (Option<f64
             high.push((-level, weight));
         }
     }
-    let bottom = level_below(&mut low, 0.0015 * total);
-    let top = level_below(&mut high, 0.0005 * total).map(|level| -level);
+    let bottom = level_below(&mut low, SOLES * total);
+    let top = level_below(&mut high, CROWN * total).map(|level| -level);
     (bottom, top)
 }
 

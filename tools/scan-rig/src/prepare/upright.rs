@@ -7,6 +7,7 @@ use crate::RigError;
 use crate::sight::Sight;
 use glam::{DVec2, DVec3};
 use motion_fit::landmarks::BodyLandmarks;
+use serde::{Serialize, Serializer};
 
 /// Views for each candidate.
 const VIEWS: u32 = 4;
@@ -16,12 +17,17 @@ const SHARE: f64 = 0.5;
 const CERTAIN: f64 = 2.6;
 
 /// A candidate for up, and how much it looks like a standing person.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct UpScore {
-    /// The candidate, of unit length.
+    /// The candidate, of unit length, in the scene's axes.
+    #[serde(serialize_with = "coordinates")]
     pub up: DVec3,
     /// 0 (none of four views shows a standing person) to 4.
     pub score: f64,
+}
+
+fn coordinates<S: Serializer>(vector: &DVec3, serializer: S) -> Result<S::Ok, S::Error> {
+    vector.to_array().serialize(serializer)
 }
 
 /// The candidates that were looked at, in their order: all, or as many as it took to be certain. `sight` shows the scan.

@@ -97,19 +97,19 @@ pub(crate) fn cover(
             }
         }
     }
-    let looks: [Vec<Look>; 2] = std::array::from_fn(|side| {
+    let spots: [Vec<Spot>; 2] = std::array::from_fn(|side| {
         eyes[side].map_or_else(Vec::new, |eye| {
-            look(model, head, vertices, &lines, &eye, &cells[side])
+            spots_of(model, head, vertices, &lines, &eye, &cells[side])
         })
     });
-    let gaze = gaze(head, &looks);
-    let paint = Paint::new(&looks, gaze, skin);
+    let gaze = gaze(head, &spots);
+    let paint = Paint::new(&spots, gaze, skin);
     eyes.map(|eye| eye.map(|eye| Eye { gaze, ..eye }))
         .into_iter()
         .enumerate()
         .for_each(|(side, _)| {
-            for (cell, look) in cells[side].iter().zip(&looks[side]) {
-                additions.push(cell, 0.0, paint.colour(look, gaze, head), 0.98);
+            for (cell, spot) in cells[side].iter().zip(&spots[side]) {
+                additions.push(cell, 0.0, paint.colour(spot, gaze, head), 0.98);
             }
         });
     eyes.map(|eye| eye.map(|eye| Eye { gaze, ..eye }))
@@ -198,7 +198,7 @@ fn skin_before(
 
 /// What the scan shows at a cell of an eyeball.
 #[derive(Debug, Clone, Copy)]
-struct Look {
+struct Spot {
     /// Unit direction from the eyeball's centre.
     direction: DVec3,
     colour: DVec3,
@@ -206,14 +206,14 @@ struct Look {
     shows: bool,
 }
 
-fn look(
+fn spots_of(
     model: &BodyModel,
     head: &Head,
     vertices: &[DVec3],
     lines: &Lines<'_>,
     eye: &Eye,
     cells: &[Cell],
-) -> Vec<Look> {
+) -> Vec<Spot> {
     let screen = Screen::new(model, vertices, eye.centre, 2.0 * eye.radius);
     let forward = head.forward();
     let rays: Vec<Line> = cells
@@ -229,7 +229,7 @@ fn look(
         .map(|(seen, cell)| {
             let covered =
                 (screen.nearest(cell.point, forward)).is_some_and(|height| height > -0.001);
-            Look {
+            Spot {
                 direction: (cell.point - eye.centre).normalize_or(forward),
                 colour: seen.colour.as_dvec3(),
                 shows: !covered && seen.coverage > 0.7 && cell.normal.dot(forward) > 0.2,
@@ -239,13 +239,13 @@ fn look(
 }
 
 /// Where both eyes look: towards the middle of what is dark between the lids.
-fn gaze(head: &Head, looks: &[Vec<Look>; 2]) -> DVec3 {
+fn gaze(head: &Head, spots: &[Vec<Spot>; 2]) -> DVec3 {
     let forward = head.forward();
     let mut aside = DVec3::ZERO;
-    for looks in looks {
-        let shown: Vec<(f64, DVec3)> = (looks.iter())
-            .filter(|look| look.shows)
-            .map(|look| (brightness(look.colour), look.direction))
+    for spots in spots {
+        let shown: Vec<(f64, DVec3)> = (spots.iter())
+            .filter(|spot| spot.shows)
+            .map(|spot| (brightness(spot.colour), spot.direction))
             .collect();
         let mut sorted: Vec<f64> = shown.iter().map(|(b, _)| *b).collect();
         sorted.sort_unstable_by(f64::total_cmp);
@@ -286,13 +286,13 @@ struct Paint {
 }
 
 impl Paint {
-    fn new(looks: &[Vec<Look>; 2], gaze: DVec3, skin: DVec3) -> Self {
+    fn new(spots: &[Vec<Spot>; 2], gaze: DVec3, skin: DVec3) -> Self {
         let between = |low: f64, high: f64| -> Vec<Vec3> {
-            (looks.iter().flatten())
-                .filter(|look| {
-                    look.shows && (low..high).contains(&look.direction.angle_between(gaze))
+            (spots.iter().flatten())
+                .filter(|spot| {
+                    spot.shows && (low..high).contains(&spot.direction.angle_between(gaze))
                 })
-                .map(|look| look.colour.as_vec3())
+                .map(|spot| spot.colour.as_vec3())
                 .collect()
         };
         let bright = brightness(skin).clamp(0.1, 0.75);
@@ -321,8 +321,8 @@ impl Paint {
         }
     }
 
-    fn colour(&self, look: &Look, gaze: DVec3, head: &Head) -> DVec3 {
-        let angle = look.direction.angle_between(gaze);
+    fn colour(&self, spot: &Spot, gaze: DVec3, head: &Head) -> DVec3 {
+        let angle = spot.direction.angle_between(gaze);
         let limbus = 1.0 - 0.45 * smoothstep(IRIS - 0.12, IRIS - 0.02, angle);
         let iris = self.iris * limbus;
         let pupil = DVec3::splat(0.03).lerp(self.iris * 0.3, 0.2);
@@ -330,12 +330,12 @@ impl Paint {
         let painted = (pupil.lerp(iris, smoothstep(PUPIL - 0.03, PUPIL + 0.03, angle)))
             .lerp(ball, smoothstep(IRIS - 0.03, IRIS + 0.04, angle));
         // The upper lid's shade.
-        let shade = 1.0 - 0.25 * smoothstep(0.15, 0.6, look.direction.dot(head.axes.y_axis));
-        if look.shows {
+        let shade = 1.0 - 0.25 * smoothstep(0.15, 0.6, spot.direction.dot(head.axes.y_axis));
+        if spot.shows {
             // Where the registration is off by a millimetre, the line meets a lid: skin is redder than the white of an eye.
-            let red = (look.colour.x - look.colour.z) / self.redness;
+            let red = (spot.colour.x - spot.colour.z) / self.redness;
             let is_lid = smoothstep(0.5, 0.9, red) * smoothstep(IRIS - 0.05, IRIS + 0.1, angle);
-            (painted * shade).lerp(look.colour, SCANNED * (1.0 - is_lid))
+            (painted * shade).lerp(spot.colour, SCANNED * (1.0 - is_lid))
         } else {
             painted * shade
         }

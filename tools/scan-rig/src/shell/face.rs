@@ -1,16 +1,16 @@
 //! The face as a thin shell: where units of mouth and eyes move it, the scan's Gaussians give way to finer ones on the body model, which take
 //! their colours from the scan along lines through it.
 
-use super::additions::{Additions, brightness, median, smoothstep};
+use super::additions::{Additions, smoothstep};
 use super::cells::Cell;
-use super::harmonic::Edges;
 use super::head::{Head, SHELL, STRETCHED, corners};
-use super::lines::{Line, Lines};
+use super::lines::Line;
 use super::normals::normals;
 use super::place::Screen;
+use super::skin::{AROUND_EYE, Painter, REACH, SkinColours, likeness};
 use crate::body::{BodyModel, BodyPart};
 use crate::scan::Scan;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 /// Where both show, the shell is this far under the surface, metres: the scan's own Gaussians are before it.
 const UNDER: f64 = 0.0015;
@@ -22,12 +22,6 @@ const RIM: [f64; 2] = [0.004, 0.020];
 /// Width of the cells of what is behind lips and lids, metres.
 const INSIDE_SPACING: f64 = 0.0026;
 
-/// How far before and behind the shell the scan's Gaussians colour it, metres.
-const LINE: (f32, f32) = (0.020, 0.014);
-
-/// What is more than this before the shell hides it, metres.
-const HIDDEN: f64 = 0.012;
-
 /// How deep under the face the scan's own Gaussians may lie, metres.
 const MIST: f64 = 0.013;
 
@@ -37,20 +31,11 @@ const CHEEK: f64 = 0.034;
 /// From the rims, the shell closes before what is inside, metres.
 const LIPS: f64 = 0.016;
 
-/// Within this of an eye's joint only what looks like skin colours the lids, metres.
-const AROUND_EYE: f64 = 0.034;
-
-/// Lids are in the shade of the brow, but so much at most and at least.
-const LID_SHADE: (f64, f64) = (0.90, 1.0);
-
-/// How much of the cheeks' hue lids have.
-const LID_HUE: f64 = 0.6;
-
 /// Lashes: shares of the most that closing the eyes moves, between which an edge is the upper lid's; distances from it, metres at scale 1,
 /// between which they end; how dark they are.
 const LASHES: (f64, f64) = (0.75, 0.9);
 const LASH_WIDTH: (f64, f64) = (0.0006, 0.0022);
-const LASH_DARK: f64 = 0.6;
+const LASH_DARK: f64 = 0.4;
 
 /// What is in a socket stays this far behind the skin around the eye, metres; what is before it by no more than the second, pokes out.
 const BEHIND_SKIN: f64 = 0.0012;
@@ -58,9 +43,6 @@ const POKES_OUT: f64 = 0.008;
 
 /// The colour deep in the mouth.
 const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
-
-/// Colours are looked for this far from the middle of the eyes, metres: beyond all that the shell covers.
-const REACH: f64 = 0.2;
 
 /// Opacity of the shell's Gaussians.
 const OPACITY: f32 = 0.97;
@@ -86,9 +68,9 @@ pub(crate) fn cover(
     triangles: &[u32],
 ) -> Face {
     let reach = REACH * head.scale;
-    let lines = Lines::new(scan, |at| {
-        scan.positions[at].as_dvec3().distance(head.centre) < reach
-    });
+    let drop: Vec<bool> = (triangles.iter())
+        .map(|face| (*face as usize) < model.faces.len() && head.is_core(model, *face as usize / 2))
+        .collect();
     let own = |face: usize| {
         model.faces[face]
             .iter()
@@ -97,7 +79,7 @@ pub(crate) fn cover(
     let normals = normals(vertices, &model.faces, |face| {
         own(face) && is_skin(model, face)
     });
-    let painter = Painter { head, lines };
+    let painter = Painter::new(head, scan, &drop);
     let skin = painter.skin(model, vertices, &normals);
     let outside: Vec<usize> = (0..model.body_vertices)
         .filter(|v| model.outer[*v] && vertices[*v].distance(head.centre) < reach)
@@ -169,35 +151,12 @@ pub(crate) fn cover(
             as_scanned.resize(additions.len(), false);
         }
     }
-    let drop = triangles
-        .iter()
-        .map(|face| (*face as usize) < model.faces.len() && head.is_core(model, *face as usize / 2))
-        .collect();
     Face {
         additions,
         as_scanned,
         drop,
         cheek: skin.cheek,
     }
-}
-
-/// Colours at the model's vertices, `[N_v]`, black away from the face.
-#[derive(Debug)]
-struct Skin {
-    /// Of all skin, brows and shade as the scan has them.
-    all: Vec<DVec3>,
-    /// Around the eyes, continued from what is skin: what closed lids look like.
-    lids: Vec<DVec3>,
-    /// The usual colour of the cheeks.
-    cheek: DVec3,
-}
-
-/// How much a colour is of skin like that of the cheeks, 0..=1: brows, shade and the white of an eye are less red, or darker.
-fn likeness(colour: DVec3, cheek: DVec3) -> f64 {
-    let redness = |c: DVec3| (c.x - c.z) / brightness(c).max(0.02);
-    let red = redness(colour) / redness(cheek).max(0.1);
-    let bright = brightness(colour) / brightness(cheek).max(0.02);
-    smoothstep(0.55, 0.8, red) * smoothstep(0.62, 0.82, bright)
 }
 
 fn is_skin(model: &BodyModel, face: usize) -> bool {
@@ -216,109 +175,7 @@ where
         .sum()
 }
 
-/// What colours the shell.
-#[derive(Debug)]
-struct Painter<'a> {
-    head: &'a Head,
-    lines: Lines<'a>,
-}
-
 impl Painter<'_> {
-    /// How a viewer before the face looks at a place: between its normal and straight ahead.
-    fn line(&self, point: DVec3, normal: DVec3) -> Line {
-        let ahead = self.head.forward();
-        let towards = if normal.dot(ahead) > -0.3 {
-            normal + 0.7 * ahead
-        } else {
-            normal
-        };
-        Line {
-            point,
-            towards_viewer: towards.normalize_or(ahead),
-            before: LINE.0,
-            behind: LINE.1,
-        }
-    }
-
-    /// Colours and how far they can be trusted, 0..=1.
-    fn look(&self, lines: &[Line], normals: &[DVec3]) -> Vec<(DVec3, f64)> {
-        (self.lines.look(lines, |_, _| true).into_iter())
-            .zip(lines.iter().zip(normals))
-            .map(|(seen, (line, normal))| {
-                let facing = smoothstep(0.3, 0.6, line.towards_viewer.dot(*normal));
-                let covered = smoothstep(0.5, 0.85, f64::from(seen.coverage));
-                let near = 1.0 - smoothstep(0.6 * HIDDEN, HIDDEN, f64::from(seen.height));
-                (seen.colour.as_dvec3(), facing * covered * near)
-            })
-            .collect()
-    }
-
-    /// The skin's colour at the vertices of the head, filled in where it was not seen.
-    fn skin(&self, model: &BodyModel, vertices: &[DVec3], normals: &[DVec3]) -> Skin {
-        let head = self.head;
-        let reach = REACH * head.scale;
-        let near: Vec<usize> = (0..model.body_vertices)
-            .filter(|v| vertices[*v].distance(head.centre) < reach)
-            .collect();
-        let lines: Vec<Line> = near
-            .iter()
-            .map(|v| self.line(vertices[*v], normals[*v]))
-            .collect();
-        let own: Vec<DVec3> = near.iter().map(|v| normals[*v]).collect();
-        let mut colours = vec![DVec3::ZERO; vertices.len()];
-        let mut known = vec![false; vertices.len()];
-        for (v, (colour, trust)) in near.iter().zip(self.look(&lines, &own)) {
-            let at_lid = head.lid[*v] > 0.2 && head.rim[*v] < 0.005 * head.scale;
-            if model.outer[*v] && trust > 0.6 && !at_lid {
-                colours[*v] = colour;
-                known[*v] = true;
-            }
-        }
-        let faces = (model.faces.iter().copied()).filter(|face| {
-            face.iter().all(|v| {
-                (*v as usize) < model.body_vertices
-                    && vertices[*v as usize].distance(head.centre) < reach
-            })
-        });
-        let edges = Edges::new(vertices, faces);
-        let cheeks: Vec<Vec3> = (near.iter())
-            .filter(|v| {
-                known[**v] && head.mouth[**v] > 0.0015 && head.rim[**v] > 0.006 * head.scale
-            })
-            .map(|v| colours[*v].as_vec3())
-            .collect();
-        let cheek = match cheeks.as_slice() {
-            // A visor or a beard may hide them.
-            [] => median(
-                &(near.iter().filter(|v| known[**v]))
-                    .map(|v| colours[*v].as_vec3())
-                    .collect::<Vec<_>>(),
-            ),
-            cheeks => median(cheeks),
-        };
-        // What no colour reaches keeps this one.
-        for v in (0..colours.len()).filter(|v| !known[*v]) {
-            colours[v] = cheek;
-        }
-        let all = edges.fill(&colours, &known);
-        // Around an eye the scan shows brows, lashes, shade, and the eye itself beside its place.
-        for v in &near {
-            let aside = head
-                .eyes
-                .iter()
-                .any(|eye| eye.distance(vertices[*v]) < AROUND_EYE * head.scale);
-            known[*v] &= !aside || likeness(colours[*v], cheek) > 0.5;
-        }
-        let mut lids = edges.fill(&colours, &known);
-        for v in &near {
-            let shade = brightness(all[*v]) / brightness(lids[*v]).max(0.02);
-            let lid = lids[*v] * shade.clamp(LID_SHADE.0, LID_SHADE.1);
-            let usual = cheek * (brightness(lid) / brightness(cheek).max(0.02));
-            lids[*v] = lid.lerp(usual, LID_HUE);
-        }
-        Skin { all, lids, cheek }
-    }
-
     /// The shell on one quad, if units move it.
     #[expect(clippy::too_many_arguments, reason = "the mesh is three of them")]
     fn shell(
@@ -327,7 +184,7 @@ impl Painter<'_> {
         vertices: &[DVec3],
         normals: &[DVec3],
         quad: usize,
-        skin: &Skin,
+        skin: &SkinColours,
         cells: &mut Vec<Cell>,
         additions: &mut Additions,
         as_scanned: &mut Vec<bool>,
@@ -398,7 +255,8 @@ impl Painter<'_> {
             additions.push(cell, -under, colour, OPACITY);
             as_scanned.resize(
                 additions.len(),
-                outer > 0.95 && lid < 0.15 && eye_shows < 0.1,
+                // Nor do pictures colour what is beside an eye: they show its lashes there.
+                outer > 0.95 && lid < 0.15 && eye_shows.max(beside_eye) < 0.1,
             );
         }
     }
@@ -411,7 +269,7 @@ fn inside(
     head: &Head,
     vertices: &[DVec3],
     quad: usize,
-    skin: &Skin,
+    skin: &SkinColours,
     pokes_out: &impl Fn(DVec3) -> bool,
     cells: &mut Vec<Cell>,
     additions: &mut Additions,

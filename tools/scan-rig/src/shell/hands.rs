@@ -7,7 +7,6 @@ use super::lines::{Line, Lines};
 use super::normals::normals;
 use super::textures::Textures;
 use crate::bind::Bound;
-use crate::bind::weights::largest;
 use crate::body::{BodyModel, BodyPart, Registered, SkinRow, posing};
 use glam::{DVec2, DVec3, Vec3};
 use serde::Serialize;
@@ -249,7 +248,7 @@ impl HandJoints {
             for j in self.fingers() {
                 row[j] = share(all * f64::from(own[j]) / whole);
             }
-            bound.mesh.weights[v] = largest(&row);
+            bound.mesh.weights[v] = posing::kept(&row).dense();
         }
     }
 

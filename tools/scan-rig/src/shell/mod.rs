@@ -17,6 +17,7 @@ mod normals;
 mod place;
 mod repaint;
 mod shown;
+mod skin;
 mod stray;
 mod textures;
 mod unseen;

@@ -23,8 +23,8 @@ const DARK: f64 = 0.028;
 /// What is deeper than this behind the front teeth never shows, metres.
 const DEEPEST: f64 = 0.04;
 
-/// The teeth's texture is grey.
-const TINT: DVec3 = DVec3::new(1.22, 1.15, 1.04);
+/// The teeth's texture is grey; teeth are in the shade of the lips, and a little yellow.
+const TINT: DVec3 = DVec3::new(0.95, 0.89, 0.80);
 
 /// The brightness of skin under which the textures look as painted.
 const USUAL_SKIN: f64 = 0.60;

@@ -33,8 +33,8 @@ const END: f32 = 2.0;
 const STANDS_OFF: [f32; 2] = [0.018, 0.008];
 const SHORTEST: f32 = 0.35;
 
-/// More of a vertex is the head's: the face has a shell of its own.
-const HEAD: f64 = 0.5;
+/// Gaussians on vertices that are the head's by more than this stay as they are: the face has a shell of its own.
+const HEADS_SHARE: f64 = 0.5;
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -63,7 +63,7 @@ pub(crate) fn tidy(
         let face = bound.triangles[at] as usize;
         bound.accessory[at] == 0
             && (model.faces.get(face))
-                .is_some_and(|corners| model.head_share(corners[0] as usize) < HEAD)
+                .is_some_and(|corners| model.head_share(corners[0] as usize) < HEADS_SHARE)
     };
     let is_between = |at: usize| {
         (model.faces.get(bound.triangles[at] as usize))

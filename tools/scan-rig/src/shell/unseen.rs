@@ -49,7 +49,7 @@ pub struct CoverageReport {
 }
 
 /// The mesh in T-pose and what covers each of its faces.
-struct Look {
+struct Covered {
     vertices: Vec<DVec3>,
     outer: Vec<bool>,
     /// `[N_f]` whether the scan shows it.
@@ -73,25 +73,27 @@ pub(crate) fn complete(
     fill: Option<&[bool]>,
     is_stiff: impl Fn(usize) -> bool,
 ) -> Result<CoverageReport, RigError> {
-    let look = Look::new(bound, model, registered, shown(bound, model), |_| true)?;
-    let (open, all) = look.open();
+    let covered = Covered::new(bound, model, registered, shown(bound, model), |_| true)?;
+    let (open, all) = covered.open();
     let mut report = CoverageReport {
         open_before: open / all.max(1e-12),
         open_after: open / all.max(1e-12),
         added: 0,
     };
     if let Some(closed_in) = fill {
-        let additions = filling(bound, model, &look, closed_in, is_stiff);
+        let additions = filling(bound, model, &covered, closed_in, is_stiff);
         report.added = additions.len();
         super::join(bound, additions);
-        let shown = look.shown.clone();
-        let after = Look::new(bound, model, registered, shown, |face| look.has_hole(face))?;
+        let shown = covered.shown.clone();
+        let after = Covered::new(bound, model, registered, shown, |face| {
+            covered.has_hole(face)
+        })?;
         report.open_after = after.open().0 / all.max(1e-12);
     }
     Ok(report)
 }
 
-impl Look {
+impl Covered {
     fn new(
         bound: &Bound,
         model: &BodyModel,
@@ -216,22 +218,22 @@ impl Look {
 fn filling(
     bound: &Bound,
     model: &BodyModel,
-    look: &Look,
+    covered: &Covered,
     closed_in: &[bool],
     is_stiff: impl Fn(usize) -> bool,
 ) -> Additions {
     let faces = &model.faces;
-    let count = look.vertices.len();
+    let count = covered.vertices.len();
     let mut sums = vec![(DVec3::ZERO, 0.0_f64); count];
     let mut open = vec![false; count];
-    for face in (0..faces.len()).filter(|face| look.outer[*face]) {
-        let (coverage, colour) = look.seen[face];
+    for face in (0..faces.len()).filter(|face| covered.outer[*face]) {
+        let (coverage, colour) = covered.seen[face];
         for v in faces[face] {
             if coverage > COVERED.1 {
                 let sum = &mut sums[v as usize];
-                sum.0 += colour * look.areas[face];
-                sum.1 += look.areas[face];
-            } else if look.has_hole(face) {
+                sum.0 += colour * covered.areas[face];
+                sum.1 += covered.areas[face];
+            } else if covered.has_hole(face) {
                 open[v as usize] = true;
             }
         }
@@ -243,24 +245,24 @@ fn filling(
         .iter()
         .map(|(sum, weight)| *sum / weight.max(1e-12))
         .collect();
-    let skin = (0..faces.len())
-        .filter(|face| look.outer[*face])
+    let outer = (0..faces.len())
+        .filter(|face| covered.outer[*face])
         .map(|face| faces[face]);
-    let edges = Edges::new(&look.vertices, skin);
+    let edges = Edges::new(&covered.vertices, outer);
     let continued = edges.fill(&colours, &known);
     let smooth = edges.smoothed(&continued, SMOOTHING);
-    let grain = Grain::new(bound, model, look, &edges, &known, &smooth);
+    let grain = Grain::new(bound, model, covered, &edges, &known, &smooth);
     let mut additions = Additions::default();
     let mut rng = fastrand::Rng::with_seed(0x5ca1_ab1e);
     let mut cells: Vec<Cell> = Vec::new();
     for quad in 0..faces.len() / 2 {
         let halves = [2 * quad, 2 * quad + 1];
-        if is_stiff(halves[0]) || !halves.iter().any(|face| look.has_hole(*face)) {
+        if is_stiff(halves[0]) || !halves.iter().any(|face| covered.has_hole(*face)) {
             continue;
         }
         cells.clear();
         let patch = Patch {
-            corners: corners(model, quad).map(|v| look.vertices[v as usize]),
+            corners: corners(model, quad).map(|v| covered.vertices[v as usize]),
             stretch: DVec2::splat(STRETCH),
             first_triangle: u32::try_from(2 * quad).unwrap_or(u32::MAX),
         };
@@ -274,7 +276,7 @@ fn filling(
             let nearest = face[usize::from(cell.shares[1] > cell.shares[0])];
             let colour = colour + GRAIN * grain.pick(nearest, &mut rng);
             let at = |vertices: &[DVec3]| face.map(|v| vertices[v as usize]);
-            let carried = cell.carried(at(&look.vertices), at(&bound.mesh.vertices));
+            let carried = cell.carried(at(&covered.vertices), at(&bound.mesh.vertices));
             additions.push(&carried, -UNDER, colour, 0.95);
         }
     }
@@ -294,7 +296,7 @@ impl Grain {
     fn new(
         bound: &Bound,
         model: &BodyModel,
-        look: &Look,
+        covered: &Covered,
         edges: &Edges,
         known: &[bool],
         smooth: &[DVec3],
@@ -303,15 +305,15 @@ impl Grain {
         for (gaussian, face) in bound.triangles.iter().enumerate() {
             let face_at = *face as usize;
             let is_skin = face_at < model.faces.len()
-                && look.outer[face_at]
+                && covered.outer[face_at]
                 && bound.accessory[gaussian] == 0;
             if !is_skin || bound.scan.opacities[gaussian] < 0.5 {
                 continue;
             }
-            let at = look.positions[gaussian].as_dvec3();
+            let at = covered.positions[gaussian].as_dvec3();
             let nearest = (model.faces[face_at].into_iter())
                 .min_by(|a, b| {
-                    let away = |v: &u32| look.vertices[*v as usize].distance_squared(at);
+                    let away = |v: &u32| covered.vertices[*v as usize].distance_squared(at);
                     away(a).total_cmp(&away(b))
                 })
                 .unwrap_or_default();

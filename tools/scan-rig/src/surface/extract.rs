@@ -1,8 +1,8 @@
 //! Points and normals of the surface from depths, and what was seen of each Gaussian.
 
-use super::raster::{self, Picture, Shares};
-use super::views::{DepthView, around, head};
-use super::{Surface, Visibility};
+use super::Surface;
+use super::raster::{self, Picture};
+use super::views::{around, close_ups};
 use crate::pinhole::Pinhole;
 use crate::scan::Scan;
 use glam::{DVec2, Vec3};
@@ -23,67 +23,47 @@ const AGREEMENT: f32 = 0.6;
 
 /// What views from all sides show of a scan.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Look {
+pub struct Survey {
     /// The surface.
     pub surface: Surface,
-    /// How much of each Gaussian shows.
-    pub visibility: Visibility,
-    /// The views and their depths.
-    pub views: Vec<DepthView>,
+    /// How much of each Gaussian shows: the largest blending weight that it has in any pixel of any view, 0..=1, `[N_g]`.
+    pub peak: Vec<f32>,
 }
 
 /// Looks at a scan from all sides.
 #[must_use]
-pub fn look(scan: &Scan) -> Look {
+pub fn survey(scan: &Scan) -> Survey {
     let seen: Vec<_> = around(scan)
         .into_par_iter()
         .map(|view| {
-            let (picture, shares) = raster::draw_with_shares(scan, &view);
-            let points = oriented_points(&picture, &view);
-            (DepthView::new(view, picture), shares, points)
+            let (picture, peak) = raster::draw_with_peaks(scan, &view);
+            (peak, oriented_points(&picture, &view))
         })
         .collect();
-    let mut look = Look {
-        visibility: Visibility {
-            peak: vec![0.0; scan.len()],
-            sum: vec![0.0; scan.len()],
-        },
-        ..Look::default()
-    };
+    let mut peak = vec![0.0_f32; scan.len()];
     let mut points = Vec::new();
-    for (view, shares, found) in seen {
-        look.visibility.add(shares);
+    for (here, found) in seen {
+        for (most, here) in peak.iter_mut().zip(here) {
+            *most = most.max(here);
+        }
         points.extend(found);
-        look.views.push(view);
     }
-    let (close, of_head) = head(scan);
+    let (close, of_head) = close_ups(scan);
     let close: Vec<_> = close
         .par_iter()
-        .map(|view| raster::draw_with_shares(scan, view).1)
+        .map(|view| raster::draw_with_peaks(scan, view).1)
         .collect();
-    for mut shares in close {
+    for here in close {
         // Whatever else a close view shows is shown better from afar.
-        for (at, of_head) in of_head.iter().enumerate() {
-            if !of_head {
-                shares.peak[at] = 0.0;
-                shares.sum[at] = 0.0;
+        for ((most, here), of_head) in peak.iter_mut().zip(here).zip(&of_head) {
+            if *of_head {
+                *most = most.max(here);
             }
         }
-        look.visibility.add(shares);
     }
-    look.surface = averaged(points);
-    look
-}
-
-impl Visibility {
-    /// Takes another view in.
-    fn add(&mut self, shares: Shares) {
-        for (most, here) in self.peak.iter_mut().zip(shares.peak) {
-            *most = most.max(here);
-        }
-        for (most, here) in self.sum.iter_mut().zip(shares.sum) {
-            *most = most.max(here);
-        }
+    Survey {
+        surface: averaged(points),
+        peak,
     }
 }
 

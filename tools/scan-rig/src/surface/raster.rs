@@ -40,13 +40,15 @@ pub struct Picture {
     pub depth: Vec<f32>,
 }
 
-/// How much of each Gaussian shows in one picture.
+/// A picture in which some Gaussians are left to be painted: its colours are linear in theirs.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Shares {
-    /// The largest blending weight in any pixel.
-    pub peak: Vec<f32>,
-    /// The sum of the blending weights, pixels.
-    pub sum: Vec<f32>,
+pub struct Unpainted {
+    /// What the other Gaussians show. What comes through and the depths are of all.
+    pub picture: Picture,
+    /// Where the shares of each pixel begin, and the end of the last pixel's.
+    pub starts: Vec<usize>,
+    /// The Gaussians to be painted that show in a pixel, nearest first, and their blending weights there.
+    pub shares: Vec<(u32, f32)>,
 }
 
 impl Picture {
@@ -85,57 +87,59 @@ pub fn draw(scan: &Scan, view: &Pinhole) -> Picture {
     picture
 }
 
-/// Draws a scan and says how much of each Gaussian shows.
+/// Draws a scan and says how much of each Gaussian shows: the largest blending weight that it has in any pixel.
 #[must_use]
-pub fn draw_with_shares(scan: &Scan, view: &Pinhole) -> (Picture, Shares) {
+pub fn draw_with_peaks(scan: &Scan, view: &Pinhole) -> (Picture, Vec<f32>) {
     let splats = Splats::new(scan, view);
     let mut picture = Picture::empty(view);
     let colours = std::mem::take(&mut picture.colours);
     let (colours, strips) = splats.blend(
         &mut picture,
         colours,
-        |_| (0.0_f32, 0.0_f32),
-        |colour, (peak, sum), splat, weight| {
+        |_| 0.0_f32,
+        |colour, peak, splat, weight| {
             *colour += splat.colour * weight;
             *peak = peak.max(weight);
-            *sum += weight;
         },
     );
     picture.colours = colours;
-    let mut shares = Shares {
-        peak: vec![0.0; scan.len()],
-        sum: vec![0.0; scan.len()],
-    };
-    splats.each(&strips, |gaussian, (peak, sum)| {
-        shares.peak[gaussian] = shares.peak[gaussian].max(*peak);
-        shares.sum[gaussian] += sum;
-    });
-    (picture, shares)
+    let mut peaks = vec![0.0_f32; scan.len()];
+    for (members, values) in splats.strips.iter().zip(&strips) {
+        for (member, peak) in members.iter().zip(values) {
+            let most = &mut peaks[splats.splats[*member as usize].gaussian as usize];
+            *most = most.max(*peak);
+        }
+    }
+    (picture, peaks)
 }
 
-/// For each Gaussian the sum of what the pixels have, each times the Gaussian's blending weight there, and the sum of these weights. Pixels
-/// with nothing are not counted. `pixels` is as long as the picture.
+/// Draws a scan without the colours of the Gaussians that `free` chooses (`[N_g]`), and says how they would show.
 #[must_use]
-pub fn gather(scan: &Scan, view: &Pinhole, pixels: Vec<Option<Vec3>>) -> Vec<(Vec3, f32)> {
+pub fn draw_unpainted(scan: &Scan, view: &Pinhole, free: &[bool]) -> Unpainted {
     let splats = Splats::new(scan, view);
     let mut picture = Picture::empty(view);
-    let (_, strips) = splats.blend(
+    let pixels = vec![(Vec3::ZERO, Vec::new()); picture.colours.len()];
+    let (pixels, _) = splats.blend(
         &mut picture,
         pixels,
-        |_| (Vec3::ZERO, 0.0_f32),
-        |pixel, (sum, weights), _, weight| {
-            if let Some(value) = pixel {
-                *sum += *value * weight;
-                *weights += weight;
+        |splat| free[splat.gaussian as usize],
+        |(colour, shares), free, splat, weight| {
+            if *free {
+                shares.push((splat.gaussian, weight));
+            } else {
+                *colour += splat.colour * weight;
             }
         },
     );
-    let mut gathered = vec![(Vec3::ZERO, 0.0); scan.len()];
-    splats.each(&strips, |gaussian, (sum, weights)| {
-        gathered[gaussian].0 += *sum;
-        gathered[gaussian].1 += weights;
-    });
-    gathered
+    let mut unpainted = Unpainted::default();
+    for ((colour, shares), slot) in pixels.into_iter().zip(&mut picture.colours) {
+        *slot = colour;
+        unpainted.starts.push(unpainted.shares.len());
+        unpainted.shares.extend(shares);
+    }
+    unpainted.starts.push(unpainted.shares.len());
+    unpainted.picture = picture;
+    unpainted
 }
 
 /// A Gaussian in the picture.
@@ -207,15 +211,6 @@ impl Splats {
             })
             .collect();
         (pixels, values)
-    }
-
-    /// Calls `take` with every value of every strip and the Gaussian that it is of, always in the same order.
-    fn each<V>(&self, values: &[Vec<V>], mut take: impl FnMut(usize, &V)) {
-        for (members, values) in self.strips.iter().zip(values) {
-            for (member, value) in members.iter().zip(values) {
-                take(self.splats[*member as usize].gaussian as usize, value);
-            }
-        }
     }
 }
 

@@ -15,7 +15,7 @@ const DISTANCE: f64 = 1.83;
 /// Pixels for a person's height, and the share of the picture that it takes.
 const PERSON: f64 = 492.0;
 /// Share of the height that the head has, distance of its views as a share of the height, and pixels for it.
-const HEAD: f64 = 0.15;
+const HEADS_SHARE: f64 = 0.15;
 const HEAD_DISTANCE: f64 = 0.7;
 const HEAD_PIXELS: f64 = 260.0;
 /// The most that a picture is wide or high, pixels.
@@ -23,18 +23,18 @@ const MOST: f64 = 1200.0;
 
 /// A view of the scan and the depths that were seen in it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct DepthView {
+pub(crate) struct DepthView {
     /// The view.
-    pub view: Pinhole,
+    view: Pinhole,
     /// Distance along the camera's axis at which half of the light is gone, metres, row by row from the top; infinite where more than
     /// half comes through.
-    pub depth: Vec<f32>,
+    depth: Vec<f32>,
 }
 
 impl DepthView {
     /// Takes the depths of a picture.
     #[must_use]
-    pub fn new(view: Pinhole, picture: Picture) -> Self {
+    pub(crate) fn new(view: Pinhole, picture: Picture) -> Self {
         Self {
             view,
             depth: picture.depth,
@@ -44,7 +44,7 @@ impl DepthView {
     /// The depth in the pixel in which a point is, metres, infinite where the view shows nothing; and the point's own depth. Nothing if
     /// the point is not in the picture.
     #[must_use]
-    pub fn depth_at(&self, point: DVec3) -> Option<(f32, f32)> {
+    pub(crate) fn depth_at(&self, point: DVec3) -> Option<(f32, f32)> {
         let pixel = self.view.pixel(point)?;
         #[expect(clippy::cast_possible_truncation, reason = "metres")]
         let own = self.view.camera_point(point).z as f32;
@@ -54,7 +54,7 @@ impl DepthView {
 
 /// Thirty views at three elevations that show all of a scan in some 500 pixels of height.
 #[must_use]
-pub fn around(scan: &Scan) -> Vec<Pinhole> {
+pub(crate) fn around(scan: &Scan) -> Vec<Pinhole> {
     let (low, high) = robust_box(scan);
     let height = (high.y - low.y).max(0.1);
     let target = DVec3::new(
@@ -88,10 +88,10 @@ pub fn around(scan: &Scan) -> Vec<Pinhole> {
 
 /// Closer views of a standing person's head, where Gaussians are small, and for each Gaussian whether it is there.
 #[must_use]
-pub fn head(scan: &Scan) -> (Vec<Pinhole>, Vec<bool>) {
+pub(super) fn close_ups(scan: &Scan) -> (Vec<Pinhole>, Vec<bool>) {
     let (low, high) = robust_box(scan);
     let height = (high.y - low.y).max(0.1);
-    let from = high.y - HEAD * height;
+    let from = high.y - HEADS_SHARE * height;
     let of_head: Vec<bool> = scan
         .positions
         .iter()
@@ -104,9 +104,13 @@ pub fn head(scan: &Scan) -> (Vec<Pinhole>, Vec<bool>) {
     if count == 0.0 {
         return (Vec::new(), of_head);
     }
-    let target = DVec3::new(sum.x / count, high.y - HEAD / 2.0 * height, sum.z / count);
+    let target = DVec3::new(
+        sum.x / count,
+        high.y - HEADS_SHARE / 2.0 * height,
+        sum.z / count,
+    );
     let distance = HEAD_DISTANCE * height;
-    let focal = HEAD_PIXELS / (HEAD * height) * distance;
+    let focal = HEAD_PIXELS / (HEADS_SHARE * height) * distance;
     let views = (0..AROUND).map(|at| {
         let azimuth = TAU * at as f64 / AROUND as f64;
         // Level and from above in turns.

@@ -1,6 +1,6 @@
 //! A stance in which a body would not fall over: soles level, both on the floor, the centre of mass above them.
 
-use super::person::{Stance, SyntheticPerson};
+use super::person::SyntheticPerson;
 use crate::body::posing::chain;
 use glam::{DMat3, DQuat, DVec3};
 use spmm3::{JOINTS, Joint};
@@ -25,12 +25,11 @@ const LEGS: [(Joint, Joint, [Joint; 2]); 2] = [
 ];
 
 impl SyntheticPerson {
-    /// The person's stance, changed in the legs and leant until the body would stand: [`Self::stance`] is as random joints left it.
-    #[must_use]
-    pub fn balanced_stance(&self) -> Stance {
+    /// The rotations of a stance, changed in the legs and leant until the body would stand.
+    pub(super) fn balanced(&self, stance: &[DMat3; JOINTS]) -> [DMat3; JOINTS] {
         let turned = DMat3::from_rotation_y(self.yaw());
         let (left, front) = (turned * DVec3::X, turned * DVec3::Z);
-        let mut rotations = self.stance().rotations;
+        let mut rotations = *stance;
         let level = |rotations: &mut [DMat3; JOINTS]| {
             for (.., foot) in LEGS {
                 for joint in foot {
@@ -41,7 +40,7 @@ impl SyntheticPerson {
         for _ in 0..ROUNDS {
             level(&mut rotations);
             self.bend_longer_leg(&mut rotations, left);
-            let stance = self.stand(&rotations);
+            let stance = self.standing(&rotations, DVec3::ZERO);
             let ankles = LEGS.map(|(.., [ankle, _])| stance.joints[ankle.index()]);
             let ankles = (ankles[0] + ankles[1]) / 2.0;
             let centre = centre_of_volume(&self.posed(&stance), self.faces()) - ankles;
@@ -56,7 +55,7 @@ impl SyntheticPerson {
         }
         level(&mut rotations);
         self.bend_longer_leg(&mut rotations, left);
-        self.stand(&rotations)
+        rotations
     }
 
     /// Bends the knee of the leg that reaches lower until both reach as low.
@@ -83,18 +82,6 @@ impl SyntheticPerson {
             }
         }
         *rotations = bent(low);
-    }
-
-    /// On the floor, the pelvis above the origin.
-    fn stand(&self, rotations: &[DMat3; JOINTS]) -> Stance {
-        let at = |root: DVec3| Stance {
-            rotations: *rotations,
-            joints: chain(rotations, root, 1.0, self.rest_joints()),
-        };
-        let soles = (self.posed(&at(DVec3::ZERO)).iter())
-            .map(|v| v.y)
-            .fold(f64::INFINITY, f64::min);
-        at(DVec3::NEG_Y * soles)
     }
 }
 

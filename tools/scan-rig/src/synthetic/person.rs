@@ -1,9 +1,11 @@
 //! Eight people: bodies, clothes and stances.
 
 use crate::RigError;
-use crate::body::SkinRow;
 use crate::body::posing::{chain, posed_from_rest, skinned, t_pose};
+use crate::body::state::is_above;
+use crate::body::{BodyModel, Registered, SkinRow};
 use crate::normals::vertex_normals;
+use crate::prepare::Similarity;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use reconstruct::makehuman::{Macros, Quad};
 use reconstruct::{BareBody, Part, Texture};
@@ -108,7 +110,7 @@ impl SyntheticPerson {
         let package = reconstruct::makehuman::Package::new(makehuman);
         let skins = "skins/young_caucasian_male/textures/young_caucasian_male_special_suit.png";
         let eyes = "proxies/eyes/HighPolyEyes/textures/blue_eye.png";
-        Ok(Self {
+        let mut person = Self {
             number,
             rest,
             joints,
@@ -126,7 +128,9 @@ impl SyntheticPerson {
             }),
             stance,
             yaw,
-        })
+        };
+        person.stance = person.balanced(&stance);
+        Ok(person)
     }
 
     /// The triangles of the whole mesh, those of the registered model.
@@ -158,7 +162,7 @@ impl SyntheticPerson {
         &self.joints
     }
 
-    /// How the person stands when it is scanned: soles at y = 0, the pelvis above the origin.
+    /// How the person stands when it is scanned, without falling over: soles level at y = 0, the pelvis above the origin.
     #[must_use]
     pub fn stance(&self) -> Stance {
         let standing = self.standing(&self.stance, DVec3::ZERO);
@@ -194,6 +198,35 @@ impl SyntheticPerson {
     pub fn posed(&self, pose: &Stance) -> Vec<DVec3> {
         let maps = posed_from_rest(&pose.rotations, &pose.joints, 1.0, &self.joints);
         skinned(&self.weights, &maps, &self.rest)
+    }
+
+    /// What a perfect registration to this person's scan would find: the body model with the person's own body, clothes included, and its
+    /// pose. `person_from_stance`: from where the person stood to where the scan was placed, in metres.
+    #[must_use]
+    pub fn registered(
+        &self,
+        model: &BodyModel,
+        person_from_stance: &Similarity,
+    ) -> (BodyModel, Registered) {
+        let own = BodyModel {
+            rest: self.rest.clone(),
+            joints: self.joints,
+            shapes: Vec::new(),
+            ..model.clone()
+        };
+        let stance = self.stance();
+        let turn = DMat3::from_quat(person_from_stance.rotation);
+        let registered = Registered {
+            shape: Vec::new(),
+            rotations: stance.rotations.map(|rotation| turn * rotation),
+            scale: person_from_stance.scale,
+            joints: stance.joints.map(|joint| person_from_stance.point(joint)),
+            vertices: (self.posed(&stance).iter())
+                .map(|vertex| person_from_stance.point(*vertex))
+                .collect(),
+            confidence: [1.0; JOINTS],
+        };
+        (own, registered)
     }
 
     /// Unit normals at the vertices of a pose, outwards.
@@ -246,20 +279,13 @@ pub(super) fn normal(rng: &mut fastrand::Rng) -> f64 {
     (0..12).map(|_| rng.f64()).sum::<f64>().clamp(2.5, 9.5) - 6.0
 }
 
-/// World rotations of a natural stance for a scan, arms away from the body, and how far it is turned to the left.
+/// World rotations of a natural stance for a scan, arms away from the body, which may not be balanced, and how far it is turned to the left.
 fn stance(rng: &mut fastrand::Rng) -> ([DMat3; JOINTS], f64) {
     let mut rotations = [DMat3::IDENTITY; JOINTS];
     let mut turn = |joint: Joint, axis_angle: DVec3| {
         let by = DMat3::from_quat(DQuat::from_scaled_axis(axis_angle));
-        for below in Joint::ALL {
-            let mut up = Some(below);
-            while let Some(j) = up {
-                if j == joint {
-                    rotations[below.index()] = by * rotations[below.index()];
-                    break;
-                }
-                up = j.parent();
-            }
+        for below in Joint::ALL.into_iter().filter(|j| is_above(joint, *j)) {
+            rotations[below.index()] = by * rotations[below.index()];
         }
     };
     let mut within = |low: f64, high: f64| (low + (high - low) * rng.f64()).to_radians();

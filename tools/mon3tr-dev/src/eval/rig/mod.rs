@@ -10,10 +10,13 @@ use mon3tr::film::write_png;
 use mon3tr::report::{check_writable, write_json};
 use pictures::beside;
 use reconstruct::BareBody;
+use scan_rig::RigError;
 use scan_rig::figures::likeness::six_views;
 use scan_rig::finish::{FinishOptions, Poser};
-use scan_rig::pipeline::{self, RigOptions, RigReport, Rigged};
-use scan_rig::prepare::Networks;
+use scan_rig::pinhole::Pinhole;
+use scan_rig::pipeline::{self, Fitted, RigOptions, RigReport, Rigged};
+use scan_rig::prepare::{self, Networks, Similarity};
+use scan_rig::scan::Scan;
 use scan_rig::shell::Hands;
 use scan_rig::sight::Sight;
 use scan_rig::synthetic::{PEOPLE, ScanOptions, Surroundings, SyntheticPerson, SyntheticScan};
@@ -61,6 +64,8 @@ struct Row {
     body: usize,
     joints_mean_mm: f64,
     joints_max_mm: f64,
+    /// Each joint of the body, in SMPL-X's order.
+    joints_mm: Vec<f64>,
     worst_joint: &'static str,
     fingers_mean_mm: f64,
     yaw_degrees: f64,
@@ -68,8 +73,13 @@ struct Row {
     scale_percent: f64,
     /// How sure the joint was that is wrong most, 0..=1.
     worst_confidence: f64,
+    /// How far up is from the true up, degrees.
+    tilt_degrees: f64,
     /// Novel poses against the true person, each the mean of six views, dB.
     novel_db: Vec<f64>,
+    /// The same of an avatar that was given the true body, in its true pose: what binding and skinning leave.
+    novel_db_of_true_body: Vec<f64>,
+    /// Seconds of the avatar, without those of measuring it.
     seconds: f64,
     report: RigReport,
 }
@@ -172,32 +182,42 @@ impl Options {
 }
 
 impl Tools {
-    fn rig(&mut self, scene: &Scene, height: Option<f64>, name: &str) -> anyhow::Result<Rigged> {
-        let options = RigOptions {
+    fn options(&self, height: Option<f64>, name: &str) -> RigOptions {
+        RigOptions {
             makehuman: self.makehuman.clone(),
-            height,
-            within: None,
-            up: None,
-            joints: Vec::new(),
+            person: prepare::Options {
+                height,
+                ..prepare::Options::default()
+            },
             accessories: true,
             hands: [Hands::AsSeen; 2],
             finish: FinishOptions {
                 name: name.to_owned(),
                 ..FinishOptions::default()
             },
-        };
-        let told = |step: &'static str| log::info!("{name}: {step}");
-        let mut rigged =
-            pipeline::rig(scene, &options, &mut self.sight, &mut self.networks, &told)?;
-        rigged.report.quality = Some(pipeline::measure(&rigged)?);
-        Ok(rigged)
+        }
     }
+
+    fn fitted(&mut self, scene: &Scene, options: &RigOptions) -> Result<Fitted, RigError> {
+        pipeline::fitted(scene, options, &mut self.sight, &mut self.networks, &told)
+    }
+}
+
+fn told(step: &'static str) {
+    log::info!("{step}");
+}
+
+fn measured(fitted: Fitted, options: &RigOptions) -> Result<Rigged, RigError> {
+    let mut rigged = pipeline::rigged(fitted, options, &told)?;
+    rigged.report.quality = Some(pipeline::measure(&rigged)?);
+    Ok(rigged)
 }
 
 fn real(file: &Path, options: &Options, tools: &mut Tools) -> anyhow::Result<RealRow> {
     let scene = Scene::load(file).with_context(|| format!("cannot use {}", file.display()))?;
     let began = Instant::now();
-    let rigged = tools.rig(&scene, options.height, "scan")?;
+    let choices = tools.options(options.height, "scan");
+    let rigged = measured(tools.fitted(&scene, &choices)?, &choices)?;
     if let Some(folder) = &options.pictures {
         let again = Poser::new(&rigged.avatar)?.scan(&rigged.scan_motion)?;
         for (number, view) in six_views(rigged.height).iter().enumerate() {
@@ -221,9 +241,20 @@ fn synthetic(
     let scan_options = options.scan_options();
     let truth = person.scan(&scan_options);
     let scene = truth.scan.to_scene()?;
+    let choices = tools.options(Some(truth.height), &format!("body {number}"));
     let began = Instant::now();
-    let rigged = tools.rig(&scene, Some(truth.height), &format!("body {number}"))?;
+    let fitted = tools.fitted(&scene, &choices)?;
+    let mut perfect = fitted.clone();
+    let rigged = measured(fitted, &choices)?;
     let seconds = began.elapsed().as_secs_f64();
+    let placed = perfect.prepared.person_from_scene;
+    let person_from_stance = Similarity {
+        scale: placed.scale * f64::from(scan_options.unit),
+        ..placed
+    };
+    (perfect.model, perfect.registered) = person.registered(&perfect.model, &person_from_stance);
+    let perfect = pipeline::rigged(perfect, &choices, &told)?;
+    let unseen = |_, _: &Scan, _: &Scan, _: &Pinhole| Ok(());
     let errors = joint_errors(&rigged, &truth);
     let body = errors.get(..Joint::Jaw.index()).unwrap_or_default();
     let fingers = errors.get(Joint::LeftIndex1.index()..).unwrap_or_default();
@@ -233,10 +264,14 @@ fn synthetic(
     Ok(Row {
         body: number,
         joints_mean_mm: mean(body) * 1e3,
+        joints_mm: body.iter().map(|error| error * 1e3).collect(),
         joints_max_mm: body.iter().copied().fold(0.0, f64::max) * 1e3,
         worst_joint: Joint::ALL[worst].name(),
         fingers_mean_mm: mean(fingers) * 1e3,
         yaw_degrees: yaw_error(&rigged, &truth).to_degrees(),
+        tilt_degrees: (placed.rotation * DVec3::Y)
+            .angle_between(DVec3::Y)
+            .to_degrees(),
         scale_percent: (rigged.person_from_scene.scale * f64::from(scan_options.unit) - 1.0)
             * 100.0,
         worst_confidence: rigged
@@ -256,6 +291,7 @@ fn synthetic(
                 write_png(&file, &beside(truth, posed, view)?)
             },
         )?,
+        novel_db_of_true_body: novel::compare(person, &perfect, &scan_options, unseen)?,
         seconds,
         report: rigged.report,
     })
@@ -322,9 +358,13 @@ fn write_scans(options: &Options, folder: &Path) -> anyhow::Result<()> {
 
 impl Row {
     fn print(&self) {
-        let novel: Vec<String> = self.novel_db.iter().map(|db| format!("{db:.1}")).collect();
+        let decibels = |values: &[f64]| {
+            let values: Vec<String> = values.iter().map(|db| format!("{db:.1}")).collect();
+            values.join(" ")
+        };
         println!(
-            "body {}: joints {:.0} mm mean, {:.0} max ({}, sure to {:.0} %), fingers {:.0}; yaw {:+.1} degrees, size {:+.1} %; novel poses {} dB; {:.0} s",
+            "body {}: joints {:.0} mm mean, {:.0} max ({}, sure to {:.0} %), fingers {:.0}; yaw {:+.1} degrees, tilt {:.1}, size {:+.1} %; \
+             novel poses {} dB (with the true body {}); {:.0} s",
             self.body,
             self.joints_mean_mm,
             self.joints_max_mm,
@@ -332,8 +372,10 @@ impl Row {
             self.worst_confidence * 100.0,
             self.fingers_mean_mm,
             self.yaw_degrees,
+            self.tilt_degrees,
             self.scale_percent,
-            novel.join(" "),
+            decibels(&self.novel_db),
+            decibels(&self.novel_db_of_true_body),
             self.seconds
         );
         print_report(&self.report);
@@ -380,10 +422,11 @@ fn summarise(rows: &[Row]) {
         .map(|row| row.yaw_degrees.abs())
         .fold(0.0, f64::max);
     println!(
-        "\n{} bodies: joints {:.1} mm mean, {worst:.0} max; yaw {yaw:.1} degrees at most; novel poses {:.1} dB mean; {:.0} s each",
+        "\n{} bodies: joints {:.1} mm mean, {worst:.0} max; yaw {yaw:.1} degrees at most; novel poses {:.1} dB mean, {:.1} with the true body; {:.0} s each",
         rows.len(),
         of(|row| row.joints_mean_mm),
         of(|row| mean(&row.novel_db)),
+        of(|row| mean(&row.novel_db_of_true_body)),
         of(|row| row.seconds)
     );
 }

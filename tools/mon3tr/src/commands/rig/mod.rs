@@ -11,11 +11,13 @@ use anyhow::{Context, anyhow, bail};
 use clap::ValueEnum;
 use glam::Vec3;
 use indicatif::ProgressBar;
+use scan_rig::body::UNSURE;
 use scan_rig::finish::FinishOptions;
 use scan_rig::pipeline::{self, RigOptions, RigReport, Rigged, STEPS};
-use scan_rig::prepare::Networks;
-use scan_rig::shell::Hands;
+use scan_rig::prepare::{self, Networks};
+use scan_rig::shell::{Hand, Hands};
 use scan_rig::sight::Sight;
+use scan_rig::stopwatch::StepSeconds;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use spmm3::Joint;
@@ -27,13 +29,10 @@ use std::str::FromStr;
 use std::time::Instant;
 
 /// Raised whenever the same scan gives another avatar, so that caches of older ones are not used.
-const RIG_VERSION: u32 = 3;
+const RIG_VERSION: u32 = 5;
 
 /// What others may do with an avatar unless its maker says otherwise.
 const LICENCE: &str = "all rights reserved by the person who was scanned";
-
-/// Joints less sure than this are pointed out.
-const UNSURE: f64 = 0.5;
 
 /// Options of `rig`.
 #[derive(Debug, clap::Args)]
@@ -156,6 +155,10 @@ struct RigFigures {
     package: PathBuf,
     package_bytes: u64,
     seconds: f64,
+    /// What each of [`STEPS`] took.
+    steps: Vec<StepSeconds>,
+    /// What the parts of the first step took.
+    prepare_steps: Vec<StepSeconds>,
     #[serde(flatten)]
     report: RigReport,
     pictures: Option<PathBuf>,
@@ -257,6 +260,8 @@ fn rig_to(
         package: out.to_path_buf(),
         package_bytes,
         seconds: began.elapsed().as_secs_f64(),
+        steps: rigged.report.steps.clone(),
+        prepare_steps: rigged.report.prepare.steps.clone(),
         report: rigged.report.clone(),
         pictures: None,
     };
@@ -288,15 +293,17 @@ impl RigChoices {
         let name = self.name.clone().unwrap_or_else(|| file_name(scan));
         Ok(RigOptions {
             makehuman: makehuman()?,
-            height: self.height,
-            within,
-            up: match self.up {
-                None | Some(UpChoice::Auto) => None,
-                Some(UpChoice::Axis(axis)) => Some(axis),
+            person: prepare::Options {
+                height: self.height,
+                within,
+                up: match self.up {
+                    None | Some(UpChoice::Auto) => None,
+                    Some(UpChoice::Axis(axis)) => Some(axis),
+                },
+                joints: (self.joint.iter())
+                    .map(|hint| (hint.joint, hint.position))
+                    .collect(),
             },
-            joints: (self.joint.iter())
-                .map(|hint| (hint.joint, hint.position))
-                .collect(),
             accessories: self.accessories == AccessoriesChoice::Auto,
             hands: match self.hands {
                 None => [Hands::AsSeen; 2],
@@ -319,27 +326,47 @@ impl RigChoices {
 impl RigFigures {
     fn print(&self) {
         let report = &self.report;
+        let left_out = match report.all_gaussians.saturating_sub(report.gaussians) {
+            0 => String::new(),
+            left_out => format!(" ({left_out} left out)"),
+        };
         println!(
-            "{}: {:.1} MB, {} Gaussians on {} vertices, in {:.0} s",
+            "{}: {:.1} MB, {} Gaussians{left_out} on {} vertices, in {:.0} s",
             self.package.display(),
             self.package_bytes as f64 / 1e6,
             report.gaussians,
             report.vertices,
             self.seconds
         );
-        for step in &report.steps {
+        for step in &self.steps {
             println!("  {:<32} {:>6.1} s", step.step, step.seconds);
         }
-        let unsure: Vec<String> = (report.joints.iter())
-            .filter(|joint| joint.confidence < UNSURE)
-            .map(|joint| format!("{} ({:.0} %)", joint.name, joint.confidence * 100.0))
-            .collect();
-        match unsure.as_slice() {
-            [] => println!("every joint of the body is sure"),
-            unsure => println!(
-                "unsure joints: {}; where one is wrong, say where it is with --joint NAME=X,Y,Z",
-                unsure.join(", ")
-            ),
+        let [left, right] = report.shell.hands.map(|hand| match hand.became {
+            Hand::Rigid if hand.holds => "holds something, stiff",
+            Hand::Rigid => "stiff",
+            Hand::Moving => "its fingers move",
+            Hand::Replaced => "replaced, its fingers move",
+        });
+        println!("hands: left {left}; right {right}");
+        for thing in &report.bind.accessories {
+            let (joint, cm) = (thing.joint.name(), thing.size * 100.0);
+            println!(
+                "a thing of {cm:.0} cm and {} Gaussians moves with the {joint}",
+                thing.gaussians
+            );
+        }
+        for hint in &report.hints {
+            let from = hint.apart.map_or_else(String::new, |metres| {
+                format!(", {:.0} mm from where it is found without", metres * 1e3)
+            });
+            println!(
+                "{}: {:.0} mm from --joint{from}",
+                hint.name,
+                hint.missed * 1e3
+            );
+        }
+        if report.joints.iter().all(|joint| joint.confidence >= UNSURE) {
+            println!("every joint of the body is sure");
         }
         for warning in &report.warnings {
             println!("note: {warning}");

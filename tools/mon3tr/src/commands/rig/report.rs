@@ -1,6 +1,6 @@
 //! `rig --report`: a page that shows what was found in the scan and what the avatar does with it.
 
-use super::{RigFigures, UNSURE, body_joints};
+use super::{RigFigures, body_joints};
 use crate::device_options::DeviceOptions;
 use crate::film::write_png;
 use crate::size::{Size, Views};
@@ -11,6 +11,7 @@ use glam::{DVec2, DVec3, Vec3};
 use image::{Rgb, RgbImage};
 use renderer_splat::camera::Camera;
 use renderer_splat::options::Filter;
+use scan_rig::body::UNSURE;
 use scan_rig::finish::Poser;
 use scan_rig::pinhole::Pinhole;
 use scan_rig::pipeline::Rigged;

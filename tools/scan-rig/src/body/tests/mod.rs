@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 /// The model, built once; `None` (said aloud) on a machine without the package.
-fn model() -> Option<&'static BodyModel> {
+pub(crate) fn model() -> Option<&'static BodyModel> {
     static MODEL: OnceLock<Option<BodyModel>> = OnceLock::new();
     MODEL
         .get_or_init(|| {

@@ -145,6 +145,40 @@ fn a_wrong_landmark_is_told_and_a_hint_heals_it() {
 }
 
 #[test]
+fn a_hint_that_all_else_contradicts_is_doubted_and_one_that_agrees_is_not() {
+    let Some(model) = model() else { return };
+    let state = posed_body(model);
+    let (points, middles, outwards, joints) = seen(model, &state);
+    let at = Joint::LeftWrist.index();
+    for (mistake, sure) in [(DVec3::ZERO, true), (DVec3::new(0.0, -0.14, 0.1), false)] {
+        let observed = Observed {
+            body: &points,
+            face: None,
+            points: &middles,
+            normals: &outwards,
+            hints: &[Hint {
+                joint: Joint::LeftWrist,
+                position: joints[at] + mistake,
+            }],
+        };
+        let (found, report) = register(model, &observed).expect("a body");
+        let told = report
+            .warnings
+            .iter()
+            .any(|w| w.contains("--joint left_wrist"));
+        assert_eq!(told, !sure, "{:?}", report.warnings);
+        assert_eq!(
+            found.confidence[at] > 0.5,
+            sure,
+            "sure to {}",
+            found.confidence[at]
+        );
+        let apart = report.hints[0].apart.expect("found without it as well");
+        assert!((apart - mistake.length()).abs() < 0.02, "{apart} m apart");
+    }
+}
+
+#[test]
 fn what_is_no_number_or_missing_is_survived_or_refused() {
     let Some(model) = model() else { return };
     let state = posed_body(model);
@@ -183,4 +217,14 @@ fn what_is_no_number_or_missing_is_survived_or_refused() {
         ..none
     };
     assert!(register(model, &half).is_err(), "a person without a hip");
+    let hints = [Hint {
+        joint: Joint::LeftHip,
+        position: points[23].position,
+    }];
+    let hinted = Observed {
+        hints: &hints,
+        ..half
+    };
+    let (_, report) = register(model, &hinted).expect("the user knows the hip");
+    assert_eq!(report.hints[0].apart, None, "not found otherwise");
 }

@@ -6,37 +6,19 @@
 )]
 
 use super::super::additions::{brightness, median};
-use super::super::face;
+use super::super::face::cover;
 use super::super::head::Head;
-use super::super::{ShellOptions, ShellReport, complete, stray};
-use super::scene::{Data, Scene, data, picture, psnr, save};
+use super::super::stray;
+use super::scene::{Scene, data, face, picture, psnr, save};
 use glam::{DVec3, Quat, Vec3};
-
-fn completed(data: &Data, scene: &mut Scene) -> ShellReport {
-    let options = ShellOptions {
-        unseen: false,
-        ..ShellOptions::default()
-    };
-    let scan = &mut scene.bound;
-    complete(
-        scan,
-        &data.model,
-        &scene.registered,
-        &data.textures,
-        &options,
-    )
-    .unwrap_or_else(|e| panic!("{e}"))
-}
 
 #[test]
 fn the_shell_is_as_light_as_the_skin_before_it_is_repainted() {
-    let Some(data) = data() else { return };
-    let model = &data.model;
-    let near_head = |face: usize| model.head_share(model.faces[face][0] as usize) > 0.1;
-    let scene = Scene::new(data, 0.006, near_head);
+    let Some(face) = face() else { return };
+    let (model, scene) = (face.data.model, &face.before);
     let vertices = &scene.bound.mesh.vertices[..model.rest.len()];
     let head = Head::new(model, &scene.registered, vertices);
-    let face = face::cover(
+    let face = cover(
         model,
         &head,
         vertices,
@@ -55,11 +37,8 @@ fn the_shell_is_as_light_as_the_skin_before_it_is_repainted() {
 
 #[test]
 fn closed_lids_are_skin_like_the_cheeks_and_no_eyeball_cuts_them_on_the_way() {
-    let Some(data) = data() else { return };
-    let model = &data.model;
-    let near_head = |face: usize| model.head_share(model.faces[face][0] as usize) > 0.1;
-    let mut scene = Scene::new(data, 0.006, near_head);
-    let report = completed(data, &mut scene);
+    let Some(face) = face() else { return };
+    let (model, scene, report) = (face.data.model, &face.after, &face.report);
     let vertices = scene.bound.mesh.vertices.clone();
     let head = Head::new(model, &scene.registered, &vertices);
     for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
@@ -109,15 +88,13 @@ fn closed_lids_are_skin_like_the_cheeks_and_no_eyeball_cuts_them_on_the_way() {
 #[test]
 fn no_seam_shows_where_long_gaussians_gave_way_to_the_shell() {
     let Some(data) = data() else { return };
-    let model = &data.model;
-    let near_head = |face: usize| model.head_share(model.faces[face][0] as usize) > 0.1;
-    let mut scene = Scene::new(data, 0.008, near_head);
+    let mut scene = Scene::of_head(data, 0.008);
     for scale in &mut scene.bound.scan.scales {
         // Long along the skin, as scans are.
         scale.x *= 4.0;
     }
     let before = scene.bound.scan.clone();
-    completed(data, &mut scene);
+    scene.completed(data);
     for azimuth in [-30.0, 0.0, 30.0] {
         let view = scene.face_view(0.8, azimuth);
         let pictures = [picture(&before, &view), picture(&scene.bound.scan, &view)];
@@ -131,7 +108,7 @@ fn no_seam_shows_where_long_gaussians_gave_way_to_the_shell() {
 #[test]
 fn what_hung_between_arm_and_flank_goes_and_what_lies_on_the_skin_stays() {
     let Some(data) = data() else { return };
-    let model = &data.model;
+    let model = data.model;
     let mut scene = Scene::standing(data, 0.03, 0.6, |_| true);
     let before = scene.bound.scan.len();
     let rest = scene

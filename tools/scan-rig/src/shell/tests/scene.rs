@@ -7,7 +7,7 @@ use crate::bind::{BindReport, Bound, Mesh};
 use crate::body::{BodyModel, BodyPart, Registered, posing};
 use crate::pinhole::Pinhole;
 use crate::scan::Scan;
-use crate::shell::Textures;
+use crate::shell::{ShellOptions, ShellReport, Textures, complete};
 use crate::surface::raster;
 use glam::{DMat3, DVec2, DVec3, Vec3};
 use spmm3::{JOINTS, Joint};
@@ -16,7 +16,7 @@ use std::sync::OnceLock;
 
 /// The body model with its textures.
 pub(super) struct Data {
-    pub(super) model: BodyModel,
+    pub(super) model: &'static BodyModel,
     pub(super) textures: Textures,
 }
 
@@ -24,22 +24,10 @@ pub(super) struct Data {
 pub(super) fn data() -> Option<&'static Data> {
     static DATA: OnceLock<Option<Data>> = OnceLock::new();
     DATA.get_or_init(|| {
-        let folder = PathBuf::from(concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../../.cache/makehuman"
-        ));
-        if !folder.join("public").exists() {
-            assert!(
-                std::env::var("CI").as_deref() != Ok("true"),
-                "MakeHuman's data is missing"
-            );
-            println!("skipped: no MakeHuman data in .cache; fetch it with ./run setup");
-            return None;
-        }
-        Some(Data {
-            model: BodyModel::load(&folder).unwrap_or_else(|e| panic!("{e}")),
-            textures: Textures::load(&folder).unwrap_or_else(|e| panic!("{e}")),
-        })
+        let model = crate::body::tests::model()?;
+        let folder = PathBuf::from(std::env::var_os("MON3TR_MAKEHUMAN")?);
+        let textures = Textures::load(&folder).expect("the package is whole");
+        Some(Data { model, textures })
     })
     .as_ref()
 }
@@ -50,7 +38,59 @@ pub(super) struct Scene {
     pub(super) registered: Registered,
 }
 
+/// A scanned face, and the same completed, for all tests that only look at it.
+pub(super) struct Face {
+    pub(super) data: &'static Data,
+    pub(super) before: Scene,
+    pub(super) after: Scene,
+    pub(super) report: ShellReport,
+}
+
+/// Completes a face once; nothing if the machine lacks the body model.
+pub(super) fn face() -> Option<&'static Face> {
+    static FACE: OnceLock<Option<Face>> = OnceLock::new();
+    FACE.get_or_init(|| {
+        let data = data()?;
+        let before = Scene::of_head(data, 0.006);
+        let mut after = Scene {
+            bound: before.bound.clone(),
+            registered: before.registered.clone(),
+        };
+        let report = after.completed(data);
+        Some(Face {
+            data,
+            before,
+            after,
+            report,
+        })
+    })
+    .as_ref()
+}
+
 impl Scene {
+    /// With Gaussians on the head alone.
+    pub(super) fn of_head(data: &Data, spacing: f64) -> Self {
+        let model = data.model;
+        let near_head = |face: usize| model.head_share(model.faces[face][0] as usize) > 0.1;
+        Self::new(data, spacing, near_head)
+    }
+
+    /// Completes face and hands.
+    pub(super) fn completed(&mut self, data: &Data) -> ShellReport {
+        let options = ShellOptions {
+            unseen: false,
+            ..ShellOptions::default()
+        };
+        complete(
+            &mut self.bound,
+            data.model,
+            &self.registered,
+            &data.textures,
+            &options,
+        )
+        .expect("a shell")
+    }
+
     /// With Gaussians on the faces that `take` chooses, in a stance with the arms half down, the head turned a little.
     pub(super) fn new(data: &Data, spacing: f64, take: impl Fn(usize) -> bool) -> Self {
         Self::standing(data, spacing, 0.0, take)
@@ -63,7 +103,7 @@ impl Scene {
         lower: f64,
         take: impl Fn(usize) -> bool,
     ) -> Self {
-        let model = &data.model;
+        let model = data.model;
         let shape: Vec<f64> = (0..model.shapes.len())
             .map(|k| if k % 5 == 1 { 0.15 } else { 0.0 })
             .collect();
@@ -95,7 +135,7 @@ impl Scene {
                 weights: model
                     .weights
                     .iter()
-                    .map(crate::bind::weights::largest)
+                    .map(|row| posing::kept(row).dense())
                     .collect(),
             },
             accessory,
@@ -139,7 +179,7 @@ fn paint(
     spacing: f64,
     take: impl Fn(usize) -> bool,
 ) -> (Scan, Vec<u32>) {
-    let model = &data.model;
+    let model = data.model;
     let mut additions = Additions::default();
     let mut cells = Vec::new();
     for quad in 0..model.faces.len() / 2 {
@@ -182,7 +222,7 @@ fn paint(
 
 /// Blue irises on white, that look ahead in the head's direction.
 fn eye_colour(data: &Data, vertices: &[DVec3], point: DVec3) -> DVec3 {
-    let model = &data.model;
+    let model = data.model;
     let side = |joint: Joint| -> (DVec3, f64) {
         let own: Vec<DVec3> = (model.body_vertices..model.rest.len())
             .filter(|v| model.weights[*v][joint.index()] > 0.5)
@@ -209,7 +249,12 @@ pub(super) fn picture(scan: &Scan, view: &Pinhole) -> Vec<Vec3> {
     raster::draw(scan, view).over(Vec3::splat(0.55))
 }
 
-/// Writes pictures side by side where the environment asks for it, to be looked at.
+/// Whether the environment asks for pictures, to be looked at.
+pub(super) fn is_looked_at() -> bool {
+    std::env::var_os("MON3TR_PICTURES").is_some()
+}
+
+/// Writes pictures side by side where the environment asks for it.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to a byte")]
 pub(super) fn save(name: &str, pictures: &[Vec<Vec3>], view: &Pinhole) {
     let Ok(folder) = std::env::var("MON3TR_PICTURES") else {
