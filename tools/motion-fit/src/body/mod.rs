@@ -9,6 +9,7 @@ mod contact;
 mod evidence;
 pub mod fit;
 pub mod foot_lock;
+mod labels;
 mod lengths;
 mod limits;
 mod pose;
