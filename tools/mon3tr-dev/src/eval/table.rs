@@ -122,7 +122,7 @@ pub(super) fn print_scores(motion: &str, camera: &str, scores: &Scores) {
 /// What is known of footage whose truth is that of the limbs alone.
 pub(super) fn print_limbs(what: &str, scores: &Scores) {
     println!(
-        "  {what:<14} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  jitter {:>5.1} ({:.1})  swaps {:>2} ({})",
+        "  {what:<14} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  jitter {:>5.1} ({:.1})  swaps {:>2} ({})  without truth {} joints",
         scores.frames,
         scores.of,
         scores.mpjpe_mm,
@@ -132,6 +132,7 @@ pub(super) fn print_limbs(what: &str, scores: &Scores) {
         scores.jitter_truth_mm,
         scores.swapped,
         scores.longest_swap,
+        scores.unknown,
     );
 }
 
