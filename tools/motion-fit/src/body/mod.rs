@@ -21,6 +21,7 @@ pub mod several;
 pub mod so3;
 mod soles;
 pub mod solver;
+mod stances;
 mod standing;
 pub mod terms;
 mod track;

@@ -3,6 +3,7 @@
 
 mod truth;
 
+use super::fit_by::FitBy;
 use super::observations::Keeper;
 use super::score::{LIMBS, Posed, Scores, score};
 use super::table;
@@ -32,7 +33,9 @@ struct OneCameraScores {
     camera: usize,
     /// The network's own guess in metres, scaled to the person's size as a whole.
     raw: Scores,
+    /// The fit of one picture after the other, and of the whole recording.
     fitted: Scores,
+    recording: Scores,
 }
 
 #[derive(Debug, Serialize)]
@@ -63,9 +66,10 @@ impl FootageFigures {
             println!("\nPose2Sim, camera {}", figures.camera);
             table::print_limbs("network alone", &figures.raw);
             table::print_limbs("fitted", &figures.fitted);
+            table::print_limbs("as a recording", &figures.recording);
             println!(
-                "  reprojection of the fit {:.1} %",
-                figures.fitted.reprojection_percent
+                "  reprojection of the fit {:.1} %, as a recording {:.1} %",
+                figures.fitted.reprojection_percent, figures.recording.reprojection_percent
             );
         }
         if let Some(carphone) = &self.carphone {
@@ -115,14 +119,18 @@ fn four_cameras(
             skeleton: &skeleton,
             ..Subject::from(avatar)
         };
-        let mut fit = MotionFit::new(&subject, pinhole);
-        let fitted: Vec<Option<Posed>> = (seen.iter())
-            .map(|seen| of_fit(&skeleton, &fit.step(seen), &pinhole))
-            .collect();
+        let [fitted, recording] = FitBy::ALL.map(|by| {
+            let fitted = by.fit(&subject, pinhole, seen);
+            let posed: Vec<Option<Posed>> = (fitted.iter())
+                .map(|fitted| of_fit(&skeleton, fitted, &pinhole))
+                .collect();
+            score(&true_frames, &posed, RATE, FINDING)
+        });
         figures.push(OneCameraScores {
             camera: number + 1,
             raw: score(&true_frames, &raw, RATE, FINDING),
-            fitted: score(&true_frames, &fitted, RATE, FINDING),
+            fitted,
+            recording,
         });
     }
     Ok(figures)

@@ -179,7 +179,7 @@ mod tests {
 
     #[test]
     fn lengths_that_no_frame_knows_are_refused_with_what_to_check() {
-        let skeleton = spmm3::Skeleton::new([Vec3::ZERO; spmm3::JOINTS]).expect("finite");
+        let skeleton = Skeleton::new([Vec3::ZERO; spmm3::JOINTS]).expect("finite");
         let error = as_long_as(&skeleton, &[[None; LIMBS.len()]; 4]).expect_err("nothing");
         assert!(error.to_string().contains("calibration"), "{error}");
     }
