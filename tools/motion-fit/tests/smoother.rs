@@ -168,7 +168,8 @@ fn a_whole_recording_is_smoothed_without_lag() {
         .collect();
     let raw = frames.clone();
     smooth_all(&SmoothConfig::default(), &mut frames);
-    let parts: [(fn(&MotionParams) -> f32, f64); 3] = [
+    type Part = fn(&MotionParams) -> f32;
+    let parts: [(Part, f64); 3] = [
         (|motion| motion.axis_angle(Joint::LeftElbow).y, 0.9),
         (|motion| motion.expression()[3], 0.9),
         // What moves as fast as this is hardly smoothed: it must not become rougher.
