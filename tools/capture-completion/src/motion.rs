@@ -4,10 +4,10 @@
 
 use capture::{Camera, FramePose};
 use glam::{DAffine3, DMat3, DVec2, Quat, Vec2, Vec3};
-use motion_fit::body::several::{self, RoomMotion};
+use motion_fit::body::several::{self, RoomMotion, Sight};
 use motion_fit::body::terms::View;
 use motion_fit::landmarks::{self, BodyLandmarks, Observation};
-use motion_fit::{Fitted, MotionFit, Subject};
+use motion_fit::{Fitted, Subject, fit_recording};
 use spmm3::{Joint, MotionParams, Skeleton};
 
 /// A recording's motion in the cameras' world.
@@ -21,8 +21,18 @@ pub struct Motion {
     pub reprojection_px: Vec<Vec<Option<f64>>>,
     /// By frame, then by camera: whether the network had left and right exchanged.
     pub exchanged: Vec<Vec<bool>>,
+    /// By frame: how its pose is known.
+    pub sights: Vec<Sight>,
     /// Where a single camera stands, which the fit found.
     pub camera_from_world: Option<DAffine3>,
+}
+
+impl Motion {
+    /// How many frames are known so.
+    #[must_use]
+    pub fn frames_of(&self, sight: Sight) -> usize {
+        self.sights.iter().filter(|of| **of == sight).count()
+    }
 }
 
 /// Fits the motion to `observations[camera][frame]`, pixels on the cameras' pinholes. `posed` says that the cameras' poses are known.
@@ -35,10 +45,7 @@ pub fn fit_motion(
     posed: bool,
 ) -> Motion {
     let singles: Vec<Vec<Fitted>> = (cameras.iter().zip(observations))
-        .map(|(camera, seen)| {
-            let mut fit = MotionFit::new(subject, pinhole(camera));
-            seen.iter().map(|seen| fit.step(seen)).collect()
-        })
+        .map(|(camera, seen)| fit_recording(subject, pinhole(camera), seen))
         .collect();
     if let ([camera], [single]) = (cameras, singles.as_slice()) {
         return alone(subject, camera, single, posed);
@@ -60,6 +67,7 @@ pub fn fit_motion(
         skeleton,
         reprojection_px: Vec::with_capacity(frames),
         exchanged: Vec::with_capacity(frames),
+        sights: poses.iter().map(|pose| pose.sight).collect(),
         camera_from_world: None,
     };
     for (frame, pose) in poses.into_iter().enumerate() {
@@ -120,6 +128,12 @@ fn alone(subject: &Subject<'_>, camera: &Camera, fitted: &[Fitted], posed: bool)
         skeleton: subject.skeleton.clone(),
         reprojection_px: fitted.iter().map(|fitted| vec![error(fitted)]).collect(),
         exchanged: fitted.iter().map(|fitted| vec![fitted.swapped]).collect(),
+        sights: (fitted.iter())
+            .map(|fitted| match fitted.sees_person {
+                true => Sight::Doubtful,
+                false => Sight::Unseen,
+            })
+            .collect(),
         camera_from_world: (!posed).then_some(still),
     }
 }

@@ -34,8 +34,10 @@ pub mod hands;
 mod head_only;
 pub mod landmarks;
 mod motion_fit;
+mod recording;
 mod rotations;
 pub mod smoother;
 
 pub use landmarks::estimates;
 pub use motion_fit::{Fitted, MotionFit, Subject};
+pub use recording::fit_recording;

@@ -66,6 +66,16 @@ pub struct Fitted {
     pub swapped: bool,
 }
 
+/// One frame before it is smoothed.
+#[derive(Debug, Clone)]
+pub(crate) struct Unsmoothed {
+    pub(crate) fitted: Fitted,
+    /// How sure its motion is.
+    pub(crate) confidence: Confidence,
+    /// As [`BodyPose::standing`].
+    pub(crate) standing: [[bool; 2]; 2],
+}
+
 /// Follows one person in one camera's pictures.
 #[derive(Debug, Clone)]
 pub struct MotionFit {
@@ -159,6 +169,20 @@ impl MotionFit {
 
     /// The motion of one picture. Never fails: what is not seen is held, then eases to rest.
     pub fn step(&mut self, seen: &Observation) -> Fitted {
+        let Unsmoothed {
+            mut fitted,
+            confidence,
+            standing,
+        } = self.look(seen);
+        self.smoother
+            .smooth(seen.seconds, &mut fitted.motion, &confidence);
+        // Last: what is smoothed slides.
+        self.feet.apply(seen.seconds, &mut fitted.motion, standing);
+        fitted
+    }
+
+    /// As [`Self::step`], before smoothing and foot lock.
+    pub(crate) fn look(&mut self, seen: &Observation) -> Unsmoothed {
         // A face alone places the head, and the body below it.
         let head = match (&seen.body, seen.face_landmarks()) {
             (None, Some(face)) => head_of(face),
@@ -180,18 +204,19 @@ impl MotionFit {
         for hand in 0..2 {
             self.hand(hand, seen, &pose, &mut motion, &mut confidence);
         }
-        self.smoother.smooth(seen.seconds, &mut motion, &confidence);
-        // Last: what is smoothed slides.
-        (self.feet).apply(seen.seconds, &mut motion, pose.standing);
-        Fitted {
-            motion,
-            camera_from_room,
-            sees_person: pose.seen,
-            limbs: pose.confidence,
-            hands: self.hands.each_ref().map(|hand| narrow(hand.confidence)),
-            face: narrow(self.face.confidence),
-            reprojection_px: pose.reprojection_px,
-            swapped: pose.swapped,
+        Unsmoothed {
+            fitted: Fitted {
+                motion,
+                camera_from_room,
+                sees_person: pose.seen,
+                limbs: pose.confidence,
+                hands: self.hands.each_ref().map(|hand| narrow(hand.confidence)),
+                face: narrow(self.face.confidence),
+                reprojection_px: pose.reprojection_px,
+                swapped: pose.swapped,
+            },
+            confidence,
+            standing: pose.standing,
         }
     }
 

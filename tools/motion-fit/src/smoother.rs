@@ -138,6 +138,30 @@ impl Smoother {
     }
 }
 
+/// Smooths a whole recording without lag: the middle between a smoother that goes forwards and one that goes backwards. `frames` are seconds on the source's
+/// clock, in order, the motion of then and how sure it is.
+pub fn smooth_all(config: &SmoothConfig, frames: &mut [(f64, MotionParams, Confidence)]) {
+    let mut backwards: Vec<MotionParams> = Vec::with_capacity(frames.len());
+    let mut smoother = Smoother::new(*config);
+    for (seconds, motion, confidence) in frames.iter().rev() {
+        let mut motion = motion.clone();
+        smoother.smooth(-seconds, &mut motion, confidence);
+        backwards.push(motion);
+    }
+    let mut smoother = Smoother::new(*config);
+    for ((seconds, motion, confidence), back) in frames.iter_mut().zip(backwards.iter().rev()) {
+        smoother.smooth(*seconds, motion, confidence);
+        for joint in Joint::ALL {
+            let middle = motion.rotation(joint).slerp(back.rotation(joint), 0.5);
+            motion.set_rotation(joint, middle);
+        }
+        for (value, back) in motion.expression_mut().iter_mut().zip(back.expression()) {
+            *value = value.midpoint(*back);
+        }
+        motion.root_translation = motion.root_translation.midpoint(back.root_translation);
+    }
+}
+
 impl State {
     fn new(seconds: f64, motion: &MotionParams) -> Self {
         let mut state = Self {

@@ -9,7 +9,7 @@ mod common;
 
 use common::Random;
 use glam::Vec3;
-use motion_fit::smoother::{Confidence, SmoothConfig, Smoother};
+use motion_fit::smoother::{Confidence, SmoothConfig, Smoother, smooth_all};
 use spmm3::{Joint, MotionParams};
 
 /// A swing of half a radian whose frequency rises from 0.2 to 3 Hz within 20 s: angle at a time.
@@ -149,4 +149,47 @@ fn times_and_motions_without_sense_leave_the_last_pose() {
         (far.axis_angle(Joint::Head).x + 1.0).abs() < 1e-5,
         "it glides after a pause"
     );
+}
+
+#[test]
+fn a_whole_recording_is_smoothed_without_lag() {
+    let rate = 30.0;
+    let mut random = Random(5);
+    let noisy = |i: usize, noise: f64| (chirp(i as f64 / rate) + 0.02 * noise) as f32;
+    let mut frames: Vec<_> = (0..600)
+        .map(|i| {
+            let mut motion = MotionParams::default();
+            let angle = noisy(i, random.normal());
+            motion.set_axis_angle(Joint::LeftElbow, Vec3::Y * angle);
+            motion.expression_mut()[3] = angle;
+            motion.root_translation.z = angle;
+            (i as f64 / rate, motion, Confidence::default())
+        })
+        .collect();
+    let raw = frames.clone();
+    smooth_all(&SmoothConfig::default(), &mut frames);
+    type Part = fn(&MotionParams) -> f32;
+    let parts: [(Part, f64); 3] = [
+        (|motion| motion.axis_angle(Joint::LeftElbow).y, 0.9),
+        (|motion| motion.expression()[3], 0.9),
+        // What moves as fast as this is hardly smoothed: it must not become rougher.
+        (|motion| motion.root_translation.z, 1.1),
+    ];
+    for (of, share) in parts {
+        let values = |frames: &[(f64, MotionParams, Confidence)]| -> Vec<f64> {
+            (frames.iter())
+                .map(|(_, motion, _)| f64::from(of(motion)))
+                .collect()
+        };
+        let rough = |values: &[f64]| -> f64 {
+            let second = values.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs());
+            second.sum()
+        };
+        let (smooth, raw) = (values(&frames), values(&raw));
+        let lag = lag_ms(&smooth, rate);
+        assert!(lag <= 2.0, "{lag} ms");
+        let (left, all) = (rough(&smooth), rough(&raw));
+        assert!(left < share * all, "{left} of {all} is left");
+    }
+    smooth_all(&SmoothConfig::default(), &mut []);
 }

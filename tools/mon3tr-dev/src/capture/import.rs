@@ -8,6 +8,7 @@ use mon3tr::device_options::DeviceOptions;
 use mon3tr::progress;
 use mon3tr::stills::load_avatar;
 use motion_fit::Subject;
+use motion_fit::body::several::Sight;
 use std::path::PathBuf;
 
 /// Options of `capture import`.
@@ -81,6 +82,21 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             .filter(|seen| seen.body_landmarks().is_some())
             .count()
     );
+    for (sight, words) in [
+        (
+            Sight::Doubtful,
+            "by one camera, or by several that do not agree: their depth is less sure",
+        ),
+        (
+            Sight::Unseen,
+            "by no camera: their pose is between those before and after",
+        ),
+    ] {
+        let frames = done.motion.frames_of(sight);
+        if frames > 0 {
+            println!("the person is seen in {frames} frames {words}");
+        }
+    }
     println!(
         "look at it: mon3tr-dev capture check {} --out PAGES",
         options.out.display()

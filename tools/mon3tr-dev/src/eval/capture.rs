@@ -1,5 +1,6 @@
 //! `mon3tr-dev eval capture`: an avatar's renders and real footage, tracked, against truth.
 
+use super::fit_by::FitBy;
 use super::observations::Keeper;
 use super::renders::{self, RATE, Take};
 use super::score::{Posed, Scores, score};
@@ -10,8 +11,7 @@ use mon3tr::commands::bake::{BakeChoices, chosen_or_demo_avatar};
 use mon3tr::device_options::{DeviceOptions, make_folder};
 use mon3tr::report::{check_writable, write_json};
 use mon3tr::stills::load_avatar;
-use motion_fit::landmarks::Observation;
-use motion_fit::{Fitted, MotionFit, Subject};
+use motion_fit::{Fitted, Subject};
 use spmm3::{Avatar, LOOP_SECONDS, LoadOptions, MotionClip};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -78,20 +78,26 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     );
     for take in &takes {
         let seen = keeper.take(take, &avatar)?;
-        let fit_began = Instant::now();
-        let fitted = fit(&avatar, take, &seen);
-        let fit_ms = fit_began.elapsed().as_secs_f64() * 1e3 / seen.len().max(1) as f64;
-        rows.push(Row {
-            motion: take.motion.clone(),
-            camera: take.camera_name,
-            scores: compare(&avatar, take, &fitted),
-            fit_ms,
-        });
-        if let Some(row) = rows.last() {
-            table::print_scores(&row.motion, row.camera, &row.scores);
+        let subject = Subject::from(&*avatar);
+        let pinhole = renders::pinhole(&take.camera);
+        for by in FitBy::ALL {
+            let fit_began = Instant::now();
+            let fitted = by.fit(&subject, pinhole, &seen);
+            let fit_ms = fit_began.elapsed().as_secs_f64() * 1e3 / seen.len().max(1) as f64;
+            let row = Row {
+                motion: take.motion.clone(),
+                camera: take.camera_name,
+                by,
+                scores: compare(&avatar, take, &fitted),
+                fit_ms,
+            };
+            table::print_scores(&row);
+            rows.push(row);
         }
     }
-    table::print_summary(&rows);
+    for by in FitBy::ALL {
+        table::print_summary(by, &rows);
+    }
     keeper.times().print();
     let footage = footage::evaluate(&avatar, &mut keeper)?;
     footage.print();
@@ -103,11 +109,6 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             "stages": keeper.times(),
         }),
     )
-}
-
-fn fit(avatar: &Avatar, take: &Take, seen: &[Observation]) -> Vec<Fitted> {
-    let mut fit = MotionFit::new(&Subject::from(avatar), renders::pinhole(&take.camera));
-    seen.iter().map(|seen| fit.step(seen)).collect()
 }
 
 fn compare(avatar: &Avatar, take: &Take, fitted: &[Fitted]) -> Scores {

@@ -2,6 +2,7 @@
 
 mod avatar;
 mod capture;
+mod fit_by;
 mod footage;
 mod kept;
 mod motions;

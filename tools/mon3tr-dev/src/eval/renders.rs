@@ -130,6 +130,7 @@ pub(super) fn posed(
     Posed {
         limbs: LIMBS.map(seen),
         pixels,
+        known: [true; LIMBS.len()],
         seen: pixels.map(inside),
         whole_body: Some(WholeBody {
             feet: [Joint::LeftFoot, Joint::RightFoot].map(|joint| place(joint).as_dvec3()),

@@ -1,5 +1,6 @@
 //! The evaluation's figures as tables.
 
+use super::fit_by::FitBy;
 use super::score::Scores;
 use serde::Serialize;
 use tracker::workers;
@@ -9,6 +10,7 @@ use tracker::workers;
 pub(super) struct Row {
     pub(super) motion: String,
     pub(super) camera: &'static str,
+    pub(super) by: FitBy,
     #[serde(flatten)]
     pub(super) scores: Scores,
     /// Mean time of the fit, milliseconds a frame.
@@ -89,10 +91,18 @@ const FIGURES: [Figure; 14] = [
 ];
 
 /// One motion's figures in a line.
-pub(super) fn print_scores(motion: &str, camera: &str, scores: &Scores) {
+pub(super) fn print_scores(row: &Row) {
+    let Row {
+        motion,
+        camera,
+        by,
+        scores,
+        ..
+    } = row;
     let both = |[left, right]: [Option<f64>; 2]| format!("{}/{}", text(left), text(right));
     print!(
-        "{motion:<22.22} {camera:<8} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  jitter {:>4.1} ({:>4.1})  swaps {:>2} ({})  reprojection {:.1} %",
+        "{motion:<22.22} {camera:<8} {:<9} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  jitter {:>4.1} ({:>4.1})  swaps {:>2} ({})  reprojection {:.1} %",
+        by.name(),
         scores.frames,
         scores.of,
         scores.mpjpe_mm,
@@ -122,7 +132,7 @@ pub(super) fn print_scores(motion: &str, camera: &str, scores: &Scores) {
 /// What is known of footage whose truth is that of the limbs alone.
 pub(super) fn print_limbs(what: &str, scores: &Scores) {
     println!(
-        "  {what:<14} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  jitter {:>5.1} ({:.1})  swaps {:>2} ({})",
+        "  {what:<14} {:>3}/{:<3} MPJPE {:>4.0} (95 %: {:>4.0}) PA {:>4.0} mm  jitter {:>5.1} ({:.1})  swaps {:>2} ({})  without truth {} joints",
         scores.frames,
         scores.of,
         scores.mpjpe_mm,
@@ -132,14 +142,20 @@ pub(super) fn print_limbs(what: &str, scores: &Scores) {
         scores.jitter_truth_mm,
         scores.swapped,
         scores.longest_swap,
+        scores.unknown,
     );
 }
 
-/// Medians over all motions and cameras.
-pub(super) fn print_summary(rows: &[Row]) {
-    println!("\nmedians over {} motions and cameras", rows.len());
+/// Medians over all motions and cameras that were fitted so.
+pub(super) fn print_summary(by: FitBy, rows: &[Row]) {
+    let rows: Vec<&Row> = rows.iter().filter(|row| row.by == by).collect();
+    println!(
+        "\nmedians over {} motions and cameras, {}",
+        rows.len(),
+        by.name()
+    );
     for (name, of) in FIGURES {
-        let values: Vec<f64> = rows.iter().filter_map(of).collect();
+        let values: Vec<f64> = rows.iter().filter_map(|row| of(row)).collect();
         println!("  {name:<26} {}", text(median(values)));
     }
 }

@@ -6,6 +6,7 @@ use super::{
     so3,
     soles::soles,
     solver::SkeletonSolver,
+    stances::{self, Held},
     terms::Term,
 };
 use glam::Quat;
@@ -73,6 +74,56 @@ impl FootLock {
         if !motion.is_finite() {
             return;
         }
+        let posture = self.posture(motion);
+        let placed = self.solver.chain().place(&posture);
+        let mut held = [Held::default(); 2];
+        for (index, (foot, held)) in self.feet.iter_mut().zip(&mut held).enumerate() {
+            let at = [0, 1].map(|sole| placed.point(&self.soles[2 * index + sole]));
+            foot.follow(&at, standing[index], step);
+            *held = Held {
+                sole: foot.anchor.map_or(1, |(sole, _)| sole),
+                offset: foot.offset,
+                stands: foot.anchor.is_some(),
+            };
+        }
+        self.bend(&posture, &held, motion);
+    }
+
+    /// Holds standing feet of a whole recording where they are on average while they stand, from the frame in which they are put down. `standing` is as of
+    /// [`Self::apply`], for each of `motions`; of uneven lengths the rest does not stand. What moves a standing foot moves the whole body first, evenly,
+    /// and the legs are bent by what is left. Motions with a number that is not finite stay as they are, and all with them.
+    pub fn apply_all(&mut self, motions: &mut [MotionParams], standing: &[[[bool; 2]; 2]]) {
+        if !motions.iter().all(MotionParams::is_finite) {
+            return;
+        }
+        let postures: Vec<Posture> = motions.iter().map(|m| self.posture(m)).collect();
+        let soles: Vec<[[Vector3<f64>; 2]; 2]> = (postures.iter())
+            .map(|posture| {
+                let placed = self.solver.chain().place(posture);
+                [0, 1].map(|foot| [0, 1].map(|sole| placed.point(&self.soles[2 * foot + sole])))
+            })
+            .collect();
+        let feet = [0, 1].map(|foot| {
+            let soles: Vec<_> = soles.iter().map(|soles| soles[foot]).collect();
+            let standing: Vec<_> = standing.iter().map(|standing| standing[foot]).collect();
+            stances::held(&soles, &standing)
+        });
+        let shifts = stances::shifts(&feet);
+        let [left, right] = &feet;
+        let feet = left.iter().zip(right);
+        let frames = motions.iter_mut().zip(postures).zip(feet.zip(shifts));
+        for ((motion, mut posture), ((left, right), shift)) in frames {
+            posture.position += shift;
+            let held = [left, right].map(|held| Held {
+                offset: held.offset - shift,
+                ..*held
+            });
+            self.write_to(&posture, motion);
+            self.bend(&posture, &held, motion);
+        }
+    }
+
+    fn posture(&self, motion: &MotionParams) -> Posture {
         let mut posture = Posture {
             position: wide(motion.root_translation) + self.pelvis,
             ..Posture::default()
@@ -80,19 +131,21 @@ impl FootLock {
         for (joint, rotation) in Joint::ALL.into_iter().zip(&mut posture.rotations) {
             *rotation = so3::exp(&wide(motion.axis_angle(joint)));
         }
-        let placed = self.solver.chain().place(&posture);
+        posture
+    }
+
+    /// Bends the legs of `posture` so that both feet are moved as said, and writes them to `motion`.
+    fn bend(&mut self, posture: &Posture, held: &[Held; 2], motion: &mut MotionParams) {
+        if held.iter().all(|held| held.offset.norm() <= SMALLEST) {
+            return;
+        }
+        let placed = self.solver.chain().place(posture);
         self.solver.terms.clear();
-        let mut moved = false;
-        for (index, foot) in self.feet.iter_mut().enumerate() {
-            let at = [0, 1].map(|sole| placed.point(&self.soles[2 * index + sole]));
-            foot.follow(&at, standing[index], step);
-            let sole = foot.anchor.map_or(1, |(sole, _)| sole);
-            moved |= foot.offset.norm() > SMALLEST;
+        for (index, held) in held.iter().enumerate() {
+            let point = self.soles[2 * index + held.sole];
             let firm = Matrix3::identity() / (PLACE * PLACE);
-            let point = self.soles[2 * index + sole];
-            self.solver
-                .terms
-                .push(Term::at(point, at[sole] + foot.offset, firm));
+            let target = placed.point(&point) + held.offset;
+            self.solver.terms.push(Term::at(point, target, firm));
             let ankle = [Joint::LeftAnkle, Joint::RightAnkle][index];
             let rotation = placed.rotations[body_index(ankle)];
             let rotation = nalgebra::Rotation3::from_matrix_unchecked(rotation);
@@ -102,9 +155,6 @@ impl FootLock {
                 information: Matrix3::identity() / (LEGS * LEGS / 100.0),
                 robust: None,
             });
-        }
-        if !moved {
-            return;
         }
         let pelvis = Attachment::centre(Joint::Pelvis);
         let loose = Matrix3::identity() / (ROOT * ROOT);
@@ -120,8 +170,9 @@ impl FootLock {
                 robust: None,
             });
         }
-        self.solver.solve(&mut posture, STEPS);
-        self.write_to(&posture, motion);
+        let mut bent = *posture;
+        self.solver.solve(&mut bent, STEPS);
+        self.write_to(&bent, motion);
     }
 
     #[allow(clippy::cast_possible_truncation, reason = "motion parameters are f32")]

@@ -4,7 +4,7 @@ use super::chain::wide;
 use crate::landmarks::blazepose::{
     ANKLES, EARS, ELBOWS, EYES, HIPS, KNEES, LOWER, NOSE, SHOULDERS, WRISTS, mirrored,
 };
-use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks, Camera};
+use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks, BodyPoint, Camera};
 use glam::{DMat3, DQuat, DVec2};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -40,24 +40,20 @@ impl Reading {
     pub(super) fn new(body: &BodyLandmarks, camera: &Camera) -> Option<Self> {
         let mut points = body.points.map(|point| {
             let metres = wide(point.metres).component_mul(&Vector3::new(1.0, -1.0, -1.0));
-            let pixel = Vector2::new(f64::from(point.pixel.x), f64::from(point.pixel.y));
-            let confidence = f64::from(point.confidence).clamp(0.0, 1.0);
-            let possible = metres.iter().all(|v| v.abs() < FURTHEST)
-                && pixel.iter().all(|v| v.abs() < OUTERMOST)
-                && confidence >= UNSEEN;
-            if possible {
-                Seen {
-                    pixel,
-                    metres,
-                    confidence,
-                }
-            } else {
+            let possible = metres.iter().all(|v| v.abs() < FURTHEST);
+            let seen = sure_pixel(&point).filter(|_| possible);
+            seen.map_or(
                 Seen {
                     pixel: Vector2::zeros(),
                     metres: Vector3::zeros(),
                     confidence: 0.0,
-                }
-            }
+                },
+                |(pixel, confidence)| Seen {
+                    pixel,
+                    metres,
+                    confidence,
+                },
+            )
         });
         let seen = |point: usize| points[point].confidence > 0.3;
         let hips = HIPS.map(|h| points[h].confidence > 0.0);
@@ -129,6 +125,14 @@ impl Reading {
         }
         out
     }
+}
+
+/// Where a landmark is in the picture, pixels, and how sure that is, 0..=1; `None` of one that is less sure than [`UNSEEN`] or has a number that cannot be.
+pub(super) fn sure_pixel(point: &BodyPoint) -> Option<(Vector2<f64>, f64)> {
+    let pixel = Vector2::new(f64::from(point.pixel.x), f64::from(point.pixel.y));
+    let confidence = f64::from(point.confidence).clamp(0.0, 1.0);
+    let possible = pixel.iter().all(|v| v.abs() < OUTERMOST) && confidence >= UNSEEN;
+    possible.then_some((pixel, confidence))
 }
 
 /// A rotation in the camera's axes (y down, z away), in those with y up and z towards it.

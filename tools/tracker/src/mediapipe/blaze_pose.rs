@@ -1,5 +1,6 @@
-//! BlazePose's networks on one region of a picture: what their numbers mean, and two of them as one.
+//! BlazePose's networks on one region of a picture: what their numbers mean.
 
+use super::seen::Seen;
 use super::{SEEN, exceeds};
 use crate::TrackerError;
 use crate::crop::{Border, Region};
@@ -7,7 +8,6 @@ use crate::networks::sigmoid;
 use crate::networks::{Network, NetworkSet, Signature};
 use crate::picture::PictureView;
 use glam::{Vec2, Vec3};
-use motion_fit::landmarks::blazepose::mirrored;
 use motion_fit::landmarks::{BODY_LANDMARKS, BodyLandmarks, BodyPoint};
 use npu_runtime::Provider;
 use std::str::FromStr;
@@ -46,7 +46,7 @@ pub enum BodyBy {
     Full,
     /// The one of 28 MB, which takes four times as long.
     Heavy,
-    /// Both, and the mean of what they see; the heavy one alone where the full one has left and right the other way round.
+    /// Both, and the mean of what they see; of arms or legs the heavy one alone where the full one has left and right the other way round.
     Both,
 }
 
@@ -126,83 +126,39 @@ impl BlazePose {
                 continue;
             }
             let [numbers, heat, metres] = [0, 2, 3].map(|i| network.output(i));
-            let Some(seen) = Seen::read(numbers, heat, metres, region) else {
-                continue;
-            };
-            all = Some(match all {
-                None => seen,
-                Some(first) => first.mean(&seen),
-            });
+            all = Seen::joined(all, read(numbers, heat, metres, region));
         }
         Ok(all)
     }
 }
 
-/// What was seen in one region.
-#[derive(Debug, Clone)]
-pub(super) struct Seen {
-    pub(super) body: BodyLandmarks,
-    /// The two landmarks that say where to look next, pixels of the picture: the hips' middle, and a point on the circle about the person.
-    pub(super) next: [Vec2; 2],
-}
-
-impl Seen {
-    /// Nothing if a number that matters is not finite.
-    fn read(numbers: &[f32], heat: &[f32], metres: &[f32], region: &Region) -> Option<Self> {
-        let picture_from_region = region.picture_from_region();
-        let turn = Vec2::from_angle(region.radians());
-        let mut body = BodyLandmarks {
-            points: [BodyPoint::default(); BODY_LANDMARKS],
-        };
-        let mut next = [Vec2::ZERO; 2];
-        let landmarks = numbers.chunks_exact(NUMBERS).zip(metres.chunks_exact(3));
-        for (index, (numbers, metres)) in landmarks.enumerate() {
-            let at = refined(Vec2::new(numbers[0], numbers[1]) / SIDE, heat, index);
-            let pixel = picture_from_region.transform_point2(at);
-            if let Some(point) = body.points.get_mut(index) {
-                let across = turn.rotate(Vec2::new(metres[0], metres[1]));
-                *point = BodyPoint {
-                    pixel,
-                    metres: Vec3::new(across.x, across.y, metres[2]),
-                    confidence: sigmoid(numbers[3]),
-                };
-            } else if let Some(next) = next.get_mut(index - BODY_LANDMARKS) {
-                *next = pixel;
-            }
-        }
-        let sane =
-            |p: &BodyPoint| p.pixel.is_finite() && p.metres.is_finite() && p.confidence.is_finite();
-        let sane = body.points.iter().all(sane) && next.iter().all(|p| p.is_finite());
-        sane.then_some(Self { body, next })
-    }
-
-    /// The mean of what two networks saw; what this one saw where `other` has left and right the other way round: it then sees another pose, of
-    /// which nothing is right but the outline.
-    fn mean(mut self, other: &Self) -> Self {
-        let theirs = &other.body.points;
-        let apart = |exchanged: bool| -> f32 {
-            (self.body.points.iter().enumerate())
-                .map(|(k, point)| {
-                    let from = if exchanged { mirrored(k) } else { k };
-                    point.pixel.distance(theirs[from].pixel)
-                })
-                .sum()
-        };
-        if apart(true) < apart(false) {
-            return self;
-        }
-        for (point, theirs) in self.body.points.iter_mut().zip(theirs) {
+/// What a network saw in `region`; nothing if a number that matters is not finite.
+fn read(numbers: &[f32], heat: &[f32], metres: &[f32], region: &Region) -> Option<Seen> {
+    let picture_from_region = region.picture_from_region();
+    let turn = Vec2::from_angle(region.radians());
+    let mut body = BodyLandmarks {
+        points: [BodyPoint::default(); BODY_LANDMARKS],
+    };
+    let mut next = [Vec2::ZERO; 2];
+    let landmarks = numbers.chunks_exact(NUMBERS).zip(metres.chunks_exact(3));
+    for (index, (numbers, metres)) in landmarks.enumerate() {
+        let at = refined(Vec2::new(numbers[0], numbers[1]) / SIDE, heat, index);
+        let pixel = picture_from_region.transform_point2(at);
+        if let Some(point) = body.points.get_mut(index) {
+            let across = turn.rotate(Vec2::new(metres[0], metres[1]));
             *point = BodyPoint {
-                pixel: point.pixel.midpoint(theirs.pixel),
-                metres: point.metres.midpoint(theirs.metres),
-                confidence: point.confidence.midpoint(theirs.confidence),
+                pixel,
+                metres: Vec3::new(across.x, across.y, metres[2]),
+                confidence: sigmoid(numbers[3]),
             };
+        } else if let Some(next) = next.get_mut(index - BODY_LANDMARKS) {
+            *next = pixel;
         }
-        for (next, theirs) in self.next.iter_mut().zip(other.next) {
-            *next = next.midpoint(theirs);
-        }
-        self
     }
+    let sane =
+        |p: &BodyPoint| p.pixel.is_finite() && p.metres.is_finite() && p.confidence.is_finite();
+    let sane = body.points.iter().all(sane) && next.iter().all(|p| p.is_finite());
+    sane.then_some(Seen { body, next })
 }
 
 /// `at` (0..1) moved to the mean of landmark `index`'s heat map about it, where that is sure of itself
@@ -262,7 +218,7 @@ mod tests {
     fn a_landmark_moves_to_its_warm_place_only_where_the_heat_map_is_sure() {
         for (logit, expected) in [(5.0, 34.0 / 64.0), (-1.0, 0.5)] {
             let [numbers, heat, metres] = outputs((34, 32), logit);
-            let seen = Seen::read(&numbers, &heat, &metres, &region()).unwrap();
+            let seen = read(&numbers, &heat, &metres, &region()).unwrap();
             let x = seen.body.points[0].pixel.x;
             let expected = 320.0 + (expected - 0.5) * 512.0;
             assert!((x - expected).abs() < 0.01, "{x} against {expected}");
@@ -281,7 +237,7 @@ mod tests {
                 };
                 all[which][middle] = bad;
                 let [numbers, heat, metres] = all;
-                if let Some(seen) = Seen::read(&numbers, &heat, &metres, &region()) {
+                if let Some(seen) = read(&numbers, &heat, &metres, &region()) {
                     let fine = seen
                         .body
                         .points
@@ -292,51 +248,9 @@ mod tests {
             }
         }
         assert!(
-            Seen::read(&[f32::NAN; ALL * NUMBERS], &[], &[0.0; ALL * 3], &region()).is_none(),
+            read(&[f32::NAN; ALL * NUMBERS], &[], &[0.0; ALL * 3], &region()).is_none(),
             "none"
         );
-    }
-
-    /// A body whose landmark `k` is at `at(k)`, in pixels and in metres, as sure as `confidence`.
-    fn body(at: impl Fn(usize) -> f32, confidence: f32) -> Seen {
-        let points = std::array::from_fn(|k| BodyPoint {
-            pixel: Vec2::new(at(k), 100.0),
-            metres: Vec3::new(at(k), 0.0, 1.0),
-            confidence,
-        });
-        Seen {
-            body: BodyLandmarks { points },
-            next: [Vec2::splat(at(0)), Vec2::splat(at(1))],
-        }
-    }
-
-    #[test]
-    fn two_networks_that_agree_are_met_in_the_middle() {
-        let ours = body(|k| k as f32, 1.0);
-        let mean = ours.mean(&body(|k| k as f32 + 2.0, 0.5));
-        for (k, point) in mean.body.points.iter().enumerate() {
-            assert!((point.pixel.x - (k as f32 + 1.0)).abs() < 1e-5, "{point:?}");
-            assert!(
-                (point.metres.x - (k as f32 + 1.0)).abs() < 1e-5,
-                "{point:?}"
-            );
-            assert!((point.confidence - 0.75).abs() < 1e-6, "{point:?}");
-        }
-        assert!((mean.next[1].x - 2.0).abs() < 1e-5, "{:?}", mean.next);
-    }
-
-    #[test]
-    fn a_second_network_that_has_the_sides_exchanged_is_left_out() {
-        // Left landmarks are odd and stand at positive places, right ones at negative places; the nose is in the middle.
-        let place = |k: usize| match k {
-            0 => 0.0,
-            left if left % 2 == 1 => left as f32,
-            right => -(right as f32),
-        };
-        let ours = body(place, 1.0);
-        let mean = ours.clone().mean(&body(|k| place(mirrored(k)) + 3.0, 0.2));
-        assert_eq!(mean.body, ours.body, "the first network's alone");
-        assert_eq!(mean.next, ours.next, "and its region");
     }
 
     #[test]

@@ -10,6 +10,7 @@ mod hands;
 mod mask;
 mod one_euro;
 mod regions;
+mod seen;
 
 pub use blaze_pose::{BodyBy, UnknownBody};
 pub use body::Body;

@@ -38,10 +38,19 @@ pub(super) struct Posed {
     pub(super) limbs: [DVec3; LIMBS.len()],
     /// The limbs' joints in the picture, pixels.
     pub(super) pixels: [[f64; 2]; LIMBS.len()],
-    /// Which of the limbs' joints are in the picture; only truth's are asked for.
+    /// Which of the limbs' joints are known at all: of real footage, those that cameras agree on. Only truth's are asked for.
+    pub(super) known: [bool; LIMBS.len()],
+    /// Which of those that are known are in the picture; only truth's are asked for.
     pub(super) seen: [bool; LIMBS.len()],
     /// The rest of the body, where it is known: of real footage only the limbs are.
     pub(super) whole_body: Option<WholeBody>,
+}
+
+impl Posed {
+    /// Whether truth knows both hips, to whose middle all else is relative.
+    fn hips_known(&self) -> bool {
+        self.known[0] && self.known[1]
+    }
 }
 
 /// The figures of one motion seen by one camera. Joints are compared relative to the middle of the hips.
@@ -50,6 +59,8 @@ pub(super) struct Scores {
     /// Frames compared, and of how many.
     pub(super) frames: usize,
     pub(super) of: usize,
+    /// Limbs' joints of all frames that were left out, because truth does not know them; in frames whose hips are not known, all.
+    pub(super) unknown: usize,
     /// Mean distance of the limbs' joints that are in the picture, millimetres; and the error that 95 % of them are below.
     pub(super) mpjpe_mm: f64,
     pub(super) mpjpe_p95_mm: f64,
@@ -77,12 +88,21 @@ pub(super) fn score(
     rate_hz: f64,
     skip: usize,
 ) -> Scores {
-    let pairs: Vec<(usize, &Posed, &Posed)> = (truth.iter().zip(tracked).enumerate().skip(skip))
-        .filter_map(|(k, (truth, tracked))| Some((k, truth, tracked.as_ref()?)))
+    let compared = truth.iter().enumerate().skip(skip);
+    let unknown = (compared.clone())
+        .map(|(_, truth)| {
+            let known = truth.known.iter().filter(|known| **known).count();
+            LIMBS.len() - if truth.hips_known() { known } else { 0 }
+        })
+        .sum();
+    let pairs: Vec<(usize, &Posed, &Posed)> = (compared.zip(tracked.iter().skip(skip)))
+        .filter(|((_, truth), _)| truth.hips_known())
+        .filter_map(|((k, truth), tracked)| Some((k, truth, tracked.as_ref()?)))
         .collect();
     let mut scores = Scores {
         frames: pairs.len(),
         of: truth.len().saturating_sub(skip),
+        unknown,
         ..Scores::default()
     };
     if pairs.is_empty() {
@@ -180,7 +200,8 @@ fn aligned_error(a: &[DVec3], b: &[DVec3]) -> f64 {
 
 /// Mean distance in the picture as a share of the person's height in it; nothing where no joint is in the picture.
 fn reprojection(tracked: &Posed, truth: &Posed) -> Option<f64> {
-    let ys = truth.pixels.iter().map(|p| p[1]);
+    let known = truth.pixels.iter().zip(truth.known);
+    let ys = known.filter(|(_, known)| *known).map(|(p, _)| p[1]);
     let height = ys.clone().fold(f64::MIN, f64::max) - ys.fold(f64::MAX, f64::min);
     let seen = truth.seen.iter().filter(|seen| **seen).count();
     let distance: f64 = (tracked.pixels.iter().zip(&truth.pixels).zip(truth.seen))
@@ -190,7 +211,7 @@ fn reprojection(tracked: &Posed, truth: &Posed) -> Option<f64> {
     (seen > 0).then(|| distance / (seen as f64 * height.max(1.0)))
 }
 
-/// Mean second differences of tracked and true joints over runs of three neighbouring frames, millimetres.
+/// Mean second differences of tracked and true joints over runs of three neighbouring frames that know them, millimetres.
 fn jitter(pairs: &[(usize, &Posed, &Posed)]) -> (f64, f64) {
     let (mut sums, mut count) = ([0.0; 2], 0);
     for window in pairs.windows(3) {
@@ -198,18 +219,19 @@ fn jitter(pairs: &[(usize, &Posed, &Posed)]) -> (f64, f64) {
         if c.0 != a.0 + 2 {
             continue;
         }
-        count += 1;
+        let known = |k: &usize| window.iter().all(|(_, truth, _)| truth.known[*k]);
+        let joints: Vec<usize> = (0..LIMBS.len()).filter(known).collect();
+        count += joints.len();
         for (sum, pick) in sums.iter_mut().zip([2, 1]) {
             let of =
                 |entry: &(usize, &Posed, &Posed)| limbs(if pick == 2 { entry.2 } else { entry.1 });
             let (a, b, c) = (of(a), of(b), of(c));
-            *sum += (0..LIMBS.len())
-                .map(|k| 1e3 * (a[k] - 2.0 * b[k] + c[k]).length())
-                .sum::<f64>()
-                / LIMBS.len() as f64;
+            *sum += (joints.iter())
+                .map(|k| 1e3 * (a[*k] - 2.0 * b[*k] + c[*k]).length())
+                .sum::<f64>();
         }
     }
-    let count = f64::from(count.max(1));
+    let count = count.max(1) as f64;
     (sums[0] / count, sums[1] / count)
 }
 
@@ -239,6 +261,7 @@ mod tests {
                 expression: [seed; EXPRESSION],
             }),
             pixels: std::array::from_fn(|k| [k as f64, 100.0 * k as f64]),
+            known: [true; LIMBS.len()],
             seen: [true; LIMBS.len()],
         }
     }
@@ -327,6 +350,29 @@ mod tests {
         let json = serde_json::to_value(&scores).expect("figures");
         assert!(json.get("foot_slide").is_none(), "{json}");
         assert!(json.get("mpjpe_mm").is_some(), "{json}");
+    }
+
+    #[test]
+    fn joints_that_truth_does_not_know_are_left_out_and_counted() {
+        let plain: Vec<_> = (0..5).map(|k| posed(0.1 * f64::from(k), |p| p)).collect();
+        let tracked: Vec<_> = plain.iter().cloned().map(Some).collect();
+        let mut truth = plain.clone();
+        // A wrist that was not located, and a frame in which a hip was not.
+        for (frame, joint) in [(1, 11), (2, 11), (4, 0)] {
+            truth[frame].limbs[joint] = DVec3::ZERO;
+            truth[frame].pixels[joint] = [1e6; 2];
+            (truth[frame].known[joint], truth[frame].seen[joint]) = (false, false);
+        }
+        let scores = score(&truth, &tracked, 30.0, 1);
+        assert_eq!((scores.frames, scores.of), (3, 4), "the last has no hips");
+        assert_eq!(scores.unknown, 2 + LIMBS.len());
+        assert!(
+            scores.mpjpe_mm < 1e-9 && scores.mpjpe_p95_mm < 1e-9 && scores.pa_mpjpe_mm < 1e-6,
+            "{scores:?}"
+        );
+        assert_eq!(scores.jitter_mm, scores.jitter_truth_mm);
+        assert!(scores.reprojection_percent < 1e-9, "{scores:?}");
+        assert!(score(&plain, &tracked, 30.0, 1).unknown == 0, "all known");
     }
 
     #[test]

@@ -5,104 +5,17 @@
 //! `refine_face_landmarks=True`, the tenth time): part, number, x and y in pixels, every eighth landmark of the face. `person/mediapipe-heavy.txt`
 //! is the body of the same with `model_complexity=2`.
 
+mod mask;
+mod still;
+
 use glam::Vec2;
 use motion_fit::landmarks::Observation;
 use npu_runtime::Runtime;
 use std::path::Path;
-use std::sync::Arc;
+use still::{Still, tracker};
+use tracker::Tracker;
 use tracker::mediapipe::{BodyBy, HandsBy, Options};
-use tracker::networks::NetworkSet;
-use tracker::source::Picture;
 use tracker::workers::Seen;
-use tracker::{Tracker, TrackerError};
-
-#[derive(Clone)]
-struct Still {
-    width: usize,
-    height: usize,
-    rgb: Vec<u8>,
-}
-
-impl Still {
-    fn black(width: usize, height: usize) -> Self {
-        Self {
-            width,
-            height,
-            rgb: vec![0; width * height * 3],
-        }
-    }
-
-    fn person() -> Self {
-        let bytes: &[u8] = include_bytes!("person/waist-up.webp");
-        let mut decoder = image_webp::WebPDecoder::new(std::io::Cursor::new(bytes)).unwrap();
-        let (width, height) = decoder.dimensions();
-        let mut still = Self::black(width as usize, height as usize);
-        decoder.read_image(&mut still.rgb).unwrap();
-        still
-    }
-
-    /// As a source gives it.
-    fn at(&self, seconds: f64) -> Arc<Picture> {
-        Arc::new(Picture {
-            width: u32::try_from(self.width).unwrap(),
-            height: u32::try_from(self.height).unwrap(),
-            rgb: self.rgb.clone(),
-            seconds,
-            ..Picture::empty()
-        })
-    }
-
-    /// Every pixel from where `from` says, black where that is nothing.
-    fn rearranged(
-        &self,
-        width: usize,
-        height: usize,
-        from: impl Fn(usize, usize) -> Option<(usize, usize)>,
-    ) -> Self {
-        let mut new = Self::black(width, height);
-        for y in 0..height {
-            for x in 0..width {
-                if let Some((from_x, from_y)) =
-                    from(x, y).filter(|(x, y)| *x < self.width && *y < self.height)
-                {
-                    let (to, from) = ((y * width + x) * 3, (from_y * self.width + from_x) * 3);
-                    new.rgb[to..to + 3].copy_from_slice(&self.rgb[from..from + 3]);
-                }
-            }
-        }
-        new
-    }
-
-    fn mirrored(&self) -> Self {
-        self.rearranged(self.width, self.height, |x, y| {
-            Some((self.width - 1 - x, y))
-        })
-    }
-}
-
-/// A tracker, if this machine has the networks and a runtime; in CI it must.
-fn tracker(options: Options) -> Option<Tracker> {
-    let models = NetworkSet::folder_of_environment().and_then(|folder| {
-        let runtime = Runtime::open(None).map_err(|source| TrackerError::Runtime {
-            network: "of any name".into(),
-            source,
-        })?;
-        options.load(&folder, &runtime)
-    });
-    match models {
-        Ok(models) => Some(Tracker::new(models).unwrap()),
-        Err(
-            why @ (TrackerError::NoFolder
-            | TrackerError::Missing { .. }
-            | TrackerError::Runtime { .. }),
-        ) => {
-            assert!(std::env::var("CI").as_deref() != Ok("true"), "{why}");
-            println!("skipped: {why}");
-            None
-        }
-        Err(fault) => panic!("{fault}"),
-    }
-}
 
 /// What is seen after `still` was shown for ten pictures, 30 a second.
 fn watched(tracker: &mut Tracker, still: &Still) -> Seen {
@@ -119,12 +32,12 @@ type Landmark = (&'static str, usize, Vec2);
 
 /// The landmarks that the reference has.
 fn reference() -> Vec<Landmark> {
-    landmarks(include_str!("person/mediapipe.txt"))
+    landmarks(include_str!("../person/mediapipe.txt"))
 }
 
 /// The body's by the larger network.
 fn heavy_reference() -> Vec<Landmark> {
-    landmarks(include_str!("person/mediapipe-heavy.txt"))
+    landmarks(include_str!("../person/mediapipe-heavy.txt"))
 }
 
 fn landmarks(text: &'static str) -> Vec<Landmark> {

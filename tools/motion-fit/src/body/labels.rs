@@ -1,0 +1,299 @@
+//! Which cameras' networks have left and right exchanged: a network that mistakes them is as sure as ever, so cameras are compared with one another.
+
+use super::reading::Exchange;
+use super::terms::View;
+use super::triangulate::{LocatedBody, locate, pixel, sigmas, triangulate};
+use crate::landmarks::blazepose::{LOWER, mirrored};
+use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks};
+use nalgebra::Vector2;
+
+/// Left and right are exchanged where that brings landmarks nearer by this share, and they were off by more than so many standard deviations.
+const CLEARLY: f64 = 0.6;
+const OFF: f64 = 1.0;
+/// So many cameras at most are tried in every labelling when nothing is expected yet: each one doubles what there is to try.
+const MOST_TRIED: usize = 6;
+/// Rounds in which labels and places settle.
+const ROUNDS: usize = 4;
+
+/// Which cameras have left and right exchanged. They are compared with where landmarks were a frame before, where that is known, and then with each other.
+/// Otherwise every labelling is tried of those that see most, and the rest are compared with these.
+pub(super) fn label(
+    views: &[View],
+    seen: &[Option<BodyLandmarks>],
+    before: Option<&LocatedBody>,
+) -> Vec<Exchange> {
+    let mut exchanges = vec![Exchange::NONE; views.len()];
+    if let Some(before) = before {
+        relabel(views, seen, before, &mut exchanges);
+    } else {
+        let chosen = surest(views.len(), seen);
+        exchanges = tried(views, seen, &chosen);
+        if chosen.len() < seen.iter().flatten().count() {
+            let few: Vec<Option<BodyLandmarks>> = (seen.iter().enumerate())
+                .map(|(k, seen)| seen.clone().filter(|_| chosen.contains(&k)))
+                .collect();
+            let located = locate(views, &few, &exchanges);
+            relabel(views, seen, &located, &mut exchanges);
+        }
+    }
+    for _ in 0..ROUNDS {
+        let was = exchanges.clone();
+        let located = locate(views, seen, &exchanges);
+        relabel(views, seen, &located, &mut exchanges);
+        if was == exchanges {
+            break;
+        }
+    }
+    if before.is_none() {
+        exchange_fewest(seen, &mut exchanges);
+    }
+    exchanges
+}
+
+/// Of a labelling and its mirror image, which explain the pictures alike, the one that exchanges less: most cameras are right.
+fn exchange_fewest(seen: &[Option<BodyLandmarks>], exchanges: &mut [Exchange]) {
+    let cameras = seen.iter().flatten().count();
+    let count = |of: fn(&Exchange) -> bool| {
+        let all = seen.iter().zip(&*exchanges);
+        all.filter(|(seen, exchange)| seen.is_some() && of(exchange))
+            .count()
+    };
+    let (upper, lower) = (count(|e| e.upper), count(|e| e.lower));
+    for (seen, exchange) in seen.iter().zip(exchanges) {
+        exchange.upper ^= seen.is_some() && 2 * upper > cameras;
+        exchange.lower ^= seen.is_some() && 2 * lower > cameras;
+    }
+}
+
+/// The cameras, [`MOST_TRIED`] at most, that are surest of what they see, in their order.
+fn surest(cameras: usize, seen: &[Option<BodyLandmarks>]) -> Vec<usize> {
+    let mut all: Vec<(f64, usize)> = (seen.iter().take(cameras).enumerate())
+        .filter_map(|(camera, seen)| {
+            let seen = Some(seen.as_ref()?);
+            let sure = (0..BODY_LANDMARKS).map(|k| pixel(seen, k, Exchange::NONE).1);
+            Some((sure.sum(), camera))
+        })
+        .collect();
+    all.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    all.truncate(MOST_TRIED);
+    let mut chosen: Vec<usize> = all.into_iter().map(|(_, camera)| camera).collect();
+    chosen.sort_unstable();
+    chosen
+}
+
+/// The labelling in which the `chosen` cameras agree best; of a labelling and its mirror image, the one that exchanges less.
+fn tried(views: &[View], seen: &[Option<BodyLandmarks>], chosen: &[usize]) -> Vec<Exchange> {
+    let mut best = vec![Exchange::NONE; views.len()];
+    let tried_views: Vec<View> = chosen.iter().map(|k| views[*k]).collect();
+    for upper in [true, false] {
+        let mut least = f64::INFINITY;
+        let mut likeliest = 0_u32;
+        for mask in 0..1_u32 << chosen.len() {
+            let exchange = |bit: usize| {
+                let set = mask >> bit & 1 == 1;
+                Exchange {
+                    upper: upper && set,
+                    lower: !upper && set,
+                }
+            };
+            let range = if upper {
+                0..LOWER
+            } else {
+                LOWER..BODY_LANDMARKS
+            };
+            let mut off = 0.0;
+            for landmark in range.filter(|landmark| mirrored(*landmark) != *landmark) {
+                let pixels: Vec<(Vector2<f64>, f64)> = (chosen.iter().enumerate())
+                    .map(|(bit, camera)| pixel(seen[*camera].as_ref(), landmark, exchange(bit)))
+                    .collect();
+                let place = triangulate(&tried_views, &pixels).map(|located| located.place);
+                for (view, (pixel, confidence)) in tried_views.iter().zip(&pixels) {
+                    let squares = place.map_or(10.0, |place| {
+                        sigmas(view, &(view.project(&place) - pixel)).powi(2)
+                    });
+                    off += confidence * squares.ln_1p();
+                }
+            }
+            // An exchange must be worth something.
+            let off = off * (1.0 + 0.02 * f64::from(mask.count_ones()));
+            if off < least {
+                (least, likeliest) = (off, mask);
+            }
+        }
+        for (bit, camera) in chosen.iter().enumerate() {
+            let set = likeliest >> bit & 1 == 1;
+            if upper {
+                best[*camera].upper = set;
+            } else {
+                best[*camera].lower = set;
+            }
+        }
+    }
+    best
+}
+
+/// Exchanges left and right of each camera's halves where that is clearly nearer to what is expected.
+fn relabel(
+    views: &[View],
+    seen: &[Option<BodyLandmarks>],
+    expected: &LocatedBody,
+    exchanges: &mut [Exchange],
+) {
+    for ((view, seen), exchange) in views.iter().zip(seen).zip(exchanges) {
+        let half = |range: std::ops::Range<usize>, now: bool| {
+            let (mut own, mut other, mut weights) = (0.0, 0.0, 0.0);
+            for landmark in range.filter(|landmark| mirrored(*landmark) != *landmark) {
+                let Some(located) = &expected[landmark] else {
+                    continue;
+                };
+                let at = view.project(&located.place);
+                let off = |exchange| {
+                    let (pixel, confidence) = pixel(seen.as_ref(), landmark, exchange);
+                    (sigmas(view, &(at - pixel)).powi(2).ln_1p(), confidence)
+                };
+                let ((straight, a), (crossed, b)) = (off(Exchange::NONE), off(Exchange::BOTH));
+                let weight = a.min(b) * located.confidence;
+                own += weight * straight;
+                other += weight * crossed;
+                weights += weight;
+            }
+            if weights == 0.0 {
+                return now;
+            }
+            let (own, other) = (own / weights, other / weights);
+            let bad = OFF.ln_1p();
+            if now {
+                !(own < CLEARLY * other && other > bad)
+            } else {
+                other < CLEARLY * own && own > bad
+            }
+        };
+        *exchange = Exchange {
+            upper: half(0..LOWER, exchange.upper),
+            lower: half(LOWER..BODY_LANDMARKS, exchange.lower),
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::landmarks::BodyPoint;
+    use nalgebra::{Rotation3, Vector3};
+
+    /// Cameras in a ring about the person.
+    fn views(count: usize) -> Vec<View> {
+        (0..count)
+            .map(|k| {
+                let angle = 0.3 + std::f64::consts::TAU * k as f64 / count as f64;
+                View {
+                    camera_from_world: (Rotation3::from_axis_angle(&Vector3::x_axis(), 0.1)
+                        * Rotation3::from_axis_angle(&Vector3::y_axis(), angle))
+                    .into_inner(),
+                    translation: Vector3::new(0.1, 0.2, 4.0),
+                    focal: 900.0,
+                    centre: Vector2::new(540.0, 960.0),
+                }
+            })
+            .collect()
+    }
+
+    fn places() -> [Vector3<f64>; BODY_LANDMARKS] {
+        std::array::from_fn(|k| {
+            let side = match mirrored(k) {
+                0 => 0.0,
+                other if other > k => 0.2,
+                _ => -0.2,
+            };
+            let pair = k.min(mirrored(k));
+            let height = f64::from(u8::try_from(pair).expect("small")) * 0.05;
+            Vector3::new(side, 1.6 - height, 0.1 * side)
+        })
+    }
+
+    /// What the views see where some have left and right exchanged.
+    fn seen(views: &[View], exchanges: &[Exchange]) -> Vec<Option<BodyLandmarks>> {
+        let places = places();
+        (views.iter().zip(exchanges))
+            .map(|(view, exchange)| {
+                let mut body = BodyLandmarks {
+                    points: [BodyPoint::default(); BODY_LANDMARKS],
+                };
+                for (k, point) in body.points.iter_mut().enumerate() {
+                    let exchanged = if k < LOWER {
+                        exchange.upper
+                    } else {
+                        exchange.lower
+                    };
+                    let from = if exchanged { mirrored(k) } else { k };
+                    let pixel = view.project(&places[from]);
+                    #[expect(clippy::cast_possible_truncation, reason = "pixels are f32")]
+                    let pixel = glam::Vec2::new(pixel.x as f32, pixel.y as f32);
+                    (point.pixel, point.confidence) = (pixel, 0.9);
+                }
+                Some(body)
+            })
+            .collect()
+    }
+
+    /// Of so many cameras, those with these numbers have arms or legs exchanged.
+    fn exchanged(cameras: usize, arms: &[usize], legs: &[usize]) -> Vec<Exchange> {
+        (0..cameras)
+            .map(|camera| Exchange {
+                upper: arms.contains(&camera),
+                lower: legs.contains(&camera),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn cameras_that_have_left_and_right_exchanged_are_told_from_the_others() {
+        // Up to six cameras are tried in every labelling; of more, some are compared with those.
+        for (cameras, arms, legs) in [
+            (4, &[][..], &[1][..]),
+            (6, &[0, 5], &[2, 3]),
+            (7, &[0, 6], &[1, 2, 6]),
+            (8, &[1, 4, 7], &[3, 4, 5]),
+            (12, &[0, 3, 6, 9], &[8, 9, 10, 11]),
+        ] {
+            let views = views(cameras);
+            let expected = exchanged(cameras, arms, legs);
+            let seen = seen(&views, &expected);
+            let exchanges = label(&views, &seen, None);
+            assert_eq!(exchanges, expected, "of {cameras} cameras");
+            let located = locate(&views, &seen, &exchanges);
+            for (located, place) in located.iter().zip(&places()) {
+                let off = (located.expect("seen by all").place - place).norm();
+                assert!(off < 1e-4, "{off} m, by {cameras} cameras");
+            }
+        }
+    }
+
+    #[test]
+    fn the_frame_before_tells_which_of_two_cameras_is_mistaken() {
+        let views = views(7);
+        let truth = locate(
+            &views,
+            &seen(&views, &exchanged(7, &[], &[])),
+            &[Exchange::NONE; 7],
+        );
+        for wrong in [0, 1] {
+            let expected = exchanged(2, &[wrong], &[]);
+            let seen = seen(&views[..2], &expected);
+            assert_eq!(label(&views[..2], &seen, Some(&truth)), expected);
+        }
+    }
+
+    #[test]
+    fn cameras_that_see_nobody_or_are_not_there_exchange_nothing() {
+        let views = views(7);
+        let mut bodies = seen(&views, &exchanged(7, &[3], &[]));
+        for camera in [0, 2, 5] {
+            bodies[camera] = None;
+        }
+        assert_eq!(label(&views, &bodies, None), exchanged(7, &[3], &[]));
+        assert_eq!(label(&views, &bodies[..2], None), exchanged(7, &[], &[]));
+        assert_eq!(label(&views[..4], &bodies, None).len(), 4);
+        assert_eq!(label(&[], &bodies, None), []);
+    }
+}
