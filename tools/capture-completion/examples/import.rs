@@ -9,7 +9,7 @@ use capture_completion::draw::{Drawing, Over, draw};
 use capture_completion::{Networks, Pictures, Videos, complete};
 use glam::DVec3;
 use motion_fit::Subject;
-use motion_fit::body::several::fit;
+use motion_fit::body::several::{Sight, fit};
 use motion_fit::body::{LocatedBody, landmark_places};
 use npu_runtime::Runtime;
 use std::error::Error;
@@ -48,6 +48,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         videos.frames(),
         start.elapsed().as_secs_f64()
     );
+    for sight in [Sight::Agreed, Sight::Doubtful, Sight::Unseen] {
+        println!("{sight:?} in {} frames", done.motion.frames_of(sight));
+    }
     let capture = Capture::open(out)?;
     let mut shown: Vec<Vec<Shown>> = Vec::new();
     for (camera, seen) in done.observations.iter().enumerate() {
