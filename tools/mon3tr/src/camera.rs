@@ -13,7 +13,7 @@ use crate::preview::{HandOver, PaceMeter, Shot};
 use figures::{PictureTimes, Record};
 use glam::Vec2;
 use motion_fit::landmarks::{Camera, Observation};
-use motion_fit::{Fitted, MotionFit, Subject};
+use motion_fit::{Fitted, MotionFit, Subject, Unsmoothed};
 use sender::{Capture, Captured, SendError};
 use spmm3::Avatar;
 use std::sync::Arc;
@@ -27,6 +27,8 @@ use tracker::source::{self, Picture, Source, SourceChoice};
 pub(crate) struct Tracked<'a> {
     pub(crate) picture: &'a Picture,
     pub(crate) observation: Observation,
+    /// Before it was smoothed.
+    pub(crate) look: Unsmoothed,
     pub(crate) fitted: Fitted,
 }
 
@@ -190,7 +192,8 @@ impl CameraCapture {
                 self.calibrating = None;
             }
         }
-        let fitted = self.fit.step(&observation);
+        let look = self.fit.look(&observation);
+        let fitted = self.fit.smooth(look.clone());
         let ended = Instant::now();
         let ms = |from: Instant| ended.saturating_duration_since(from).as_secs_f64() * 1e3;
         self.pace.count(ended, ms(picture.at));
@@ -217,8 +220,14 @@ impl CameraCapture {
         Ok(Some(Tracked {
             picture: &self.picture,
             observation,
+            look,
             fitted,
         }))
+    }
+
+    /// The motion of a whole recording, of the looks that [`Self::track`] gave of it.
+    pub(crate) fn smooth_recording(&self, looks: Vec<Unsmoothed>) -> Vec<Fitted> {
+        self.fit.smooth_recording(looks)
     }
 
     /// What the stages took.

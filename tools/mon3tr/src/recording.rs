@@ -32,10 +32,11 @@ pub(crate) struct TrackedRecording {
 }
 
 impl TrackedRecording {
-    /// Tracks the first `most` pictures of a recording that was opened, or those until `stop` becomes true.
+    /// Tracks the first `most` pictures of a recording that was opened, or those until `stop` becomes true, or until one that cannot be
+    /// read.
     ///
     /// # Errors
-    /// If it cannot be read, the networks fail, or there is no person in it.
+    /// If its first picture cannot be read or looked at, or there is no person in any.
     pub(crate) fn track(
         mut capture: CameraCapture,
         most: usize,
@@ -44,19 +45,34 @@ impl TrackedRecording {
         let info = capture.source().info().clone();
         let known = info.frames.and_then(|frames| usize::try_from(frames).ok());
         let bar = progress::bar("tracking", known.map_or(0, |known| known.min(most)));
-        let mut seen = Vec::new();
-        while seen.len() < most
-            && !stop.load(Relaxed)
-            && let Some(tracked) = capture.track()?
-        {
-            seen.push(Seen {
-                seconds: tracked.picture.seconds,
-                observation: (seen.len() < DRAWN).then_some(tracked.observation),
-                fitted: tracked.fitted,
-            });
+        let (mut pictures, mut looks) = (Vec::new(), Vec::new());
+        while looks.len() < most && !stop.load(Relaxed) {
+            let tracked = match capture.track() {
+                Ok(Some(tracked)) => tracked,
+                Ok(None) => break,
+                Err(error) if looks.is_empty() => return Err(error),
+                Err(error) => {
+                    log::warn!(
+                        "the motion ends after {} pictures, because the next one fails: {error:#}",
+                        looks.len()
+                    );
+                    break;
+                }
+            };
+            let observation = (looks.len() < DRAWN).then_some(tracked.observation);
+            pictures.push((tracked.picture.seconds, observation));
+            looks.push(tracked.look);
             bar.inc(1);
         }
         bar.finish_and_clear();
+        let seen = pictures.into_iter().zip(capture.smooth_recording(looks));
+        let seen: Vec<Seen> = seen
+            .map(|((seconds, observation), fitted)| Seen {
+                seconds,
+                observation,
+                fitted,
+            })
+            .collect();
         let recording = Self {
             camera: capture.camera(),
             info,

@@ -39,5 +39,5 @@ mod rotations;
 pub mod smoother;
 
 pub use landmarks::estimates;
-pub use motion_fit::{Fitted, MotionFit, Subject};
+pub use motion_fit::{Fitted, MotionFit, Subject, Unsmoothed};
 pub use recording::fit_recording;

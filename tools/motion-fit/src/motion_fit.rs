@@ -68,7 +68,9 @@ pub struct Fitted {
 
 /// One frame before it is smoothed.
 #[derive(Debug, Clone)]
-pub(crate) struct Unsmoothed {
+pub struct Unsmoothed {
+    /// When the picture was taken, seconds.
+    pub(crate) seconds: f64,
     pub(crate) fitted: Fitted,
     /// How sure its motion is.
     pub(crate) confidence: Confidence,
@@ -169,20 +171,12 @@ impl MotionFit {
 
     /// The motion of one picture. Never fails: what is not seen is held, then eases to rest.
     pub fn step(&mut self, seen: &Observation) -> Fitted {
-        let Unsmoothed {
-            mut fitted,
-            confidence,
-            standing,
-        } = self.look(seen);
-        self.smoother
-            .smooth(seen.seconds, &mut fitted.motion, &confidence);
-        // Last: what is smoothed slides.
-        self.feet.apply(seen.seconds, &mut fitted.motion, standing);
-        fitted
+        let look = self.look(seen);
+        self.smooth(look)
     }
 
-    /// As [`Self::step`], before smoothing and foot lock.
-    pub(crate) fn look(&mut self, seen: &Observation) -> Unsmoothed {
+    /// The first half of [`Self::step`]: the pose, neither smoothed nor with feet that stand.
+    pub fn look(&mut self, seen: &Observation) -> Unsmoothed {
         // A face alone places the head, and the body below it.
         let head = match (&seen.body, seen.face_landmarks()) {
             (None, Some(face)) => head_of(face),
@@ -205,6 +199,7 @@ impl MotionFit {
             self.hand(hand, seen, &pose, &mut motion, &mut confidence);
         }
         Unsmoothed {
+            seconds: seen.seconds,
             fitted: Fitted {
                 motion,
                 camera_from_room,
@@ -218,6 +213,43 @@ impl MotionFit {
             confidence,
             standing: pose.standing,
         }
+    }
+
+    /// The second half of [`Self::step`], by the pictures before this one.
+    pub fn smooth(&mut self, look: Unsmoothed) -> Fitted {
+        let Unsmoothed {
+            seconds,
+            mut fitted,
+            confidence,
+            standing,
+        } = look;
+        self.smoother
+            .smooth(seconds, &mut fitted.motion, &confidence);
+        // Last: what is smoothed slides.
+        self.feet.apply(seconds, &mut fitted.motion, standing);
+        fitted
+    }
+
+    /// In the place of [`Self::smooth`] for all looks of a recording, in the order of their time: smoothed forwards and backwards, so that nothing
+    /// lags, and with feet held where they stand on average, from the picture in which they are put down.
+    #[must_use]
+    pub fn smooth_recording(&self, looks: Vec<Unsmoothed>) -> Vec<Fitted> {
+        let mut frames: Vec<_> = (looks.iter())
+            .map(|look| {
+                let motion = look.fitted.motion.clone();
+                (look.seconds, motion, look.confidence.clone())
+            })
+            .collect();
+        smooth_all(&SmoothConfig::default(), &mut frames);
+        let standing: Vec<_> = looks.iter().map(|look| look.standing).collect();
+        let mut motions: Vec<_> = frames.into_iter().map(|(_, motion, _)| motion).collect();
+        FootLock::new(&self.skeleton).apply_all(&mut motions, &standing);
+        (looks.into_iter().zip(motions))
+            .map(|(look, motion)| Fitted {
+                motion,
+                ..look.fitted
+            })
+            .collect()
     }
 
     /// Turns neck and head to where the face looks, and sets jaw, eyes and expression.

@@ -79,6 +79,8 @@ pub(crate) fn a_camera_sees_what_was_drawn(package: &Path, folder: &Path) {
         .collect();
 
     let motion = folder.join("tracked/motion.npz");
+    let garbage = folder.join("pictures/no-picture.png");
+    std::fs::write(&garbage, "no picture").expect("a file");
     let shown = mon3tr(&[
         "track",
         &pictures,
@@ -91,6 +93,8 @@ pub(crate) fn a_camera_sees_what_was_drawn(package: &Path, folder: &Path) {
     ])
     .succeeds();
     assert!(shown.contains("60 frames at 30.000 Hz"), "{shown}");
+    // The last one in the order of names: the motion is that of all before it.
+    std::fs::remove_file(garbage).expect("the file");
     let options = LoadOptions::default();
     let tracked = MotionClip::load(&motion, &avatar.skeleton, &options).expect("a motion file");
     assert_eq!(
