@@ -32,11 +32,10 @@ pub(crate) struct TrackedRecording {
 }
 
 impl TrackedRecording {
-    /// Tracks the first `most` pictures of a recording that was opened, or those until `stop` becomes true, or until one that cannot be
-    /// read.
+    /// Tracks the first `most` pictures of a recording that was opened, or those until `stop` becomes true.
     ///
     /// # Errors
-    /// If its first picture cannot be read or looked at, or there is no person in any.
+    /// If it cannot be read, the networks fail, or there is no person in it.
     pub(crate) fn track(
         mut capture: CameraCapture,
         most: usize,
@@ -46,19 +45,10 @@ impl TrackedRecording {
         let known = info.frames.and_then(|frames| usize::try_from(frames).ok());
         let bar = progress::bar("tracking", known.map_or(0, |known| known.min(most)));
         let (mut pictures, mut looks) = (Vec::new(), Vec::new());
-        while looks.len() < most && !stop.load(Relaxed) {
-            let tracked = match capture.track() {
-                Ok(Some(tracked)) => tracked,
-                Ok(None) => break,
-                Err(error) if looks.is_empty() => return Err(error),
-                Err(error) => {
-                    log::warn!(
-                        "the motion ends after {} pictures, because the next one fails: {error:#}",
-                        looks.len()
-                    );
-                    break;
-                }
-            };
+        while looks.len() < most
+            && !stop.load(Relaxed)
+            && let Some(tracked) = capture.track()?
+        {
             let observation = (looks.len() < DRAWN).then_some(tracked.observation);
             pictures.push((tracked.picture.seconds, observation));
             looks.push(tracked.look);

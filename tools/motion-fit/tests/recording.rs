@@ -108,6 +108,7 @@ fn recordings_without_pictures_or_people_are_fitted_too() {
         })
         .to_vec();
     let fitted = fit_recording(&subject, camera, &empty);
+    assert_eq!(fitted.len(), empty.len(), "one for each picture");
     assert!(
         (fitted.iter()).all(|fitted| !fitted.sees_person && fitted.motion.is_finite()),
         "nobody"

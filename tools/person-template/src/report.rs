@@ -27,7 +27,7 @@ pub struct TemplateReport {
     pub shared_shift: f64,
     /// See [`Self::shared_shift`].
     pub shared_turn: f64,
-    /// Mean shift and mean turn of a joint in single frames, in addition: metres and radians.
+    /// Mean shift of the pelvis and mean turn of a joint in single frames of the template, in addition: metres and radians.
     pub own_shift: f64,
     /// See [`Self::own_shift`].
     pub own_turn: f64,

@@ -23,10 +23,10 @@ pub(super) struct Options {
     /// Field of view along the longer side of a single video, degrees
     #[arg(long, value_name = "DEGREES", default_value_t = f64::from(motion_fit::landmarks::USUAL_VIEW_DEGREES))]
     fov: f64,
-    /// Take every so manieth picture
+    /// Take one picture of so many
     #[arg(long, value_name = "COUNT", default_value = "1", value_parser = clap::value_parser!(u16).range(1..))]
     every: u16,
-    /// Keep this camera away from training, to measure on it; may be given several times
+    /// Keep this camera's pictures away from training, to measure on them, though they count for the motion; may be given several times
     #[arg(long, value_name = "CAMERA")]
     hold_out_camera: Vec<String>,
     /// Keep one frame of so many away from training, to measure on them
@@ -126,6 +126,10 @@ fn held_out(options: &Options, cameras: &[&str], frames: usize) -> anyhow::Resul
     if let Some(every) = options.hold_out_every.map(usize::from) {
         // From the middle of the first stretch on, so that training frames surround each of them.
         held.frames = (every / 2..frames).step_by(every).collect();
+        ensure!(
+            !held.frames.is_empty(),
+            "--hold-out-every {every} holds no frame out: there are {frames}"
+        );
     }
     Ok(held)
 }

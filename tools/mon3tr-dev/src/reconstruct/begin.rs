@@ -20,6 +20,8 @@ pub(super) enum First<'a> {
     Made {
         /// Whether the body model grows to the person's outlines.
         clothes: bool,
+        /// Whether the training begins with each frame's pose as it was fitted, and not as it was captured.
+        poses: bool,
     },
 }
 
@@ -39,9 +41,14 @@ pub(super) fn begin<'a>(
             let motions = motions(capture, &avatar)?;
             (avatar, motions)
         }
-        First::Made { clothes } => {
+        First::Made { clothes, poses } => {
             let made = made(capture, options.gaussians, clothes)?;
-            (made.avatar, made.uncorrected)
+            let motions = if poses {
+                made.uncorrected
+            } else {
+                motions(capture, &made.avatar)?
+            };
+            (made.avatar, motions)
         }
     };
     Ok(Trainer::new(capture, avatar, motions, options)?)
@@ -74,9 +81,9 @@ fn made(
     }
     let report = &first.report;
     eprintln!(
-        "first avatar: {:.2} m tall, {:.1} % of the masks covered, poses of {} frames fitted, {:.0} mm and {:.1} degrees a joint off on average",
+        "first avatar: {:.2} m tall, overlaps the masks by {:.3}, poses of {} frames fitted; in the template's frames the pelvis moved by {:.0} mm and joints turned by {:.1} degrees on average",
         report.height,
-        100.0 * report.dressed_overlap,
+        report.dressed_overlap,
         report.posed,
         1e3 * report.own_shift,
         report.own_turn.to_degrees()

@@ -107,7 +107,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
                 bail!("--without clothes is of the first avatar that is made: leave --template out")
             }
             Some(path) => First::Package(path),
-            None => First::Made { clothes },
+            None => First::Made {
+                clothes,
+                poses: options.learns(Part::Poses),
+            },
         };
         (begin(&capture, first, options.training())?, 0.0)
     };

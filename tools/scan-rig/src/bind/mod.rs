@@ -37,8 +37,8 @@ use spmm3::JOINTS;
 const GROWTH: usize = 4;
 /// Gaussians lower than this are no accessory but ground, metres.
 const GROUND: f32 = 0.08;
-/// Parts of a long Gaussian that are farther from the body are left out: its middle was by the body, its ends are of the surroundings and
-/// would fly beside the person, metres.
+/// Parts of a long Gaussian whose middle is by the body are left out where they are farther from it, metres: its ends are of the surroundings
+/// and would fly beside the person.
 const ASTRAY: f32 = 0.055;
 /// Side of the triangle that carries an accessory, metres.
 const CARRIER: f64 = 0.05;
@@ -225,7 +225,10 @@ pub fn bind(
     let stays: Vec<bool> = (parents.par_iter().zip(&split.positions))
         .map(|(parent, position)| {
             let parent = *parent as usize;
-            label[parent] != 0 || parts[parent] == 1 || skin.off(*position) <= ASTRAY
+            label[parent] != 0
+                || parts[parent] == 1
+                || skin.off(*position) <= ASTRAY
+                || skin.off(cleaned.positions[parent]) > ASTRAY
         })
         .collect();
     report.apart += stays.iter().filter(|stays| !**stays).count();

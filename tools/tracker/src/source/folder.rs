@@ -143,11 +143,20 @@ impl Source for Folder {
         if let Some(mut first) = self.first.take() {
             std::mem::swap(&mut into.rgb, &mut first.rgb);
             (into.width, into.height) = (first.width, first.height);
-        } else if !self
-            .read(into)
-            .inspect_err(|_| self.files = Vec::new().into_iter())?
-        {
-            return Ok(false);
+        } else {
+            match self.read(into) {
+                Ok(true) => {}
+                Ok(false) => return Ok(false),
+                Err(error) => {
+                    self.files = Vec::new().into_iter();
+                    log::warn!(
+                        "{} breaks off after {} pictures: {error}",
+                        self.info.name,
+                        self.number
+                    );
+                    return Ok(false);
+                }
+            }
         }
         if (into.width, into.height) != (self.info.width, self.info.height) {
             self.files = Vec::new().into_iter();

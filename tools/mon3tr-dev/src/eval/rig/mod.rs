@@ -26,7 +26,6 @@ use spmm3::Joint;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// Options of `eval rig`.
 #[derive(Debug, clap::Args)]
@@ -215,7 +214,6 @@ fn measured(fitted: Fitted, options: &RigOptions) -> Result<Rigged, RigError> {
 
 fn real(file: &Path, options: &Options, tools: &mut Tools) -> anyhow::Result<RealRow> {
     let scene = Scene::load(file).with_context(|| format!("cannot use {}", file.display()))?;
-    let began = Instant::now();
     let choices = tools.options(options.height, "scan");
     let rigged = measured(tools.fitted(&scene, &choices)?, &choices)?;
     if let Some(folder) = &options.pictures {
@@ -227,9 +225,14 @@ fn real(file: &Path, options: &Options, tools: &mut Tools) -> anyhow::Result<Rea
     }
     Ok(RealRow {
         scan: file.to_path_buf(),
-        seconds: began.elapsed().as_secs_f64(),
+        seconds: seconds(&rigged.report),
         report: rigged.report,
     })
+}
+
+/// What the steps of an avatar took, without the measuring of it.
+fn seconds(report: &RigReport) -> f64 {
+    report.steps.iter().map(|step| step.seconds).sum()
 }
 
 fn synthetic(
@@ -242,11 +245,10 @@ fn synthetic(
     let truth = person.scan(&scan_options);
     let scene = truth.scan.to_scene()?;
     let choices = tools.options(Some(truth.height), &format!("body {number}"));
-    let began = Instant::now();
     let fitted = tools.fitted(&scene, &choices)?;
     let mut perfect = fitted.clone();
     let rigged = measured(fitted, &choices)?;
-    let seconds = began.elapsed().as_secs_f64();
+    let seconds = seconds(&rigged.report);
     let placed = perfect.prepared.person_from_scene;
     let person_from_stance = Similarity {
         scale: placed.scale * f64::from(scan_options.unit),

@@ -198,8 +198,17 @@ fn aligned_error(a: &[DVec3], b: &[DVec3]) -> f64 {
     )
 }
 
-/// Mean distance in the picture as a share of the person's height in it; nothing where no joint is in the picture.
+/// Mean distance in the picture as a share of the person's height in it; nothing where no joint is in the picture, or where the height is not
+/// known: no shoulder or no ankle is.
 fn reprojection(tracked: &Posed, truth: &Posed) -> Option<f64> {
+    let any = |joints: &[Joint]| {
+        (LIMBS.iter().zip(truth.known)).any(|(joint, known)| known && joints.contains(joint))
+    };
+    if !any(&[Joint::LeftShoulder, Joint::RightShoulder])
+        || !any(&[Joint::LeftAnkle, Joint::RightAnkle])
+    {
+        return None;
+    }
     let known = truth.pixels.iter().zip(truth.known);
     let ys = known.filter(|(_, known)| *known).map(|(p, _)| p[1]);
     let height = ys.clone().fold(f64::MIN, f64::max) - ys.fold(f64::MAX, f64::min);

@@ -110,13 +110,20 @@ pub(super) fn run(
     let receiver = Process::start_in(environment, "receive", receive, Output::Shown)?;
     match &mut shown {
         Shown::Window => {
-            receiver.finish_beside(None, stop, || sender.check())?;
+            let held = receiver.finish_beside(None, stop, || sender.check());
+            sender.stop()?;
+            held?;
             return Ok(Value::Null);
         }
         Shown::Offscreen { seconds } => {
             let longest = BESIDES + Duration::from_secs_f64(*seconds);
-            receiver.finish_beside(Some(longest), stop, || sender.check())?;
-            sender.finish_unless(Some(BESIDES), stop)?;
+            match receiver.finish_beside(Some(longest), stop, || sender.check()) {
+                Ok(()) => sender.finish_unless(Some(BESIDES), stop)?,
+                Err(error) => {
+                    sender.stop()?;
+                    return Err(error);
+                }
+            }
         }
         Shown::Headset { monado, length } => {
             // A frame a second at the slowest.
@@ -129,8 +136,9 @@ pub(super) fn run(
                 sender.check()?;
                 monado.as_mut().map_or(Ok(()), Monado::check)
             };
-            receiver.finish_beside(Some(BESIDES + most), stop, live)?;
+            let held = receiver.finish_beside(Some(BESIDES + most), stop, live);
             sender.stop()?;
+            held?;
         }
     }
     server.stop()?;

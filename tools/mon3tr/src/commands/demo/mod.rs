@@ -264,6 +264,7 @@ impl Options {
     ) -> anyhow::Result<Performance> {
         let capture = CameraCapture::new(recording, renderer.avatar, None);
         let recording = TrackedRecording::track(capture, LONGEST_RECORDING, stop)?;
+        go_on(stop)?;
         recording.figures.print();
         let file = self.out.join("side-by-side.webp");
         side_by_side::draw(choice, &recording, renderer, stop, &file)?;

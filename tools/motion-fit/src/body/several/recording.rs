@@ -139,8 +139,10 @@ impl<'a> Recording<'a> {
     fn follow_doubtful(&mut self, stretch: &Range<usize>, followed: &mut Followed) {
         let begun = stretch.start;
         let posture = if let Some(near) = filled(&followed.known, begun) {
+            // Infinite where the recording ends first: one of the two is not.
             let distance = |frames: &mut dyn Iterator<Item = usize>| {
-                frames.take_while(|k| followed.known[*k].is_none()).count() as f64 + 1.0
+                let found = frames.position(|k| followed.known[k].is_some());
+                found.map_or(f64::INFINITY, |away| away as f64 + 1.0)
             };
             let before = distance(&mut (0..begun).rev());
             let after = distance(&mut (begun + 1..followed.known.len()));
