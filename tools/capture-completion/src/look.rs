@@ -14,7 +14,7 @@ use tracker::mediapipe::{Options, PersonMask};
 use tracker::networks::NetworkSet;
 use tracker::source::Picture;
 
-/// Hands and faces that are followed are searched anew in every so manieth picture.
+/// Hands and faces that are followed are searched anew in one picture of so many.
 const SEARCH_EVERY: u32 = 5;
 
 /// Where the networks are and what runs them.

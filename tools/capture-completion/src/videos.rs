@@ -97,7 +97,7 @@ impl Videos {
         Self::opened(vec![file.to_owned()], vec![lens], false)
     }
 
-    /// Only every so manieth picture becomes a frame: an avatar learns more from different poses than from many of one.
+    /// Only one picture of so many becomes a frame: an avatar learns more from different poses than from many of one.
     #[must_use]
     pub fn every(mut self, pictures: usize) -> Self {
         let pictures = pictures.max(1);

@@ -365,6 +365,14 @@ fn motion_jpeg_and_folders_show_the_same() {
         message.contains("picture 0.png") && message.contains("no PNG or JPEG"),
         "{message}"
     );
+    // Not the first one: what comes before it is shown.
+    std::fs::rename(
+        ffmpeg.path("png/picture 0.png"),
+        ffmpeg.path("png/picture 13.png"),
+    )
+    .expect("another name");
+    let before = all(opened(&ffmpeg.path("png")).expect("pictures"));
+    assert_eq!(before.len(), 12, "pictures before the one that is none");
     let message = refused(ffmpeg.folder.path());
     assert!(message.contains("no .png, .jpg or .jpeg file"), "{message}");
 }
