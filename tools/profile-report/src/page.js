@@ -532,11 +532,11 @@ function overTime() {
   let oldest = 0;
   shown.forEach((time, k) => { while (time - shown[oldest] >= 1) oldest++; if (time - shown[0] >= 1) rate.push([time, k + 1 - oldest]); });
   if (rate.length > 1) chart("pictures in the second before (dashed: the display's)", "a second", rate, 0, measured.display_hz);
-  const quality = measured.pictures.quality;
-  if (quality.length > 1) {
-    if (quality.some((one) => one.scale !== quality[0].scale)) chart("drawn part of the full width and height", "%", quality.map((one) => [Math.max(begin, one.at_s), one.scale * 100]), 0, null, true);
-    if (quality.some((one) => one.gaussians !== quality[0].gaussians)) chart("Gaussians drawn", "count", quality.map((one) => [Math.max(begin, one.at_s), one.gaussians]), 0, null, true);
-  } else if (quality.length === 1) at.append(element("p", { class: "note" }, `The quality did not change: ${whole(quality[0].gaussians)} Gaussians at ${(quality[0].scale * 100).toFixed(0)} % of the full width and height all the time.`));
+  const drawn = measured.pictures.quality;
+  if (drawn.length > 1) {
+    if (drawn.some((one) => one.scale !== drawn[0].scale)) chart("drawn part of the full width and height", "%", drawn.map((one) => [Math.max(begin, one.at_s), one.scale * 100]), 0, null, true);
+    if (drawn.some((one) => one.gaussians !== drawn[0].gaussians)) chart("Gaussians drawn", "count", drawn.map((one) => [Math.max(begin, one.at_s), one.gaussians]), 0, null, true);
+  } else if (drawn.length === 1) at.append(element("p", { class: "note" }, `The quality did not change: ${whole(drawn[0].gaussians)} Gaussians at ${(drawn[0].scale * 100).toFixed(0)} % of the full width and height all the time.`));
   const quality = report.quality;
   if (!quality || quality.change_count === 0) return;
   const qualityOf = (one) => `${(one.resolution_scale * 100).toFixed(0)} % of width and height, detail ${one.level}${one.sort_every > 1 ? `, a sort every ${one.sort_every} pictures` : ""}`;

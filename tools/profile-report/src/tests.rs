@@ -267,6 +267,21 @@ fn browsed(file: &std::path::Path) -> Option<String> {
     None
 }
 
+/// Without a browser this at least shows that the script is one: a name that is declared twice leaves the page blank.
+#[test]
+fn the_pages_script_is_javascript() {
+    let script = kept("profile.js", include_str!("page.js"));
+    let Ok(checked) = Command::new("node").arg("--check").arg(&script).output() else {
+        println!("skipped: there is no Node to parse the page's script");
+        return;
+    };
+    assert!(
+        checked.status.success(),
+        "{}",
+        String::from_utf8_lossy(&checked.stderr)
+    );
+}
+
 #[test]
 fn a_browser_draws_every_part_of_the_page() {
     let of = synthetic(10.0);
