@@ -8,7 +8,7 @@ use crate::head_only::head_of;
 use crate::landmarks::Camera;
 use crate::landmarks::estimates::{BodyEstimate, FaceEstimate, HandEstimate, Observation};
 use crate::rotations::{self, FaceShown};
-use crate::smoother::{Confidence, SmoothConfig, Smoother};
+use crate::smoother::{Confidence, SmoothConfig, Smoother, smooth_all};
 use glam::{Affine3A, DQuat, Mat3A, Quat, Vec3A};
 use spmm3::{Avatar, ExpressionBasis, Expressions, Joint, MotionParams, Skeleton};
 

@@ -140,12 +140,10 @@ impl<'a> Recording<'a> {
         let begun = stretch.start;
         let posture = if let Some(near) = filled(&followed.known, begun) {
             // Infinite where the recording ends first: one of the two is not.
-            let distance = |frames: &mut dyn Iterator<Item = usize>| {
-                let found = frames.position(|k| followed.known[k].is_some());
-                found.map_or(f64::INFINITY, |away| away as f64 + 1.0)
-            };
-            let before = distance(&mut (0..begun).rev());
-            let after = distance(&mut (begun + 1..followed.known.len()));
+            let frames = |away: Option<usize>| away.map_or(f64::INFINITY, |away| away as f64 + 1.0);
+            let is_known = |frame: usize| followed.known[frame].is_some();
+            let before = frames((0..begun).rev().position(is_known));
+            let after = frames((begun + 1..followed.known.len()).position(is_known));
             let mut posture = near;
             self.pixel_terms(begun, &near);
             self.near_terms(&near, before.min(after));
