@@ -19,3 +19,15 @@ pub fn real_file(name: impl AsRef<Path>) -> Option<PathBuf> {
     println!("skipped: {} is not here", path.display());
     None
 }
+
+/// The unpacked MakeHuman package, which `MON3TR_MAKEHUMAN` names; nothing, after a line that says so, where it names none. On CI that is
+/// a failure.
+pub fn makehuman() -> Option<PathBuf> {
+    let found = std::env::var_os("MON3TR_MAKEHUMAN").map(PathBuf::from);
+    if found.is_none() {
+        let ci = std::env::var("CI").as_deref() == Ok("true");
+        assert!(!ci, "MON3TR_MAKEHUMAN must name the MakeHuman data in CI");
+        println!("skipped: MON3TR_MAKEHUMAN does not name the MakeHuman data");
+    }
+    found
+}

@@ -16,17 +16,7 @@ use serde_json::Value;
 use spmm3::{Joint, MotionClip};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-
-/// The unpacked package; `None` (said aloud) on a machine without it.
-fn makehuman() -> Option<PathBuf> {
-    let found = std::env::var_os("MON3TR_MAKEHUMAN").map(PathBuf::from);
-    if found.is_none() {
-        let ci = std::env::var("CI").as_deref() == Ok("true");
-        assert!(!ci, "MON3TR_MAKEHUMAN must name the MakeHuman data in CI");
-        eprintln!("skipped: MON3TR_MAKEHUMAN does not name the MakeHuman data");
-    }
-    found
-}
+use synthetic_person::real_files::makehuman;
 
 /// The demo person, built once.
 fn person() -> Option<&'static Person> {

@@ -22,14 +22,15 @@ use tracker::Tracker;
 use tracker::mediapipe::BodyBy;
 use tracker::source::{self, Picture, Source, SourceChoice};
 
-/// One picture and what it showed.
+/// One picture and what it showed: of a call [`Fitted`], of a recording [`Unsmoothed`].
 #[derive(Debug)]
-pub(crate) struct Tracked<'a> {
-    pub(crate) picture: &'a Picture,
+pub(crate) struct Tracked<T> {
+    /// When it fell into the camera.
+    pub(crate) at: Instant,
+    /// Its time in the source, seconds.
+    pub(crate) seconds: f64,
     pub(crate) observation: Observation,
-    /// Before it was smoothed.
-    pub(crate) look: Unsmoothed,
-    pub(crate) fitted: Fitted,
+    pub(crate) pose: T,
 }
 
 /// Tracks the person before a camera.
@@ -155,8 +156,32 @@ impl CameraCapture {
         &*self.source
     }
 
-    /// Waits for the next picture and tracks it; nothing at the end.
-    pub(crate) fn track(&mut self) -> anyhow::Result<Option<Tracked<'_>>> {
+    /// Waits for the next picture and tracks it, smoothed by the pictures before it; nothing at the end.
+    pub(crate) fn track(&mut self) -> anyhow::Result<Option<Tracked<Fitted>>> {
+        let tracked = self.next_picture(MotionFit::smooth)?;
+        if let (Some(tracked), Some(shots)) = (&tracked, &self.shots) {
+            shots.put(Shot {
+                picture: Arc::clone(&self.picture),
+                observation: tracked.observation.clone(),
+                fitted: tracked.pose.clone(),
+                camera: self.camera,
+                pace: self.pace.pace(),
+                notice: self.notices.now(),
+                calibrating: self.calibrating.as_ref().map(Calibrating::state),
+            });
+        }
+        Ok(tracked)
+    }
+
+    /// As [`Self::track`] of a recording, which [`Self::smooth_recording`] smooths when all of it is there.
+    pub(crate) fn look(&mut self) -> anyhow::Result<Option<Tracked<Unsmoothed>>> {
+        self.next_picture(|_, look| look)
+    }
+
+    fn next_picture<T>(
+        &mut self,
+        finish: impl FnOnce(&mut MotionFit, Unsmoothed) -> T,
+    ) -> anyhow::Result<Option<Tracked<T>>> {
         // The networks' threads have let go of the last picture as a rule; else it is theirs.
         if Arc::get_mut(&mut self.picture).is_none() {
             self.picture = Arc::default();
@@ -193,7 +218,8 @@ impl CameraCapture {
             }
         }
         let look = self.fit.look(&observation);
-        let fitted = self.fit.smooth(look.clone());
+        let sees_person = look.sees_person();
+        let pose = finish(&mut self.fit, look);
         let ended = Instant::now();
         let ms = |from: Instant| ended.saturating_duration_since(from).as_secs_f64() * 1e3;
         self.pace.count(ended, ms(picture.at));
@@ -202,30 +228,19 @@ impl CameraCapture {
             fit_ms: ms(began),
             latency_ms: ms(picture.at),
         });
-        let notice = (self.notices).after(&self.picture, fitted.sees_person, people);
+        let notice = (self.notices).after(&self.picture, sees_person, people);
         if let Some(notice) = notice {
             log::warn!("{}: {notice}", self.source.info().name);
         }
-        if let Some(shots) = &self.shots {
-            shots.put(Shot {
-                picture: Arc::clone(&self.picture),
-                observation: observation.clone(),
-                fitted: fitted.clone(),
-                camera: self.camera,
-                pace: self.pace.pace(),
-                notice: self.notices.now(),
-                calibrating: self.calibrating.as_ref().map(Calibrating::state),
-            });
-        }
         Ok(Some(Tracked {
-            picture: &self.picture,
+            at: picture.at,
+            seconds: picture.seconds,
             observation,
-            look,
-            fitted,
+            pose,
         }))
     }
 
-    /// The motion of a whole recording, of the looks that [`Self::track`] gave of it.
+    /// The motion of a whole recording, of what [`Self::look`] gave of it.
     pub(crate) fn smooth_recording(&self, looks: Vec<Unsmoothed>) -> Vec<Fitted> {
         self.fit.smooth_recording(looks)
     }
@@ -248,8 +263,8 @@ impl Capture for CameraCapture {
         }
         let tracked = (self.track()).map_err(|error| SendError::Capture(error.into()))?;
         Ok(tracked.map(|tracked| Captured {
-            at: tracked.picture.at,
-            motion: tracked.fitted.motion,
+            at: tracked.at,
+            motion: tracked.pose.motion,
         }))
     }
 }

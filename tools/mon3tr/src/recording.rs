@@ -47,11 +47,11 @@ impl TrackedRecording {
         let (mut pictures, mut looks) = (Vec::new(), Vec::new());
         while looks.len() < most
             && !stop.load(Relaxed)
-            && let Some(tracked) = capture.track()?
+            && let Some(tracked) = capture.look()?
         {
             let observation = (looks.len() < DRAWN).then_some(tracked.observation);
-            pictures.push((tracked.picture.seconds, observation));
-            looks.push(tracked.look);
+            pictures.push((tracked.seconds, observation));
+            looks.push(tracked.pose);
             bar.inc(1);
         }
         bar.finish_and_clear();

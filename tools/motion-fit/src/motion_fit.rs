@@ -48,7 +48,7 @@ impl<'a> From<&'a Avatar> for Subject<'a> {
 /// One frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
-    /// The motion, smoothed.
+    /// The motion: smoothed, but for an [`Unsmoothed`]'s.
     pub motion: MotionParams,
     /// From the room that the motion is in (y up, the floor at y = 0) to the camera's axes (x right, y down, z away), metres.
     pub camera_from_room: Affine3A,
@@ -76,6 +76,14 @@ pub struct Unsmoothed {
     pub(crate) confidence: Confidence,
     /// As [`BodyPose::standing`].
     pub(crate) standing: [[bool; 2]; 2],
+}
+
+impl Unsmoothed {
+    /// As [`Fitted::sees_person`].
+    #[must_use]
+    pub fn sees_person(&self) -> bool {
+        self.fitted.sees_person
+    }
 }
 
 /// Follows one person in one camera's pictures.

@@ -8,19 +8,9 @@ use made_up::{Scenario, Truth};
 use person_template::{First, TemplateError, TemplateOptions, first_avatar};
 use scan_rig::body::BodyModel;
 use spmm3::{Avatar, JOINTS, Joint, MotionParams, SkinningTransforms};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::OnceLock;
-
-/// Where the MakeHuman data is; `None` (said aloud) on a machine without them.
-fn makehuman() -> Option<PathBuf> {
-    let found = std::env::var_os("MON3TR_MAKEHUMAN").map(PathBuf::from);
-    if found.is_none() {
-        let ci = std::env::var("CI").as_deref() == Ok("true");
-        assert!(!ci, "MON3TR_MAKEHUMAN must name the MakeHuman data in CI");
-        eprintln!("skipped: MON3TR_MAKEHUMAN does not name the MakeHuman data");
-    }
-    found
-}
+use synthetic_person::real_files::makehuman;
 
 const SCENARIO: Scenario = Scenario {
     cameras: 6,

@@ -8,21 +8,15 @@ use scan_rig::scan::Scan;
 use scan_rig::surface::survey;
 use spmm3::{JOINTS, Joint};
 use std::collections::HashMap;
-use std::path::PathBuf;
 use std::sync::OnceLock;
+use synthetic_person::real_files::makehuman;
 
 /// The body model, built once; nothing, after a line that says so, where MakeHuman was not fetched. On CI that is a failure.
 fn model() -> Option<&'static BodyModel> {
     static MODEL: OnceLock<Option<BodyModel>> = OnceLock::new();
     MODEL
         .get_or_init(|| {
-            let found = std::env::var_os("MON3TR_MAKEHUMAN").map(PathBuf::from);
-            if found.is_none() {
-                let ci = std::env::var("CI").as_deref() == Ok("true");
-                assert!(!ci, "MON3TR_MAKEHUMAN must name the MakeHuman data in CI");
-                println!("skipped: MON3TR_MAKEHUMAN does not name the MakeHuman data");
-            }
-            found.map(|folder| BodyModel::load(&folder).expect("the package is whole"))
+            makehuman().map(|folder| BodyModel::load(&folder).expect("the package is whole"))
         })
         .as_ref()
 }

@@ -6,19 +6,8 @@ use scan_rig::body::posing::{JointPose, t_pose};
 use scan_rig::finish::{FinishOptions, Finished, Material, Poser, avatar};
 use scan_rig::synthetic::{ScanOptions, SyntheticPerson, SyntheticScan};
 use spmm3::{Avatar, JOINTS, Joint, MotionParams, Template};
-use std::path::PathBuf;
 use std::sync::OnceLock;
-
-/// The unpacked package; `None` (said aloud) on a machine without it.
-fn makehuman() -> Option<PathBuf> {
-    let found = std::env::var_os("MON3TR_MAKEHUMAN").map(PathBuf::from);
-    if found.is_none() {
-        let ci = std::env::var("CI").as_deref() == Ok("true");
-        assert!(!ci, "MON3TR_MAKEHUMAN must name the MakeHuman data in CI");
-        println!("skipped: MON3TR_MAKEHUMAN does not name the MakeHuman data");
-    }
-    found
-}
+use synthetic_person::real_files::makehuman;
 
 /// A person, its scan, and the avatar of its exact registration.
 struct Case {

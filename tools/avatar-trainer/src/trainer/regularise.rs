@@ -61,7 +61,7 @@ impl Regularisers {
             by_vertices: None,
         };
         let gaussians = posed.gaussians();
-        let each = share(gaussians.len());
+        let each = weight_of_each(gaussians.len());
         if turn == 0 && weights.scale > 0.0 {
             let weight = f32::from(EVERY) * weights.scale * each;
             terms.sum += scale(gaussians, weights.scale_threshold, weight, by_gaussians)?;
@@ -81,7 +81,8 @@ impl Regularisers {
             let offsets = model.controller_offsets(parameters, posed)?;
             self.by_offsets.clear();
             self.by_offsets.resize(offsets.len(), 0.0);
-            let weight = f32::from(EVERY) * weights.guide * share(self.pairs.pairs().len());
+            let weight =
+                f32::from(EVERY) * weights.guide * weight_of_each(self.pairs.pairs().len());
             terms.sum += guide(offsets, &self.pairs, weight, &mut self.by_offsets)?;
             terms.by_offsets = Some(&self.by_offsets);
         }
@@ -90,7 +91,7 @@ impl Regularisers {
 }
 
 /// 1 / a count.
-fn share(count: usize) -> f32 {
+fn weight_of_each(count: usize) -> f32 {
     #[expect(clippy::cast_precision_loss, reason = "counts of Gaussians")]
     let count = count.max(1) as f32;
     1.0 / count

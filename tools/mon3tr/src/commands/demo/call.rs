@@ -108,22 +108,11 @@ pub(super) fn run(
         Shown::Window | Shown::Offscreen { .. } => Vec::new(),
     };
     let receiver = Process::start_in(environment, "receive", receive, Output::Shown)?;
-    match &mut shown {
-        Shown::Window => {
-            let held = receiver.finish_beside(None, stop, || sender.check());
-            sender.stop()?;
-            held?;
-            return Ok(Value::Null);
-        }
+    let held = match &mut shown {
+        Shown::Window => receiver.finish_beside(None, stop, || sender.check()),
         Shown::Offscreen { seconds } => {
             let longest = BESIDES + Duration::from_secs_f64(*seconds);
-            match receiver.finish_beside(Some(longest), stop, || sender.check()) {
-                Ok(()) => sender.finish_unless(Some(BESIDES), stop)?,
-                Err(error) => {
-                    sender.stop()?;
-                    return Err(error);
-                }
-            }
+            receiver.finish_beside(Some(longest), stop, || sender.check())
         }
         Shown::Headset { monado, length } => {
             // A frame a second at the slowest.
@@ -136,10 +125,18 @@ pub(super) fn run(
                 sender.check()?;
                 monado.as_mut().map_or(Ok(()), Monado::check)
             };
-            let held = receiver.finish_beside(Some(BESIDES + most), stop, live);
-            sender.stop()?;
-            held?;
+            receiver.finish_beside(Some(BESIDES + most), stop, live)
         }
+    };
+    // Off the screen the motion ends by itself.
+    if held.is_ok() && matches!(shown, Shown::Offscreen { .. }) {
+        sender.finish_unless(Some(BESIDES), stop)?;
+    } else {
+        sender.stop()?;
+    }
+    held?;
+    if matches!(shown, Shown::Window) {
+        return Ok(Value::Null);
     }
     server.stop()?;
     let text = std::fs::read(&figures).context("cannot read the receiver's figures")?;

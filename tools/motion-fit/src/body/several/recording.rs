@@ -236,7 +236,9 @@ impl<'a> Recording<'a> {
     /// Mean distance of the trunk's landmarks from where cameras agree that they are, metres; `None` where none is located.
     fn off(&self, frame: usize, posture: &Posture) -> Option<f64> {
         let placed = self.solver.chain().place(posture);
-        let trunk = |binding: &&Binding| [HIPS, SHOULDERS].concat().contains(&binding.landmark);
+        let trunk = |binding: &&Binding| {
+            HIPS.contains(&binding.landmark) || SHOULDERS.contains(&binding.landmark)
+        };
         let (mut sum, mut count) = (0.0, 0.0);
         for binding in self.bindings.iter().filter(trunk) {
             if let Some(located) = &self.located[frame][binding.landmark] {

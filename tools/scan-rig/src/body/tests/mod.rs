@@ -8,21 +8,15 @@ use super::BodyModel;
 use super::state::State;
 use glam::{DMat3, DVec3};
 use spmm3::{JOINTS, Joint};
-use std::path::PathBuf;
 use std::sync::OnceLock;
+use synthetic_person::real_files::makehuman;
 
 /// The model, built once; `None` (said aloud) on a machine without the package.
 pub(crate) fn model() -> Option<&'static BodyModel> {
     static MODEL: OnceLock<Option<BodyModel>> = OnceLock::new();
     MODEL
         .get_or_init(|| {
-            let found = std::env::var_os("MON3TR_MAKEHUMAN").map(PathBuf::from);
-            if found.is_none() {
-                let ci = std::env::var("CI").as_deref() == Ok("true");
-                assert!(!ci, "MON3TR_MAKEHUMAN must name the MakeHuman data in CI");
-                eprintln!("skipped: MON3TR_MAKEHUMAN does not name the MakeHuman data");
-            }
-            found.map(|path| BodyModel::load(&path).expect("the package is whole"))
+            makehuman().map(|folder| BodyModel::load(&folder).expect("the package is whole"))
         })
         .as_ref()
 }

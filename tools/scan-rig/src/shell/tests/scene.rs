@@ -11,8 +11,9 @@ use crate::shell::{ShellOptions, ShellReport, Textures, complete};
 use crate::surface::raster;
 use glam::{DMat3, DVec2, DVec3, Vec3};
 use spmm3::{JOINTS, Joint};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::OnceLock;
+use synthetic_person::real_files::makehuman;
 
 /// The body model with its textures.
 pub(super) struct Data {
@@ -25,7 +26,7 @@ pub(super) fn data() -> Option<&'static Data> {
     static DATA: OnceLock<Option<Data>> = OnceLock::new();
     DATA.get_or_init(|| {
         let model = crate::body::tests::model()?;
-        let folder = PathBuf::from(std::env::var_os("MON3TR_MAKEHUMAN")?);
+        let folder = makehuman()?;
         let textures = Textures::load(&folder).expect("the package is whole");
         Some(Data { model, textures })
     })
