@@ -32,7 +32,7 @@ enum Command {
     Bench(bench::Options),
     /// Captures of a person: imported from videos, made up for tests, looked at
     Capture(capture::Options),
-    /// Compare what the camera's tracker finds with the truth
+    /// Measure against the truth: a camera's motion, avatars of scans, avatars of pictures
     Eval(eval::Options),
     /// Measure calls over networks of any quality, all on this machine
     Netlab(netlab::Options),

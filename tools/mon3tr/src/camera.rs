@@ -241,8 +241,11 @@ impl CameraCapture {
     }
 
     /// The motion of a whole recording, of what [`Self::look`] gave of it.
-    pub(crate) fn smooth_recording(&self, looks: Vec<Unsmoothed>) -> Vec<Fitted> {
-        self.fit.smooth_recording(looks)
+    pub(crate) fn smooth_recording(&mut self, looks: Vec<Unsmoothed>) -> Vec<Fitted> {
+        let (began, pictures) = (Instant::now(), looks.len());
+        let motion = self.fit.smooth_recording(looks);
+        self.record.add_smoothing(began.elapsed(), pictures);
+        motion
     }
 
     /// What the stages took.

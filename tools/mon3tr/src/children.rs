@@ -12,6 +12,9 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+/// A process that is asked to end may take so long: a receiver writes its pictures meanwhile.
+const TO_END: Duration = Duration::from_secs(10);
+
 /// A process that is ended when this is dropped.
 #[derive(Debug)]
 pub struct Process {
@@ -134,7 +137,7 @@ impl Process {
         ) {
             log::debug!("`mon3tr {}` has ended already: {error}", self.name);
         }
-        self.wait(Some(Duration::from_secs(3)))?;
+        self.wait(Some(TO_END))?;
         Ok(())
     }
 

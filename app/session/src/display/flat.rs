@@ -160,7 +160,10 @@ impl<'a> FlatView<'a> {
             };
             draw_as(session, options)?;
         }
-        self.first.get_or_insert_with(Instant::now);
+        self.first.get_or_insert_with(|| {
+            log::debug!("the first picture with people in it is begun");
+            Instant::now()
+        });
         Ok(Some(standpoint))
     }
 

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use std::collections::VecDeque;
+use std::time::Duration;
 use tracker::workers::StageTimes;
 
 /// Pictures whose times are kept.
@@ -20,8 +21,11 @@ pub(crate) struct CameraFigures {
     pub(crate) face_ms: f64,
     /// All networks of a picture together: they run beside one another.
     pub(crate) networks_ms: f64,
-    /// The fit and the smoothing.
+    /// The fit; of a live source and its smoothing.
     pub(crate) fit_ms: f64,
+    /// Of a recording, the smoothing of the whole: mean of a picture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) smoothing_ms: Option<f64>,
     /// From the light to the motion. A recording that is read as fast as it can be has none: its light fell long ago.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) latency_ms: Option<f64>,
@@ -32,7 +36,7 @@ impl CameraFigures {
     pub(crate) fn print(&self) {
         let live = |text: String| self.latency_ms.map_or_else(String::new, |_| text);
         println!(
-            "{} pictures{}; median ms: body {:.1}, hands {:.1}, face {:.1}, these together {:.1}, fit {:.2}{}",
+            "{} pictures{}; median ms: body {:.1}, hands {:.1}, face {:.1}, these together {:.1}, fit {:.2}{}{}",
             self.pictures,
             live(format!(", {} more skipped", self.skipped)),
             self.body_ms,
@@ -40,6 +44,8 @@ impl CameraFigures {
             self.face_ms,
             self.networks_ms,
             self.fit_ms,
+            self.smoothing_ms
+                .map_or_else(String::new, |ms| format!(", smoothing {ms:.2} on average")),
             self.latency_ms
                 .map_or_else(String::new, |latency_ms| format!(
                     ", from the light to the motion {latency_ms:.1}"
@@ -64,6 +70,7 @@ pub(super) struct Record {
     pictures: u64,
     skipped: u64,
     last: Option<u64>,
+    smoothing_ms: Option<f64>,
 }
 
 impl Record {
@@ -81,6 +88,11 @@ impl Record {
             self.newest.pop_front();
         }
         self.newest.push_back(times);
+    }
+
+    /// Keeps what the smoothing of so many pictures took altogether.
+    pub(super) fn add_smoothing(&mut self, took: Duration, pictures: usize) {
+        self.smoothing_ms = Some(took.as_secs_f64() * 1e3 / pictures.max(1) as f64);
     }
 
     /// Forgets the times so far, and that there was a picture before the next one.
@@ -106,6 +118,7 @@ impl Record {
             face_ms: median(&|times| times.networks.face_ms.into()),
             networks_ms: median(&|times| times.networks.total_ms.into()),
             fit_ms: median(&|times| times.fit_ms),
+            smoothing_ms: self.smoothing_ms,
             latency_ms: is_live.then(|| median(&|times| times.latency_ms)),
         }
     }

@@ -1,8 +1,11 @@
 //! `mon3tr demo` before a camera, or what stands in for one: what becomes of the call where something fails.
 
 use crate::command::Outcome;
-use crate::place::{Demo, Place, can_draw, fails_naming, kill, wait_for_receiver};
+use crate::place::{
+    Demo, Place, can_draw, fails_naming, kill, wait_for_receiver, wait_until_it_says,
+};
 use std::fs::File;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -49,6 +52,26 @@ fn a_demo_that_is_asked_to_end_leaves_nothing_running() {
     wait_for_receiver(&mut demo, &said);
     demo.ask_to_end();
     fails_naming(&mut demo, &said, &["stopped before the end"]);
+    place.assert_left_clean();
+}
+
+#[test]
+fn ctrl_c_keeps_what_a_demo_has_shown() {
+    if can_draw().is_none() {
+        return;
+    }
+    let place = Place::make();
+    let mut command = place.demo(&[]);
+    // A terminal's Ctrl-C goes to all processes of its group.
+    command
+        .process_group(0)
+        .env("RUST_LOG", "app_session=debug");
+    let (mut demo, said) = start(&place, &mut command);
+    wait_until_it_says("the first picture", &mut demo, &said);
+    demo.press_ctrl_c();
+    fails_naming(&mut demo, &said, &["stopped before the end"]);
+    let animation = place.file("pictures/animation.webp");
+    assert!(has_content(&animation), "nothing of the call is kept");
     place.assert_left_clean();
 }
 

@@ -3,7 +3,7 @@
 use crate::command::{command, text};
 use crate::house::wait_for;
 use reconstruct::bake::BAKE_VERSION;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus};
 use synthetic_person::Puppet;
@@ -102,9 +102,14 @@ impl Demo {
         self.0.try_wait().expect("a child can be asked")
     }
 
-    /// Asks it to end, as Ctrl-C does.
+    /// Asks it to end, as a service manager does.
     pub(crate) fn ask_to_end(&self) {
         kill_process(Pid::from_child(&self.0), Signal::TERM).expect("it is there");
+    }
+
+    /// Ctrl-C in its terminal; it has to be the first process of a group.
+    pub(crate) fn press_ctrl_c(&self) {
+        kill_process_group(Pid::from_child(&self.0), Signal::INT).expect("it is there");
     }
 
     /// As `kill -9`.
@@ -125,11 +130,16 @@ impl Drop for Demo {
 
 /// Waits until the receiver says that it fetches the avatar: once everybody is there, Monado, the server and the sender.
 pub(crate) fn wait_for_receiver(demo: &mut Demo, said: &Path) {
-    wait_for("the receiver", || {
+    wait_until_it_says("fetching the avatar", demo, said);
+}
+
+/// Waits until one of a demo's processes has said `words`.
+pub(crate) fn wait_until_it_says(words: &str, demo: &mut Demo, said: &Path) {
+    wait_for(words, || {
         let ended = demo.has_ended();
         let said = std::fs::read_to_string(said).expect("what it says");
         assert!(ended.is_none(), "it ended before: {ended:?}\n{said}");
-        said.contains("fetching the avatar").then_some(())
+        said.contains(words).then_some(())
     });
 }
 

@@ -3,9 +3,9 @@
 use super::reading::Exchange;
 use super::terms::View;
 use super::triangulate::{LocatedBody, locate, pixel, sigmas, triangulate};
-use crate::landmarks::blazepose::{LOWER, mirrored};
+use crate::landmarks::blazepose::{EARS, HEELS, HIPS, LOWER, NOSE, SHOULDERS, TOES, mirrored};
 use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks};
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 /// Left and right are exchanged where that brings landmarks nearer by this share, and they were off by more than so many standard deviations.
 const CLEARLY: f64 = 0.6;
@@ -14,6 +14,8 @@ const OFF: f64 = 1.0;
 const MOST_TRIED: usize = 6;
 /// Rounds in which labels and places settle.
 const ROUNDS: usize = 4;
+/// A head or feet that point so far away from where left and right say is ahead have these exchanged: the cosine of the angle.
+const BACKWARDS: f64 = -0.5;
 
 /// Which cameras have left and right exchanged. They are compared with where landmarks were a frame before, where that is known, and then with each other.
 /// Otherwise every labelling is tried of those that see most, and the rest are compared with these.
@@ -44,14 +46,41 @@ pub(super) fn label(
             break;
         }
     }
-    if before.is_none() {
-        exchange_fewest(seen, &mut exchanges);
-    }
+    // What came before is no witness where the person faces away from it: after a cut into a half turn every camera would be exchanged.
+    let doubted = if before.is_some() {
+        backwards(&locate(views, seen, &exchanges))
+    } else {
+        Exchange::BOTH
+    };
+    exchange_fewest(seen, doubted, &mut exchanges);
     exchanges
 }
 
-/// Of a labelling and its mirror image, which explain the pictures alike, the one that exchanges less: most cameras are right.
-fn exchange_fewest(seen: &[Option<BodyLandmarks>], exchanges: &mut [Exchange]) {
+/// The halves of which left and right contradict where the person looks and the feet point. Neither depends on which side is which: the nose lies before the
+/// middle of the ears, the tips of the feet before the heels. A half of which too little is located contradicts nothing.
+fn backwards(located: &LocatedBody) -> Exchange {
+    let at = |landmark: usize| located[landmark].map(|located| located.place);
+    let middle = |pair: [usize; 2]| Some((at(pair[0])? + at(pair[1])?) / 2.0);
+    let cosine = |sides: [usize; 2], ahead: Option<Vector3<f64>>| {
+        let up = middle(SHOULDERS)? - middle(HIPS)?;
+        let forward = (at(sides[0])? - at(sides[1])?).cross(&up);
+        Some(
+            forward
+                .try_normalize(1e-9)?
+                .dot(&ahead?.try_normalize(1e-9)?),
+        )
+    };
+    let head = middle(EARS).and_then(|ears| Some(at(NOSE)? - ears));
+    let feet = middle(HEELS).and_then(|heels| Some(middle(TOES)? - heels));
+    let is_backwards = |cosine: Option<f64>| cosine.is_some_and(|cosine| cosine < BACKWARDS);
+    Exchange {
+        upper: is_backwards(cosine(EARS, head)),
+        lower: is_backwards(cosine(HIPS, feet)),
+    }
+}
+
+/// Of a labelling and its mirror image, which explain the pictures alike, the one that exchanges less, in the halves that are `doubted`: most cameras are right.
+fn exchange_fewest(seen: &[Option<BodyLandmarks>], doubted: Exchange, exchanges: &mut [Exchange]) {
     let cameras = seen.iter().take(exchanges.len()).flatten().count();
     let count = |of: fn(&Exchange) -> bool| {
         let all = seen.iter().zip(&*exchanges);
@@ -60,8 +89,8 @@ fn exchange_fewest(seen: &[Option<BodyLandmarks>], exchanges: &mut [Exchange]) {
     };
     let (upper, lower) = (count(|e| e.upper), count(|e| e.lower));
     for (seen, exchange) in seen.iter().zip(exchanges) {
-        exchange.upper ^= seen.is_some() && 2 * upper > cameras;
-        exchange.lower ^= seen.is_some() && 2 * lower > cameras;
+        exchange.upper ^= doubted.upper && seen.is_some() && 2 * upper > cameras;
+        exchange.lower ^= doubted.lower && seen.is_some() && 2 * lower > cameras;
     }
 }
 
@@ -179,7 +208,7 @@ fn relabel(
 mod tests {
     use super::*;
     use crate::landmarks::BodyPoint;
-    use nalgebra::{Rotation3, Vector3};
+    use nalgebra::Rotation3;
 
     /// Cameras in a ring about the person.
     fn views(count: usize) -> Vec<View> {
@@ -207,13 +236,26 @@ mod tests {
             };
             let pair = k.min(mirrored(k));
             let height = f64::from(u8::try_from(pair).expect("small")) * 0.05;
-            Vector3::new(side, 1.6 - height, 0.1 * side)
+            // Nose and feet point ahead.
+            let ahead = if [NOSE, TOES[0], TOES[1]].contains(&k) {
+                0.15
+            } else {
+                0.0
+            };
+            Vector3::new(side, 1.6 - height, 0.1 * side + ahead)
         })
     }
 
     /// What the views see where some have left and right exchanged.
     fn seen(views: &[View], exchanges: &[Exchange]) -> Vec<Option<BodyLandmarks>> {
-        let places = places();
+        seen_at(&places(), views, exchanges)
+    }
+
+    fn seen_at(
+        places: &[Vector3<f64>; BODY_LANDMARKS],
+        views: &[View],
+        exchanges: &[Exchange],
+    ) -> Vec<Option<BodyLandmarks>> {
         (views.iter().zip(exchanges))
             .map(|(view, exchange)| {
                 let mut body = BodyLandmarks {
@@ -282,6 +324,29 @@ mod tests {
             let seen = seen(&views[..2], &expected);
             assert_eq!(label(&views[..2], &seen, Some(&truth)), expected);
         }
+    }
+
+    #[test]
+    fn a_cut_into_a_half_turn_on_the_spot_exchanges_only_the_camera_that_is_mistaken() {
+        let views = views(5);
+        let none = exchanged(5, &[], &[]);
+        let before = locate(&views, &seen(&views, &none), &none);
+        let about = Rotation3::from_axis_angle(&Vector3::y_axis(), std::f64::consts::PI);
+        let turned = places().map(|place| about * place);
+        for expected in [none, exchanged(5, &[3], &[1])] {
+            let seen = seen_at(&turned, &views, &expected);
+            assert_eq!(label(&views, &seen, Some(&before)), expected);
+        }
+        // Without a face and feet nothing contradicts what came before.
+        let mut hidden = seen_at(&turned, &views, &exchanged(5, &[], &[]));
+        for body in hidden.iter_mut().flatten() {
+            for k in [NOSE, TOES[0], TOES[1]] {
+                body.points[k].confidence = 0.0;
+            }
+        }
+        let all: Vec<usize> = (0..5).collect();
+        let trusted = label(&views, &hidden, Some(&before));
+        assert_eq!(trusted, exchanged(5, &all, &all));
     }
 
     #[test]

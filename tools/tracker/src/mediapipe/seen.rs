@@ -49,7 +49,7 @@ impl Seen {
     }
 
     /// Whether `other` has left and right of these landmarks the other way round: its pixels are nearer to those of the other side, each pair counted as the least
-    /// sure of its four landmarks.
+    /// sure of its four landmarks. Without a margin: where a pair is as near either way, left and right lie on one another, and both answers give about the same.
     fn exchanges(&self, other: &Self, half: Range<usize>) -> bool {
         let (ours, theirs) = (&self.body.points, &other.body.points);
         let (mut straight, mut crossed) = (0.0, 0.0);

@@ -19,11 +19,13 @@ pub(super) fn between(a: &Posture, b: &Posture, share: f64) -> Posture {
     out
 }
 
-/// The posture of `frame`: its own where it is known, else between those that are known before and after, else that of the only neighbour. `None` where no
-/// frame is known.
-pub(super) fn filled(known: &[Option<Posture>], frame: usize) -> Option<Posture> {
-    let before = (0..=frame).rev().find_map(|k| Some((k, (*known.get(k)?)?)));
-    let after = (frame..known.len()).find_map(|k| Some((k, known[k]?)));
+/// The posture of `frame` by those that are known in one frame before it (or in itself) and in one after: between them, or that of the only neighbour. `None`
+/// where neither is known.
+pub(super) fn filled(
+    before: Option<(usize, Posture)>,
+    after: Option<(usize, Posture)>,
+    frame: usize,
+) -> Option<Posture> {
     match (before, after) {
         (Some((a, before)), Some((b, after))) if a < b => {
             let share = (frame - a) as f64 / (b - a) as f64;
@@ -31,6 +33,21 @@ pub(super) fn filled(known: &[Option<Posture>], frame: usize) -> Option<Posture>
         }
         (one, other) => one.or(other).map(|(_, posture)| posture),
     }
+}
+
+/// Every frame's posture: its own where it is known, else [`filled`] from the nearest known ones. `None` where no frame is known.
+pub(super) fn all_filled(known: &[Option<Posture>]) -> Vec<Option<Posture>> {
+    let mut frames = known.iter().enumerate();
+    let mut next = move || frames.find_map(|(frame, posture)| Some((frame, (*posture)?)));
+    let (mut before, mut after) = (None, next());
+    (0..known.len())
+        .map(|frame| {
+            if after.is_some_and(|(known, _)| known <= frame) {
+                (before, after) = (after, next());
+            }
+            filled(before, after, frame)
+        })
+        .collect()
 }
 
 /// The frames from the first that is seen to the last, cut where the person was unseen for two frames or more.
@@ -68,6 +85,8 @@ mod tests {
         };
         let mut known = [None; 8];
         (known[2], known[6]) = (Some(at(1.0, 0.2)), Some(at(3.0, 1.0)));
+        let filled = all_filled(&known);
+        assert_eq!(filled.len(), known.len());
         for (frame, x, turn) in [
             (0, 1.0, 0.2),
             (2, 1.0, 0.2),
@@ -75,7 +94,7 @@ mod tests {
             (5, 2.5, 0.8),
             (7, 3.0, 1.0),
         ] {
-            let found = filled(&known, frame).expect("two are known");
+            let found = filled[frame].expect("two are known");
             let angle = so3::log(&found.rotations[4]).x;
             assert!(
                 (found.position.x - x).abs() < 1e-12 && (angle - turn).abs() < 1e-12,
@@ -83,6 +102,6 @@ mod tests {
                 found.position.x
             );
         }
-        assert_eq!(filled(&[None; 3], 1), None, "nothing is known");
+        assert_eq!(all_filled(&[None; 3]), [None; 3], "nothing is known");
     }
 }

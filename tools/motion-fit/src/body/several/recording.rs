@@ -9,7 +9,7 @@ use super::super::solver::SkeletonSolver;
 use super::super::terms::{Term, View};
 use super::super::triangulate::{LocatedBody, pixel};
 use super::begin;
-use super::between::{ahead, between, filled, stretches};
+use super::between::{ahead, all_filled, between, filled, stretches};
 use super::pose::{RoomPose, Sight};
 use crate::landmarks::blazepose::{HIPS, SHOULDERS};
 use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks};
@@ -116,11 +116,13 @@ impl<'a> Recording<'a> {
             breaks: vec![false; self.frames.len()],
         };
         let seen: Vec<bool> = self.sights.iter().map(|s| *s != Sight::Unseen).collect();
-        let (agreed, doubtful): (Vec<_>, Vec<_>) = (stretches(&seen).into_iter())
-            .partition(|stretch| self.sights[stretch.clone()].contains(&Sight::Agreed));
-        for stretch in agreed {
-            let begun = (stretch.clone()).find(|frame| self.sights[*frame] == Sight::Agreed);
-            let begun = begun.unwrap_or(stretch.start);
+        let stretches = stretches(&seen);
+        let agreed = |frame: &usize| self.sights[*frame] == Sight::Agreed;
+        let begins: Vec<Option<usize>> = (stretches.iter())
+            .map(|stretch| stretch.clone().find(agreed))
+            .collect();
+        for (stretch, begun) in stretches.iter().zip(&begins) {
+            let Some(begun) = *begun else { continue };
             let near = begin::by_several(&self.solver, &self.bindings, &self.located[begun]);
             followed.known[begun] = Some(self.begun(begun, near));
             self.walk(begun + 1..stretch.end, None, begun, &mut followed);
@@ -128,25 +130,43 @@ impl<'a> Recording<'a> {
             let after = followed.known.get(begun + 1).copied().flatten();
             self.walk((stretch.start..begun).rev(), after, begun, &mut followed);
         }
-        for stretch in doubtful {
-            self.follow_doubtful(&stretch, &mut followed);
+        // Of each doubtful stretch, the frame that is known after it.
+        let mut after = None;
+        let mut doubtful: Vec<(usize, Option<usize>)> = Vec::new();
+        for (index, begun) in begins.iter().enumerate().rev() {
+            if begun.is_some() {
+                after = Some(stretches[index].start);
+            } else {
+                doubtful.push((index, after));
+            }
+        }
+        // From the first to the last: the frame before each is known by then.
+        for (index, after) in doubtful.into_iter().rev() {
+            let before = index.checked_sub(1).map(|index| stretches[index].end - 1);
+            self.follow_doubtful(&stretches[index], before, after, &mut followed);
         }
         followed
     }
 
-    /// A stretch in which no two cameras agree: as near to where the person was before and will be after as what is seen allows; with no such frame, as one
-    /// camera sees the trunk.
-    fn follow_doubtful(&mut self, stretch: &Range<usize>, followed: &mut Followed) {
+    /// A stretch in which no two cameras agree: as near to where the person was in the known frame `before` it and will be in the one `after` it as what is seen
+    /// allows; with no such frame, as one camera sees the trunk.
+    fn follow_doubtful(
+        &mut self,
+        stretch: &Range<usize>,
+        before: Option<usize>,
+        after: Option<usize>,
+        followed: &mut Followed,
+    ) {
         let begun = stretch.start;
-        let posture = if let Some(near) = filled(&followed.known, begun) {
+        let known = |frame: Option<usize>| Some((frame?, followed.known[frame?]?));
+        let posture = if let Some(near) = filled(known(before), known(after), begun) {
             // Infinite where the recording ends first: one of the two is not.
-            let frames = |away: Option<usize>| away.map_or(f64::INFINITY, |away| away as f64 + 1.0);
-            let is_known = |frame: usize| followed.known[frame].is_some();
-            let before = frames((0..begun).rev().position(is_known));
-            let after = frames((begun + 1..followed.known.len()).position(is_known));
+            let away = |frame: Option<usize>| {
+                frame.map_or(f64::INFINITY, |frame| frame.abs_diff(begun) as f64)
+            };
             let mut posture = near;
             self.pixel_terms(begun, &near);
-            self.near_terms(&near, before.min(after));
+            self.near_terms(&near, away(before).min(away(after)));
             self.solver.solve(&mut posture, FIRST);
             posture
         } else {
@@ -268,13 +288,11 @@ impl<'a> Recording<'a> {
 
     /// A pose for every frame.
     pub(super) fn poses(&self, followed: &Followed) -> Vec<RoomPose> {
-        (0..self.frames.len())
-            .map(|frame| {
-                let posture = filled(&followed.known, frame);
-                self.pose(
-                    frame,
-                    &posture.unwrap_or_else(|| self.solver.prior.posture()),
-                )
+        let postures = all_filled(&followed.known).into_iter().enumerate();
+        postures
+            .map(|(frame, posture)| {
+                let posture = posture.unwrap_or_else(|| self.solver.prior.posture());
+                self.pose(frame, &posture)
             })
             .collect()
     }
@@ -282,11 +300,12 @@ impl<'a> Recording<'a> {
     fn pose(&self, frame: usize, posture: &Posture) -> RoomPose {
         let placed = self.solver.chain().place(posture);
         let (frames, labels) = (&self.frames[frame], &self.labels[frame]);
-        let reprojection_px = (frames.iter().zip(labels).zip(&self.solver.views))
-            .map(|((seen, exchange), view)| {
+        let reprojection_px = (self.solver.views.iter().zip(labels).enumerate())
+            .map(|(camera, (view, exchange))| {
+                let seen = frames.get(camera).and_then(Option::as_ref);
                 let (mut sum, mut weights) = (0.0, 0.0);
                 for binding in &self.bindings {
-                    let (target, sure) = pixel(seen.as_ref(), binding.landmark, *exchange);
+                    let (target, sure) = pixel(seen, binding.landmark, *exchange);
                     let off = view.project(&placed.point(&binding.drawn)) - target;
                     let weight = sure * binding.pixel;
                     sum += weight * off.norm_squared();

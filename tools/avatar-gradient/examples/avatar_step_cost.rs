@@ -1,4 +1,4 @@
-//! What a step of training costs beside the splatter: `cargo run --release -p avatar-gradient --example step_cost [threads]` poses a person
+//! What a step of training costs beside the splatter: `cargo run --release -p avatar-gradient --example avatar_step_cost [threads]` poses a person
 //! of a demo's size, takes derivatives and steps, and prints milliseconds, means of many runs; with one thread those of the processor.
 
 use avatar_gradient::loss::{Pairs, Share, Surface, guide, scale};

@@ -1,4 +1,4 @@
-//! What a step of training costs: `cargo run --release -p splat-gradient --example step_cost [threads]` draws a person-like scene,
+//! What a step of training costs: `cargo run --release -p splat-gradient --example splat_step_cost [threads]` draws a person-like scene,
 //! takes L1 and SSIM of it and their derivatives, and prints milliseconds, means of many runs.
 
 use glam::{Affine3A, Mat3A, Vec3, Vec3A};

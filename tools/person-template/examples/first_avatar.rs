@@ -1,5 +1,5 @@
 //! Makes the first avatar of a capture and draws its template from several sides, shaded by its normals and in its Gaussians' colours:
-//! `cargo run --release -p person-template --example look -- OUT [CAPTURE]`. Without a capture, one is made up. MON3TR_MAKEHUMAN names MakeHuman's data.
+//! `cargo run --release -p person-template --example first_avatar -- OUT [CAPTURE]`. Without a capture, one is made up. MON3TR_MAKEHUMAN names MakeHuman's data.
 
 #[path = "../tests/made_up/mod.rs"]
 mod made_up;
