@@ -11,7 +11,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let runtime = Runtime::open(None)?; // ORT_DYLIB_PATH, or the system's libonnxruntime.so
 //! for available in runtime.probe() {
-//!     println!("{available:?}");
+//!     println!("{available}");
 //! }
 //! let onnx = std::fs::read("model.onnx")?;
 //! let (inputs, outputs) = ([TensorSpec::new("x", &[1, 64])], [TensorSpec::new("y", &[1, 8])]);

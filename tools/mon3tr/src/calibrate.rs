@@ -94,11 +94,7 @@ impl Calibrating {
         match self.state {
             // A person who has begun to stand may stand to the end.
             State::Waiting(missing) if seconds - begun > PATIENCE => {
-                let lacking = match missing {
-                    Missing::WholeBody => "nobody was seen from head to feet",
-                    Missing::Standing => "the person does not stand upright",
-                    Missing::Stillness => "the person moves",
-                };
+                let lacking = lacking(missing);
                 log::warn!(
                     "no calibration within {PATIENCE} s, because {lacking}: this goes on without, and learns while the person moves"
                 );
@@ -106,6 +102,25 @@ impl Calibrating {
             }
             _ => false,
         }
+    }
+
+    /// Says that the recording ended before it was done.
+    pub(crate) fn end(self) {
+        let lacking = match self.state {
+            State::Waiting(missing) => lacking(missing),
+            State::Standing(_) => "the person stood for less than two seconds",
+        };
+        log::warn!(
+            "no calibration until the recording ended, because {lacking}: it was fitted without"
+        );
+    }
+}
+
+fn lacking(missing: Missing) -> &'static str {
+    match missing {
+        Missing::WholeBody => "nobody was seen from head to feet",
+        Missing::Standing => "the person does not stand upright",
+        Missing::Stillness => "the person moves",
     }
 }
 

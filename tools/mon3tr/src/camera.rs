@@ -242,6 +242,9 @@ impl CameraCapture {
 
     /// The motion of a whole recording, of what [`Self::look`] gave of it.
     pub(crate) fn smooth_recording(&mut self, looks: Vec<Unsmoothed>) -> Vec<Fitted> {
+        if let Some(calibrating) = self.calibrating.take() {
+            calibrating.end();
+        }
         let (began, pictures) = (Instant::now(), looks.len());
         let motion = self.fit.smooth_recording(looks);
         self.record.add_smoothing(began.elapsed(), pictures);

@@ -137,7 +137,13 @@ impl Process {
         ) {
             log::debug!("`mon3tr {}` has ended already: {error}", self.name);
         }
-        self.wait(Some(TO_END))?;
+        if self.wait(Some(TO_END))?.is_none() {
+            log::warn!(
+                "`mon3tr {}` did not end within {} s and is killed: it keeps nothing",
+                self.name,
+                TO_END.as_secs()
+            );
+        }
         Ok(())
     }
 

@@ -65,5 +65,13 @@ pub(crate) fn draw(
     })?;
     bar.finish_and_clear();
     film.finish()?;
+    if seen.len() > shown.len() {
+        println!(
+            "{} shows the first {} of {} pictures",
+            file.display(),
+            shown.len(),
+            seen.len()
+        );
+    }
     Ok(())
 }

@@ -104,7 +104,6 @@ proptest! {
     ) {
         let mut buffer = JitterBuffer::new();
         let (mut now, mut shown, mut count) = (START, 0, 0u64);
-        let most_us = delay::MOST_US.unsigned_abs();
         for (sequence, captured, step, take) in frames {
             now += step;
             buffer.push(frame(sequence, captured), Micros(now), None);
@@ -112,7 +111,7 @@ proptest! {
             prop_assert!(buffer.waiting() <= WAITING, "{} frames wait", buffer.waiting());
             prop_assert!(buffer.delay() <= JitterBuffer::MAX_DELAY, "{:?}", buffer.delay());
             if let Some((_, due)) = buffer.next() {
-                prop_assert!(due.0 <= now + most_us, "due in {} us", due.0 - now);
+                prop_assert!(due.0 <= now + 200_000, "due in {} us", due.0 - now);
             }
             if take {
                 for played in buffer.take(Micros(now)) {

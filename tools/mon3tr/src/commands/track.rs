@@ -49,7 +49,7 @@ pub struct Options {
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     if options.video.is_live() {
         bail!(
-            "track takes recordings: a camera drives an avatar with send --camera or demo --camera"
+            "track takes recordings, and this is live: a camera or a live address drives an avatar with send --camera or demo --camera"
         );
     }
     if options.render.is_some() && matches!(options.video, SourceChoice::Stdin) {

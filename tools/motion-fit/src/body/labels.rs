@@ -3,7 +3,9 @@
 use super::reading::Exchange;
 use super::terms::View;
 use super::triangulate::{LocatedBody, locate, pixel, sigmas, triangulate};
-use crate::landmarks::blazepose::{EARS, HEELS, HIPS, LOWER, NOSE, SHOULDERS, TOES, mirrored};
+use crate::landmarks::blazepose::{
+    ANKLES, EARS, HEELS, HIPS, KNEES, LOWER, NOSE, SHOULDERS, TOES, mirrored,
+};
 use crate::landmarks::{BODY_LANDMARKS, BodyLandmarks};
 use nalgebra::{Vector2, Vector3};
 
@@ -14,8 +16,11 @@ const OFF: f64 = 1.0;
 const MOST_TRIED: usize = 6;
 /// Rounds in which labels and places settle.
 const ROUNDS: usize = 4;
-/// A head or feet that point so far away from where left and right say is ahead have these exchanged: the cosine of the angle.
+/// A head or feet that point so far away from where left and right say is ahead have these exchanged: the cosine of the angle. What tells that is
+/// located with such a confidence, and so far apart, metres.
 const BACKWARDS: f64 = -0.5;
+const TRUSTED: f64 = 0.3;
+const SHORTEST: f64 = 0.05;
 
 /// Which cameras have left and right exchanged. They are compared with where landmarks were a frame before, where that is known, and then with each other.
 /// Otherwise every labelling is tried of those that see most, and the rest are compared with these.
@@ -46,51 +51,76 @@ pub(super) fn label(
             break;
         }
     }
-    // What came before is no witness where the person faces away from it: after a cut into a half turn every camera would be exchanged.
-    let doubted = if before.is_some() {
-        backwards(&locate(views, seen, &exchanges))
+    // Of a labelling and its mirror image, which explain the pictures alike, the one that exchanges less: most cameras are right.
+    let mirrored = if before.is_some() {
+        // What came before is no witness where the person faces away from it: after a cut into a half turn every camera would be exchanged.
+        let doubted = exchanged_in(seen, &exchanges, |share| share >= 0.5);
+        if doubted == Exchange::NONE {
+            return exchanges;
+        }
+        let backwards = backwards(&locate(views, seen, &exchanges));
+        Exchange {
+            upper: doubted.upper && backwards.upper,
+            lower: doubted.lower && backwards.lower,
+        }
     } else {
-        Exchange::BOTH
+        exchanged_in(seen, &exchanges, |share| share > 0.5)
     };
-    exchange_fewest(seen, doubted, &mut exchanges);
+    for (seen, exchange) in seen.iter().zip(&mut exchanges) {
+        exchange.upper ^= mirrored.upper && seen.is_some();
+        exchange.lower ^= mirrored.lower && seen.is_some();
+    }
     exchanges
 }
 
-/// The halves of which left and right contradict where the person looks and the feet point. Neither depends on which side is which: the nose lies before the
-/// middle of the ears, the tips of the feet before the heels. A half of which too little is located contradicts nothing.
-fn backwards(located: &LocatedBody) -> Exchange {
-    let at = |landmark: usize| located[landmark].map(|located| located.place);
-    let middle = |pair: [usize; 2]| Some((at(pair[0])? + at(pair[1])?) / 2.0);
-    let cosine = |sides: [usize; 2], ahead: Option<Vector3<f64>>| {
-        let up = middle(SHOULDERS)? - middle(HIPS)?;
-        let forward = (at(sides[0])? - at(sides[1])?).cross(&up);
-        Some(
-            forward
-                .try_normalize(1e-9)?
-                .dot(&ahead?.try_normalize(1e-9)?),
-        )
+/// The halves that are exchanged in such a share of the cameras that see the person.
+fn exchanged_in(
+    seen: &[Option<BodyLandmarks>],
+    exchanges: &[Exchange],
+    is_enough: impl Fn(f64) -> bool,
+) -> Exchange {
+    let cameras = seen.iter().take(exchanges.len()).flatten().count().max(1);
+    let enough = |of: fn(&Exchange) -> bool| {
+        let all = seen.iter().zip(exchanges);
+        let count = all.filter(|(seen, exchange)| seen.is_some() && of(exchange));
+        is_enough(count.count() as f64 / cameras as f64)
     };
-    let head = middle(EARS).and_then(|ears| Some(at(NOSE)? - ears));
-    let feet = middle(HEELS).and_then(|heels| Some(middle(TOES)? - heels));
-    let is_backwards = |cosine: Option<f64>| cosine.is_some_and(|cosine| cosine < BACKWARDS);
     Exchange {
-        upper: is_backwards(cosine(EARS, head)),
-        lower: is_backwards(cosine(HIPS, feet)),
+        upper: enough(|exchange| exchange.upper),
+        lower: enough(|exchange| exchange.lower),
     }
 }
 
-/// Of a labelling and its mirror image, which explain the pictures alike, the one that exchanges less, in the halves that are `doubted`: most cameras are right.
-fn exchange_fewest(seen: &[Option<BodyLandmarks>], doubted: Exchange, exchanges: &mut [Exchange]) {
-    let cameras = seen.iter().take(exchanges.len()).flatten().count();
-    let count = |of: fn(&Exchange) -> bool| {
-        let all = seen.iter().zip(&*exchanges);
-        all.filter(|(seen, exchange)| seen.is_some() && of(exchange))
-            .count()
+/// The halves of which left and right contradict where the head looks and the feet point. Neither depends on which side is which: the nose lies before the
+/// middle of the ears, the tips of the feet before the heels. A half of which too little is located is with the other one, if shoulders and hips
+/// now have the same side.
+fn backwards(located: &LocatedBody) -> Exchange {
+    let at = |landmark: usize| {
+        let located = located[landmark].filter(|located| located.confidence >= TRUSTED);
+        located.map(|located| located.place)
     };
-    let (upper, lower) = (count(|e| e.upper), count(|e| e.lower));
-    for (seen, exchange) in seen.iter().zip(exchanges) {
-        exchange.upper ^= doubted.upper && seen.is_some() && 2 * upper > cameras;
-        exchange.lower ^= doubted.lower && seen.is_some() && 2 * lower > cameras;
+    let middle = |pair: [usize; 2]| Some((at(pair[0])? + at(pair[1])?) / 2.0);
+    let across = |pair: [usize; 2]| Some(at(pair[0])? - at(pair[1])?);
+    let between = |from: [usize; 2], to: [usize; 2]| Some(middle(to)? - middle(from)?);
+    let is_backwards = |across: Option<Vector3<f64>>, up, ahead: Option<Vector3<f64>>| {
+        let (across, ahead) = (across?, ahead?);
+        if across.norm().min(ahead.norm()) < SHORTEST {
+            return None;
+        }
+        let forward = across.cross(&up?).try_normalize(1e-3)?;
+        Some(forward.dot(&ahead.normalize()) < BACKWARDS)
+    };
+    let trunk = between(HIPS, SHOULDERS).or_else(|| between(SHOULDERS, EARS));
+    let nose = middle(EARS).and_then(|ears| Some(at(NOSE)? - ears));
+    let head = is_backwards(across(EARS), trunk, nose);
+    // Shins, not the trunk: who kneels has the feet behind.
+    let feet = is_backwards(across(HIPS), between(ANKLES, KNEES), between(HEELS, TOES));
+    let shoulders_and_hips = across(SHOULDERS).zip(across(HIPS));
+    let are_alike = shoulders_and_hips.is_some_and(|(a, b)| a.dot(&b) > 0.0);
+    let of_other = |other: Option<bool>| are_alike && other.unwrap_or(false);
+    Exchange {
+        upper: head.unwrap_or_else(|| of_other(feet)),
+        lower: feet.unwrap_or_else(|| of_other(head)),
     }
 }
 
@@ -326,27 +356,89 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_cut_into_a_half_turn_on_the_spot_exchanges_only_the_camera_that_is_mistaken() {
-        let views = views(5);
-        let none = exchanged(5, &[], &[]);
-        let before = locate(&views, &seen(&views, &none), &none);
+    /// `places` with the halves that are named turned by half a turn on the spot.
+    fn turned(halves: Exchange) -> [Vector3<f64>; BODY_LANDMARKS] {
         let about = Rotation3::from_axis_angle(&Vector3::y_axis(), std::f64::consts::PI);
-        let turned = places().map(|place| about * place);
-        for expected in [none, exchanged(5, &[3], &[1])] {
-            let seen = seen_at(&turned, &views, &expected);
-            assert_eq!(label(&views, &seen, Some(&before)), expected);
-        }
-        // Without a face and feet nothing contradicts what came before.
-        let mut hidden = seen_at(&turned, &views, &exchanged(5, &[], &[]));
-        for body in hidden.iter_mut().flatten() {
-            for k in [NOSE, TOES[0], TOES[1]] {
-                body.points[k].confidence = 0.0;
+        let places = places();
+        std::array::from_fn(|k| {
+            let is_turned = if k < LOWER {
+                halves.upper
+            } else {
+                halves.lower
+            };
+            if is_turned {
+                about * places[k]
+            } else {
+                places[k]
+            }
+        })
+    }
+
+    /// Where the person is who has not turned.
+    fn before(views: &[View]) -> LocatedBody {
+        let none = vec![Exchange::NONE; views.len()];
+        locate(views, &seen(views, &none), &none)
+    }
+
+    fn hide(bodies: &mut [Option<BodyLandmarks>], landmarks: &[usize]) {
+        for body in bodies.iter_mut().flatten() {
+            for k in landmarks {
+                body.points[*k].confidence = 0.0;
             }
         }
-        let all: Vec<usize> = (0..5).collect();
-        let trusted = label(&views, &hidden, Some(&before));
-        assert_eq!(trusted, exchanged(5, &all, &all));
+    }
+
+    #[test]
+    fn a_cut_into_a_half_turn_on_the_spot_exchanges_only_the_camera_that_is_mistaken() {
+        for (cameras, arms, legs) in [
+            (5, &[][..], &[][..]),
+            (5, &[3], &[1]),
+            (2, &[1], &[1]),
+            (4, &[0, 2], &[]),
+        ] {
+            let views = views(cameras);
+            let expected = exchanged(cameras, arms, legs);
+            let mut seen = seen_at(&turned(Exchange::BOTH), &views, &expected);
+            let before = before(&views);
+            assert_eq!(label(&views, &seen, Some(&before)), expected);
+            // Either of face and feet tells it alone.
+            for hidden in [&[NOSE][..], &TOES] {
+                let mut seen = seen.clone();
+                hide(&mut seen, hidden);
+                let found = label(&views, &seen, Some(&before));
+                assert_eq!(found, expected, "without {hidden:?}");
+            }
+            // Without both, nothing contradicts what came before.
+            hide(&mut seen, &[NOSE, TOES[0], TOES[1]]);
+            let trusted = label(&views, &seen, Some(&before));
+            let opposite = expected.iter().map(|exchange| Exchange {
+                upper: !exchange.upper,
+                lower: !exchange.lower,
+            });
+            assert_eq!(trusted, opposite.collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn a_person_who_has_not_turned_keeps_the_sides_though_most_cameras_are_mistaken() {
+        let views = views(5);
+        let expected = exchanged(5, &[0, 1, 3], &[1, 2, 4]);
+        let seen = seen(&views, &expected);
+        assert_eq!(label(&views, &seen, Some(&before(&views))), expected);
+    }
+
+    #[test]
+    fn each_half_is_told_by_its_own_landmarks() {
+        let views = views(5);
+        let none = exchanged(5, &[], &[]);
+        for upper in [true, false] {
+            let half = Exchange {
+                upper,
+                lower: !upper,
+            };
+            let seen = seen_at(&turned(half), &views, &none);
+            assert_eq!(label(&views, &seen, Some(&before(&views))), none);
+        }
     }
 
     #[test]

@@ -94,7 +94,7 @@ fn stances(soles: &[[Vector3<f64>; 2]], standing: &[[bool; 2]]) -> Vec<Stance> {
 }
 
 /// Where a foot rolls from one sole onto the other it does not jump: the later sole goes on from the earlier one's offset. A foot that rolls on and on is carried
-/// no further than [`TORN`].
+/// no further than [`TORN`], and slides from there on.
 fn roll(held: &mut [Held]) {
     let mut carried = Vector3::zeros();
     let mut before: Option<Held> = None;
@@ -227,11 +227,13 @@ mod tests {
         let standing: Vec<[bool; 2]> = (0..500).map(|k| [k / 8 % 2 == 0, k / 8 % 2 == 1]).collect();
         let held = held(&soles, &standing);
         assert!(held.iter().all(|held| held.stands));
+        let furthest = held.iter().map(|held| held.offset.norm());
+        assert!(furthest.fold(0.0, f64::max) > 0.9 * TORN);
         for frame in 1..500 {
             let offset = held[frame].offset;
             assert!(offset.norm() < TORN + 1e-9, "{offset} in frame {frame}");
             let jump = (offset - held[frame - 1].offset).norm();
-            assert!(jump < 0.01, "{jump} m in frame {frame}");
+            assert!(jump < 0.0041, "{jump} m in frame {frame}");
         }
     }
 

@@ -73,7 +73,7 @@ pub enum SourceError {
     },
     /// No picture came for long.
     #[error(
-        "{name} gave no picture for {seconds} seconds: is it covered by another program, unplugged, or the network down?"
+        "{name} gave no picture for {seconds} seconds: is it unplugged, in use by another program, or the network down?"
     )]
     Silent {
         /// The source's name.

@@ -13,24 +13,17 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
 /// Distances from a camera at which a person may be, metres.
 const DEPTHS: (f64, f64) = (0.5, 30.0);
 
-/// The most likely pose, turned as the trunk is (without hips, as shoulders and head are), and placed where landmarks are on average.
+/// The most likely pose, turned as the trunk is, and placed where landmarks are on average.
 pub(super) fn by_several(
     solver: &SkeletonSolver,
     bindings: &[Binding; COUNT],
     located: &LocatedBody,
 ) -> Posture {
     let mut posture = solver.prior.posture();
-    let at = |landmark: usize| located[landmark].map(|located| located.place);
-    let middle = |pair: [usize; 2]| Some((at(pair[0])? + at(pair[1])?) / 2.0);
-    let apart = |pair: [usize; 2]| Some(at(pair[0])? - at(pair[1])?);
-    if let (Some(shoulders), Some(width)) = (middle(SHOULDERS), apart(SHOULDERS)) {
-        let up = (middle(HIPS).map(|hips| shoulders - hips))
-            .or_else(|| middle(EARS).map(|head| head - shoulders));
-        let across = width + apart(HIPS).unwrap_or_default();
-        if let Some(turn) = up.and_then(|up| turned(&across, &up)) {
-            posture.rotations[0] = turn;
-        }
+    if let Some(turn) = turn_of_trunk(located) {
+        posture.rotations[0] = turn;
     }
+    let at = |landmark: usize| located[landmark].map(|located| located.place);
     // The mean of what is located goes to the mean of the same on the body.
     let placed = solver.chain().place(&posture);
     let (mut shift, mut count) = (Vector3::zeros(), 0.0);
@@ -44,6 +37,17 @@ pub(super) fn by_several(
         posture.position += shift / count;
     }
     posture
+}
+
+/// How the trunk is turned in the world; without hips, as shoulders and head are. `None` where that is not located.
+pub(super) fn turn_of_trunk(located: &LocatedBody) -> Option<UnitQuaternion<f64>> {
+    let at = |landmark: usize| located[landmark].map(|located| located.place);
+    let middle = |pair: [usize; 2]| Some((at(pair[0])? + at(pair[1])?) / 2.0);
+    let apart = |pair: [usize; 2]| Some(at(pair[0])? - at(pair[1])?);
+    let (shoulders, width) = (middle(SHOULDERS)?, apart(SHOULDERS)?);
+    let up = (middle(HIPS).map(|hips| shoulders - hips))
+        .or_else(|| middle(EARS).map(|head| head - shoulders))?;
+    turned(&(width + apart(HIPS).unwrap_or_default()), &up)
 }
 
 /// The most likely pose as one camera sees its trunk: parallel to the picture, facing the camera or away from it as left and right say, and as far away

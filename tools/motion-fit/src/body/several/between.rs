@@ -19,7 +19,7 @@ pub(super) fn between(a: &Posture, b: &Posture, share: f64) -> Posture {
     out
 }
 
-/// The posture of `frame` by those that are known in one frame before it (or in itself) and in one after: between them, or that of the only neighbour. `None`
+/// The posture of `frame` by those that are known in one frame before it and in one after: between them, or that of the only neighbour. `None`
 /// where neither is known.
 pub(super) fn filled(
     before: Option<(usize, Posture)>,
@@ -45,7 +45,7 @@ pub(super) fn all_filled(known: &[Option<Posture>]) -> Vec<Option<Posture>> {
             if after.is_some_and(|(known, _)| known <= frame) {
                 (before, after) = (after, next());
             }
-            filled(before, after, frame)
+            known[frame].or_else(|| filled(before, after, frame))
         })
         .collect()
 }

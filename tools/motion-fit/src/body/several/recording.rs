@@ -38,6 +38,8 @@ const ALONE: usize = 30;
 /// what is found anew is no further off than this.
 const LOST: f64 = 0.3;
 const FOUND: f64 = 0.1;
+/// The same of a trunk that faces so far away from where the frames before lead, radians: nobody turns that far in a frame.
+const TURNED: f64 = std::f64::consts::FRAC_PI_2;
 
 /// What the cameras saw, and the skeleton that follows it.
 pub(super) struct Recording<'a> {
@@ -245,7 +247,9 @@ impl<'a> Recording<'a> {
     ) -> Option<Posture> {
         let off = self.off(frame, posture)?;
         let jumped = (posture.position - predicted.position).norm() > LOST;
-        if self.sights[frame] != Sight::Agreed || off < LOST && !jumped {
+        let turned = begin::turn_of_trunk(&self.located[frame])
+            .is_some_and(|turn| turn.angle_to(&predicted.rotations[0]) > TURNED);
+        if self.sights[frame] != Sight::Agreed || off < LOST && !jumped && !turned {
             return None;
         }
         let near = begin::by_several(&self.solver, &self.bindings, &self.located[frame]);
