@@ -189,12 +189,13 @@ pub fn bind(
     let skin = Skin::new(model, &body);
     let mut label = vec![0_u8; scan.len()];
     let mut things = Vec::new();
+    let mut shapes = Vec::new();
     if options.accessories {
         let wearer = Wearer {
             vertices: &body,
             weights: &model.weights,
         };
-        things = find_things(scan, survey, &places, &skin, wearer, &mut label);
+        (things, shapes) = find_things(scan, survey, &places, &skin, wearer, &mut label);
     }
 
     let mut report = BindReport {
@@ -225,8 +226,13 @@ pub fn bind(
     let stays: Vec<bool> = (parents.par_iter().zip(&split.positions))
         .map(|(parent, position)| {
             let parent = *parent as usize;
-            label[parent] != 0
-                || parts[parent] == 1
+            if let Some(shape) = usize::from(label[parent])
+                .checked_sub(1)
+                .and_then(|at| shapes.get(at))
+            {
+                return shape.contains(*position);
+            }
+            parts[parent] == 1
                 || skin.off(*position) <= ASTRAY
                 || skin.off(cleaned.positions[parent]) > ASTRAY
         })
@@ -309,7 +315,7 @@ fn find_things(
     skin: &Skin<'_>,
     wearer: Wearer<'_>,
     label: &mut [u8],
-) -> Vec<Accessory> {
+) -> (Vec<Accessory>, Vec<accessories::Shape>) {
     let off: Vec<Vec3> = (0..scan.len())
         .into_par_iter()
         .filter(|at| {
@@ -320,6 +326,7 @@ fn find_things(
         .map(|at| scan.positions[at])
         .collect();
     let mut things = Vec::new();
+    let mut shapes = Vec::new();
     for cluster in accessories::clusters(&off) {
         let (shape, thing) = accessories::attach(&cluster, wearer);
         things.push(thing);
@@ -332,8 +339,9 @@ fn find_things(
                     *label = number;
                 }
             });
+        shapes.push(shape);
     }
-    things
+    (things, shapes)
 }
 
 /// Adds the triangle that carries a thing, and moves with its joint alone; which face it is.

@@ -1,9 +1,10 @@
 //! Joints that the user placed: they stand in for what the network says of them, or cannot say, while the person is stood upright.
 
-use super::landmarks::JOINTS;
+use super::landmarks::{JOINTS, limbs};
 use super::refused;
 use super::similarity::Similarity;
 use crate::RigError;
+use crate::median::median;
 use crate::points::KeyPoint;
 use crate::scan::Scan;
 use glam::{DVec3, Vec3};
@@ -78,4 +79,42 @@ pub(super) fn with(
         };
     }
     points
+}
+
+/// How well views agree on the joints of the limbs that the user did not place, metres: the median. 0 if the user placed all.
+pub(super) fn residual(points: &[KeyPoint; BODY_LANDMARKS], placed: &[PlacedLandmark]) -> f64 {
+    let is_placed = |joint: Joint| {
+        let of_joint = |(landmark, _): &PlacedLandmark| JOINTS.contains(&(joint, *landmark));
+        placed.iter().any(of_joint)
+    };
+    let found = limbs(points).filter(|(joint, _)| !is_placed(*joint));
+    median(found.map(|(_, point)| point.residual)).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn placed_joints_do_not_make_the_others_look_exact() {
+        let mut points = [KeyPoint::default(); BODY_LANDMARKS];
+        for point in &mut points {
+            point.residual = 0.04;
+        }
+        let placed: Vec<PlacedLandmark> = (JOINTS.iter().skip(1))
+            .map(|(_, landmark)| (*landmark, DVec3::ZERO))
+            .collect();
+        assert_eq!(residual(&points, &placed), 0.04, "eleven of twelve placed");
+        // Most are wrong, and placed: what is left is as it was.
+        let (wrong, _) = JOINTS.split_at(7);
+        for (_, landmark) in wrong {
+            points[*landmark].residual = 0.2;
+        }
+        let placed: Vec<PlacedLandmark> = (wrong.iter())
+            .map(|(_, landmark)| (*landmark, DVec3::ZERO))
+            .collect();
+        assert_eq!(residual(&points, &placed), 0.04, "seven placed");
+        let all: Vec<PlacedLandmark> = JOINTS.iter().map(|(_, at)| (*at, DVec3::ZERO)).collect();
+        assert_eq!(residual(&points, &all), 0.0, "all placed");
+    }
 }

@@ -4,8 +4,8 @@ use super::cut::cut;
 use super::face_points::{Head, face_landmarks_of};
 use super::figures::Figures;
 use super::found::{USUAL_HEIGHT, count, the_person};
-use super::hints::{Hints, with};
-use super::landmarks::{ANKLES, EARS, EYES, HIPS, KNEES, limbs};
+use super::hints::{Hints, residual, with};
+use super::landmarks::{ANKLES, EARS, EYES, HIPS, KNEES};
 use super::looking::{MOST_DRAWN, look_around};
 use super::networks::Networks;
 use super::placing::{onto_the_floor, stood};
@@ -167,9 +167,11 @@ pub fn prepare(
     scan = person_from_scene.scan(&found.scan);
     let marked = with(&body, &hints.landmarks(&person_from_scene));
     complete(&scan, &marked)?;
-    let residual = median(limbs(&marked).map(|(_, point)| point.residual));
-    figures.body_residual = residual.unwrap_or(f64::INFINITY);
-    if figures.body_residual > MOST_RESIDUAL || looks < VIEWS as usize / 2 {
+    if looks < VIEWS as usize / 2 {
+        return Err(refused::seldom_seen(looks));
+    }
+    figures.body_residual = residual(&body, &hinted);
+    if figures.body_residual > MOST_RESIDUAL {
         return Err(refused::unsure(&marked));
     }
     figures.beside = share_beside(&scan, &marked, ABOUT_BONES * height / USUAL_HEIGHT);

@@ -80,6 +80,14 @@ pub(super) fn incomplete(what: &str) -> RigError {
     ))
 }
 
+/// Networks see a person in so few views.
+pub(super) fn seldom_seen(views: usize) -> RigError {
+    RigError::unsuited(format!(
+        "only {views} of 12 views of the scan show a person: give a scan of one person who stands freely and was recorded from all sides; \
+         if others or furniture are near, choose the person with --box x0,y0,z0,x1,y1,z1"
+    ))
+}
+
 /// No two views show these joints.
 pub(super) fn unseen(joints: &[Joint]) -> RigError {
     let hints: Vec<String> = (joints.iter())

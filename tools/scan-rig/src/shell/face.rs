@@ -37,6 +37,9 @@ const LASHES: (f64, f64) = (0.75, 0.9);
 const LASH_WIDTH: (f64, f64) = (0.0006, 0.0022);
 const LASH_DARK: f64 = 0.4;
 
+/// What closing the eyes stretches by less than this share of a fold is painted as the scan shows it with open eyes.
+const WHOLE: f64 = 0.8;
+
 /// What is in a socket stays this far behind the skin around the eye, metres; what is before it by no more than the second, pokes out.
 const BEHIND_SKIN: f64 = 0.0012;
 const POKES_OUT: f64 = 0.008;
@@ -255,8 +258,8 @@ impl Painter<'_> {
             additions.push(cell, -under, colour, OPACITY);
             as_scanned.resize(
                 additions.len(),
-                // Nor do pictures colour what is beside an eye: they show its lashes there.
-                outer > 0.95 && lid < 0.15 && eye_shows.max(beside_eye) < 0.1,
+                // Pictures show lashes and shade where lids close: only what would be stretched over the eye then keeps its skin.
+                outer > 0.95 && (folded < WHOLE || lid < 0.15 && eye_shows.max(beside_eye) < 0.1),
             );
         }
     }

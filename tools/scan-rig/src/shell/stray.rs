@@ -12,12 +12,20 @@ use crate::scan::Scan;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Skin is closed in where other skin is within the first as the scan stands, and more than the second farther in T-pose, metres.
-const BETWEEN: f32 = 0.05;
-const OPENS: f32 = 0.08;
+/// Skin is closed in where other skin, or a thing, is within the first as the scan stands, and more than the second farther in T-pose, metres;
+/// the larger bounds are for mist.
+const BETWEEN: (f32, f32) = (0.05, 0.08);
+const BETWEEN_FAR: (f32, f32) = (0.09, 0.05);
 
-/// How many vertices near a vertex are looked at for that.
-const LOOKED_AT: usize = 128;
+/// A Gaussian whose second longest standard deviation is more is mist where it stands off the skin, metres.
+const MIST: f32 = 0.008;
+
+/// Of a thing, one in so many Gaussians of more opacity than this is looked at.
+const THINNED: usize = 3;
+const SOLID: f32 = 0.3;
+
+/// How many vertices, and Gaussians of things, near a vertex are looked at.
+const LOOKED_AT: usize = 512;
 
 /// Between two parts, what is farther off its triangle than the first is left out, and what is farther off than the second is no skin's
 /// colour, metres.
@@ -58,34 +66,53 @@ pub(crate) fn tidy(
     let rest = bound.rest(model, registered)?;
     let here = bound.vertices();
     let there: Vec<Vec3> = rest.vertices.iter().map(|v| v.as_vec3()).collect();
-    let opens = opening(model, &here, &there);
+    let carried = bound.carried();
+    let posed = carried.posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &there);
+    let of_things: Vec<usize> = (0..bound.scan.len())
+        .filter(|at| bound.accessory[*at] != 0 && bound.scan.opacities[*at] > SOLID)
+        .step_by(THINNED)
+        .collect();
+    let of =
+        |scan: &Scan| -> Vec<Vec3> { of_things.iter().map(|at| scan.positions[*at]).collect() };
+    let opens = opening(model, [&here, &there], [&of(&bound.scan), &of(&posed)]);
     let is_body = |at: usize| {
         let face = bound.triangles[at] as usize;
         bound.accessory[at] == 0
             && (model.faces.get(face))
                 .is_some_and(|corners| model.head_share(corners[0] as usize) < HEADS_SHARE)
     };
-    let is_between = |at: usize| {
+    let is_on = |opens: &[bool], at: usize| {
         (model.faces.get(bound.triangles[at] as usize))
             .is_some_and(|corners| corners.iter().any(|v| opens[*v as usize]))
     };
     let body: Vec<bool> = (0..bound.scan.len()).map(is_body).collect();
-    let between: Vec<bool> = (0..bound.scan.len())
-        .map(|at| body[at] && is_between(at))
-        .collect();
-    let carried = bound.carried();
-    let posed = carried.posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &there);
+    let on = |opens: &[bool]| -> Vec<bool> {
+        (body.iter().enumerate())
+            .map(|(at, body)| *body && is_on(opens, at))
+            .collect()
+    };
+    let (between, beside) = (on(&opens.near), on(&opens.far));
     let (ends_here, ends_there) = (ends(model, &bound.scan, &here), ends(model, &posed, &there));
     let colours = around(bound, model, &between, &rest.vertices[..model.rest.len()]);
+    let outside = outside(model, &posed.positions, &there);
+    let is_mist = |scan: &Scan, at: usize| {
+        let scales = scan.scales[at];
+        let middle = scales.element_sum() - scales.max_element() - scales.min_element();
+        middle > MIST
+    };
     let mut stray = Stray::default();
     let mut keep = vec![true; bound.scan.len()];
     for at in (0..bound.scan.len()).filter(|at| body[*at]) {
         let off = carried.offsets[at].length();
-        // What lies as deep under the skin does not show.
+        // What lies as deep under the skin does not show. A Gaussian that its neighbours moved to another part of the body is beside its
+        // triangle, not over it, and outside of the skin all the same.
         let corners = model.faces[bound.triangles[at] as usize].map(|v| there[v as usize]);
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let height = (posed.positions[at] - corners[0]).dot(normal.normalize_or_zero());
-        if between[at] && off > OFF && height > 0.4 * OFF {
+        let is_outside = outside[at] > 0.6 * OFF;
+        let is_stray = (between[at] && (is_outside || height > 0.4 * OFF))
+            || (beside[at] && is_outside && is_mist(&bound.scan, at));
+        if off > OFF && is_stray {
             keep[at] = false;
             stray.dropped += 1;
             continue;
@@ -109,37 +136,88 @@ pub(crate) fn tidy(
         }
     }
     bound.retain(&keep);
-    stray.opens = opens;
+    stray.opens = opens.near;
     Ok(stray)
 }
 
-/// Which vertices of the skin are near other skin in the scan's pose (`here`) that is far in T-pose (`there`).
-fn opening(model: &BodyModel, here: &[Vec3], there: &[Vec3]) -> Vec<bool> {
+/// `[N_v]` which vertices of the skin are closed in by what moves away from them.
+struct Opening {
+    /// By [`BETWEEN`].
+    near: Vec<bool>,
+    /// By [`BETWEEN_FAR`].
+    far: Vec<bool>,
+}
+
+/// Which vertices of the skin are near other skin, or a thing, in the scan's pose that is far in T-pose. Both are in the two poses: first the
+/// scan's.
+fn opening(
+    model: &BodyModel,
+    [here, there]: [&[Vec3]; 2],
+    [things_here, things_there]: [&[Vec3]; 2],
+) -> Opening {
     let outer: Vec<usize> = (0..model.body_vertices)
         .filter(|v| model.outer[*v])
         .collect();
     let points: Vec<[f32; 3]> = outer.iter().map(|v| here[*v].to_array()).collect();
-    let tree = Nearest::new(&points);
-    let found: Vec<bool> = points
+    let skin = Nearest::new(&points);
+    let things: Vec<[f32; 3]> = things_here.iter().map(|at| at.to_array()).collect();
+    let things = Nearest::new(&things);
+    let found: Vec<[bool; 2]> = points
         .par_iter()
         .zip(&outer)
         .map_init(
             || vec![(0.0_f32, 0_u32); LOOKED_AT],
             |near, (point, v)| {
-                let count = tree.some(point, near);
-                near.iter().take(count).any(|(squared, other)| {
-                    let other = outer[*other as usize];
+                let mut found = [false; 2];
+                let mut look = |squared: f32, other: Vec3| {
                     let apart = squared.sqrt();
-                    apart < BETWEEN && there[*v].distance(there[other]) > apart + OPENS
-                })
+                    let opens = there[*v].distance(other) - apart;
+                    for (found, (within, least)) in found.iter_mut().zip([BETWEEN, BETWEEN_FAR]) {
+                        *found |= apart < within && opens > least;
+                    }
+                };
+                let count = skin.some(point, near);
+                for (squared, other) in near.iter().take(count) {
+                    look(*squared, there[outer[*other as usize]]);
+                }
+                let count = things.some(point, near);
+                for (squared, other) in near.iter().take(count) {
+                    look(*squared, things_there[*other as usize]);
+                }
+                found
             },
         )
         .collect();
-    let mut opens = vec![false; model.rest.len()];
-    for (v, found) in outer.iter().zip(found) {
-        opens[*v] = found;
+    let mut opening = Opening {
+        near: vec![false; model.rest.len()],
+        far: vec![false; model.rest.len()],
+    };
+    for (v, [near, far]) in outer.iter().zip(found) {
+        opening.near[*v] = near;
+        opening.far[*v] = far;
     }
-    opens
+    opening
+}
+
+/// How far points are outside of the nearest skin, metres; negative inside.
+fn outside(model: &BodyModel, points: &[Vec3], vertices: &[Vec3]) -> Vec<f32> {
+    let mut middles: Vec<[f32; 3]> = Vec::new();
+    let mut normals: Vec<Vec3> = Vec::new();
+    for face in &model.faces {
+        if face.iter().all(|v| model.outer[*v as usize]) {
+            let [a, b, c] = face.map(|v| vertices[v as usize]);
+            middles.push(((a + b + c) / 3.0).to_array());
+            normals.push((b - a).cross(c - a).normalize_or_zero());
+        }
+    }
+    let tree = Nearest::new(&middles);
+    (points.par_iter())
+        .map(|point| {
+            tree.one(&point.to_array()).map_or(0.0, |found| {
+                (*point - Vec3::from(middles[found.at])).dot(normals[found.at])
+            })
+        })
+        .collect()
 }
 
 /// How far the worse end of each Gaussian is from the skin, metres.
