@@ -138,11 +138,16 @@ impl Trainer<'_> {
         })
     }
 
-    /// Writes the package if it is the best so far by `validation`, complete or not at all; tells whether it was.
+    /// Writes the package if it is the best so far by `validation`, or if there is none at `path`: complete or not at all. Tells whether it was
+    /// written.
     ///
     /// # Errors
     /// Numbers that do not make an avatar, a file that cannot be written.
     pub fn keep_best(&mut self, validation: &Validation, path: &Path) -> Result<bool, TrainError> {
+        // The best one was written elsewhere, or is gone: this one is the best that there is.
+        if !path.exists() {
+            self.best = None;
+        }
         if self.best.is_some_and(|best| validation.psnr <= best) {
             return Ok(false);
         }

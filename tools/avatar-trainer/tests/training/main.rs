@@ -2,6 +2,7 @@
 
 mod broken;
 mod exported;
+mod fuzzed;
 mod overfit;
 mod repeated;
 mod studio;
