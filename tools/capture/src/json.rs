@@ -167,3 +167,29 @@ impl<'a> Node<'a> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_read_up_to_their_limit_and_what_is_wrong_is_named_by_its_place() {
+        let file = Path::new("a.json");
+        let read = |text: &str| -> Result<Vec<f64>, CaptureError> {
+            let value: Value = serde_json::from_str(text).expect("JSON");
+            Node::root(file, &value).flat(3)
+        };
+        assert_eq!(read("[[1, 2], 3]").expect("numbers"), [1.0, 2.0, 3.0], "nested");
+        let long = format!("[[{}]]", vec!["0"; 5000].join(","));
+        assert_eq!(read(&long).expect("numbers").len(), 3 + 16, "no more is gathered");
+        for (text, place) in [
+            ("[1, [2, \"x\"]]", "`[1][1]`"),
+            ("[1, null]", "`[1]`"),
+            ("[[[1]]]", "`[0][0]`"),
+            ("3", "`the file`"),
+        ] {
+            let said = read(text).expect_err("refused").to_string();
+            assert!(said.contains(place), "{text}: {said}");
+        }
+    }
+}

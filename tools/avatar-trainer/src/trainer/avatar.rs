@@ -19,7 +19,7 @@ const WITHOUT_VALIDATION: usize = 4;
 /// How near the avatar comes to pictures.
 #[derive(Debug, Clone)]
 pub struct Validation {
-    /// Masked PSNR over all of them, decibels, as a receiver draws the package.
+    /// PSNR within the masks of all of them, decibels, as a receiver draws the package.
     pub psnr: f64,
     /// How many pictures.
     pub pictures: usize,
@@ -161,7 +161,7 @@ impl Trainer<'_> {
         saved.map(|_| true)
     }
 
-    /// Masked PSNR of the best avatar that was written, decibels.
+    /// PSNR within the masks of the best avatar that was written, decibels.
     #[must_use]
     pub fn best(&self) -> Option<f64> {
         self.best

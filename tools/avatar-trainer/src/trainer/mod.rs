@@ -34,7 +34,7 @@ pub struct StepReport {
     pub pair: Pair,
     /// The whole loss.
     pub loss: f64,
-    /// Masked PSNR of the picture before the step, decibels, at the resolution that it was compared in.
+    /// PSNR within the mask of the picture before the step, decibels, at the resolution that it was compared in.
     pub psnr: f64,
     /// Gaussians after it.
     pub gaussians: usize,
@@ -70,7 +70,7 @@ pub struct Trainer<'a> {
     /// Steps since the population changed, and how often it did.
     unchanged: u32,
     rounds: u32,
-    /// Masked PSNR of the best avatar that was handed out.
+    /// PSNR within the masks of the best avatar that was handed out.
     best: Option<f64>,
     memory: Memory,
 }

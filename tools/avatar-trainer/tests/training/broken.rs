@@ -195,4 +195,20 @@ fn what_is_held_out_is_never_looked_at() {
     for pair in all {
         assert!(pair.camera != 1 && pair.frame < 2, "{pair:?}");
     }
+    let mut trainer = trainer;
+    for (camera, of) in capture.cameras().iter().enumerate() {
+        for frame in (0..4).filter(|frame| camera == 1 || *frame >= 2) {
+            for kind in ["frames", "masks"] {
+                let file = format!("{kind}/{}/{frame:06}.png", of.name);
+                std::fs::write(folder.path().join(file), "no picture").expect("written");
+            }
+            assert!(capture.photograph(camera, frame).is_err(), "it is rubbish");
+        }
+    }
+    for step in 0..20u8 {
+        trainer
+            .step(f32::from(step) / 20.0)
+            .expect("a step on the others");
+    }
+    trainer.validate().expect("drawn beside the others");
 }

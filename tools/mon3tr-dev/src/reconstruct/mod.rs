@@ -151,7 +151,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let saved = trainer.save(&checkpoint, &clock.note());
     let validation = both(outcome, saved.map_err(Into::into))?;
     println!(
-        "{}: {:.2} dB masked PSNR over {} pictures that were {}, {} Gaussians, {} steps, {:.1} minutes",
+        "{}: {:.2} dB PSNR within the masks of {} pictures that were {}, {} Gaussians, {} steps, {:.1} minutes",
         options.out.display(),
         trainer.best().unwrap_or(validation.psnr),
         validation.pictures,

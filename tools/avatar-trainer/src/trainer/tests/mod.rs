@@ -1,6 +1,8 @@
 //! What a training does when a number goes wrong, and what it keeps in order.
 
-#[path = "../../tests/training/studio.rs"]
+mod differences;
+mod exported;
+#[path = "../../../tests/training/studio.rs"]
 mod studio;
 
 use super::Trainer;
