@@ -2,7 +2,7 @@
 
 use crate::people::{Person, TINY, random_numbers};
 use avatar_gradient::loss::{Pairs, Share, Surface, guide, scale};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use splat_gradient::Attributes;
 use synthetic_person::Random;
 
