@@ -157,7 +157,10 @@ fn a_package_that_is_not_there_is_written_although_a_better_one_was() {
         Trainer::new(&capture, first, frames, Options::default()).expect("a training");
     let mut validation = trainer.validate().expect("drawn");
     let package = folder.path().join("me.m3a");
-    assert!(trainer.keep_best(&validation, &package).expect("written"));
+    assert!(
+        trainer.keep_best(&validation, &package).expect("written"),
+        "the first is the best"
+    );
     let checkpoint = folder.path().join("checkpoint.safetensors");
     trainer.save(&checkpoint, &()).expect("kept");
     let (mut trainer, ()) = Trainer::resume(&capture, &checkpoint).expect("taken up");
