@@ -179,9 +179,17 @@ mod tests {
             let value: Value = serde_json::from_str(text).expect("JSON");
             Node::root(file, &value).flat(3)
         };
-        assert_eq!(read("[[1, 2], 3]").expect("numbers"), [1.0, 2.0, 3.0], "nested");
+        assert_eq!(
+            read("[[1, 2], 3]").expect("numbers"),
+            [1.0, 2.0, 3.0],
+            "nested"
+        );
         let long = format!("[[{}]]", vec!["0"; 5000].join(","));
-        assert_eq!(read(&long).expect("numbers").len(), 3 + 16, "no more is gathered");
+        assert_eq!(
+            read(&long).expect("numbers").len(),
+            3 + 16,
+            "no more is gathered"
+        );
         for (text, place) in [
             ("[1, [2, \"x\"]]", "`[1][1]`"),
             ("[1, null]", "`[1]`"),
