@@ -27,6 +27,7 @@
 mod basis;
 mod binding;
 mod clip;
+mod closest;
 mod controllers;
 mod error;
 mod expression;
@@ -46,6 +47,7 @@ pub use clip::{
     LEGS, LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Npz, NpzArray, NpzWriter, Playback,
     at_ease, bend_leg, fit_expression,
 };
+pub use closest::shares_of_closest;
 pub use controllers::{Controllers, NEIGHBOURS};
 pub use error::PersonError;
 pub use expression::{ExpressionPreset, Expressions};

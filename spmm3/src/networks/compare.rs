@@ -16,9 +16,9 @@ use crate::{Controllers, Template};
 use onnx_schema::{Node, Tensor};
 use prost::Message;
 
-/// Most numbers that all stored tensors hold together: 512 MiB once ONNX Runtime has widened them. A person of 60,000
+/// Most numbers that all stored tensors of a package's graph hold together: 512 MiB once ONNX Runtime has widened them. A person of 60,000
 /// Gaussians has 20 million, one of 400,000 has 99 million.
-const MAX_NUMBERS: usize = 128 << 20;
+pub const MAX_NUMBERS: usize = 128 << 20;
 
 impl DeformGraph<'_> {
     /// Refuses `model`, which [`super::GraphSignature::read`] has checked, unless it is the graph that [`Self::to_onnx`] writes for `template`,

@@ -14,6 +14,7 @@ mod stored;
 mod wire;
 
 pub use attributes::{AttributeNetwork, QuantisedBases};
+pub use compare::MAX_NUMBERS;
 pub use compiled::CompiledGraph;
 pub(crate) use compiled::check_compiled;
 pub use graph::DeformGraph;

@@ -4,7 +4,7 @@
 //! [`Model::pose`] is the paper's sections IV-A to IV-C: motion parameters P -> joint transforms -> F_mesh -> LBS -> F_m2g and F_attr
 //! -> Gaussians in the world, in the layout that `splat-gradient` draws. [`Model::backward`] takes the derivatives of a loss by those
 //! Gaussians and by the vertices and adds those by all [`Parameters`]; it returns those by the pose. The terms of the paper that look
-//! at Gaussians and vertices instead of pictures are in [`loss`]. [`Parameters`] come from the networks of a package and go back into them.
+//! at Gaussians and controllers instead of pictures are in [`loss`]. [`Parameters`] come from the networks of a package and go back into them.
 //!
 //! Everything is a function of its inputs alone: the number of threads does not change a bit, since no sum depends on who was first.
 //! What is drawn of the Gaussians, where the pictures come from and how a training is arranged is not here.

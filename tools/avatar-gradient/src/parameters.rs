@@ -74,6 +74,17 @@ impl Parameters {
         zeros
     }
 
+    /// How many numbers each array has, in the order of [`Self::arrays`]; `None` if a machine cannot count them. For sizes that a file says.
+    #[must_use]
+    pub fn lengths(sizes: &Sizes) -> Option<[usize; 14]> {
+        let mut counted = [0; 14];
+        for (count, factors) in counted.iter_mut().zip(factors(sizes)) {
+            *count =
+                (factors.into_iter()).try_fold(1usize, |product, of| product.checked_mul(of))?;
+        }
+        Some(counted)
+    }
+
     /// Derivatives without those by the bases, which [`crate::step_bases`] computes as it goes.
     #[must_use]
     pub fn zeros_without_bases(sizes: &Sizes) -> Self {
@@ -152,22 +163,34 @@ impl Parameters {
 
 /// The arrays' lengths, in the order of [`Parameters::arrays`].
 fn lengths(sizes: &Sizes) -> [usize; 14] {
-    let units = sizes.controllers * sizes.controller_hidden;
-    let [first, second] = sizes.mesh_hidden;
+    factors(sizes).map(|factors| factors.into_iter().product())
+}
+
+/// The factors of the arrays' lengths.
+fn factors(sizes: &Sizes) -> [[usize; 3]; 14] {
+    let Sizes {
+        gaussians,
+        vertices,
+        controllers,
+        controller_hidden: hidden,
+        bases,
+        mesh_hidden: [first, second],
+        rank,
+    } = *sizes;
     [
-        ATTRIBUTES * sizes.gaussians,
-        ATTRIBUTES * sizes.bases * sizes.gaussians,
-        PARAMS * units,
-        units,
-        units * sizes.bases,
-        sizes.controllers * sizes.bases,
-        PARAMS * first,
-        first,
-        first * second,
-        second,
-        second * sizes.rank,
-        sizes.rank,
-        sizes.rank * 3 * sizes.vertices,
-        3 * sizes.vertices,
+        [ATTRIBUTES, gaussians, 1],
+        [ATTRIBUTES, bases, gaussians],
+        [PARAMS, controllers, hidden],
+        [controllers, hidden, 1],
+        [controllers, hidden, bases],
+        [controllers, bases, 1],
+        [PARAMS, first, 1],
+        [first, 1, 1],
+        [first, second, 1],
+        [second, 1, 1],
+        [second, rank, 1],
+        [rank, 1, 1],
+        [rank, 3, vertices],
+        [3, vertices, 1],
     ]
 }

@@ -14,7 +14,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Raised whenever a checkpoint means something else.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// The text's key in the metadata.
 const TEXT: &str = "mon3tr-training";
@@ -27,14 +27,17 @@ const MOST_HEADER: u64 = 16 << 20;
 #[derive(Debug, Default)]
 pub struct Writer<'a> {
     tensors: Vec<(String, Dtype, usize, &'a [u8])>,
+    /// Those of them that are single-precision numbers.
+    numbers: Vec<(String, &'a [f32])>,
 }
 
 impl<'a> Writer<'a> {
     /// Adds single-precision numbers.
     pub fn numbers(&mut self, name: impl Into<String>, values: &'a [f32]) {
+        let name = name.into();
+        self.numbers.push((name.clone(), values));
         let bytes = bytemuck::cast_slice(values);
-        self.tensors
-            .push((name.into(), Dtype::F32, values.len(), bytes));
+        self.tensors.push((name, Dtype::F32, values.len(), bytes));
     }
 
     /// Adds indices or counts.
@@ -53,10 +56,17 @@ impl<'a> Writer<'a> {
     /// Writes the file: complete or, on an error, what it was before.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// Numbers that are not finite, which no training goes on from; a file that cannot be written.
     pub fn write(&self, path: &Path, text: &impl Serialize) -> Result<(), TrainError> {
         let refused = |reason: String| TrainError::checkpoint(path, reason);
         let text = serde_json::to_string(text).map_err(|e| refused(e.to_string()))?;
+        for (name, numbers) in &self.numbers {
+            if !numbers.iter().all(|number| number.is_finite()) {
+                return Err(refused(format!(
+                    "not written, since a number of {name} is not finite"
+                )));
+            }
+        }
         let views = self
             .tensors
             .iter()
@@ -265,6 +275,19 @@ mod tests {
         assert!(said.contains("a has 2 numbers"), "{said}");
         assert!(reader.numbers("b", 3).is_err(), "another type");
         assert!(reader.numbers("d", 3).is_err(), "none");
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_not_written_over_good_ones() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = written(folder.path());
+        let before = std::fs::read(&path).expect("read");
+        let mut writer = Writer::default();
+        writer.numbers("first", &[1.0]);
+        writer.numbers("second", &[1.0, f32::NAN]);
+        let said = writer.write(&path, &0).expect_err("refused").to_string();
+        assert!(said.contains("second is not finite"), "{said}");
+        assert_eq!(std::fs::read(&path).expect("read"), before, "as it was");
     }
 
     #[test]

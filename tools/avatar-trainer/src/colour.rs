@@ -177,6 +177,36 @@ mod tests {
     }
 
     #[test]
+    fn the_pull_towards_the_identity_is_that_of_finite_differences() {
+        let mut random = Random::new(8);
+        let mut correction = Correction::default();
+        for number in &mut correction.numbers {
+            *number += 0.3 * random.signed();
+        }
+        let before = correction.numbers.map(f64::from);
+        let pull = |numbers: &[f64; NUMBERS]| -> f64 {
+            let identity = Correction::default().numbers.map(f64::from);
+            let squares = numbers
+                .iter()
+                .zip(identity)
+                .map(|(x, rest)| (x - rest).powi(2));
+            0.5 * f64::from(PULL) * squares.sum::<f64>()
+        };
+        correction.step(&[0.0; NUMBERS], 1.0).expect("as many");
+        for k in 0..NUMBERS {
+            let at = |sign: f64| {
+                let mut moved = before;
+                moved[k] += sign * 1e-4;
+                pull(&moved)
+            };
+            let expected = (at(1.0) - at(-1.0)) / 2e-4;
+            // Adam's first mean after one step: a tenth of the derivative.
+            let got = 10.0 * f64::from(correction.adam.first[k]);
+            assert!((got - expected).abs() < 1e-7, "{k}: {got}, {expected}");
+        }
+    }
+
+    #[test]
     fn a_fresh_correction_changes_nothing() {
         let drawn = random_picture(&mut Random::new(5));
         let same = Correction::default().apply(&drawn).expect("one size");

@@ -61,6 +61,20 @@ pub enum TrainError {
         /// The bytes of a picture of the camera's size.
         expected: usize,
     },
+    /// A camera whose pictures are larger than what can be drawn.
+    #[error(
+        "camera {camera}: its pictures have {width} x {height} pixels, and at most {most} x {most} can be drawn: make the capture's pictures smaller"
+    )]
+    CameraSize {
+        /// The camera's name.
+        camera: String,
+        /// Its pictures' width, pixels.
+        width: u32,
+        /// Their height, pixels.
+        height: u32,
+        /// The longest side that can be drawn, pixels.
+        most: usize,
+    },
     /// No picture is left to train on.
     #[error("no picture to train on: {0}")]
     NoPictures(String),
@@ -76,7 +90,7 @@ pub enum TrainError {
     },
     /// A number became infinite or none, at a step.
     #[error(
-        "at step {step} (camera {camera}, frame {frame}) the loss is not a number; the last checkpoint is from before, lower the rates to go on from it"
+        "at step {step} (camera {camera}, frame {frame}) {what} is not finite; nothing was learnt from this picture, and the checkpoint is from before: if the picture and the capture's poses of this frame look right, train anew with another seed"
     )]
     NotFinite {
         /// Steps that were made before.
@@ -85,6 +99,8 @@ pub enum TrainError {
         camera: String,
         /// The frame of it.
         frame: usize,
+        /// Which number.
+        what: &'static str,
     },
     /// A checkpoint that is damaged, or of another training.
     #[error("the checkpoint {path}: {reason}")]

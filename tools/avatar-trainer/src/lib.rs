@@ -19,6 +19,7 @@ pub mod preview;
 mod random;
 pub mod schedule;
 pub mod score;
+mod source;
 mod trainer;
 
 pub use error::TrainError;

@@ -6,6 +6,10 @@ use serde::{Deserialize, Serialize};
 /// The fewest Gaussians that an avatar is trained with.
 const LEAST_GAUSSIANS: usize = 16;
 
+/// The most, with room for the largest networks beside them: of the graph that they are in, a package's reader takes no more than
+/// [`spmm3::networks::MAX_NUMBERS`] numbers.
+pub const MOST_GAUSSIANS: usize = 500_000;
+
 /// Options of a training. A checkpoint keeps them: a training goes on with those it was begun with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Options {
@@ -90,8 +94,8 @@ impl Options {
     /// Names the option and its range.
     pub fn check(&self) -> Result<(), TrainError> {
         let refused = |what, value: String, range| Err(TrainError::Option { what, value, range });
-        if !(LEAST_GAUSSIANS..=spmm3::package::MAX_GAUSSIANS).contains(&self.gaussians) {
-            let range = "16 to as many as a package may hold";
+        if !(LEAST_GAUSSIANS..=MOST_GAUSSIANS).contains(&self.gaussians) {
+            let range = "16 to 500,000, as a package's reader takes no more with their bases";
             return refused("the number of Gaussians", self.gaussians.to_string(), range);
         }
         let Weights {
@@ -125,6 +129,9 @@ impl Options {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fresh::{BASES, CONTROLLER_HIDDEN};
+    use spmm3::networks::MAX_NUMBERS;
+    use spmm3::{ATTRIBUTES, JOINTS, NEIGHBOURS, PARAMS};
 
     #[test]
     fn options_out_of_their_range_are_refused_by_name() {
@@ -139,6 +146,18 @@ mod tests {
         wild.weights.bind = f32::NAN;
         let said = wild.check().expect_err("no number").to_string();
         assert!(said.contains("binding loss is NaN"), "{said}");
+    }
+
+    #[test]
+    fn the_most_gaussians_fit_into_a_graph_that_a_reader_takes() {
+        // Bases and their scales, three neighbours and masses; then vertices with their joints and more fields than any F_mesh here, and controllers.
+        let each = ATTRIBUTES * (BASES + 1) + 2 * NEIGHBOURS;
+        let mesh = 30_000 * (JOINTS + 3 * (2 + 100));
+        let controllers = 1_000 * CONTROLLER_HIDDEN * (PARAMS + BASES + 2);
+        assert!(
+            MOST_GAUSSIANS * each + mesh + controllers <= MAX_NUMBERS,
+            "all of it"
+        );
     }
 
     #[test]

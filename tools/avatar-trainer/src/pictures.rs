@@ -7,6 +7,7 @@ use glam::{Affine3A, Mat3A};
 use rayon::prelude::*;
 use splat_gradient::error::GradientError;
 use splat_gradient::loss::Target;
+use splat_gradient::view::MOST_PIXELS;
 use splat_gradient::{Picture, View};
 use std::sync::Arc;
 
@@ -302,6 +303,27 @@ impl<'a> Pictures<'a> {
     }
 }
 
+/// Refuses a capture with a camera for which nothing can be drawn, before anything is made of it. Held-out cameras count: avatars are measured on them.
+///
+/// # Errors
+/// Names the first such camera.
+pub fn check_cameras(capture: &Capture) -> Result<(), TrainError> {
+    let large = |side: &u32| *side as usize > MOST_PIXELS;
+    match capture
+        .cameras()
+        .iter()
+        .find(|camera| camera.size.iter().any(large))
+    {
+        None => Ok(()),
+        Some(camera) => Err(TrainError::CameraSize {
+            camera: camera.name.clone(),
+            width: camera.size[0],
+            height: camera.size[1],
+            most: MOST_PIXELS,
+        }),
+    }
+}
+
 /// Which pictures are learnt from, and which are held back from them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Split {
@@ -316,16 +338,12 @@ impl Split {
     /// fewer than ten.
     ///
     /// # Errors
-    /// Nothing to learn from.
+    /// Nothing to learn from, or a camera that cannot be drawn for.
     pub fn new(capture: &Capture, validation: usize, seed: u64) -> Result<Self, TrainError> {
         let held_out = capture.held_out();
-        let kept = |all: usize, out: &[usize]| {
-            (0..all)
-                .filter(|one| !out.contains(one))
-                .collect::<Vec<_>>()
-        };
-        let cameras = kept(capture.cameras().len(), &held_out.cameras);
-        let frames = kept(capture.frames(), &held_out.frames);
+        check_cameras(capture)?;
+        let cameras = held_out.kept_cameras(capture.cameras().len());
+        let frames = held_out.kept_frames(capture.frames());
         let mut training: Vec<Pair> = (cameras.iter())
             .flat_map(|camera| {
                 frames.iter().map(|frame| Pair {

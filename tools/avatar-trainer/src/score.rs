@@ -1,4 +1,5 @@
-//! How near a drawn picture comes to a photograph of the person.
+//! How near a drawn picture comes to a photograph of the person, within its mask. `eval avatar`'s masked PSNR looks at a margin around the mask
+//! as well, so that the two are not the same figure.
 
 use splat_gradient::Picture;
 use splat_gradient::loss::Target;
@@ -32,13 +33,7 @@ impl Score {
         }
     }
 
-    /// Adds what another one summed.
-    pub fn merge(&mut self, other: Self) {
-        self.squares += other.squares;
-        self.numbers += other.numbers;
-    }
-
-    /// Masked PSNR, decibels: of the mean of the squares over all pixels of the person, a range of 1. 0 where no pixel was the person's.
+    /// PSNR within the masks, decibels: of the mean of the squares over all pixels of the person, a range of 1. 0 where no pixel was the person's.
     #[must_use]
     pub fn psnr(&self) -> f64 {
         if self.numbers == 0 {

@@ -71,9 +71,9 @@ impl MaskFacts {
 pub struct CameraReport {
     /// Its name.
     pub name: String,
-    /// Frames looked at, and those in which a person was seen.
+    /// Frames looked at.
     pub frames: usize,
-    /// See above.
+    /// Of these, frames in which a person was seen.
     pub seen: usize,
     /// Median over frames of the root mean square distance between the pose's landmarks and the seen ones, pixels; none without a pose.
     pub error_px: Option<f64>,
@@ -81,9 +81,9 @@ pub struct CameraReport {
     pub error_percent: Option<f64>,
     /// Frames by which the camera is late (negative: early); 0 where no other frame fits clearly better.
     pub lag: isize,
-    /// Frames with a mask that is empty although a person is seen, and with one that is cut off at the left, right or top edge.
+    /// Frames with a mask that is empty although a person is seen.
     pub empty_masks: usize,
-    /// See above.
+    /// Frames with a mask that is cut off at the left, right or top edge.
     pub cut_masks: usize,
 }
 

@@ -89,3 +89,96 @@ fn a_folder_without_calibration_or_video_is_told_what_it_lacks() {
         said(folder.path())
     );
 }
+
+#[test]
+fn a_single_video_in_twenty_broken_ways_is_refused_by_its_name() {
+    const HEADER: &str = "YUV4MPEG2 W16 H24 F50:1 Ip A1:1 C420jpeg\n";
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("me.y4m");
+    let frame = || [b"FRAME\n".to_vec(), vec![90; 16 * 24 + 2 * 8 * 12]].concat();
+    let whole = |header: &str| [header.as_bytes().to_vec(), frame()].concat();
+    fs::write(&path, whole(HEADER)).expect("written");
+    assert!(
+        Videos::single(&path, 60.0).is_ok(),
+        "good before it is broken"
+    );
+
+    let headers = [
+        ("no mark", HEADER.replace("YUV4MPEG2", "MPEG"), "YUV4MPEG2"),
+        ("no width", HEADER.replace("W16 ", ""), "width"),
+        ("no height", HEADER.replace("H24 ", ""), "height"),
+        (
+            "a width that is none",
+            HEADER.replace("W16", "Wide"),
+            "width",
+        ),
+        ("a width of 0", HEADER.replace("W16", "W0"), "0 x 24"),
+        ("a height below 0", HEADER.replace("H24", "H-24"), "height"),
+        ("a giant", HEADER.replace("W16", "W100000"), "100000"),
+        (
+            "a giant beyond 32 bits",
+            HEADER.replace("W16", "W99999999999"),
+            "width",
+        ),
+        ("unknown chroma", HEADER.replace("C420jpeg", "C411"), "411"),
+        (
+            "unknown depth",
+            HEADER.replace("C420jpeg", "C420p16"),
+            "420p16",
+        ),
+    ];
+    let mut ways: Vec<(&str, Vec<u8>, &str)> = headers
+        .iter()
+        .map(|(what, header, word)| (*what, whole(header), *word))
+        .collect();
+    ways.extend([
+        ("nothing", Vec::new(), "empty"),
+        (
+            "half a first line",
+            HEADER.as_bytes()[..20].to_vec(),
+            "first line",
+        ),
+        ("no picture", HEADER.as_bytes().to_vec(), "picture"),
+        ("half a picture", whole(HEADER)[..200].to_vec(), "picture"),
+        (
+            "a picture without its mark",
+            whole(HEADER).split_off(3).to_vec(),
+            "YUV4MPEG2",
+        ),
+        (
+            "another mark",
+            [HEADER.as_bytes(), b"PICTURE\n", &[90; 576]].concat(),
+            "FRAME",
+        ),
+        (
+            "a line without end",
+            [HEADER.as_bytes(), &[b'x'; 9000]].concat(),
+            "",
+        ),
+    ]);
+    for (what, bytes, word) in &ways {
+        fs::write(&path, bytes).expect("written");
+        let said = Videos::single(&path, 60.0).expect_err(what).to_string();
+        assert!(
+            said.contains("me.y4m") && said.contains(word),
+            "{what}, {word}: {said}"
+        );
+    }
+    fs::write(&path, whole(HEADER)).expect("written");
+    let angles = [0.0, 4.9, 151.0, f64::NAN];
+    for view in angles {
+        let said = Videos::single(&path, view)
+            .expect_err("no angle")
+            .to_string();
+        assert!(
+            said.contains("me.y4m") && said.contains("5 to 150"),
+            "{view}: {said}"
+        );
+    }
+    let gone = folder.path().join("gone.y4m");
+    let said = Videos::single(&gone, 60.0)
+        .expect_err("no file")
+        .to_string();
+    assert!(said.contains("gone.y4m"), "{said}");
+    assert!(ways.len() + angles.len() + 1 >= 20, "as many");
+}

@@ -81,9 +81,7 @@ impl Camera {
             let reason =
                 "is no rotation: its rows must be perpendicular, of length 1, right-handed";
             Some(("camera_from_world", reason.to_owned()))
-        } else if !self.camera_from_world.translation.is_finite()
-            || self.camera_from_world.translation.abs().max_element() >= FURTHEST
-        {
+        } else if self.far_away() {
             let reason = format!(
                 "has the translation {}; metres are needed",
                 self.camera_from_world.translation
@@ -92,6 +90,12 @@ impl Camera {
         } else {
             None
         }
+    }
+
+    /// Whether its translation is none in metres; data sets have a field of its own for it.
+    pub(crate) fn far_away(&self) -> bool {
+        let translation = self.camera_from_world.translation;
+        !translation.is_finite() || translation.abs().max_element() >= FURTHEST
     }
 
     /// The pixel at which a point of the world is seen, distortion included: possibly outside the picture. `None` for a point behind the

@@ -10,6 +10,30 @@ pub struct HeldOut {
 }
 
 impl HeldOut {
+    /// Whether a camera is held out.
+    #[must_use]
+    pub fn has_camera(&self, camera: usize) -> bool {
+        self.cameras.binary_search(&camera).is_ok()
+    }
+
+    /// Whether a frame is held out.
+    #[must_use]
+    pub fn has_frame(&self, frame: usize) -> bool {
+        self.frames.binary_search(&frame).is_ok()
+    }
+
+    /// The cameras that are not held out of `count`, ascending.
+    #[must_use]
+    pub fn kept_cameras(&self, count: usize) -> Vec<usize> {
+        (0..count).filter(|at| !self.has_camera(*at)).collect()
+    }
+
+    /// The frames that are not held out of `count`, ascending.
+    #[must_use]
+    pub fn kept_frames(&self, count: usize) -> Vec<usize> {
+        (0..count).filter(|at| !self.has_frame(*at)).collect()
+    }
+
     /// The frames as ranges [first, end).
     pub(crate) fn ranges(&self) -> Vec<[usize; 2]> {
         let mut ranges: Vec<[usize; 2]> = Vec::new();
@@ -36,5 +60,24 @@ impl HeldOut {
         } else {
             None
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_kept_is_what_is_not_held_out() {
+        let held_out = HeldOut {
+            cameras: vec![0, 3],
+            frames: vec![1, 2, 5],
+        };
+        assert_eq!(held_out.kept_cameras(5), [1, 2, 4], "cameras");
+        assert_eq!(held_out.kept_frames(6), [0, 3, 4], "frames");
+        assert!(
+            held_out.has_frame(5) && !held_out.has_frame(4),
+            "one by one"
+        );
     }
 }

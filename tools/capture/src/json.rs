@@ -146,18 +146,58 @@ impl<'a> Node<'a> {
     /// Numbers of a list or of lists of lists, at most a few more than `most`.
     pub(crate) fn flat(&self, most: usize) -> Result<Vec<f64>, CaptureError> {
         let mut flat = Vec::new();
-        for item in self.items()? {
-            if item.value.is_array() {
-                for inner in item.items()? {
-                    flat.push(inner.number()?);
-                }
-            } else {
-                flat.push(item.number()?);
-            }
-            if flat.len() > most + 16 {
+        self.gather(most + 16, &mut flat, true)?;
+        Ok(flat)
+    }
+
+    /// Adds the numbers of this list until there are `most`; of lists in it too, if it may have them. Only numbers that are wrong get a node.
+    fn gather(&self, most: usize, flat: &mut Vec<f64>, nested: bool) -> Result<(), CaptureError> {
+        let list = (self.value.as_array()).ok_or_else(|| self.wrong("must be a list"))?;
+        for (k, value) in list.iter().enumerate() {
+            if flat.len() >= most {
                 break;
             }
+            let node = || self.under(format!("{}[{k}]", self.path), value);
+            match value.as_f64() {
+                Some(number) if number.is_finite() => flat.push(number),
+                _ if nested && value.is_array() => node().gather(most, flat, false)?,
+                _ => flat.push(node().number()?),
+            }
         }
-        Ok(flat)
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_read_up_to_their_limit_and_what_is_wrong_is_named_by_its_place() {
+        let file = Path::new("a.json");
+        let read = |text: &str| -> Result<Vec<f64>, CaptureError> {
+            let value: Value = serde_json::from_str(text).expect("JSON");
+            Node::root(file, &value).flat(3)
+        };
+        assert_eq!(
+            read("[[1, 2], 3]").expect("numbers"),
+            [1.0, 2.0, 3.0],
+            "nested"
+        );
+        let long = format!("[[{}]]", vec!["0"; 5000].join(","));
+        assert_eq!(
+            read(&long).expect("numbers").len(),
+            3 + 16,
+            "no more is gathered"
+        );
+        for (text, place) in [
+            ("[1, [2, \"x\"]]", "`[1][1]`"),
+            ("[1, null]", "`[1]`"),
+            ("[[[1]]]", "`[0][0]`"),
+            ("3", "`the file`"),
+        ] {
+            let said = read(text).expect_err("refused").to_string();
+            assert!(said.contains(place), "{text}: {said}");
+        }
     }
 }

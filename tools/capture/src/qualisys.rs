@@ -107,7 +107,18 @@ fn camera(
         },
     };
     match camera.fault() {
-        Some((field, reason)) => Err(wrong(field, &reason)),
+        Some((field, reason)) => {
+            let theirs = match field {
+                "name" => "serial",
+                "size" => "fov_video",
+                "focal" => "focalLengthU, focalLengthV",
+                "centre" => "centerPointU, centerPointV",
+                "distortion" => "radialDistortion1 to tangentalDistortion2",
+                _ if camera.far_away() => "x, y, z",
+                _ => "r11 to r33",
+            };
+            Err(wrong(theirs, &reason))
+        }
         None => Ok(camera),
     }
 }

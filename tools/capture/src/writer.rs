@@ -1,4 +1,5 @@
-//! Writing our own layout. `capture.json` is written last, under another name first: a capture without it is not finished.
+//! Writing our own layout. `capture.json` is written last, under another name first: a capture without it is not finished. Until then a marker stands in the
+//! folder: what lies beside it is this program's, and may be written over.
 
 use crate::camera::{Camera, MOST_CAMERAS};
 use crate::error::CaptureError;
@@ -13,6 +14,12 @@ use std::fs;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+
+/// Stands in a folder while a capture is written there.
+const MARKER: &str = "capture.unfinished";
+/// What it says to whoever opens it.
+const MARKER_TEXT: &str =
+    "A capture was being written here. Making it again writes over frames, masks and motion.npz.\n";
 
 /// What was written of a camera's frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,11 +42,12 @@ pub struct CaptureWriter {
 }
 
 impl CaptureWriter {
-    /// Makes the folders. A capture that was not finished there is written over.
+    /// Makes the folders. A capture that was not finished there is written over; what others put there is not.
     ///
     /// # Errors
     /// Cameras that [`Camera::check`] refuses, that share a name or have a distortion (a [`Photograph`] has none: hand over
-    /// [`Camera::undistorted`]); no frames, or an impossible rate; a folder that already holds a capture, or cannot be written.
+    /// [`Camera::undistorted`]); no frames, or an impossible rate; a folder that already holds a capture, or others' files by the names of a
+    /// capture's, or cannot be written.
     pub fn create(
         folder: &Path,
         cameras: &[Camera],
@@ -82,20 +90,10 @@ impl CaptureWriter {
                 folder.display()
             ));
         }
-        // What is left of one that was not finished must not be taken for this one's.
-        for old in [OWN_FRAMES, OWN_MASKS] {
-            let old = folder.join(old);
-            if old.is_dir() {
-                fs::remove_dir_all(&old).map_err(|e| CaptureError::write(&old, e))?;
-            }
-        }
+        clear(folder)?;
         for camera in cameras {
             let made = folder.join(OWN_FRAMES).join(&camera.name);
             fs::create_dir_all(&made).map_err(|e| CaptureError::write(&made, e))?;
-        }
-        let motion = folder.join(OWN_MOTION);
-        if motion.exists() {
-            fs::remove_file(&motion).map_err(|e| CaptureError::write(&motion, e))?;
         }
         Ok(Self {
             folder: folder.to_owned(),
@@ -241,8 +239,37 @@ impl CaptureWriter {
         let path = self.folder.join(MANIFEST);
         let half = self.folder.join(format!("{MANIFEST}.partial"));
         fs::write(&half, format!("{value:#}\n")).map_err(|e| CaptureError::write(&half, e))?;
-        fs::rename(&half, &path).map_err(|e| CaptureError::write(&path, e))
+        fs::rename(&half, &path).map_err(|e| CaptureError::write(&path, e))?;
+        let marker = self.folder.join(MARKER);
+        fs::remove_file(&marker).map_err(|e| CaptureError::write(&marker, e))
     }
+}
+
+/// Takes away what is left of a capture that was not finished, which must not be taken for the next one's, and marks the folder.
+fn clear(folder: &Path) -> Result<(), CaptureError> {
+    let marker = folder.join(MARKER);
+    let own = [OWN_FRAMES, OWN_MASKS, OWN_MOTION].map(|name| folder.join(name));
+    let mut old = own.iter().filter(|old| old.symlink_metadata().is_ok());
+    if !marker.exists() {
+        if let Some(old) = old.next() {
+            return Err(CaptureError::Request(format!(
+                "{} is there already, and no capture that was broken off left it (there is no {MARKER}): name another folder, or move it away",
+                old.display()
+            )));
+        }
+        fs::create_dir_all(folder).map_err(|e| CaptureError::write(folder, e))?;
+        return fs::write(&marker, MARKER_TEXT).map_err(|e| CaptureError::write(&marker, e));
+    }
+    for old in old {
+        // A link is taken away, not what it leads to.
+        let kind = old.symlink_metadata().map(|of| of.is_dir());
+        let removed = kind.and_then(|folder| match folder {
+            true => fs::remove_dir_all(old),
+            false => fs::remove_file(old),
+        });
+        removed.map_err(|e| CaptureError::write(old, e))?;
+    }
+    Ok(())
 }
 
 fn write_png(

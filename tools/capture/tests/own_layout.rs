@@ -120,3 +120,35 @@ fn a_writing_that_was_broken_off_is_recognised_and_may_be_repeated() {
     let again = CaptureWriter::create(folder.path(), &cameras, FRAMES, 30.0);
     assert!(again.is_err(), "a finished capture is not written over");
 }
+
+#[test]
+fn what_others_put_into_the_folder_is_never_deleted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let cameras = cameras();
+    let create = || CaptureWriter::create(folder.path(), &cameras, FRAMES, 30.0);
+    for name in ["frames/holiday.jpg", "masks/carnival.txt", "motion.npz"] {
+        let own = folder.path().join(name);
+        std::fs::create_dir_all(own.parent().expect("a folder")).expect("made");
+        std::fs::write(&own, "mine").expect("written");
+        let said = create().expect_err("refused").to_string();
+        let first = name.split('/').next().expect("a name");
+        assert!(
+            said.contains(first) && said.contains("name another folder"),
+            "{name}: {said}"
+        );
+        assert_eq!(std::fs::read(&own).expect("still there"), b"mine", "{name}");
+        let alone = folder.path().join(first);
+        if alone.is_dir() {
+            std::fs::remove_dir_all(alone).expect("gone");
+        } else {
+            std::fs::remove_file(alone).expect("gone");
+        }
+    }
+    drop(create().expect("nothing is in its way"));
+    write(folder.path());
+    let left: Vec<_> = std::fs::read_dir(folder.path())
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").file_name())
+        .collect();
+    assert_eq!(left.len(), 4, "no marker stays: {left:?}");
+}

@@ -50,27 +50,71 @@ fn a_camera_sees_what_is_before_it_in_a_world_of_z_up() {
 }
 
 #[test]
-fn what_is_missing_is_named_with_its_camera() {
+fn what_is_missing_or_impossible_is_named_with_its_camera() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("Calib.qca.txt");
     for (from, to, word) in [
         ("r23=\"1\"", "", "r23"),
-        ("focalLengthU=\"64000\"", "focalLengthU=\"-1\"", "focal"),
+        (
+            "focalLengthU=\"64000\"",
+            "focalLengthU=\"-1\"",
+            "focalLengthU",
+        ),
         (
             "focalLengthV=\"65280\"",
             "focalLengthV=\"nan\"",
             "focalLengthV",
         ),
-        ("r11=\"1\"", "r11=\"2\"", "camera_from_world"),
+        ("r11=\"1\"", "r11=\"2\"", "r11 to r33"),
+        ("r11=\"1\"", "r11=\"-1\"", "r11 to r33"),
+        ("r32=\"-1\"", "r32=\"one\"", "r32"),
+        ("x=\"1000\"", "x=\"1e12\"", "x, y, z"),
+        ("z=\"1500\"", "", "z is missing"),
+        (
+            "centerPointU=\"34816\"",
+            "centerPointU=\"1e9\"",
+            "centerPointU",
+        ),
+        ("centerPointV=\"61440\"", "", "centerPointV"),
+        (
+            "radialDistortion1=\"-0.64\"",
+            "radialDistortion1=\"inf\"",
+            "radialDistortion1",
+        ),
+        (
+            "radialDistortion2=\"0\"",
+            "radialDistortion2=\"1e9\"",
+            "radialDistortion1 to",
+        ),
+        ("tangentalDistortion1=\"0\"", "", "tangentalDistortion1"),
+        ("left=\"0\"", "left=\"0.5\"", "right"),
+        ("top=\"0\"", "", "top"),
+        ("bottom=\"1919\"", "bottom=\"-5\"", "bottom"),
+        ("<transform ", "<place ", "transform"),
+        ("<fov_video ", "<view ", "fov_video"),
         ("right=\"1087\"", "right=\"1e9\"", "right"),
         ("<intrinsic ", "<other ", "intrinsic"),
-        ("serial=\"cam01\"", "serial=\"a/b\"", "name"),
+        ("serial=\"cam01\"", "serial=\"a/b\"", "serial"),
+        ("serial=\"cam01\"", "serial=\"\"", "serial"),
     ] {
         fs::write(&path, GOOD.replace(from, to)).expect("written");
         let said = read_qualisys(&path).expect_err("refused").to_string();
+        let said = said.replace('`', "");
         assert!(
-            said.contains("camera 1") && said.contains(word),
+            said.contains("Calib.qca.txt: camera 1") && said.contains(word),
             "{word}: {said}"
+        );
+    }
+    for (text, word) in [
+        ("", "no XML"),
+        ("<calibration>", "no XML"),
+        ("<calibration/>", "camera"),
+    ] {
+        fs::write(&path, text).expect("written");
+        let said = read_qualisys(&path).expect_err("refused").to_string();
+        assert!(
+            said.contains("Calib.qca.txt") && said.contains(word),
+            "{said}"
         );
     }
 }

@@ -38,7 +38,8 @@ fn main() -> Result<()> {
                 noise: (0.006, 0.02),
             };
             let model = BodyModel::load(&makehuman)?;
-            let truth = made_up::write(made.path(), &model, scenario)?;
+            let truth =
+                made_up::write(made.path(), &model, scenario, &capture::HeldOut::default())?;
             (made.path().to_owned(), Some(truth))
         }
     };

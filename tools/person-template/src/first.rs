@@ -6,7 +6,7 @@ use crate::clothes::{Dressed, dress};
 use crate::colour::{Samples, Spot, continued, shown};
 use crate::error::TemplateError;
 use crate::frames::{Known, own_corrections};
-use crate::observe::{diverse_frames, kept, poses, spread_cameras, views};
+use crate::observe::{diverse_frames, poses, spread_cameras, views};
 use crate::posing::{Correction, Posed, motion};
 use crate::register::{Registration, Scene};
 use crate::report::TemplateReport;
@@ -21,6 +21,8 @@ use spmm3::package::MAX_GAUSSIANS;
 use spmm3::{Avatar, Joint, MotionParams};
 use std::path::Path;
 
+/// Fewer Gaussians do not cover a person.
+pub const LEAST_GAUSSIANS: usize = 1000;
 /// Fewer pictures of the person do not say how it is shaped.
 const FEWEST_VIEWS: usize = 4;
 
@@ -146,7 +148,7 @@ pub fn first_avatar(
         found: &found,
         chosen: &chosen.frames,
     };
-    let training = kept(poses.len(), &capture.held_out().frames);
+    let training = capture.held_out().kept_frames(poses.len());
     let (own, fitted) = own_corrections(capture, &poses, known, &training, &chosen.cameras)?;
     let rest_pelvis = figure.skeleton.rest_positions()[Joint::Pelvis.index()].as_dvec3();
     // The skeleton has the shared shift.
@@ -210,9 +212,9 @@ pub fn first_avatar(
 
 fn checked(options: &TemplateOptions) -> Result<(), TemplateError> {
     let refused = |what: String| Err(TemplateError::Options(what));
-    if !(1000..=MAX_GAUSSIANS).contains(&options.gaussians) {
+    if !(LEAST_GAUSSIANS..=MAX_GAUSSIANS).contains(&options.gaussians) {
         return refused(format!(
-            "{} Gaussians are asked for: 1,000 to {MAX_GAUSSIANS} are possible",
+            "{} Gaussians are asked for: {LEAST_GAUSSIANS} to {MAX_GAUSSIANS} are possible",
             options.gaussians
         ));
     }
@@ -234,7 +236,7 @@ struct Chosen {
 impl Chosen {
     fn of(capture: &Capture, poses: &[FramePose], body: &Body, options: &TemplateOptions) -> Self {
         let held_out = capture.held_out();
-        let frames = kept(poses.len(), &held_out.frames);
+        let frames = held_out.kept_frames(poses.len());
         let average = Shape {
             weights: vec![0.0; body.model.shapes.len()],
             log_scale: 0.0,
@@ -246,7 +248,7 @@ impl Chosen {
             .map(|frame| poses[*frame].pelvis.as_dvec3())
             .sum::<DVec3>()
             / frames.len().max(1) as f64;
-        let cameras = kept(capture.cameras().len(), &held_out.cameras);
+        let cameras = held_out.kept_cameras(capture.cameras().len());
         Self {
             cameras: spread_cameras(capture.cameras(), &cameras, middle, options.cameras),
             frames,

@@ -30,5 +30,5 @@ mod spread;
 mod tests;
 
 pub use error::TemplateError;
-pub use first::{First, TemplateOptions, first_avatar};
+pub use first::{First, LEAST_GAUSSIANS, TemplateOptions, first_avatar};
 pub use report::TemplateReport;

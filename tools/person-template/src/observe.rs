@@ -64,11 +64,6 @@ pub(crate) fn poses(
     Ok((poses, at_rest))
 }
 
-/// The indices of `0..count` that are not in `left_out`.
-pub(crate) fn kept(count: usize, left_out: &[usize]) -> Vec<usize> {
-    (0..count).filter(|at| !left_out.contains(at)).collect()
-}
-
 /// At most `count` of the frames in `among`, their poses as different as can be (farthest-point sampling of joints around the pelvis, the turn of the
 /// whole person included), ascending.
 pub(crate) fn diverse_frames(

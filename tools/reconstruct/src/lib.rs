@@ -17,6 +17,6 @@ pub use error::ReconstructError;
 pub use part::Part;
 pub use person::{
     BareBody, ColouredGaussians, EXPRESSIONS_USED, Person, Texture, build_gaussians,
-    expression_basis, shaded_colour, shares_of_closest,
+    expression_basis, shaded_colour,
 };
 pub use shading::Light;

@@ -1,12 +1,11 @@
 //! L_bind: Gaussians that leave the surface.
 
-use super::closest::closest;
 use crate::error::{ModelError, check_count};
 use crate::planes::{RUN, planes, planes_mut};
 use glam::Vec3;
 use rayon::prelude::*;
 use splat_gradient::Attributes;
-use spmm3::{ATTRIBUTES, BoundGaussians, Template};
+use spmm3::{ATTRIBUTES, BoundGaussians, Template, shares_of_closest};
 
 /// Gaussians whose nearest points one task seeks.
 const PIECE: usize = 256;
@@ -201,7 +200,7 @@ impl Surface {
         let on = |triangle: u32| {
             let corners = self.faces[triangle as usize];
             let [a, b, c] = points(planes, &corners);
-            let weights = closest(place, [a, b, c]);
+            let weights = shares_of_closest(place, [a, b, c]);
             let away = place - (a * weights[0] + b * weights[1] + c * weights[2]);
             Nearest {
                 corners,

@@ -1,8 +1,8 @@
 //! The terms that look at Gaussians, controllers and vertices: their values and their differences in f64.
 
 use crate::people::{Person, TINY, random_numbers};
-use avatar_gradient::loss::{Pairs, Share, Surface, VertexNormals, guide, scale, vertex_l1};
-use glam::{DVec3, Vec3};
+use avatar_gradient::loss::{Pairs, Share, Surface, guide, scale};
+use glam::DVec3;
 use splat_gradient::Attributes;
 use synthetic_person::Random;
 
@@ -246,87 +246,4 @@ fn the_shares_of_steps_that_follow_each_other_make_up_the_whole_binding_term() {
     for (part, whole) in parts_by_vertices.iter().zip(&by_vertices) {
         assert!((part - whole).abs() < 1e-5 * most, "{part}, {whole}");
     }
-}
-
-#[test]
-fn vertices_and_normals_are_compared_by_their_differences() {
-    let person = Person::new(TINY);
-    let template = &person.puppet.template;
-    let count = template.vertices().len();
-    let posed = person.posed(&Random::new(3).motion(0.3));
-    let wanted = person.posed(&Random::new(4).motion(0.3));
-    let vertices = posed.vertices();
-
-    let mut by = vec![0.0; 3 * count];
-    let loss = vertex_l1(vertices, wanted.vertices(), 0.5, &mut by).expect("as many");
-    let l1 = |numbers: &[f64]| {
-        let pairs = numbers.iter().zip(wanted.vertices());
-        0.5 * pairs
-            .map(|(x, wanted)| (x - f64::from(*wanted)).abs())
-            .sum::<f64>()
-    };
-    let wide: Vec<f64> = vertices.iter().map(|x| f64::from(*x)).collect();
-    assert!((loss / l1(&wide) - 1.0).abs() < 1e-6, "{loss}");
-    assert_derivatives(&by, vertices, &some(50, 3 * count), 1e-4, &l1);
-
-    let mut normals = VertexNormals::new(template);
-    let targets = normals.normals(wanted.vertices()).expect("as many");
-    assert!(
-        targets.iter().all(|n| (n.length() - 1.0).abs() < 1e-5),
-        "all have one"
-    );
-    let reference = |numbers: &[f64]| {
-        let point =
-            |v: u32| DVec3::from_array([0, 1, 2].map(|axis| numbers[axis * count + v as usize]));
-        let mut sums = vec![DVec3::ZERO; count];
-        for face in template.faces() {
-            let [a, b, c] = face.map(point);
-            for corner in face {
-                sums[*corner as usize] += (b - a).cross(c - a);
-            }
-        }
-        let all = sums.iter().zip(&targets);
-        let all =
-            all.map(|(sum, target)| (sum.normalize() - target.as_dvec3()).abs().element_sum());
-        1.5 * all.sum::<f64>()
-    };
-    let mut by = vec![0.0; 3 * count];
-    let loss = normals
-        .l1(vertices, &targets, 1.5, &mut by)
-        .expect("as many");
-    assert!(
-        (loss / reference(&wide) - 1.0).abs() < 1e-5,
-        "{loss}, {}",
-        reference(&wide)
-    );
-    assert_derivatives(&by, vertices, &some(50, 3 * count), 1e-3, &reference);
-}
-
-#[test]
-fn a_collapsed_mesh_has_no_normals_and_finite_derivatives() {
-    let person = Person::new(TINY);
-    let template = &person.puppet.template;
-    let vertices = vec![0.25; 3 * template.vertices().len()];
-    let mut normals = VertexNormals::new(template);
-    let wanted = vec![Vec3::Y; template.vertices().len()];
-    let mut by = vec![0.0; vertices.len()];
-    let loss = normals
-        .l1(&vertices, &wanted, 1.0, &mut by)
-        .expect("as many");
-    assert!(loss.is_finite() && by.iter().all(|x| *x == 0.0), "{loss}");
-    let mut surface = Surface::new(template, &person.puppet.gaussians).expect("bound");
-    let gaussians = Attributes::zeros(TINY.gaussians);
-    let mut by_gaussians = Attributes::zeros(TINY.gaussians);
-    let loss = surface
-        .bind(
-            (&gaussians, &vertices),
-            Share::ALL,
-            1.0,
-            &mut by_gaussians,
-            &mut by,
-        )
-        .expect("as many");
-    let expected = 3.0 * 0.0625 * 300.0;
-    assert!((loss - expected).abs() < 1e-3, "{loss}, {expected}");
-    assert!(by.iter().all(|x| x.is_finite()), "finite");
 }

@@ -1,6 +1,7 @@
 //! The point of the template's surface under a place, near where something was bound before.
 
 use glam::Vec3;
+use spmm3::shares_of_closest;
 
 /// Triangles that are gone over from where the search begins; children are born within a splat of their parent.
 const MOST_MOVES: usize = 12;
@@ -88,57 +89,16 @@ impl<'a> Surface<'a> {
         self.faces[triangle as usize].map(|v| self.vertices[v as usize])
     }
 
-    /// The triangle's nearest point (Ericson, "Real-Time Collision Detection", 2005, section 5.1.5).
+    /// The triangle's nearest point.
     fn foot(&self, triangle: u32, place: Vec3) -> Foot {
-        let [a, b, c] = self.corners(triangle);
-        let [v, w] = nearest(a, b, c, place);
+        let corners = self.corners(triangle);
+        let [_, v, w] = shares_of_closest(place, corners);
+        let [a, b, c] = corners;
         Foot {
             triangle,
             barycentric: [v, w],
             point: a + (b - a) * v + (c - a) * w,
         }
-    }
-}
-
-/// Weights of b and c at the triangle's point that is nearest to `p`; the first corner's of a triangle without area.
-fn nearest(a: Vec3, b: Vec3, c: Vec3, p: Vec3) -> [f32; 2] {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return [0.0, 0.0];
-    }
-    let bp = p - b;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return [1.0, 0.0];
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return finite([d1 / (d1 - d3), 0.0]);
-    }
-    let cp = p - c;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return [0.0, 1.0];
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return finite([0.0, d2 / (d2 - d6)]);
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return finite([1.0 - w, w]);
-    }
-    let sum = va + vb + vc;
-    finite([vb / sum, vc / sum])
-}
-
-fn finite(weights: [f32; 2]) -> [f32; 2] {
-    if weights.iter().all(|weight| weight.is_finite()) {
-        weights
-    } else {
-        [0.0, 0.0]
     }
 }
 

@@ -19,7 +19,7 @@ const WITHOUT_VALIDATION: usize = 4;
 /// How near the avatar comes to pictures.
 #[derive(Debug, Clone)]
 pub struct Validation {
-    /// Masked PSNR over all of them, decibels, as a receiver draws the package.
+    /// PSNR within the masks of all of them, decibels, as a receiver draws the package.
     pub psnr: f64,
     /// How many pictures.
     pub pictures: usize,
@@ -138,11 +138,16 @@ impl Trainer<'_> {
         })
     }
 
-    /// Writes the package if it is the best so far by `validation`, complete or not at all; tells whether it was.
+    /// Writes the package if it is the best so far by `validation`, or if there is none at `path`: complete or not at all. Tells whether it was
+    /// written.
     ///
     /// # Errors
     /// Numbers that do not make an avatar, a file that cannot be written.
     pub fn keep_best(&mut self, validation: &Validation, path: &Path) -> Result<bool, TrainError> {
+        // The best one was written elsewhere, or is gone: this one is the best that there is.
+        if !path.exists() {
+            self.best = None;
+        }
         if self.best.is_some_and(|best| validation.psnr <= best) {
             return Ok(false);
         }
@@ -156,7 +161,7 @@ impl Trainer<'_> {
         saved.map(|_| true)
     }
 
-    /// Masked PSNR of the best avatar that was written, decibels.
+    /// PSNR within the masks of the best avatar that was written, decibels.
     #[must_use]
     pub fn best(&self) -> Option<f64> {
         self.best

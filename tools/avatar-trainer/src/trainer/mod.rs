@@ -7,6 +7,8 @@ mod population;
 mod regularise;
 mod smoothing;
 mod state;
+#[cfg(test)]
+mod tests;
 
 pub use avatar::Validation;
 
@@ -25,9 +27,6 @@ use splat_gradient::loss::{Ssim, Target, alpha_l1, colour_l1};
 use splat_gradient::{Attributes, Picture, Splatter, View};
 use spmm3::{Avatar, BoundGaussians, Controllers, MotionParams};
 
-/// Poses' corrections are centred after so many steps.
-const CENTRE_EVERY: u64 = 100;
-
 /// What a step found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepReport {
@@ -35,7 +34,7 @@ pub struct StepReport {
     pub pair: Pair,
     /// The whole loss.
     pub loss: f64,
-    /// Masked PSNR of the picture before the step, decibels, at the resolution that it was compared in.
+    /// PSNR within the mask of the picture before the step, decibels, at the resolution that it was compared in.
     pub psnr: f64,
     /// Gaussians after it.
     pub gaussians: usize,
@@ -71,7 +70,7 @@ pub struct Trainer<'a> {
     /// Steps since the population changed, and how often it did.
     unchanged: u32,
     rounds: u32,
-    /// Masked PSNR of the best avatar that was handed out.
+    /// PSNR within the masks of the best avatar that was handed out.
     best: Option<f64>,
     memory: Memory,
 }
@@ -129,7 +128,8 @@ impl Trainer<'_> {
     /// fall.
     ///
     /// # Errors
-    /// A picture that cannot be read, or a loss that is not a number. Nothing was learnt then, and the training can go on or be written.
+    /// A picture that cannot be read, or numbers that are not finite: nothing was learnt then. A population that cannot be changed: it stays as it was.
+    /// Either way the training can go on or be written.
     pub fn step(&mut self, progress: f32) -> Result<StepReport, TrainError> {
         let phase = phase(progress, &self.options);
         let pair = self.split.at(self.step, self.options.seed);
@@ -145,7 +145,8 @@ impl Trainer<'_> {
         loss += self.learn(pair, &phase, &compared)?;
         self.step += 1;
         self.unchanged = self.unchanged.saturating_add(1);
-        if self.options.refine_poses && self.step.is_multiple_of(CENTRE_EVERY) {
+        // In every step, so that whatever is handed out or written is centred.
+        if self.options.refine_poses {
             optimiser::centre(&mut self.poses, &self.frames);
         }
         self.change_population(progress, &phase)?;
@@ -164,6 +165,8 @@ impl Trainer<'_> {
         target: &Target,
         view: &View,
     ) -> Result<Compared, TrainError> {
+        let (pictures, step) = (&self.pictures, self.step);
+        let wrong = |what| not_finite(pictures, step, pair, what);
         let Memory {
             splatter,
             ssim,
@@ -176,6 +179,10 @@ impl Trainer<'_> {
         let motion = &self.motions[pair.frame];
         self.model
             .pose(&self.parameters, motion, Some(correction), posed)?;
+        // The splatter leaves out what is not finite: the picture would not tell.
+        if !all_finite(posed.gaussians().numbers()) {
+            return Err(wrong("a number of the posed Gaussians"));
+        }
         let mut drawn = splatter.draw(posed.gaussians(), view);
         let colours = self
             .options
@@ -199,18 +206,17 @@ impl Trainer<'_> {
             + f64::from(weights.ssim) * dissimilar
             + f64::from(weights.alpha) * silhouette;
         if !loss.is_finite() {
-            let cameras = self.pictures.capture().cameras();
-            return Err(TrainError::NotFinite {
-                step: self.step,
-                camera: cameras[pair.camera].name.clone(),
-                frame: pair.frame,
-            });
+            return Err(wrong("the loss"));
         }
         let mut score = Score::default();
         score.add(picture, target);
         let by_colours = colours.map(|colours| colours.pull_back(drawn.picture(), by_pixel));
         by_gaussians.numbers_mut().fill(0.0);
         drawn.backward(by_pixel, by_gaussians)?;
+        let by_colours_finite = by_colours.as_ref().is_none_or(|by| all_finite(by));
+        if !by_colours_finite || !all_finite(by_gaussians.numbers()) {
+            return Err(wrong("a derivative of the loss"));
+        }
         self.statistics.add(posed.gaussians(), by_gaussians, view);
         Ok(Compared {
             loss,
@@ -221,6 +227,8 @@ impl Trainer<'_> {
 
     /// Adds the regularising terms, takes all derivatives back to the parameters, and moves these. Returns the terms' sum.
     fn learn(&mut self, pair: Pair, phase: &Phase, compared: &Compared) -> Result<f64, TrainError> {
+        let (pictures, step) = (&self.pictures, self.step);
+        let wrong = |what| not_finite(pictures, step, pair, what);
         let Memory {
             posed,
             by_gaussians,
@@ -245,6 +253,17 @@ impl Trainer<'_> {
         let by_pose: PoseCorrection =
             self.model
                 .backward(&self.parameters, posed, &by, gradients)?;
+        // Before anything moves: Adam would keep what is not finite for ever.
+        if !sum.is_finite() {
+            return Err(wrong("the sum of the regularising terms"));
+        }
+        let learnt = gradients
+            .arrays()
+            .iter()
+            .all(|(_, array)| all_finite(array));
+        if !learnt || !all_finite(&by_pose.0) || !all_finite(by_gaussians.numbers()) {
+            return Err(wrong("a derivative by what is learnt"));
+        }
         let rates = &phase.rates;
         if rates.mesh_mean > 0.0 || rates.mesh_fields > 0.0 {
             self.smoother.spread(gradients);
@@ -269,6 +288,22 @@ impl Trainer<'_> {
         }
         Ok(sum)
     }
+}
+
+/// The error of step number `step` on `pair`, in which `what` is not finite.
+fn not_finite(pictures: &Pictures<'_>, step: u64, pair: Pair, what: &'static str) -> TrainError {
+    let camera = pictures.capture().cameras().get(pair.camera);
+    TrainError::NotFinite {
+        step,
+        camera: camera.map_or_else(String::new, |camera| camera.name.clone()),
+        frame: pair.frame,
+        what,
+    }
+}
+
+/// Whether all numbers are; looks at every one, since they nearly always are.
+fn all_finite(numbers: &[f32]) -> bool {
+    numbers.iter().fold(true, |all, x| all & x.is_finite())
 }
 
 /// One picture compared.

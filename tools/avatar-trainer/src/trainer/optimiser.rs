@@ -172,6 +172,47 @@ mod tests {
     }
 
     #[test]
+    fn the_pull_towards_the_captures_pose_is_that_of_finite_differences() {
+        let mut pose = FramePose::default();
+        for (at, number) in (0u8..).zip(&mut pose.correction.0) {
+            *number = 0.002 * f32::from(at % 31) - 0.03;
+        }
+        let before = pose.correction.0.map(f64::from);
+        // By square radians and square decimetres.
+        let pull = |numbers: &[f64; CORRECTION]| -> f64 {
+            let (turns, shift) = numbers.split_at(CORRECTION - 3);
+            let square =
+                |all: &[f64], unit: f64| -> f64 { all.iter().map(|x| (unit * x).powi(2)).sum() };
+            0.25 * (square(turns, 1.0) + square(shift, 10.0))
+        };
+        let rates = Rates {
+            pose: 1e-3,
+            shift: 1e-3,
+            ..Rates::default()
+        };
+        let none = PoseCorrection::default();
+        pose.step(&none, 0.25, &rates).expect("as many");
+        for at in [
+            0,
+            40,
+            BODY + EXPRESSION,
+            CORRECTION - 4,
+            CORRECTION - 3,
+            CORRECTION - 1,
+        ] {
+            let moved = |sign: f64| {
+                let mut moved = before;
+                moved[at] += sign * 1e-4;
+                pull(&moved)
+            };
+            let expected = (moved(1.0) - moved(-1.0)) / 2e-4;
+            // Adam's first mean after one step: a tenth of the derivative.
+            let got = 10.0 * f64::from(pose.adam.first[at]);
+            assert!((got - expected).abs() < 1e-5, "{at}: {got}, {expected}");
+        }
+    }
+
+    #[test]
     fn the_face_keeps_the_captures_coefficients() {
         let mut pose = FramePose::default();
         let rates = Rates {

@@ -7,7 +7,8 @@ use crate::density::{Change, Plan, Population, Surface, plan};
 use crate::error::TrainError;
 use crate::random::mixed;
 use crate::schedule::{DENSIFY, Phase};
-use avatar_gradient::Model;
+use avatar_gradient::{Model, Parameters};
+use glam::Vec3;
 use spmm3::{BoundGaussians, Controllers};
 
 /// How often the population changes.
@@ -31,7 +32,7 @@ impl Trainer<'_> {
             return Ok(());
         }
         let plan = plan(&self.parameters.gaussians, &self.statistics, 0, 0, budget);
-        self.carry_out(&plan)
+        self.carry_out(&plan, 0)
     }
 
     /// Makes a round if one is due after a step of `phase`.
@@ -69,32 +70,36 @@ impl Trainer<'_> {
             more,
             budget,
         );
-        self.rounds = due;
-        self.unchanged = 0;
         if plan.is_empty(count) {
             self.statistics.reset(count);
-            return Ok(());
+        } else {
+            log::debug!(
+                "step {}: {} of {count} Gaussians stay, {} are split, {} cloned",
+                self.step,
+                plan.kept.len(),
+                plan.split.len(),
+                plan.cloned.len()
+            );
+            self.carry_out(&plan, due)?;
         }
-        log::debug!(
-            "step {}: {} of {count} Gaussians stay, {} are split, {} cloned",
-            self.step,
-            plan.kept.len(),
-            plan.split.len(),
-            plan.cloned.len()
-        );
-        self.carry_out(&plan)
+        self.rounds = due;
+        self.unchanged = 0;
+        Ok(())
     }
 
-    fn carry_out(&mut self, plan: &Plan) -> Result<(), TrainError> {
+    /// Carries out a plan, as the round of this number; on an error nothing has changed.
+    pub(super) fn carry_out(&mut self, plan: &Plan, round: u32) -> Result<(), TrainError> {
         let template = &self.first.template;
         let before = self.bound.len();
-        let surface = Surface::new(template.vertices(), template.faces());
+        // Where clothes are, the mesh is centimetres off the template.
+        let vertices = displaced(template.vertices(), &self.parameters.mesh_mean);
+        let surface = Surface::new(&vertices, template.faces());
         let population = Population {
             triangles: self.bound.triangles(),
             barycentrics: self.bound.barycentrics(),
             attributes: &self.parameters.gaussians,
         };
-        let seed = mixed(self.options.seed, FIRST_SEED + u64::from(self.rounds));
+        let seed = mixed(self.options.seed, FIRST_SEED + u64::from(round));
         let mut change = Change::new(plan, population, &surface, seed);
         let neighbours = self.controllers.neighbours();
         // Each controller's Gaussians lie together, as the receiver's graph gathers them.
@@ -115,10 +120,17 @@ impl Trainer<'_> {
         )?;
 
         let each = self.model.sizes().bases;
-        let bases = change.bases(&self.parameters.bases, before, each);
-        self.parameters.bases = bases;
-        self.parameters.gaussians.clone_from(&change.attributes);
-        let arrays = self.parameters.arrays();
+        let parameters = Parameters {
+            bases: change.bases(&self.parameters.bases, before, each),
+            gaussians: change.attributes.clone(),
+            ..self.parameters.clone()
+        };
+        let networks = parameters.to_networks(template, &controllers, &bound)?;
+        let model = Model::new(&self.first.skeleton, template, &controllers, &networks)?;
+        let regularisers = Regularisers::new(template, &controllers, &bound)?;
+
+        // From here on nothing can fail.
+        let arrays = parameters.arrays();
         for ((name, _), adam) in arrays.into_iter().zip(&mut self.optimiser.arrays) {
             if name == GAUSSIANS {
                 adam.first = change.remembered(&adam.first, before);
@@ -128,23 +140,22 @@ impl Trainer<'_> {
         let moments = &mut self.optimiser.bases;
         moments.first = change.remembered(&moments.first, before);
         moments.second = change.remembered(&moments.second, before);
-
         self.statistics.reset(bound.len());
-        self.regularisers = Regularisers::new(template, &controllers, &bound)?;
+        self.parameters = parameters;
+        self.regularisers = regularisers;
         self.bound = bound;
         self.controllers = controllers;
-        self.model = self.rebuilt()?;
-        self.memory = Memory::new(&self.model);
+        self.memory = Memory::new(&model);
+        self.model = model;
         Ok(())
     }
+}
 
-    /// The model of the present population.
-    pub(super) fn rebuilt(&self) -> Result<Model, TrainError> {
-        let template = &self.first.template;
-        let networks = self
-            .parameters
-            .to_networks(template, &self.controllers, &self.bound)?;
-        let model = Model::new(&self.first.skeleton, template, &self.controllers, &networks)?;
-        Ok(model)
-    }
+/// The template's vertices with F_mesh's mean offsets (planes x|y|z), metres.
+fn displaced(vertices: &[Vec3], mean: &[f32]) -> Vec<Vec3> {
+    let plane = |axis: usize| mean.iter().skip(axis * vertices.len());
+    let offsets = plane(0).zip(plane(1)).zip(plane(2));
+    (vertices.iter().zip(offsets))
+        .map(|(vertex, ((x, y), z))| *vertex + Vec3::new(*x, *y, *z))
+        .collect()
 }

@@ -6,12 +6,14 @@ use crate::colour::NUMBERS;
 use crate::error::TrainError;
 use crate::options::Options;
 use crate::pictures::Split;
+use crate::source::Source;
 use crate::trainer::begin::check_motions;
 use crate::trainer::optimiser::BASES;
 use avatar_gradient::{CORRECTION, Networks, Parameters, PoseCorrection, Sizes};
 use capture::Capture;
 use glam::Vec3;
 use half::f16;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use spmm3::networks::{AttributeNetwork, Dense, MeshNetwork, QuantisedBases, QuantisedDecoder};
 use spmm3::package::{MAX_CONTROLLERS, MAX_GAUSSIANS};
@@ -22,13 +24,15 @@ use std::path::Path;
 /// More hidden units, fields or bases than any network of a package has.
 const MOST_UNITS: usize = 4096;
 
+/// More steps than a training makes in years.
+const MOST_STEPS: u64 = 1 << 40;
+
 /// What of the state is no array.
 #[derive(Debug, Serialize, Deserialize)]
-struct Text {
+struct Text<N> {
     version: u32,
-    /// The capture's cameras, frames and size: a training goes on with its own capture.
-    cameras: Vec<String>,
-    frames: usize,
+    /// A training goes on with its own capture.
+    source: Source,
     options: Options,
     gaussians: usize,
     controller_hidden: usize,
@@ -41,17 +45,12 @@ struct Text {
     rounds: u32,
     best: Option<f64>,
     /// What the caller keeps with it, e.g. the time that was used.
-    note: f64,
+    note: N,
     /// Steps of each optimiser.
     array_steps: Vec<u32>,
     basis_steps: u32,
     pose_steps: Vec<u32>,
     colour_steps: Vec<u32>,
-}
-
-fn names(capture: &Capture) -> Vec<String> {
-    let cameras = capture.cameras().iter();
-    cameras.map(|camera| camera.name.clone()).collect()
 }
 
 /// The numbers of all of one kind, one after the other.
@@ -63,14 +62,13 @@ impl<'a> Trainer<'a> {
     /// Writes all state to one file, complete or not at all. `note` is kept with it for the caller.
     ///
     /// # Errors
-    /// A file that cannot be written.
-    pub fn save(&self, path: &Path, note: f64) -> Result<(), TrainError> {
+    /// A number that is not finite, a file that cannot be written; what was there before stays.
+    pub fn save(&self, path: &Path, note: &impl Serialize) -> Result<(), TrainError> {
         let sizes = self.model.sizes();
         let steps = |adams: &mut dyn Iterator<Item = u32>| adams.collect::<Vec<u32>>();
         let text = Text {
             version: VERSION,
-            cameras: names(self.pictures.capture()),
-            frames: self.motions.len(),
+            source: Source::of(self.pictures.capture()),
             options: self.options.clone(),
             gaussians: sizes.gaussians,
             controller_hidden: sizes.controller_hidden,
@@ -147,15 +145,18 @@ impl<'a> Trainer<'a> {
     /// Takes up a training of `capture` where it was written down; also returns the note that was kept with it.
     ///
     /// # Errors
-    /// A file that cannot be read, is damaged, or is of a training of another capture.
-    pub fn resume(capture: &'a Capture, path: &Path) -> Result<(Self, f64), TrainError> {
+    /// A file that cannot be read, is damaged, or is of a training of another capture, or of this one before it was changed.
+    pub fn resume<N: DeserializeOwned>(
+        capture: &'a Capture,
+        path: &Path,
+    ) -> Result<(Self, N), TrainError> {
         let stored = Stored::read(path)?;
-        let (reader, text) = stored.open::<Text>()?;
+        let (reader, text) = stored.open::<Text<N>>()?;
         check(&text, capture, &reader)?;
         text.options.check()?;
         let first = Avatar::read(Cursor::new(reader.bytes("first")?))?;
         let motions: Vec<MotionParams> = reader
-            .numbers("motions", text.frames * CORRECTION)?
+            .numbers("motions", capture.frames() * CORRECTION)?
             .chunks_exact(CORRECTION)
             .map(|row| {
                 let mut motion = MotionParams::default();
@@ -167,7 +168,7 @@ impl<'a> Trainer<'a> {
         check_motions(&motions, capture.frames())?;
         let split = Split::new(capture, text.options.validation, text.options.seed)?;
 
-        let controllers = controllers(&reader, &text, &first)?;
+        let controllers = controllers(&reader, text.gaussians, &first)?;
         let sizes = Sizes {
             gaussians: text.gaussians,
             vertices: first.template.vertices().len(),
@@ -177,9 +178,12 @@ impl<'a> Trainer<'a> {
             mesh_hidden: text.mesh_hidden,
             rank: text.rank,
         };
-        let mut parameters = Parameters::zeros(&sizes);
-        for (name, array) in parameters.arrays_mut() {
-            *array = reader.numbers(&format!("parameters.{name}"), array.len())?;
+        // Nothing is sized by the text before the tensors were found to have these sizes.
+        let lengths = Parameters::lengths(&sizes)
+            .ok_or_else(|| reader.refused("its sizes are no avatar's"))?;
+        let mut parameters = Parameters::default();
+        for ((name, array), length) in parameters.arrays_mut().into_iter().zip(lengths) {
+            *array = reader.numbers(&format!("parameters.{name}"), length)?;
         }
         let bound = BoundGaussians::new(
             &first.template,
@@ -210,7 +214,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// Reads what the optimisers and the statistics remember.
-    fn read_moments(&mut self, reader: &Reader<'_>, text: &Text) -> Result<(), TrainError> {
+    fn read_moments<N>(&mut self, reader: &Reader<'_>, text: &Text<N>) -> Result<(), TrainError> {
         let names = self.parameters.arrays().map(|(name, _)| name);
         let arrays = self.optimiser.arrays.iter_mut().zip(&text.array_steps);
         for (name, (adam, steps)) in names.into_iter().zip(arrays) {
@@ -261,22 +265,16 @@ impl<'a> Trainer<'a> {
 /// An array's numbers, then Adam's two means of their derivatives.
 const KINDS: [&str; 3] = ["numbers", "first", "second"];
 
-/// Refuses a checkpoint of another capture or program, or whose sizes are no avatar's.
-fn check(text: &Text, capture: &Capture, reader: &Reader<'_>) -> Result<(), TrainError> {
+/// Refuses a checkpoint of another program or capture, or whose sizes and counts are no training's.
+fn check<N>(text: &Text<N>, capture: &Capture, reader: &Reader<'_>) -> Result<(), TrainError> {
     if text.version != VERSION {
         return Err(reader.refused(format!(
             "it is of version {}, this program reads {VERSION}; begin anew without --resume",
             text.version
         )));
     }
-    if text.cameras != names(capture) || text.frames != capture.frames() {
-        return Err(reader.refused(format!(
-            "it is of a capture of {} cameras and {} frames, this one has {} and {}, or cameras of other names",
-            text.cameras.len(),
-            text.frames,
-            capture.cameras().len(),
-            capture.frames()
-        )));
+    if let Some(change) = text.source.change(&Source::of(capture)) {
+        return Err(reader.refused(change));
     }
     let units = [
         text.controller_hidden,
@@ -288,8 +286,10 @@ fn check(text: &Text, capture: &Capture, reader: &Reader<'_>) -> Result<(), Trai
     let sound = text.gaussians <= MAX_GAUSSIANS
         && units.iter().all(|count| *count <= MOST_UNITS)
         && text.array_steps.len() == ARRAYS
-        && text.pose_steps.len() == text.frames
-        && text.colour_steps.len() == text.cameras.len()
+        && text.pose_steps.len() == capture.frames()
+        && text.colour_steps.len() == capture.cameras().len()
+        && text.step <= MOST_STEPS
+        && u64::from(text.unchanged) <= text.step
         && text.best.is_none_or(f64::is_finite);
     if sound {
         Ok(())
@@ -304,10 +304,10 @@ const ARRAYS: usize = 14;
 /// The controllers of the population that was written down.
 fn controllers(
     reader: &Reader<'_>,
-    text: &Text,
+    gaussians: usize,
     first: &Avatar,
 ) -> Result<Controllers, TrainError> {
-    let count = text.gaussians;
+    let count = gaussians;
     let neighbours = reader
         .indices("controllers.neighbours", NEIGHBOURS * count)?
         .chunks_exact(NEIGHBOURS)

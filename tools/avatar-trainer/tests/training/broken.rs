@@ -60,10 +60,10 @@ fn a_picture_that_breaks_mid_way_is_named_and_the_best_package_stays() {
     );
     let checkpoint = folder.path().join("checkpoint.safetensors");
     trainer
-        .save(&checkpoint, 0.0)
+        .save(&checkpoint, &())
         .expect("the state can be kept");
     std::fs::write(&picture, &bytes).expect("mended");
-    let (mut trainer, _) = Trainer::resume(&capture, &checkpoint).expect("taken up");
+    let (mut trainer, ()) = Trainer::resume(&capture, &checkpoint).expect("taken up");
     trainer.step(0.1).expect("it goes on");
 }
 
@@ -80,9 +80,9 @@ fn a_checkpoint_of_another_capture_or_damaged_is_refused() {
     let frames = poses(&one, &first);
     let trainer = Trainer::new(&one, first, frames, Options::default()).expect("a training");
     let path = folder.path().join("checkpoint.safetensors");
-    trainer.save(&path, 0.0).expect("written");
+    trainer.save(&path, &()).expect("written");
     let refused = |capture: &Capture, path: &Path| {
-        let error = Trainer::resume(capture, path).map(|_| ());
+        let error = Trainer::resume::<()>(capture, path).map(|_| ());
         error.expect_err("refused").to_string()
     };
     let said = refused(&other, &path);
@@ -93,6 +93,91 @@ fn a_checkpoint_of_another_capture_or_damaged_is_refused() {
         let said = refused(&one, &path);
         assert!(said.contains("checkpoint"), "{length} bytes: {said}");
     }
+    std::fs::write(&path, &bytes).expect("mended");
+    Trainer::resume::<()>(&one, &path).expect("its own capture");
+
+    // The same folder, changed since.
+    let manifest = folder.path().join("one").join("capture.json");
+    let text = std::fs::read_to_string(&manifest).expect("read");
+    let mut changed: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    changed["cameras"][1]["focal"][0] = 140.0.into();
+    let edited = |changed: &serde_json::Value| {
+        std::fs::write(&manifest, changed.to_string()).expect("written");
+        refused(
+            &Capture::open(&folder.path().join("one")).expect("a capture"),
+            &path,
+        )
+    };
+    let said = edited(&changed);
+    assert!(said.contains("lenses"), "another focal length: {said}");
+    let mut changed: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    changed["held_out"]["frames"] = serde_json::json!([[1, 2]]);
+    let said = edited(&changed);
+    assert!(said.contains("held out"), "a frame is held out now: {said}");
+    std::fs::write(&manifest, text).expect("mended");
+    std::fs::remove_file(folder.path().join("one").join("motion.npz")).expect("gone");
+    let poseless = Capture::open(&folder.path().join("one")).expect("a capture");
+    let said = refused(&poseless, &path);
+    assert!(
+        said.contains("poses are others"),
+        "no motion any more: {said}"
+    );
+}
+
+#[test]
+fn a_camera_too_large_to_draw_for_is_named_before_anything_is_made() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = puppet();
+    capture(folder.path(), &truth, 2, &motions(2), &HeldOut::default());
+    let manifest = folder.path().join("capture.json");
+    let text = std::fs::read_to_string(&manifest).expect("read");
+    let mut changed: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    changed["cameras"][1]["size"] = serde_json::json!([6000, 4000]);
+    std::fs::write(&manifest, changed.to_string()).expect("written");
+    let capture = Capture::open(folder.path()).expect("a capture");
+    let first = stranger(&truth);
+    let frames = poses(&capture, &first);
+    let refused = Trainer::new(&capture, first, frames, Options::default()).map(|_| ());
+    let said = refused.expect_err("too large").to_string();
+    assert!(
+        said.contains("cam01") && said.contains("6000 x 4000"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_package_that_is_not_there_is_written_although_a_better_one_was() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = puppet();
+    let pictures = folder.path().join("capture");
+    let capture = capture(&pictures, &truth, 2, &motions(2), &HeldOut::default());
+    let first = stranger(&truth);
+    let frames = poses(&capture, &first);
+    let mut trainer =
+        Trainer::new(&capture, first, frames, Options::default()).expect("a training");
+    let mut validation = trainer.validate().expect("drawn");
+    let package = folder.path().join("me.m3a");
+    assert!(
+        trainer.keep_best(&validation, &package).expect("written"),
+        "the first is the best"
+    );
+    let checkpoint = folder.path().join("checkpoint.safetensors");
+    trainer.save(&checkpoint, &()).expect("kept");
+    let (mut trainer, ()) = Trainer::resume(&capture, &checkpoint).expect("taken up");
+    validation.psnr -= 1.0;
+    let kept = trainer.keep_best(&validation, &package).expect("compared");
+    assert!(!kept, "the better one stays");
+    let other = folder.path().join("new.m3a");
+    assert!(
+        trainer.keep_best(&validation, &other).expect("written"),
+        "the only one"
+    );
+    assert!(other.exists(), "it is there");
+    assert_eq!(
+        trainer.best(),
+        Some(validation.psnr),
+        "and its figure is told"
+    );
 }
 
 #[test]
@@ -113,4 +198,20 @@ fn what_is_held_out_is_never_looked_at() {
     for pair in all {
         assert!(pair.camera != 1 && pair.frame < 2, "{pair:?}");
     }
+    let mut trainer = trainer;
+    for (camera, of) in capture.cameras().iter().enumerate() {
+        for frame in (0..4).filter(|frame| camera == 1 || *frame >= 2) {
+            for kind in ["frames", "masks"] {
+                let file = format!("{kind}/{}/{frame:06}.png", of.name);
+                std::fs::write(folder.path().join(file), "no picture").expect("written");
+            }
+            assert!(capture.photograph(camera, frame).is_err(), "it is rubbish");
+        }
+    }
+    for step in 0..20u8 {
+        trainer
+            .step(f32::from(step) / 20.0)
+            .expect("a step on the others");
+    }
+    trainer.validate().expect("drawn beside the others");
 }

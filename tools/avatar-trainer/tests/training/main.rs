@@ -1,7 +1,7 @@
 //! Small people learnt from small captures.
 
 mod broken;
-mod exported;
+mod fuzzed;
 mod overfit;
 mod repeated;
 mod studio;

@@ -8,7 +8,7 @@ use spmm3::Avatar;
 use std::path::Path;
 
 const STEPS: u16 = 400;
-const INTERRUPTED: u16 = 257;
+const INTERRUPTED: [u16; 4] = [37, 95, 121, 257];
 
 fn begun<'a>(capture: &'a Capture, first: &Avatar) -> Trainer<'a> {
     let options = Options {
@@ -30,7 +30,7 @@ fn train(trainer: &mut Trainer<'_>, steps: std::ops::Range<u16>) {
 /// The checkpoint's and the package's bytes.
 fn bytes(trainer: &Trainer<'_>, folder: &Path) -> [Vec<u8>; 2] {
     let path = folder.join("checkpoint.safetensors");
-    trainer.save(&path, 0.5).expect("written");
+    trainer.save(&path, &0.5).expect("written");
     let package = trainer.avatar().expect("an avatar").to_bytes();
     [
         std::fs::read(path).expect("read"),
@@ -56,17 +56,37 @@ fn any_number_of_threads_and_an_interruption_give_the_same_bytes() {
     let alone = on(1);
     assert!(on(3) == alone, "three threads");
 
+    // Populations change after every 60 steps at the earliest: between two changes, beside one, and late.
     let path = folder.path().join("interrupted.safetensors");
     let mut trainer = begun(&capture, &first);
-    train(&mut trainer, 0..INTERRUPTED);
-    trainer.save(&path, 17.25).expect("written");
-    drop(trainer);
-    let (mut trainer, note) = Trainer::resume(&capture, &path).expect("taken up");
-    assert!((note - 17.25).abs() < 1e-12, "the note is kept");
-    assert_eq!(trainer.steps(), u64::from(INTERRUPTED), "where it was");
-    assert!(trainer.gaussians() > 200, "Gaussians have come");
-    assert!(trainer.gaussians() <= 230, "within the budget");
-    train(&mut trainer, INTERRUPTED..STEPS);
+    let (mut done, mut populations) = (0, Vec::new());
+    for interrupted in INTERRUPTED {
+        train(&mut trainer, done..interrupted);
+        populations.push(trainer.gaussians());
+        trainer.save(&path, &17.25).expect("written");
+        drop(trainer);
+        let note: f64;
+        (trainer, note) = Trainer::resume(&capture, &path).expect("taken up");
+        assert!((note - 17.25).abs() < 1e-12, "the note is kept");
+        assert_eq!(trainer.steps(), u64::from(interrupted), "where it was");
+        done = interrupted;
+    }
+    populations.push(trainer.gaussians());
+    train(&mut trainer, done..STEPS);
+    populations.push(trainer.gaussians());
+    println!("Gaussians at each interruption and at the end: {populations:?}");
+    assert!(
+        populations
+            .windows(2)
+            .filter(|pair| pair[0] < pair[1])
+            .count()
+            >= 2,
+        "the population grows before and after an interruption: {populations:?}"
+    );
+    assert!(
+        populations.iter().all(|count| *count <= 230),
+        "within the budget"
+    );
     let resumed = bytes(&trainer, folder.path());
     assert!(resumed[1] == alone[1], "the package of a resumed training");
     assert!(resumed[0] == alone[0], "the state of a resumed training");

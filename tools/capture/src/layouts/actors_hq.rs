@@ -108,7 +108,8 @@ fn cameras(file: &Path) -> Result<Vec<Camera>, CaptureError> {
                 "focal" => "fx, fy",
                 "centre" => "px, py",
                 "name" => "name",
-                _ => "rx, ry, rz, tx, ty, tz",
+                "camera_from_world" if camera.far_away() => "tx, ty, tz",
+                _ => "rx, ry, rz",
             };
             let theirs = format!("line {} {theirs}", number + 1);
             return Err(CaptureError::field(file, theirs, reason));

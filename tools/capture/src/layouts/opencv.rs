@@ -103,13 +103,12 @@ fn camera(name: &str, node: &Node<'_>) -> Result<Camera, CaptureError> {
                 "size" => "imgSize",
                 "focal" | "centre" => "K",
                 "distortion" => "distCoeff",
+                "camera_from_world" if camera.far_away() => "T",
                 _ => "R",
             };
-            Err(match node.find(theirs) {
-                Some(node) => node.wrong(reason),
-                // The name is the field itself.
-                None => node.wrong(reason),
-            })
+            // The name is the field itself.
+            let found = node.find(theirs).filter(|_| field != "name");
+            Err(found.as_ref().unwrap_or(node).wrong(reason))
         }
     }
 }

@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
+pub(crate) mod published;
+
 use capture::{Capture, CaptureError};
 use std::fs;
 use std::path::Path;
@@ -63,4 +65,39 @@ pub(crate) fn edit(path: &Path, from: &str, to: &str) {
 pub(crate) fn cut(path: &Path, percent: usize) {
     let bytes = fs::read(path).expect("read");
     fs::write(path, &bytes[..bytes.len() * percent / 100]).expect("written");
+}
+
+/// A way to break a folder that was written, and words that the message has.
+pub(crate) struct Break<'a> {
+    pub(crate) what: &'a str,
+    pub(crate) broken: Box<dyn Fn(&Path) + 'a>,
+    pub(crate) words: Vec<String>,
+}
+
+/// A way to break.
+pub(crate) fn way<'a>(what: &'a str, words: &[&str], broken: impl Fn(&Path) + 'a) -> Break<'a> {
+    Break {
+        what,
+        broken: Box::new(broken),
+        words: words.iter().map(|word| (*word).to_owned()).collect(),
+    }
+}
+
+/// Breaks a folder that `write` makes in each way: every one is refused with its words.
+pub(crate) fn refused(write: fn(&Path), ways: &[Break<'_>]) {
+    for Break {
+        what,
+        broken,
+        words,
+    } in ways
+    {
+        let folder = tempfile::tempdir().expect("a folder");
+        write(folder.path());
+        Capture::open(folder.path()).expect("good before it is broken");
+        broken(folder.path());
+        let said = said(folder.path());
+        for word in words {
+            assert!(said.contains(word), "{what}, {word}: {said}");
+        }
+    }
 }

@@ -1,10 +1,11 @@
 //! The first avatar, and how its skeleton stands in every frame.
 
 use anyhow::Context;
+use avatar_trainer::pictures::check_cameras;
 use avatar_trainer::{Options, TrainError, Trainer};
 use capture::Capture;
 use mon3tr::device_options::makehuman;
-use person_template::{TemplateOptions, first_avatar};
+use person_template::{LEAST_GAUSSIANS, TemplateOptions, first_avatar};
 use spmm3::{Avatar, MotionParams, fit_expression};
 use std::path::Path;
 
@@ -34,6 +35,9 @@ pub(super) fn begin<'a>(
     first: First<'_>,
     options: Options,
 ) -> anyhow::Result<Trainer<'a>> {
+    // Before the first avatar, which takes minutes.
+    options.check()?;
+    check_cameras(capture)?;
     let (avatar, motions) = match first {
         First::Package(path) => {
             let avatar = Avatar::load(path)
@@ -54,7 +58,8 @@ pub(super) fn begin<'a>(
     Ok(Trainer::new(capture, avatar, motions, options)?)
 }
 
-/// A first avatar of the capture, of half as many Gaussians as there will be: pictures say where the others are needed.
+/// A first avatar of the capture, of half as many Gaussians as there will be, but no fewer than cover a person: pictures say where the others are
+/// needed, and the training leaves out what is too many.
 fn made(
     capture: &Capture,
     gaussians: usize,
@@ -68,7 +73,7 @@ fn made(
         ),
         name,
         licence: LICENCE.to_owned(),
-        gaussians: (gaussians / 2).max(1),
+        gaussians: (gaussians / 2).max(LEAST_GAUSSIANS),
         clothes,
         ..TemplateOptions::default()
     };

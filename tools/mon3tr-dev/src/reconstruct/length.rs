@@ -1,5 +1,6 @@
 //! How long a training takes, and how much of it is done.
 
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// Looks at the pictures that were held back: so often in a training, but not more than once a minute.
@@ -8,12 +9,21 @@ const MARKS: f64 = 30.0;
 const STEP_MARKS: f64 = 16.0;
 
 /// When a training ends.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) enum Length {
     /// After so much time.
     Minutes(f64),
     /// After so many steps: then the result does not depend on the machine's speed.
     Steps(u64),
+}
+
+/// What a checkpoint keeps of the time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Note {
+    /// Seconds that were used.
+    pub(super) seconds: f64,
+    /// How long the training was to be.
+    pub(super) length: Length,
 }
 
 /// How far a training is.
@@ -32,6 +42,14 @@ impl Clock {
             length,
             before: used.max(0.0),
             start: Instant::now(),
+        }
+    }
+
+    /// What to keep in a checkpoint.
+    pub(super) fn note(&self) -> Note {
+        Note {
+            seconds: self.used(),
+            length: self.length,
         }
     }
 
@@ -82,10 +100,20 @@ impl Clock {
     }
 }
 
+impl Length {
+    /// Whether a training can be so long: a file may say anything.
+    pub(super) fn is_possible(self) -> bool {
+        match self {
+            Self::Minutes(minutes) => (0.01..=10_000.0).contains(&minutes),
+            Self::Steps(steps) => steps > 0,
+        }
+    }
+}
+
 /// Minutes of a training.
 pub(super) fn parse_minutes(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(minutes) if (0.01..=10_000.0).contains(&minutes) => Ok(minutes),
+        Ok(minutes) if Length::Minutes(minutes).is_possible() => Ok(minutes),
         _ => Err("minutes from 0.01 to 10,000".to_owned()),
     }
 }
@@ -100,6 +128,24 @@ mod tests {
         assert!((clock.progress(50) - 0.25).abs() < 1e-6, "a quarter");
         assert!((clock.next_mark(50) - 0.3125).abs() < 1e-6, "the next mark");
         assert!(clock.used() >= 5.0, "with what was used before");
+    }
+
+    #[test]
+    fn a_checkpoint_keeps_how_long_the_training_was_to_be() {
+        for length in [Length::Steps(200), Length::Minutes(1.5)] {
+            let note = Clock::new(length, 5.0).note();
+            let text = serde_json::to_string(&note).expect("a text");
+            let back: Note = serde_json::from_str(&text).expect("read");
+            assert_eq!(back.length, length, "{text}");
+            assert!(back.seconds >= 5.0, "{text}");
+        }
+        for length in [
+            Length::Steps(0),
+            Length::Minutes(0.0),
+            Length::Minutes(f64::NAN),
+        ] {
+            assert!(!length.is_possible(), "{length:?}");
+        }
     }
 
     #[test]

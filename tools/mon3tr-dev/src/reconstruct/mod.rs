@@ -4,12 +4,12 @@ mod begin;
 mod length;
 mod progress_line;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use avatar_trainer::{Options as Training, Trainer, Validation};
 use begin::{First, begin};
 use capture::Capture;
 use image::RgbImage;
-use length::{Clock, Length};
+use length::{Clock, Length, Note};
 use mon3tr::device_options::make_folder;
 use mon3tr::film::write_png;
 use mon3tr::network::Network;
@@ -26,11 +26,12 @@ pub(crate) struct Options {
     /// The package to write; whenever the training is ended, the best one so far is there
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
-    /// How long to train in all, what was done before --resume included; the first avatar is made besides
-    #[arg(long, value_name = "MINUTES", default_value = "60", value_parser = length::parse_minutes)]
-    minutes: f64,
+    /// How long to train in all, what was done before --resume included; the first avatar is made besides [default: 60, or as long as the
+    /// training that is resumed was to be]
+    #[arg(long, value_name = "MINUTES", value_parser = length::parse_minutes)]
+    minutes: Option<f64>,
     /// Train so many steps instead, however long they take: the same ones give the same bytes
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "COUNT", conflicts_with = "minutes", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
     /// The most Gaussians, e.g. 40000
     #[arg(long, value_name = "COUNT", default_value = "40000")]
@@ -85,7 +86,16 @@ impl Options {
             ..Training::default()
         }
     }
+
+    /// How long to train, where that is said.
+    fn length(&self) -> Option<Length> {
+        let minutes = self.minutes.map(Length::Minutes);
+        self.steps.map(Length::Steps).or(minutes)
+    }
 }
+
+/// Of a training whose length nobody says, minutes.
+const DEFAULT_MINUTES: f64 = 60.0;
 
 /// Runs `reconstruct`.
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
@@ -98,9 +108,22 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         make_folder(folder)?;
     }
     let checkpoint = options.work.join("checkpoint.safetensors");
-    let (mut trainer, used) = if options.resume {
-        Trainer::resume(&capture, &checkpoint)?
+    let (mut trainer, before) = if options.resume {
+        let (trainer, note) = Trainer::resume::<Note>(&capture, &checkpoint)?;
+        ensure!(
+            note.length.is_possible(),
+            "{} is damaged: its training was to be {:?} long",
+            checkpoint.display(),
+            note.length
+        );
+        (trainer, Some(note))
     } else {
+        ensure!(
+            !checkpoint.exists(),
+            "there is a training in {} already, which this one would write over: go on with it (--resume), name another folder (--work), or delete {}",
+            options.work.display(),
+            checkpoint.display()
+        );
         let clothes = options.learns(Part::Clothes);
         let first = match &options.template {
             Some(_) if !clothes => {
@@ -112,12 +135,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
                 poses: options.learns(Part::Poses),
             },
         };
-        (begin(&capture, first, options.training())?, 0.0)
+        (begin(&capture, first, options.training())?, None)
     };
-    let length = options
-        .steps
-        .map_or(Length::Minutes(options.minutes), Length::Steps);
-    let mut clock = Clock::new(length, used);
+    let length = (options.length())
+        .or(before.map(|note| note.length))
+        .unwrap_or(Length::Minutes(DEFAULT_MINUTES));
+    let mut clock = Clock::new(length, before.map_or(0.0, |note| note.seconds));
     let files = Files {
         checkpoint: &checkpoint,
         package: &options.out,
@@ -125,10 +148,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     };
     let outcome = train(&mut trainer, &mut clock, &files);
     // Whatever ended it, all that was learnt is kept.
-    trainer.save(&checkpoint, clock.used())?;
-    let validation = outcome?;
+    let saved = trainer.save(&checkpoint, &clock.note());
+    let validation = both(outcome, saved.map_err(Into::into))?;
     println!(
-        "{}: {:.2} dB masked PSNR over {} pictures that were {}, {} Gaussians, {} steps, {:.1} minutes",
+        "{}: {:.2} dB PSNR within the masks of {} pictures that were {}, {} Gaussians, {} steps, {:.1} minutes",
         options.out.display(),
         trainer.best().unwrap_or(validation.psnr),
         validation.pictures,
@@ -142,6 +165,17 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         clock.used() / 60.0
     );
     Ok(())
+}
+
+/// What came of the training, if its state could be kept as well. Where both failed, the first failure is what to mend.
+fn both<T>(outcome: anyhow::Result<T>, saved: anyhow::Result<()>) -> anyhow::Result<T> {
+    match (outcome, saved) {
+        (outcome, Ok(())) => outcome,
+        (Ok(_), Err(unsaved)) => Err(unsaved),
+        (Err(error), Err(unsaved)) => Err(error.context(format!(
+            "the training ended, and its state could not be kept either ({unsaved:#})"
+        ))),
+    }
 }
 
 /// Where a training leaves what.
@@ -178,7 +212,7 @@ fn train(
             next = clock.next_mark(trainer.steps());
             last = Some(validation);
             if !ends {
-                trainer.save(files.checkpoint, clock.used())?;
+                trainer.save(files.checkpoint, &clock.note())?;
             }
         }
         if ends {
@@ -202,4 +236,25 @@ fn show(validation: &Validation, path: &Path) -> anyhow::Result<()> {
         bail!("a preview of {width} x {height} pixels has another number of bytes");
     };
     write_png(path, &picture)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::anyhow;
+
+    #[test]
+    fn what_ended_a_training_is_said_although_its_state_could_not_be_kept() {
+        let ended = both::<()>(Err(anyhow!("a picture")), Err(anyhow!("a full disk")));
+        let said = format!("{:#}", ended.expect_err("both failed"));
+        assert!(
+            said.contains("a picture") && said.contains("a full disk"),
+            "{said}"
+        );
+        assert!(
+            both(Ok(()), Err(anyhow!("a full disk"))).is_err(),
+            "not kept"
+        );
+        assert_eq!(both(Ok(3), Ok(())).ok(), Some(3), "all is well");
+    }
 }

@@ -1,5 +1,6 @@
 //! The command as developers and operators meet it.
 
+mod avatar;
 mod bench;
 mod cli;
 #[path = "../../../mon3tr/tests/command/floor.rs"]

@@ -45,8 +45,13 @@ const SCALE: f64 = 1.03;
 /// Clothes are so thick at least, and so much more at most, metres.
 const CLOTH: (f64, f64) = (0.004, 0.022);
 
-/// Writes the capture.
-pub(crate) fn write(folder: &Path, model: &BodyModel, scenario: Scenario) -> Result<Truth> {
+/// Writes the capture, some of it held out.
+pub(crate) fn write(
+    folder: &Path,
+    model: &BodyModel,
+    scenario: Scenario,
+    held_out: &HeldOut,
+) -> Result<Truth> {
     let mut random = fastrand::Rng::with_seed(17);
     let mut weights = vec![0.0; model.shapes.len()];
     for (name, weight) in SHAPE {
@@ -78,7 +83,7 @@ pub(crate) fn write(folder: &Path, model: &BodyModel, scenario: Scenario) -> Res
         truth.joints.push(joints);
         truth.vertices.push(vertices);
     }
-    writer.finish(Some(&poses), &HeldOut::default())?;
+    writer.finish(Some(&poses), held_out)?;
     Ok(truth)
 }
 

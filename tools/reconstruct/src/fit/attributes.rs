@@ -127,7 +127,7 @@ pub fn fit_residuals(
     done: impl Fn() + Sync,
 ) -> Result<AttributeFit, PersonError> {
     let members = members(controllers);
-    let statistics = pool::InputStatistics::new(poses);
+    let statistics = pool::PoseStatistics::new(poses);
     let locals: Vec<Local> = members
         .par_iter()
         .enumerate()

@@ -15,12 +15,12 @@ const POOL: usize = 900;
 
 /// Means and deviations of the 215 inputs over the training poses.
 #[derive(Debug, Clone)]
-pub(super) struct InputStatistics {
+pub(super) struct PoseStatistics {
     mean: Vec<f32>,
     deviation: Vec<f32>,
 }
 
-impl InputStatistics {
+impl PoseStatistics {
     /// Measures `poses`.
     #[must_use]
     pub(super) fn new(poses: &[MotionParams]) -> Self {
@@ -123,7 +123,7 @@ pub(super) struct Units {
 #[must_use]
 pub(super) fn choose_units(
     groups: &[Vec<usize>],
-    statistics: &InputStatistics,
+    statistics: &PoseStatistics,
     poses: &[MotionParams],
     code: &DMatrix<f64>,
     ramps: usize,
@@ -216,7 +216,7 @@ struct Candidate {
 
 fn candidates(
     groups: &[Vec<usize>],
-    statistics: &InputStatistics,
+    statistics: &PoseStatistics,
     rng: &mut fastrand::Rng,
 ) -> Vec<Candidate> {
     if groups.is_empty() {

@@ -23,7 +23,6 @@ mod visible;
 
 use crate::Part;
 pub use bare::BareBody;
-pub use closest::shares_of_closest;
 pub use expression::{EXPRESSIONS_USED, expression_basis};
 pub use gaussians::{ColouredGaussians, build_gaussians, shaded_colour};
 pub use texture::Texture;

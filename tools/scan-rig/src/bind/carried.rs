@@ -3,8 +3,7 @@
 use crate::scan::Scan;
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
-use reconstruct::shares_of_closest;
-use spmm3::triangle_frame;
+use spmm3::{shares_of_closest, triangle_frame};
 
 /// Where each Gaussian is on and above its triangle, and how it is turned in the triangle's frame (`spmm3::triangle_frame`).
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -14,16 +14,12 @@ pub(super) struct Group {
 /// The three groups, at most `most` pictures of each, spread evenly over their cameras and frames: training poses (training cameras), novel
 /// poses (held-out frames, training cameras), novel views (training frames, held-out cameras). A group may be empty.
 pub(super) fn groups(cameras: usize, frames: usize, held_out: &HeldOut, most: usize) -> [Group; 3] {
-    let of = |count: usize, kept: &[usize]| -> [Vec<usize>; 2] {
-        let (held, training) = (0..count).partition(|k| kept.contains(k));
-        [training, held]
-    };
-    let [training_cameras, novel_cameras] = of(cameras, &held_out.cameras);
-    let [training_frames, novel_frames] = of(frames, &held_out.frames);
+    let training_cameras = held_out.kept_cameras(cameras);
+    let training_frames = held_out.kept_frames(frames);
     [
         ("training poses", &training_cameras, &training_frames),
-        ("novel poses", &training_cameras, &novel_frames),
-        ("novel views", &novel_cameras, &training_frames),
+        ("novel poses", &training_cameras, &held_out.frames),
+        ("novel views", &held_out.cameras, &training_frames),
     ]
     .map(|(name, cameras, frames)| Group {
         name,

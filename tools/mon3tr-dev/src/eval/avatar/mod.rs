@@ -173,7 +173,8 @@ fn measure(
         let (camera, frame) = group.pictures[k];
         bar.inc(1);
         let pair = || Pair::new(&capture.photograph(camera, frame)?, image);
-        let Some(pair) = pair().with_context(|| format!("camera {camera}, frame {frame}"))? else {
+        let picture = || format!("camera {}, frame {frame}", capture.cameras()[camera].name);
+        let Some(pair) = pair().with_context(picture)? else {
             nobody += 1;
             return Ok(());
         };
