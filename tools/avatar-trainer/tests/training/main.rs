@@ -2,6 +2,7 @@
 
 mod broken;
 mod exported;
+mod far;
 mod overfit;
 mod repeated;
 mod studio;
