@@ -12,9 +12,11 @@ mod tests;
 
 pub use avatar::Validation;
 
+use crate::backdrop::Backdrop;
 use crate::colour::Correction;
 use crate::density::Statistics;
 use crate::error::TrainError;
+use crate::fresh::Pairs;
 use crate::options::Options;
 use crate::pictures::{Pair, Pictures, Split};
 use crate::schedule::{FIRST, Phase, phase};
@@ -60,6 +62,7 @@ pub struct Trainer<'a> {
     model: Model,
     parameters: Parameters,
     optimiser: Optimiser,
+    pairs: Pairs,
     poses: Vec<FramePose>,
     colours: Vec<Correction>,
     statistics: Statistics,
@@ -199,8 +202,11 @@ impl Trainer<'_> {
             *by_pixel = Picture::transparent(width, height);
         }
         let weights = &self.options.weights;
-        let l1 = colour_l1(picture, target, 1.0 - weights.ssim, by_pixel)?;
-        let dissimilar = ssim.loss(picture, target, weights.ssim, by_pixel)?;
+        let backdrop = Backdrop::of_step(self.options.seed, self.step);
+        let (shown, wanted) = (backdrop.behind(picture)?, backdrop.behind_target(target)?);
+        let l1 = colour_l1(&shown, &wanted, 1.0 - weights.ssim, by_pixel)?;
+        let dissimilar = ssim.loss(&shown, &wanted, weights.ssim, by_pixel)?;
+        backdrop.pull_back(by_pixel);
         let silhouette = alpha_l1(picture, target, weights.alpha, by_pixel)?;
         let loss = f64::from(1.0 - weights.ssim) * l1
             + f64::from(weights.ssim) * dissimilar
@@ -280,6 +286,7 @@ impl Trainer<'_> {
         }
         self.optimiser
             .step(&mut self.parameters, gradients, rates)?;
+        self.pairs.keep(&mut self.parameters);
         let pull = self.options.weights.pose;
         self.poses[pair.frame].step(&by_pose, pull, rates)?;
         if let Some(by_colours) = &compared.by_colours {

@@ -1,6 +1,7 @@
 //! Small people learnt from small captures.
 
 mod broken;
+mod far;
 mod fuzzed;
 mod overfit;
 mod repeated;
