@@ -102,14 +102,15 @@ fn backwards(located: &LocatedBody) -> Exchange {
     let middle = |pair: [usize; 2]| Some((at(pair[0])? + at(pair[1])?) / 2.0);
     let across = |pair: [usize; 2]| Some(at(pair[0])? - at(pair[1])?);
     let between = |from: [usize; 2], to: [usize; 2]| Some(middle(to)? - middle(from)?);
-    let is_backwards = |across: Option<Vector3<f64>>, up, ahead: Option<Vector3<f64>>| {
-        let (across, ahead) = (across?, ahead?);
-        if across.norm().min(ahead.norm()) < SHORTEST {
-            return None;
-        }
-        let forward = across.cross(&up?).try_normalize(1e-3)?;
-        Some(forward.dot(&ahead.normalize()) < BACKWARDS)
-    };
+    let is_backwards =
+        |across: Option<Vector3<f64>>, up: Option<Vector3<f64>>, ahead: Option<Vector3<f64>>| {
+            let (across, ahead) = (across?, ahead?);
+            if across.norm().min(ahead.norm()) < SHORTEST {
+                return None;
+            }
+            let forward = across.cross(&up?).try_normalize(1e-3)?;
+            Some(forward.dot(&ahead.normalize()) < BACKWARDS)
+        };
     let trunk = between(HIPS, SHOULDERS).or_else(|| between(SHOULDERS, EARS));
     let nose = middle(EARS).and_then(|ears| Some(at(NOSE)? - ears));
     let head = is_backwards(across(EARS), trunk, nose);
