@@ -1,7 +1,6 @@
 //! F_attr before it has learnt anything: residuals are 0, forces are features of the pose around each controller.
 
 use super::inputs::InputStatistics;
-use super::pairs::REACH;
 use crate::random::normal;
 use half::f16;
 use spmm3::networks::{AttributeNetwork, Dense, QuantisedBases};
@@ -12,12 +11,6 @@ pub const CONTROLLER_HIDDEN: usize = 16;
 /// B: bases of a Gaussian.
 pub const BASES: usize = 15;
 
-/// Its hidden units stand in pairs.
-const PAIRS: usize = CONTROLLER_HIDDEN / 2;
-
-/// Where the capture shows less variation of a controller's inputs together, features vary less in it.
-const LEAST: f32 = 0.2;
-
 /// How far each hidden unit's input spreads over the capture's poses.
 const GAIN: f32 = 1.0;
 
@@ -25,8 +18,7 @@ const GAIN: f32 = 1.0;
 ///
 /// All controllers have the same features, of those joints that move the skin where they sit, of these joints' neighbours, and of the whole
 /// person's orientation, as light depends on it: so neighbouring controllers agree from the start, as L_guide wants them to, and a sleeve is not
-/// taught to follow a foot. They stand in pairs (see `fresh/pairs.rs`), so that no pose asks for more than a few times what the capture's do, and are of each motion
-/// parameter as far as the capture shows it: what never varied in it says nothing of poses to come.
+/// taught to follow a foot. All inputs can be learnt.
 ///
 /// # Errors
 /// Numbers that do not make a network, which takes motions that are not finite.
@@ -39,44 +31,29 @@ pub fn attribute_network(
     let seats = controllers.vertices();
     let units = CONTROLLER_HIDDEN * seats.len();
     let mut rng = fastrand::Rng::with_seed(seed);
-    let features: Vec<f32> = (0..PARAMS * PAIRS).map(|_| normal(&mut rng)).collect();
+    let features: Vec<f32> = (0..PARAMS * CONTROLLER_HIDDEN)
+        .map(|_| normal(&mut rng))
+        .collect();
     #[expect(clippy::cast_precision_loss, reason = "few units")]
-    let spread = 1.0 / (PAIRS as f32).sqrt();
-    let mut weighed = Vec::new();
-    let mut middle = vec![0.0; BASES];
-    for _ in 0..PAIRS {
-        let row: Vec<f32> = (0..BASES)
-            .map(|_| f16::from_f32(normal(&mut rng) * spread).to_f32())
-            .collect();
-        for (middle, weight) in middle.iter_mut().zip(&row) {
-            *middle -= weight * REACH;
-        }
-        weighed.extend(row.iter().copied());
-        weighed.extend(row.iter().map(|weight| -weight));
-    }
+    let spread = 1.0 / (CONTROLLER_HIDDEN as f32).sqrt();
+    let weighed: Vec<f32> = (0..CONTROLLER_HIDDEN * BASES)
+        .map(|_| normal(&mut rng) * spread)
+        .collect();
     let mut weights = vec![0.0f32; PARAMS * units];
     let mut bias = vec![0.0f32; units];
     for (controller, vertex) in seats.iter().enumerate() {
         let relevance = relevance(&template.skin()[*vertex as usize].dense());
-        let shares = relevance.iter().zip(&inputs.shown);
-        let shares: Vec<f32> = shares.map(|(share, shown)| share * shown).collect();
-        let total: f32 = shares.iter().map(|share| share * share).sum();
-        let gain = GAIN / total.sqrt().max(LEAST);
-        for (input, share) in shares.iter().enumerate() {
+        let total: f32 = relevance.iter().map(|share| share * share).sum();
+        let gain = GAIN / total.sqrt().max(1e-6);
+        for (input, share) in relevance.iter().enumerate() {
             let scale = gain * share / inputs.spread[input];
-            for pair in 0..PAIRS {
-                let weight = features[input * PAIRS + pair] * scale;
-                let column = controller * CONTROLLER_HIDDEN + 2 * pair;
-                for unit in [column, column + 1] {
-                    weights[input * units + unit] = weight;
-                    bias[unit] -= weight * inputs.mean[input];
-                }
+            for unit in 0..CONTROLLER_HIDDEN {
+                let weight = features[input * CONTROLLER_HIDDEN + unit] * scale;
+                let column = controller * CONTROLLER_HIDDEN + unit;
+                weights[input * units + column] = weight;
+                bias[column] -= weight * inputs.mean[input];
             }
         }
-    }
-    for pair in bias.chunks_exact_mut(2) {
-        pair[0] += REACH;
-        pair[1] -= REACH;
     }
     let gaussians = controllers.neighbours().len();
     let zeros = vec![0.0; ATTRIBUTES * BASES * gaussians];
@@ -85,7 +62,7 @@ pub fn attribute_network(
         second: (0..seats.len())
             .flat_map(|_| weighed.iter().map(|weight| f16::from_f32(*weight)))
             .collect(),
-        second_bias: (0..seats.len()).flat_map(|_| &middle).copied().collect(),
+        second_bias: vec![0.0; seats.len() * BASES],
         bases: QuantisedBases::quantise(BASES, gaussians, &zeros)?,
     })
 }

@@ -14,8 +14,6 @@ pub struct InputStatistics {
     pub mean: Vec<f32>,
     /// `[215]` Standard deviations, or the least one that is believed.
     pub spread: Vec<f32>,
-    /// `[215]` How much of a parameter's variation the capture shows, 0..=1: nothing is learnt of what it shows none of.
-    pub shown: Vec<f32>,
 }
 
 impl InputStatistics {
@@ -43,21 +41,17 @@ impl InputStatistics {
         )]
         let narrow = |value: f64| value as f32;
         let face = BODY..BODY + EXPRESSION;
-        let both = variance.iter().enumerate().map(|(index, variance)| {
+        let spread = variance.iter().enumerate().map(|(index, variance)| {
             let least = if face.contains(&index) {
                 LEAST_EXPRESSION
             } else {
                 LEAST_ANGLE
             };
-            let squared = least * least;
-            let variance = narrow(*variance);
-            (variance.sqrt().max(least), variance / (variance + squared))
+            narrow(variance.sqrt()).max(least)
         });
-        let (spread, shown) = both.unzip();
         Self {
+            spread: spread.collect(),
             mean: mean.into_iter().map(narrow).collect(),
-            spread,
-            shown,
         }
     }
 }

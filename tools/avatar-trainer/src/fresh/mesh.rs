@@ -1,7 +1,6 @@
 //! F_mesh with room for what a person's clothes do.
 
 use super::inputs::InputStatistics;
-use super::pairs::REACH;
 use crate::random::normal;
 use spmm3::networks::{Dense, MeshNetwork, QuantisedDecoder};
 use spmm3::{BODY, PARAMS, PersonError};
@@ -11,8 +10,7 @@ pub const MESH_HIDDEN: usize = 64;
 /// Offset fields that are added.
 pub const MESH_FIELDS: usize = 24;
 
-/// `mesh` with [`MESH_HIDDEN`] more hidden units in each layer, which are random features of the body's pose as far as the capture shows it, within bounds
-/// (`fresh/pairs.rs`), and [`MESH_FIELDS`] more fields
+/// `mesh` with [`MESH_HIDDEN`] more hidden units in each layer, which are random features of the body's pose, and [`MESH_FIELDS`] more fields
 /// of offsets that they drive, all 0: so it gives the very offsets that it gave.
 ///
 /// # Errors
@@ -27,35 +25,19 @@ pub fn widened(
     let spread = |count: usize| 1.0 / (count as f32).sqrt();
     let mut weights = vec![0.0; PARAMS * MESH_HIDDEN];
     let mut bias = vec![0.0; MESH_HIDDEN];
-    let shown: f32 = inputs.shown[..BODY].iter().map(|share| share * share).sum();
-    let gain = 1.0 / shown.sqrt().max(1.0);
     for input in 0..BODY {
-        for pair in 0..MESH_HIDDEN / 2 {
-            let weight = normal(&mut rng) * gain * inputs.shown[input] / inputs.spread[input];
-            for unit in [2 * pair, 2 * pair + 1] {
-                weights[input * MESH_HIDDEN + unit] = weight;
-                bias[unit] -= weight * inputs.mean[input];
-            }
+        for unit in 0..MESH_HIDDEN {
+            let weight = normal(&mut rng) * spread(BODY) / inputs.spread[input];
+            weights[input * MESH_HIDDEN + unit] = weight;
+            bias[unit] -= weight * inputs.mean[input];
         }
-    }
-    for pair in bias.chunks_exact_mut(2) {
-        pair[0] += REACH;
-        pair[1] -= REACH;
     }
     let mut square = |rows: usize, columns: usize| -> Vec<f32> {
         (0..rows * columns)
             .map(|_| normal(&mut rng) * 1.5 * spread(rows))
             .collect()
     };
-    let mut second = square(MESH_HIDDEN, MESH_HIDDEN);
-    let mut middle = vec![0.0; MESH_HIDDEN];
-    for rows in second.chunks_exact_mut(2 * MESH_HIDDEN) {
-        let (ahead, behind) = rows.split_at_mut(MESH_HIDDEN);
-        for ((ahead, behind), middle) in ahead.iter_mut().zip(behind).zip(&mut middle) {
-            *behind = -*ahead;
-            *middle -= *ahead * REACH;
-        }
-    }
+    let second = square(MESH_HIDDEN, MESH_HIDDEN);
     let code = square(MESH_HIDDEN, MESH_FIELDS);
     let columns = mesh.decoder.mean().len();
     let mut fields = mesh.decoder.dequantise();
@@ -63,7 +45,7 @@ pub fn widened(
     let rank = mesh.decoder.rank() + MESH_FIELDS;
     Ok(MeshNetwork {
         first: beside(&mesh.first, 0, &weights, &bias)?,
-        second: beside(&mesh.second, MESH_HIDDEN, &second, &middle)?,
+        second: beside(&mesh.second, MESH_HIDDEN, &second, &[0.0; MESH_HIDDEN])?,
         code: beside(&mesh.code, MESH_HIDDEN, &code, &[0.0; MESH_FIELDS])?,
         decoder: QuantisedDecoder::quantise(rank, &fields, mesh.decoder.mean().to_vec())?,
     })

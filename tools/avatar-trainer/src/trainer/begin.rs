@@ -4,7 +4,7 @@ use super::{Memory, Trainer};
 use crate::colour::Correction;
 use crate::density::Statistics;
 use crate::error::TrainError;
-use crate::fresh::{InputStatistics, MESH_HIDDEN, Pairs, attribute_network, widened};
+use crate::fresh::{InputStatistics, MESH_HIDDEN, attribute_network, widened};
 use crate::options::Options;
 use crate::pictures::{Pictures, Split};
 use crate::random::mixed;
@@ -53,18 +53,15 @@ impl<'a> Trainer<'a> {
     ) -> Result<Self, TrainError> {
         let model = Model::new(&first.skeleton, &first.template, &controllers, &networks)?;
         let parameters = networks.parameters();
-        let frames = frames(&split);
-        let shown = inputs(&motions, &frames).shown;
         let had_attributes = parameters.bases.iter().any(|number| *number != 0.0);
         Ok(Self {
             pictures: Pictures::new(capture, options.picture_memory),
-            frames,
+            frames: frames(&split),
             split,
             poses: vec![FramePose::default(); motions.len()],
             motions,
             had_attributes,
-            optimiser: Optimiser::new(&parameters, shown),
-            pairs: Pairs::of(&parameters),
+            optimiser: Optimiser::new(&parameters),
             colours: vec![Correction::default(); capture.cameras().len()],
             statistics: Statistics::new(networks.gaussians.len()),
             regularisers: Regularisers::new(&first.template, &controllers, &networks.gaussians)?,
@@ -82,11 +79,6 @@ impl<'a> Trainer<'a> {
             best: None,
         })
     }
-}
-
-/// How the poses vary that are learnt from.
-fn inputs(motions: &[MotionParams], frames: &[usize]) -> InputStatistics {
-    InputStatistics::new(frames.iter().filter_map(|frame| motions.get(*frame)))
 }
 
 /// Frames that are learnt from, ascending.
@@ -122,7 +114,7 @@ fn networks(
     frames: &[usize],
     options: &Options,
 ) -> Result<Networks, TrainError> {
-    let inputs = inputs(motions, frames);
+    let inputs = InputStatistics::new(frames.iter().filter_map(|frame| motions.get(*frame)));
     let unknown = |e: spmm3::networks::GraphRefused| TrainError::Network(e.to_string());
     let mut mesh = MeshNetwork::read(&first.deform_graph, &first.template).map_err(unknown)?;
     if options.learn_mesh && mesh.first.outputs() < MESH_HIDDEN {

@@ -12,11 +12,9 @@ mod tests;
 
 pub use avatar::Validation;
 
-use crate::backdrop::Backdrop;
 use crate::colour::Correction;
 use crate::density::Statistics;
 use crate::error::TrainError;
-use crate::fresh::Pairs;
 use crate::options::Options;
 use crate::pictures::{Pair, Pictures, Split};
 use crate::schedule::{FIRST, Phase, phase};
@@ -62,7 +60,6 @@ pub struct Trainer<'a> {
     model: Model,
     parameters: Parameters,
     optimiser: Optimiser,
-    pairs: Pairs,
     poses: Vec<FramePose>,
     colours: Vec<Correction>,
     statistics: Statistics,
@@ -202,11 +199,8 @@ impl Trainer<'_> {
             *by_pixel = Picture::transparent(width, height);
         }
         let weights = &self.options.weights;
-        let backdrop = Backdrop::of_step(self.options.seed, self.step);
-        let (shown, wanted) = (backdrop.behind(picture)?, backdrop.behind_target(target)?);
-        let l1 = colour_l1(&shown, &wanted, 1.0 - weights.ssim, by_pixel)?;
-        let dissimilar = ssim.loss(&shown, &wanted, weights.ssim, by_pixel)?;
-        backdrop.pull_back(by_pixel);
+        let l1 = colour_l1(picture, target, 1.0 - weights.ssim, by_pixel)?;
+        let dissimilar = ssim.loss(picture, target, weights.ssim, by_pixel)?;
         let silhouette = alpha_l1(picture, target, weights.alpha, by_pixel)?;
         let loss = f64::from(1.0 - weights.ssim) * l1
             + f64::from(weights.ssim) * dissimilar
@@ -286,7 +280,6 @@ impl Trainer<'_> {
         }
         self.optimiser
             .step(&mut self.parameters, gradients, rates)?;
-        self.pairs.keep(&mut self.parameters);
         let pull = self.options.weights.pose;
         self.poses[pair.frame].step(&by_pose, pull, rates)?;
         if let Some(by_colours) = &compared.by_colours {

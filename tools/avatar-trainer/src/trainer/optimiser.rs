@@ -4,7 +4,7 @@ use crate::error::TrainError;
 use crate::schedule::{FIRST, Rates};
 use avatar_gradient::{CORRECTION, Parameters, PoseCorrection};
 use splat_gradient::adam::{Adam, Group};
-use spmm3::{ATTRIBUTES, BODY, EXPRESSION, HANDS, PARAMS, attribute};
+use spmm3::{ATTRIBUTES, BODY, EXPRESSION, HANDS, attribute};
 
 /// The name of the bases among the arrays of [`Parameters`]: their derivatives are never stored.
 pub(super) const BASES: &str = "bases";
@@ -20,20 +20,16 @@ pub(super) struct Optimiser {
     /// One for each array of [`Parameters`], in their order; that of the bases is empty.
     pub(super) arrays: Vec<Adam>,
     pub(super) bases: Adam,
-    /// `[215]` How much the capture shows of each motion parameter: the networks' first layers learn of each at this share of their rate. Adam's stride
-    /// does not depend on the size of a derivative, so what hardly varies would be learnt as boldly as what does, and be a guess about poses to come.
-    shown: Vec<f32>,
 }
 
 impl Optimiser {
-    pub(super) fn new(parameters: &Parameters, shown: Vec<f32>) -> Self {
+    pub(super) fn new(parameters: &Parameters) -> Self {
         let arrays = parameters
             .arrays()
             .map(|(name, array)| Adam::new(if name == BASES { 0 } else { array.len() }));
         Self {
             arrays: arrays.into(),
             bases: Adam::new(parameters.bases.len()),
-            shown,
         }
     }
 
@@ -47,14 +43,6 @@ impl Optimiser {
         let arrays = parameters.arrays_mut().into_iter().zip(gradients.arrays());
         for (((name, numbers), (_, gradients)), adam) in arrays.zip(&mut self.arrays) {
             let count = numbers.len();
-            let by_input = |rate: f32| {
-                let count = count / PARAMS;
-                let groups = self.shown.iter().map(|shown| Group {
-                    count,
-                    rate: rate * shown,
-                });
-                groups.collect::<Vec<_>>()
-            };
             let rate = match name {
                 BASES => continue,
                 GAUSSIANS => {
@@ -62,17 +50,6 @@ impl Optimiser {
                     let groups = planes(rates).map(|rate| Group { count: each, rate });
                     if groups.iter().any(|group| group.rate > 0.0) {
                         adam.step(numbers, gradients, &groups)?;
-                    }
-                    continue;
-                }
-                "mesh.first.weights" | "controllers.first.weights" => {
-                    let rate = if name.starts_with("mesh.") {
-                        rates.mesh_layers
-                    } else {
-                        rates.controllers
-                    };
-                    if rate > 0.0 {
-                        adam.step(numbers, gradients, &by_input(rate))?;
                     }
                     continue;
                 }

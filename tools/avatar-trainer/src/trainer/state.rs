@@ -4,7 +4,6 @@ use super::Trainer;
 use crate::checkpoint::{Reader, Stored, VERSION, Writer};
 use crate::colour::NUMBERS;
 use crate::error::TrainError;
-use crate::fresh::Pairs;
 use crate::options::Options;
 use crate::pictures::Split;
 use crate::source::Source;
@@ -205,7 +204,6 @@ impl<'a> Trainer<'a> {
             text.options.clone(),
         )?;
         trainer.had_attributes = text.had_attributes;
-        trainer.pairs = Pairs::of(&parameters);
         trainer.parameters = parameters;
         trainer.step = text.step;
         trainer.unchanged = text.unchanged;

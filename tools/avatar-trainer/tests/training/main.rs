@@ -1,7 +1,6 @@
 //! Small people learnt from small captures.
 
 mod broken;
-mod far;
 mod fuzzed;
 mod overfit;
 mod repeated;
