@@ -66,10 +66,20 @@ pub(super) fn label(
     } else {
         exchanged_in(seen, &exchanges, |share| share > 0.5)
     };
-    for (seen, exchange) in seen.iter().zip(&mut exchanges) {
-        exchange.upper ^= mirrored.upper && seen.is_some();
-        exchange.lower ^= mirrored.lower && seen.is_some();
+    if mirrored == Exchange::NONE {
+        return exchanges;
     }
+    for exchange in &mut exchanges {
+        exchange.upper ^= mirrored.upper;
+        exchange.lower ^= mirrored.lower;
+    }
+    // A camera that sees left and right on one another was exchanged by nothing but that.
+    let located = locate(views, seen, &exchanges);
+    for exchange in &mut exchanges {
+        exchange.upper &= !mirrored.upper;
+        exchange.lower &= !mirrored.lower;
+    }
+    relabel(views, seen, &located, &mut exchanges);
     exchanges
 }
 
@@ -265,7 +275,12 @@ mod tests {
                 other if other > k => 0.2,
                 _ => -0.2,
             };
-            let pair = k.min(mirrored(k));
+            // The nose is as high as the ears.
+            let pair = if k == NOSE {
+                EARS[0]
+            } else {
+                k.min(mirrored(k))
+            };
             let height = f64::from(u8::try_from(pair).expect("small")) * 0.05;
             // Nose and feet point ahead.
             let ahead = if [NOSE, TOES[0], TOES[1]].contains(&k) {
