@@ -89,7 +89,7 @@ fn opencv<'a>(file: &'a str, first: &'a str, second: &'a str) -> Vec<Break<'a>> 
             fs::write(f.join(file), "{}").expect("written");
         }),
         way("cut short", &[file, "line 1"], move |f: &Path| {
-            cut(&f.join(file), 70)
+            cut(&f.join(file), 70);
         }),
         way(
             "a name that leads elsewhere",
