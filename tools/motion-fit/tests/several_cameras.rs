@@ -350,7 +350,12 @@ fn what_one_camera_says_first_counts_only_near_to_where_two_agree() {
 fn a_person_whom_one_camera_sees_for_a_while_is_followed_by_it() {
     let views = ring(4);
     // Between frames of all cameras; alone, between gaps; and in stretches of its own before, between and after these.
-    for gaps in [&[][..], &[4..8, 14..18], &[10..12], &[4..8, 10..12, 14..18]] {
+    for gaps in [
+        &[][..],
+        &[4..8, 14..18],
+        &[10..11, 11..12],
+        &[4..8, 10..12, 14..18],
+    ] {
         let mut frames = walk(&views, 22, gaps);
         for frame in &mut frames[8..14] {
             frame[0] = None;
