@@ -331,7 +331,10 @@ fn a_video_that_breaks_off_gives_what_it_has() {
     let cut = ffmpeg.path("cut.mp4");
     std::fs::write(&cut, &bytes[..bytes.len() / 2]).expect("a file");
     let message = refused(&cut);
-    assert!(message.contains("moov"), "{message}");
+    assert!(
+        message.contains("the file is cut off") && message.contains("moov"),
+        "{message}"
+    );
 }
 
 #[test]

@@ -201,16 +201,20 @@ impl Source for Decoded {
             }
             Some(Ok(false)) if self.given == 0 => Err(self.running.failure(&self.info.name)),
             Some(Ok(false)) => {
-                let status = self.running.end();
-                if status.is_none_or(|status| !status.success()) {
-                    let words = self.running.words();
-                    let why = words.cause();
-                    let why = why.as_deref().unwrap_or("ffmpeg does not say why");
-                    log::warn!(
-                        "{} breaks off after {} pictures: {why}",
+                let ended = self.running.end().is_some_and(|status| status.success());
+                match (ended, self.running.words().fault()) {
+                    (true, None) => {}
+                    (true, Some(why)) => log::warn!(
+                        "{} gave {} pictures, and has faults: {why}",
                         self.info.name,
                         self.given
-                    );
+                    ),
+                    (false, why) => log::warn!(
+                        "{} breaks off after {} pictures: {}",
+                        self.info.name,
+                        self.given,
+                        why.as_deref().unwrap_or("ffmpeg does not say why")
+                    ),
                 }
                 Ok(false)
             }

@@ -61,6 +61,8 @@ pub(super) struct Words {
     pub(super) rate_hz: Option<f64>,
     /// The input has been described, and the output comes.
     described: bool,
+    /// The file ends before what it announces.
+    cut_off: bool,
     /// The first error, which mostly is the cause of the others, and the last one.
     first: Option<String>,
     last: Option<String>,
@@ -203,7 +205,7 @@ impl Running {
             };
         }
         let name = name.to_owned();
-        match words.cause() {
+        match words.fault() {
             Some(why) if self.reads_file => SourceError::NotAVideo { name, why },
             Some(why) => SourceError::Ffmpeg { name, why },
             None => SourceError::NoPicture {
@@ -250,6 +252,13 @@ fn listen(mut lines: impl BufRead, words: &Mutex<Words>) {
     }
 }
 
+/// How ffmpeg says that a file is not whole: of MP4, whose index stands before or after the pictures, and of Matroska and WebM.
+const CUT_OFF: [&str; 3] = [
+    "partial file",
+    "moov atom not found",
+    "File ended prematurely",
+];
+
 /// What ffmpeg puts before the cause, which it names more than once.
 const BEFORE_CAUSE: [&str; 3] = [
     "Error opening input: ",
@@ -258,8 +267,18 @@ const BEFORE_CAUSE: [&str; 3] = [
 ];
 
 impl Words {
+    /// What is wrong with the video as a whole, where ffmpeg says so, whether or not it read pictures.
+    pub(super) fn fault(&self) -> Option<String> {
+        let cause = self.cause()?;
+        Some(if self.cut_off {
+            format!("the file is cut off: copy or record it anew ({cause})")
+        } else {
+            cause
+        })
+    }
+
     /// The first and the last error; the first alone where the other says no more.
-    pub(super) fn cause(&self) -> Option<String> {
+    fn cause(&self) -> Option<String> {
         let plain = |words: &str| {
             let cause = BEFORE_CAUSE
                 .iter()
@@ -275,6 +294,7 @@ impl Words {
 
     fn hear(&mut self, line: &str) {
         let line = line.trim();
+        self.cut_off |= CUT_OFF.iter().any(|words| line.ends_with(words));
         let words = ["[error] ", "[fatal] ", "[panic] "]
             .iter()
             .find_map(|level| line.split_once(level));
@@ -366,6 +386,30 @@ mod tests {
             "words"
         );
         assert!(Input::url("udp://@:5000").hidden.is_empty(), "no user");
+    }
+
+    #[test]
+    fn a_file_that_is_cut_off_is_told_from_one_with_faults() {
+        let fault = |lines: &[&str]| {
+            let mut words = Words::default();
+            lines.iter().for_each(|line| words.hear(line));
+            words.fault()
+        };
+        assert_eq!(
+            fault(&["[info] Output #0, nut, to 'pipe:1':"]),
+            None,
+            "sound"
+        );
+        let packet = "[h264 @ 0x1] [error] Invalid NAL unit size (3622 > 2392).";
+        let faults = fault(&[packet]).expect("a fault");
+        assert!(!faults.contains("cut off"), "{faults}");
+        for end in [
+            "[in#0/mov,mp4 @ 0x2] [error] stream 0, offset 0x482da: partial file",
+            "[in#0/matroska,webm @ 0x2] [error] File ended prematurely",
+        ] {
+            let faults = fault(&[packet, end]).expect("a fault");
+            assert!(faults.starts_with("the file is cut off"), "{faults}");
+        }
     }
 
     #[cfg(unix)]
