@@ -263,6 +263,10 @@ impl Report {
         if let Some(camera) = camera {
             camera.print();
         }
+        if sent.joined == 0 {
+            println!("no viewer came: nothing was sent");
+            return;
+        }
         if let Some(latency_ms) = camera.and_then(|camera| camera.latency_ms) {
             let encode_ms = sent.encode_ns as f64 / 1e6 / sent.encoded.max(1) as f64;
             println!(
