@@ -15,17 +15,16 @@ const HEADERS: usize = 20 + 8 + 12 + 10;
 
 /// Syllables of a fifth of a second, of different pitch and vowel, with pauses between words: as even as no person speaks, but with the
 /// envelope and the periods of speech.
-fn speech(seconds: f32) -> Vec<f32> {
-    let count = (seconds * RATE as f32) as usize / FRAME * FRAME;
+fn speech(seconds: usize) -> Vec<f32> {
+    let syllable_samples = RATE as usize / 5;
     let mut phase = 0.0f32;
     let mut low_passed = 0.0f32;
     let mut random = fastrand::Rng::with_seed(7);
-    (0..count)
+    (0..seconds * RATE as usize)
         .map(|k| {
-            let t = k as f32 / RATE as f32;
-            let syllable = (t * 5.0).floor();
-            let within = (t * 5.0).fract();
-            let word_ends = (syllable as usize).is_multiple_of(4);
+            let word_ends = (k / syllable_samples).is_multiple_of(4);
+            let syllable = (k / syllable_samples) as f32;
+            let within = (k % syllable_samples) as f32 / syllable_samples as f32;
             let pitch = 105.0 + 25.0 * (syllable * 1.7).sin() + 10.0 * within;
             phase = (phase + pitch / RATE as f32).fract();
             let formant = 450.0 + 300.0 * (syllable * 2.3).sin().abs();
@@ -111,7 +110,7 @@ fn compared(spoken: &[f32], heard: &[f32]) -> (f32, f32) {
 
 #[test]
 fn on_a_good_network_all_is_heard_as_it_was_said() {
-    let spoken = speech(10.0);
+    let spoken = speech(10);
     let (heard, counts, bytes) = over(&spoken, None, &mut |_| Some(WAY));
     let (late, alike) = compared(&spoken, &heard);
     println!(
@@ -138,7 +137,7 @@ fn on_a_good_network_all_is_heard_as_it_was_said() {
 
 #[test]
 fn losses_are_recovered_or_concealed() {
-    let spoken = speech(30.0);
+    let spoken = speech(30);
     let mut random = fastrand::Rng::with_seed(3);
     let mut lossy = |_| {
         let jitter = random.u64(0..25_000);
@@ -165,7 +164,7 @@ fn losses_are_recovered_or_concealed() {
 
 #[test]
 fn it_waits_for_motion() {
-    let spoken = speech(10.0);
+    let spoken = speech(10);
     for after in [80_000, 140_000] {
         let (heard, counts, _) = over(&spoken, Some(after), &mut |_| Some(WAY));
         let (late, alike) = compared(&spoken, &heard);
@@ -182,7 +181,7 @@ fn it_waits_for_motion() {
 
 #[test]
 fn a_path_that_becomes_longer_and_shorter_is_followed_without_a_gap() {
-    let spoken = speech(40.0);
+    let spoken = speech(40);
     // The delay falls slowly: a path that was bad may be so again.
     let mut way = |number: usize| {
         Some(
@@ -285,7 +284,7 @@ fn packets_without_sense_are_refused_and_nothing_grows() {
     assert!(counts.refused > 0, "{counts:?}");
     // And a voice with sense is heard after them.
     playout.reset();
-    let spoken = speech(2.0);
+    let spoken = speech(2);
     let mut encoder = VoiceEncoder::new().expect("an encoder");
     let (frames, _) = spoken.as_chunks::<FRAME>();
     let mut loudest = 0.0f32;
