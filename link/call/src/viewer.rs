@@ -83,10 +83,12 @@ pub struct ViewerStatistics {
     pub frames: u64,
     /// Frames and packets of voice dropped because too many waited for [`Viewer::next`].
     pub overrun: u64,
+    /// Bytes of all messages, without any header.
+    pub payload_bytes: u64,
     /// Packets of voice.
     pub voice: u64,
-    /// Bytes of all messages and of the voice, without any header.
-    pub payload_bytes: u64,
+    /// Bytes of the same, without any header.
+    pub voice_bytes: u64,
     /// Messages refused, by reason.
     pub refused: DecodeErrorCounts,
     /// The sender's clock less this side's, microseconds.
@@ -381,7 +383,7 @@ impl Call {
         };
         self.with_statistics(|s| {
             s.voice += 1;
-            s.payload_bytes += opus.len() as u64;
+            s.voice_bytes += opus.len() as u64;
         });
         let captured = timestamp::to_time(timestamp, near);
         self.emit(CallEvent::Voice {

@@ -280,6 +280,12 @@ impl JitterBuffer {
         self.waiting.front().map(|w| (&w.frame, self.due(w)))
     }
 
+    /// When a frame is due by the viewer's clock, minus its capture by the sender's, microseconds; `None` before the first frame.
+    #[must_use]
+    pub fn offset_us(&self) -> Option<i64> {
+        self.delay.offset_us()
+    }
+
     /// How many frames wait.
     #[must_use]
     pub fn waiting(&self) -> usize {
