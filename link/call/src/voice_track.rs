@@ -37,7 +37,6 @@ pub(crate) fn media_engine() -> Result<MediaEngine, CallError> {
     let opus = RTCRtpCodecParameters {
         rtp_codec: codec(),
         payload_type: PAYLOAD_TYPE,
-        ..RTCRtpCodecParameters::default()
     };
     engine.register_codec(opus, RtpCodecKind::Audio)?;
     Ok(engine)
