@@ -167,8 +167,15 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let silent = AtomicBool::new(false);
         std::thread::scope(|scope| {
             let said = voice.as_mut().map(|voice| {
-                let (host, silent) = (&entered.host, &silent);
-                scope.spawn(move || voice.say(host, clock, silent))
+                let (host, silent, stop) = (&entered.host, &silent, &stop);
+                scope.spawn(move || {
+                    let said = voice.say(host, clock, silent);
+                    if said.is_err() {
+                        // A call that has lost its voice ends, and says why.
+                        stop.store(true, Relaxed);
+                    }
+                    said
+                })
             });
             let sent = sender::send(&entered.host, &mut capture, clock, &stop);
             silent.store(true, Relaxed);

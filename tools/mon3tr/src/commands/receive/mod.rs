@@ -119,8 +119,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let sound = (options.sound.as_deref())
             .map(|file| SoundFile::begin(file, voices(), context.clock))
             .transpose()?;
-        let shown = screen.show(options, &people, &context, &until)?;
+        let shown = screen.show(options, &people, &context, &until);
         sound.map_or(Ok(()), SoundFile::end)?;
+        let shown = shown?;
         if let (true, Some(announced)) = (screen.can_go_on(), shown.came_back()) {
             println!("the sender has come back with another avatar");
             again = Some(announced);
