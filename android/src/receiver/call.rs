@@ -11,6 +11,7 @@ use app_pipeline::pool::in_own_pool;
 use app_pipeline::quality::QualityMode;
 use app_session::arrival::{Waiting, unless_over, wait_for_sender};
 use app_session::call::CallEnd;
+use app_session::call::CallVoice;
 use app_session::headset::{
     FrameCapture, FrameObserver, HeadsetDisplay, HeadsetFigures, NoticeBoard, PresentOptions,
     show_notice,
@@ -210,6 +211,7 @@ fn wait_and_fetch(
                 link: room.clone(),
                 announced,
                 network: network.clone(),
+                voice: CallVoice::default(),
             },
         },
         _package: package,

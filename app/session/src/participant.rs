@@ -1,6 +1,6 @@
 //! The people of a session: what they look like, where their motion comes from, and the call that each of them is in.
 
-use crate::call::{Call, CallEnd, CallFigures, CallWatch};
+use crate::call::{Call, CallEnd, CallFigures, CallVoice, CallWatch};
 use crate::clip::ClipSource;
 use crate::pose_queue::PoseQueue;
 use crate::presence::Seated;
@@ -41,6 +41,8 @@ pub enum Origin {
         announced: Announcement,
         /// The way to the room.
         network: NetworkContext,
+        /// What they say goes there, to be played.
+        voice: CallVoice,
     },
     /// A clip, again and again.
     Clip {
@@ -74,15 +76,21 @@ pub struct CallReport {
 }
 
 impl NetworkContext {
-    /// Joins the room as a viewer of its sender, who announced this and has this skeleton.
+    /// Joins the room as a viewer of its sender, who announced this and has this skeleton. What is said goes to `voice`.
     #[must_use]
-    pub fn join(&self, link: &RoomLink, announced: Announcement, skeleton: &Skeleton) -> Call {
+    pub fn join(
+        &self,
+        link: &RoomLink,
+        announced: Announcement,
+        skeleton: &Skeleton,
+        voice: CallVoice,
+    ) -> Call {
         let viewer = {
             // Its tasks run on the network's threads.
             let _network = self.network.enter();
             Viewer::join(self.client.clone(), link.clone(), self.clock)
         };
-        Call::new(viewer, announced, skeleton, self.clock)
+        Call::new(viewer, announced, skeleton, self.clock, voice)
     }
 }
 
@@ -163,8 +171,9 @@ impl Participant {
                 link,
                 announced,
                 network,
+                voice,
             } => PersonMotion::Call {
-                call: Box::new(network.join(link, *announced, skeleton)),
+                call: Box::new(network.join(link, *announced, skeleton, voice.clone())),
                 network: network.network.clone(),
             },
             Origin::Clip { frames, rate_hz } => {

@@ -1,6 +1,6 @@
-//! A call over WebRTC data channels (`docs/protocol.md`): a [`Sender`] is present in a room and sends motion to every viewer, a
+//! A call over WebRTC (`docs/protocol.md`): a [`Sender`] is present in a room and sends motion and voice to every viewer, a
 //! [`Viewer`] joins a room and hands over what arrives. Both keep the call up through outages and restarts, in tasks of a tokio runtime.
-//! The crate draws nothing, and plays nothing out: frames leave a `Viewer` as they arrive, and `link_playout` decides when each is shown.
+//! The crate draws nothing, and plays nothing out: frames leave a `Viewer` as they arrive, and `link_playout` and `link_voice` decide when each is shown and heard.
 //!
 //! A program that joins a room and prints the frames:
 //!
@@ -24,6 +24,7 @@
 //!         CallEvent::Frame { frame, .. } => {
 //!             println!("frame {} at {}", frame.sequence, frame.motion.root_translation);
 //!         }
+//!         CallEvent::Voice { voice, .. } => println!("{} bytes of voice", voice.opus.len()),
 //!         CallEvent::HungUp => println!("the sender has hung up"),
 //!         CallEvent::Failed(error) => return Err(error.into()),
 //!     }
@@ -37,6 +38,7 @@ mod peer;
 pub mod sender;
 mod session;
 pub mod viewer;
+mod voice_track;
 
 pub use error::CallError;
 pub use sender::Sender;
@@ -70,7 +72,7 @@ async fn send_bye(peer: &mut Peer, session: u32) -> bool {
                     {
                         return;
                     }
-                    PeerEvent::Message(_) | PeerEvent::Open => {}
+                    PeerEvent::Message(_) | PeerEvent::Voice { .. } | PeerEvent::Open => {}
                 }
             }
         };

@@ -1,5 +1,6 @@
-//! One WebRTC connection with its two data channels. Only this file uses the `webrtc` crate.
+//! One WebRTC connection with its two data channels and the voice's track. This file and `voice_track.rs` alone use the `webrtc` crate.
 
+use crate::voice_track::{self, OutgoingVoice};
 use crate::{CallError, is_set};
 use bytes::{Bytes, BytesMut};
 use link_protocol::announcement::ChannelMode;
@@ -13,6 +14,7 @@ use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 use webrtc::data_channel::{DataChannel, DataChannelEvent, RTCDataChannelInit};
 use webrtc::error::Error;
+use webrtc::media_stream::track_remote::{TrackRemote, TrackRemoteEvent};
 use webrtc::peer_connection::{
     CipherSuiteId, PeerConnection, PeerConnectionBuilder, PeerConnectionEventHandler,
     RTCConfigurationBuilder, RTCIceGatheringState, RTCPeerConnectionState, RTCSessionDescription,
@@ -50,6 +52,13 @@ pub(crate) enum PeerEvent {
     Open,
     /// A message arrived.
     Message(Bytes),
+    /// A packet of voice arrived.
+    Voice {
+        /// RTP's, in samples of 48 kHz.
+        timestamp: u32,
+        /// An Opus frame.
+        opus: Bytes,
+    },
     /// The other side closed the channel, or the connection failed.
     Closed,
 }
@@ -70,6 +79,8 @@ pub(crate) struct Peer {
     connection: Arc<dyn PeerConnection>,
     /// The channel that this side sends on.
     outgoing: Arc<dyn DataChannel>,
+    /// Of the side that answers, if the other side asked for it.
+    voice: Option<OutgoingVoice>,
     events: mpsc::Receiver<PeerEvent>,
     gathered: mpsc::Receiver<()>,
 }
@@ -84,6 +95,7 @@ impl std::fmt::Debug for Peer {
 struct Handler {
     failed: watch::Sender<bool>,
     gathered: mpsc::Sender<()>,
+    events: mpsc::Sender<PeerEvent>,
 }
 
 #[async_trait::async_trait]
@@ -103,6 +115,10 @@ impl PeerConnectionEventHandler for Handler {
             self.failed.send_replace(true);
         }
     }
+
+    async fn on_track(&self, track: Arc<dyn TrackRemote>) {
+        tokio::spawn(listen_to_voice(track, self.events.clone()));
+    }
 }
 
 impl Peer {
@@ -112,6 +128,7 @@ impl Peer {
         mode: ChannelMode,
     ) -> Result<(Self, String), CallError> {
         let mut peer = Self::new(local, mode, FEEDBACK_CHANNEL, MOTION_CHANNEL).await?;
+        voice_track::ask_for(&peer.connection).await?;
         let offer = peer.connection.create_offer(None).await?;
         let sdp = peer.describe(offer).await?;
         Ok((peer, sdp))
@@ -124,8 +141,13 @@ impl Peer {
         offer: String,
     ) -> Result<(Self, String), CallError> {
         let mut peer = Self::new(local, mode, MOTION_CHANNEL, FEEDBACK_CHANNEL).await?;
+        // Programs that know nothing of voice offer none.
+        let asks_for_voice = offer.lines().any(|line| line.starts_with("m=audio "));
         let offer = RTCSessionDescription::offer(offer)?;
         peer.connection.set_remote_description(offer).await?;
+        if asks_for_voice {
+            peer.voice = Some(OutgoingVoice::add(&peer.connection).await?);
+        }
         let answer = peer.connection.create_answer(None).await?;
         let sdp = peer.describe(answer).await?;
         Ok((peer, sdp))
@@ -156,12 +178,15 @@ impl Peer {
             .build();
         let (fail, failed) = watch::channel(false);
         let (gathered_now, gathered) = mpsc::channel(1);
+        let (events, received) = mpsc::channel(MAX_WAITING);
         let connection = PeerConnectionBuilder::new()
             .with_configuration(RTCConfigurationBuilder::new().build())
             .with_setting_engine(settings)
+            .with_media_engine(voice_track::media_engine()?)
             .with_handler(Arc::new(Handler {
                 failed: fail,
                 gathered: gathered_now,
+                events: events.clone(),
             }))
             .with_udp_addrs(local)
             .with_data_channel_send_buffer_limit(SEND_BUFFER)
@@ -170,11 +195,11 @@ impl Peer {
         let connection: Arc<dyn PeerConnection> = Arc::new(connection);
         let outgoing = open(&connection, mode, outgoing).await?;
         let incoming = open(&connection, mode, incoming).await?;
-        let (events, received) = mpsc::channel(MAX_WAITING);
         tokio::spawn(listen(Arc::clone(&outgoing), incoming, failed, events));
         Ok(Self {
             connection,
             outgoing,
+            voice: None,
             events: received,
             gathered,
         })
@@ -195,7 +220,7 @@ impl Peer {
             match self.next().await {
                 PeerEvent::Open => return Ok(()),
                 PeerEvent::Closed => return Err(CallError::NotConnected),
-                PeerEvent::Message(_) => {}
+                PeerEvent::Message(_) | PeerEvent::Voice { .. } => {}
             }
         }
     }
@@ -211,6 +236,13 @@ impl Peer {
             Ok(()) => SendOutcome::Queued,
             Err(Error::ErrSendBufferFull) => SendOutcome::Skipped,
             Err(_) => SendOutcome::Closed,
+        }
+    }
+
+    /// Sends a packet of voice, if the other side asked for it.
+    pub(crate) async fn send_voice(&self, timestamp: u32, opus: Bytes) {
+        if let Some(voice) = &self.voice {
+            voice.send(timestamp, opus).await;
         }
     }
 
@@ -295,6 +327,26 @@ async fn listen(
     }
 }
 
+/// Hands over the packets of the other side's voice, until its track or the receiver of events ends.
+async fn listen_to_voice(track: Arc<dyn TrackRemote>, events: mpsc::Sender<PeerEvent>) {
+    while let Some(event) = track.poll().await {
+        let TrackRemoteEvent::OnRtpPacket(packet) = event else {
+            continue;
+        };
+        let voice = PeerEvent::Voice {
+            timestamp: packet.header.timestamp,
+            opus: packet.payload,
+        };
+        match events.try_send(voice) {
+            Ok(()) => {}
+            Err(mpsc::error::TrySendError::Full(_)) => {
+                log::debug!("a packet of voice is dropped: too much waits");
+            }
+            Err(mpsc::error::TrySendError::Closed(_)) => return,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -324,6 +376,18 @@ mod tests {
                 matches!(&message, PeerEvent::Message(bytes) if bytes[..] == *b"motion"),
                 "{message:?} on a {mode} channel"
             );
+            // A voice goes the same way; its track may open a moment later than the channels.
+            let mut heard = None;
+            for _ in 0..100 {
+                sender.send_voice(960, Bytes::from_static(b"opus")).await;
+                if let Ok(PeerEvent::Voice { timestamp, opus }) =
+                    tokio::time::timeout(Duration::from_millis(20), viewer.next()).await
+                {
+                    heard = Some((timestamp, opus));
+                    break;
+                }
+            }
+            assert_eq!(heard, Some((960, Bytes::from_static(b"opus"))), "{mode}");
             viewer.close().await;
             let last = tokio::time::timeout(Duration::from_secs(4), sender.next()).await;
             assert!(matches!(last, Ok(PeerEvent::Closed)), "{last:?}");

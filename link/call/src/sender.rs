@@ -12,13 +12,14 @@ use link_protocol::announcement::ChannelMode;
 use link_protocol::data_channel::{Message, Pong};
 use link_protocol::presence::PresenceEvent;
 use link_protocol::{Announcement, Name, RoomLink};
+use link_voice::{Voice, timestamp};
 use serde::Serialize;
 use spmm3::MotionParams;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
-use tokio::sync::watch;
+use tokio::sync::{broadcast, watch};
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep_until, timeout};
 
@@ -31,10 +32,14 @@ const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
 /// A viewer sends feedback at least five times a second; after a silence this long it is dropped.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(4);
 
+/// Packets of voice that may wait for a viewer's task: a fifth of a second.
+const VOICE_WAITING: usize = 10;
+
 /// A sender's presence in a room, and its viewers.
 #[derive(Debug)]
 pub struct Sender {
     frames: watch::Sender<Arc<MotionFrame>>,
+    voice: broadcast::Sender<Voice>,
     stop: watch::Sender<bool>,
     task: tokio::task::JoinHandle<()>,
     counts: Arc<Counts>,
@@ -59,6 +64,10 @@ pub struct SenderStatistics {
     pub encoded: u64,
     /// The time that encoding them took together, nanoseconds.
     pub encode_ns: u64,
+    /// Packets of voice handed to the network.
+    pub voice_sent: u64,
+    /// Bytes of the same, without any header.
+    pub voice_bytes: u64,
 }
 
 #[derive(Debug, Default)]
@@ -70,10 +79,12 @@ struct Counts {
     payload_bytes: AtomicU64,
     encoded: AtomicU64,
     encode_ns: AtomicU64,
+    voice_sent: AtomicU64,
+    voice_bytes: AtomicU64,
 }
 
 /// What the tasks share.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct Shared {
     client: Client,
     room: RoomLink,
@@ -81,8 +92,26 @@ struct Shared {
     channel: ChannelMode,
     clock: Clock,
     frames: watch::Receiver<Arc<MotionFrame>>,
+    voice: broadcast::Receiver<Voice>,
     stop: watch::Receiver<bool>,
     counts: Arc<Counts>,
+}
+
+impl Clone for Shared {
+    fn clone(&self) -> Self {
+        Self {
+            client: self.client.clone(),
+            room: self.room.clone(),
+            codec: self.codec,
+            channel: self.channel,
+            clock: self.clock,
+            frames: self.frames.clone(),
+            // What was said before is over.
+            voice: self.voice.resubscribe(),
+            stop: self.stop.clone(),
+            counts: Arc::clone(&self.counts),
+        }
+    }
 }
 
 impl Sender {
@@ -99,6 +128,7 @@ impl Sender {
     ) -> Result<Self, CallError> {
         let presence = client.open_presence(&room, &announcement).await?;
         let (frames, newest) = watch::channel(Arc::default());
+        let (voice, said) = broadcast::channel(VOICE_WAITING);
         let (stop, stopped) = watch::channel(false);
         let counts = Arc::<Counts>::default();
         let shared = Shared {
@@ -108,12 +138,14 @@ impl Sender {
             channel: announcement.channel,
             clock,
             frames: newest,
+            voice: said,
             stop: stopped,
             counts: Arc::clone(&counts),
         };
         let task = tokio::spawn(answer_viewers(shared, announcement, presence));
         Ok(Self {
             frames,
+            voice,
             stop,
             task,
             counts,
@@ -131,6 +163,12 @@ impl Sender {
         }));
     }
 
+    /// Sends a packet of voice to every viewer that asked for it. Never waits.
+    pub fn say(&self, voice: Voice) {
+        // Without a viewer no task listens.
+        let _ = self.voice.send(voice);
+    }
+
     /// What has been sent so far.
     #[must_use]
     pub fn statistics(&self) -> SenderStatistics {
@@ -144,6 +182,8 @@ impl Sender {
             payload_bytes: counts.payload_bytes.load(Relaxed),
             encoded: counts.encoded.load(Relaxed),
             encode_ns: counts.encode_ns.load(Relaxed),
+            voice_sent: counts.voice_sent.load(Relaxed),
+            voice_bytes: counts.voice_bytes.load(Relaxed),
         }
     }
 
@@ -269,7 +309,7 @@ async fn serve_viewer(
                     }
                 }
                 PeerEvent::Closed => return Err(CallError::NotConnected),
-                PeerEvent::Open => {}
+                PeerEvent::Open | PeerEvent::Voice { .. } => {}
             }
         }
     });
@@ -338,6 +378,17 @@ async fn send_motion(
                     SendOutcome::Closed => return "its channel is closed",
                 }
             }
+            said = shared.voice.recv() => match said {
+                Ok(Voice { captured, opus }) => {
+                    shared.counts.voice_sent.fetch_add(1, Relaxed);
+                    shared.counts.voice_bytes.fetch_add(opus.len() as u64, Relaxed);
+                    peer.send_voice(timestamp::from_time(captured), opus).await;
+                }
+                Err(broadcast::error::RecvError::Lagged(packets)) => {
+                    log::debug!("{packets} packets of voice are left out: too much waited");
+                }
+                Err(broadcast::error::RecvError::Closed) => return "the sender has ended",
+            },
             () = is_set(left) => return "it left",
             () = is_set(&mut shared.stop) => {
                 send_bye(peer, session).await;
@@ -347,7 +398,7 @@ async fn send_motion(
                 let arrived = shared.clock.now();
                 let bytes = match event {
                     PeerEvent::Message(bytes) => bytes,
-                    PeerEvent::Open => continue,
+                    PeerEvent::Open | PeerEvent::Voice { .. } => continue,
                     PeerEvent::Closed => return "its connection is closed",
                 };
                 match Message::read(&bytes, session) {

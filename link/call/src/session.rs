@@ -34,6 +34,8 @@ pub(crate) struct Session {
     pub(crate) name: Name,
     pub(crate) decoder: Decoder,
     pub(crate) offset: ClockOffset,
+    /// The latest capture of a frame, by the sender's clock.
+    pub(crate) newest_captured: Option<Micros>,
     /// Frames since the last feedback.
     pub(crate) fresh_frames: u32,
     next_feedback: Instant,
@@ -64,6 +66,7 @@ impl Session {
             name: answer.session,
             decoder: Decoder::new(id),
             offset: ClockOffset::new(),
+            newest_captured: None,
             fresh_frames: 0,
             next_feedback: now,
             next_ping: now,

@@ -3,6 +3,7 @@
 use crate::peer::PeerEvent;
 use crate::session::Session;
 use crate::{Backoff, CallError, answer_bye, is_set, send_bye};
+use bytes::Bytes;
 use link_codec::decode_error::DecodeErrorCounts;
 use link_codec::{Micros, MotionFrame};
 use link_http::Client;
@@ -10,6 +11,7 @@ use link_playout::Clock;
 use link_playout::clock::Exchange;
 use link_protocol::data_channel::Message;
 use link_protocol::{Announcement, RoomLink};
+use link_voice::{Voice, timestamp};
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -59,6 +61,13 @@ pub enum CallEvent {
         /// When it arrived, by this side's clock.
         arrived: Micros,
     },
+    /// A packet of the person's voice.
+    Voice {
+        /// What was said, its time by the sender's clock.
+        voice: Voice,
+        /// When it arrived, by this side's clock.
+        arrived: Micros,
+    },
     /// The sender hung up; the last event.
     HungUp,
     /// The call cannot go on; the last event.
@@ -72,10 +81,14 @@ pub struct ViewerStatistics {
     pub sessions: u32,
     /// Frames that passed every check.
     pub frames: u64,
-    /// Frames dropped because too many waited for [`Viewer::next`].
+    /// Frames and packets of voice dropped because too many waited for [`Viewer::next`].
     pub overrun: u64,
     /// Bytes of all messages, without any header.
     pub payload_bytes: u64,
+    /// Packets of voice.
+    pub voice: u64,
+    /// Bytes of the same, without any header.
+    pub voice_bytes: u64,
     /// Messages refused, by reason.
     pub refused: DecodeErrorCounts,
     /// The sender's clock less this side's, microseconds.
@@ -195,6 +208,11 @@ impl Call {
                     // The silent connection has recovered: no second one is needed.
                     if let Some(second) = joining.take() {
                         second.abort();
+                    }
+                }
+                Turn::Event(PeerEvent::Voice { timestamp, opus }) => {
+                    if let Some(session) = &current {
+                        self.hear(session, timestamp, opus);
                     }
                 }
                 Turn::Event(PeerEvent::Closed) => {
@@ -337,6 +355,7 @@ impl Call {
             Some(Message::Feedback(_)) => log::debug!("ignored a feedback from the sender"),
             None => match session.decoder.decode(bytes) {
                 Ok(frame) => {
+                    session.newest_captured = session.newest_captured.max(Some(frame.captured));
                     let captured = session.offset.to_local(frame.captured);
                     self.with_statistics(|s| s.frames += 1);
                     self.emit(CallEvent::Frame {
@@ -356,9 +375,27 @@ impl Call {
         false
     }
 
+    /// Handles a packet of voice. It is no sign of life: a sender whose motion fails is joined again.
+    fn hear(&self, session: &Session, timestamp: u32, opus: Bytes) {
+        // Motion tells the sender's time, of which a time stamp is only a part; the first of it comes before long.
+        let Some(near) = session.newest_captured else {
+            return;
+        };
+        self.with_statistics(|s| {
+            s.voice += 1;
+            s.voice_bytes += opus.len() as u64;
+        });
+        let captured = timestamp::to_time(timestamp, near);
+        self.emit(CallEvent::Voice {
+            voice: Voice { captured, opus },
+            arrived: self.clock.now(),
+        });
+    }
+
     fn emit(&self, event: CallEvent) {
-        // Frames may be dropped where the caller is slow; other events may not.
-        if matches!(event, CallEvent::Frame { .. }) && self.waiting.load(Relaxed) >= MAX_WAITING {
+        // Frames and voice may be dropped where the caller is slow; other events may not.
+        let droppable = matches!(event, CallEvent::Frame { .. } | CallEvent::Voice { .. });
+        if droppable && self.waiting.load(Relaxed) >= MAX_WAITING {
             self.with_statistics(|s| s.overrun += 1);
             return;
         }

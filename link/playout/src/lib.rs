@@ -15,7 +15,9 @@
 //! ```
 
 pub mod clock;
+pub mod delay;
 pub mod jitter_buffer;
 
 pub use clock::Clock;
+pub use delay::PlayoutDelay;
 pub use jitter_buffer::JitterBuffer;

@@ -27,6 +27,7 @@ pub mod report;
 pub mod scenery;
 mod side_by_side;
 pub mod size;
+mod sound;
 pub mod stills;
 mod until;
 pub mod up;

@@ -1,7 +1,7 @@
 //! What can stop a sender.
 
 use link_call::CallError;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// An error on the sending side.
 #[derive(Debug, thiserror::Error)]
@@ -20,4 +20,21 @@ pub enum SendError {
     /// The source of motion failed, as it says itself.
     #[error(transparent)]
     Capture(Box<dyn std::error::Error + Send + Sync>),
+    /// The file of a voice cannot be said.
+    #[error("{} is no voice to send: {why}", path.display())]
+    Voice {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        why: String,
+    },
+}
+
+impl SendError {
+    pub(crate) fn voice(path: &Path, why: String) -> Self {
+        Self::Voice {
+            path: path.to_owned(),
+            why,
+        }
+    }
 }

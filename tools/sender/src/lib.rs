@@ -5,9 +5,11 @@ mod clip;
 mod error;
 mod room;
 mod send;
+mod voice;
 
 pub use capture::{Capture, Captured};
 pub use clip::ClipCapture;
 pub use error::SendError;
 pub use room::{Desk, Entered, Place, enter};
 pub use send::send;
+pub use voice::VoiceFile;

@@ -6,6 +6,7 @@ use link_call::viewer::ViewerStatistics;
 use link_codec::Micros;
 use link_playout::jitter_buffer::{PlayoutStatistics, Timing};
 use link_protocol::Announcement;
+use link_voice::VoiceStatistics;
 use serde::Serialize;
 
 /// Samples kept of each kind: nine hours at 30 Hz. Later frames are not counted in percentiles.
@@ -42,6 +43,9 @@ pub struct CallFigures {
     pub reordered: u64,
     /// Frames that came twice.
     pub duplicate: u64,
+    /// What became of the voice, where it was played.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voice: Option<VoiceStatistics>,
     /// Where the time goes.
     pub latency: LatencyFigures,
     /// Pauses of more than a quarter of a second between frames.
@@ -155,6 +159,7 @@ impl Log {
         announced: &Announcement,
         received: ViewerStatistics,
         playout: PlayoutStatistics,
+        voice: Option<VoiceStatistics>,
     ) -> CallFigures {
         let live_seconds = self
             .first
@@ -173,6 +178,7 @@ impl Log {
             late: playout.late,
             reordered: playout.reordered,
             duplicate: playout.duplicate,
+            voice,
             latency: LatencyFigures {
                 network: Percentiles::of(&self.network),
                 jitter_buffer: Percentiles::of(&self.held),

@@ -1,9 +1,11 @@
 //! The receiver's end of a call: what arrives goes through the jitter buffer and motion concealment, and becomes the motion to show now.
 
 mod figures;
+mod voice;
 mod watch;
 
 pub use figures::{CallFigures, Gap, LatencyFigures};
+pub use voice::CallVoice;
 pub use watch::{CallCounts, CallWatch};
 
 use app_pipeline::concealment::{ConcealmentState, MotionConcealment};
@@ -43,6 +45,7 @@ pub struct Call {
     concealment: MotionConcealment,
     log: Log,
     watch: CallWatch,
+    voice: CallVoice,
     /// When it was last told what was counted.
     told: Micros,
     end: Option<CallEnd>,
@@ -53,9 +56,15 @@ pub struct Call {
 }
 
 impl Call {
-    /// Follows `viewer`, who was told `announced` before, for an avatar of this `skeleton`.
+    /// Follows `viewer`, who was told `announced` before, for an avatar of this `skeleton`; what is said goes to `voice`.
     #[must_use]
-    pub fn new(viewer: Viewer, announced: Announcement, skeleton: &Skeleton, clock: Clock) -> Self {
+    pub fn new(
+        viewer: Viewer,
+        announced: Announcement,
+        skeleton: &Skeleton,
+        clock: Clock,
+        voice: CallVoice,
+    ) -> Self {
         Self {
             viewer,
             announced,
@@ -64,6 +73,7 @@ impl Call {
             concealment: MotionConcealment::new(skeleton),
             log: Log::new(clock.now()),
             watch: CallWatch::default(),
+            voice,
             told: Micros(0),
             end: None,
             made_up: Micros(u64::MAX),
@@ -135,6 +145,7 @@ impl Call {
             &self.announced,
             self.viewer.statistics(),
             self.buffer.statistics(),
+            self.voice.statistics(),
         )
     }
 
@@ -159,6 +170,7 @@ impl Call {
             }
             CallEvent::Joined => {
                 self.buffer.reset();
+                self.voice.reset();
             }
             CallEvent::Frame {
                 frame,
@@ -166,7 +178,9 @@ impl Call {
                 arrived,
             } => {
                 self.buffer.push(frame, arrived, captured);
+                self.voice.follow(self.buffer.offset_us());
             }
+            CallEvent::Voice { voice, arrived } => self.voice.push(voice, arrived),
             CallEvent::HungUp => self.end = Some(CallEnd::HungUp),
             CallEvent::Failed(error) => self.end = Some(CallEnd::Failed(error)),
         }

@@ -1,12 +1,10 @@
 //! The jitter buffer: frames arrive at any time and leave in order, each when it is due.
 //!
-//! A frame is due at its capture time plus an offset that adapts (`delay.rs`). All frames that are due leave together
+//! A frame is due at its capture time plus an offset that adapts ([`PlayoutDelay`]). All frames that are due leave together
 //! and the newest is the one to show: after an outage the past is not replayed. Time is an argument of every method; concealment while
 //! no frame arrives is the receiver's.
 
-mod delay;
-
-use delay::PlayoutDelay;
+use crate::delay::{self, LATE_US, PlayoutDelay};
 use link_codec::{Micros, MotionFrame};
 use std::{collections::VecDeque, time::Duration};
 
@@ -14,8 +12,6 @@ use std::{collections::VecDeque, time::Duration};
 const WAITING: usize = 64;
 /// Times beyond this (146 000 years) are refused.
 const LATEST_US: u64 = 1 << 62;
-/// A frame that is late by no more than this is still shown in the same picture.
-const LATE_US: i64 = 1_000;
 
 /// What [`JitterBuffer::push`] did with a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -284,6 +280,12 @@ impl JitterBuffer {
         self.waiting.front().map(|w| (&w.frame, self.due(w)))
     }
 
+    /// When a frame is due by the viewer's clock, minus its capture by the sender's, microseconds; `None` before the first frame.
+    #[must_use]
+    pub fn offset_us(&self) -> Option<i64> {
+        self.delay.offset_us()
+    }
+
     /// How many frames wait.
     #[must_use]
     pub fn waiting(&self) -> usize {
@@ -301,7 +303,7 @@ impl JitterBuffer {
     pub fn statistics(&self) -> PlayoutStatistics {
         PlayoutStatistics {
             lost: self.counts.lost + self.sequences.lost(),
-            stalls: self.delay.stalls,
+            stalls: self.delay.stalls(),
             delay: self.delay(),
             jitter: self
                 .delay
@@ -315,14 +317,6 @@ impl JitterBuffer {
 /// Times are checked against [`LATEST_US`] in [`JitterBuffer::push`].
 fn signed(time: Micros) -> i64 {
     i64::try_from(time.0).unwrap_or(i64::MAX)
-}
-
-#[allow(
-    clippy::cast_possible_truncation,
-    reason = "the cast saturates, and delays are below 2^62"
-)]
-fn whole(value: f64) -> i64 {
-    value.round() as i64
 }
 
 #[cfg(test)]

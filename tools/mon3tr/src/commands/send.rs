@@ -16,12 +16,13 @@ use link_playout::Clock;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::room_link::ServerUrl;
-use sender::{Capture, ClipCapture, Desk, Place};
+use sender::{Capture, ClipCapture, Desk, Place, VoiceFile};
 use serde::Serialize;
 use spmm3::Avatar;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
 /// Motion rates a sender may have.
@@ -62,6 +63,9 @@ pub struct Options {
     motion: MotionOptions,
     #[command(flatten)]
     camera: CameraOptions,
+    /// Say what is in this WAV file (48 kHz), again and again, from when the first viewer comes
+    #[arg(long, value_name = "FILE.wav")]
+    voice: Option<PathBuf>,
     /// Show, in a window, the camera's picture with what is seen in it, and the avatar that follows: mirrored, as one expects of a picture
     /// of oneself. It is there before the first viewer comes; Escape closes it, and the call goes on
     #[arg(long, requires = "camera")]
@@ -104,6 +108,7 @@ struct Report {
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.motion.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
+    let mut voice = options.voice.as_deref().map(VoiceFile::open).transpose()?;
     let preview = (options.preview.then(|| Preview::open(device))).transpose()?;
     let (avatar, _) = load_avatar(&options.avatar)?;
     let (mut motion, name, rate_hz) = options.motion(&avatar, device)?;
@@ -159,7 +164,26 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         }
         let begun = Instant::now();
         let mut capture = Watched::over(motion.capture());
-        sender::send(&entered.host, &mut capture, clock, &stop)?;
+        let silent = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let said = voice.as_mut().map(|voice| {
+                let (host, silent, stop) = (&entered.host, &silent, &stop);
+                scope.spawn(move || {
+                    let said = voice.say(host, clock, silent);
+                    if said.is_err() {
+                        // A call that has lost its voice ends, and says why.
+                        stop.store(true, Relaxed);
+                    }
+                    said
+                })
+            });
+            let sent = sender::send(&entered.host, &mut capture, clock, &stop);
+            silent.store(true, Relaxed);
+            sent?;
+            said.map_or(Ok(Ok(())), ScopedJoinHandle::join)
+                .map_err(|_| anyhow!("the thread of the voice has failed"))??;
+            anyhow::Ok(())
+        })?;
         Ok((begun, capture.settled_bytes))
     };
     let performed = match (preview, shown) {
@@ -277,6 +301,13 @@ impl Report {
         }
         if let Some(line) = self.memory.line() {
             println!("{line}");
+        }
+        if sent.voice_sent > 0 {
+            println!(
+                "said {} packets of voice, {:.1} bytes each",
+                sent.voice_sent,
+                sent.voice_bytes as f64 / sent.voice_sent as f64
+            );
         }
         println!(
             "sent {} of {} frames captured in {:.1} s to {} viewers, {} skipped; {} on the {} channel: {:.1} bytes a frame",

@@ -15,5 +15,6 @@ mod people;
 mod place;
 mod restart;
 mod room;
+mod voice;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_mon3tr");

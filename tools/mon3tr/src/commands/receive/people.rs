@@ -7,6 +7,7 @@ use crate::progress;
 use crate::stills::load_avatar;
 use anyhow::Context;
 use app_session::arrival::{self, Waiting};
+use app_session::call::CallVoice;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use link_http::{Client, PackageCache};
 use link_protocol::{Announcement, RoomLink};
@@ -25,6 +26,8 @@ pub(super) struct Person {
     pub(super) avatar: Arc<Avatar>,
     pub(super) figures: AvatarFigures,
     pub(super) download: Download,
+    /// What they say, to be played.
+    pub(super) voice: CallVoice,
 }
 
 /// How an avatar came here.
@@ -45,6 +48,7 @@ impl Person {
                 link: self.room.clone(),
                 announced: self.announced,
                 network: network.clone(),
+                voice: self.voice.clone(),
             },
         }
     }
@@ -76,6 +80,7 @@ pub(super) fn gather(
             avatar,
             figures,
             download,
+            voice: CallVoice::default(),
         });
     }
     Ok(Some(people))

@@ -183,6 +183,16 @@ impl Report {
             call.late,
             call.payload_kbit_s
         );
+        if let Some(voice) = &call.voice {
+            println!(
+                "voice    {} frames of 20 ms heard, {} recovered from the next one, {} concealed ({} in a row at most), {:.1} kbit/s of payload",
+                voice.decoded,
+                voice.recovered,
+                voice.concealed,
+                voice.longest_gap,
+                call.received.voice_bytes as f64 * 8e-3 / call.live_seconds.max(1e-3)
+            );
+        }
         if call.received.refused.total() > 0 {
             println!("refused  {}", call.received.refused);
         }

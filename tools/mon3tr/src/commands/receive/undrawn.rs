@@ -11,7 +11,12 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Takes a person's frames until it is over.
 pub(super) fn run(person: &Person, network: &NetworkContext, until: &Until) -> CallReport {
     let skeleton = &person.avatar.skeleton;
-    let mut call = network.join(&person.room, person.announced, skeleton);
+    let mut call = network.join(
+        &person.room,
+        person.announced,
+        skeleton,
+        person.voice.clone(),
+    );
     while !until.is_over(0) && !call.is_over() {
         call.wait(LOOK);
     }

@@ -6,8 +6,8 @@
 
 use std::collections::VecDeque;
 
-/// No frame is held back longer than this.
-pub(super) const MOST_US: i64 = 200_000;
+/// No frame is held back longer than this, microseconds.
+pub const MOST_US: i64 = 200_000;
 /// The window of transits: this long, and this many frames at most.
 const WINDOW_US: i64 = 5_000_000;
 const WINDOW_FRAMES: usize = 512;
@@ -23,8 +23,12 @@ const SPAN_US: i64 = 100_000;
 /// Frames late by more than [`MOST_US`] for this long are no stall: the path has become longer.
 const STALL_US: i64 = 1_000_000;
 
+/// A frame that is late by no more than this is still shown in the same picture, microseconds.
+pub(crate) const LATE_US: i64 = 1_000;
+
+/// The adapted delay of one stream, of motion or of voice. Times are microseconds, each by the clock that its name says.
 #[derive(Debug, Clone)]
-pub(super) struct PlayoutDelay {
+pub struct PlayoutDelay {
     /// (arrived, transit), oldest first.
     window: VecDeque<(i64, i64)>,
     scratch: Vec<i64>,
@@ -32,12 +36,14 @@ pub(super) struct PlayoutDelay {
     offset: Option<i64>,
     /// Arrival of the first frame of a stall that still lasts.
     stalled_since: Option<i64>,
-    pub(super) stalls: u64,
+    stalls: u64,
     last_arrived: i64,
 }
 
 impl PlayoutDelay {
-    pub(super) fn new() -> Self {
+    /// Without a frame yet.
+    #[must_use]
+    pub fn new() -> Self {
         Self {
             window: VecDeque::with_capacity(WINDOW_FRAMES),
             scratch: Vec::with_capacity(WINDOW_FRAMES),
@@ -48,7 +54,8 @@ impl PlayoutDelay {
         }
     }
 
-    pub(super) fn reset(&mut self) {
+    /// Begins another session, whose times begin anew.
+    pub fn reset(&mut self) {
         self.window.clear();
         self.offset = None;
         self.stalled_since = None;
@@ -59,8 +66,21 @@ impl PlayoutDelay {
         self.window.iter().map(|(_, transit)| *transit).min()
     }
 
+    /// Display by the viewer's clock minus capture by the sender's; `None` before the first frame.
+    #[must_use]
+    pub fn offset_us(&self) -> Option<i64> {
+        self.offset
+    }
+
+    /// Outages after which frames arrived too late for any delay.
+    #[must_use]
+    pub fn stalls(&self) -> u64 {
+        self.stalls
+    }
+
     /// What is added to the least transit, microseconds.
-    pub(super) fn added_us(&self) -> u64 {
+    #[must_use]
+    pub fn added_us(&self) -> u64 {
         match (self.offset, self.base()) {
             (Some(offset), Some(base)) => (offset - base).max(0).unsigned_abs(),
             _ => 0,
@@ -68,13 +88,15 @@ impl PlayoutDelay {
     }
 
     /// When a frame is due, by the viewer's clock.
-    pub(super) fn due(&self, captured: i64, arrived: i64) -> i64 {
+    #[must_use]
+    pub fn due(&self, captured: i64, arrived: i64) -> i64 {
         let offset = self.offset.unwrap_or(arrived - captured);
         (captured + offset).min(arrived + MOST_US)
     }
 
     /// Percentiles of transit beyond the least one, microseconds; zero before the first frame.
-    pub(super) fn jitter_us<const N: usize>(&self, shares: [f64; N]) -> [u64; N] {
+    #[must_use]
+    pub fn jitter_us<const N: usize>(&self, shares: [f64; N]) -> [u64; N] {
         let mut sorted: Vec<_> = self.window.iter().map(|(_, transit)| *transit).collect();
         sorted.sort_unstable();
         shares.map(|share| match sorted.first() {
@@ -84,7 +106,7 @@ impl PlayoutDelay {
     }
 
     /// Adapts to one frame's arrival; `newest` if no frame captured later has arrived.
-    pub(super) fn observe(&mut self, captured: i64, arrived: i64, newest: bool) {
+    pub fn observe(&mut self, captured: i64, arrived: i64, newest: bool) {
         let transit = arrived - captured;
         while self.window.len() >= WINDOW_FRAMES
             || self
@@ -108,7 +130,7 @@ impl PlayoutDelay {
             self.stalled_since = None;
             return false;
         };
-        let in_time = arrived <= self.due(captured, arrived) + super::LATE_US;
+        let in_time = arrived <= self.due(captured, arrived) + LATE_US;
         let hopeless = arrived - captured - base > MOST_US;
         match self.stalled_since {
             // Overtaken: reordered by the network, or the last of a longer path.
@@ -143,10 +165,10 @@ impl PlayoutDelay {
         let span = (arrived - self.last_arrived).clamp(0, SPAN_US) as f64;
         let offset = match self.offset {
             None => wanted,
-            Some(offset) if offset < wanted => (offset + super::whole(RISE * span)).min(wanted),
+            Some(offset) if offset < wanted => (offset + whole(RISE * span)).min(wanted),
             Some(offset) => {
                 let rate = (FALL * (offset - wanted) as f64).max(FALL_LEAST);
-                (offset - super::whole(rate * span * 1e-6)).max(wanted)
+                (offset - whole(rate * span * 1e-6)).max(wanted)
             }
         };
         self.offset = Some(offset.clamp(base, base + MOST_US));
@@ -154,9 +176,23 @@ impl PlayoutDelay {
     }
 }
 
+impl Default for PlayoutDelay {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[allow(
+    clippy::cast_possible_truncation,
+    reason = "the cast saturates, and delays are below 2^62"
+)]
+fn whole(value: f64) -> i64 {
+    value.round() as i64
+}
+
 /// Place of a percentile among `count` > 0 sorted values.
 fn rank(count: usize, share: f64) -> usize {
-    let above = super::whole((1.0 - share) * count as f64 - 0.5);
+    let above = whole((1.0 - share) * count as f64 - 0.5);
     count
         .saturating_sub(1)
         .saturating_sub(usize::try_from(above).unwrap_or(0))
