@@ -13,6 +13,7 @@ mod tests;
 
 pub use avatar::Validation;
 
+use crate::backdrop::Backdrop;
 use crate::colour::Correction;
 use crate::density::Statistics;
 use crate::error::TrainError;
@@ -206,8 +207,11 @@ impl Trainer<'_> {
             *by_pixel = Picture::transparent(width, height);
         }
         let weights = &self.options.weights;
-        let l1 = colour_l1(picture, target, 1.0 - weights.ssim, by_pixel)?;
-        let dissimilar = ssim.loss(picture, target, weights.ssim, by_pixel)?;
+        let backdrop = Backdrop::of_step(self.options.seed, self.step);
+        let (shown, wanted) = (backdrop.behind(picture)?, backdrop.behind_target(target)?);
+        let l1 = colour_l1(&shown, &wanted, 1.0 - weights.ssim, by_pixel)?;
+        let dissimilar = ssim.loss(&shown, &wanted, weights.ssim, by_pixel)?;
+        backdrop.pull_back(by_pixel);
         let silhouette = alpha_l1(picture, target, weights.alpha, by_pixel)?;
         let loss = f64::from(1.0 - weights.ssim) * l1
             + f64::from(weights.ssim) * dissimilar
