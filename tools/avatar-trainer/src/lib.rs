@@ -8,6 +8,7 @@
 //!
 //! What makes the first avatar, and what measures the last one on pictures that were kept away, is not here.
 
+mod backdrop;
 pub mod checkpoint;
 pub mod colour;
 pub mod density;

@@ -69,7 +69,7 @@ pub struct Weights {
     pub scale_threshold: f32,
     /// lambda_b: of the binding regularisation, by square metres.
     pub bind: f32,
-    /// Pull of refined poses towards the capture's, by square radians and square decimetres.
+    /// Pull of refined poses towards the capture's, by radians of every joint and decimetres of the root.
     pub pose: f32,
 }
 
@@ -82,7 +82,7 @@ impl Default for Weights {
             scale: 1.0,
             scale_threshold: 0.03,
             bind: 20.0,
-            pose: 1e-3,
+            pose: 0.02,
         }
     }
 }

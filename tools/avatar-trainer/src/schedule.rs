@@ -19,6 +19,9 @@ pub(crate) const DENSIFY: Range<f32> = 0.05..0.6;
 /// Pictures are quartered up to the first of these, and halved up to the second.
 const FINER_AT: [f32; 2] = [0.06, 0.3];
 
+/// Pictures are whole and everything learns: from here on, the better of two avatars is the one that meets the held-back pictures better.
+pub(crate) const SETTLED_FROM: f32 = FINER_AT[1];
+
 /// Learning rates of one step: about how far a number moves in it. At 0 it stays.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Rates {

@@ -22,8 +22,6 @@ pub struct Derivatives<'a> {
     pub gaussians: Option<&'a Attributes>,
     /// By the posed vertices in the world, row-major [3, N_v].
     pub vertices: Option<&'a [f32]>,
-    /// By the canonical vertices, row-major [3, N_v].
-    pub canonical: Option<&'a [f32]>,
     /// By the controllers' offsets, row-major [C, 3], see [`Model::controller_offsets`].
     pub offsets: Option<&'a [f32]>,
 }
@@ -165,9 +163,6 @@ impl Model {
         let by_root = planes::<3>(&back.by_vertices).map(sum);
         back.by_canonical.clear();
         back.by_canonical.resize(back.by_vertices.len(), 0.0);
-        if let Some(more) = by.canonical {
-            back.by_canonical.copy_from_slice(more);
-        }
         let by_joints = skinning::backward(
             level,
             &self.skin,
@@ -208,13 +203,10 @@ impl Model {
         if let Some(gaussians) = by.gaussians {
             check_count("derivatives by Gaussians", gaussians.len(), sizes.gaussians)?;
         }
-        for (what, array) in [
-            ("derivatives by vertices", by.vertices),
-            ("derivatives by canonical vertices", by.canonical),
-        ] {
+        if let Some(vertices) = by.vertices {
             check_count(
-                what,
-                array.map_or(3 * sizes.vertices, <[f32]>::len),
+                "derivatives by vertices",
+                vertices.len(),
                 3 * sizes.vertices,
             )?;
         }

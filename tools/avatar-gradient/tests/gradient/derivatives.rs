@@ -19,7 +19,6 @@ const MOST: f64 = 5e-4;
 struct Weights {
     gaussians: Attributes,
     vertices: Vec<f32>,
-    canonical: Vec<f32>,
     offsets: Vec<f32>,
 }
 
@@ -35,7 +34,6 @@ impl Weights {
         Self {
             gaussians: random_attributes(sizes.gaussians, random),
             vertices: scaled(3 * sizes.vertices, 1.0, random),
-            canonical: scaled(3 * sizes.vertices, 1.0, random),
             // Millimetres count as much as the rest.
             offsets: scaled(3 * sizes.controllers, 100.0, random),
         }
@@ -60,7 +58,6 @@ impl Weights {
         let offsets = outcome.offsets.as_flattened().iter().zip(&self.offsets);
         gaussians.sum::<f64>()
             + planar(&outcome.vertices, &self.vertices)
-            + planar(&outcome.canonical, &self.canonical)
             + offsets
                 .map(|(x, weight)| x * f64::from(*weight))
                 .sum::<f64>()
@@ -113,7 +110,6 @@ impl Case {
         let by = Derivatives {
             gaussians: Some(&weights.gaussians),
             vertices: Some(&weights.vertices),
-            canonical: Some(&weights.canonical),
             offsets: Some(&weights.offsets),
         };
         let by_pose = person

@@ -48,7 +48,6 @@ mod at {
 /// What the model computes.
 #[derive(Debug, Clone)]
 pub(crate) struct Outcome {
-    pub(crate) canonical: Vec<V3>,
     pub(crate) vertices: Vec<V3>,
     /// In the order of `splat_gradient::Attributes`.
     pub(crate) gaussians: Vec<[f64; 14]>,
@@ -220,7 +219,6 @@ pub(crate) fn pose(person: &Person, numbers: &Numbers) -> Outcome {
         }
     };
     Outcome {
-        canonical,
         vertices,
         gaussians,
         offsets: sums.into_iter().map(mean).collect(),

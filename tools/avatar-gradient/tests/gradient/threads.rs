@@ -45,7 +45,6 @@ fn fitted(threads: usize) -> Vec<u32> {
             let by = Derivatives {
                 gaussians: Some(&by_gaussians),
                 vertices: Some(&by_vertices),
-                canonical: None,
                 offsets: Some(&by_offsets),
             };
             let mut gradients = Parameters::zeros_without_bases(person.model.sizes());

@@ -38,8 +38,8 @@ impl Trainer<'_> {
             .to_networks(template, &self.controllers, &self.bound)?)
     }
 
-    /// Draws the pictures that were held back, whole and as a receiver of the package would see them, but for poses' and cameras' corrections, which
-    /// belong to the capture.
+    /// Draws the pictures that were held back, whole and as a receiver of the package would see them: driven by the capture's own poses, as poses to come
+    /// have no correction. Cameras' colours are corrected, which belongs to the capture.
     ///
     /// # Errors
     /// A picture that cannot be read, or numbers that do not make a package.
@@ -81,12 +81,11 @@ impl Trainer<'_> {
         let target = cut.target(0)?;
         let view = cut.view(&self.pictures.capture().cameras()[pair.camera], 0)?;
         let motion = &self.motions[pair.frame];
-        let correction = &self.poses[pair.frame].correction;
         let memory = &mut self.memory;
         // As a receiver has it, whatever learns at present.
         self.model.parts = Parts::ALL;
         self.model
-            .pose(parameters, motion, Some(correction), &mut memory.posed)?;
+            .pose(parameters, motion, None, &mut memory.posed)?;
         let drawn = memory.splatter.draw(memory.posed.gaussians(), &view);
         let corrected = if self.options.colour_correction {
             Some(self.colours[pair.camera].apply(drawn.picture())?)

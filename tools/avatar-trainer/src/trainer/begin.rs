@@ -1,6 +1,6 @@
 //! A training begins: with a first avatar, whose networks get room for what they are to learn.
 
-use super::{Memory, Trainer};
+use super::{Memory, Trainer, gauge};
 use crate::colour::Correction;
 use crate::density::Statistics;
 use crate::error::TrainError;
@@ -11,7 +11,7 @@ use crate::random::mixed;
 use crate::trainer::optimiser::{FramePose, Optimiser};
 use crate::trainer::regularise::Regularisers;
 use crate::trainer::smoothing::Smoother;
-use avatar_gradient::{Model, Networks};
+use avatar_gradient::{Model, Networks, PoseCorrection};
 use capture::Capture;
 use spmm3::networks::{AttributeNetwork, MeshNetwork};
 use spmm3::{Avatar, Controllers, MotionParams};
@@ -41,6 +41,20 @@ impl<'a> Trainer<'a> {
         let mut trainer = Self::of_parts(capture, parts, motions, split, options)?;
         trainer.keep_to_budget()?;
         Ok(trainer)
+    }
+
+    /// Begins with other poses than the capture's: `fitted` ones, as many as there are frames. What they have in common is taken from them.
+    ///
+    /// # Errors
+    /// Motions that are not as many as frames, or not finite.
+    pub fn begin_with_poses(&mut self, fitted: &[MotionParams]) -> Result<(), TrainError> {
+        check_motions(fitted, self.motions.len())?;
+        let captured = self.motions.iter().zip(fitted);
+        for (pose, (captured, fitted)) in self.poses.iter_mut().zip(captured) {
+            pose.correction = PoseCorrection::between(captured, fitted);
+        }
+        gauge::centre(&mut self.poses, &self.motions, &self.frames);
+        Ok(())
     }
 
     /// With all state but the numbers of a training's first step.

@@ -2,6 +2,7 @@
 
 mod avatar;
 mod begin;
+mod gauge;
 mod optimiser;
 mod population;
 mod regularise;
@@ -12,12 +13,13 @@ mod tests;
 
 pub use avatar::Validation;
 
+use crate::backdrop::Backdrop;
 use crate::colour::Correction;
 use crate::density::Statistics;
 use crate::error::TrainError;
 use crate::options::Options;
 use crate::pictures::{Pair, Pictures, Split};
-use crate::schedule::{FIRST, Phase, phase};
+use crate::schedule::{FIRST, Phase, SETTLED_FROM, phase};
 use crate::score::Score;
 use avatar_gradient::{Derivatives, Model, Moved, Parameters, PoseCorrection, Posed, step_bases};
 use optimiser::{FramePose, Optimiser, basis_planes};
@@ -39,6 +41,9 @@ pub struct StepReport {
     /// Gaussians after it.
     pub gaussians: usize,
 }
+
+/// One step moves one frame's pose: what all have in common is taken from them after so many.
+const CENTRE_EVERY: u64 = 16;
 
 /// An avatar in training.
 #[derive(Debug)]
@@ -145,9 +150,12 @@ impl Trainer<'_> {
         loss += self.learn(pair, &phase, &compared)?;
         self.step += 1;
         self.unchanged = self.unchanged.saturating_add(1);
-        // In every step, so that whatever is handed out or written is centred.
-        if self.options.refine_poses {
-            optimiser::centre(&mut self.poses, &self.frames);
+        if progress < SETTLED_FROM {
+            // What comes is better, whatever the figure says: where the capture's poses are wrong, an avatar that has learnt nothing meets pictures best.
+            self.best = None;
+        }
+        if self.options.refine_poses && self.step.is_multiple_of(CENTRE_EVERY) {
+            gauge::centre(&mut self.poses, &self.motions, &self.frames);
         }
         self.change_population(progress, &phase)?;
         Ok(StepReport {
@@ -199,8 +207,11 @@ impl Trainer<'_> {
             *by_pixel = Picture::transparent(width, height);
         }
         let weights = &self.options.weights;
-        let l1 = colour_l1(picture, target, 1.0 - weights.ssim, by_pixel)?;
-        let dissimilar = ssim.loss(picture, target, weights.ssim, by_pixel)?;
+        let backdrop = Backdrop::of_step(self.options.seed, self.step);
+        let (shown, wanted) = (backdrop.behind(picture)?, backdrop.behind_target(target)?);
+        let l1 = colour_l1(&shown, &wanted, 1.0 - weights.ssim, by_pixel)?;
+        let dissimilar = ssim.loss(&shown, &wanted, weights.ssim, by_pixel)?;
+        backdrop.pull_back(by_pixel);
         let silhouette = alpha_l1(picture, target, weights.alpha, by_pixel)?;
         let loss = f64::from(1.0 - weights.ssim) * l1
             + f64::from(weights.ssim) * dissimilar
@@ -247,7 +258,6 @@ impl Trainer<'_> {
             gaussians: Some(by_gaussians),
             offsets: terms.by_offsets,
             vertices: terms.by_vertices,
-            canonical: None,
         };
         let sum = terms.sum;
         let by_pose: PoseCorrection =

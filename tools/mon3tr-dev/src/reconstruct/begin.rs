@@ -38,24 +38,23 @@ pub(super) fn begin<'a>(
     // Before the first avatar, which takes minutes.
     options.check()?;
     check_cameras(capture)?;
-    let (avatar, motions) = match first {
+    let (avatar, fitted) = match first {
         First::Package(path) => {
             let avatar = Avatar::load(path)
                 .with_context(|| format!("cannot begin with {}", path.display()))?;
-            let motions = motions(capture, &avatar)?;
-            (avatar, motions)
+            (avatar, None)
         }
         First::Made { clothes, poses } => {
             let made = made(capture, options.gaussians, clothes)?;
-            let motions = if poses {
-                made.uncorrected
-            } else {
-                motions(capture, &made.avatar)?
-            };
-            (made.avatar, motions)
+            (made.avatar, poses.then_some(made.uncorrected))
         }
     };
-    Ok(Trainer::new(capture, avatar, motions, options)?)
+    let motions = motions(capture, &avatar)?;
+    let mut trainer = Trainer::new(capture, avatar, motions, options)?;
+    if let Some(fitted) = fitted {
+        trainer.begin_with_poses(&fitted)?;
+    }
+    Ok(trainer)
 }
 
 /// A first avatar of the capture, of half as many Gaussians as there will be, but no fewer than cover a person: pictures say where the others are

@@ -5,11 +5,11 @@ mod exported;
 #[path = "../../../tests/training/studio.rs"]
 mod studio;
 
-use super::Trainer;
+use super::optimiser::FramePose;
+use super::{CENTRE_EVERY, Trainer, gauge};
 use crate::density::Plan;
 use crate::error::TrainError;
 use crate::options::Options;
-use avatar_gradient::CORRECTION;
 use capture::{Capture, HeldOut};
 use glam::Vec3;
 use spmm3::attribute;
@@ -173,23 +173,56 @@ fn children_lie_where_their_parents_are_on_the_mesh_as_it_is_learnt() {
 }
 
 #[test]
-fn poses_are_centred_whenever_something_is_handed_out() {
+fn poses_are_centred_every_few_steps() {
     let folder = tempfile::tempdir().expect("a folder");
     let capture = pictures(folder.path());
     let mut trainer = begun(&capture);
-    for _ in 0..7 {
+    let off_centre = |trainer: &Trainer<'_>| -> f32 {
+        let mut centred = trainer.poses.clone();
+        gauge::centre(&mut centred, &trainer.motions, &trainer.frames);
+        let numbers = |poses: &[FramePose]| -> Vec<f32> {
+            poses.iter().flat_map(|pose| pose.correction.0).collect()
+        };
+        let pairs = numbers(&trainer.poses).into_iter().zip(numbers(&centred));
+        pairs.fold(0.0, |most, (now, then)| most.max((now - then).abs()))
+    };
+    for _ in 1..CENTRE_EVERY {
         trainer.step(0.5).expect("a step");
     }
-    let moved = |trainer: &Trainer<'_>, number: usize| -> Vec<f32> {
-        let poses = trainer.poses.iter();
-        poses.map(|pose| pose.correction.0[number]).collect()
-    };
-    let mut most = 0.0f32;
-    for number in 0..CORRECTION {
-        let all = moved(&trainer, number);
-        most = all.iter().fold(most, |most, x| most.max(x.abs()));
-        let mean = all.iter().sum::<f32>() / all.len() as f32;
-        assert!(mean.abs() < 1e-8, "number {number} has the mean {mean}");
+    let before = off_centre(&trainer);
+    assert!(before > 1e-5, "poses have moved: {before}");
+    trainer.step(0.5).expect("a step");
+    let after = off_centre(&trainer);
+    assert!(after < 1e-7, "all in common is gone: {after}");
+}
+
+#[test]
+fn pictures_are_looked_at_with_the_captures_own_poses() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let capture = pictures(folder.path());
+    let mut trainer = begun(&capture);
+    let before = trainer.validate().expect("drawn").psnr;
+    for pose in &mut trainer.poses {
+        pose.correction.0[0] = 0.7;
     }
-    assert!(most > 1e-4, "poses have moved: {most}");
+    let after = trainer.validate().expect("drawn").psnr;
+    assert!((after - before).abs() < 1e-9, "{before}, {after}");
+}
+
+#[test]
+fn an_avatar_that_has_learnt_more_takes_the_place_of_an_early_one_that_looks_better() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let capture = pictures(&folder.path().join("capture"));
+    let mut trainer = begun(&capture);
+    let package = folder.path().join("me.m3a");
+    let mut validation = trainer.validate().expect("drawn");
+    let mut better = |trainer: &mut Trainer<'_>, psnr: f64| {
+        validation.psnr = psnr;
+        trainer.keep_best(&validation, &package).expect("written")
+    };
+    assert!(better(&mut trainer, 40.0), "the first");
+    trainer.step(0.1).expect("a step");
+    assert!(better(&mut trainer, 20.0), "it has learnt");
+    trainer.step(0.9).expect("a step");
+    assert!(!better(&mut trainer, 19.0), "it has become worse");
 }
