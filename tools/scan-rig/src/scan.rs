@@ -114,18 +114,22 @@ impl Scan {
         self.scales.par_iter_mut().for_each(|s| *s *= scale);
     }
 
-    /// The longest axis of a Gaussian: from its centre one standard deviation along it, metres.
+    /// The two longest axes of a Gaussian: from its centre one standard deviation along each, metres.
     #[must_use]
-    pub fn longest(&self, at: usize) -> Vec3 {
+    pub fn long_axes(&self, at: usize) -> [Vec3; 2] {
         let scale = self.scales[at];
-        let axis = (0..3).fold(0, |most, axis| {
-            if scale[axis] > scale[most] {
+        let turned = Mat3::from_quat(self.rotations[at]);
+        let shortest = (0..3).fold(0, |least, axis| {
+            if scale[axis] < scale[least] {
                 axis
             } else {
-                most
+                least
             }
         });
-        Mat3::from_quat(self.rotations[at]).col(axis) * scale[axis]
+        [1, 2].map(|step| {
+            let axis = (shortest + step) % 3;
+            turned.col(axis) * scale[axis]
+        })
     }
 
     /// The covariance of a Gaussian, square metres.
