@@ -114,22 +114,18 @@ impl Scan {
         self.scales.par_iter_mut().for_each(|s| *s *= scale);
     }
 
-    /// The two longest axes of a Gaussian: from its centre one standard deviation along each, metres.
+    /// The longest axis of a Gaussian: from its centre one standard deviation along it, metres.
     #[must_use]
-    pub fn long_axes(&self, at: usize) -> [Vec3; 2] {
+    pub fn longest(&self, at: usize) -> Vec3 {
         let scale = self.scales[at];
-        let turned = Mat3::from_quat(self.rotations[at]);
-        let shortest = (0..3).fold(0, |least, axis| {
-            if scale[axis] < scale[least] {
+        let axis = (0..3).fold(0, |most, axis| {
+            if scale[axis] > scale[most] {
                 axis
             } else {
-                least
+                most
             }
         });
-        [1, 2].map(|step| {
-            let axis = (shortest + step) % 3;
-            turned.col(axis) * scale[axis]
-        })
+        Mat3::from_quat(self.rotations[at]).col(axis) * scale[axis]
     }
 
     /// The covariance of a Gaussian, square metres.

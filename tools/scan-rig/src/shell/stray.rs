@@ -35,11 +35,11 @@ const BESIDE: f32 = 0.004;
 /// How much lighter than the body around such a Gaussian may be.
 const LIGHTER: f64 = 0.15;
 
-/// Where a Gaussian ends, in standard deviations, how much farther off the body its end may be in T-pose, metres, elsewhere, between two
-/// parts, and of mist between two parts, and how much it may be shortened.
+/// Where a Gaussian ends, in standard deviations, how much farther off the body its end may be in T-pose, metres, elsewhere and between two
+/// parts, and how much it may be shortened.
 const END: f32 = 2.0;
-const STANDS_OFF: [f32; 3] = [0.018, 0.008, 0.003];
-const SHORTEST: f32 = 0.3;
+const STANDS_OFF: [f32; 2] = [0.018, 0.008];
+const SHORTEST: f32 = 0.35;
 
 /// Gaussians on vertices that are the head's by more than this stay as they are: the face has a shell of its own.
 const HEADS_SHARE: f64 = 0.5;
@@ -118,8 +118,7 @@ pub(crate) fn tidy(
             continue;
         }
         let grown = ends_there[at] - ends_here[at];
-        let is_flap = beside[at] && is_mist(&bound.scan, at);
-        let most = STANDS_OFF[if is_flap { 2 } else { usize::from(between[at]) }];
+        let most = STANDS_OFF[usize::from(between[at])];
         if grown > most {
             let scales = &mut bound.scan.scales[at];
             let longest = scales.max_element();
@@ -239,11 +238,9 @@ fn ends(model: &BodyModel, scan: &Scan, vertices: &[Vec3]) -> Vec<f32> {
     (0..scan.len())
         .into_par_iter()
         .map(|at| {
+            let end = scan.longest(at) * END;
             let centre = scan.positions[at];
-            (scan.long_axes(at).iter())
-                .flat_map(|axis| [centre + *axis * END, centre - *axis * END])
-                .map(distance)
-                .fold(0.0, f32::max)
+            distance(centre + end).max(distance(centre - end))
         })
         .collect()
 }
