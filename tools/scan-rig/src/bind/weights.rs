@@ -4,8 +4,9 @@ use crate::body::SkinRow;
 use rayon::prelude::*;
 use spmm3::Joint;
 
-/// Rounds in which a vertex takes half of its weights from its neighbours.
-const ROUNDS: usize = 25;
+/// Rounds in which a vertex takes half of its weights from its neighbours. More would make webs between arm and trunk, and turn the collar
+/// with the arms.
+const ROUNDS: usize = 4;
 
 /// Gives the weights of the fingers to the wrists: hands as they were scanned.
 pub(super) fn stiffen_fingers(rows: &mut [SkinRow]) {

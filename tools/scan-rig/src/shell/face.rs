@@ -25,24 +25,41 @@ const INSIDE_SPACING: f64 = 0.0026;
 /// How deep under the face the scan's own Gaussians may lie, metres.
 const MIST: f64 = 0.013;
 
-/// What is farther from the head's middle is in a cheek's pocket, which no open mouth shows, metres.
-const CHEEK: f64 = 0.034;
-
 /// From the rims, the shell closes before what is inside, metres.
 const LIPS: f64 = 0.016;
 
 /// Lashes: shares of the most that closing the eyes moves, between which an edge is the upper lid's; distances from it, metres at scale 1,
 /// between which they end; how dark they are.
 const LASHES: (f64, f64) = (0.75, 0.9);
-const LASH_WIDTH: (f64, f64) = (0.0006, 0.0022);
-const LASH_DARK: f64 = 0.4;
+const LASH_WIDTH: (f64, f64) = (0.0008, 0.003);
+const LASH_DARK: f64 = 0.55;
+
+/// Closed lids: how light their middle is over the skin around, how much darker they are in the fold and at the edge.
+const LID_LIGHT: f64 = 1.12;
+const FOLD_DARK: f64 = 0.28;
+const EDGE_DARK: f64 = 0.22;
+
+/// How little lines through the rims of an open eye say of its skin.
+const BESIDE_EYE: f64 = 0.85;
 
 /// What closing the eyes stretches by less than this share of a fold is painted as the scan shows it with open eyes.
 const WHOLE: f64 = 0.8;
 
+/// Lips from their edge, by distances between which that ends, metres at scale 1: their skin's colour times this.
+const LIP_EDGE: (f64, f64) = (0.001, 0.0035);
+const INNER_LIP: DVec3 = DVec3::new(0.74, 0.58, 0.58);
+
+/// Near the rims of lips and lids, by distances between which that ends, metres at scale 1, and on lids, pictures change colours by no
+/// more than this: a line of light or shade between closed lips is no lip's, and would show when they open.
+const NEAR_RIM: (f64, f64) = (0.002, 0.005);
+const MOST_CHANGE: f64 = 0.2;
+
 /// What is in a socket stays this far behind the skin around the eye, metres; what is before it by no more than the second, pokes out.
 const BEHIND_SKIN: f64 = 0.0012;
 const POKES_OUT: f64 = 0.008;
+
+/// From the rims of lids, skin ends before the dark of the socket, metres at scale 1.
+const LID_EDGE: (f64, f64) = (0.006, 0.012);
 
 /// The colour deep in the mouth.
 const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
@@ -54,8 +71,8 @@ const OPACITY: f32 = 0.97;
 #[derive(Debug)]
 pub(crate) struct Face {
     pub(crate) additions: Additions,
-    /// For each of them whether it shows in the neutral face, and has to look there as it was scanned.
-    pub(crate) as_scanned: Vec<bool>,
+    /// For each of them how far its colour may change for the neutral face to look as it was scanned: 0 for what does not show there.
+    pub(crate) as_scanned: Vec<f32>,
     /// `[N_g]` which of the scan's Gaussians give way.
     pub(crate) drop: Vec<bool>,
     /// The usual colour of the cheeks.
@@ -99,10 +116,7 @@ pub(crate) fn cover(
         nearest.is_some_and(|v| {
             let covered =
                 head.motion[*v] > SHELL.1 * head.scale && head.rim[*v] < LIPS * head.scale;
-            let beside = (middle - head.centre).dot(head.axes.x_axis).abs();
-            let pocket =
-                model.parts[2 * quad] == BodyPart::InnerMouth && beside > CHEEK * head.scale;
-            !covered && (pocket || away(v).sqrt() < MIST * head.scale)
+            !covered && away(v).sqrt() < MIST * head.scale
         })
     };
     let screen = Screen::of(
@@ -151,7 +165,7 @@ pub(crate) fn cover(
                     &mut as_scanned,
                 ),
             }
-            as_scanned.resize(additions.len(), false);
+            as_scanned.resize(additions.len(), 0.0);
         }
     }
     Face {
@@ -190,7 +204,7 @@ impl Painter<'_> {
         skin: &SkinColours,
         cells: &mut Vec<Cell>,
         additions: &mut Additions,
-        as_scanned: &mut Vec<bool>,
+        as_scanned: &mut Vec<f32>,
     ) {
         let head = self.head;
         let ring = corners(model, quad).map(|v| v as usize);
@@ -242,12 +256,23 @@ impl Painter<'_> {
             let eye_shows = eye_shows.max(
                 smoothstep(0.1, 0.3, lid).max(beside_eye) * (1.0 - likeness(seen, skin.cheek)),
             );
+            let eye_shows = eye_shows.max(BESIDE_EYE * beside_eye);
             let trust = trust * smoothstep(0.6, 0.95, outer) * (1.0 - eye_shows);
             let mut colour = filled.lerp(seen, trust);
+            // Closed lips hide their insides, and no line finds their colour.
+            let inner_lip = smoothstep(0.0008, 0.002, at_cell(model, cell, &head.mouth))
+                * (1.0 - smoothstep(LIP_EDGE.0, LIP_EDGE.1, rim));
+            colour *= DVec3::ONE.lerp(INNER_LIP, inner_lip);
             // Lashes: a dark line along the free edge of the upper lid, which moves most.
             let lash = smoothstep(LASHES.0, LASHES.1, closes)
                 * (1.0 - smoothstep(LASH_WIDTH.0, LASH_WIDTH.1, rim));
             colour *= 1.0 - LASH_DARK * lash;
+            // What the open eye folds away has no light of its own: it bulges over the eyeball, darker in the fold and under the edge.
+            let hidden = smoothstep(0.02, 0.2, lid) * folded;
+            let bulge = 1.0
+                - FOLD_DARK * (1.0 - smoothstep(0.1, 0.45, closes))
+                - EDGE_DARK * smoothstep(0.6, 1.0, closes);
+            colour *= 1.0 + hidden * (LID_LIGHT * bulge - 1.0);
             let motion = smoothstep(
                 SHELL.0,
                 SHELL.1,
@@ -256,11 +281,14 @@ impl Painter<'_> {
             let stretched = smoothstep(STRETCHED.0, STRETCHED.1, head.stretch[quad].max_element());
             let under = UNDER * (1.0 - motion.max(stretched));
             additions.push(cell, -under, colour, OPACITY);
-            as_scanned.resize(
-                additions.len(),
-                // Pictures show lashes and shade where lids close: only what would be stretched over the eye then keeps its skin.
-                outer > 0.95 && (folded < WHOLE || lid < 0.15 && eye_shows.max(beside_eye) < 0.1),
-            );
+            // Pictures show lashes and shade where lids close: only what would be stretched over the eye then keeps its skin.
+            let shown =
+                outer > 0.95 && (folded < WHOLE || lid < 0.15 && eye_shows.max(beside_eye) < 0.1);
+            let moves =
+                smoothstep(0.05, 0.3, lid).max(1.0 - smoothstep(NEAR_RIM.0, NEAR_RIM.1, rim));
+            let most = 1.0 + (MOST_CHANGE - 1.0) * moves;
+            #[expect(clippy::cast_possible_truncation, reason = "a colour")]
+            as_scanned.resize(additions.len(), if shown { most as f32 } else { 0.0 });
         }
     }
 }
@@ -291,10 +319,10 @@ fn inside(
             lip.lerp(THROAT, smoothstep(0.001, 0.010, deep))
                 * (1.0 - 0.6 * smoothstep(0.010, 0.045, deep))
         } else {
-            // Lids have an edge, which is skin.
+            // Lids have an edge, which is skin; closing them draws more of it out of the fold.
             let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
             let edge = at_cell(model, cell, &skin.lids) * 0.85;
-            edge.lerp(filled * 0.3, smoothstep(0.002, 0.006, deep))
+            edge.lerp(filled * 0.3, smoothstep(LID_EDGE.0, LID_EDGE.1, deep))
         };
         additions.push(cell, 0.0, colour, OPACITY);
     }
