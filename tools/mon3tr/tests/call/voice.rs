@@ -5,7 +5,7 @@ use netlab::{Impairment, Loss, Probability};
 use std::time::Duration;
 
 /// Samples a second of voice.
-const RATE: usize = 48_000;
+const RATE: usize = link_voice::RATE as usize;
 /// Samples of a loudness: 20 ms.
 const WINDOW: usize = RATE / 50;
 /// Of the file, seconds.
@@ -57,7 +57,7 @@ fn what_is_said_is_heard_through_delay_and_loss() {
     let (said, heard) = (house.path("said.wav"), house.path("heard.wav"));
     let spec = hound::WavSpec {
         channels: 1,
-        sample_rate: RATE as u32,
+        sample_rate: link_voice::RATE,
         bits_per_sample: 32,
         sample_format: hound::SampleFormat::Float,
     };
