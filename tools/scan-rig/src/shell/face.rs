@@ -25,22 +25,22 @@ const INSIDE_SPACING: f64 = 0.0026;
 /// How deep under the face the scan's own Gaussians may lie, metres.
 const MIST: f64 = 0.013;
 
+/// What is farther from the head's middle is in a cheek's pocket, which no open mouth shows, metres.
+const CHEEK: f64 = 0.034;
+
 /// From the rims, the shell closes before what is inside, metres.
 const LIPS: f64 = 0.016;
 
 /// Lashes: shares of the most that closing the eyes moves, between which an edge is the upper lid's; distances from it, metres at scale 1,
 /// between which they end; how dark they are.
 const LASHES: (f64, f64) = (0.75, 0.9);
-const LASH_WIDTH: (f64, f64) = (0.0008, 0.003);
-const LASH_DARK: f64 = 0.55;
+const LASH_WIDTH: (f64, f64) = (0.0006, 0.0022);
+const LASH_DARK: f64 = 0.4;
 
 /// Closed lids: how light their middle is over the skin around, how much darker they are in the fold and at the edge.
 const LID_LIGHT: f64 = 1.12;
 const FOLD_DARK: f64 = 0.28;
 const EDGE_DARK: f64 = 0.22;
-
-/// How little lines through the rims of an open eye say of its skin.
-const BESIDE_EYE: f64 = 0.85;
 
 /// What closing the eyes stretches by less than this share of a fold is painted as the scan shows it with open eyes.
 const WHOLE: f64 = 0.8;
@@ -57,9 +57,6 @@ const MOST_CHANGE: f64 = 0.2;
 /// What is in a socket stays this far behind the skin around the eye, metres; what is before it by no more than the second, pokes out.
 const BEHIND_SKIN: f64 = 0.0012;
 const POKES_OUT: f64 = 0.008;
-
-/// From the rims of lids, skin ends before the dark of the socket, metres at scale 1.
-const LID_EDGE: (f64, f64) = (0.006, 0.012);
 
 /// The colour deep in the mouth.
 const THROAT: DVec3 = DVec3::new(0.10, 0.030, 0.030);
@@ -116,7 +113,10 @@ pub(crate) fn cover(
         nearest.is_some_and(|v| {
             let covered =
                 head.motion[*v] > SHELL.1 * head.scale && head.rim[*v] < LIPS * head.scale;
-            !covered && away(v).sqrt() < MIST * head.scale
+            let beside = (middle - head.centre).dot(head.axes.x_axis).abs();
+            let pocket =
+                model.parts[2 * quad] == BodyPart::InnerMouth && beside > CHEEK * head.scale;
+            !covered && (pocket || away(v).sqrt() < MIST * head.scale)
         })
     };
     let screen = Screen::of(
@@ -256,7 +256,6 @@ impl Painter<'_> {
             let eye_shows = eye_shows.max(
                 smoothstep(0.1, 0.3, lid).max(beside_eye) * (1.0 - likeness(seen, skin.cheek)),
             );
-            let eye_shows = eye_shows.max(BESIDE_EYE * beside_eye);
             let trust = trust * smoothstep(0.6, 0.95, outer) * (1.0 - eye_shows);
             let mut colour = filled.lerp(seen, trust);
             // Closed lips hide their insides, and no line finds their colour.
@@ -319,10 +318,10 @@ fn inside(
             lip.lerp(THROAT, smoothstep(0.001, 0.010, deep))
                 * (1.0 - 0.6 * smoothstep(0.010, 0.045, deep))
         } else {
-            // Lids have an edge, which is skin; closing them draws more of it out of the fold.
+            // Lids have an edge, which is skin.
             let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
             let edge = at_cell(model, cell, &skin.lids) * 0.85;
-            edge.lerp(filled * 0.3, smoothstep(LID_EDGE.0, LID_EDGE.1, deep))
+            edge.lerp(filled * 0.3, smoothstep(0.002, 0.006, deep))
         };
         additions.push(cell, 0.0, colour, OPACITY);
     }
