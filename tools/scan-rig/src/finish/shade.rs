@@ -12,8 +12,8 @@ use reconstruct::fit::{AttributeOptions, Residuals, fit_residuals, residuals};
 use reconstruct::simulate::{Fabric, PoseSampler, Puppet, without_root};
 use spmm3::networks::AttributeNetwork;
 use spmm3::{
-    ATTRIBUTES, BoundGaussians, Controllers, Expressions, Joint, MotionParams, SH_C0, Skeleton,
-    Template, attribute,
+    ATTRIBUTES, BoundGaussians, Controllers, Expressions, MotionParams, SH_C0, Skeleton, Template,
+    attribute,
 };
 
 /// Poses that it learns from.
@@ -24,9 +24,6 @@ const SEED: u64 = 11;
 
 /// How much of the change of light is shown: the scan's own light is not known, and too little is less wrong than too much.
 const STRENGTH: f32 = 0.75;
-
-/// What sees less of the sky than this is lit by what is around it, in every pose alike: the inside of lips, folds.
-const DARKEST: f32 = 0.2;
 
 /// Bounds of the ratio of light between two poses: beyond them colours would be made up.
 const RATIO: (f32, f32) = (0.6, 1.5);
@@ -104,12 +101,7 @@ impl Sitter<'_> {
         let brightness: Vec<Vec<f32>> = poses
             .par_iter()
             .map(|motion| {
-                // The inside of lips is in no one's light, and lids' folds neither: the face keeps the light that it was scanned in.
-                let mut motion = without_root(motion);
-                for joint in [Joint::Jaw, Joint::LeftEye, Joint::RightEye] {
-                    motion.set_axis_angle(joint, Vec3::ZERO);
-                }
-                let maps = posed_by_motion(self.skeleton, &motion);
+                let maps = posed_by_motion(self.skeleton, &without_root(motion));
                 let posed: Vec<Vec3> = (skinned(self.weights, &maps, &vertices).iter())
                     .map(|vertex| vertex.as_vec3())
                     .collect();
@@ -133,7 +125,7 @@ impl Sitter<'_> {
                         if !outside {
                             return 0.0;
                         }
-                        let ratio = (lit.max(DARKEST) / scan.max(DARKEST)).powf(STRENGTH);
+                        let ratio = (lit / scan.max(1e-3)).powf(STRENGTH);
                         ratio.clamp(RATIO.0, RATIO.1) - 1.0
                     })
                     .collect()

@@ -37,22 +37,8 @@ const LASHES: (f64, f64) = (0.75, 0.9);
 const LASH_WIDTH: (f64, f64) = (0.0006, 0.0022);
 const LASH_DARK: f64 = 0.4;
 
-/// Closed lids: how light their middle is over the skin around, how much darker they are in the fold and at the edge.
-const LID_LIGHT: f64 = 1.12;
-const FOLD_DARK: f64 = 0.28;
-const EDGE_DARK: f64 = 0.22;
-
 /// What closing the eyes stretches by less than this share of a fold is painted as the scan shows it with open eyes.
 const WHOLE: f64 = 0.8;
-
-/// Lips from their edge, by distances between which that ends, metres at scale 1: their skin's colour times this.
-const LIP_EDGE: (f64, f64) = (0.001, 0.0035);
-const INNER_LIP: DVec3 = DVec3::new(0.74, 0.58, 0.58);
-
-/// Near the rims of lips and lids, by distances between which that ends, metres at scale 1, and on lids, pictures change colours by no
-/// more than this: a line of light or shade between closed lips is no lip's, and would show when they open.
-const NEAR_RIM: (f64, f64) = (0.002, 0.005);
-const MOST_CHANGE: f64 = 0.2;
 
 /// What is in a socket stays this far behind the skin around the eye, metres; what is before it by no more than the second, pokes out.
 const BEHIND_SKIN: f64 = 0.0012;
@@ -68,8 +54,8 @@ const OPACITY: f32 = 0.97;
 #[derive(Debug)]
 pub(crate) struct Face {
     pub(crate) additions: Additions,
-    /// For each of them how far its colour may change for the neutral face to look as it was scanned: 0 for what does not show there.
-    pub(crate) as_scanned: Vec<f32>,
+    /// For each of them whether it shows in the neutral face, and has to look there as it was scanned.
+    pub(crate) as_scanned: Vec<bool>,
     /// `[N_g]` which of the scan's Gaussians give way.
     pub(crate) drop: Vec<bool>,
     /// The usual colour of the cheeks.
@@ -165,7 +151,7 @@ pub(crate) fn cover(
                     &mut as_scanned,
                 ),
             }
-            as_scanned.resize(additions.len(), 0.0);
+            as_scanned.resize(additions.len(), false);
         }
     }
     Face {
@@ -204,7 +190,7 @@ impl Painter<'_> {
         skin: &SkinColours,
         cells: &mut Vec<Cell>,
         additions: &mut Additions,
-        as_scanned: &mut Vec<f32>,
+        as_scanned: &mut Vec<bool>,
     ) {
         let head = self.head;
         let ring = corners(model, quad).map(|v| v as usize);
@@ -258,20 +244,10 @@ impl Painter<'_> {
             );
             let trust = trust * smoothstep(0.6, 0.95, outer) * (1.0 - eye_shows);
             let mut colour = filled.lerp(seen, trust);
-            // Closed lips hide their insides, and no line finds their colour.
-            let inner_lip = smoothstep(0.0008, 0.002, at_cell(model, cell, &head.mouth))
-                * (1.0 - smoothstep(LIP_EDGE.0, LIP_EDGE.1, rim));
-            colour *= DVec3::ONE.lerp(INNER_LIP, inner_lip);
             // Lashes: a dark line along the free edge of the upper lid, which moves most.
             let lash = smoothstep(LASHES.0, LASHES.1, closes)
                 * (1.0 - smoothstep(LASH_WIDTH.0, LASH_WIDTH.1, rim));
             colour *= 1.0 - LASH_DARK * lash;
-            // What the open eye folds away has no light of its own: it bulges over the eyeball, darker in the fold and under the edge.
-            let hidden = smoothstep(0.02, 0.2, lid) * folded;
-            let bulge = 1.0
-                - FOLD_DARK * (1.0 - smoothstep(0.1, 0.45, closes))
-                - EDGE_DARK * smoothstep(0.6, 1.0, closes);
-            colour *= 1.0 + hidden * (LID_LIGHT * bulge - 1.0);
             let motion = smoothstep(
                 SHELL.0,
                 SHELL.1,
@@ -280,14 +256,11 @@ impl Painter<'_> {
             let stretched = smoothstep(STRETCHED.0, STRETCHED.1, head.stretch[quad].max_element());
             let under = UNDER * (1.0 - motion.max(stretched));
             additions.push(cell, -under, colour, OPACITY);
-            // Pictures show lashes and shade where lids close: only what would be stretched over the eye then keeps its skin.
-            let shown =
-                outer > 0.95 && (folded < WHOLE || lid < 0.15 && eye_shows.max(beside_eye) < 0.1);
-            let moves =
-                smoothstep(0.05, 0.3, lid).max(1.0 - smoothstep(NEAR_RIM.0, NEAR_RIM.1, rim));
-            let most = 1.0 + (MOST_CHANGE - 1.0) * moves;
-            #[expect(clippy::cast_possible_truncation, reason = "a colour")]
-            as_scanned.resize(additions.len(), if shown { most as f32 } else { 0.0 });
+            as_scanned.resize(
+                additions.len(),
+                // Pictures show lashes and shade where lids close: only what would be stretched over the eye then keeps its skin.
+                outer > 0.95 && (folded < WHOLE || lid < 0.15 && eye_shows.max(beside_eye) < 0.1),
+            );
         }
     }
 }

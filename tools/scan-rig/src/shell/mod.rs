@@ -139,11 +139,11 @@ pub fn complete(
     let first = bound.scan.len();
     join(bound, additions);
     if let Some(painted) = painted {
-        let mut most = vec![0.0; bound.scan.len()];
-        for (most, shell) in most.iter_mut().skip(first).zip(painted.as_scanned) {
-            *most = shell;
+        let mut may = vec![false; bound.scan.len()];
+        for (may, shell) in may.iter_mut().skip(first).zip(painted.as_scanned) {
+            *may = shell;
         }
-        painted.pictures.repaint(&mut bound.scan, &most);
+        painted.pictures.repaint(&mut bound.scan, &may);
     }
     let is_stiff = |face| hands::is_rigid(model, &report.hands, face);
     let fill = options.unseen.then_some(stray.opens.as_slice());
@@ -155,8 +155,8 @@ pub fn complete(
 struct Painted {
     /// The face as it was scanned.
     pictures: Pictures,
-    /// How far the colours of the additions' Gaussians may change to look like it.
-    as_scanned: Vec<f32>,
+    /// Which of the additions' Gaussians are to look like it.
+    as_scanned: Vec<bool>,
     /// The usual colour of the cheeks.
     cheek: DVec3,
 }

@@ -88,12 +88,12 @@ impl Pictures {
         }
     }
 
-    /// Changes the colours of Gaussians such that pictures of `scan` are these: each channel by no more than `most` of the Gaussian.
-    pub(crate) fn repaint(&self, scan: &mut Scan, most: &[f32]) {
+    /// Changes the colours of the Gaussians that `may` chooses, such that pictures of `scan` are these.
+    pub(crate) fn repaint(&self, scan: &mut Scan, may: &[bool]) {
         let near = near(scan, self.centre, self.reach);
         let own = scan.filtered(&near);
         let members: Vec<usize> = (0..scan.len()).filter(|at| near[*at]).collect();
-        let free: Vec<bool> = members.iter().map(|at| most[*at] > 0.0).collect();
+        let free: Vec<bool> = members.iter().map(|at| may[*at]).collect();
         let systems: Vec<System> = (self.views.par_iter())
             .map(|(view, wanted)| System::new(&raster::draw_unpainted(&own, view, &free), wanted))
             .collect();
@@ -101,15 +101,6 @@ impl Pictures {
         for (gaussian, weight) in systems.iter().flat_map(|system| &system.shares) {
             weights[*gaussian as usize] += weight;
         }
-        let bounds: Vec<(Vec3, Vec3)> = (members.iter().zip(&own.colours))
-            .map(|(at, colour)| {
-                let most = Vec3::splat(most[*at]);
-                (
-                    (*colour - most).max(Vec3::ZERO),
-                    (*colour + most).min(Vec3::ONE),
-                )
-            })
-            .collect();
         let mut colours = own.colours;
         for _ in 0..ROUNDS {
             let spread: Vec<Vec<Vec3>> = (systems.par_iter())
@@ -118,9 +109,7 @@ impl Pictures {
             for (at, colour) in colours.iter_mut().enumerate() {
                 if weights[at] > LEAST {
                     let change: Vec3 = spread.iter().map(|spread| spread[at]).sum();
-                    *colour = (*colour + change / weights[at])
-                        .max(bounds[at].0)
-                        .min(bounds[at].1);
+                    *colour = (*colour + change / weights[at]).clamp(Vec3::ZERO, Vec3::ONE);
                 }
             }
         }
@@ -222,9 +211,7 @@ mod tests {
             reach: 0.2,
             views,
         };
-        let free: Vec<f32> = (0..scan.len())
-            .map(|at| if at < 900 { 1.0 } else { 0.0 })
-            .collect();
+        let free: Vec<bool> = (0..scan.len()).map(|at| at < 900).collect();
         for colour in &mut scan.colours[..900] {
             *colour = Vec3::splat(0.3);
         }

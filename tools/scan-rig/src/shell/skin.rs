@@ -19,7 +19,7 @@ const HIDDEN: f64 = 0.012;
 const APART: f32 = 0.003;
 
 /// Lids are in the shade of the brow, but so much at most and at least.
-const LID_SHADE: (f64, f64) = (0.88, 1.0);
+const LID_SHADE: (f64, f64) = (0.70, 1.0);
 
 /// How much of the cheeks' hue lids have.
 const LID_HUE: f64 = 0.6;

@@ -26,7 +26,7 @@ fn the_shell_is_as_light_as_the_skin_before_it_is_repainted() {
         &scene.bound.triangles,
     );
     let skin: Vec<f64> = (face.additions.scan.colours.iter().zip(&face.as_scanned))
-        .filter(|(_, most)| **most > 0.0)
+        .filter(|(_, as_scanned)| **as_scanned)
         .map(|(colour, _)| brightness(colour.as_dvec3()) / brightness(face.cheek))
         .collect();
     let dark = skin.iter().filter(|share| **share < 0.25).count();
