@@ -13,7 +13,7 @@ const SHORT: f32 = 0.008;
 const STANDS_OFF: f32 = 0.01;
 /// How much farther from the body a Gaussian may be in another pose, metres: one that shows little in the scan, and any other. Its ends
 /// may be twice as much farther.
-const LEAVES: (f32, f32) = (0.005, 0.014);
+const LEAVES: (f32, f32) = (0.005, 0.01);
 /// Only a part of a split Gaussian that is nearer to another triangle than this moves to it, metres.
 const REBOUND: f32 = 0.015;
 /// A Gaussian whose largest blending weight is less shows little.
