@@ -274,10 +274,8 @@ impl VoicePlayout {
             LONGEST_GAP
         };
         if self.gap > longest {
-            // What is ready is heard; after that there is silence. It was no loss: the person has stopped sending.
-            self.next = None;
-            self.gap = 0;
-            self.made_up = 0;
+            // It was no loss: the person has stopped sending. What was made up has faded by now.
+            self.stop();
         }
     }
 
@@ -286,6 +284,7 @@ impl VoicePlayout {
         let copy = ahead
             .filter(|ahead| *ahead < FRAME_SAMPLES * 3 / 2)
             .and_then(|_| self.waiting.front())
+            .filter(|w| has_copy(&w.opus))
             .map(|w| w.opus.clone());
         let recovered = copy.is_some_and(|packet| self.decode(&packet, DecodeMode::Fec, frame));
         if recovered && !self.silent {
@@ -343,6 +342,12 @@ impl VoicePlayout {
 
 fn decoder() -> Result<Decoder, VoiceError> {
     Decoder::new(RATE, Channels::Mono).map_err(|error| VoiceError::Decoder(error.to_string()))
+}
+
+/// Whether a packet has a coarse copy of the frame before it: decoding one without would conceal, and say that it did not.
+fn has_copy(packet: &[u8]) -> bool {
+    let length = i32::try_from(packet.len()).unwrap_or(0);
+    ropus::opus::decoder::opus_packet_has_lbrr(packet, length) == Ok(true)
 }
 
 /// In samples, of a time in microseconds.

@@ -252,13 +252,15 @@ fn packets_without_sense_are_refused_and_nothing_grows() {
         let opus: Vec<u8> = std::iter::repeat_with(|| random.u8(..))
             .take(length)
             .collect();
+        // At first only what they hold has no sense, then their times too.
+        let wild = number >= 10_000;
         let captured = match random.u8(0..20) {
-            0 => u64::MAX,
-            1 => 0,
-            2 => random.u64(..),
-            _ => 1_000_000 + number * 10_000 + random.u64(0..50_000),
+            0 if wild => u64::MAX,
+            1 if wild => 0,
+            2 if wild => random.u64(..),
+            _ => number / 2 * FRAME_US + 1_000_000,
         };
-        let arrived = if random.u8(..) == 0 {
+        let arrived = if wild && random.u8(..) == 0 {
             random.u64(..)
         } else {
             1_000_000 + number * 10_000
@@ -271,7 +273,7 @@ fn packets_without_sense_are_refused_and_nothing_grows() {
             Micros(arrived),
         );
         if number.is_multiple_of(2) {
-            let at_least = (random.u8(..) == 0).then(|| random.i64(..));
+            let at_least = (wild && random.u8(..) == 0).then(|| random.i64(..));
             playout.play(Micros(1_000_000 + number * 10_000), at_least, &mut out);
             assert!(
                 out.iter().all(|sample| sample.is_finite()),
@@ -281,7 +283,7 @@ fn packets_without_sense_are_refused_and_nothing_grows() {
     }
     let counts = playout.statistics();
     println!("{counts:?}");
-    assert!(counts.refused > 0, "{counts:?}");
+    assert!(counts.refused > 1_000 && counts.decoded > 100, "{counts:?}");
     // And a voice with sense is heard after them.
     playout.reset();
     let spoken = speech(2);
