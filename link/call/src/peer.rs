@@ -6,10 +6,11 @@ use bytes::{Bytes, BytesMut};
 use link_protocol::announcement::ChannelMode;
 use link_protocol::data_channel::{Channel, FEEDBACK_CHANNEL, MOTION_CHANNEL, SUBPROTOCOL};
 use link_protocol::limits::MAX_MESSAGE_BYTES;
+use link_voice::MAX_PACKET_BYTES;
 use rtc::ice::mdns::MulticastDnsMode;
 use rtc::peer_connection::transport::RTCDtlsRole;
 use std::net::SocketAddr;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 use webrtc::data_channel::{DataChannel, DataChannelEvent, RTCDataChannelInit};
@@ -95,7 +96,8 @@ impl std::fmt::Debug for Peer {
 struct Handler {
     failed: watch::Sender<bool>,
     gathered: mpsc::Sender<()>,
-    events: mpsc::Sender<PeerEvent>,
+    /// Where the other side's voice goes: of the side that asked for one, until its track is there.
+    voice: Mutex<Option<mpsc::Sender<PeerEvent>>>,
 }
 
 #[async_trait::async_trait]
@@ -117,7 +119,14 @@ impl PeerConnectionEventHandler for Handler {
     }
 
     async fn on_track(&self, track: Arc<dyn TrackRemote>) {
-        tokio::spawn(listen_to_voice(track, self.events.clone()));
+        let voice = self
+            .voice
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
+        if let Some(events) = voice {
+            tokio::spawn(listen_to_voice(track, events));
+        }
     }
 }
 
@@ -141,12 +150,14 @@ impl Peer {
         offer: String,
     ) -> Result<(Self, String), CallError> {
         let mut peer = Self::new(local, mode, MOTION_CHANNEL, FEEDBACK_CHANNEL).await?;
-        // Programs that know nothing of voice offer none.
-        let asks_for_voice = offer.lines().any(|line| line.starts_with("m=audio "));
+        let voice = voice_track::asked_for(&offer);
         let offer = RTCSessionDescription::offer(offer)?;
         peer.connection.set_remote_description(offer).await?;
-        if asks_for_voice {
-            peer.voice = Some(OutgoingVoice::add(&peer.connection).await?);
+        if let Some(payload_type) = voice {
+            match OutgoingVoice::add(&peer.connection, payload_type).await {
+                Ok(voice) => peer.voice = Some(voice),
+                Err(error) => log::warn!("a viewer gets no voice: {error}"),
+            }
         }
         let answer = peer.connection.create_answer(None).await?;
         let sdp = peer.describe(answer).await?;
@@ -186,7 +197,7 @@ impl Peer {
             .with_handler(Arc::new(Handler {
                 failed: fail,
                 gathered: gathered_now,
-                events: events.clone(),
+                voice: Mutex::new((incoming == MOTION_CHANNEL).then(|| events.clone())),
             }))
             .with_udp_addrs(local)
             .with_data_channel_send_buffer_limit(SEND_BUFFER)
@@ -239,10 +250,11 @@ impl Peer {
         }
     }
 
-    /// Sends a packet of voice, if the other side asked for it.
-    pub(crate) async fn send_voice(&self, timestamp: u32, opus: Bytes) {
-        if let Some(voice) = &self.voice {
-            voice.send(timestamp, opus).await;
+    /// Hands a packet of voice to the network, if the other side asked for it; whether it was taken.
+    pub(crate) async fn send_voice(&self, timestamp: u32, opus: Bytes) -> bool {
+        match &self.voice {
+            Some(voice) => voice.send(timestamp, opus).await,
+            None => false,
         }
     }
 
@@ -333,6 +345,10 @@ async fn listen_to_voice(track: Arc<dyn TrackRemote>, events: mpsc::Sender<PeerE
         let TrackRemoteEvent::OnRtpPacket(packet) = event else {
             continue;
         };
+        if packet.payload.is_empty() || packet.payload.len() > MAX_PACKET_BYTES {
+            log::debug!("{} bytes are no packet of voice", packet.payload.len());
+            continue;
+        }
         let voice = PeerEvent::Voice {
             timestamp: packet.header.timestamp,
             opus: packet.payload,

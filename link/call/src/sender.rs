@@ -84,7 +84,7 @@ struct Counts {
 }
 
 /// What the tasks share.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Shared {
     client: Client,
     room: RoomLink,
@@ -92,26 +92,9 @@ struct Shared {
     channel: ChannelMode,
     clock: Clock,
     frames: watch::Receiver<Arc<MotionFrame>>,
-    voice: broadcast::Receiver<Voice>,
+    voice: broadcast::Sender<Voice>,
     stop: watch::Receiver<bool>,
     counts: Arc<Counts>,
-}
-
-impl Clone for Shared {
-    fn clone(&self) -> Self {
-        Self {
-            client: self.client.clone(),
-            room: self.room.clone(),
-            codec: self.codec,
-            channel: self.channel,
-            clock: self.clock,
-            frames: self.frames.clone(),
-            // What was said before is over.
-            voice: self.voice.resubscribe(),
-            stop: self.stop.clone(),
-            counts: Arc::clone(&self.counts),
-        }
-    }
 }
 
 impl Sender {
@@ -128,7 +111,7 @@ impl Sender {
     ) -> Result<Self, CallError> {
         let presence = client.open_presence(&room, &announcement).await?;
         let (frames, newest) = watch::channel(Arc::default());
-        let (voice, said) = broadcast::channel(VOICE_WAITING);
+        let voice = broadcast::Sender::new(VOICE_WAITING);
         let (stop, stopped) = watch::channel(false);
         let counts = Arc::<Counts>::default();
         let shared = Shared {
@@ -138,7 +121,7 @@ impl Sender {
             channel: announcement.channel,
             clock,
             frames: newest,
-            voice: said,
+            voice: voice.clone(),
             stop: stopped,
             counts: Arc::clone(&counts),
         };
@@ -344,6 +327,8 @@ async fn send_motion(
     let mut out = Vec::with_capacity(1024);
     let mut silent_at = Instant::now() + SILENCE_TIMEOUT;
     let mut last = before;
+    // What was said before is over.
+    let mut voice = shared.voice.subscribe();
     loop {
         tokio::select! {
             // In this order: the last frame before the bye, the bye before any flood of the viewer's, and its messages before the
@@ -378,11 +363,13 @@ async fn send_motion(
                     SendOutcome::Closed => return "its channel is closed",
                 }
             }
-            said = shared.voice.recv() => match said {
+            said = voice.recv() => match said {
                 Ok(Voice { captured, opus }) => {
-                    shared.counts.voice_sent.fetch_add(1, Relaxed);
-                    shared.counts.voice_bytes.fetch_add(opus.len() as u64, Relaxed);
-                    peer.send_voice(timestamp::from_time(captured), opus).await;
+                    let bytes = opus.len() as u64;
+                    if peer.send_voice(timestamp::from_time(captured), opus).await {
+                        shared.counts.voice_sent.fetch_add(1, Relaxed);
+                        shared.counts.voice_bytes.fetch_add(bytes, Relaxed);
+                    }
                 }
                 Err(broadcast::error::RecvError::Lagged(packets)) => {
                     log::debug!("{packets} packets of voice are left out: too much waited");

@@ -34,7 +34,7 @@ pub(crate) struct Session {
     pub(crate) name: Name,
     pub(crate) decoder: Decoder,
     pub(crate) offset: ClockOffset,
-    /// The latest capture of a frame, by the sender's clock.
+    /// Capture of the last frame, by the sender's clock.
     pub(crate) newest_captured: Option<Micros>,
     /// Frames since the last feedback.
     pub(crate) fresh_frames: u32,

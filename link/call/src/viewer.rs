@@ -355,7 +355,7 @@ impl Call {
             Some(Message::Feedback(_)) => log::debug!("ignored a feedback from the sender"),
             None => match session.decoder.decode(bytes) {
                 Ok(frame) => {
-                    session.newest_captured = session.newest_captured.max(Some(frame.captured));
+                    session.newest_captured = Some(frame.captured);
                     let captured = session.offset.to_local(frame.captured);
                     self.with_statistics(|s| s.frames += 1);
                     self.emit(CallEvent::Frame {

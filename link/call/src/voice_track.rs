@@ -17,7 +17,7 @@ use webrtc::media_stream::track_local::TrackLocal;
 use webrtc::media_stream::track_local::static_rtp::TrackLocalStaticRTP;
 use webrtc::peer_connection::PeerConnection;
 
-/// Opus' usual dynamic payload type; both sides follow the SDP.
+/// Opus' usual dynamic payload type. The side that offers says which is meant.
 const PAYLOAD_TYPE: u8 = 111;
 
 /// Opus alone, one channel (its name has two always, RFC 7587), with copies against losses and pauses in silence.
@@ -54,16 +54,45 @@ pub(crate) async fn ask_for(connection: &Arc<dyn PeerConnection>) -> Result<(), 
     Ok(())
 }
 
+/// The payload type of Opus in an offer that asks for a voice: its first audio section that is used, may receive, and knows Opus.
+pub(crate) fn asked_for(offer: &str) -> Option<u8> {
+    let sections = offer.split("\nm=").skip(1);
+    sections.filter_map(in_audio_section).next()
+}
+
+fn in_audio_section(section: &str) -> Option<u8> {
+    let mut lines = section.lines().map(str::trim);
+    let mut media = lines.next()?.split_whitespace();
+    let is_used = media.next() == Some("audio") && media.next() != Some("0");
+    let lines: Vec<&str> = lines.collect();
+    let may_receive = !lines
+        .iter()
+        .any(|line| matches!(*line, "a=inactive" | "a=sendonly"));
+    let opus = lines.iter().find_map(|line| {
+        let (number, codec) = line.strip_prefix("a=rtpmap:")?.split_once(' ')?;
+        codec
+            .to_ascii_lowercase()
+            .starts_with("opus/48000")
+            .then(|| number.parse().ok())
+            .flatten()
+    });
+    opus.filter(|_| is_used && may_receive)
+}
+
 /// The sending end.
 pub(crate) struct OutgoingVoice {
     track: Arc<TrackLocalStaticRTP>,
+    payload_type: u8,
     ssrc: u32,
     sequence: AtomicU16,
 }
 
 impl OutgoingVoice {
-    /// For an offer that asks for a voice, before it is answered.
-    pub(crate) async fn add(connection: &Arc<dyn PeerConnection>) -> Result<Self, CallError> {
+    /// For an offer that asks for a voice with this payload type, before it is answered.
+    pub(crate) async fn add(
+        connection: &Arc<dyn PeerConnection>,
+        payload_type: u8,
+    ) -> Result<Self, CallError> {
         let random = || getrandom::u32().map_err(|error| CallError::Random(error.to_string()));
         let ssrc = random()?;
         let track = Arc::new(TrackLocalStaticRTP::new(MediaStreamTrack::new(
@@ -85,18 +114,19 @@ impl OutgoingVoice {
             .await?;
         Ok(Self {
             track,
+            payload_type,
             ssrc,
-            // From half the range on: a wrap soon after the start would confuse SRTP (RFC 3711, section 3.3.1).
+            // Below half the range: a wrap soon after the start would confuse SRTP (RFC 3711, section 3.3.1).
             sequence: AtomicU16::new((random()? & 0x7fff) as u16),
         })
     }
 
-    /// Sends a packet. Without a connection it is lost, as on a bad network.
-    pub(crate) async fn send(&self, timestamp: u32, opus: Bytes) {
+    /// Hands a packet to the network; whether it was taken. Without a connection it is lost, as on a bad network.
+    pub(crate) async fn send(&self, timestamp: u32, opus: Bytes) -> bool {
         let packet = rtp::Packet {
             header: rtp::Header {
                 version: 2,
-                payload_type: PAYLOAD_TYPE,
+                payload_type: self.payload_type,
                 sequence_number: self.sequence.fetch_add(1, Relaxed),
                 timestamp,
                 ssrc: self.ssrc,
@@ -104,8 +134,37 @@ impl OutgoingVoice {
             },
             payload: opus,
         };
-        if let Err(error) = self.track.write_rtp(packet).await {
+        let sent = self.track.write_rtp(packet).await;
+        if let Err(error) = &sent {
             log::debug!("a packet of voice is not sent: {error}");
         }
+        sent.is_ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_offer_says_whether_it_asks_for_a_voice_and_by_which_number() {
+        let offer = |port: &str, lines: &str| {
+            format!(
+                "v=0\r\nm=application 9 UDP/DTLS/SCTP webrtc-datachannel\r\na=sendrecv\r\n\
+                 m=audio {port} UDP/TLS/RTP/SAVPF 0 96\r\na=rtpmap:0 PCMU/8000\r\n{lines}\r\n"
+            )
+        };
+        let opus = "a=rtpmap:96 OPUS/48000/2";
+        assert_eq!(asked_for(&offer("9", opus)), Some(96), "with Opus");
+        let receives = format!("{opus}\r\na=recvonly");
+        assert_eq!(asked_for(&offer("9", &receives)), Some(96), "receiving");
+        assert_eq!(asked_for(&offer("0", opus)), None, "not used");
+        assert_eq!(asked_for(&offer("9", "a=recvonly")), None, "without Opus");
+        for direction in ["a=inactive", "a=sendonly"] {
+            let lines = format!("{direction}\r\n{opus}");
+            assert_eq!(asked_for(&offer("9", &lines)), None, "{direction}");
+        }
+        assert_eq!(asked_for("v=0\r\nm=application 9 x y\r\n"), None, "none");
+        assert_eq!(asked_for("\nm="), None, "no sense");
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::{FRAME, MAX_PACKET_BYTES, RATE, VoiceError};
 use bytes::Bytes;
+use link_codec::Micros;
 use ropus::{Application, Bitrate, Channels, Encoder, InbandFec};
 
 /// Bits a second while a person speaks: wide-band speech without an audible artefact, with a coarse copy of each frame in the next one.
@@ -10,6 +11,8 @@ const BITRATE: u32 = 28_000;
 const COMPLEXITY: u8 = 5;
 /// Percent of packets that the encoder expects to be lost: from there on it spends bits on the copies.
 const EXPECTED_LOSS: u8 = 10;
+/// So many packets tell of a silence: one of them may be lost.
+const TELLINGS: u32 = 2;
 /// Packets of so many bytes hold nothing but "silence goes on".
 const SILENT_BYTES: usize = 2;
 
@@ -17,8 +20,10 @@ const SILENT_BYTES: usize = 2;
 pub struct VoiceEncoder {
     opus: Encoder,
     packet: [u8; MAX_PACKET_BYTES],
-    /// Whether the two frames before were silent, the last one first.
-    silent: [bool; 2],
+    /// The frame before was silent.
+    silent: bool,
+    /// Packets that have said so, since a person spoke last.
+    told: u32,
 }
 
 impl std::fmt::Debug for VoiceEncoder {
@@ -49,11 +54,12 @@ impl VoiceEncoder {
         Ok(Self {
             opus,
             packet: [0; MAX_PACKET_BYTES],
-            silent: [false; 2],
+            silent: false,
+            told: 0,
         })
     }
 
-    /// The packet of the next frame; `None` where silence goes on, which needs none: the first packet of a silence tells the decoder, and
+    /// The packet of the next frame; `None` where silence goes on, which needs none: the first packets of a silence tell the decoder, and
     /// every 400 ms Opus refreshes its noise.
     ///
     /// # Errors
@@ -65,16 +71,23 @@ impl VoiceEncoder {
             .map_err(|error| VoiceError::Encode(error.to_string()))?;
         let packet = self.packet.get(..bytes).unwrap_or_default();
         let silent = is_silent(packet);
-        // A single packet between silent ones is a refreshment.
-        let goes_on = silent && self.silent.contains(&true);
-        self.silent = [silent, self.silent[0]];
-        Ok((!goes_on).then(|| Bytes::copy_from_slice(packet)))
+        if silent {
+            self.told += 1;
+        } else if !self.silent {
+            // Two in a row are speech; a single one refreshes the noise.
+            self.told = 0;
+        }
+        self.silent = silent;
+        let is_sent = !silent || self.told <= TELLINGS;
+        Ok(is_sent.then(|| Bytes::copy_from_slice(packet)))
     }
 
-    /// From a sample to the one that a decoder gives back for it, samples.
+    /// When the first sample that a decoder makes of a frame's packet was captured, of a frame whose own first sample was captured at
+    /// `spoken`: Opus looks ahead, so what it gives back is 6.5 ms older.
     #[must_use]
-    pub fn look_ahead(&self) -> u32 {
-        self.opus.lookahead()
+    pub fn captured(&self, spoken: Micros) -> Micros {
+        let ahead = u64::from(self.opus.lookahead()) * 1_000_000 / u64::from(RATE);
+        Micros(spoken.0.saturating_sub(ahead))
     }
 }
 

@@ -16,7 +16,7 @@
 //!         *sample = (k as f32 * 0.02).sin() * 0.3;
 //!     }
 //!     // Captured every 20 ms by the sender's clock, and here 30 ms later.
-//!     let captured = Micros(frame * 20_000);
+//!     let captured = encoder.captured(Micros(frame * 20_000));
 //!     if let Some(opus) = encoder.encode(&spoken)? {
 //!         playout.push(Voice { captured, opus }, Micros(frame * 20_000 + 30_000));
 //!     }
@@ -53,7 +53,7 @@ pub const MAX_PACKET_BYTES: usize = 1_275;
 /// One packet of voice.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Voice {
-    /// When its first sample was captured, by the sender's clock.
+    /// When the first sample that comes of it was captured, by the sender's clock ([`VoiceEncoder::captured`]).
     pub captured: Micros,
     /// One Opus frame of 20 ms.
     pub opus: Bytes,

@@ -16,7 +16,7 @@ use std::collections::VecDeque;
 /// Packets that may wait: 1.3 s.
 const WAITING: usize = 64;
 /// Ahead by more than this, speech is lengthened, and behind by more than that, shortened, samples: what is ahead would be heard before it
-/// arrives, and a period is up to 12 ms.
+/// arrives, and a period is up to 12.5 ms.
 const MOST_AHEAD: i64 = 96;
 const MOST_BEHIND: i64 = 720;
 /// Off by more than this, playout begins anew at the right place, samples.
@@ -28,6 +28,9 @@ const LONGEST_SILENCE: u32 = 50;
 const REFRESHED: u32 = 5;
 /// How much later than voice alone would be it may be for the sake of motion, microseconds.
 const LONGEST_WAIT_US: i64 = 500_000;
+/// A packet that would be heard later than this after its arrival, microseconds, is of another clock; so many in a row are believed.
+const FUTURE_US: i64 = 2_000_000;
+const BELIEVED: u32 = 5;
 /// Times beyond this (146 000 years) are refused, microseconds.
 const LATEST_US: u64 = 1 << 62;
 const FRAME_SAMPLES: i64 = FRAME as i64;
@@ -53,9 +56,9 @@ pub struct VoiceStatistics {
     pub longest_gap: u32,
     /// Frames of a silence, which need no packet.
     pub silent: u64,
-    /// Periods of speech that were removed and repeated to follow the delay.
+    /// Periods of speech that were removed to follow the delay.
     pub shortened: u64,
-    /// Of the same, repeated.
+    /// Periods of speech that were repeated for the same.
     pub lengthened: u64,
     /// Times that playout began at another place.
     pub jumps: u64,
@@ -81,6 +84,8 @@ pub struct VoicePlayout {
     /// Position of the frame that is decoded next; `None` while no person speaks.
     next: Option<i64>,
     newest: Option<i64>,
+    /// Packets in a row that came from the future.
+    from_future: u32,
     /// The last packet said that silence goes on.
     silent: bool,
     /// Frames without a packet, up to now.
@@ -113,6 +118,7 @@ impl VoicePlayout {
             ready: Vec::with_capacity(4 * FRAME),
             next: None,
             newest: None,
+            from_future: 0,
             silent: false,
             gap: 0,
             made_up: 0,
@@ -125,6 +131,10 @@ impl VoicePlayout {
         self.delay.reset();
         self.waiting.clear();
         self.newest = None;
+        self.from_future = 0;
+        if let Ok(opus) = decoder() {
+            self.opus = opus;
+        }
         self.stop();
     }
 
@@ -137,6 +147,17 @@ impl VoicePlayout {
             self.counts.refused += 1;
             return;
         }
+        let future = (self.delay.offset_us())
+            .is_some_and(|offset| signed(captured) + offset > signed(arrived) + FUTURE_US);
+        if future {
+            self.from_future += 1;
+            if self.from_future < BELIEVED {
+                self.counts.refused += 1;
+                return;
+            }
+            self.reset();
+        }
+        self.from_future = 0;
         let position = position(signed(captured));
         let newest = self.newest.is_none_or(|newest| position > newest);
         self.newest = self.newest.max(Some(position));
@@ -144,7 +165,7 @@ impl VoicePlayout {
             .observe(signed(captured), signed(arrived), newest);
         let place = self.waiting.partition_point(|w| w.position < position);
         let twice = (self.waiting.get(place)).is_some_and(|w| w.position == position);
-        let passed = (self.next).is_some_and(|next| position <= next - FRAME_SAMPLES / 2);
+        let passed = (self.next).is_some_and(|next| position < next - FRAME_SAMPLES / 2);
         if twice || passed {
             self.counts.late += 1;
             return;
@@ -240,7 +261,7 @@ impl VoicePlayout {
         let Some(next) = self.next else {
             return;
         };
-        while (self.waiting.front()).is_some_and(|w| w.position <= next - FRAME_SAMPLES / 2) {
+        while (self.waiting.front()).is_some_and(|w| w.position < next - FRAME_SAMPLES / 2) {
             self.waiting.pop_front();
             self.counts.late += 1;
         }
@@ -255,7 +276,8 @@ impl VoicePlayout {
         let here = ahead.is_some_and(|ahead| ahead < FRAME_SAMPLES / 2);
         let mut frame = [0.0; FRAME];
         if here && let Some(packet) = self.waiting.pop_front() {
-            self.end_gap(&packet.opus);
+            self.silent = is_silent(&packet.opus) || (self.silent && self.gap >= REFRESHED);
+            self.gap = 0;
             if self.decode(&packet.opus, DecodeMode::Normal, &mut frame) {
                 self.counts.decoded += 1;
             } else {
@@ -274,7 +296,7 @@ impl VoicePlayout {
             LONGEST_GAP
         };
         if self.gap > longest {
-            // It was no loss: the person has stopped sending. What was made up has faded by now.
+            // The person has stopped sending, or the network has failed. What was made up has faded by now.
             self.stop();
         }
     }
@@ -287,13 +309,17 @@ impl VoicePlayout {
             .filter(|w| has_copy(&w.opus))
             .map(|w| w.opus.clone());
         let recovered = copy.is_some_and(|packet| self.decode(&packet, DecodeMode::Fec, frame));
-        if recovered && !self.silent {
+        if recovered {
             self.counts.recovered += 1;
         } else {
-            self.gap += 1;
-        }
-        if !recovered {
             self.conceal(frame);
+            self.gap += 1;
+            if self.silent {
+                self.counts.silent += 1;
+            } else {
+                self.counts.concealed += 1;
+                self.counts.longest_gap = self.counts.longest_gap.max(self.gap);
+            }
         }
         if ahead.is_some() || self.silent {
             self.next = Some(next + FRAME_SAMPLES);
@@ -301,18 +327,6 @@ impl VoicePlayout {
             // It may only be late, and is heard then.
             self.made_up += FRAME_SAMPLES;
         }
-    }
-
-    /// Counts the frames that had no packet before this one.
-    fn end_gap(&mut self, packet: &[u8]) {
-        if self.silent {
-            self.counts.silent += u64::from(self.gap);
-        } else {
-            self.counts.concealed += u64::from(self.gap);
-            self.counts.longest_gap = self.counts.longest_gap.max(self.gap);
-        }
-        self.silent = is_silent(packet) || (self.silent && self.gap >= REFRESHED);
-        self.gap = 0;
     }
 
     fn conceal(&mut self, frame: &mut [f32; FRAME]) {

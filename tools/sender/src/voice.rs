@@ -2,7 +2,6 @@
 
 use crate::SendError;
 use link_call::Sender;
-use link_codec::Micros;
 use link_playout::Clock;
 use link_voice::{FRAME, FRAME_US, RATE, Voice, VoiceEncoder};
 use std::fs::File;
@@ -74,11 +73,8 @@ impl VoiceFile {
             let opus = self.encoder.encode(&frame);
             let opus = opus.map_err(|source| SendError::voice(&self.path, source.to_string()))?;
             if let Some(opus) = opus {
-                let Micros(captured) = clock.at(spoken);
-                host.say(Voice {
-                    captured: Micros(captured),
-                    opus,
-                });
+                let captured = self.encoder.captured(clock.at(spoken));
+                host.say(Voice { captured, opus });
             }
         }
         Ok(())
@@ -90,7 +86,6 @@ impl VoiceFile {
         let channels = usize::from(self.wav.spec().channels);
         let mut filled = 0;
         while filled < FRAME {
-            let before = filled;
             while filled < FRAME {
                 let sample = next(&mut self.wav).map_err(|why| failed(&self.path, why))?;
                 let Some(mut sample) = sample else {
@@ -106,10 +101,6 @@ impl VoiceFile {
                 filled += 1;
             }
             if filled < FRAME {
-                // A file whose header promises samples that are not there would be read for ever.
-                if filled == before && before > 0 {
-                    return Err(failed(&self.path, "it has no samples".to_owned()));
-                }
                 self.wav
                     .seek(0)
                     .map_err(|source| failed(&self.path, source.to_string()))?;

@@ -177,11 +177,13 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                     said
                 })
             });
-            let sent = sender::send(&entered.host, &mut capture, clock, &stop);
-            silent.store(true, Relaxed);
+            let sent = {
+                let _ends_with = SetAtEnd(&silent);
+                sender::send(&entered.host, &mut capture, clock, &stop)
+            };
+            let said = said.map_or(Ok(Ok(())), ScopedJoinHandle::join);
             sent?;
-            said.map_or(Ok(Ok(())), ScopedJoinHandle::join)
-                .map_err(|_| anyhow!("the thread of the voice has failed"))??;
+            said.map_err(|_| anyhow!("the thread of the voice has failed"))??;
             anyhow::Ok(())
         })?;
         Ok((begun, capture.settled_bytes))
@@ -204,6 +206,15 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     performed?;
     report.print();
     write_json(options.json.as_deref(), &report)
+}
+
+/// Sets a flag when it is dropped, also by a panic: another thread ends with it.
+struct SetAtEnd<'a>(&'a AtomicBool);
+
+impl Drop for SetAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Relaxed);
+    }
 }
 
 /// Where the motion comes from.

@@ -19,6 +19,7 @@ use crate::size::{Size, Views};
 use crate::sound::SoundFile;
 use crate::until::Until;
 use crate::viewpoint::Viewpoint;
+use app_session::call::CallVoice;
 use app_session::participant::NetworkContext;
 use clap::ValueEnum;
 use link_playout::Clock;
@@ -108,20 +109,20 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         clock: Clock::start(),
     };
     let stop = network.stop_on_signal();
+    // Of the people, in the order of their rooms; they stay the same where one comes back.
+    let voices: Vec<CallVoice> = options.rooms.iter().map(|_| CallVoice::default()).collect();
+    let mut sound = None;
     let mut again = None;
     loop {
-        let gathered = people::gather(options, &network, &context.client, &stop, again)?;
+        let gathered = people::gather(options, &network, &context.client, &stop, again, &voices)?;
         let Some(people) = gathered else {
             return Ok(());
         };
         let until = Until::new(&stop, options.seconds, options.frames);
-        let voices = || people.iter().map(|person| person.voice.clone()).collect();
-        let sound = (options.sound.as_deref())
-            .map(|file| SoundFile::begin(file, voices(), context.clock))
-            .transpose()?;
-        let shown = screen.show(options, &people, &context, &until);
-        sound.map_or(Ok(()), SoundFile::end)?;
-        let shown = shown?;
+        if let (Some(file), None) = (&options.sound, &sound) {
+            sound = Some(SoundFile::begin(file, voices.clone(), context.clock)?);
+        }
+        let shown = screen.show(options, &people, &context, &until)?;
         if let (true, Some(announced)) = (screen.can_go_on(), shown.came_back()) {
             println!("the sender has come back with another avatar");
             again = Some(announced);
@@ -130,6 +131,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let (report, outcome) = Report::new(people, shown)?;
         report.print();
         write_json(options.json.as_deref(), &report)?;
+        sound.map_or(Ok(()), SoundFile::end)?;
         return outcome;
     }
 }

@@ -55,16 +55,17 @@ impl Person {
 }
 
 /// Waits for all senders, one after the other, and fetches their avatars; nothing if it is time to leave before. Of a sender who has
-/// come back, `again` is known what was announced.
+/// come back, `again` is known what was announced. What they say goes to `voices`, in the order of the rooms.
 pub(super) fn gather(
     options: &Options,
     network: &Network,
     client: &Client,
     stop: &AtomicBool,
     again: Option<Announcement>,
+    voices: &[CallVoice],
 ) -> anyhow::Result<Option<Vec<Person>>> {
     let mut people = Vec::new();
-    for room in &options.rooms {
+    for (room, voice) in options.rooms.iter().zip(voices) {
         let announced = match again {
             Some(announced) => announced,
             None => match network.block_on(wait_for_sender(client, room, stop))? {
@@ -80,7 +81,7 @@ pub(super) fn gather(
             avatar,
             figures,
             download,
-            voice: CallVoice::default(),
+            voice: voice.clone(),
         });
     }
     Ok(Some(people))
