@@ -4,9 +4,8 @@ use crate::body::SkinRow;
 use rayon::prelude::*;
 use spmm3::Joint;
 
-/// Rounds in which a vertex takes half of its weights from its neighbours. With more, the collar turns with the arms, and novel poses of
-/// synthetic people are up to 1 dB worse; with fewer, cloth tears at the joints.
-const ROUNDS: usize = 8;
+/// Rounds in which a vertex takes half of its weights from its neighbours.
+const ROUNDS: usize = 25;
 
 /// Gives the weights of the fingers to the wrists: hands as they were scanned.
 pub(super) fn stiffen_fingers(rows: &mut [SkinRow]) {

@@ -29,7 +29,7 @@ use std::str::FromStr;
 use std::time::Instant;
 
 /// Raised whenever the same scan gives another avatar, so that caches of older ones are not used.
-const RIG_VERSION: u32 = 7;
+const RIG_VERSION: u32 = 6;
 
 /// What others may do with an avatar unless its maker says otherwise.
 const LICENCE: &str = "all rights reserved by the person who was scanned";
