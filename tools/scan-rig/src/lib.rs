@@ -7,6 +7,7 @@
 //!
 //! Space, from `prepare` on: metres, y up, the floor at y = 0, the person faces +z and +x is the person's left, as in `spmm3`.
 
+mod apart;
 pub mod bind;
 pub mod body;
 mod conjugate_gradients;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use spmm3::Joint;
 
 /// Rounds in which a vertex takes half of its weights from its neighbours.
-const ROUNDS: usize = 25;
+const ROUNDS: usize = 8;
 
 /// Gives the weights of the fingers to the wrists: hands as they were scanned.
 pub(super) fn stiffen_fingers(rows: &mut [SkinRow]) {

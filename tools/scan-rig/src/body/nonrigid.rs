@@ -5,6 +5,9 @@
 
 use super::laplacian::{Laplacian, Pulled};
 use super::model::BodyModel;
+use super::posing::{JointPose, posed_from_rest, skinned, t_pose};
+use super::state::Posed;
+use crate::apart::{InTwoPoses, come_apart};
 use crate::nearest::{Nearest, oriented};
 use crate::normals::vertex_normals;
 use glam::{DVec3, Vec3};
@@ -37,6 +40,10 @@ const LANDMARK: f64 = 4.0;
 const FACE_REACH: f64 = 0.008;
 const FACE_ROUND: usize = 2;
 
+/// Skin is closed in where other skin is within the first in the scan's pose, and more than the second farther in T-pose, metres. Depth there is
+/// that of a sheet from the one to the other, which would become a lump under the lifted arm.
+const CLOSED_IN: (f32, f32) = (0.05, 0.08);
+
 /// What the last round found.
 #[derive(Debug, Clone)]
 pub(super) struct Displaced {
@@ -48,14 +55,17 @@ pub(super) struct Displaced {
     pub(super) offsets: Vec<Option<f64>>,
 }
 
-/// Displaces the body's own vertices. `fitted`: `[N_v]` as the fit put them; `surface`: points and unit outward normals; `landmarks`: vertices and where they
-/// are, metres.
+/// Displaces the body's own vertices. `fitted`: the model as the fit put it, of this scale; `surface`: points and unit outward normals; `landmarks`:
+/// vertices and where they are, metres.
 pub(super) fn displaced(
     model: &BodyModel,
-    fitted: &[DVec3],
+    fitted: &Posed,
+    scale: f64,
     surface: &[(Vec3, Vec3)],
     landmarks: &[(usize, DVec3)],
 ) -> Displaced {
+    let closed_in = closed_in(model, fitted, scale);
+    let fitted = fitted.vertices.as_slice();
     let count = model.body_vertices;
     let skull = model.joints[Joint::Head.index()].z;
     let face: Vec<f64> = (0..count)
@@ -91,6 +101,7 @@ pub(super) fn displaced(
                 let facing = normal.dot(outwards.as_dvec3());
                 let in_face = face[v] > 0.3;
                 let fits = far < reach
+                    && !closed_in[v]
                     && facing > 0.5
                     && model.outer[v]
                     && (!in_face || (round >= FACE_ROUND && far < FACE_REACH));
@@ -144,4 +155,32 @@ pub(super) fn displaced(
         vertices,
         offsets: first,
     }
+}
+
+/// `[body vertices]` which vertices are closed in: what is seen of them is not their surface. Fingers are not asked.
+fn closed_in(model: &BodyModel, posed: &Posed, scale: f64) -> Vec<bool> {
+    let straight = JointPose::chained(&t_pose(&posed.rest_joints), &posed.rest_joints, scale);
+    let maps = posed_from_rest(
+        &straight.rotations,
+        &straight.joints,
+        scale,
+        &posed.rest_joints,
+    );
+    let straight = skinned(&model.weights, &maps, &posed.rest);
+    let outer: Vec<usize> = (0..model.body_vertices)
+        .filter(|v| model.outer[*v] && model.finger_share(*v) < 0.3)
+        .collect();
+    let of = |vertices: &[DVec3]| -> Vec<Vec3> {
+        outer.iter().map(|v| vertices[*v].as_vec3()).collect()
+    };
+    let (scanned, straight) = (of(&posed.vertices), of(&straight));
+    let skin = InTwoPoses {
+        scanned: &scanned,
+        straight: &straight,
+    };
+    let mut closed_in = vec![false; model.body_vertices];
+    for (v, [found]) in outer.iter().zip(come_apart(skin, skin, [CLOSED_IN])) {
+        closed_in[*v] = found;
+    }
+    closed_in
 }

@@ -5,6 +5,7 @@
 use super::additions::brightness;
 use super::harmonic::Edges;
 use crate::RigError;
+use crate::apart::{InTwoPoses, come_apart};
 use crate::bind::Bound;
 use crate::body::{BodyModel, Registered};
 use crate::nearest::Nearest;
@@ -17,29 +18,30 @@ use rayon::prelude::*;
 const BETWEEN: (f32, f32) = (0.05, 0.08);
 const BETWEEN_FAR: (f32, f32) = (0.09, 0.05);
 
-/// A Gaussian whose second longest standard deviation is more is mist where it stands off the skin, metres.
+/// A Gaussian whose second longest standard deviation is more is mist where it stands off the skin, metres: beside what is closed in, and
+/// between two parts, where as much as [`OFF_AS_MIST`] off its triangle is too far for mist.
 const MIST: f32 = 0.008;
+const MIST_BETWEEN: f32 = 0.005;
+const OFF_AS_MIST: f32 = 0.006;
 
 /// Of a thing, one in so many Gaussians of more opacity than this is looked at.
 const THINNED: usize = 3;
 const SOLID: f32 = 0.3;
-
-/// How many vertices, and Gaussians of things, near a vertex are looked at.
-const LOOKED_AT: usize = 512;
 
 /// Between two parts, what is farther off its triangle than the first is left out, and what is farther off than the second is no skin's
 /// colour, metres.
 const OFF: f32 = 0.012;
 const BESIDE: f32 = 0.004;
 
-/// How much lighter than the body around such a Gaussian may be.
+/// How much lighter than the body around such a Gaussian may be, and one that is outside of the skin beside what is closed in.
 const LIGHTER: f64 = 0.15;
+const MUCH_LIGHTER: f64 = 0.3;
 
 /// Where a Gaussian ends, in standard deviations, how much farther off the body its end may be in T-pose, metres, elsewhere and between two
 /// parts, and how much it may be shortened.
 const END: f32 = 2.0;
-const STANDS_OFF: [f32; 2] = [0.018, 0.008];
-const SHORTEST: f32 = 0.35;
+const STANDS_OFF: [f32; 2] = [0.018, 0.004];
+const SHORTEST: f32 = 0.2;
 
 /// Gaussians on vertices that are the head's by more than this stay as they are: the face has a shell of its own.
 const HEADS_SHARE: f64 = 0.5;
@@ -95,10 +97,9 @@ pub(crate) fn tidy(
     let (ends_here, ends_there) = (ends(model, &bound.scan, &here), ends(model, &posed, &there));
     let colours = around(bound, model, &between, &rest.vertices[..model.rest.len()]);
     let outside = outside(model, &posed.positions, &there);
-    let is_mist = |scan: &Scan, at: usize| {
+    let middle = |scan: &Scan, at: usize| {
         let scales = scan.scales[at];
-        let middle = scales.element_sum() - scales.max_element() - scales.min_element();
-        middle > MIST
+        scales.element_sum() - scales.max_element() - scales.min_element()
     };
     let mut stray = Stray::default();
     let mut keep = vec![true; bound.scan.len()];
@@ -110,9 +111,12 @@ pub(crate) fn tidy(
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let height = (posed.positions[at] - corners[0]).dot(normal.normalize_or_zero());
         let is_outside = outside[at] > 0.6 * OFF;
+        let width = middle(&bound.scan, at);
         let is_stray = (between[at] && (is_outside || height > 0.4 * OFF))
-            || (beside[at] && is_outside && is_mist(&bound.scan, at));
-        if off > OFF && is_stray {
+            || (beside[at] && is_outside && width > MIST);
+        let is_beside = off > OFF_AS_MIST && outside[at] > 0.6 * OFF_AS_MIST;
+        let is_mist = between[at] && is_beside && width > MIST_BETWEEN;
+        if (off > OFF && is_stray) || is_mist {
             keep[at] = false;
             stray.dropped += 1;
             continue;
@@ -126,10 +130,17 @@ pub(crate) fn tidy(
             *scales = scales.min(Vec3::splat(longest * share));
             stray.shortened += 1;
         }
-        if between[at] && off > BESIDE {
+        let lighter = if between[at] && off > BESIDE {
+            Some(LIGHTER)
+        } else if beside[at] && is_beside {
+            Some(MUCH_LIGHTER)
+        } else {
+            None
+        };
+        if let Some(lighter) = lighter {
             let face = model.faces[bound.triangles[at] as usize];
             let usual = face.iter().map(|v| colours[*v as usize]).sum::<DVec3>() / 3.0;
-            if brightness(bound.scan.colours[at].as_dvec3()) > brightness(usual) + LIGHTER {
+            if brightness(bound.scan.colours[at].as_dvec3()) > brightness(usual) + lighter {
                 bound.scan.colours[at] = usual.as_vec3();
                 stray.repainted += 1;
             }
@@ -158,43 +169,28 @@ fn opening(
     let outer: Vec<usize> = (0..model.body_vertices)
         .filter(|v| model.outer[*v])
         .collect();
-    let points: Vec<[f32; 3]> = outer.iter().map(|v| here[*v].to_array()).collect();
-    let skin = Nearest::new(&points);
-    let things: Vec<[f32; 3]> = things_here.iter().map(|at| at.to_array()).collect();
-    let things = Nearest::new(&things);
-    let found: Vec<[bool; 2]> = points
-        .par_iter()
-        .zip(&outer)
-        .map_init(
-            || vec![(0.0_f32, 0_u32); LOOKED_AT],
-            |near, (point, v)| {
-                let mut found = [false; 2];
-                let mut look = |squared: f32, other: Vec3| {
-                    let apart = squared.sqrt();
-                    let opens = there[*v].distance(other) - apart;
-                    for (found, (within, least)) in found.iter_mut().zip([BETWEEN, BETWEEN_FAR]) {
-                        *found |= apart < within && opens > least;
-                    }
-                };
-                let count = skin.some(point, near);
-                for (squared, other) in near.iter().take(count) {
-                    look(*squared, there[outer[*other as usize]]);
-                }
-                let count = things.some(point, near);
-                for (squared, other) in near.iter().take(count) {
-                    look(*squared, things_there[*other as usize]);
-                }
-                found
-            },
-        )
-        .collect();
+    let of = |vertices: &[Vec3]| -> Vec<Vec3> { outer.iter().map(|v| vertices[*v]).collect() };
+    let (here, there) = (of(here), of(there));
+    let skin = InTwoPoses {
+        scanned: &here,
+        straight: &there,
+    };
+    let things = InTwoPoses {
+        scanned: things_here,
+        straight: things_there,
+    };
+    let bounds = [BETWEEN, BETWEEN_FAR];
+    let (from_skin, from_things) = (
+        come_apart(skin, skin, bounds),
+        come_apart(skin, things, bounds),
+    );
     let mut opening = Opening {
         near: vec![false; model.rest.len()],
         far: vec![false; model.rest.len()],
     };
-    for (v, [near, far]) in outer.iter().zip(found) {
-        opening.near[*v] = near;
-        opening.far[*v] = far;
+    for ((v, skin), thing) in outer.iter().zip(from_skin).zip(from_things) {
+        opening.near[*v] = skin[0] || thing[0];
+        opening.far[*v] = skin[1] || thing[1];
     }
     opening
 }
