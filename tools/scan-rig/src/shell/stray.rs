@@ -24,6 +24,9 @@ const MIST: f32 = 0.008;
 const MIST_BETWEEN: f32 = 0.005;
 const OFF_AS_MIST: f32 = 0.006;
 
+/// Mist farther off its triangle than this, between two parts, is under the skin in one pose and out of it in another, metres.
+const DEEP: f32 = 0.022;
+
 /// Of a thing, one in so many Gaussians of more opacity than this is looked at.
 const THINNED: usize = 3;
 const SOLID: f32 = 0.3;
@@ -115,7 +118,7 @@ pub(crate) fn tidy(
         let is_stray = (between[at] && (is_outside || height > 0.4 * OFF))
             || (beside[at] && is_outside && width > MIST);
         let is_beside = off > OFF_AS_MIST && outside[at] > 0.6 * OFF_AS_MIST;
-        let is_mist = between[at] && is_beside && width > MIST_BETWEEN;
+        let is_mist = between[at] && width > MIST_BETWEEN && (is_beside || off > DEEP);
         if (off > OFF && is_stray) || is_mist {
             keep[at] = false;
             stray.dropped += 1;
