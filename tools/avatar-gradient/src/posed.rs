@@ -13,6 +13,8 @@ use spmm3::MotionParams;
 pub struct Posed {
     /// The corrected motion.
     pub(crate) motion: MotionParams,
+    /// What the networks see of it, `[215]`.
+    pub(crate) inputs: Vec<f32>,
     pub(crate) joints: JointPass,
     pub(crate) mesh: MeshPass,
     pub(crate) controllers: ControllerPass,

@@ -14,7 +14,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Raised whenever a checkpoint means something else.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 /// The text's key in the metadata.
 const TEXT: &str = "mon3tr-training";

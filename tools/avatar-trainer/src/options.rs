@@ -23,6 +23,9 @@ pub struct Options {
     pub picture_memory: usize,
     /// Shares of the losses.
     pub weights: Weights,
+    /// How much of a pose as the networks see it is chance, so that they learn no pose by heart: a standard deviation, as a share of each parameter's spread over
+    /// the frames that are learnt from, 0..=1.
+    pub jitter: f32,
     /// Whether each camera has an affine correction of colours: real cameras differ, and their exposure does.
     pub colour_correction: bool,
     /// Whether poses are refined.
@@ -43,6 +46,7 @@ impl Default for Options {
             validation: 16,
             picture_memory: 2 << 30,
             weights: Weights::default(),
+            jitter: 0.4,
             colour_correction: false,
             refine_poses: true,
             learn_mesh: true,
@@ -98,6 +102,9 @@ impl Options {
             let range = "16 to 500,000, as a package's reader takes no more with their bases";
             return refused("the number of Gaussians", self.gaussians.to_string(), range);
         }
+        if !(0.0..=1.0).contains(&self.jitter) {
+            return refused("the poses' jitter", self.jitter.to_string(), "0 to 1");
+        }
         let Weights {
             ssim,
             alpha,
@@ -142,6 +149,12 @@ mod tests {
         };
         let said = few.check().expect_err("too few").to_string();
         assert!(said.contains("number of Gaussians is 3"), "{said}");
+        let shaken = Options {
+            jitter: f32::NAN,
+            ..Options::default()
+        };
+        let said = shaken.check().expect_err("no number").to_string();
+        assert!(said.contains("jitter is NaN"), "{said}");
         let mut wild = Options::default();
         wild.weights.bind = f32::NAN;
         let said = wild.check().expect_err("no number").to_string();

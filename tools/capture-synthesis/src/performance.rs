@@ -1,10 +1,11 @@
 //! Motions to be photographed: moments spread evenly over clips, kept within the cameras' reach.
 
 use crate::error::SynthesisError;
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use reconstruct::Person;
 use reconstruct::simulate::PoseSampler;
-use spmm3::{ExpressionBasis, LOOP_SECONDS, MotionClip, MotionParams, Playback};
+use spmm3::{ExpressionBasis, Joint, LOOP_SECONDS, MotionClip, MotionParams, Playback};
+use std::f32::consts::TAU;
 
 /// How far the person travels from the middle of a motion at most, metres: cameras on a ring have to see them the whole time.
 const REACH: f32 = 0.3;
@@ -52,6 +53,17 @@ impl Performance {
             seconds,
             motions,
         }
+    }
+
+    /// The same moments, in which the person turns once about the vertical through the pelvis, evenly: a camera that stands still sees every side.
+    #[must_use]
+    pub fn turning(mut self) -> Self {
+        let count = self.motions.len().max(1) as f32;
+        for (k, motion) in self.motions.iter_mut().enumerate() {
+            let turn = Quat::from_rotation_y(TAU * k as f32 / count);
+            motion.set_rotation(Joint::Pelvis, turn * motion.rotation(Joint::Pelvis));
+        }
+        self
     }
 }
 
@@ -151,5 +163,40 @@ mod tests {
             roots.iter().all(|root| (root.y - 0.02).abs() < 1e-6),
             "heights are kept: {roots:?}"
         );
+    }
+    #[test]
+    fn who_turns_is_seen_from_every_side_and_bends_as_before() {
+        let mut bent = MotionParams::default();
+        bent.set_axis_angle(Joint::Pelvis, Vec3::X * 0.4);
+        bent.set_axis_angle(Joint::LeftKnee, Vec3::X * 0.7);
+        bent.root_translation = Vec3::new(0.1, 0.2, 0.3);
+        let still = Performance {
+            name: "a bow".to_owned(),
+            seconds: vec![0.0; 8],
+            motions: vec![bent.clone(); 8],
+        };
+        let turning = still.turning();
+        for (motion, eighth) in turning.motions.iter().zip(0u8..) {
+            let angle = f32::from(eighth) * std::f32::consts::FRAC_PI_4;
+            // Where the person looks, and where the head is: the bow's own direction goes along.
+            let facing = motion.rotation(Joint::Pelvis) * Vec3::Z;
+            let upwards = motion.rotation(Joint::Pelvis) * Vec3::Y;
+            let around = |v: Vec3| Vec3::new(angle.sin() * v.z, v.y, angle.cos() * v.z);
+            let bow = |v: Vec3| {
+                Vec3::new(
+                    0.0,
+                    0.4f32.cos() * v.y - 0.4f32.sin() * v.z,
+                    0.4f32.sin() * v.y + 0.4f32.cos() * v.z,
+                )
+            };
+            assert!(facing.distance(around(bow(Vec3::Z))) < 1e-5, "{facing}");
+            assert!(upwards.distance(around(bow(Vec3::Y))) < 1e-5, "{upwards}");
+            assert_eq!(
+                motion.axis_angle(Joint::LeftKnee),
+                bent.axis_angle(Joint::LeftKnee),
+                "the knee"
+            );
+            assert_eq!(motion.root_translation, bent.root_translation, "the place");
+        }
     }
 }

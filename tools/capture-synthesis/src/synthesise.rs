@@ -35,6 +35,8 @@ pub struct SynthesisOptions {
     pub held_out_frames: usize,
     /// Cameras that are held out.
     pub held_out_cameras: usize,
+    /// Whether the person turns once about the vertical in each motion that is trained on.
+    pub turn: bool,
     /// Behind the person, display values.
     pub background: [u8; 3],
     /// Errors of what is written besides the pictures.
@@ -104,7 +106,12 @@ impl SynthesisOptions {
                 } else {
                     self.frames
                 };
-                Performance::of(clip, count)
+                let performance = Performance::of(clip, count);
+                if self.turn && !held_out {
+                    performance.turning()
+                } else {
+                    performance
+                }
             })
             .collect()
     }

@@ -46,6 +46,7 @@ fn options(noise: Noise) -> SynthesisOptions {
         frames: 2,
         held_out_frames: 1,
         held_out_cameras: 1,
+        turn: false,
         background: [92, 98, 104],
         noise,
     }

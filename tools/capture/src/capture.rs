@@ -7,6 +7,7 @@ use crate::held_out::HeldOut;
 use crate::layouts::{self, Found};
 use crate::photograph::Photograph;
 use crate::pose::FramePose;
+use crate::writer;
 use spmm3::ExpressionBasis;
 use std::path::{Path, PathBuf};
 
@@ -96,6 +97,54 @@ impl Capture {
     #[must_use]
     pub fn expression_basis(&self) -> Option<&ExpressionBasis> {
         self.found.expression_basis.as_ref()
+    }
+
+    /// Places a camera elsewhere; the folder is changed by [`Self::rewrite`] alone.
+    ///
+    /// # Errors
+    /// No such camera, or a pose that [`Camera::check`] refuses.
+    pub fn place(
+        &mut self,
+        camera: usize,
+        camera_from_world: glam::DAffine3,
+    ) -> Result<(), CaptureError> {
+        let count = self.found.cameras.len();
+        let Some(placed) = self.found.cameras.get_mut(camera) else {
+            return Err(CaptureError::Request(format!(
+                "camera {camera} is none of the capture's {count}"
+            )));
+        };
+        placed.camera_from_world = camera_from_world;
+        placed.check()
+    }
+
+    /// Writes the cameras as they are now, and other poses, into the folder, which must be in our own layout; pictures and masks stay as they are.
+    ///
+    /// # Errors
+    /// Another layout; poses that are not one a frame or not finite; a file that cannot be written.
+    pub fn rewrite(&mut self, poses: Vec<FramePose>) -> Result<(), CaptureError> {
+        if !self.folder.join(layouts::MANIFEST).is_file() {
+            return Err(CaptureError::Request(format!(
+                "{} is another data set's folder, which is not written to: import it first",
+                self.folder.display()
+            )));
+        }
+        let found = &mut self.found;
+        let manifest = layouts::manifest(
+            &found.cameras,
+            found.numbers.len(),
+            found.frame_rate,
+            &found.held_out,
+        );
+        writer::write_motion(
+            &self.folder,
+            &poses,
+            found.numbers.len(),
+            found.expression_basis.as_ref(),
+        )?;
+        writer::write_manifest(&self.folder, &manifest)?;
+        found.poses = Some(poses);
+        Ok(())
     }
 
     /// What is kept away from training.

@@ -49,7 +49,8 @@ impl FramePose {
 
     pub(crate) fn fault(&self) -> Option<&'static str> {
         let near = self.pelvis.abs().max_element() < FURTHEST;
-        if !self.parameters.is_finite() {
+        // The largest of numbers ignores one that is none.
+        if !(self.parameters.is_finite() && self.pelvis.is_finite()) {
             Some("has a number that is not finite")
         } else if !near {
             Some("has its pelvis further than 10 km away")

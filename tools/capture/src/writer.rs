@@ -218,31 +218,57 @@ impl CaptureWriter {
             return refuse(format!("what is held out {fault}"));
         }
         if let Some(poses) = poses {
-            if poses.len() != self.frames {
-                return refuse(format!(
-                    "{} poses were given for {} frames",
-                    poses.len(),
-                    self.frames
-                ));
-            }
-            let mut numbered = poses.iter().enumerate();
-            let fault = numbered.find_map(|(frame, pose)| Some((frame, pose.fault()?)));
-            if let Some((frame, fault)) = fault {
-                return refuse(format!("the pose of frame {frame} {fault}"));
-            }
-            let path = self.folder.join(OWN_MOTION);
-            let bytes = pose::encode(poses, self.expression_basis.as_ref())
-                .map_err(|e| CaptureError::motion(&path, e))?;
-            fs::write(&path, bytes).map_err(|e| CaptureError::write(&path, e))?;
+            write_motion(
+                &self.folder,
+                poses,
+                self.frames,
+                self.expression_basis.as_ref(),
+            )?;
         }
         let value = manifest(&self.cameras, self.frames, self.frame_rate, held_out);
-        let path = self.folder.join(MANIFEST);
-        let half = self.folder.join(format!("{MANIFEST}.partial"));
-        fs::write(&half, format!("{value:#}\n")).map_err(|e| CaptureError::write(&half, e))?;
-        fs::rename(&half, &path).map_err(|e| CaptureError::write(&path, e))?;
+        write_manifest(&self.folder, &value)?;
         let marker = self.folder.join(MARKER);
         fs::remove_file(&marker).map_err(|e| CaptureError::write(&marker, e))
     }
+}
+
+/// Checks and writes `motion.npz`.
+pub(crate) fn write_motion(
+    folder: &Path,
+    poses: &[FramePose],
+    frames: usize,
+    basis: Option<&ExpressionBasis>,
+) -> Result<(), CaptureError> {
+    if poses.len() != frames {
+        return Err(CaptureError::Request(format!(
+            "{} poses were given for {frames} frames",
+            poses.len(),
+        )));
+    }
+    let mut numbered = poses.iter().enumerate();
+    let fault = numbered.find_map(|(frame, pose)| Some((frame, pose.fault()?)));
+    if let Some((frame, fault)) = fault {
+        return Err(CaptureError::Request(format!(
+            "the pose of frame {frame} {fault}"
+        )));
+    }
+    let path = folder.join(OWN_MOTION);
+    let bytes = pose::encode(poses, basis).map_err(|e| CaptureError::motion(&path, e))?;
+    replace(&path, &bytes)
+}
+
+/// Writes `capture.json`.
+pub(crate) fn write_manifest(folder: &Path, value: &serde_json::Value) -> Result<(), CaptureError> {
+    replace(&folder.join(MANIFEST), format!("{value:#}\n").as_bytes())
+}
+
+/// Writes a file under another name first: whenever it is broken off, the file is the old one or the new one.
+fn replace(path: &Path, bytes: &[u8]) -> Result<(), CaptureError> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".partial");
+    let half = PathBuf::from(name);
+    fs::write(&half, bytes).map_err(|e| CaptureError::write(&half, e))?;
+    fs::rename(&half, path).map_err(|e| CaptureError::write(path, e))
 }
 
 /// Takes away what is left of a capture that was not finished, which must not be taken for the next one's, and marks the folder.

@@ -105,6 +105,45 @@ fn what_the_writer_wrote_is_read_again_to_the_bit() {
 }
 
 #[test]
+fn cameras_and_poses_are_rewritten_and_nothing_else() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut cameras = write(folder.path());
+    let mut capture = Capture::open(folder.path()).expect("a capture");
+    cameras[2].camera_from_world = DAffine3::from_translation(DVec3::new(0.5, -0.25, 4.0));
+    let elsewhere = cameras[2].camera_from_world;
+    capture.place(2, elsewhere).expect("a third camera");
+    assert!(capture.place(3, elsewhere).is_err(), "no fourth camera");
+    let mut bent = poses(FRAMES);
+    bent[1].pelvis = Vec3::new(0.125, 1.5, -2.0);
+    let mut broken = bent.clone();
+    broken[0].pelvis.x = f32::NAN;
+    for wrong in [bent[1..].to_vec(), broken] {
+        assert!(capture.rewrite(wrong).is_err(), "other poses are refused");
+    }
+    let untouched = Capture::open(folder.path()).expect("a capture");
+    assert_eq!(
+        untouched.poses(),
+        Some(poses(FRAMES).as_slice()),
+        "as it was"
+    );
+    assert_ne!(untouched.cameras(), cameras, "as it was");
+    capture.rewrite(bent.clone()).expect("written");
+    assert_eq!(capture.poses(), Some(bent.as_slice()), "also of this one");
+    let read = Capture::open(folder.path()).expect("a capture");
+    assert_eq!(read.cameras(), cameras, "cameras");
+    assert_eq!(read.poses(), Some(bent.as_slice()), "poses");
+    assert_eq!(read.held_out(), &held_out(), "held out");
+    assert_eq!(read.frame_rate(), 59.94, "rate");
+    assert_eq!(
+        read.expression_basis(),
+        Some(&ExpressionBasis::MAKEHUMAN_1),
+        "the face's basis"
+    );
+    let picture = read.photograph(1, 2).expect("a photograph");
+    assert!(picture == photograph(&cameras[1], 12), "pictures");
+}
+
+#[test]
 fn a_writing_that_was_broken_off_is_recognised_and_may_be_repeated() {
     let folder = tempfile::tempdir().expect("a folder");
     let cameras = cameras();

@@ -24,10 +24,10 @@ use std::path::Path;
 /// Fewer Gaussians do not cover a person.
 pub const LEAST_GAUSSIANS: usize = 1000;
 /// Fewer pictures of the person do not say how it is shaped.
-const FEWEST_VIEWS: usize = 4;
+pub(crate) const FEWEST_VIEWS: usize = 4;
 
 /// With less intersection over union nothing fits, and with less than the second something is doubtful.
-const NO_FIT: f64 = 0.5;
+pub(crate) const NO_FIT: f64 = 0.5;
 const DOUBTFUL: f64 = 0.88;
 
 /// A shared correction larger than this is doubtful: metres and radians.
@@ -210,7 +210,7 @@ pub fn first_avatar(
     })
 }
 
-fn checked(options: &TemplateOptions) -> Result<(), TemplateError> {
+pub(crate) fn checked(options: &TemplateOptions) -> Result<(), TemplateError> {
     let refused = |what: String| Err(TemplateError::Options(what));
     if !(LEAST_GAUSSIANS..=MAX_GAUSSIANS).contains(&options.gaussians) {
         return refused(format!(
@@ -228,13 +228,18 @@ fn checked(options: &TemplateOptions) -> Result<(), TemplateError> {
 }
 
 /// What the template is fitted to: indices of frames and cameras, none of them held out.
-struct Chosen {
-    frames: Vec<usize>,
-    cameras: Vec<usize>,
+pub(crate) struct Chosen {
+    pub(crate) frames: Vec<usize>,
+    pub(crate) cameras: Vec<usize>,
 }
 
 impl Chosen {
-    fn of(capture: &Capture, poses: &[FramePose], body: &Body, options: &TemplateOptions) -> Self {
+    pub(crate) fn of(
+        capture: &Capture,
+        poses: &[FramePose],
+        body: &Body,
+        options: &TemplateOptions,
+    ) -> Self {
         let held_out = capture.held_out();
         let frames = held_out.kept_frames(poses.len());
         let average = Shape {

@@ -5,11 +5,14 @@
 //! photographs (`spread`, `colour`) -> the package (`assemble`). Skinning weights, face, hands, expressions are the body model's, so no weight
 //! crosses from an arm to the trunk, however they touch in the pictures.
 //!
+//! [`align`] comes before all that, where calibration and poses are a tracker's: by the same outlines it turns the cameras, and bends the poses of all frames.
+//!
 //! Deviation from the paper: its body mesh is a surface reconstruction into which faces and hands are sewn. Here the body model's own surface grows to the
 //! outlines, so the mesh is closed, and expressions and fingers fit it without a seam; hollows that no outline shows stay the body's, and skirts hang on legs.
 //!
 //! Space: metres, y up. T-pose: facing +z, +x is the person's left.
 
+mod align;
 mod assemble;
 mod body;
 mod clothes;
@@ -29,6 +32,7 @@ mod spread;
 #[cfg(test)]
 mod tests;
 
+pub use align::{Aligned, align};
 pub use error::TemplateError;
 pub use first::{First, LEAST_GAUSSIANS, TemplateOptions, first_avatar};
 pub use report::TemplateReport;

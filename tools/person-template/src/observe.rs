@@ -26,6 +26,8 @@ const FURTHEST: f32 = 1e4;
 pub(crate) struct View {
     /// Which of the chosen frames.
     pub(crate) slot: usize,
+    /// Which of the capture's cameras.
+    pub(crate) index: usize,
     /// The camera of the part that is looked at, at the size at which it is looked at.
     pub(crate) camera: Camera,
     /// From the person's outline.
@@ -160,9 +162,10 @@ pub(crate) fn seen(
             let photograph = capture.photograph(*camera, *frame)?;
             let pinhole = capture.cameras()[*camera].undistorted();
             Ok(
-                outlined(&photograph, &pinhole, side).map(|(camera, outline)| View {
+                outlined(&photograph, &pinhole, side).map(|(seen_by, outline)| View {
                     slot: *slot,
-                    camera,
+                    index: *camera,
+                    camera: seen_by,
                     outline,
                 }),
             )

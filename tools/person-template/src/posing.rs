@@ -81,15 +81,25 @@ pub(crate) fn motion(
     correction: &Correction,
     rest_pelvis: DVec3,
 ) -> MotionParams {
-    let mut motion = pose.parameters.clone();
+    let corrected = corrected(pose, correction);
+    let mut motion = corrected.parameters;
+    motion.root_translation = (corrected.pelvis.as_dvec3() - rest_pelvis).as_vec3();
+    motion
+}
+
+/// A corrected pose as a capture has it.
+pub(crate) fn corrected(pose: &FramePose, correction: &Correction) -> FramePose {
+    let mut parameters = pose.parameters.clone();
     for joint in TURNED {
         let turned = local(pose, correction, joint).normalize();
-        motion.set_rotation(joint, turned.as_quat());
+        parameters.set_rotation(joint, turned.as_quat());
     }
     let turned = local(pose, correction, Joint::Pelvis);
     let pelvis = pose.pelvis.as_dvec3() + turned * correction.pelvis;
-    motion.root_translation = (pelvis - rest_pelvis).as_vec3();
-    motion
+    FramePose {
+        parameters,
+        pelvis: pelvis.as_vec3(),
+    }
 }
 
 /// A skeleton in a pose in the world.

@@ -9,7 +9,7 @@ use crate::observe::View;
 use crate::posing::{CORRECTION, Correction, Derivatives, Posed};
 use crate::rim::{PosedMesh, Pull, overlap, pulls};
 use capture::FramePose;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 use scan_rig::body::normal_equations::NormalEquations;
@@ -38,6 +38,9 @@ const SHARED: (f64, f64) = (0.150, 2.5 * PI / 180.0);
 /// All frames together say as much of the shape, and of what is shared, as so many whose errors are independent: clothes are thick at the same places
 /// in all of them. Were every frame to count, a loose jacket would be explained by a body that nobody has.
 const TOGETHER: f64 = 0.5;
+
+/// How far a camera's direction is off in one step, radians: what is left is asked for again in the next.
+const DIRECTION: f64 = 0.5 * PI / 180.0;
 
 /// How far people differ from the average: the four macro shapes, the others, the logarithm of the scale.
 const MACRO: f64 = 0.4;
@@ -117,6 +120,61 @@ impl Scene<'_> {
             }));
         }
         (posed, all)
+    }
+
+    /// How each camera of the capture should turn about its own axes, radians, so that a mesh in T-pose meets the outlines of its pictures: Gauss-Newton's
+    /// step for each camera alone, `[cameras]`. Zero for one that sees nothing.
+    pub(crate) fn turns(
+        &self,
+        canonical: &Canonical,
+        found: &Registration,
+        reach: f64,
+        cameras: usize,
+    ) -> Vec<DVec3> {
+        let of_frames: Vec<Vec<(usize, DVec3, Pull)>> = (0..self.poses.len())
+            .into_par_iter()
+            .map(|slot| {
+                let correction = found.correction(slot);
+                let posed = Posed::new(&canonical.joints, &self.poses[slot], &correction);
+                let vertices = posed.vertices(&self.body.skin, &canonical.vertices);
+                let normals = vertex_normals(&vertices, &self.body.model.faces, DVec3::ZERO);
+                let mesh = PosedMesh {
+                    vertices: &vertices,
+                    normals: &normals,
+                };
+                let of_view = |view: &View| {
+                    let pulls = pulls(self.body, mesh, view, reach).into_iter();
+                    let camera_from_world = view.camera.camera_from_world;
+                    let rows: Vec<_> = pulls
+                        .map(|pull| {
+                            let arm = camera_from_world.transform_point3(vertices[pull.vertex]);
+                            // A turn w moves the place by w x arm.
+                            let along = camera_from_world.matrix3 * pull.direction;
+                            (view.index, arm.cross(along), pull)
+                        })
+                        .collect();
+                    rows
+                };
+                self.views_of(slot).iter().flat_map(of_view).collect()
+            })
+            .collect();
+        let mut sums = vec![(DMat3::ZERO, DVec3::ZERO); cameras];
+        for (camera, row, pull) in of_frames.into_iter().flatten() {
+            if let Some((products, gradient)) = sums.get_mut(camera) {
+                let weight = pull.weight / (OUTLINE * OUTLINE);
+                *products += DMat3::from_cols(row * row.x, row * row.y, row * row.z) * weight;
+                *gradient += row * (pull.distance * weight);
+            }
+        }
+        let frames = self.poses.len().max(1) as f64;
+        sums.into_iter()
+            .map(|(products, gradient)| {
+                // As in the shape, all frames together say as much as some whose errors are independent.
+                let prior = DMat3::from_diagonal(DVec3::splat(DIRECTION.powi(-2)));
+                let share = (TOGETHER / frames).min(1.0);
+                (products * share + prior).inverse() * (gradient * share)
+            })
+            .collect()
     }
 
     /// Intersection over union of mesh and masks over all views, 0..=1.

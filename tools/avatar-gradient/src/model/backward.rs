@@ -127,7 +127,7 @@ impl Model {
         posed.controllers.backward(
             level,
             parameters,
-            posed.motion.values(),
+            &posed.inputs,
             &posed.back.by_potentials,
             gradients,
             by_p,
@@ -178,7 +178,7 @@ impl Model {
         posed.mesh.backward(
             level,
             parameters,
-            posed.motion.values(),
+            &posed.inputs,
             &back.by_canonical,
             gradients,
             by_p,

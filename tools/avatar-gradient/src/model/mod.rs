@@ -41,6 +41,9 @@ impl Parts {
 pub struct Model {
     /// Which parts move the avatar.
     pub parts: Parts,
+    /// What is added to what the networks see of a pose, `[215]`, and not to the skeleton's; nothing where it is empty. A training draws it anew for each
+    /// step, so that networks learn what holds around a pose.
+    pub jitter: Vec<f32>,
     level: Level,
     sizes: Sizes,
     skeleton: Skeleton,
@@ -93,6 +96,7 @@ impl Model {
         let inverse = |mass: f32| if mass > 0.0 { 1.0 / mass } else { 0.0 };
         Ok(Self {
             parts: Parts::ALL,
+            jitter: Vec::new(),
             level: Level::new(),
             sizes,
             skeleton: skeleton.clone(),
@@ -132,13 +136,18 @@ impl Model {
     ) -> Result<(), ModelError> {
         parameters.check(&self.sizes, false)?;
         posed.motion = correction.map_or_else(|| motion.clone(), |c| c.applied(motion));
+        posed.inputs.clear();
+        posed.inputs.extend_from_slice(posed.motion.values());
+        for (input, jitter) in posed.inputs.iter_mut().zip(&self.jitter) {
+            *input += jitter;
+        }
         self.pose_mesh(parameters, posed);
         let (level, sizes) = (self.level, &self.sizes);
         posed.offsets.clear();
         posed.back.by_local.clear();
         if self.parts.attributes {
             let shape = [sizes.controller_hidden, sizes.bases];
-            let p = posed.motion.values();
+            let p = &posed.inputs;
             posed.controllers.forward(level, parameters, p, shape);
             let potentials = &posed.controllers.potentials;
             bases::forces(&self.holds, potentials, sizes.bases, &mut posed.forces);
@@ -197,7 +206,7 @@ impl Model {
         posed.mesh.forward(
             level,
             parameters,
-            posed.motion.values(),
+            &posed.inputs,
             &self.rest,
             self.parts.mesh,
             &mut posed.canonical,

@@ -43,6 +43,58 @@ fn the_mesh_and_the_potentials_are_those_of_the_networks_in_f64() {
 }
 
 #[test]
+fn jitter_is_seen_by_the_networks_and_by_nothing_else() {
+    let mut person = Person::new(PuppetSize::SMALL);
+    let motion = Random::new(8).motion(0.6);
+    let mut random = Random::new(9);
+    let jitter: Vec<f32> = (0..spmm3::PARAMS).map(|_| 0.1 * random.signed()).collect();
+    let mut inputs = motion.values().to_vec();
+    inputs
+        .iter_mut()
+        .zip(&jitter)
+        .for_each(|(input, jitter)| *input += jitter);
+    person.model.jitter = jitter;
+    let posed = person.posed(&motion);
+    let controllers = person.puppet.controllers.vertices().len();
+    let wanted = reference::potentials(&person.puppet.attributes, controllers, &inputs);
+    for (got, want) in posed.potentials().iter().zip(wanted.iter().flatten()) {
+        assert!((f64::from(*got) - want).abs() < 1e-4, "{got}, not {want}");
+    }
+    // A layer's derivative is its input times that of its bias, whatever comes after it.
+    let sizes = *person.model.sizes();
+    let mut gradients = avatar_gradient::Parameters::zeros(&sizes);
+    let mut posed = posed;
+    let by_gaussians = crate::people::random_attributes(sizes.gaussians, &mut random);
+    let by = avatar_gradient::Derivatives {
+        gaussians: Some(&by_gaussians),
+        ..Default::default()
+    };
+    (person.model)
+        .backward(&person.parameters, &mut posed, &by, &mut gradients)
+        .expect("it was posed");
+    for layer in [&gradients.controllers_first, &gradients.mesh_first] {
+        let width = layer.bias.len();
+        let most = layer.bias.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+        assert!(most > 0.0, "something is learnt");
+        for (row, input) in layer.weights.chunks(width).zip(&inputs) {
+            for (weight, bias) in row.iter().zip(&layer.bias) {
+                assert!((weight - input * bias).abs() <= 1e-5 * most, "{weight}");
+            }
+        }
+    }
+    // Without networks nothing is changed.
+    person.model.parts.mesh = false;
+    person.model.parts.attributes = false;
+    let with = person.posed(&motion);
+    person.model.jitter.clear();
+    assert_eq!(
+        with.gaussians().numbers(),
+        person.posed(&motion).gaussians().numbers(),
+        "the skeleton"
+    );
+}
+
+#[test]
 fn the_gaussians_are_those_that_spmm3_poses() {
     let person = Person::new(PuppetSize::SMALL);
     let puppet = &person.puppet;

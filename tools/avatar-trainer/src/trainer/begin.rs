@@ -68,9 +68,11 @@ impl<'a> Trainer<'a> {
         let model = Model::new(&first.skeleton, &first.template, &controllers, &networks)?;
         let parameters = networks.parameters();
         let had_attributes = parameters.bases.iter().any(|number| *number != 0.0);
+        let frames = frames(&split);
         Ok(Self {
             pictures: Pictures::new(capture, options.picture_memory),
-            frames: frames(&split),
+            spread: InputStatistics::new(frames.iter().map(|frame| &motions[*frame])).spread,
+            frames,
             split,
             poses: vec![FramePose::default(); motions.len()],
             motions,

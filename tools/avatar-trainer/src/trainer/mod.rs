@@ -3,6 +3,7 @@
 mod avatar;
 mod begin;
 mod gauge;
+mod jitter;
 mod optimiser;
 mod population;
 mod regularise;
@@ -55,6 +56,8 @@ pub struct Trainer<'a> {
     frames: Vec<usize>,
     /// How the person stands in each frame, as the first avatar's skeleton has it.
     motions: Vec<MotionParams>,
+    /// `[215]` How much each motion parameter varies over the frames that are learnt from.
+    spread: Vec<f32>,
     /// The first avatar: what is not learnt of it stays.
     first: Avatar,
     /// Whether the first avatar's F_attr already moves something.
@@ -145,7 +148,16 @@ impl Trainer<'_> {
         let view = cut.view(camera, halvings)?;
 
         self.model.parts.attributes = self.had_attributes || phase.attributes;
-        let compared = self.compare(pair, &target, &view)?;
+        let chance = (self.options.seed, self.step);
+        jitter::draw(
+            chance,
+            self.options.jitter,
+            &self.spread,
+            &mut self.model.jitter,
+        );
+        let compared = self.compare(pair, &target, &view);
+        self.model.jitter.clear();
+        let compared = compared?;
         let mut loss = compared.loss;
         loss += self.learn(pair, &phase, &compared)?;
         self.step += 1;

@@ -46,6 +46,9 @@ pub(super) struct Options {
     /// Cameras that are held out [default: one in six]
     #[arg(long, value_name = "N")]
     held_out_cameras: Option<usize>,
+    /// The person turns once in each motion that is not held out: a single camera sees every side
+    #[arg(long)]
+    turn: bool,
     /// From the person to each camera, metres
     #[arg(long, value_name = "METRES", default_value = "3")]
     radius: f64,
@@ -90,6 +93,7 @@ pub(super) fn run(options: &Options) -> anyhow::Result<()> {
         frames: options.frames,
         held_out_frames: (options.held_out_frames).unwrap_or((options.frames * 2).div_ceil(3)),
         held_out_cameras: options.held_out_cameras.unwrap_or(default_held_out),
+        turn: options.turn,
         background: options.background,
         noise: Noise {
             calibration_mm: options.calibration_noise,

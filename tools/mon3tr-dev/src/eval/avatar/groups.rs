@@ -28,7 +28,7 @@ pub(super) fn groups(cameras: usize, frames: usize, held_out: &HeldOut, most: us
 }
 
 /// All pairs, or `most` of them: frames evenly spread, and each with another camera, so that every camera has its turn.
-fn spread(cameras: &[usize], frames: &[usize], most: usize) -> Vec<(usize, usize)> {
+pub(super) fn spread(cameras: &[usize], frames: &[usize], most: usize) -> Vec<(usize, usize)> {
     let all = cameras.len() * frames.len();
     let count = all.min(most);
     if count == all {

@@ -3,6 +3,7 @@
 
 mod ablation;
 mod canvas;
+mod colours;
 mod compare;
 mod draw;
 mod frechet;
@@ -18,6 +19,7 @@ mod tests;
 use ablation::{Ablation, Part};
 use anyhow::{Context, ensure};
 use capture::Capture;
+use colours::Colours;
 use compare::{Means, Pair, Scores};
 use groups::Group;
 use mon3tr::device_options::{DeviceOptions, describe};
@@ -52,6 +54,9 @@ pub(super) struct Options {
     /// Also measure the avatar with each Gaussian following its strongest controller alone
     #[arg(long)]
     nearest_controller: bool,
+    /// Correct the colours of what is drawn by a matrix for each camera, fitted to some of its pictures of frames that are trained on: for real cameras
+    #[arg(long)]
+    colour_correction: bool,
     /// LPIPS as ONNX: two pictures [1, 3, height, width] of values -1 to 1 in, one number out
     #[arg(long, value_name = "FILE.onnx")]
     lpips: Option<PathBuf>,
@@ -103,6 +108,16 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let methods = ablation.rows();
     let mut pages = options.pages.as_deref().map(Pages::new).transpose()?;
     let motions = draw::motions(&capture, &avatar)?;
+    let colours = if options.colour_correction {
+        let renderer = StillRenderer {
+            gpu: &gpu,
+            runtime: &runtime,
+            avatar: &avatar,
+        };
+        Colours::fitted(&renderer, &capture, &motions)?
+    } else {
+        Colours::none(capture.cameras().len())
+    };
     let mut rows = Vec::new();
     for method in methods {
         let name = method.name();
@@ -118,6 +133,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                 &renderer,
                 &capture,
                 &motions,
+                &colours,
                 group,
                 &mut judges,
                 |k, pair, scores| {
@@ -143,6 +159,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         package: options.package.display().to_string(),
         gaussians: avatar.gaussians.len(),
         device: describe(&gpu),
+        colour_correction: options.colour_correction,
         groups: groups.iter().map(|group| group.name).collect(),
         rows,
     };
@@ -162,6 +179,7 @@ fn measure(
     renderer: &StillRenderer<'_>,
     capture: &Capture,
     motions: &[MotionParams],
+    colours: &Colours,
     group: &Group,
     judges: &mut Judges,
     mut compared: impl FnMut(usize, &Pair, &Scores) -> anyhow::Result<()>,
@@ -174,10 +192,11 @@ fn measure(
         bar.inc(1);
         let pair = || Pair::new(&capture.photograph(camera, frame)?, image);
         let picture = || format!("camera {}, frame {frame}", capture.cameras()[camera].name);
-        let Some(pair) = pair().with_context(picture)? else {
+        let Some(mut pair) = pair().with_context(picture)? else {
             nobody += 1;
             return Ok(());
         };
+        colours.apply(camera, &mut pair);
         let mut scores = pair.scores()?;
         let square = pair.square();
         if let Some(lpips) = &mut judges.lpips {

@@ -24,6 +24,8 @@ pub(super) struct Report {
     pub(super) gaussians: usize,
     /// The device that drew.
     pub(super) device: String,
+    /// Whether each camera's colours were corrected.
+    pub(super) colour_correction: bool,
     /// Names of the groups.
     pub(super) groups: Vec<&'static str>,
     /// The full design first.
@@ -54,6 +56,9 @@ impl Report {
             "`{}` in the capture `{}`: {} Gaussians, drawn on {}.\n",
             self.package, self.capture, self.gaussians, self.device
         );
+        if self.colour_correction {
+            text += "Colours are corrected for each camera.\n";
+        }
         for (index, group) in self.groups.iter().enumerate() {
             let means = |row: &'_ Row| row.groups.get(index).cloned();
             let pictures = (self.rows.first())

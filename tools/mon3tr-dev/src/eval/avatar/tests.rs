@@ -1,6 +1,7 @@
 //! An avatar's own renders, written as a capture, are what the avatar looks like.
 
 use super::ablation::{Ablation, Part};
+use super::colours::Colours;
 use super::groups::groups;
 use super::{Judges, draw, measure};
 use capture::{Camera, Capture, CaptureWriter, FramePose, HeldOut, Photograph};
@@ -122,12 +123,15 @@ fn an_avatars_own_renders_as_a_capture_are_met_and_what_is_switched_off_is_misse
         lpips: None,
         features: None,
     };
+    // Of pictures whose colours are right already.
+    let colours = Colours::fitted(&renderer, &capture, &motions).expect("a fit");
     let mut full = Vec::new();
     for group in &groups {
         let means = measure(
             &renderer,
             &capture,
             &motions,
+            &colours,
             group,
             &mut judges,
             |_, _, _| Ok(()),
@@ -152,6 +156,7 @@ fn an_avatars_own_renders_as_a_capture_are_met_and_what_is_switched_off_is_misse
             &renderer,
             &capture,
             &motions,
+            &colours,
             &groups[0],
             &mut judges,
             |_, _, _| Ok(()),
