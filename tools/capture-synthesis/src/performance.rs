@@ -164,6 +164,7 @@ mod tests {
             "heights are kept: {roots:?}"
         );
     }
+
     #[test]
     fn who_turns_is_seen_from_every_side_and_bends_as_before() {
         let mut bent = MotionParams::default();

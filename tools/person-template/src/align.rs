@@ -8,7 +8,7 @@
 use crate::body::Body;
 use crate::clothes::dress;
 use crate::error::TemplateError;
-use crate::first::{Chosen, FEWEST_VIEWS, NO_FIT, TemplateOptions, checked};
+use crate::first::{Chosen, NO_FIT, TemplateOptions, checked};
 use crate::frames::{Known, own_corrections};
 use crate::observe::{View, poses, seen, views};
 use crate::posing::corrected;
@@ -67,13 +67,6 @@ pub fn align(
     for pass in 1..=PASSES {
         progress("outlines");
         let mut views = views(&capture, &chosen.frames, &chosen.cameras, options.side)?;
-        if views.len() < FEWEST_VIEWS {
-            return Err(TemplateError::TooFewViews {
-                views: views.len(),
-                frames: chosen.frames.len(),
-                least: FEWEST_VIEWS,
-            });
-        }
         let of_chosen = |frame: &usize| aligned.poses[*frame].clone();
         let poses: Vec<FramePose> = chosen.frames.iter().map(of_chosen).collect();
         progress("body and clothes");

@@ -23,8 +23,6 @@ use std::path::Path;
 
 /// Fewer Gaussians do not cover a person.
 pub const LEAST_GAUSSIANS: usize = 1000;
-/// Fewer pictures of the person do not say how it is shaped.
-pub(crate) const FEWEST_VIEWS: usize = 4;
 
 /// With less intersection over union nothing fits, and with less than the second something is doubtful.
 pub(crate) const NO_FIT: f64 = 0.5;
@@ -112,13 +110,6 @@ pub fn first_avatar(
     progress("outlines");
     let chosen = Chosen::of(capture, &poses, &body, options);
     let views = views(capture, &chosen.frames, &chosen.cameras, options.side)?;
-    if views.len() < FEWEST_VIEWS {
-        return Err(TemplateError::TooFewViews {
-            views: views.len(),
-            frames: chosen.frames.len(),
-            least: FEWEST_VIEWS,
-        });
-    }
     let scene = Scene {
         body: &body,
         poses: chosen.frames.iter().map(|f| poses[*f].clone()).collect(),

@@ -21,6 +21,9 @@ const SMALLEST: usize = 64;
 /// How far from the origin a pelvis may be, metres.
 const FURTHEST: f32 = 1e4;
 
+/// Fewer pictures of the person do not say how it is shaped.
+const FEWEST_VIEWS: usize = 4;
+
 /// A picture that the person is in.
 #[derive(Debug)]
 pub(crate) struct View {
@@ -127,10 +130,10 @@ fn farthest(of: usize, count: usize, apart: impl Fn(usize, usize) -> f64) -> Vec
     chosen
 }
 
-/// As [`seen`].
+/// As [`seen`], as many as it takes to say how the person is shaped.
 ///
 /// # Errors
-/// If no picture has the person in it, or one cannot be read.
+/// If no picture has the person in it, or too few have, or one cannot be read.
 pub(crate) fn views(
     capture: &Capture,
     frames: &[usize],
@@ -141,6 +144,13 @@ pub(crate) fn views(
     if views.is_empty() {
         return Err(TemplateError::NoMasks {
             pictures: frames.len() * cameras.len(),
+        });
+    }
+    if views.len() < FEWEST_VIEWS {
+        return Err(TemplateError::TooFewViews {
+            views: views.len(),
+            frames: frames.len(),
+            least: FEWEST_VIEWS,
         });
     }
     Ok(views)

@@ -87,6 +87,14 @@ impl Registration {
     }
 }
 
+/// A mesh as it stands in a chosen frame, and what pulls it.
+struct Pulled<'a> {
+    posed: Posed,
+    /// Metres.
+    vertices: Vec<DVec3>,
+    by_view: Vec<(&'a View, Vec<Pull>)>,
+}
+
 impl Scene<'_> {
     fn views_of(&self, slot: usize) -> &[View] {
         let from = self.views.partition_point(|view| view.slot < slot);
@@ -102,6 +110,24 @@ impl Scene<'_> {
         correction: &Correction,
         reach: f64,
     ) -> (Posed, Vec<Pull>) {
+        let pulled = self.pulled(slot, canonical, correction, reach);
+        let share = (VIEWS / pulled.by_view.len().max(1) as f64).min(1.0);
+        let all = pulled.by_view.into_iter().flat_map(|(_, pulls)| pulls);
+        let shared = all.map(|pull| Pull {
+            weight: pull.weight * share,
+            ..pull
+        });
+        (pulled.posed, shared.collect())
+    }
+
+    /// A mesh in T-pose as a chosen frame poses it, and the pulls of each view on it.
+    fn pulled(
+        &self,
+        slot: usize,
+        canonical: &Canonical,
+        correction: &Correction,
+        reach: f64,
+    ) -> Pulled<'_> {
         let posed = Posed::new(&canonical.joints, &self.poses[slot], correction);
         let vertices = posed.vertices(&self.body.skin, &canonical.vertices);
         let normals = vertex_normals(&vertices, &self.body.model.faces, DVec3::ZERO);
@@ -109,17 +135,14 @@ impl Scene<'_> {
             vertices: &vertices,
             normals: &normals,
         };
-        let views = self.views_of(slot);
-        let share = (VIEWS / views.len().max(1) as f64).min(1.0);
-        let mut all = Vec::new();
-        for view in views {
-            let found = pulls(self.body, mesh, view, reach);
-            all.extend(found.into_iter().map(|pull| Pull {
-                weight: pull.weight * share,
-                ..pull
-            }));
+        let by_view = (self.views_of(slot).iter())
+            .map(|view| (view, pulls(self.body, mesh, view, reach)))
+            .collect();
+        Pulled {
+            posed,
+            vertices,
+            by_view,
         }
-        (posed, all)
     }
 
     /// How each camera of the capture should turn about its own axes, radians, so that a mesh in T-pose meets the outlines of its pictures: Gauss-Newton's
@@ -135,27 +158,18 @@ impl Scene<'_> {
             .into_par_iter()
             .map(|slot| {
                 let correction = found.correction(slot);
-                let posed = Posed::new(&canonical.joints, &self.poses[slot], &correction);
-                let vertices = posed.vertices(&self.body.skin, &canonical.vertices);
-                let normals = vertex_normals(&vertices, &self.body.model.faces, DVec3::ZERO);
-                let mesh = PosedMesh {
-                    vertices: &vertices,
-                    normals: &normals,
-                };
-                let of_view = |view: &View| {
-                    let pulls = pulls(self.body, mesh, view, reach).into_iter();
+                let pulled = self.pulled(slot, canonical, &correction, reach);
+                let of_view = |(view, pulls): (&View, Vec<Pull>)| {
                     let camera_from_world = view.camera.camera_from_world;
-                    let rows: Vec<_> = pulls
-                        .map(|pull| {
-                            let arm = camera_from_world.transform_point3(vertices[pull.vertex]);
-                            // A turn w moves the place by w x arm.
-                            let along = camera_from_world.matrix3 * pull.direction;
-                            (view.index, arm.cross(along), pull)
-                        })
-                        .collect();
-                    rows
+                    let row = |pull: Pull| {
+                        let arm = camera_from_world.transform_point3(pulled.vertices[pull.vertex]);
+                        // A turn w moves the place by w x arm.
+                        let along = camera_from_world.matrix3 * pull.direction;
+                        (view.index, arm.cross(along), pull)
+                    };
+                    pulls.into_iter().map(row).collect::<Vec<_>>()
                 };
-                self.views_of(slot).iter().flat_map(of_view).collect()
+                pulled.by_view.into_iter().flat_map(of_view).collect()
             })
             .collect();
         let mut sums = vec![(DMat3::ZERO, DVec3::ZERO); cameras];

@@ -4,6 +4,9 @@ use crate::nearest::Nearest;
 use glam::Vec3;
 use rayon::prelude::*;
 
+/// Skin is closed in where what is within the first as the scan stands is more than the second farther in T-pose, metres.
+pub(crate) const CLOSED_IN: (f32, f32) = (0.05, 0.08);
+
 /// How many of the nearest others are looked at.
 const LOOKED_AT: usize = 512;
 
@@ -25,6 +28,7 @@ pub(crate) fn come_apart<const N: usize>(
 ) -> Vec<[bool; N]> {
     let places: Vec<[f32; 3]> = others.scanned.iter().map(|at| at.to_array()).collect();
     let tree = Nearest::new(&places);
+    let widest = (bounds.iter()).fold(0.0_f32, |widest, (within, _)| widest.max(*within));
     (points.scanned.par_iter().zip(points.straight))
         .map_init(
             || vec![(0.0_f32, 0_u32); LOOKED_AT],
@@ -32,10 +36,13 @@ pub(crate) fn come_apart<const N: usize>(
                 let mut found = [false; N];
                 let count = tree.some(&scanned.to_array(), near);
                 for (squared, other) in near.iter().take(count) {
+                    let apart = squared.sqrt();
+                    if apart >= widest {
+                        break;
+                    }
                     let Some(other) = others.straight.get(*other as usize) else {
                         continue;
                     };
-                    let apart = squared.sqrt();
                     let farther = straight.distance(*other) - apart;
                     for (found, (within, least)) in found.iter_mut().zip(bounds) {
                         *found |= apart < within && farther > least;

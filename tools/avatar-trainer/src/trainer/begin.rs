@@ -71,7 +71,7 @@ impl<'a> Trainer<'a> {
         let frames = frames(&split);
         Ok(Self {
             pictures: Pictures::new(capture, options.picture_memory),
-            spread: InputStatistics::new(frames.iter().map(|frame| &motions[*frame])).spread,
+            spread: statistics(&motions, &frames).spread,
             frames,
             split,
             poses: vec![FramePose::default(); motions.len()],
@@ -123,6 +123,11 @@ pub(super) fn check_motions(motions: &[MotionParams], frames: usize) -> Result<(
     }
 }
 
+/// How motions are spread over the frames that are learnt from.
+fn statistics(motions: &[MotionParams], frames: &[usize]) -> InputStatistics {
+    InputStatistics::new(frames.iter().filter_map(|frame| motions.get(*frame)))
+}
+
 /// The first avatar's networks, with room for what a person's clothes do.
 fn networks(
     first: &Avatar,
@@ -130,7 +135,7 @@ fn networks(
     frames: &[usize],
     options: &Options,
 ) -> Result<Networks, TrainError> {
-    let inputs = InputStatistics::new(frames.iter().filter_map(|frame| motions.get(*frame)));
+    let inputs = statistics(motions, frames);
     let unknown = |e: spmm3::networks::GraphRefused| TrainError::Network(e.to_string());
     let mut mesh = MeshNetwork::read(&first.deform_graph, &first.template).map_err(unknown)?;
     if options.learn_mesh && mesh.first.outputs() < MESH_HIDDEN {

@@ -3,11 +3,12 @@
 //!
 //! Sorkine et al., Laplacian Surface Editing (2004), in rounds: each matches the surface anew and is softer than the one before.
 
+use super::fit::Fitted;
 use super::laplacian::{Laplacian, Pulled};
 use super::model::BodyModel;
-use super::posing::{JointPose, posed_from_rest, skinned, t_pose};
-use super::state::Posed;
-use crate::apart::{InTwoPoses, come_apart};
+use super::posing::t_pose;
+use super::state::{Posed, State};
+use crate::apart::{CLOSED_IN, InTwoPoses, come_apart};
 use crate::nearest::{Nearest, oriented};
 use crate::normals::vertex_normals;
 use glam::{DVec3, Vec3};
@@ -40,10 +41,6 @@ const LANDMARK: f64 = 4.0;
 const FACE_REACH: f64 = 0.008;
 const FACE_ROUND: usize = 2;
 
-/// Skin is closed in where other skin is within the first in the scan's pose, and more than the second farther in T-pose, metres. Depth there is
-/// that of a sheet from the one to the other, which would become a lump under the lifted arm.
-const CLOSED_IN: (f32, f32) = (0.05, 0.08);
-
 /// What the last round found.
 #[derive(Debug, Clone)]
 pub(super) struct Displaced {
@@ -55,17 +52,16 @@ pub(super) struct Displaced {
     pub(super) offsets: Vec<Option<f64>>,
 }
 
-/// Displaces the body's own vertices. `fitted`: the model as the fit put it, of this scale; `surface`: points and unit outward normals; `landmarks`:
-/// vertices and where they are, metres.
+/// Displaces the body's own vertices. `fitted`: the model as the fit put it; `surface`: points and unit outward normals; `landmarks`: vertices and where they
+/// are, metres.
 pub(super) fn displaced(
     model: &BodyModel,
-    fitted: &Posed,
-    scale: f64,
+    fitted: &Fitted,
     surface: &[(Vec3, Vec3)],
     landmarks: &[(usize, DVec3)],
 ) -> Displaced {
-    let closed_in = closed_in(model, fitted, scale);
-    let fitted = fitted.vertices.as_slice();
+    let closed_in = closed_in(model, fitted);
+    let fitted = fitted.posed.vertices.as_slice();
     let count = model.body_vertices;
     let skull = model.joints[Joint::Head.index()].z;
     let face: Vec<f64> = (0..count)
@@ -157,16 +153,16 @@ pub(super) fn displaced(
     }
 }
 
-/// `[body vertices]` which vertices are closed in: what is seen of them is not their surface. Fingers are not asked.
-fn closed_in(model: &BodyModel, posed: &Posed, scale: f64) -> Vec<bool> {
-    let straight = JointPose::chained(&t_pose(&posed.rest_joints), &posed.rest_joints, scale);
-    let maps = posed_from_rest(
-        &straight.rotations,
-        &straight.joints,
-        scale,
-        &posed.rest_joints,
-    );
-    let straight = skinned(&model.weights, &maps, &posed.rest);
+/// `[body vertices]` which vertices are closed in by other skin: depth there is that of a sheet from the one to the other, which would become a lump
+/// under the lifted arm. Fingers are left out.
+fn closed_in(model: &BodyModel, fitted: &Fitted) -> Vec<bool> {
+    let posed = &fitted.posed;
+    let straight = State {
+        root: DVec3::ZERO,
+        rotations: t_pose(&posed.rest_joints),
+        ..fitted.state.clone()
+    };
+    let straight = Posed::new(model, &straight).vertices;
     let outer: Vec<usize> = (0..model.body_vertices)
         .filter(|v| model.outer[*v] && model.finger_share(*v) < 0.3)
         .collect();

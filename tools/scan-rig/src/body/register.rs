@@ -130,7 +130,7 @@ fn registered(model: &BodyModel, seen: &Observed<'_>) -> Result<(Registered, Fit
     let clock = std::time::Instant::now();
     let head = &fitted.posed.maps[Joint::Head.index()];
     let wanted: Vec<(usize, DVec3)> = face.iter().map(|on| (on.vertex, on.wanted(head))).collect();
-    let displaced = displaced(model, &fitted.posed, fitted.state.scale, &surface, &wanted);
+    let displaced = displaced(model, &fitted, &surface, &wanted);
     log::debug!("displaced {:.2} s", clock.elapsed().as_secs_f64());
     let mut vertices: Vec<DVec3> = fitted.posed.vertices.clone();
     vertices[..model.body_vertices].copy_from_slice(&displaced.vertices);

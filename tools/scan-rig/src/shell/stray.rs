@@ -5,7 +5,7 @@
 use super::additions::brightness;
 use super::harmonic::Edges;
 use crate::RigError;
-use crate::apart::{InTwoPoses, come_apart};
+use crate::apart::{CLOSED_IN, InTwoPoses, come_apart};
 use crate::bind::Bound;
 use crate::body::{BodyModel, Registered};
 use crate::nearest::Nearest;
@@ -13,9 +13,7 @@ use crate::scan::Scan;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Skin is closed in where other skin, or a thing, is within the first as the scan stands, and more than the second farther in T-pose, metres;
-/// the larger bounds are for mist.
-const BETWEEN: (f32, f32) = (0.05, 0.08);
+/// Bounds as those of [`CLOSED_IN`], by other skin or a thing, for mist beside what is closed in, metres.
 const BETWEEN_FAR: (f32, f32) = (0.09, 0.05);
 
 /// A Gaussian whose second longest standard deviation is more is mist where it stands off the skin, metres: beside what is closed in, and
@@ -100,10 +98,6 @@ pub(crate) fn tidy(
     let (ends_here, ends_there) = (ends(model, &bound.scan, &here), ends(model, &posed, &there));
     let colours = around(bound, model, &between, &rest.vertices[..model.rest.len()]);
     let outside = outside(model, &posed.positions, &there);
-    let middle = |scan: &Scan, at: usize| {
-        let scales = scan.scales[at];
-        scales.element_sum() - scales.max_element() - scales.min_element()
-    };
     let mut stray = Stray::default();
     let mut keep = vec![true; bound.scan.len()];
     for at in (0..bound.scan.len()).filter(|at| body[*at]) {
@@ -114,11 +108,12 @@ pub(crate) fn tidy(
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let height = (posed.positions[at] - corners[0]).dot(normal.normalize_or_zero());
         let is_outside = outside[at] > 0.6 * OFF;
-        let width = middle(&bound.scan, at);
+        let scales = bound.scan.scales[at];
+        let width = scales.element_sum() - scales.max_element() - scales.min_element();
         let is_stray = (between[at] && (is_outside || height > 0.4 * OFF))
             || (beside[at] && is_outside && width > MIST);
-        let is_beside = off > OFF_AS_MIST && outside[at] > 0.6 * OFF_AS_MIST;
-        let is_mist = between[at] && width > MIST_BETWEEN && (is_beside || off > DEEP);
+        let stands_off = off > OFF_AS_MIST && outside[at] > 0.6 * OFF_AS_MIST;
+        let is_mist = between[at] && width > MIST_BETWEEN && (stands_off || off > DEEP);
         if (off > OFF && is_stray) || is_mist {
             keep[at] = false;
             stray.dropped += 1;
@@ -135,7 +130,7 @@ pub(crate) fn tidy(
         }
         let lighter = if between[at] && off > BESIDE {
             Some(LIGHTER)
-        } else if beside[at] && is_beside {
+        } else if beside[at] && stands_off {
             Some(MUCH_LIGHTER)
         } else {
             None
@@ -156,7 +151,7 @@ pub(crate) fn tidy(
 
 /// `[N_v]` which vertices of the skin are closed in by what moves away from them.
 struct Opening {
-    /// By [`BETWEEN`].
+    /// By [`CLOSED_IN`].
     near: Vec<bool>,
     /// By [`BETWEEN_FAR`].
     far: Vec<bool>,
@@ -182,7 +177,7 @@ fn opening(
         scanned: things_here,
         straight: things_there,
     };
-    let bounds = [BETWEEN, BETWEEN_FAR];
+    let bounds = [CLOSED_IN, BETWEEN_FAR];
     let (from_skin, from_things) = (
         come_apart(skin, skin, bounds),
         come_apart(skin, things, bounds),

@@ -12,16 +12,11 @@ use spmm3::MotionParams;
 /// Pictures that are looked at of each camera.
 const PICTURES: usize = 6;
 
-/// A matrix for each camera that brings what is drawn to its photographs' colours. Black stays black.
-#[derive(Debug)]
+/// A matrix for each camera that brings what is drawn to its photographs' colours; none leaves colours as they are. Black stays black.
+#[derive(Debug, Default)]
 pub(super) struct Colours(Vec<Matrix3<f64>>);
 
 impl Colours {
-    /// Leaves colours as they are.
-    pub(super) fn none(cameras: usize) -> Self {
-        Self(vec![Matrix3::identity(); cameras])
-    }
-
     /// By least squares over the people's pixels of some pictures of each camera, all of them of frames that are trained on.
     pub(super) fn fitted(
         renderer: &StillRenderer<'_>,

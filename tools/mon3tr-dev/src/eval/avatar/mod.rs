@@ -116,7 +116,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         };
         Colours::fitted(&renderer, &capture, &motions)?
     } else {
-        Colours::none(capture.cameras().len())
+        Colours::default()
     };
     let mut rows = Vec::new();
     for method in methods {
