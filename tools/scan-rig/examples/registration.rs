@@ -31,6 +31,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut sight = Sight::open(&GpuChoice::Auto)?;
     let mut networks = Networks::open(None)?;
     let mut means = Vec::new();
+    // Squares of real errors and of those that the confidence stands for, millimetres.
+    let (mut real, mut expected) = (0.0, 0.0);
     for argument in std::env::args().skip(1) {
         let (scene, truth) = match argument.parse::<usize>() {
             Ok(number) => {
@@ -83,6 +85,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let errors: Vec<f64> = (0..JOINTS)
             .map(|j| 1e3 * registered.joints[j].distance(placed.point(truth.joints[j])))
             .collect();
+        for (error, sure) in errors.iter().zip(registered.confidence).take(BODY) {
+            real += error * error;
+            expected += 30.0_f64.powi(2) * (1.0 / sure - 1.0);
+        }
         let front = placed.rotation * DVec3::new(truth.yaw.sin(), 0.0, truth.yaw.cos());
         let turned = registered.rotations[Joint::Pelvis.index()].z_axis;
         let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
@@ -105,8 +111,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mean = means.iter().map(|(mean, _)| mean).sum::<f64>() / means.len() as f64;
         let worst = means.iter().map(|(_, worst)| *worst).fold(0.0, f64::max);
         println!(
-            "{} people: 22 joints {mean:.1} mm off on average, {worst:.1} at most",
-            means.len()
+            "{} people: 22 joints {mean:.1} mm off on average, {worst:.1} at most; their errors are {:.2} of what the confidence says (root mean square)",
+            means.len(),
+            f64::sqrt(real / expected)
         );
     }
     Ok(())

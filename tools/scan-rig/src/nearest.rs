@@ -79,6 +79,51 @@ impl<const D: usize> Nearest<D> {
         self.search(query, out)
     }
 
+    /// Tells `visit` the squared distance and the name of each point that is nearer than `radius`, in no particular order; none if the query is not finite.
+    pub fn within(&self, query: &[f32; D], radius: f32, mut visit: impl FnMut(f32, u32)) {
+        if self.names.is_empty() || query.iter().any(|x| !x.is_finite()) {
+            return;
+        }
+        let most = radius * radius;
+        let mut stack = [0_u32; 64];
+        let mut height = 1;
+        while height > 0 {
+            height -= 1;
+            let mut node = stack[height];
+            loop {
+                match self.nodes[node as usize] {
+                    Node::Leaf { from, until } => {
+                        for at in from as usize..until as usize {
+                            let squared = squared_distance(query, &self.points[at]);
+                            if squared < most {
+                                visit(squared, self.names[at]);
+                            }
+                        }
+                        break;
+                    }
+                    Node::Split {
+                        axis,
+                        value,
+                        low,
+                        high,
+                    } => {
+                        let beyond = query[usize::from(axis)] - value;
+                        let (near, far) = if beyond < 0.0 {
+                            (low, high)
+                        } else {
+                            (high, low)
+                        };
+                        if beyond * beyond < most {
+                            stack[height] = far;
+                            height += 1;
+                        }
+                        node = near;
+                    }
+                }
+            }
+        }
+    }
+
     /// Squared distances and names in `best`, nearest first; how many are filled.
     fn search(&self, query: &[f32; D], best: &mut [(f32, u32)]) -> usize {
         if best.is_empty() || self.names.is_empty() || query.iter().any(|x| !x.is_finite()) {
@@ -99,10 +144,7 @@ impl<const D: usize> Nearest<D> {
                 match self.nodes[node as usize] {
                     Node::Leaf { from, until } => {
                         for at in from as usize..until as usize {
-                            let mut squared = 0.0;
-                            for (a, b) in query.iter().zip(&self.points[at]) {
-                                squared += (a - b) * (a - b);
-                            }
+                            let squared = squared_distance(query, &self.points[at]);
                             let candidate = (squared, self.names[at]);
                             if candidate < best[last] {
                                 let place = best.partition_point(|b| *b < candidate);
@@ -135,6 +177,10 @@ impl<const D: usize> Nearest<D> {
         }
         count
     }
+}
+
+fn squared_distance<const D: usize>(a: &[f32; D], b: &[f32; D]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
 fn found((squared, name): (f32, u32)) -> Found {
@@ -228,6 +274,12 @@ mod tests {
             assert_eq!(some[..], all[..9], "not the nearest of {query:?}");
             let one = tree.one(&query).map(|f| f.at);
             assert_eq!(one, Some(all[0].1 as usize), "not the nearest one");
+            let radius = all[40].0.sqrt();
+            let mut within = Vec::new();
+            tree.within(&query, radius, |squared, at| within.push((squared, at)));
+            within.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
+            let near = all.iter().filter(|(squared, _)| *squared < radius * radius);
+            assert_eq!(within, near.copied().collect::<Vec<_>>(), "within {radius}");
         }
     }
 
@@ -236,6 +288,7 @@ mod tests {
         assert!(Nearest::<3>::new(&[]).one(&[0.0; 3]).is_none(), "of none");
         let tree = Nearest::new(&[[1.0, 2.0, 3.0]; 100]);
         assert!(tree.one(&[f32::NAN; 3]).is_none(), "near no number");
+        tree.within(&[f32::NAN; 3], 9.0, |_, _| panic!("near no number"));
         assert_eq!(tree.one(&[0.0; 3]).map(|f| f.at), Some(0), "of equals");
     }
 }

@@ -36,10 +36,11 @@ pub(super) struct Pull {
 }
 
 /// Matches points to the outside of the model; `reach`: points about this far off, metres, have a quarter of the weight, and those three times
-/// as far have none. Ascending by vertex.
+/// as far have none. Points at vertices that are `[body vertices]` closed in have none either. Ascending by vertex.
 pub(super) fn matched(
     model: &BodyModel,
     posed: &Posed,
+    closed_in: &[bool],
     points: &[(Vec3, Vec3)],
     cloth: f64,
     reach: f64,
@@ -65,7 +66,7 @@ pub(super) fn matched(
             let facing = normals[vertex].dot(normal.as_dvec3());
             let fall = 1.0 + (far / reach).powi(2);
             let weight = model.hand_factor(vertex) / (fall * fall);
-            (far < 3.0 * reach && facing > 0.3 && weight > 0.01)
+            (far < 3.0 * reach && facing > 0.3 && weight > 0.01 && !closed_in[vertex])
                 .then(|| (vertex, weight, apart.dot(normals[vertex])))
         })
         .collect();

@@ -1,6 +1,7 @@
 //! The body model and its registration to a scan.
 
 mod alignment;
+mod closed_in;
 mod confidence;
 mod derivatives;
 mod face;

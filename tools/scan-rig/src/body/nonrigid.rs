@@ -6,9 +6,6 @@
 use super::fit::Fitted;
 use super::laplacian::{Laplacian, Pulled};
 use super::model::BodyModel;
-use super::posing::t_pose;
-use super::state::{Posed, State};
-use crate::apart::{CLOSED_IN, InTwoPoses, come_apart};
 use crate::nearest::{Nearest, oriented};
 use crate::normals::vertex_normals;
 use glam::{DVec3, Vec3};
@@ -48,7 +45,7 @@ pub(super) struct Displaced {
     pub(super) vertices: Vec<DVec3>,
     /// Median distance of the matched vertices from the surface along their normals, metres.
     pub(super) residual: f64,
-    /// `[body vertices]` how far the surface is from the fitted model along the normal, metres, where it was seen.
+    /// `[body vertices]` how far the surface is from the fitted model along the normal, metres, where it was seen and the vertex is not closed in.
     pub(super) offsets: Vec<Option<f64>>,
 }
 
@@ -60,7 +57,7 @@ pub(super) fn displaced(
     surface: &[(Vec3, Vec3)],
     landmarks: &[(usize, DVec3)],
 ) -> Displaced {
-    let closed_in = closed_in(model, fitted);
+    let closed_in = fitted.closed_in.as_slice();
     let fitted = fitted.posed.vertices.as_slice();
     let count = model.body_vertices;
     let skull = model.joints[Joint::Head.index()].z;
@@ -151,32 +148,4 @@ pub(super) fn displaced(
         vertices,
         offsets: first,
     }
-}
-
-/// `[body vertices]` which vertices are closed in by other skin: depth there is that of a sheet from the one to the other, which would become a lump
-/// under the lifted arm. Fingers are left out.
-fn closed_in(model: &BodyModel, fitted: &Fitted) -> Vec<bool> {
-    let posed = &fitted.posed;
-    let straight = State {
-        root: DVec3::ZERO,
-        rotations: t_pose(&posed.rest_joints),
-        ..fitted.state.clone()
-    };
-    let straight = Posed::new(model, &straight).vertices;
-    let outer: Vec<usize> = (0..model.body_vertices)
-        .filter(|v| model.outer[*v] && model.finger_share(*v) < 0.3)
-        .collect();
-    let of = |vertices: &[DVec3]| -> Vec<Vec3> {
-        outer.iter().map(|v| vertices[*v].as_vec3()).collect()
-    };
-    let (scanned, straight) = (of(&posed.vertices), of(&straight));
-    let skin = InTwoPoses {
-        scanned: &scanned,
-        straight: &straight,
-    };
-    let mut closed_in = vec![false; model.body_vertices];
-    for (v, [found]) in outer.iter().zip(come_apart(skin, skin, [CLOSED_IN])) {
-        closed_in[*v] = found;
-    }
-    closed_in
 }

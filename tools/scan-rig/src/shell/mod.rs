@@ -146,7 +146,7 @@ pub fn complete(
         painted.pictures.repaint(&mut bound.scan, &may);
     }
     let is_stiff = |face| hands::is_rigid(model, &report.hands, face);
-    let fill = options.unseen.then_some(stray.opens.as_slice());
+    let fill = options.unseen.then_some(stray.closed_in.as_slice());
     report.coverage = unseen::complete(bound, model, registered, fill, is_stiff)?;
     Ok(report)
 }

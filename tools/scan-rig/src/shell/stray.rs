@@ -1,5 +1,5 @@
-//! What hung between two parts of the body as the scan stood: between arm and flank no view looked well, and Gaussians there have the
-//! colours of what was behind. Once the arm is lifted they show: what is off the body is left out, what is long is shortened, and what is
+//! What hung in an opening between two parts of the body as the scan stood: between arm and flank no view looked well, and Gaussians there have
+//! the colours of what was behind. Once the arm is lifted they show: what is off the body is left out, what is long is shortened, and what is
 //! lighter than the body around takes its colour.
 
 use super::additions::brightness;
@@ -13,33 +13,38 @@ use crate::scan::Scan;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Bounds as those of [`CLOSED_IN`], by other skin or a thing, for mist beside what is closed in, metres.
-const BETWEEN_FAR: (f32, f32) = (0.09, 0.05);
+/// Bounds as those of [`CLOSED_IN`] for the edges of an opening: no view looked well there either, but skin may have been seen aslant, metres.
+const EDGE: (f32, f32) = (0.09, 0.05);
 
-/// A Gaussian whose second longest standard deviation is more is mist where it stands off the skin, metres: beside what is closed in, and
-/// between two parts, where as much as [`OFF_AS_MIST`] off its triangle is too far for mist.
-const MIST: f32 = 0.008;
-const MIST_BETWEEN: f32 = 0.005;
-const OFF_AS_MIST: f32 = 0.006;
-
-/// Mist farther off its triangle than this, between two parts, is under the skin in one pose and out of it in another, metres.
-const DEEP: f32 = 0.022;
-
-/// Of a thing, one in so many Gaussians of more opacity than this is looked at.
+/// Of a thing, one in so many Gaussians of more opacity than this is looked at: a surface, and no more of it than tells where the thing is.
 const THINNED: usize = 3;
 const SOLID: f32 = 0.3;
 
-/// Between two parts, what is farther off its triangle than the first is left out, and what is farther off than the second is no skin's
-/// colour, metres.
+/// How far from its triangle a Gaussian may be in an opening, metres: cloth is nearer. A Gaussian that its neighbours moved to
+/// another part of the body is beside its triangle and not over it, so its height and how far it is outside of all skin are asked too, each with
+/// a share of that.
 const OFF: f32 = 0.012;
-const BESIDE: f32 = 0.004;
+const OUTSIDE: f32 = 0.6;
+const OVER: f32 = 0.4;
 
-/// How much lighter than the body around such a Gaussian may be, and one that is outside of the skin beside what is closed in.
+/// Mist is wide, skin is fine: a Gaussian whose second longest standard deviation is more than these is mist, at the edge of an opening and in it,
+/// metres. Splat trainers leave few as wide on skin that was looked at.
+const MIST_AT_EDGE: f32 = 0.008;
+const MIST: f32 = 0.005;
+/// Half of [`OFF`] is too far off for mist.
+const MIST_OFF: f32 = 0.006;
+/// Mist this far off its triangle goes from under the skin to outside of it, or back, as a limb turns, metres.
+const DEEP: f32 = 0.022;
+
+/// In an opening, what is farther off its triangle than this, metres, may be so much lighter than the body around, and at the edge what is outside
+/// of the skin so much. What was behind the person is light: a wall, the sky.
+const OFF_SKIN: f32 = 0.004;
 const LIGHTER: f64 = 0.15;
-const MUCH_LIGHTER: f64 = 0.3;
+const LIGHTER_AT_EDGE: f64 = 0.3;
 
-/// Where a Gaussian ends, in standard deviations, how much farther off the body its end may be in T-pose, metres, elsewhere and between two
-/// parts, and how much it may be shortened.
+/// Where a Gaussian ends, in standard deviations, how much farther off the body its end may be in T-pose, metres, elsewhere and in an opening, and
+/// to what share it may be shortened. Spikes of 4 mm are seen where an arm is lifted before a wall; elsewhere cloth hides them. Shorter than a
+/// fifth, a Gaussian leaves a hole.
 const END: f32 = 2.0;
 const STANDS_OFF: [f32; 2] = [0.018, 0.004];
 const SHORTEST: f32 = 0.2;
@@ -51,13 +56,56 @@ const HEADS_SHARE: f64 = 0.5;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Stray {
     /// `[N_v]` whether a vertex of the body was closed in as the scan stood.
-    pub(crate) opens: Vec<bool>,
+    pub(crate) closed_in: Vec<bool>,
     /// Gaussians left out.
     pub(crate) dropped: usize,
     /// Gaussians shortened.
     pub(crate) shortened: usize,
     /// Gaussians in the colour of the body around.
     pub(crate) repainted: usize,
+}
+
+/// Where a Gaussian of the body is. Lengths in metres.
+#[derive(Debug, Clone, Copy)]
+struct Seat {
+    /// Its triangle is closed in as the scan stands.
+    closed_in: bool,
+    /// Its triangle is closed in by [`EDGE`].
+    at_edge: bool,
+    /// How far it is from its triangle.
+    off: f32,
+    /// Its height over its triangle in T-pose.
+    height: f32,
+    /// How far it is outside of the nearest skin as the scan stands, and in T-pose; negative inside.
+    outside: [f32; 2],
+    /// Its second longest standard deviation.
+    width: f32,
+}
+
+impl Seat {
+    /// Whether it hung in the opening: over its triangle or outside of all skin, or mist. What lies under the skin in both poses does not show.
+    fn is_left_out(&self) -> bool {
+        let [_, outside] = self.outside;
+        let is_outside = outside > OUTSIDE * OFF;
+        let hangs = (self.closed_in && (is_outside || self.height > OVER * OFF))
+            || (self.at_edge && is_outside && self.width > MIST_AT_EDGE);
+        let is_mist = self.closed_in && self.width > MIST && (self.stands_off() || self.off > DEEP);
+        (hangs && self.off > OFF) || is_mist
+    }
+
+    /// Whether it stands off the skin in T-pose, as mist must not.
+    fn stands_off(&self) -> bool {
+        self.off > MIST_OFF && self.outside[1] > OUTSIDE * MIST_OFF
+    }
+
+    /// How much lighter than the body around it may be.
+    fn lightest(&self) -> Option<f64> {
+        if self.closed_in && self.off > OFF_SKIN {
+            Some(LIGHTER)
+        } else {
+            (self.at_edge && self.stands_off()).then_some(LIGHTER_AT_EDGE)
+        }
+    }
 }
 
 /// Tidies up what was bound.
@@ -71,56 +119,52 @@ pub(crate) fn tidy(
     let there: Vec<Vec3> = rest.vertices.iter().map(|v| v.as_vec3()).collect();
     let carried = bound.carried();
     let posed = carried.posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &there);
-    let of_things: Vec<usize> = (0..bound.scan.len())
-        .filter(|at| bound.accessory[*at] != 0 && bound.scan.opacities[*at] > SOLID)
-        .step_by(THINNED)
+    let opening = Opening::new(bound, model, &posed, [&here, &there]);
+    let outside = [(&bound.scan, &here), (&posed, &there)]
+        .map(|(scan, skin)| outside(model, &scan.positions, skin));
+    let seats: Vec<Option<Seat>> = (0..bound.scan.len())
+        .map(|at| {
+            let face = model.faces.get(bound.triangles[at] as usize)?;
+            let [a, b, c] = face.map(|v| v as usize);
+            if bound.accessory[at] != 0 || model.head_share(a) >= HEADS_SHARE {
+                return None;
+            }
+            let normal = (there[b] - there[a]).cross(there[c] - there[a]);
+            let scales = bound.scan.scales[at];
+            Some(Seat {
+                closed_in: [a, b, c].iter().any(|v| opening.closed_in[*v]),
+                at_edge: [a, b, c].iter().any(|v| opening.edge[*v]),
+                off: carried.offsets[at].length(),
+                height: (posed.positions[at] - there[a]).dot(normal.normalize_or_zero()),
+                outside: [outside[0][at], outside[1][at]],
+                width: scales.element_sum() - scales.max_element() - scales.min_element(),
+            })
+        })
         .collect();
-    let of =
-        |scan: &Scan| -> Vec<Vec3> { of_things.iter().map(|at| scan.positions[*at]).collect() };
-    let opens = opening(model, [&here, &there], [&of(&bound.scan), &of(&posed)]);
-    let is_body = |at: usize| {
-        let face = bound.triangles[at] as usize;
-        bound.accessory[at] == 0
-            && (model.faces.get(face))
-                .is_some_and(|corners| model.head_share(corners[0] as usize) < HEADS_SHARE)
-    };
-    let is_on = |opens: &[bool], at: usize| {
-        (model.faces.get(bound.triangles[at] as usize))
-            .is_some_and(|corners| corners.iter().any(|v| opens[*v as usize]))
-    };
-    let body: Vec<bool> = (0..bound.scan.len()).map(is_body).collect();
-    let on = |opens: &[bool]| -> Vec<bool> {
-        (body.iter().enumerate())
-            .map(|(at, body)| *body && is_on(opens, at))
-            .collect()
-    };
-    let (between, beside) = (on(&opens.near), on(&opens.far));
+    let is_closed_in: Vec<bool> = (seats.iter())
+        .map(|seat| seat.is_some_and(|seat| seat.closed_in))
+        .collect();
+    let usual = usual_colours(
+        bound,
+        model,
+        &is_closed_in,
+        &rest.vertices[..model.rest.len()],
+    );
     let (ends_here, ends_there) = (ends(model, &bound.scan, &here), ends(model, &posed, &there));
-    let colours = around(bound, model, &between, &rest.vertices[..model.rest.len()]);
-    let outside = outside(model, &posed.positions, &there);
-    let mut stray = Stray::default();
+    let mut stray = Stray {
+        closed_in: opening.closed_in,
+        ..Stray::default()
+    };
     let mut keep = vec![true; bound.scan.len()];
-    for at in (0..bound.scan.len()).filter(|at| body[*at]) {
-        let off = carried.offsets[at].length();
-        // What lies as deep under the skin does not show. A Gaussian that its neighbours moved to another part of the body is beside its
-        // triangle, not over it, and outside of the skin all the same.
-        let corners = model.faces[bound.triangles[at] as usize].map(|v| there[v as usize]);
-        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        let height = (posed.positions[at] - corners[0]).dot(normal.normalize_or_zero());
-        let is_outside = outside[at] > 0.6 * OFF;
-        let scales = bound.scan.scales[at];
-        let width = scales.element_sum() - scales.max_element() - scales.min_element();
-        let is_stray = (between[at] && (is_outside || height > 0.4 * OFF))
-            || (beside[at] && is_outside && width > MIST);
-        let stands_off = off > OFF_AS_MIST && outside[at] > 0.6 * OFF_AS_MIST;
-        let is_mist = between[at] && width > MIST_BETWEEN && (stands_off || off > DEEP);
-        if (off > OFF && is_stray) || is_mist {
+    for (at, seat) in seats.iter().enumerate() {
+        let Some(seat) = seat else { continue };
+        if seat.is_left_out() {
             keep[at] = false;
             stray.dropped += 1;
             continue;
         }
         let grown = ends_there[at] - ends_here[at];
-        let most = STANDS_OFF[usize::from(between[at])];
+        let most = STANDS_OFF[usize::from(seat.closed_in)];
         if grown > most {
             let scales = &mut bound.scan.scales[at];
             let longest = scales.max_element();
@@ -128,16 +172,9 @@ pub(crate) fn tidy(
             *scales = scales.min(Vec3::splat(longest * share));
             stray.shortened += 1;
         }
-        let lighter = if between[at] && off > BESIDE {
-            Some(LIGHTER)
-        } else if beside[at] && stands_off {
-            Some(MUCH_LIGHTER)
-        } else {
-            None
-        };
-        if let Some(lighter) = lighter {
+        if let Some(lighter) = seat.lightest() {
             let face = model.faces[bound.triangles[at] as usize];
-            let usual = face.iter().map(|v| colours[*v as usize]).sum::<DVec3>() / 3.0;
+            let usual = face.iter().map(|v| usual[*v as usize]).sum::<DVec3>() / 3.0;
             if brightness(bound.scan.colours[at].as_dvec3()) > brightness(usual) + lighter {
                 bound.scan.colours[at] = usual.as_vec3();
                 stray.repainted += 1;
@@ -145,52 +182,50 @@ pub(crate) fn tidy(
         }
     }
     bound.retain(&keep);
-    stray.opens = opens.near;
     Ok(stray)
 }
 
-/// `[N_v]` which vertices of the skin are closed in by what moves away from them.
+/// `[N_v]` which vertices of the skin are near other skin, or a thing, as the scan stands, that is far in T-pose.
 struct Opening {
     /// By [`CLOSED_IN`].
-    near: Vec<bool>,
-    /// By [`BETWEEN_FAR`].
-    far: Vec<bool>,
+    closed_in: Vec<bool>,
+    /// By [`EDGE`].
+    edge: Vec<bool>,
 }
 
-/// Which vertices of the skin are near other skin, or a thing, in the scan's pose that is far in T-pose. Both are in the two poses: first the
-/// scan's.
-fn opening(
-    model: &BodyModel,
-    [here, there]: [&[Vec3]; 2],
-    [things_here, things_there]: [&[Vec3]; 2],
-) -> Opening {
-    let outer: Vec<usize> = (0..model.body_vertices)
-        .filter(|v| model.outer[*v])
-        .collect();
-    let of = |vertices: &[Vec3]| -> Vec<Vec3> { outer.iter().map(|v| vertices[*v]).collect() };
-    let (here, there) = (of(here), of(there));
-    let skin = InTwoPoses {
-        scanned: &here,
-        straight: &there,
-    };
-    let things = InTwoPoses {
-        scanned: things_here,
-        straight: things_there,
-    };
-    let bounds = [CLOSED_IN, BETWEEN_FAR];
-    let (from_skin, from_things) = (
-        come_apart(skin, skin, bounds),
-        come_apart(skin, things, bounds),
-    );
-    let mut opening = Opening {
-        near: vec![false; model.rest.len()],
-        far: vec![false; model.rest.len()],
-    };
-    for ((v, skin), thing) in outer.iter().zip(from_skin).zip(from_things) {
-        opening.near[*v] = skin[0] || thing[0];
-        opening.far[*v] = skin[1] || thing[1];
+impl Opening {
+    /// `posed`: the scan in T-pose; `here` and `there`: the mesh as the scan stands, and in T-pose.
+    fn new(bound: &Bound, model: &BodyModel, posed: &Scan, [here, there]: [&[Vec3]; 2]) -> Self {
+        let outer: Vec<usize> = (0..model.body_vertices)
+            .filter(|v| model.outer[*v])
+            .collect();
+        let skin: Vec<InTwoPoses> = (outer.iter())
+            .map(|v| InTwoPoses {
+                scanned: here[*v],
+                straight: there[*v],
+            })
+            .collect();
+        let things: Vec<InTwoPoses> = (0..bound.scan.len())
+            .filter(|at| bound.accessory[*at] != 0 && bound.scan.opacities[*at] > SOLID)
+            .step_by(THINNED)
+            .map(|at| InTwoPoses {
+                scanned: bound.scan.positions[at],
+                straight: posed.positions[at],
+            })
+            .collect();
+        let bounds = [CLOSED_IN, EDGE];
+        let from_skin = come_apart(&skin, &skin, bounds);
+        let from_things = come_apart(&skin, &things, bounds);
+        let mut opening = Self {
+            closed_in: vec![false; model.rest.len()],
+            edge: vec![false; model.rest.len()],
+        };
+        for ((v, skin), thing) in outer.iter().zip(from_skin).zip(from_things) {
+            opening.closed_in[*v] = skin[0] || thing[0];
+            opening.edge[*v] = skin[1] || thing[1];
+        }
+        opening
     }
-    opening
 }
 
 /// How far points are outside of the nearest skin, metres; negative inside.
@@ -239,10 +274,15 @@ fn ends(model: &BodyModel, scan: &Scan, vertices: &[Vec3]) -> Vec<f32> {
         .collect()
 }
 
-/// The colour of the body at its vertices, continued from where it was not closed in.
-fn around(bound: &Bound, model: &BodyModel, between: &[bool], vertices: &[DVec3]) -> Vec<DVec3> {
+/// `[N_v]` the body's colour at its vertices, continued from where it was not `[N]` closed in.
+fn usual_colours(
+    bound: &Bound,
+    model: &BodyModel,
+    closed_in: &[bool],
+    vertices: &[DVec3],
+) -> Vec<DVec3> {
     let mut sums = vec![(DVec3::ZERO, 0.0_f64); model.rest.len()];
-    for at in (0..bound.scan.len()).filter(|at| !between[*at] && bound.accessory[*at] == 0) {
+    for at in (0..bound.scan.len()).filter(|at| !closed_in[*at] && bound.accessory[*at] == 0) {
         let weight = f64::from(bound.scan.opacities[at]);
         let corners = model.faces.get(bound.triangles[at] as usize);
         for v in corners.into_iter().flatten() {

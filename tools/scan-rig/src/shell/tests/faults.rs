@@ -10,7 +10,8 @@ use super::super::face::cover;
 use super::super::head::Head;
 use super::super::stray;
 use super::scene::{Scene, data, face, picture, psnr, save};
-use glam::{DVec3, Quat, Vec3};
+use crate::body::BodyModel;
+use glam::{DVec3, Mat3, Quat, Vec3};
 
 #[test]
 fn the_shell_is_as_light_as_the_skin_before_it_is_repainted() {
@@ -162,4 +163,105 @@ fn what_hung_between_arm_and_flank_goes_and_what_lies_on_the_skin_stays() {
         scene.bound.scan.len() * 100 > before * 99,
         "skin was left out"
     );
+}
+
+/// Faces of the skin that other skin closes in, faces at the edge of such an opening, and faces far from any, all flat enough that 25 mm above them nothing
+/// else is near in T-pose. By a search through all pairs.
+fn faces_by_opening(model: &BodyModel, here: &[DVec3], there: &[DVec3]) -> [Vec<usize>; 3] {
+    let outer: Vec<usize> = (0..model.body_vertices)
+        .filter(|v| model.outer[*v] && model.head_share(*v) < 0.1)
+        .collect();
+    let parts = |v: usize, within: f64, farther: f64| {
+        outer.iter().any(|other| {
+            let apart = here[v].distance(here[*other]);
+            apart < within && there[v].distance(there[*other]) > apart + farther
+        })
+    };
+    let is_flat = |corners: [usize; 3]| {
+        let [a, b, c] = corners.map(|v| there[v]);
+        let above = (a + b + c) / 3.0 + 0.025 * (b - a).cross(c - a).normalize_or_zero();
+        outer.iter().all(|v| there[*v].distance(above) > 0.024)
+    };
+    let mut found = [const { Vec::new() }; 3];
+    for (face, corners) in model.faces.iter().enumerate().step_by(5) {
+        let corners = corners.map(|v| v as usize);
+        if !(corners.iter()).all(|v| outer.binary_search(v).is_ok()) || !is_flat(corners) {
+            continue;
+        }
+        let all = |within, farther| corners.iter().all(|v| parts(*v, within, farther));
+        let any = |within, farther| corners.iter().any(|v| parts(*v, within, farther));
+        if all(0.045, 0.09) {
+            found[0].push(face);
+        } else if all(0.085, 0.06) && !any(0.055, 0.075) {
+            found[1].push(face);
+        } else if !any(0.12, 0.04) {
+            found[2].push(face);
+        }
+    }
+    found
+}
+
+#[test]
+fn mist_in_an_opening_goes_and_cloth_and_what_is_elsewhere_stays() {
+    let Some(data) = data() else { return };
+    let model = data.model;
+    let mut scene = Scene::standing(data, 0.03, 0.6, |_| true);
+    scene.bound.scan.colours.fill(Vec3::splat(0.4));
+    let rest = (scene.bound.rest(model, &scene.registered)).unwrap_or_else(|e| panic!("{e}"));
+    let faces = faces_by_opening(model, &scene.bound.mesh.vertices, &rest.vertices);
+    let tidied = |extra: &dyn Fn(&mut Scene)| {
+        let mut scene = Scene {
+            bound: scene.bound.clone(),
+            registered: scene.registered.clone(),
+        };
+        extra(&mut scene);
+        stray::tidy(&mut scene.bound, model, &scene.registered).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let usual = tidied(&|_| {});
+    let (closed_in, edge, elsewhere) = (0, 1, 2);
+    // Where, how far over the skin, how wide (standard deviation), millimetres; how light, of skin of 0.4; whether it is left out, or repainted.
+    for (place, over, wide, light, goes, repainted) in [
+        (closed_in, 25.0, 6.0, 0.4, true, false),
+        (closed_in, 25.0, 2.0, 0.4, true, false),
+        (closed_in, 8.0, 6.0, 0.4, true, false),
+        (closed_in, 8.0, 2.0, 0.4, false, false),
+        (closed_in, 4.5, 6.0, 0.4, false, false),
+        (closed_in, 8.0, 2.0, 0.6, false, true),
+        (closed_in, 8.0, 2.0, 0.5, false, false),
+        (closed_in, 3.0, 2.0, 0.9, false, false),
+        // Loose cloth.
+        (edge, 15.0, 3.0, 0.4, false, false),
+        (edge, 15.0, 9.0, 0.4, true, false),
+        (edge, 8.0, 3.0, 0.8, false, true),
+        (edge, 8.0, 3.0, 0.6, false, false),
+        (elsewhere, 25.0, 12.0, 1.0, false, false),
+    ] {
+        let faces = &faces[place];
+        assert!(faces.len() > 10, "{} faces of kind {place}", faces.len());
+        let found = tidied(&|scene: &mut Scene| {
+            for face in faces {
+                let [a, b, c] = model.faces[*face].map(|v| scene.bound.mesh.vertices[v as usize]);
+                let along = (b - a).normalize().as_vec3();
+                let normal = (b - a).cross(c - a).normalize().as_vec3();
+                let scan = &mut scene.bound.scan;
+                let middle = ((a + b + c) / 3.0).as_vec3();
+                scan.positions.push(middle + over / 1e3 * normal);
+                let axes = Mat3::from_cols(along, normal.cross(along), normal);
+                scan.rotations.push(Quat::from_mat3(&axes));
+                scan.scales.push(Vec3::new(wide, wide, 1.0) / 1e3);
+                scan.opacities.push(0.01);
+                scan.colours.push(Vec3::splat(light));
+                scene.bound.triangles.push(*face as u32);
+                scene.bound.accessory.push(0);
+            }
+        });
+        let case = format!("{over} mm over, {wide} mm wide, {light} light, place {place}");
+        let all = |is: bool| if is { faces.len() } else { 0 };
+        assert_eq!(found.dropped - usual.dropped, all(goes), "left out: {case}");
+        assert_eq!(
+            found.repainted - usual.repainted,
+            all(repainted),
+            "repainted: {case}"
+        );
+    }
 }
