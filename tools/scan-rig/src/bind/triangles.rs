@@ -11,6 +11,8 @@ use spmm3::{JOINTS, Joint};
 /// other.
 const ON_MESH: f32 = 0.08;
 const BESIDE: f32 = 0.03;
+/// A face whose normal fits may be so much farther than the nearest, metres: mist under a chin has the collar's normal, and is not the shoulder's.
+const FARTHER: f32 = 0.03;
 /// Faces whose middles are nearest that are compared.
 const TRIED: usize = 16;
 /// What their normals count then, as a share of [`ON_MESH`] squared: all are on one side of the body, and the surface's normals have noise.
@@ -29,6 +31,8 @@ pub(super) struct Faces {
     /// The part of the body of each.
     parts: Vec<u8>,
     tree: Nearest<6>,
+    /// Their middles.
+    middles: Nearest<3>,
 }
 
 impl Faces {
@@ -57,20 +61,35 @@ impl Faces {
             }
         }
         let tree = Nearest::new(&points);
+        let middle = |corners: &[Vec3; 3]| (corners.iter().sum::<Vec3>() / 3.0).to_array();
+        let middles = Nearest::new(&corners.iter().map(middle).collect::<Vec<_>>());
         Self {
             names,
             points,
             corners,
             parts,
             tree,
+            middles,
         }
     }
 
     /// The nearest face to a place with this normal.
     #[must_use]
     pub(super) fn nearest(&self, position: Vec3, normal: Vec3) -> Option<u32> {
-        let at = self.in_tree(&self.tree, |at| at, position, normal)?;
-        Some(self.names[at])
+        Some(self.names[self.best(position, normal)?])
+    }
+
+    /// The face that fits a place with this normal best, and the nearest where that is much farther.
+    fn best(&self, position: Vec3, normal: Vec3) -> Option<usize> {
+        let best = self.in_tree(&self.tree, |at| at, position, normal)?;
+        let nearest = self.middles.one(&position.to_array())?.at;
+        let [fits, is_near] =
+            [best, nearest].map(|at| nearest_point(position, self.corners[at]).distance(position));
+        Some(if fits < is_near + FARTHER {
+            best
+        } else {
+            nearest
+        })
     }
 
     /// Of the faces in a tree whose middles are nearest, the one that is nearest itself; `name` says which face a point of the tree is.
@@ -105,7 +124,7 @@ impl Faces {
     pub(super) fn choose(&self, positions: &[Vec3], normals: &[Vec3]) -> Option<(Vec<u32>, usize)> {
         let mut chosen: Vec<usize> = (0..positions.len())
             .into_par_iter()
-            .map(|at| self.in_tree(&self.tree, |at| at, positions[at], normals[at]))
+            .map(|at| self.best(positions[at], normals[at]))
             .collect::<Option<_>>()?;
         let parts: Vec<u8> = chosen.iter().map(|at| self.parts[*at]).collect();
         let voted = vote(positions, normals, parts.clone());
@@ -203,5 +222,30 @@ fn whole(joint: Joint) -> Joint {
         Joint::LeftElbow | Joint::LeftWrist => Joint::LeftShoulder,
         Joint::RightElbow | Joint::RightWrist => Joint::RightShoulder,
         other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_face_whose_normal_fits_is_not_taken_from_far_away() {
+        // A square that faces +z, and one that faces +x beside it.
+        let square =
+            |corner: Vec3, u: Vec3, v: Vec3| [corner, corner + u, corner + u + v, corner + v];
+        let side = 0.02;
+        let up = square(Vec3::new(-0.01, -0.01, 0.0), Vec3::X * side, Vec3::Y * side);
+        let aside = |x: f32| square(Vec3::new(x, -0.01, -0.02), Vec3::Y * side, Vec3::Z * side);
+        for (x, face) in [(0.1, 0), (0.03, 2)] {
+            let vertices = [up, aside(x)].concat();
+            let faces = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+            let mut row = [0.0; JOINTS];
+            row[0] = 1.0;
+            let faces = Faces::new(&vertices, &faces, &vec![row; vertices.len()], |_| true);
+            let found = faces.nearest(Vec3::new(0.002, -0.004, -0.01), Vec3::X);
+            let found = found.map(|found| found / 2 * 2);
+            assert_eq!(found, Some(face), "beside a face {x} m away");
+        }
     }
 }
