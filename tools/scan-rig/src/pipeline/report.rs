@@ -78,7 +78,7 @@ impl fmt::Display for Quality {
         let mean = self.scan_db.iter().sum::<f64>() / self.scan_db.len().max(1) as f64;
         write!(
             f,
-            "in the scan's pose {mean:.1} dB against the scan ({})",
+            "in the scan's pose {mean:.1} dB against the scan (from six sides: {})",
             views.join(" ")
         )?;
         for (pose, covers) in [("there", &self.scan_pose), ("in T-pose", &self.t_pose)] {
@@ -86,7 +86,7 @@ impl fmt::Display for Quality {
             let (spill, holes) = (spill * 100.0, holes * 100.0);
             write!(f, "; {pose} spill {spill:.2} %, holes {holes:.2} %")?;
         }
-        Ok(())
+        f.write_str(" (spill is drawn outside the body, holes are seen through)")
     }
 }
 

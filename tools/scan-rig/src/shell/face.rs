@@ -9,6 +9,7 @@ use super::normals::normals;
 use super::place::Screen;
 use super::skin::{AROUND_EYE, Painter, REACH, SkinColours, likeness};
 use crate::body::{BodyModel, BodyPart};
+use crate::nearest::Nearest;
 use crate::scan::Scan;
 use glam::DVec3;
 
@@ -28,14 +29,21 @@ const MIST: f64 = 0.013;
 /// What is farther from the head's middle is in a cheek's pocket, which no open mouth shows, metres.
 const CHEEK: f64 = 0.034;
 
+/// The mouth is within this of the teeth's middle, and this deep under the skin, metres.
+const CAVITY: f64 = 0.08;
+const IN_CAVITY: f64 = 0.016;
+
+/// Lips are thin, and thinner in a smile: what is behind them is moved into the mouth by this, metres.
+const BEHIND_LIPS: f64 = 0.003;
+
 /// From the rims, the shell closes before what is inside, metres.
 const LIPS: f64 = 0.016;
 
 /// Lashes: shares of the most that closing the eyes moves, between which an edge is the upper lid's; distances from it, metres at scale 1,
 /// between which they end; how dark they are.
-const LASHES: (f64, f64) = (0.75, 0.9);
+const LASHES: (f64, f64) = (0.55, 0.8);
 const LASH_WIDTH: (f64, f64) = (0.0006, 0.0022);
-const LASH_DARK: f64 = 0.4;
+const LASH_DARK: f64 = 0.5;
 
 /// What closing the eyes stretches by less than this share of a fold is painted as the scan shows it with open eyes.
 const WHOLE: f64 = 0.8;
@@ -62,6 +70,29 @@ pub(crate) struct Face {
     pub(crate) cheek: DVec3,
 }
 
+/// `[N_g]` which of the scan's Gaussians are in the mouth: an open mouth would show them before its back.
+fn in_mouth(model: &BodyModel, head: &Head, vertices: &[DVec3], scan: &Scan) -> Vec<bool> {
+    let mut teeth = (DVec3::ZERO, 0.0);
+    for (face, _) in (model.faces.iter().zip(&model.parts)).filter(|(_, p)| **p == BodyPart::Teeth)
+    {
+        teeth.0 += face.iter().map(|v| vertices[*v as usize]).sum::<DVec3>();
+        teeth.1 += 3.0;
+    }
+    let middle = teeth.0 / f64::max(teeth.1, 1.0);
+    let places: Vec<[f32; 3]> = (0..model.body_vertices)
+        .filter(|v| model.outer[*v] && vertices[*v].distance(middle) < 2.0 * CAVITY * head.scale)
+        .map(|v| vertices[v].as_vec3().to_array())
+        .collect();
+    let skin = Nearest::new(&places);
+    let deep = (IN_CAVITY * head.scale).powi(2);
+    (scan.positions.iter())
+        .map(|at| {
+            let near = at.as_dvec3().distance(middle) < CAVITY * head.scale;
+            near && (skin.one(&at.to_array())).is_some_and(|skin| f64::from(skin.squared) > deep)
+        })
+        .collect()
+}
+
 /// Covers the face. `vertices` are the body model's in the scan's pose, `triangles` carry the scan's Gaussians.
 pub(crate) fn cover(
     model: &BodyModel,
@@ -71,8 +102,11 @@ pub(crate) fn cover(
     triangles: &[u32],
 ) -> Face {
     let reach = REACH * head.scale;
-    let drop: Vec<bool> = (triangles.iter())
-        .map(|face| (*face as usize) < model.faces.len() && head.is_core(model, *face as usize / 2))
+    let drop: Vec<bool> = (triangles.iter().zip(in_mouth(model, head, vertices, scan)))
+        .map(|(face, in_mouth)| {
+            let face = *face as usize;
+            face < model.faces.len() && (in_mouth || head.is_core(model, face / 2))
+        })
         .collect();
     let own = |face: usize| {
         model.faces[face]
@@ -259,7 +293,9 @@ impl Painter<'_> {
             as_scanned.resize(
                 additions.len(),
                 // Pictures show lashes and shade where lids close: only what would be stretched over the eye then keeps its skin.
-                outer > 0.95 && (folded < WHOLE || lid < 0.15 && eye_shows.max(beside_eye) < 0.1),
+                outer > 0.95
+                    && beside_eye < 0.5
+                    && (folded < WHOLE || lid < 0.15 && eye_shows < 0.1),
             );
         }
     }
@@ -285,17 +321,21 @@ fn inside(
             continue;
         }
         let filled = at_cell(model, cell, &skin.all);
+        let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
         let colour = if mouth {
-            let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
             let lip = filled * DVec3::new(0.72, 0.55, 0.55);
             lip.lerp(THROAT, smoothstep(0.001, 0.010, deep))
                 * (1.0 - 0.6 * smoothstep(0.010, 0.045, deep))
         } else {
             // Lids have an edge, which is skin.
-            let deep = at_cell(model, cell, &head.rim).min(0.1) / head.scale;
             let edge = at_cell(model, cell, &skin.lids) * 0.85;
             edge.lerp(filled * 0.3, smoothstep(0.002, 0.006, deep))
         };
-        additions.push(cell, 0.0, colour, OPACITY);
+        let lift = if mouth {
+            BEHIND_LIPS * head.scale * smoothstep(0.003, 0.009, deep)
+        } else {
+            0.0
+        };
+        additions.push(cell, lift, colour, OPACITY);
     }
 }

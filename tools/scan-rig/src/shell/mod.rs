@@ -143,7 +143,7 @@ pub fn complete(
         for (may, shell) in may.iter_mut().skip(first).zip(painted.as_scanned) {
             *may = shell;
         }
-        painted.pictures.repaint(&mut bound.scan, &may);
+        painted.pictures.repaint(&mut bound.scan, first, &may);
     }
     let is_stiff = |face| hands::is_rigid(model, &report.hands, face);
     let fill = options.unseen.then_some(stray.closed_in.as_slice());

@@ -18,11 +18,16 @@ const HIDDEN: f64 = 0.012;
 /// it, metres.
 const APART: f32 = 0.003;
 
-/// Lids are in the shade of the brow, but so much at most and at least.
-const LID_SHADE: (f64, f64) = (0.70, 1.0);
+/// Lids are in the shade of the brow, but no darker than this, of the cheeks' brightness.
+const LID_SHADE: f64 = 0.65;
+/// What is nearer to an eye's opening may be lashes, metres.
+const OPENING: f64 = 0.005;
+
+/// How much lighter a closed lid would be where it faces upwards.
+const LID_FORM: f64 = 0.35;
 
 /// How much of the cheeks' hue lids have.
-const LID_HUE: f64 = 0.6;
+const LID_HUE: f64 = 0.4;
 
 /// Within this of an eye's joint only what looks like skin colours the lids, metres.
 pub(super) const AROUND_EYE: f64 = 0.034;
@@ -164,20 +169,29 @@ impl<'a> Painter<'a> {
             colours[v] = cheek;
         }
         let all = edges.fill(&colours, &known);
-        // Around an eye the scan shows brows, lashes, shade, and the eye itself beside its place.
+        // Beside an eye's opening the scan shows lashes, and the eye itself beside its place: lids continue the skin around, in its own shade.
         for v in &near {
-            let aside = head
-                .eyes
-                .iter()
-                .any(|eye| eye.distance(vertices[*v]) < AROUND_EYE * head.scale);
-            known[*v] &= !aside || likeness(colours[*v], cheek) > 0.5;
+            let aside =
+                (head.eyes.iter()).any(|eye| eye.distance(vertices[*v]) < AROUND_EYE * head.scale);
+            let at_opening = head.rim[*v] < OPENING * head.scale;
+            known[*v] &= !aside || !at_opening || likeness(colours[*v], cheek) > 0.5;
         }
         let mut lids = edges.fill(&colours, &known);
+        let shut: Vec<DVec3> = (vertices.iter().zip(&head.closing))
+            .map(|(v, closing)| *v + *closing)
+            .collect();
+        let closed = super::normals::normals(&shut, &model.faces, |face| {
+            model.faces[face]
+                .iter()
+                .all(|v| (*v as usize) < model.body_vertices)
+        });
         for v in &near {
-            let shade = brightness(all[*v]) / brightness(lids[*v]).max(0.02);
-            let lid = lids[*v] * shade.clamp(LID_SHADE.0, LID_SHADE.1);
-            let usual = cheek * (brightness(lid) / brightness(cheek).max(0.02));
-            lids[*v] = lid.lerp(usual, LID_HUE);
+            let bright = brightness(lids[*v]);
+            let shade = bright.max(LID_SHADE * brightness(cheek)) / bright.max(0.02);
+            let usual = cheek * (bright / brightness(cheek).max(0.02));
+            // Closed, a lid is round: more light falls on its upper part.
+            let form = 1.0 + LID_FORM * head.lid[*v] * closed[*v].dot(head.axes.y_axis);
+            lids[*v] = lids[*v].lerp(usual, LID_HUE) * shade * form;
         }
         SkinColours { all, lids, cheek }
     }
