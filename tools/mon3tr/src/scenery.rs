@@ -361,7 +361,7 @@ pub(crate) fn load_drawable(file: &Path) -> anyhow::Result<Scene> {
     let scene = load(file)?;
     ensure!(
         !scene.is_empty(),
-        "{} has no Gaussian that can be drawn (left out: {}); export the scene again",
+        "{} has no Gaussian that can be drawn (left out: {}); export it again",
         file.display(),
         scene.dropped()
     );
@@ -380,7 +380,7 @@ fn first_bytes(file: &Path) -> Option<[u8; 4]> {
 
 /// Reads a scene file.
 fn load(file: &Path) -> anyhow::Result<Scene> {
-    let scene = Scene::load(file).context("cannot use the scene")?;
+    let scene = Scene::load(file).context("cannot read the Gaussian splats")?;
     if scene.dropped().total() > 0 {
         log::warn!(
             "{}: Gaussians left out: {}",

@@ -29,7 +29,7 @@ use std::str::FromStr;
 use std::time::Instant;
 
 /// Raised whenever the same scan gives another avatar, so that caches of older ones are not used.
-const RIG_VERSION: u32 = 6;
+const RIG_VERSION: u32 = 7;
 
 /// What others may do with an avatar unless its maker says otherwise.
 const LICENCE: &str = "all rights reserved by the person who was scanned";
@@ -133,7 +133,15 @@ impl FromStr for JointHint {
             .find(|joint| joint.name() == name.trim())
             .ok_or_else(|| {
                 let known: Vec<&str> = body_joints().map(Joint::name).collect();
-                anyhow!("there is no joint {name}; there are {}", known.join(", "))
+                let meant = known
+                    .iter()
+                    .find(|known| has_same_words(known, name.trim()));
+                let meant =
+                    meant.map_or_else(String::new, |meant| format!(" (do you mean {meant}?)"));
+                anyhow!(
+                    "there is no joint {name}{meant}; there are {}",
+                    known.join(", ")
+                )
             })?;
         let Numbers(place) = place.parse::<Numbers<3>>()?;
         Ok(Self {
@@ -141,6 +149,19 @@ impl FromStr for JointHint {
             position: Vec3::from_array(place),
         })
     }
+}
+
+/// Whether two names of joints are the same words in any order, in any letters and with any marks between them.
+fn has_same_words(one: &str, other: &str) -> bool {
+    let words = |name: &str| {
+        let mut words: Vec<String> = (name.split(|c: char| !c.is_alphanumeric()))
+            .filter(|word| !word.is_empty())
+            .map(str::to_lowercase)
+            .collect();
+        words.sort_unstable();
+        words
+    };
+    words(one) == words(other)
 }
 
 /// The joints before jaw, eyes and fingers.
@@ -234,7 +255,7 @@ fn rig_to(
     let settings = choices.settings(scan)?;
     let mut networks = Networks::open(Some(&networks()?))?;
     let mut sight = Sight::on(device.gpu()?);
-    let scene = load_drawable(scan)?;
+    let scene = load_drawable(scan).context("cannot use the scan")?;
     let bar = RefCell::new(None::<ProgressBar>);
     let told = |step: &'static str| {
         let number = STEPS.iter().position(|s| *s == step).unwrap_or_default();
@@ -378,10 +399,24 @@ impl RigFigures {
             println!("pictures: {}", page.display());
         }
         let package = self.package.display();
-        println!(
-            "\nnext:\n  ./run render {package} --view face --frames 0..90\n  ./run render {package} --motion walk.bvh\n  \
-             ./run send --avatar {package} --camera 0"
-        );
+        let next = [
+            (
+                format!("render {package} --view face --frames 0..90"),
+                "its face; --motion FILE.bvh for another motion",
+            ),
+            (
+                "serve".to_owned(),
+                "a call: the server, and in another terminal",
+            ),
+            (
+                format!("send --avatar {package} --camera 0 --preview"),
+                "you, as this avatar",
+            ),
+        ];
+        println!("\nnext:");
+        for (command, what) in next {
+            println!("  ./run {command:<56} # {what}");
+        }
     }
 }
 
@@ -415,6 +450,7 @@ mod tests {
         for (mistake, reason) in [
             ("left_wrist", "NAME=X,Y,Z"),
             ("wrist=1,2,3", "left_wrist"),
+            ("Wrist-Left=1,2,3", "do you mean left_wrist?"),
             ("neck=1,2", "2 numbers"),
             ("neck=1,2,nan", "not 3 numbers"),
         ] {
