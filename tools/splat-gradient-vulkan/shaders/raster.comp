@@ -22,10 +22,11 @@ void main() {
     }
     bool live = through[0] > 0.0;
     for (uint base = tile_starts[tile]; base < end; base += RUNS) {
-        uint count = stage(base, end, RUNS);
-        for (uint k = 0u; k < count && live; ++k) {
-            Splat s = staged[k];
-            if (!reaches(s, at)) continue;
+        stage(base, end);
+        uint left = met();
+        while (left != 0u && live) {
+            Splat s = staged[findLSB(left)];
+            left &= left - 1u;
             vec3 colour = vec3(s.red, s.green, s.blue);
             float dx = float(at.x) + 0.5 - s.mean_x;
             float dy = float(at.y) + 0.5 - s.mean_y;

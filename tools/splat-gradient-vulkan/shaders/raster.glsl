@@ -24,19 +24,30 @@ const float LOG2_ALPHA_MOST = -0.01449957;
 const float STOP = 1.0 / 255.0;
 const float OPAQUE = 1e-4;
 
+// Splats of the list that all invocations look at, and of each the runs that it may reach, one bit each.
 shared Splat staged[RUNS];
+shared uint reached[RUNS];
 // Whether some run of the tile takes more splats.
 shared uint living;
+
+// The first pixel of the tile.
+uvec2 tile_at() { return gl_WorkGroupID.xy * TILE; }
 
 // The first pixel of this invocation's run.
 uvec2 run_at() {
     uint run = gl_LocalInvocationID.x;
-    return gl_WorkGroupID.xy * TILE + uvec2(run / TILE * RUN, run % TILE);
+    return tile_at() + uvec2(run / TILE * RUN, run % TILE);
 }
 
-// Whether the splat may reach the run.
-bool reaches(Splat s, uvec2 at) {
-    return at.y >= first_of(s.rows) && at.y <= last_of(s.rows) && at.x + (RUN - 1u) >= first_of(s.columns) && at.x <= last_of(s.columns);
+uint runs_of(Splat s) {
+    uvec2 at = tile_at();
+    uint first = max(first_of(s.rows), at.y) - at.y;
+    uint last = min(last_of(s.rows) - at.y, TILE - 1u);
+    uint rows = (2u << last) - (1u << first);
+    uint middle = at.x + RUN;
+    uint left = first_of(s.columns) < middle ? rows : 0u;
+    uint right = last_of(s.columns) >= middle ? rows << TILE : 0u;
+    return left | right;
 }
 
 // log2 of alpha, where it is not cut and something still shines through. The same in both passes, to the last bit, so that both
@@ -58,12 +69,26 @@ float open(uvec2 at, uint column) {
     return at.x + column < size.width && at.y < size.height ? 1.0 : 0.0;
 }
 
-// Copies up to `most` splats of the list to shared memory, to all invocations; they are counted.
-uint stage(uint base, uint end, uint most) {
-    barrier();
+// Stages as many splats of the list as there are runs, or all that are left, and returns their number.
+uint stage(uint base, uint end) {
     uint lane = gl_LocalInvocationID.x;
-    if (lane < most && base + lane < end) staged[lane] = splats[pairs[base + lane]];
+    barrier();
+    uint runs = 0u;
+    if (base + lane < end) {
+        Splat s = splats[pairs[base + lane]];
+        staged[lane] = s;
+        runs = runs_of(s);
+    }
+    reached[lane] = runs;
     if (lane == 0u) living = 0u;
     barrier();
-    return min(most, end - base);
+    return min(RUNS, end - base);
+}
+
+// Which of the staged splats this invocation's run meets, one bit each. Each run goes through its own: where they are small, that is a few of 32.
+uint met() {
+    uint lane = gl_LocalInvocationID.x;
+    uint splats_met = 0u;
+    [[unroll]] for (uint k = 0u; k < RUNS; ++k) splats_met |= ((reached[k] >> lane) & 1u) << k;
+    return splats_met;
 }

@@ -14,23 +14,12 @@ layout(set = 0, binding = 6, std430) readonly buffer ByPixel { float by_pixel[];
 // [pair][MOMENTS].
 layout(set = 0, binding = 7, std430) writeonly buffer Moments { float moments[]; };
 
-const uint BATCH = 8u;
-// Sums of each run, by splat and moment; a row is one longer than there are runs, so that neighbours read and write other banks.
-const uint ROW = RUNS + 1u;
-shared float parts[BATCH * MOMENTS * ROW];
-
-// Of the splat's runs, in their order.
-float sum_of(uint column, uvec2 tile_at) {
-    Splat s = staged[column / MOMENTS];
-    uint first = max(first_of(s.rows), tile_at.y) - tile_at.y;
-    uint last = min(last_of(s.rows) - tile_at.y, TILE - 1u);
-    float sum = 0.0;
-    for (uint half_tile = 0u; half_tile < 2u; ++half_tile) {
-        if (!reaches(s, tile_at + uvec2(half_tile * RUN, first))) continue;
-        for (uint row = first; row <= last; ++row) sum += parts[column * ROW + half_tile * TILE + row];
-    }
-    return sum;
-}
+// What a run gathers of a splat that it meets, splat by splat, run by run; there is room for so many.
+const uint ROOM = 256u;
+shared float parts[ROOM * MOMENTS];
+// Where each staged splat's begin, and how many of the staged ones have room.
+shared uint starts[RUNS];
+shared uint taken;
 
 void main() {
     uvec2 at = run_at();
@@ -55,19 +44,30 @@ void main() {
     bool live = through[0] > 0.0;
     uint base = tile_starts[tile];
     while (base < end) {
-        uint count = stage(base, end, BATCH);
-        for (uint k = 0u; k < count; ++k) {
+        uint staged_count = stage(base, end);
+        uint start = 0u;
+        for (uint k = 0u; k < lane; ++k) start += uint(bitCount(reached[k]));
+        starts[lane] = start;
+        if (lane == 0u) taken = staged_count;
+        barrier();
+        if (start + uint(bitCount(reached[lane])) > ROOM) atomicMin(taken, lane);
+        barrier();
+        uint count = taken;
+        uint left = met();
+        if (count < RUNS) left &= (1u << count) - 1u;
+        while (left != 0u) {
+            uint k = uint(findLSB(left));
+            left &= left - 1u;
             Splat s = staged[k];
-            if (!reaches(s, at)) continue;
             float h0 = 0.0, h1 = 0.0, h2 = 0.0;
             vec3 by_splat = vec3(0.0);
             float dy = float(at.y) + 0.5 - s.mean_y;
             if (live) {
                 vec3 colour = vec3(s.red, s.green, s.blue);
-                float left = float(at.x) + 0.5 - s.mean_x;
+                float first = float(at.x) + 0.5 - s.mean_x;
                 float most = 0.0;
                 [[unroll]] for (uint i = 0u; i < RUN; ++i) {
-                    float dx = left + float(i);
+                    float dx = first + float(i);
                     float log2_alpha = log2_alpha_at(s, dx, dy);
                     float alpha = alpha_of(log2_alpha, through[i]);
                     precise float weight = alpha * through[i];
@@ -86,12 +86,17 @@ void main() {
                 live = most >= STOP;
             }
             float gathered[MOMENTS] = float[](h0, h1, h2, h0 * dy, h1 * dy, h0 * dy * dy, by_splat.r, by_splat.g, by_splat.b);
-            [[unroll]] for (uint m = 0u; m < MOMENTS; ++m) parts[(k * MOMENTS + m) * ROW + lane] = gathered[m];
+            uint part = starts[k] + uint(bitCount(reached[k] & ((1u << lane) - 1u)));
+            [[unroll]] for (uint m = 0u; m < MOMENTS; ++m) parts[part * MOMENTS + m] = gathered[m];
         }
         if (live) atomicOr(living, 1u);
         barrier();
         for (uint column = lane; column < count * MOMENTS; column += RUNS) {
-            moments[base * MOMENTS + column] = sum_of(column, gl_WorkGroupID.xy * TILE);
+            uint k = column / MOMENTS, m = column % MOMENTS;
+            uint from = starts[k], to = from + uint(bitCount(reached[k]));
+            float sum = 0.0;
+            for (uint part = from; part < to; ++part) sum += parts[part * MOMENTS + m];
+            moments[base * MOMENTS + column] = sum;
         }
         base += count;
         if (living == 0u) break;
