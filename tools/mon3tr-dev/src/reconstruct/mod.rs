@@ -191,6 +191,12 @@ const CPU: &str = "the CPU";
 fn draw_on_gpu(trainer: &mut Trainer<'_>, device: &DeviceOptions) -> String {
     let opened = device.gpu().and_then(|gpu| {
         let splatter = VulkanSplatter::new(&gpu)?;
+        if gpu.info().is_cpu {
+            eprintln!(
+                "{} is software, and slower than --device cpu",
+                describe(&gpu)
+            );
+        }
         Ok((splatter, describe(&gpu)))
     });
     match opened {
