@@ -45,8 +45,8 @@ void main() {
     uint lane = gl_GlobalInvocationID.x;
     if (lane >= lists.lanes) return;
     bool emits = lists.emits != 0u;
-    // Too many for the lists: the host reads this total too, makes room and draws again.
-    if (emits && offsets[lists.count] > lists.capacity) return;
+    // Too many for the lists: the host reads this total too, makes room and draws again. Nor are they counted: that may take longer than a driver waits.
+    if (offsets[lists.count] > lists.capacity) return;
     uint row = lane * tile_count();
     uint per_lane = (drawn + lists.lanes - 1u) / lists.lanes;
     uint start = min(lane * per_lane, drawn);

@@ -2,12 +2,14 @@
 
 use crate::device::device;
 use crate::scenes::{attributes_of, random_picture, view_of};
+use renderer_vulkan::gpu::Gpu;
 use splat_gradient::error::GradientError;
 use splat_gradient::{Attributes, Picture, SplatDevice, Splatter};
 use splat_gradient_vulkan::VulkanSplatter;
+use std::sync::Arc;
 use synthetic_person::Random;
 use test_support::splat_scenes::{front_camera, random_gaussians};
-use test_support::vulkan::{open_gpu, or_skip};
+use test_support::vulkan::{assert_silent, open_gpu, or_skip};
 
 #[test]
 fn more_pairs_than_there_was_room_for_are_drawn_and_derived() {
@@ -89,6 +91,32 @@ fn more_than_a_device_holds_is_refused_and_the_splatter_goes_on() {
     let small = view_of(&front_camera(40, 30));
     let drawn = device.draw(&one, &small).expect("drawn");
     assert!(drawn.picture().numbers().iter().any(|x| *x > 0.0), "drawn");
+}
+
+#[test]
+fn copies_to_memory_of_the_devices_own_change_nothing() {
+    let Some(mut gpu) = or_skip(open_gpu()) else {
+        return;
+    };
+    let attributes = attributes_of(&random_gaussians(400, 6));
+    let view = view_of(&front_camera(70, 50));
+    let by_pixel = random_picture(70, 50, &mut Random::new(4));
+    let run = |gpu: &Arc<Gpu>| {
+        let mut splatter = VulkanSplatter::new(gpu).expect("compiled");
+        let mut drawn = splatter.draw(&attributes, &view).expect("drawn");
+        let mut gradients = Attributes::zeros(400);
+        let motion = drawn.backward(&by_pixel, &mut gradients);
+        (
+            drawn.picture().clone(),
+            gradients,
+            motion.expect("one size"),
+        )
+    };
+    let expected = run(&gpu);
+    let only = Arc::get_mut(&mut gpu).expect("nothing else uses it");
+    only.features_mut().shares_memory = false;
+    assert!(run(&gpu) == expected, "through copies");
+    assert_silent(&gpu);
 }
 
 #[test]
