@@ -50,7 +50,7 @@ fn main() -> ExitCode {
         Command::Capture(options) => capture::run(options, device),
         Command::Eval(options) => eval::run(options, device),
         Command::Netlab(options) => netlab::run(options),
-        Command::Reconstruct(options) => reconstruct::run(options),
+        Command::Reconstruct(options) => reconstruct::run(options, device),
     })
 }
 

@@ -1,49 +1,19 @@
 //! What a step of training costs: `cargo run --release -p splat-gradient --example splat_step_cost [threads]` draws a person-like scene,
 //! takes L1 and SSIM of it and their derivatives, and prints milliseconds, means of many runs.
 
-use glam::{Affine3A, Mat3A, Vec3, Vec3A};
+#[path = "../tests/gradient/scenes.rs"]
+#[expect(dead_code, reason = "tests need more of it")]
+mod scenes;
+
 use rayon::ThreadPoolBuilder;
-use splat_gradient::attributes::Attributes;
+use scenes::{attributes_of, view_of};
 use splat_gradient::error::GradientError;
 use splat_gradient::loss::{Ssim, Target, colour_l1};
-use splat_gradient::{Picture, Splatter, View};
+use splat_gradient::{Attributes, Picture, Splatter, View};
 use std::time::Instant;
 use test_support::splat_scenes::{in_front_of_figure, standing_figure};
 
 const ROUNDS: u32 = 40;
-
-fn person(count: u32) -> Attributes {
-    let figure = standing_figure(count);
-    let mut attributes = Attributes::zeros(figure.len());
-    for (index, gaussian) in figure.iter().enumerate() {
-        let opacity = gaussian.opacity.min(0.9999);
-        let numbers = (gaussian.position.into_iter())
-            .chain(gaussian.rotation)
-            .chain(gaussian.scale.map(f32::ln))
-            .chain([(opacity / (1.0 - opacity)).ln()])
-            .chain(gaussian.colour);
-        for (plane, number) in numbers.enumerate() {
-            attributes.plane_mut(plane)[index] = number;
-        }
-    }
-    attributes
-}
-
-fn view(side: u32) -> Result<View, Box<dyn std::error::Error>> {
-    let camera = in_front_of_figure(side, side);
-    let flip = Affine3A {
-        matrix3: Mat3A::from_diagonal(Vec3::new(1.0, -1.0, -1.0)),
-        translation: Vec3A::ZERO,
-    };
-    let pose = flip * camera.camera_from_world;
-    let pixels = side as usize;
-    Ok(View::new(
-        pose,
-        [camera.fx, camera.fy],
-        [camera.cx, camera.cy],
-        [pixels; 2],
-    )?)
-}
 
 /// Milliseconds that this thread has computed; nothing where the system does not say.
 fn cpu_ms() -> Option<f64> {
@@ -98,7 +68,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("| Gaussians | picture | forward | L1 + SSIM | backward | step |");
     println!("|---|---|---|---|---|---|");
     for (count, side) in [(20_000, 256), (20_000, 512), (50_000, 256), (50_000, 512)] {
-        let (attributes, view) = (person(count), view(side)?);
+        let attributes = attributes_of(&standing_figure(count));
+        let view = view_of(&in_front_of_figure(side, side));
         let mut splatter = Splatter::new();
         let mut wanted = pool.install(|| splatter.draw(&attributes, &view).picture().clone());
         for number in wanted.numbers_mut() {

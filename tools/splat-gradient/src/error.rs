@@ -1,7 +1,7 @@
 //! What can be wrong with the inputs.
 
 /// Why pictures or derivatives were not made.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GradientError {
     /// A camera by which nothing can be projected.
@@ -27,14 +27,16 @@ pub enum GradientError {
         /// Those it should have.
         expected: [usize; 2],
     },
+    /// A device that draws has too little memory, or failed.
+    #[error("drawing on the device")]
+    Device(#[source] Box<dyn std::error::Error + Send + Sync>),
 }
 
 /// Refuses an array whose length is not `expected`.
-pub(crate) fn check_count(
-    what: &'static str,
-    got: usize,
-    expected: usize,
-) -> Result<(), GradientError> {
+///
+/// # Errors
+/// [`GradientError::Count`], of `what`.
+pub fn check_count(what: &'static str, got: usize, expected: usize) -> Result<(), GradientError> {
     if got == expected {
         return Ok(());
     }

@@ -1,5 +1,5 @@
 //! Splatting that can be learnt through, on the CPU: pictures of Gaussians, and the derivatives of a loss by every attribute of
-//! every Gaussian and by the camera's pose.
+//! every Gaussian and by the camera's pose. Other devices do it behind the trait [`SplatDevice`].
 //!
 //! [`Splatter::draw`] forms pictures as `renderer-splat` does (Kerbl et al., "3D Gaussian Splatting", 2023: EWA projection with
 //! 0.3 px^2 on the covariance's diagonal, alpha = min(0.99, opacity exp(-q/2)) cut at 1/255, front to back by depth, display
@@ -12,6 +12,7 @@
 
 pub mod adam;
 pub mod attributes;
+pub mod device;
 pub mod error;
 pub mod loss;
 mod order;
@@ -24,6 +25,7 @@ mod vector;
 pub mod view;
 
 pub use attributes::Attributes;
+pub use device::SplatDevice;
 pub use picture::Picture;
 pub use splatter::{Drawn, Splatter};
 pub use view::{Twist, View};

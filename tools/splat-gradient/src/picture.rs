@@ -105,7 +105,10 @@ impl Picture {
     }
 
     /// Refuses a picture of another size.
-    pub(crate) fn check_size(
+    ///
+    /// # Errors
+    /// [`GradientError::Size`], of `what`.
+    pub fn check_size(
         &self,
         what: &'static str,
         expected: [usize; 2],

@@ -134,12 +134,6 @@ impl Drawn<'_> {
         &self.splatter.picture
     }
 
-    /// How many Gaussians reach the picture, whether or not others hide them.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.splatter.order.len()
-    }
-
     /// Adds the derivatives of a loss by the Gaussians' numbers to `gradients`, of as many Gaussians, and returns those by a motion
     /// of the camera ([`View::moved`] at 0). `by_pixel` has the derivatives by the picture's numbers, in its layout.
     ///

@@ -115,9 +115,10 @@ impl View {
         }
     }
 
-    /// As projection reads it.
+    /// As projection reads it, on whatever device.
     #[expect(clippy::cast_precision_loss, reason = "pixel counts are small")]
-    pub(crate) fn lens(&self) -> Lens {
+    #[must_use]
+    pub fn lens(&self) -> Lens {
         let matrix = self.camera_from_world.matrix3;
         let size = self.size.map(|side| side as f32);
         let least = |axis: usize, edge: f32| {
@@ -139,16 +140,19 @@ impl View {
 
 /// A view in the numbers that projection needs.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Lens {
+pub struct Lens {
     /// Rows of the rotation: the camera's axes in the world.
-    pub(crate) rows: [[f32; 3]; 3],
+    pub rows: [[f32; 3]; 3],
     /// The world's origin in the camera's axes, metres.
-    pub(crate) shift: [f32; 3],
-    pub(crate) focal: [f32; 2],
-    pub(crate) centre: [f32; 2],
-    /// x / z and y / z at which the projection's Jacobian is taken are held within these.
-    pub(crate) least_slope: [f32; 2],
-    pub(crate) most_slope: [f32; 2],
-    /// Pixels.
-    pub(crate) size: [f32; 2],
+    pub shift: [f32; 3],
+    /// Focal lengths, horizontal and vertical, pixels.
+    pub focal: [f32; 2],
+    /// Where the axis meets the picture, pixels.
+    pub centre: [f32; 2],
+    /// The least x / z and y / z at which the projection's Jacobian is taken: slopes are held within these ...
+    pub least_slope: [f32; 2],
+    /// ... and the greatest.
+    pub most_slope: [f32; 2],
+    /// Width and height, pixels.
+    pub size: [f32; 2],
 }

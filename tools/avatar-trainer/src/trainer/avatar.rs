@@ -42,7 +42,7 @@ impl Trainer<'_> {
     /// have no correction. Cameras' colours are corrected, which belongs to the capture.
     ///
     /// # Errors
-    /// A picture that cannot be read, or numbers that do not make a package.
+    /// A picture that cannot be read, a device that fails, or numbers that do not make a package.
     pub fn validate(&mut self) -> Result<Validation, TrainError> {
         let networks = self.networks()?;
         let parameters = networks.parameters();
@@ -86,7 +86,7 @@ impl Trainer<'_> {
         self.model.parts = Parts::ALL;
         self.model
             .pose(parameters, motion, None, &mut memory.posed)?;
-        let drawn = memory.splatter.draw(memory.posed.gaussians(), &view);
+        let drawn = self.splatter.draw(memory.posed.gaussians(), &view)?;
         let corrected = if self.options.colour_correction {
             Some(self.colours[pair.camera].apply(drawn.picture())?)
         } else {

@@ -13,6 +13,7 @@ use crate::trainer::regularise::Regularisers;
 use crate::trainer::smoothing::Smoother;
 use avatar_gradient::{Model, Networks, PoseCorrection};
 use capture::Capture;
+use splat_gradient::Splatter;
 use spmm3::networks::{AttributeNetwork, MeshNetwork};
 use spmm3::{Avatar, Controllers, MotionParams};
 
@@ -85,6 +86,7 @@ impl<'a> Trainer<'a> {
             bound: networks.gaussians,
             controllers,
             first,
+            splatter: Box::new(Splatter::new()),
             memory: Memory::new(&model),
             model,
             parameters,

@@ -27,7 +27,7 @@ use optimiser::{FramePose, Optimiser, basis_planes};
 use regularise::Regularisers;
 use smoothing::Smoother;
 use splat_gradient::loss::{Ssim, Target, alpha_l1, colour_l1};
-use splat_gradient::{Attributes, Picture, Splatter, View};
+use splat_gradient::{Attributes, Picture, SplatDevice, View};
 use spmm3::{Avatar, BoundGaussians, Controllers, MotionParams};
 
 /// What a step found.
@@ -80,13 +80,14 @@ pub struct Trainer<'a> {
     rounds: u32,
     /// PSNR within the masks of the best avatar that was handed out.
     best: Option<f64>,
+    /// Not state either: two of them differ by rounding.
+    splatter: Box<dyn SplatDevice>,
     memory: Memory,
 }
 
 /// Memory that is kept from step to step; nothing in it is state.
 #[derive(Debug)]
 struct Memory {
-    splatter: Splatter,
     ssim: Ssim,
     posed: Posed,
     by_gaussians: Attributes,
@@ -97,7 +98,6 @@ struct Memory {
 impl Memory {
     fn new(model: &Model) -> Self {
         Self {
-            splatter: Splatter::new(),
             ssim: Ssim::new(),
             posed: Posed::new(),
             by_gaussians: Attributes::zeros(model.sizes().gaussians),
@@ -132,11 +132,16 @@ impl Trainer<'_> {
         &self.split
     }
 
+    /// Draws and derives with another device than the CPU from now on. Only the CPU's bytes are the same on every machine.
+    pub fn draw_with(&mut self, splatter: Box<dyn SplatDevice>) {
+        self.splatter = splatter;
+    }
+
     /// Learns from one picture. `progress` (0..=1) is how much of the training is done: it decides rates, resolution and stages, and should not
     /// fall.
     ///
     /// # Errors
-    /// A picture that cannot be read, or numbers that are not finite: nothing was learnt then. A population that cannot be changed: it stays as it was.
+    /// A picture that cannot be read, a device that fails, or numbers that are not finite: nothing was learnt then. A population that cannot be changed: it stays as it was.
     /// Either way the training can go on or be written.
     pub fn step(&mut self, progress: f32) -> Result<StepReport, TrainError> {
         let phase = phase(progress, &self.options);
@@ -188,7 +193,6 @@ impl Trainer<'_> {
         let (pictures, step) = (&self.pictures, self.step);
         let wrong = |what| not_finite(pictures, step, pair, what);
         let Memory {
-            splatter,
             ssim,
             posed,
             by_gaussians,
@@ -203,7 +207,7 @@ impl Trainer<'_> {
         if !all_finite(posed.gaussians().numbers()) {
             return Err(wrong("a number of the posed Gaussians"));
         }
-        let mut drawn = splatter.draw(posed.gaussians(), view);
+        let mut drawn = self.splatter.draw(posed.gaussians(), view)?;
         let colours = self
             .options
             .colour_correction

@@ -5,3 +5,4 @@ mod fuzzed;
 mod overfit;
 mod repeated;
 mod studio;
+mod vulkan;

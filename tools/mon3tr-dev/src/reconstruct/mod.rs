@@ -10,10 +10,11 @@ use begin::{First, begin};
 use capture::Capture;
 use image::RgbImage;
 use length::{Clock, Length, Note};
-use mon3tr::device_options::make_folder;
+use mon3tr::device_options::{DeviceOptions, describe, make_folder};
 use mon3tr::film::write_png;
 use mon3tr::network::Network;
 use progress_line::ProgressLine;
+use splat_gradient_vulkan::VulkanSplatter;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -42,6 +43,9 @@ pub(crate) struct Options {
     /// Go on with the training that was ended or interrupted, with the options it was begun with
     #[arg(long, conflicts_with_all = ["template", "gaussians", "seed", "colour_correction", "without"])]
     resume: bool,
+    /// What draws the pictures and takes their derivatives: the Vulkan device is the one that --gpu names; where there is none that can be used, the CPU does
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    device: Device,
     /// Correct each camera's colours: for real cameras, whose exposures differ
     #[arg(long)]
     colour_correction: bool,
@@ -54,6 +58,15 @@ pub(crate) struct Options {
     /// Folder of the checkpoint and of the preview pictures; made if missing
     #[arg(long, value_name = "FOLDER", default_value = "out/reconstruct")]
     work: PathBuf,
+}
+
+/// What a training draws with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Device {
+    /// The processor: the same steps give the same bytes, on any number of threads
+    Cpu,
+    /// A Vulkan device
+    Gpu,
 }
 
 /// A part of the training.
@@ -98,7 +111,7 @@ impl Options {
 const DEFAULT_MINUTES: f64 = 60.0;
 
 /// Runs `reconstruct`.
-pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     let capture = Capture::open(&options.capture)?;
     for note in capture.notes() {
         eprintln!("{note}");
@@ -137,6 +150,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         };
         (begin(&capture, first, options.training())?, None)
     };
+    let drawn_on = match options.device {
+        Device::Cpu => CPU.to_owned(),
+        Device::Gpu => draw_on_gpu(&mut trainer, device),
+    };
     let length = (options.length())
         .or(before.map(|note| note.length))
         .unwrap_or(Length::Minutes(DEFAULT_MINUTES));
@@ -151,7 +168,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let saved = trainer.save(&checkpoint, &clock.note());
     let validation = both(outcome, saved.map_err(Into::into))?;
     println!(
-        "{}: {:.2} dB PSNR within the masks of {} pictures that were {}, {} Gaussians, {} steps, {:.1} minutes",
+        "{}: {:.2} dB PSNR within the masks of {} pictures that were {}, {} Gaussians, {} steps, {:.1} minutes, drawn on {drawn_on}",
         options.out.display(),
         trainer.best().unwrap_or(validation.psnr),
         validation.pictures,
@@ -165,6 +182,33 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         clock.used() / 60.0
     );
     Ok(())
+}
+
+/// What draws where nothing else does, in words.
+const CPU: &str = "the CPU";
+
+/// Draws on the Vulkan device that `--gpu` names, if it can be used, else on the CPU; says why. Returns which.
+fn draw_on_gpu(trainer: &mut Trainer<'_>, device: &DeviceOptions) -> String {
+    let opened = device.gpu().and_then(|gpu| {
+        let splatter = VulkanSplatter::new(&gpu)?;
+        if gpu.info().is_cpu {
+            eprintln!(
+                "{} is software, and slower than --device cpu",
+                describe(&gpu)
+            );
+        }
+        Ok((splatter, describe(&gpu)))
+    });
+    match opened {
+        Ok((splatter, name)) => {
+            trainer.draw_with(Box::new(splatter));
+            name
+        }
+        Err(why) => {
+            eprintln!("{why:#}; {CPU} draws instead");
+            CPU.to_owned()
+        }
+    }
 }
 
 /// What came of the training, if its state could be kept as well. Where both failed, the first failure is what to mend.

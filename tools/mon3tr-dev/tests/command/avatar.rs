@@ -7,9 +7,9 @@ use test_support::{onnx, vulkan};
 
 #[test]
 fn a_synthesised_capture_becomes_an_avatar_that_is_measured_on_it() {
-    if makehuman().is_none() || vulkan::gpu().is_none() || onnx::runtime().is_none() {
+    let (Some(_), Some(gpu), Some(_)) = (makehuman(), vulkan::gpu(), onnx::runtime()) else {
         return;
-    }
+    };
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name).display().to_string();
     let (capture, package, other, work) = (
@@ -50,6 +50,20 @@ fn a_synthesised_capture_becomes_an_avatar_that_is_measured_on_it() {
         "{said}"
     );
     Avatar::load(std::path::Path::new(&other)).expect("a package there as well");
+
+    // On a Vulkan device, and where there is no such device on the CPU.
+    let name = gpu.info().name.as_str();
+    for (gpu, drawn_on) in [(name, name), ("a toaster", "the CPU")] {
+        let (out, work) = (path(&format!("on {gpu}.m3a")), path(&format!("on {gpu}")));
+        let on_gpu = ["--device", "gpu", "--gpu", gpu, "--steps", "3"];
+        let from = ["--template", &package, "-o", &out, "--work", &work];
+        let said = mon3tr(&[&["reconstruct", &capture], &on_gpu[..], &from].concat()).succeeds();
+        let drawn_on = format!("drawn on {drawn_on}");
+        assert!(
+            said.contains("3 steps") && said.contains(&drawn_on),
+            "{said}"
+        );
+    }
 
     let json = path("figures.json");
     let eval = [

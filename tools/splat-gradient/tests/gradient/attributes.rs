@@ -1,10 +1,11 @@
 //! Derivatives by every attribute and by the camera's pose against central differences in f64.
 
+use crate::device::device;
 use crate::reference::{Eye, Frozen, numbers_of};
 use crate::scenes::{attributes_of, random_picture, stretch_rotations, view_of};
 use renderer_splat::camera::Camera;
 use splat_gradient::attributes::{ATTRIBUTES, plane};
-use splat_gradient::{Attributes, Picture, Splatter, View};
+use splat_gradient::{Attributes, Picture, SplatDevice, View};
 use std::ops::Range;
 use synthetic_person::Random;
 use test_support::splat_scenes::{front_camera, random_gaussians};
@@ -32,7 +33,12 @@ pub(crate) struct Compared {
     pub(crate) share: f64,
 }
 
-pub(crate) fn compare(attributes: &Attributes, view: &View, least_through: f64) -> Compared {
+pub(crate) fn compare(
+    device: &mut dyn SplatDevice,
+    attributes: &Attributes,
+    view: &View,
+    least_through: f64,
+) -> Compared {
     let gaussians = numbers_of(attributes);
     let eye = Eye::of(view);
     let frozen = Frozen::new(&gaussians, &eye, least_through);
@@ -46,7 +52,7 @@ pub(crate) fn compare(attributes: &Attributes, view: &View, least_through: f64) 
     }
     let wide: Vec<f64> = by_pixel.numbers().iter().map(|x| f64::from(*x)).collect();
 
-    let (got, got_motion) = backward(attributes, view, &by_pixel);
+    let (got, got_motion) = backward(device, attributes, view, &by_pixel);
     let loss = |gaussians: &[[f64; 14]], eye: &Eye| frozen.loss(gaussians, eye, &wide);
     let mut changed = gaussians.clone();
     let expected = (0..gaussians.len()).map(|index| {
@@ -84,9 +90,13 @@ pub(crate) fn compare(attributes: &Attributes, view: &View, least_through: f64) 
     }
 }
 
-fn backward(attributes: &Attributes, view: &View, by_pixel: &Picture) -> (Attributes, [f64; 6]) {
-    let mut splatter = Splatter::new();
-    let mut drawn = splatter.draw(attributes, view);
+fn backward(
+    device: &mut dyn SplatDevice,
+    attributes: &Attributes,
+    view: &View,
+    by_pixel: &Picture,
+) -> (Attributes, [f64; 6]) {
+    let mut drawn = device.draw(attributes, view).expect("drawn");
     let mut got = Attributes::zeros(attributes.len());
     let motion = drawn.backward(by_pixel, &mut got).expect("one size");
     (got, motion)
@@ -140,6 +150,7 @@ pub(crate) fn assert_all_alike(compared: &Compared, most: f64) {
 
 #[test]
 fn derivatives_of_a_thin_cloud_are_its_differences() {
+    let Some(mut device) = device() else { return };
     let mut gaussians = random_gaussians(60, 5);
     for gaussian in &mut gaussians {
         gaussian.opacity = 0.05 + 0.7 * gaussian.opacity;
@@ -147,13 +158,19 @@ fn derivatives_of_a_thin_cloud_are_its_differences() {
     }
     let mut attributes = attributes_of(&gaussians);
     stretch_rotations(&mut attributes, &mut Random::new(3));
-    let compared = compare(&attributes, &view_of(&front_camera(53, 44)), 0.01);
+    let compared = compare(
+        &mut *device,
+        &attributes,
+        &view_of(&front_camera(53, 44)),
+        0.01,
+    );
     assert!(compared.share > 0.9, "{} of the pixels", compared.share);
     assert_all_alike(&compared, 1e-4);
 }
 
 #[test]
 fn derivatives_at_the_jacobians_limits_are_its_differences() {
+    let Some(mut device) = device() else { return };
     // Large Gaussians beyond the edges and near the camera.
     let mut gaussians = random_gaussians(40, 8);
     for (index, gaussian) in (0u8..).zip(&mut gaussians) {
@@ -171,21 +188,26 @@ fn derivatives_at_the_jacobians_limits_are_its_differences() {
         cx: 20.0,
         ..front_camera(48, 40)
     };
-    let compared = compare(&attributes_of(&gaussians), &view_of(&camera), 0.005);
+    let compared = compare(
+        &mut *device,
+        &attributes_of(&gaussians),
+        &view_of(&camera),
+        0.005,
+    );
     assert!(compared.share > 0.5, "{} of the pixels", compared.share);
     assert_all_alike(&compared, 1e-4);
 }
 
 #[test]
 fn derivatives_of_several_views_add_up() {
+    let Some(mut device) = device() else { return };
     let attributes = attributes_of(&random_gaussians(30, 4));
     let view = view_of(&front_camera(32, 32));
     let by_pixel = random_picture(32, 32, &mut Random::new(1));
-    let (once, motion) = backward(&attributes, &view, &by_pixel);
-    let mut splatter = Splatter::new();
+    let (once, motion) = backward(&mut *device, &attributes, &view, &by_pixel);
     let mut twice = Attributes::zeros(30);
     for _ in 0..2 {
-        let mut drawn = splatter.draw(&attributes, &view);
+        let mut drawn = device.draw(&attributes, &view).expect("drawn");
         let again = drawn.backward(&by_pixel, &mut twice).expect("one size");
         assert!(
             again == motion,
@@ -213,10 +235,10 @@ fn a_moved_view_is_the_moved_reference() {
 
 #[test]
 fn sizes_that_do_not_fit_are_refused() {
+    let Some(mut device) = device() else { return };
     let attributes = attributes_of(&random_gaussians(3, 4));
     let view = view_of(&front_camera(32, 32));
-    let mut splatter = Splatter::new();
-    let mut drawn = splatter.draw(&attributes, &view);
+    let mut drawn = device.draw(&attributes, &view).expect("drawn");
     let small = Picture::transparent(31, 32);
     let mut gradients = Attributes::zeros(3);
     let refused = drawn

@@ -2,10 +2,12 @@
 
 mod attributes;
 mod broken;
+mod device;
 mod losses;
 mod opaque;
 mod overfit;
 mod pictures;
 mod reference;
+mod repeated;
 mod scenes;
 mod threads;

@@ -56,30 +56,3 @@ fn one_thread_and_several_compute_the_same_bytes() {
         assert!(fitted(threads) == alone, "{threads} threads");
     }
 }
-
-/// The picture and every derivative that comes of it.
-fn derived(splatter: &mut Splatter, attributes: &Attributes, side: u32) -> (Picture, Attributes) {
-    let mut drawn = splatter.draw(attributes, &view_of(&in_front_of_figure(side, side)));
-    let picture = drawn.picture().clone();
-    let pixels = side as usize;
-    let by_pixel = random_picture(pixels, pixels, &mut Random::new(6));
-    let mut gradients = Attributes::zeros(attributes.len());
-    drawn.backward(&by_pixel, &mut gradients).expect("one size");
-    (picture, gradients)
-}
-
-#[test]
-fn what_was_drawn_before_leaves_nothing_behind() {
-    let many = attributes_of(&standing_figure(3_000));
-    // Most tiles that the figure fills are empty without all but its first Gaussian.
-    let one = attributes_of(&standing_figure(3_000)[..1]);
-    let mut used = Splatter::new();
-    for (attributes, side) in [(&many, 120), (&one, 120), (&many, 64), (&one, 90)] {
-        let fresh = derived(&mut Splatter::new(), attributes, side);
-        assert!(
-            derived(&mut used, attributes, side) == fresh,
-            "{} Gaussians, {side} pixels",
-            attributes.len()
-        );
-    }
-}
