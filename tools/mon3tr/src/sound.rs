@@ -1,10 +1,8 @@
 //! People's voices in a file, as a sound card would play them.
 
 use anyhow::Context;
-use app_session::call::CallVoice;
-use link_codec::Micros;
 use link_playout::Clock;
-use link_voice::RATE;
+use link_voice::{Pace, RATE, VoicePlayer, VoiceQueue};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -28,7 +26,7 @@ impl SoundFile {
     ///
     /// # Errors
     /// If the file cannot be written, or voice cannot be decoded here.
-    pub(crate) fn begin(path: &Path, voices: Vec<CallVoice>, clock: Clock) -> anyhow::Result<Self> {
+    pub(crate) fn begin(path: &Path, voices: &[VoiceQueue], clock: Clock) -> anyhow::Result<Self> {
         let cannot = || format!("cannot write {}", path.display());
         let spec = hound::WavSpec {
             channels: 1,
@@ -37,14 +35,13 @@ impl SoundFile {
             sample_format: hound::SampleFormat::Int,
         };
         let wav = hound::WavWriter::create(path, spec).with_context(cannot)?;
-        for voice in &voices {
-            voice.listen()?;
-        }
+        let players = voices.iter().map(VoiceQueue::listen);
+        let players = players.collect::<Result<Vec<_>, _>>()?;
         let stop = Arc::<AtomicBool>::default();
         let stopped = Arc::clone(&stop);
         let thread = std::thread::Builder::new()
             .name("sound".to_owned())
-            .spawn(move || play(wav, &voices, clock, &stopped))
+            .spawn(move || play(wav, players, clock, &stopped))
             .context("cannot start a thread for the sound")?;
         Ok(Self {
             path: path.to_owned(),
@@ -65,26 +62,21 @@ impl SoundFile {
     }
 }
 
-/// Asks for sound at an even pace; where this thread is late, it asks for what it has missed.
+/// Asks for sound at an even pace; where this thread is a little late, it asks for what it has missed.
 fn play<W: std::io::Write + std::io::Seek>(
     mut wav: hound::WavWriter<W>,
-    voices: &[CallVoice],
+    mut voices: Vec<VoicePlayer>,
     clock: Clock,
     stop: &AtomicBool,
 ) -> Result<(), hound::Error> {
-    let begun = Instant::now();
-    let Micros(begun_us) = clock.at(begun);
+    let mut pace = Pace::begin(Instant::now(), Duration::from_micros(ASKED_US));
     let (mut mixed, mut one) = ([0.0f32; ASKED], [0.0f32; ASKED]);
-    for number in 0u64.. {
-        let after = Duration::from_micros(number.saturating_mul(ASKED_US));
-        std::thread::sleep((begun + after).saturating_duration_since(Instant::now()));
-        if stop.load(Relaxed) {
-            break;
-        }
+    while !stop.load(Relaxed) {
+        let heard = pace.next(Instant::now());
+        std::thread::sleep(heard.saturating_duration_since(Instant::now()));
         mixed.fill(0.0);
-        let now = Micros(begun_us.saturating_add(number.saturating_mul(ASKED_US)));
-        for voice in voices {
-            voice.play(now, &mut one);
+        for voice in &mut voices {
+            voice.play(clock.at(heard), &mut one);
             for (mixed, sample) in mixed.iter_mut().zip(&one) {
                 *mixed += sample;
             }

@@ -3,7 +3,7 @@
 use crate::SendError;
 use link_call::Sender;
 use link_playout::Clock;
-use link_voice::{FRAME, FRAME_US, RATE, Voice, VoiceEncoder};
+use link_voice::{FRAME, FRAME_US, Pace, RATE, Voice, VoiceEncoder};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -31,27 +31,25 @@ impl VoiceFile {
     /// # Errors
     /// If it cannot be read, or is none.
     pub fn open(path: &Path) -> Result<Self, SendError> {
-        let wav = hound::WavReader::open(path)
-            .map_err(|source| SendError::voice(path, source.to_string()))?;
+        let broken = |source| SendError::VoiceFile {
+            path: path.to_owned(),
+            source,
+        };
+        let wav = hound::WavReader::open(path).map_err(broken)?;
         let spec = wav.spec();
         let fits = spec.sample_rate == RATE && matches!(spec.channels, 1 | 2);
         if !fits || wav.duration() == 0 {
-            return Err(SendError::voice(
-                path,
-                format!(
-                    "it has {} samples of {} Hz in {} channels, and voice has {RATE} Hz and one channel or two: \
-                     ffmpeg -i FILE -ar {RATE} -ac 1 voice.wav makes it so",
-                    wav.duration(),
-                    spec.sample_rate,
-                    spec.channels
-                ),
-            ));
+            return Err(SendError::VoiceFormat {
+                path: path.to_owned(),
+                samples: wav.duration(),
+                rate_hz: spec.sample_rate,
+                channels: spec.channels,
+            });
         }
         Ok(Self {
             path: path.to_owned(),
             wav,
-            encoder: VoiceEncoder::new()
-                .map_err(|source| SendError::voice(path, source.to_string()))?,
+            encoder: VoiceEncoder::new()?,
         })
     }
 
@@ -60,19 +58,20 @@ impl VoiceFile {
     /// # Errors
     /// If the file cannot be read any longer.
     pub fn say(&mut self, host: &Sender, clock: Clock, stop: &AtomicBool) -> Result<(), SendError> {
-        let begun = Instant::now();
+        let piece = Duration::from_micros(FRAME_US);
+        let mut pace = Pace::begin(Instant::now(), piece);
         let mut frame = [0.0; FRAME];
-        let mut number = 0u64;
         while !stop.load(Relaxed) {
-            self.read(&mut frame)?;
-            let spoken = begun + Duration::from_micros(number * FRAME_US);
-            number += 1;
+            self.read(&mut frame)
+                .map_err(|source| SendError::VoiceFile {
+                    path: self.path.clone(),
+                    source,
+                })?;
+            let spoken = pace.next(Instant::now());
             // It is known when its last sample is.
-            let known = begun + Duration::from_micros(number * FRAME_US);
+            let known = spoken + piece;
             std::thread::sleep(known.saturating_duration_since(Instant::now()));
-            let opus = self.encoder.encode(&frame);
-            let opus = opus.map_err(|source| SendError::voice(&self.path, source.to_string()))?;
-            if let Some(opus) = opus {
+            if let Some(opus) = self.encoder.encode(&frame)? {
                 let captured = self.encoder.captured(clock.at(spoken));
                 host.say(Voice { captured, opus });
             }
@@ -81,37 +80,27 @@ impl VoiceFile {
     }
 
     /// The next frame; from the start again after the end.
-    fn read(&mut self, frame: &mut [f32; FRAME]) -> Result<(), SendError> {
-        let failed = |path: &Path, why: String| SendError::voice(path, why);
-        let channels = usize::from(self.wav.spec().channels);
-        let mut filled = 0;
-        while filled < FRAME {
-            while filled < FRAME {
-                let sample = next(&mut self.wav).map_err(|why| failed(&self.path, why))?;
-                let Some(mut sample) = sample else {
-                    break;
-                };
-                if channels == 2 {
-                    let right = next(&mut self.wav).map_err(|why| failed(&self.path, why))?;
-                    sample = f32::midpoint(sample, right.unwrap_or(sample));
-                }
-                if let Some(slot) = frame.get_mut(filled) {
-                    *slot = sample;
-                }
-                filled += 1;
+    fn read(&mut self, frame: &mut [f32; FRAME]) -> Result<(), hound::Error> {
+        let is_stereo = self.wav.spec().channels == 2;
+        for slot in frame {
+            let mut sample = next(&mut self.wav)?;
+            if sample.is_none() {
+                self.wav.seek(0)?;
+                sample = next(&mut self.wav)?;
             }
-            if filled < FRAME {
-                self.wav
-                    .seek(0)
-                    .map_err(|source| failed(&self.path, source.to_string()))?;
-            }
+            let sample = sample.unwrap_or_default();
+            *slot = if is_stereo {
+                f32::midpoint(sample, next(&mut self.wav)?.unwrap_or(sample))
+            } else {
+                sample
+            };
         }
         Ok(())
     }
 }
 
 /// The next sample from -1 to 1, whatever its kind; nothing at the end.
-fn next(wav: &mut hound::WavReader<BufReader<File>>) -> Result<Option<f32>, String> {
+fn next(wav: &mut hound::WavReader<BufReader<File>>) -> Result<Option<f32>, hound::Error> {
     let spec = wav.spec();
     let sample = match spec.sample_format {
         hound::SampleFormat::Float => wav.samples::<f32>().next(),
@@ -121,8 +110,7 @@ fn next(wav: &mut hound::WavReader<BufReader<File>>) -> Result<Option<f32>, Stri
             sample.map(|sample| sample.map(|sample| sample as f32 / full))
         }
     };
-    let sample = sample.transpose().map_err(|source| source.to_string())?;
-    Ok(sample.map(|sample| {
+    Ok(sample.transpose()?.map(|sample| {
         if sample.is_finite() {
             sample.clamp(-1.0, 1.0)
         } else {

@@ -10,8 +10,6 @@ use std::{collections::VecDeque, time::Duration};
 
 /// Frames kept at most: more than twice what [`JitterBuffer::MAX_DELAY`] holds at 120 Hz.
 const WAITING: usize = 64;
-/// Times beyond this (146 000 years) are refused.
-const LATEST_US: u64 = 1 << 62;
 
 /// What [`JitterBuffer::push`] did with a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +46,7 @@ impl Timing {
     #[must_use]
     pub fn network_us(&self) -> Option<i64> {
         let captured = self.captured_local?;
-        Some(signed(self.arrived).saturating_sub(signed(captured)))
+        Some(self.arrived.signed().saturating_sub(captured.signed()))
     }
 
     /// Arrival to release.
@@ -197,7 +195,7 @@ impl JitterBuffer {
         captured_local: Option<Micros>,
     ) -> Arrival {
         self.counts.received += 1;
-        if frame.sequence == 0 || frame.captured.0 >= LATEST_US || arrived.0 >= LATEST_US {
+        if frame.sequence == 0 || frame.captured >= Micros::LATEST || arrived >= Micros::LATEST {
             self.counts.refused += 1;
             return Arrival::Refused;
         }
@@ -206,7 +204,7 @@ impl JitterBuffer {
             return Arrival::Duplicate;
         };
         self.counts.reordered += u64::from(!newest);
-        let (captured, here) = (signed(frame.captured), signed(arrived));
+        let (captured, here) = (frame.captured.signed(), arrived.signed());
         let late = here > self.delay.due(captured, here) + LATE_US;
         self.delay.observe(captured, here, newest);
         if self.shown.is_some_and(|shown| frame.sequence < shown) {
@@ -240,7 +238,7 @@ impl JitterBuffer {
     fn due(&self, waiting: &Waiting) -> Micros {
         let due = self
             .delay
-            .due(signed(waiting.frame.captured), signed(waiting.arrived));
+            .due(waiting.frame.captured.signed(), waiting.arrived.signed());
         Micros(due.max(0).unsigned_abs())
     }
 
@@ -260,7 +258,7 @@ impl JitterBuffer {
         }
         let delay = &self.delay;
         self.waiting.drain(..due).map(move |w| {
-            let due = delay.due(signed(w.frame.captured), signed(w.arrived));
+            let due = delay.due(w.frame.captured.signed(), w.arrived.signed());
             Played {
                 timing: Timing {
                     captured: w.frame.captured,
@@ -312,11 +310,6 @@ impl JitterBuffer {
             ..self.counts
         }
     }
-}
-
-/// Times are checked against [`LATEST_US`] in [`JitterBuffer::push`].
-fn signed(time: Micros) -> i64 {
-    i64::try_from(time.0).unwrap_or(i64::MAX)
 }
 
 #[cfg(test)]

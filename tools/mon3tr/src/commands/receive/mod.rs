@@ -19,11 +19,11 @@ use crate::size::{Size, Views};
 use crate::sound::SoundFile;
 use crate::until::Until;
 use crate::viewpoint::Viewpoint;
-use app_session::call::CallVoice;
 use app_session::participant::NetworkContext;
 use clap::ValueEnum;
 use link_playout::Clock;
 use link_protocol::RoomLink;
+use link_voice::VoiceQueue;
 use report::Report;
 use screen::Screen;
 use std::path::PathBuf;
@@ -110,7 +110,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     };
     let stop = network.stop_on_signal();
     // Of the people, in the order of their rooms; they stay the same where one comes back.
-    let voices: Vec<CallVoice> = options.rooms.iter().map(|_| CallVoice::default()).collect();
+    let voices: Vec<VoiceQueue> = options
+        .rooms
+        .iter()
+        .map(|_| VoiceQueue::default())
+        .collect();
     let mut sound = None;
     let mut again = None;
     loop {
@@ -120,7 +124,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         };
         let until = Until::new(&stop, options.seconds, options.frames);
         if let (Some(file), None) = (&options.sound, &sound) {
-            sound = Some(SoundFile::begin(file, voices.clone(), context.clock)?);
+            sound = Some(SoundFile::begin(file, &voices, context.clock)?);
         }
         let shown = screen.show(options, &people, &context, &until)?;
         if let (true, Some(announced)) = (screen.can_go_on(), shown.came_back()) {

@@ -7,10 +7,10 @@ use crate::progress;
 use crate::stills::load_avatar;
 use anyhow::Context;
 use app_session::arrival::{self, Waiting};
-use app_session::call::CallVoice;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use link_http::{Client, PackageCache};
 use link_protocol::{Announcement, RoomLink};
+use link_voice::VoiceQueue;
 use profile_report::AvatarFigures;
 use spmm3::Avatar;
 use std::path::PathBuf;
@@ -27,7 +27,7 @@ pub(super) struct Person {
     pub(super) figures: AvatarFigures,
     pub(super) download: Download,
     /// What they say, to be played.
-    pub(super) voice: CallVoice,
+    pub(super) voice: VoiceQueue,
 }
 
 /// How an avatar came here.
@@ -62,7 +62,7 @@ pub(super) fn gather(
     client: &Client,
     stop: &AtomicBool,
     again: Option<Announcement>,
-    voices: &[CallVoice],
+    voices: &[VoiceQueue],
 ) -> anyhow::Result<Option<Vec<Person>>> {
     let mut people = Vec::new();
     for (room, voice) in options.rooms.iter().zip(voices) {
