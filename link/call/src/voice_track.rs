@@ -173,6 +173,7 @@ mod tests {
         FRAME, FRAME_US, RATE, Voice, VoiceEncoder, VoicePlayer, VoiceQueue, timestamp,
     };
     use rtc::shared::marshal::{Marshal, Unmarshal};
+    use std::time::Duration;
 
     #[test]
     fn an_offer_says_whether_it_asks_for_a_voice_and_by_which_number() {
@@ -247,7 +248,7 @@ mod tests {
     /// Plays 20 ms; the loudest sample of them.
     fn loudest(player: &mut VoicePlayer, now: Micros) -> f32 {
         let mut out = [0.0; FRAME];
-        player.play(now, &mut out);
+        player.play(now, Duration::ZERO, &mut out);
         assert!(out.iter().all(|sample| sample.is_finite()), "at {now:?}");
         out.iter().fold(0.0, |most, sample| most.max(sample.abs()))
     }

@@ -177,10 +177,9 @@ impl VoicePlayout {
     /// sender's, microseconds.
     pub fn play(&mut self, now: Micros, at_least: Option<i64>, out: &mut [f32]) {
         out.fill(0.0);
-        let Some(own) = self.delay.offset_us() else {
+        let Some(own) = self.offset_us(out.len()) else {
             return;
         };
-        let own = own + micros(out.len());
         let offset = at_least.unwrap_or(own).clamp(own, own + LONGEST_WAIT_US);
         let wanted = position(now.signed().saturating_sub(offset));
         let off = self.heard().map_or(0, |heard| (wanted - heard).abs());
@@ -199,6 +198,13 @@ impl VoicePlayout {
         for (out, sample) in out.iter_mut().zip(self.ready.drain(..count)) {
             *out = sample;
         }
+    }
+
+    /// When a sample can be played by this side's clock, where so many are asked for at a time, minus its capture by the sender's,
+    /// microseconds; `None` before the first packet.
+    #[must_use]
+    pub fn offset_us(&self, count: usize) -> Option<i64> {
+        self.delay.offset_us().map(|own| own + micros(count))
     }
 
     /// Counts since the start.

@@ -5,11 +5,12 @@ use crate::{Voice, VoiceError, VoicePlayout, VoiceStatistics};
 use link_codec::Micros;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// Packets that may wait for the player: 1.3 s.
 const PACKETS: usize = 64;
-/// Says that there is no motion to wait for.
-const NO_MOTION: i64 = i64::MIN;
+/// Says that there is nothing to wait for.
+const NOTHING: i64 = i64::MIN;
 
 /// One person's voice as it arrives. Shared by the connection, by who knows when motion is shown, and by who reports.
 #[derive(Debug, Clone, Default)]
@@ -34,6 +35,8 @@ struct Entrance {
 struct Told {
     /// [`VoiceQueue::follow`]'s.
     motion_offset_us: AtomicI64,
+    /// [`VoiceQueue::offset_us`]'s.
+    voice_offset_us: AtomicI64,
     /// Packets for which the ring had no room.
     overflowed: AtomicU64,
     /// The player has something left that was said.
@@ -43,7 +46,8 @@ struct Told {
 impl Default for Told {
     fn default() -> Self {
         Self {
-            motion_offset_us: AtomicI64::new(NO_MOTION),
+            motion_offset_us: AtomicI64::new(NOTHING),
+            voice_offset_us: AtomicI64::new(NOTHING),
             overflowed: AtomicU64::new(0),
             has_more: AtomicBool::new(false),
         }
@@ -82,7 +86,12 @@ impl VoiceQueue {
 
     /// A packet of this connection has arrived at `arrived`, by this side's clock.
     pub fn push(&self, voice: Voice, arrived: Micros) {
-        if let Some(entrance) = &mut *self.entrance() {
+        let mut entrance = self.entrance();
+        // One who has stopped playing must not hold up the end of the call.
+        if entrance.as_ref().is_some_and(|e| e.packets.is_abandoned()) {
+            *entrance = None;
+        }
+        if let Some(entrance) = &mut *entrance {
             let queued = Queued {
                 voice,
                 arrived,
@@ -99,13 +108,22 @@ impl VoiceQueue {
         if let Some(entrance) = &mut *self.entrance() {
             entrance.connection = entrance.connection.wrapping_add(1);
         }
+        self.0.told.voice_offset_us.store(NOTHING, Relaxed);
     }
 
     /// Voice is not to be heard before what is seen: when a frame is shown, by this side's clock, minus its capture by the sender's,
     /// microseconds.
     pub fn follow(&self, motion_offset_us: Option<i64>) {
-        let offset = motion_offset_us.unwrap_or(NO_MOTION);
+        let offset = motion_offset_us.unwrap_or(NOTHING);
         self.0.told.motion_offset_us.store(offset, Relaxed);
+    }
+
+    /// When a sample could be heard, by this side's clock, minus its capture by the sender's, microseconds: what is seen is not to be shown
+    /// before it. Nothing while no voice comes or is played.
+    #[must_use]
+    pub fn offset_us(&self) -> Option<i64> {
+        let offset = self.0.told.voice_offset_us.load(Relaxed);
+        (offset != NOTHING).then_some(offset)
     }
 
     /// Whether all that arrived has been heard, or is played by no one.
@@ -153,8 +171,9 @@ pub struct VoicePlayer {
 }
 
 impl VoicePlayer {
-    /// The sound whose first sample is heard at `now`, by this side's clock, 48 kHz; together with the motion, if that takes longer.
-    pub fn play(&mut self, now: Micros, out: &mut [f32]) {
+    /// The sound that is handed at `now`, by this side's clock, to a device that needs `device` to make it heard; 48 kHz. It is heard
+    /// together with what is seen, if that takes longer.
+    pub fn play(&mut self, now: Micros, device: Duration, out: &mut [f32]) {
         if !self.queued.is_empty() {
             self.told.has_more.store(true, Relaxed);
         }
@@ -165,11 +184,21 @@ impl VoicePlayer {
             }
             self.playout.push(queued.voice, queued.arrived);
         }
+        let device = i64::try_from(device.as_micros()).unwrap_or(i64::MAX);
         let offset = self.told.motion_offset_us.load(Relaxed);
-        let offset = (offset != NO_MOTION).then_some(offset);
+        let offset = (offset != NOTHING).then(|| offset.saturating_sub(device));
         self.playout.play(now, offset, out);
         let has_more = self.playout.has_more();
         self.told.has_more.store(has_more, Relaxed);
+        let own = self.playout.offset_us(out.len());
+        let own = own.map_or(NOTHING, |own| own.saturating_add(device));
+        self.told.voice_offset_us.store(own, Relaxed);
         self.counts.write(self.playout.statistics());
+    }
+}
+
+impl Drop for VoicePlayer {
+    fn drop(&mut self) {
+        self.told.voice_offset_us.store(NOTHING, Relaxed);
     }
 }

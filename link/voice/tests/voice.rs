@@ -6,6 +6,7 @@ use link_voice::{
     FRAME, FRAME_US, RATE, Voice, VoiceEncoder, VoicePlayout, VoiceQueue, VoiceStatistics,
 };
 use std::f32::consts::TAU;
+use std::time::Duration;
 
 /// The way without jitter, microseconds.
 const WAY: u64 = 30_000;
@@ -248,7 +249,7 @@ fn a_queue_hands_over_what_was_said_and_knows_when_it_was_heard() {
         while let Some(voice) = under_way.next_if(|voice| voice.captured.0 + 30_000 <= at(ms).0) {
             queue.push(voice.clone(), at(ms));
         }
-        player.play(at(ms), &mut out);
+        player.play(at(ms), Duration::ZERO, &mut out);
         if loudest(&out) > 0.02 {
             first_heard.get_or_insert(ms);
         }
@@ -267,7 +268,7 @@ fn a_queue_hands_over_what_was_said_and_knows_when_it_was_heard() {
     // The last of them was captured 30 ms ago: 70 ms are still to be heard.
     assert!(!queue.is_played(), "something waits");
     for ms in (1_220..1_320).step_by(10) {
-        player.play(at(ms), &mut out);
+        player.play(at(ms), Duration::ZERO, &mut out);
     }
     assert!(queue.is_played(), "all was heard");
     let counts = queue.statistics().expect("it is played");
@@ -276,11 +277,19 @@ fn a_queue_hands_over_what_was_said_and_knows_when_it_was_heard() {
         (40, 40, 0),
         "{counts:?}"
     );
+    // A packet took 30 ms, and 10 ms are asked for at a time: so much is needed, and what a device needs besides.
+    let device = Duration::from_millis(25);
+    player.play(at(1_320), device, &mut out);
+    assert_eq!(
+        queue.offset_us(),
+        Some(65_000),
+        "as motion would wait for it"
+    );
     // More than a ring holds is dropped, and counted.
     for voice in &packets {
         queue.push(voice.clone(), at(2_000));
     }
-    player.play(at(2_000), &mut out);
+    player.play(at(2_000), Duration::ZERO, &mut out);
     let counts = queue.statistics().expect("it is played");
     let sent = 40 + packets.len() as u64;
     assert_eq!(counts.received, sent, "{counts:?}");
@@ -296,7 +305,7 @@ fn a_queue_hands_over_what_was_said_and_knows_when_it_was_heard() {
         },
         at(5_000),
     );
-    player.play(at(5_000), &mut out);
+    player.play(at(5_000), Duration::ZERO, &mut out);
     let counts = queue.statistics().expect("it is played");
     assert_eq!(
         (counts.refused, counts.received),

@@ -1,20 +1,76 @@
-//! A voice from a file, said as if it were spoken now.
+//! Sources of voice: a file, said as if it were spoken now, and a microphone.
 
 use crate::SendError;
 use link_call::Sender;
 use link_playout::Clock;
 use link_voice::{FRAME, FRAME_US, Pace, RATE, Voice, VoiceEncoder};
+use sound_devices::Microphone;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+/// A microphone is waited for no longer at a time: between two waits is looked whether it is time to stop.
+const LONGEST_WAIT: Duration = Duration::from_millis(100);
+
+/// A source of voice that sets the pace.
+pub trait VoiceSource: Send {
+    /// Forgets what was said before now: no one was there to hear it.
+    fn begin(&mut self) {}
+
+    /// Waits for the next 20 ms, a tenth of a second at most; when their first sample was spoken. `None` if there are none.
+    ///
+    /// # Errors
+    /// If the source fails for good.
+    fn next(&mut self, frame: &mut [f32; FRAME]) -> Result<Option<Instant>, SendError>;
+}
+
+/// Says to every viewer what comes from `source`, until `stop` is set. Blocks: a voice has a thread of its own.
+///
+/// # Errors
+/// If the source fails, or it cannot be encoded.
+pub fn say(
+    source: &mut dyn VoiceSource,
+    host: &Sender,
+    clock: Clock,
+    stop: &AtomicBool,
+) -> Result<(), SendError> {
+    let mut encoder = VoiceEncoder::new()?;
+    let mut frame = [0.0; FRAME];
+    source.begin();
+    while !stop.load(Relaxed) {
+        let Some(spoken) = source.next(&mut frame)? else {
+            continue;
+        };
+        if let Some(opus) = encoder.encode(&frame)? {
+            let captured = encoder.captured(clock.at(spoken));
+            host.say(Voice { captured, opus });
+        }
+    }
+    Ok(())
+}
+
+impl VoiceSource for Microphone {
+    fn begin(&mut self) {
+        self.skip();
+    }
+
+    fn next(&mut self, frame: &mut [f32; FRAME]) -> Result<Option<Instant>, SendError> {
+        Ok(Self::next(self, frame, LONGEST_WAIT))
+    }
+}
+
+const _: () = assert!(
+    RATE == sound_devices::RATE,
+    "a microphone's rate is voice's"
+);
+
 /// A WAV file of speech, again and again.
 pub struct VoiceFile {
     path: PathBuf,
     wav: hound::WavReader<BufReader<File>>,
-    encoder: VoiceEncoder,
+    pace: Option<Pace>,
 }
 
 impl std::fmt::Debug for VoiceFile {
@@ -49,34 +105,8 @@ impl VoiceFile {
         Ok(Self {
             path: path.to_owned(),
             wav,
-            encoder: VoiceEncoder::new()?,
+            pace: None,
         })
-    }
-
-    /// Says it to every viewer until `stop` is set, each 20 ms when they would have been spoken. Blocks: it has a thread of its own.
-    ///
-    /// # Errors
-    /// If the file cannot be read any longer.
-    pub fn say(&mut self, host: &Sender, clock: Clock, stop: &AtomicBool) -> Result<(), SendError> {
-        let piece = Duration::from_micros(FRAME_US);
-        let mut pace = Pace::begin(Instant::now(), piece);
-        let mut frame = [0.0; FRAME];
-        while !stop.load(Relaxed) {
-            self.read(&mut frame)
-                .map_err(|source| SendError::VoiceFile {
-                    path: self.path.clone(),
-                    source,
-                })?;
-            let spoken = pace.next(Instant::now());
-            // It is known when its last sample is.
-            let known = spoken + piece;
-            std::thread::sleep(known.saturating_duration_since(Instant::now()));
-            if let Some(opus) = self.encoder.encode(&frame)? {
-                let captured = self.encoder.captured(clock.at(spoken));
-                host.say(Voice { captured, opus });
-            }
-        }
-        Ok(())
     }
 
     /// The next frame; from the start again after the end.
@@ -96,6 +126,23 @@ impl VoiceFile {
             };
         }
         Ok(())
+    }
+}
+
+impl VoiceSource for VoiceFile {
+    fn next(&mut self, frame: &mut [f32; FRAME]) -> Result<Option<Instant>, SendError> {
+        let piece = Duration::from_micros(FRAME_US);
+        self.read(frame).map_err(|source| SendError::VoiceFile {
+            path: self.path.clone(),
+            source,
+        })?;
+        let now = Instant::now();
+        let pace = self.pace.get_or_insert_with(|| Pace::begin(now, piece));
+        let spoken = pace.next(now);
+        // It is known when its last sample is.
+        let known = spoken + piece;
+        std::thread::sleep(known.saturating_duration_since(now));
+        Ok(Some(spoken))
     }
 }
 

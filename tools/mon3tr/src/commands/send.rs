@@ -10,13 +10,14 @@ use crate::preview::Preview;
 use crate::progress;
 use crate::report::{check_writable, write_json};
 use crate::stills::load_avatar;
+use crate::voice_options::VoiceOptions;
 use anyhow::{Context, anyhow, bail};
 use link_codec::Codec;
 use link_playout::Clock;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::room_link::ServerUrl;
-use sender::{Capture, ClipCapture, Desk, Place, VoiceFile};
+use sender::{Capture, ClipCapture, Desk, Place};
 use serde::Serialize;
 use spmm3::Avatar;
 use std::path::PathBuf;
@@ -63,9 +64,8 @@ pub struct Options {
     motion: MotionOptions,
     #[command(flatten)]
     camera: CameraOptions,
-    /// Say what is in this WAV file (48 kHz), again and again, from when the first viewer comes
-    #[arg(long, value_name = "FILE.wav")]
-    voice: Option<PathBuf>,
+    #[command(flatten)]
+    voice: VoiceOptions,
     /// Show, in a window, the camera's picture with what is seen in it, and the avatar that follows: mirrored, as one expects of a picture
     /// of oneself. It is there before the first viewer comes; Escape closes it, and the call goes on
     #[arg(long, requires = "camera")]
@@ -108,7 +108,7 @@ struct Report {
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.motion.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
-    let mut voice = options.voice.as_deref().map(VoiceFile::open).transpose()?;
+    let mut voice = options.voice.open()?;
     let preview = (options.preview.then(|| Preview::open(device))).transpose()?;
     let (avatar, _) = load_avatar(&options.avatar)?;
     let (mut motion, name, rate_hz) = options.motion(&avatar, device)?;
@@ -169,7 +169,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             let said = voice.as_mut().map(|voice| {
                 let (host, silent, stop) = (&entered.host, &silent, &stop);
                 scope.spawn(move || {
-                    let said = voice.say(host, clock, silent);
+                    let said = sender::say(&mut **voice, host, clock, silent);
                     if said.is_err() {
                         // A call that has lost its voice ends, and says why.
                         stop.store(true, Relaxed);

@@ -1,9 +1,11 @@
 //! What one side says is what the other hears, between real processes.
 
-use crate::house::{House, count, through};
+use crate::house::{House, count, through, wait_for};
 use netlab::{Impairment, Loss, Probability};
+use sound_devices::{Loudspeaker, Microphone, SoundServer};
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+use test_support::pulse::Pulse;
 
 /// Samples a second of voice.
 const RATE: usize = link_voice::RATE as usize;
@@ -124,6 +126,106 @@ fn what_is_said_is_heard_through_delay_and_loss() {
     assert!(alike.len() >= 3, "{} pieces were heard", alike.len());
     alike.sort_by(f32::total_cmp);
     assert!(alike[alike.len() / 2] > 0.85, "{alike:?} alike");
+}
+
+/// Says `spoken` again and again from this loudspeaker.
+fn speak(server: &SoundServer, name: &str, spoken: &[f32]) -> Loudspeaker {
+    let (spoken, mut next) = (spoken.to_vec(), 0);
+    let fill = move |_: Instant, _: Duration, out: &mut [f32]| {
+        for out in out {
+            *out = spoken[next];
+            next = (next + 1) % spoken.len();
+        }
+    };
+    Loudspeaker::begin(server, Some(name), Box::new(fill)).expect("a loudspeaker")
+}
+
+/// What a microphone hears in the next pieces.
+fn listen(microphone: &mut Microphone, pieces: usize) -> Vec<f32> {
+    let mut heard = vec![0.0; pieces * PIECE * STEP];
+    microphone.skip();
+    for frame in heard.chunks_mut(WINDOW) {
+        microphone.next(frame, Duration::from_secs(4));
+    }
+    loudness(&heard)
+}
+
+#[test]
+fn a_microphone_is_heard_from_a_loudspeaker_also_after_it_was_away() {
+    let Some(pulse) = Pulse::start() else { return };
+    let server = SoundServer::at(pulse.socket());
+    let mut house = House::open();
+    house.sound = pulse.socket();
+    let mouth = pulse.add("module-null-sink", "sink_name=mouth");
+    pulse.add("module-null-sink", "sink_name=ears rate=44100");
+    let spoken = syllables();
+    let speaking = speak(&server, "mouth", &spoken);
+    let mut sender = house.sender(&["--microphone", "mouth.monitor"]);
+    let mut receiver = house.receiver(&sender.viewers, "viewer", &["--loudspeaker", "ears"]);
+    receiver.says("joined (session", 1);
+    let mut ears = Microphone::open(&server, Some("ears.monitor")).expect("a microphone");
+    let loud = loudness(&spoken);
+    let is_heard = |ears: &mut Microphone| {
+        let alike = best_likeness(&loud, &listen(ears, 1));
+        println!("{alike} alike");
+        (alike > 0.85).then_some(())
+    };
+    wait_for("what is said", || is_heard(&mut ears));
+
+    drop(speaking);
+    pulse.remove(mouth);
+    sender
+        .program
+        .says("the microphone mouth.monitor is away", 1);
+    listen(&mut ears, 1);
+    let silence = listen(&mut ears, 1).into_iter().fold(0.0, f32::max);
+    assert!(silence < 0.01, "{silence} loud without a microphone");
+    assert!(sender.program.is_running() && receiver.is_running());
+
+    pulse.add("module-null-sink", "sink_name=mouth");
+    sender
+        .program
+        .says("the microphone mouth.monitor is back", 1);
+    let speaking = speak(&server, "mouth", &spoken);
+    wait_for("what is said again", || is_heard(&mut ears));
+    drop(speaking);
+    sender.program.ask_to_end();
+    let (_, said) = sender.program.report_and_said();
+    assert_eq!(said.matches("is away").count(), 1, "{said}");
+    let received = receiver.report();
+    let voice = &received["call"]["voice"];
+    println!("{voice:#}");
+    assert!(count(voice, "decoded") > 100, "{voice:#}");
+}
+
+#[test]
+fn devices_that_are_not_there_are_named_in_one_line() {
+    let mut house = House::open();
+    let sent = house.send(&["--avatar", &house.avatar.to_string_lossy(), "--microphone"]);
+    let said = sent.fails();
+    assert!(
+        said.contains("no microphone: no sound server runs here"),
+        "{said}"
+    );
+    let sender = house.sender(&["--seconds", "2"]);
+    // Without having asked for one, others are seen all the same.
+    let receiver = house.receiver(&sender.viewers, "viewer", &[]);
+    sender.program.report();
+    receiver.report();
+    let Some(pulse) = Pulse::start() else { return };
+    house.sound = pulse.socket();
+    pulse.add("module-null-sink", "sink_name=ears");
+    let sent = house.send(&[
+        "--avatar",
+        &house.avatar.to_string_lossy(),
+        "--microphone",
+        "headset",
+    ]);
+    let said = sent.fails();
+    assert!(
+        said.contains("headset") && said.contains("ears.monitor"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -13,10 +13,10 @@ use crate::device_options::DeviceOptions;
 use crate::gaze::GazeChoice;
 use crate::lanes::LaneChoices;
 use crate::network::{self, Network};
-use crate::report::{check_writable, file_of_format, write_json};
+use crate::report::{check_writable, write_json};
 use crate::scenery::SceneryOptions;
 use crate::size::{Size, Views};
-use crate::sound::SoundFile;
+use crate::sound::{Sound, SoundOptions};
 use crate::until::Until;
 use crate::viewpoint::Viewpoint;
 use app_session::participant::NetworkContext;
@@ -71,9 +71,8 @@ pub struct Options {
     /// tracker's samples, lines of `seconds,x,y` or {"seconds":S,"x":X,"y":Y}, seconds from the first picture, x (to the right) and y (down) from 0 to 1
     #[arg(long, value_name = "mouse|FILE")]
     gaze: Option<GazeChoice>,
-    /// Write what is heard, all people together, as a WAV file
-    #[arg(long, value_name = "FILE.wav", value_parser = file_of_format("wav"))]
-    sound: Option<PathBuf>,
+    #[command(flatten)]
+    sound: SoundOptions,
     #[command(flatten)]
     lanes: LaneChoices,
     #[command(flatten)]
@@ -99,7 +98,7 @@ enum Display {
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.scenery.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
-    options.sound.as_deref().map_or(Ok(()), check_writable)?;
+    options.sound.file().map_or(Ok(()), check_writable)?;
     // What may be missing on this machine comes before any wait.
     let mut screen = Screen::open(options, device)?;
     let network = Network::start()?;
@@ -123,8 +122,8 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             return Ok(());
         };
         let until = Until::new(&stop, options.seconds, options.frames);
-        if let (Some(file), None) = (&options.sound, &sound) {
-            sound = Some(SoundFile::begin(file, &voices, context.clock)?);
+        if sound.is_none() {
+            sound = Some(options.sound.begin(&voices, context.clock)?);
         }
         let shown = screen.show(options, &people, &context, &until)?;
         if let (true, Some(announced)) = (screen.can_go_on(), shown.came_back()) {
@@ -135,7 +134,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let (report, outcome) = Report::new(people, shown)?;
         report.print();
         write_json(options.json.as_deref(), &report)?;
-        sound.map_or(Ok(()), SoundFile::end)?;
+        sound.map_or(Ok(()), Sound::end)?;
         return outcome;
     }
 }
