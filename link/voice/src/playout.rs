@@ -88,6 +88,8 @@ pub struct VoicePlayout {
     gap: u32,
     /// How much of them was made up while no packet was there at all, samples: whether it was lost or is late shows when one comes.
     made_up: i64,
+    /// [`Self::heard_offset_us`].
+    heard_offset: Option<i64>,
     counts: VoiceStatistics,
 }
 
@@ -118,6 +120,7 @@ impl VoicePlayout {
             silent: false,
             gap: 0,
             made_up: 0,
+            heard_offset: None,
             counts: VoiceStatistics::default(),
         })
     }
@@ -177,6 +180,7 @@ impl VoicePlayout {
     /// sender's, microseconds.
     pub fn play(&mut self, now: Micros, at_least: Option<i64>, out: &mut [f32]) {
         out.fill(0.0);
+        self.heard_offset = None;
         let Some(own) = self.offset_us(out.len()) else {
             return;
         };
@@ -198,6 +202,16 @@ impl VoicePlayout {
         for (out, sample) in out.iter_mut().zip(self.ready.drain(..count)) {
             *out = sample;
         }
+        let is_heard = self.gap == 0 && !self.silent;
+        let ended = self.heard().filter(|_| is_heard);
+        self.heard_offset = ended.map(|ended| now.signed() - time(ended) + micros(out.len()));
+    }
+
+    /// When the last sample that was asked for was played, by this side's clock, minus its capture by the sender's, microseconds; `None` where
+    /// no one spoke then, or it was made up.
+    #[must_use]
+    pub fn heard_offset_us(&self) -> Option<i64> {
+        self.heard_offset
     }
 
     /// When a sample can be played by this side's clock, where so many are asked for at a time, minus its capture by the sender's,
@@ -371,6 +385,16 @@ fn position(micros: i64) -> i64 {
     let per_frame = FRAME_US.cast_signed();
     let (frames, rest) = (micros.div_euclid(per_frame), micros.rem_euclid(per_frame));
     frames * FRAME_SAMPLES + rest * FRAME_SAMPLES / per_frame
+}
+
+/// In microseconds, of a position.
+fn time(position: i64) -> i64 {
+    let per_frame = FRAME_US.cast_signed();
+    let (frames, rest) = (
+        position.div_euclid(FRAME_SAMPLES),
+        position.rem_euclid(FRAME_SAMPLES),
+    );
+    frames * per_frame + rest * per_frame / FRAME_SAMPLES
 }
 
 /// In microseconds, of so many samples.

@@ -37,6 +37,8 @@ struct Told {
     motion_offset_us: AtomicI64,
     /// [`VoiceQueue::offset_us`]'s.
     voice_offset_us: AtomicI64,
+    /// [`VoiceQueue::heard_offset_us`]'s.
+    heard_offset_us: AtomicI64,
     /// Packets for which the ring had no room.
     overflowed: AtomicU64,
     /// The player has something left that was said.
@@ -48,9 +50,17 @@ impl Default for Told {
         Self {
             motion_offset_us: AtomicI64::new(NOTHING),
             voice_offset_us: AtomicI64::new(NOTHING),
+            heard_offset_us: AtomicI64::new(NOTHING),
             overflowed: AtomicU64::new(0),
             has_more: AtomicBool::new(false),
         }
+    }
+}
+
+impl Told {
+    fn no_voice(&self) {
+        self.voice_offset_us.store(NOTHING, Relaxed);
+        self.heard_offset_us.store(NOTHING, Relaxed);
     }
 }
 
@@ -108,7 +118,7 @@ impl VoiceQueue {
         if let Some(entrance) = &mut *self.entrance() {
             entrance.connection = entrance.connection.wrapping_add(1);
         }
-        self.0.told.voice_offset_us.store(NOTHING, Relaxed);
+        self.0.told.no_voice();
     }
 
     /// Voice is not to be heard before what is seen: when a frame is shown, by this side's clock, minus its capture by the sender's,
@@ -123,6 +133,13 @@ impl VoiceQueue {
     #[must_use]
     pub fn offset_us(&self) -> Option<i64> {
         let offset = self.0.told.voice_offset_us.load(Relaxed);
+        (offset != NOTHING).then_some(offset)
+    }
+
+    /// When what was heard last was in the air, by this side's clock, minus its capture by the sender's, microseconds. Nothing in a silence.
+    #[must_use]
+    pub fn heard_offset_us(&self) -> Option<i64> {
+        let offset = self.0.told.heard_offset_us.load(Relaxed);
         (offset != NOTHING).then_some(offset)
     }
 
@@ -193,12 +210,15 @@ impl VoicePlayer {
         let own = self.playout.offset_us(out.len());
         let own = own.map_or(NOTHING, |own| own.saturating_add(device));
         self.told.voice_offset_us.store(own, Relaxed);
+        let heard = self.playout.heard_offset_us();
+        let heard = heard.map_or(NOTHING, |heard| heard.saturating_add(device));
+        self.told.heard_offset_us.store(heard, Relaxed);
         self.counts.write(self.playout.statistics());
     }
 }
 
 impl Drop for VoicePlayer {
     fn drop(&mut self) {
-        self.told.voice_offset_us.store(NOTHING, Relaxed);
+        self.told.no_voice();
     }
 }

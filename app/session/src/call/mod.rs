@@ -9,6 +9,7 @@ pub use watch::{CallCounts, CallWatch};
 use app_pipeline::concealment::{ConcealmentState, MotionConcealment};
 use app_pipeline::lanes::{MotionSource, Pose};
 use app_pipeline::profile::FrameTimes;
+use app_pipeline::timeline::DisplayLag;
 use figures::Log;
 use link_call::{CallError, CallEvent, Viewer};
 use link_codec::Micros;
@@ -48,6 +49,8 @@ pub struct Call {
     log: Log,
     watch: CallWatch,
     voice: VoiceQueue,
+    /// Of the pictures that show it.
+    lag: DisplayLag,
     /// When it was last told what was counted.
     told: Micros,
     end: Option<CallEnd>,
@@ -78,6 +81,7 @@ impl Call {
             log: Log::new(clock.now()),
             watch: CallWatch::default(),
             voice,
+            lag: DisplayLag::default(),
             told: Micros(0),
             end: None,
             hung_up: Micros(0),
@@ -189,7 +193,7 @@ impl Call {
                 arrived,
             } => {
                 self.buffer.push(frame, arrived, captured);
-                self.voice.follow(self.buffer.offset_us());
+                self.keep_together();
             }
             CallEvent::HungUp => {
                 self.end = Some(CallEnd::HungUp);
@@ -199,11 +203,28 @@ impl Call {
         }
     }
 
+    /// What is seen and what is heard of one moment come together: whichever is ready first waits.
+    fn keep_together(&mut self) {
+        let lag = self.lag_us();
+        let seen = self.buffer.offset_us();
+        self.voice.follow(seen.map(|seen| seen.saturating_add(lag)));
+        let heard = self.voice.offset_us();
+        self.buffer
+            .wait_for(heard.map(|heard| heard.saturating_sub(lag)));
+    }
+
+    /// From when a frame is due to when it is seen; nothing where it is not drawn.
+    fn lag_us(&self) -> i64 {
+        let lag = self.lag.get().unwrap_or_default();
+        i64::try_from(lag.as_micros()).unwrap_or(i64::MAX)
+    }
+
     /// Gives concealment all that is due; returns the newest frame's way, if there was any.
     fn release(&mut self, now: Micros) -> Option<Timing> {
         let mut newest = None;
+        let (lag, heard) = (self.lag_us(), self.voice.heard_offset_us());
         for Played { frame, timing } in self.buffer.take(now) {
-            self.log.released(&timing);
+            self.log.released(&timing, lag, heard);
             self.concealment.push(&frame);
             newest = Some(timing);
         }
@@ -267,6 +288,10 @@ impl MotionSource for Call {
 
     fn is_over(&self) -> bool {
         Self::is_over(self)
+    }
+
+    fn display_lag(&self) -> DisplayLag {
+        self.lag.clone()
     }
 }
 

@@ -1,11 +1,12 @@
 //! What one side says is what the other hears, between real processes.
 
-use crate::house::{House, count, through, wait_for};
-use netlab::{Impairment, Loss, Probability};
+use crate::house::{House, Program, count, number, through, wait_for};
+use netlab::{Impairment, Jitter, Loss, Probability};
 use sound_devices::{Loudspeaker, Microphone, SoundServer};
 use std::path::Path;
 use std::time::{Duration, Instant};
 use test_support::pulse::Pulse;
+use test_support::{onnx, vulkan};
 
 /// Samples a second of voice.
 const RATE: usize = link_voice::RATE as usize;
@@ -126,6 +127,43 @@ fn what_is_said_is_heard_through_delay_and_loss() {
     assert!(alike.len() >= 3, "{} pieces were heard", alike.len());
     alike.sort_by(f32::total_cmp);
     assert!(alike[alike.len() / 2] > 0.85, "{alike:?} alike");
+}
+
+#[test]
+fn what_is_heard_and_what_is_seen_of_one_moment_come_together() {
+    let house = House::open();
+    let (said, heard) = (house.path("said.wav"), house.path("heard.wav"));
+    write_wav(&said, link_voice::RATE, &syllables());
+    let down = Impairment {
+        delay: Duration::from_millis(40),
+        jitter: Jitter::Uniform(Duration::from_millis(15)),
+        ..Impairment::default()
+    };
+    // Where nothing is drawn, motion is ready first and waits; pictures are late, and voice waits for them.
+    for display in ["none", "offscreen"] {
+        if display != "none" && (vulkan::gpu().is_none() || onnx::runtime().is_none()) {
+            return;
+        }
+        let lab = house.lab(down.clone(), Impairment::default());
+        let sender = house.sender(&["--voice", &said, "--seconds", "14"]);
+        let link = through(&lab, &sender.viewers);
+        let (json, out) = (house.new_report(), house.path("pictures"));
+        let first = ["receive", &link, "--display", display, "--json", &json];
+        let more = ["--sound", &heard, "--out", &out, "--size", "160x120"];
+        let mut command = crate::command::command(&[first.as_slice(), &more].concat());
+        let receiver = Program::start_as(&house, house.folder.path(), &mut command);
+        sender.program.report();
+        let received = receiver.report();
+        house.runtime.block_on(lab.stop());
+        let call = &received["call"];
+        let latency = &call["latency"];
+        let (apart, ear) = (&latency["voice_apart"], &latency["mouth_to_ear"]);
+        println!("{display}: {apart:#} {ear:#}");
+        assert!(number(apart, "count") > 200.0, "{latency:#}");
+        assert!(number(apart, "p95_ms") <= 20.0, "{display}: {apart:#}");
+        // The way, the two frames that Opus and the packet take, and what is asked for at a time.
+        assert!(number(ear, "p50_ms") >= 40.0 + 20.0, "{display}: {ear:#}");
+    }
 }
 
 /// Says `spoken` again and again from this loudspeaker.

@@ -213,6 +213,8 @@ impl Report {
                 "capture to deform stage, all told",
                 latency.capture_to_deform,
             ),
+            ("mouth to ear", latency.mouth_to_ear),
+            ("heard and seen apart", latency.voice_apart),
         ] {
             let Some(Percentiles {
                 p50_ms,
