@@ -16,7 +16,7 @@ const ASKED: usize = 480;
 const ASKED_US: u64 = 10_000;
 
 /// Options of commands that play voices.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub(crate) struct SoundOptions {
     /// Write what is heard of all people together, as the loudspeaker would play it, and play nothing
     #[arg(long, value_name = "FILE.wav", value_parser = file_of_format("wav"))]

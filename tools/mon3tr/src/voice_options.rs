@@ -6,7 +6,7 @@ use sound_devices::{Microphone, SoundServer};
 use std::path::PathBuf;
 
 /// Options of commands that send a voice.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub(crate) struct VoiceOptions {
     /// Say what is in this WAV file (48 kHz), again and again, from when the first viewer comes
     #[arg(long, value_name = "FILE.wav", conflicts_with = "microphone")]

@@ -14,13 +14,13 @@ const RATE: usize = link_voice::RATE as usize;
 const WINDOW: usize = RATE / 50;
 const STEP: usize = WINDOW / 4;
 /// Loudnesses that are compared at a time: 2.5 s.
-const PIECE: usize = RATE * 5 / 2 / STEP;
+pub(crate) const PIECE: usize = RATE * 5 / 2 / STEP;
 /// Of the file, seconds.
 const SPOKEN: usize = 5;
 
-/// Syllables of 150 ms at 120 Hz, of which a fixed half is loud: no part of them looks like another.
-fn syllables() -> Vec<f32> {
-    let mut random = 1u32;
+/// Syllables of 150 ms at 120 Hz, of which a fixed half is loud, another one for each person: no part of them looks like another.
+pub(crate) fn syllables(person: u32) -> Vec<f32> {
+    let mut random = person;
     let mut loud = 0.0;
     (0..SPOKEN * RATE)
         .map(|k| {
@@ -38,7 +38,7 @@ fn syllables() -> Vec<f32> {
 }
 
 /// One channel of 32 bits.
-fn write_wav(path: impl AsRef<Path>, sample_rate: u32, samples: &[f32]) {
+pub(crate) fn write_wav(path: impl AsRef<Path>, sample_rate: u32, samples: &[f32]) {
     let spec = hound::WavSpec {
         channels: 1,
         sample_rate,
@@ -52,14 +52,22 @@ fn write_wav(path: impl AsRef<Path>, sample_rate: u32, samples: &[f32]) {
     wav.finalize().expect("a file");
 }
 
-fn loudness(samples: &[f32]) -> Vec<f32> {
+/// Of what a program wrote.
+pub(crate) fn read_wav(path: &str) -> Vec<f32> {
+    let mut wav = hound::WavReader::open(path).expect("what was heard");
+    wav.samples::<i16>()
+        .map(|sample| f32::from(sample.expect("a sample")) / 32_768.0)
+        .collect()
+}
+
+pub(crate) fn loudness(samples: &[f32]) -> Vec<f32> {
     (samples.windows(WINDOW).step_by(STEP))
         .map(|window| (window.iter().map(|s| s * s).sum::<f32>() / WINDOW as f32).sqrt())
         .collect()
 }
 
 /// Correlation of a piece with the part of what is said again and again that it is most like.
-fn best_likeness(said: &[f32], piece: &[f32]) -> f32 {
+pub(crate) fn best_likeness(said: &[f32], piece: &[f32]) -> f32 {
     let twice = [said, said].concat();
     (twice.windows(piece.len()))
         .map(|part| likeness(part, piece))
@@ -83,7 +91,7 @@ fn likeness(a: &[f32], b: &[f32]) -> f32 {
 fn what_is_said_is_heard_through_delay_and_loss() {
     let house = House::open();
     let (said, heard) = (house.path("said.wav"), house.path("heard.wav"));
-    let spoken = syllables();
+    let spoken = syllables(1);
     write_wav(&said, link_voice::RATE, &spoken);
 
     let down = Impairment {
@@ -114,12 +122,7 @@ fn what_is_said_is_heard_through_delay_and_loss() {
         "{voice:#}"
     );
 
-    let mut wav = hound::WavReader::open(&heard).expect("what was heard");
-    let samples: Vec<f32> = wav
-        .samples::<i16>()
-        .map(|sample| f32::from(sample.expect("a sample")) / 32_768.0)
-        .collect();
-    let (spoken, heard) = (loudness(&spoken), loudness(&samples));
+    let (spoken, heard) = (loudness(&spoken), loudness(&read_wav(&heard)));
     // Where the delay changes, periods are left out or repeated: pieces are compared, and the beginning, where it settles, is left out.
     let pieces = heard.chunks_exact(PIECE).skip(1);
     let mut alike: Vec<f32> = pieces.map(|piece| best_likeness(&spoken, piece)).collect();
@@ -133,7 +136,7 @@ fn what_is_said_is_heard_through_delay_and_loss() {
 fn what_is_heard_and_what_is_seen_of_one_moment_come_together() {
     let house = House::open();
     let (said, heard) = (house.path("said.wav"), house.path("heard.wav"));
-    write_wav(&said, link_voice::RATE, &syllables());
+    write_wav(&said, link_voice::RATE, &syllables(1));
     let down = Impairment {
         delay: Duration::from_millis(40),
         jitter: Jitter::Uniform(Duration::from_millis(15)),
@@ -196,7 +199,7 @@ fn a_microphone_is_heard_from_a_loudspeaker_also_after_it_was_away() {
     house.sound = pulse.socket();
     let mouth = pulse.add("module-null-sink", "sink_name=mouth");
     pulse.add("module-null-sink", "sink_name=ears rate=44100");
-    let spoken = syllables();
+    let spoken = syllables(1);
     let speaking = speak(&server, "mouth", &spoken);
     let mut sender = house.sender(&["--microphone", "mouth.monitor"]);
     let mut receiver = house.receiver(&sender.viewers, "viewer", &["--loudspeaker", "ears"]);

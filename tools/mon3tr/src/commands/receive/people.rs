@@ -2,7 +2,7 @@
 
 use super::Options;
 use crate::device_options::cache;
-use crate::network::Network;
+use crate::network::{Line, Network};
 use crate::progress;
 use crate::stills::load_avatar;
 use anyhow::Context;
@@ -58,12 +58,16 @@ impl Person {
 /// come back, `again` is known what was announced. What they say goes to `voices`, in the order of the rooms.
 pub(super) fn gather(
     options: &Options,
-    network: &Network,
-    client: &Client,
-    stop: &AtomicBool,
+    line: &Line,
     again: Option<Announcement>,
     voices: &[VoiceQueue],
 ) -> anyhow::Result<Option<Vec<Person>>> {
+    let Line {
+        network,
+        client,
+        stop,
+        ..
+    } = line;
     let mut people = Vec::new();
     for (room, voice) in options.rooms.iter().zip(voices) {
         let announced = match again {
