@@ -45,7 +45,7 @@ impl SoundOptions {
             Ok(loudspeaker) => Ok(Sound::Loudspeaker(loudspeaker)),
             Err(why) if asked.is_some() => Err(why.context("no loudspeaker")),
             Err(why) => {
-                log::warn!("no voice is heard: {why:#}; --sound FILE.wav writes it");
+                println!("no voice is heard: {why:#}; --sound FILE.wav writes it");
                 Ok(Sound::Unheard)
             }
         }
