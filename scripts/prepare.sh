@@ -14,6 +14,7 @@
 #   MON3TR_ANDROID_TOOLS MON3TR_JAVA          the folder of Android's programs for packages, and java, only where they were asked for
 #   MON3TR_ADRENO                             the folder of a compiler for the Quest 3's GPU, only where it was asked for
 #   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
+#   MON3TR_PULSEAUDIO                         the sound server PulseAudio, only where it was asked for
 #   MON3TR_ANDROID_PARTS MON3TR_CLANG         others' libraries in the headset's package and, without an NDK, a clang, only where
 #   MON3TR_ANDROID_PARTS_QNN                  they were asked for
 #   MON3TR_ANDROID_PARTS_REHEARSAL            what of that is for this machine's processor, only where it was asked for
@@ -59,6 +60,8 @@ export MON3TR_CACHE
 . "$repo/scripts/qnn.sh"
 # shellcheck source=scripts/nats-server.sh
 . "$repo/scripts/nats-server.sh"
+# shellcheck source=scripts/pulseaudio.sh
+. "$repo/scripts/pulseaudio.sh"
 # shellcheck source=scripts/monado.sh
 . "$repo/scripts/monado.sh"
 # shellcheck source=scripts/android-tools.sh
@@ -257,6 +260,9 @@ find_todo() {
 		if ! nats_server_is_there && command -v dpkg-deb >/dev/null; then
 			todo+=("install_nats_server|nats-server $(locked_version "$nats_server_lock" nats-server) with its libraries, from Debian ($(lock_megabytes "$nats_server_lock") MB): tests let two servers share their rooms through it")
 		fi
+		if ! pulseaudio_is_there && command -v dpkg-deb >/dev/null; then
+			todo+=("install_pulseaudio|pulseaudio $(locked_version "$pulseaudio_lock" pulseaudio) with its libraries, from Debian ($(lock_megabytes "$pulseaudio_lock") MB): tests speak and listen through its devices, which play and record nothing")
+		fi
 		if ! python_is_there && [ -n "$python_found" ]; then
 			todo+=("install_python|aiortc and moto with what they need, from PyPI, for $python_found ($(python_megabytes) MB): tests call with the one and store into the other")
 		fi
@@ -378,6 +384,7 @@ export_environment() {
 	fi
 	if [ "$with_interop" = 1 ]; then
 		if nats_server_is_there; then export_nats_server; fi
+		if pulseaudio_is_there; then export_pulseaudio; fi
 		if python_is_there; then export_python; else explain_no_python; fi
 	fi
 	if [ "$with_xr" = 1 ]; then

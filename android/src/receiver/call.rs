@@ -11,7 +11,6 @@ use app_pipeline::pool::in_own_pool;
 use app_pipeline::quality::QualityMode;
 use app_session::arrival::{Waiting, unless_over, wait_for_sender};
 use app_session::call::CallEnd;
-use app_session::call::CallVoice;
 use app_session::headset::{
     FrameCapture, FrameObserver, HeadsetDisplay, HeadsetFigures, NoticeBoard, PresentOptions,
     show_notice,
@@ -23,6 +22,7 @@ use link_http::cache::PackageInUse;
 use link_http::{Client, PackageCache};
 use link_playout::Clock;
 use link_protocol::RoomLink;
+use link_voice::VoiceQueue;
 use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -211,7 +211,7 @@ fn wait_and_fetch(
                 link: room.clone(),
                 announced,
                 network: network.clone(),
-                voice: CallVoice::default(),
+                voice: VoiceQueue::default(),
             },
         },
         _package: package,

@@ -7,6 +7,8 @@
 //! than a motion period too long, as a stall leaves it, is cut at once: states that old are not kept.
 
 use serde::Serialize;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 /// Pictures from which the lag is estimated: 1.4 s at 90 Hz.
@@ -42,6 +44,33 @@ pub enum LatencyMode {
 /// How far beyond the newest state [`LatencyMode::Extrapolate`] goes, in motion periods.
 const BOUND: f32 = 1.0;
 
+/// How much later than it is due a moment of the motion is displayed, for whoever has to keep up with pictures: the [`Timeline`] tells,
+/// anyone reads.
+#[derive(Debug, Clone)]
+pub struct DisplayLag(Arc<AtomicU64>);
+
+impl DisplayLag {
+    const UNKNOWN: u64 = u64::MAX;
+
+    /// Of the last picture; `None` before the first.
+    #[must_use]
+    pub fn get(&self) -> Option<Duration> {
+        let micros = self.0.load(Relaxed);
+        (micros != Self::UNKNOWN).then(|| Duration::from_micros(micros))
+    }
+
+    fn tell(&self, lag: Duration) {
+        let micros = u64::try_from(lag.as_micros()).unwrap_or(Self::UNKNOWN);
+        self.0.store(micros, Relaxed);
+    }
+}
+
+impl Default for DisplayLag {
+    fn default() -> Self {
+        Self(Arc::new(AtomicU64::new(Self::UNKNOWN)))
+    }
+}
+
 /// Where on the time axis of motion pictures are.
 #[derive(Debug, Clone)]
 pub struct Timeline {
@@ -56,14 +85,16 @@ pub struct Timeline {
     newest: Option<(Instant, Instant)>,
     /// The last picture's time on the display and on the axis.
     last: Option<(Instant, Instant)>,
+    told: DisplayLag,
 }
 
 impl Timeline {
-    /// Without any lag yet.
+    /// Without any lag yet; tells `told` of it from then on.
     #[must_use]
-    pub fn new(mode: LatencyMode) -> Self {
+    pub fn new(mode: LatencyMode, told: DisplayLag) -> Self {
         Self {
             mode,
+            told,
             ages: [0.0; WINDOW],
             seen: 0,
             period: 1.0 / 30.0,
@@ -125,6 +156,7 @@ impl Timeline {
         // Time never goes back, whatever the display says.
         let moment = self.last.map_or(moment, |(_, last)| moment.max(last));
         self.last = Some((displayed, moment));
+        self.told.tell(displayed.saturating_duration_since(moment));
         moment
     }
 
@@ -165,7 +197,7 @@ mod tests {
     /// once all has settled, how far behind the display each picture was, and its alpha.
     fn shown(mode: LatencyMode, hertz: u32, work: Duration, lead: Duration) -> Vec<(f64, f32)> {
         let start = Instant::now();
-        let mut timeline = Timeline::new(mode);
+        let mut timeline = Timeline::new(mode, DisplayLag::default());
         let mut out = Vec::new();
         let mut newest = 0;
         for picture in 60..hertz * 20 {
@@ -176,6 +208,11 @@ mod tests {
                 timeline.state_came(start + MOTION * (newest - 1), start + MOTION * newest);
             }
             let moment = timeline.moment(displayed, start + MOTION * newest);
+            let told = timeline.told.get().expect("there was a picture");
+            assert!(
+                told.abs_diff(displayed - moment) < Duration::from_micros(2),
+                "{told:?}"
+            );
             // The pair it lies in.
             let mut to = newest;
             while to > 1 && start + MOTION * (to - 1) > moment {
@@ -244,8 +281,8 @@ mod tests {
         let at = |ms: u64| Instant::now() + Duration::from_millis(1_000_000 + ms);
         let start = at(0);
         let after = |ms: u64| start + Duration::from_millis(ms);
-        let inside = Timeline::new(LatencyMode::Interpolate);
-        let beyond = Timeline::new(LatencyMode::Extrapolate);
+        let inside = Timeline::new(LatencyMode::Interpolate, DisplayLag::default());
+        let beyond = Timeline::new(LatencyMode::Extrapolate, DisplayLag::default());
         assert!(
             (inside.alpha(after(0), after(30), after(15)) - 0.5).abs() < 1e-3,
             "half way"
@@ -281,7 +318,7 @@ mod tests {
     #[test]
     fn a_stall_at_the_start_does_not_hold_pictures_back_for_seconds() {
         let start = Instant::now() + Duration::from_secs(10);
-        let mut timeline = Timeline::new(LatencyMode::Interpolate);
+        let mut timeline = Timeline::new(LatencyMode::Interpolate, DisplayLag::default());
         let mut behind = Vec::new();
         for picture in 0..90_u32 {
             let displayed = start + Duration::from_millis(11) * picture;
@@ -308,7 +345,7 @@ mod tests {
     #[test]
     fn a_person_who_stood_still_for_a_minute_is_shown_no_later_than_before() {
         let start = Instant::now() + Duration::from_secs(10);
-        let mut timeline = Timeline::new(LatencyMode::Interpolate);
+        let mut timeline = Timeline::new(LatencyMode::Interpolate, DisplayLag::default());
         let behind = |timeline: &mut Timeline, picture: u32, newest: Instant| {
             let displayed = start + Duration::from_millis(10) * picture;
             let moment = timeline.moment(displayed, newest);
@@ -335,7 +372,7 @@ mod tests {
     #[test]
     fn a_changed_lag_is_reached_slowly_and_time_never_goes_back() {
         let start = Instant::now() + Duration::from_secs(10);
-        let mut timeline = Timeline::new(LatencyMode::Interpolate);
+        let mut timeline = Timeline::new(LatencyMode::Interpolate, DisplayLag::default());
         let period = Duration::from_millis(10);
         let mut last = None;
         for picture in 0..1000u32 {

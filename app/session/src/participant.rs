@@ -1,6 +1,6 @@
 //! The people of a session: what they look like, where their motion comes from, and the call that each of them is in.
 
-use crate::call::{Call, CallEnd, CallFigures, CallVoice, CallWatch};
+use crate::call::{Call, CallEnd, CallFigures, CallWatch};
 use crate::clip::ClipSource;
 use crate::pose_queue::PoseQueue;
 use crate::presence::Seated;
@@ -10,6 +10,7 @@ use link_call::Viewer;
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::{Announcement, RoomLink};
+use link_voice::VoiceQueue;
 use spmm3::{Avatar, MotionParams, Skeleton};
 use std::sync::Arc;
 use std::time::Duration;
@@ -42,7 +43,7 @@ pub enum Origin {
         /// The way to the room.
         network: NetworkContext,
         /// What they say goes there, to be played.
-        voice: CallVoice,
+        voice: VoiceQueue,
     },
     /// A clip, again and again.
     Clip {
@@ -83,12 +84,12 @@ impl NetworkContext {
         link: &RoomLink,
         announced: Announcement,
         skeleton: &Skeleton,
-        voice: CallVoice,
+        voice: VoiceQueue,
     ) -> Call {
         let viewer = {
             // Its tasks run on the network's threads.
             let _network = self.network.enter();
-            Viewer::join(self.client.clone(), link.clone(), self.clock)
+            Viewer::join(self.client.clone(), link.clone(), self.clock, voice.clone())
         };
         Call::new(viewer, announced, skeleton, self.clock, voice)
     }

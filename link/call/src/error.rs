@@ -25,11 +25,11 @@ pub enum CallError {
     #[error("the sender is not in the room now")]
     SenderAbsent,
     /// The system gave no random number for a session.
-    #[error("the system gives no random numbers ({0})")]
-    Random(String),
+    #[error("the system gives no random numbers")]
+    Random(#[from] getrandom::Error),
     /// A task panicked.
-    #[error("a task of the call failed: {0}")]
-    Task(String),
+    #[error("a task of the call failed")]
+    Task(#[from] tokio::task::JoinError),
 }
 
 impl CallError {

@@ -9,13 +9,14 @@
 //! use link_http::Client;
 //! use link_playout::Clock;
 //! use link_protocol::RoomLink;
+//! use link_voice::VoiceQueue;
 //! use std::time::Duration;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let room: RoomLink = std::env::args().nth(1).ok_or("usage: PROGRAM LINK")?.parse()?;
 //! let runtime = tokio::runtime::Runtime::new()?;
 //! let _entered = runtime.enter();
-//! let viewer = Viewer::join(Client::new(None)?, room, Clock::start());
+//! let viewer = Viewer::join(Client::new(None)?, room, Clock::start(), VoiceQueue::default());
 //! // After the last event there is none: the loop ends with the call.
 //! while let Ok(event) = viewer.next(Duration::MAX) {
 //!     match event {
@@ -24,7 +25,6 @@
 //!         CallEvent::Frame { frame, .. } => {
 //!             println!("frame {} at {}", frame.sequence, frame.motion.root_translation);
 //!         }
-//!         CallEvent::Voice { voice, .. } => println!("{} bytes of voice", voice.opus.len()),
 //!         CallEvent::HungUp => println!("the sender has hung up"),
 //!         CallEvent::Failed(error) => return Err(error.into()),
 //!     }
@@ -72,7 +72,7 @@ async fn send_bye(peer: &mut Peer, session: u32) -> bool {
                     {
                         return;
                     }
-                    PeerEvent::Message(_) | PeerEvent::Voice { .. } | PeerEvent::Open => {}
+                    PeerEvent::Message(_) | PeerEvent::Voice(_) | PeerEvent::Open => {}
                 }
             }
         };

@@ -1,12 +1,11 @@
 //! One WebRTC connection with its two data channels and the voice's track. This file and `voice_track.rs` alone use the `webrtc` crate.
 
-use crate::voice_track::{self, OutgoingVoice};
+use crate::voice_track::{self, OutgoingVoice, VoicePacket};
 use crate::{CallError, is_set};
 use bytes::{Bytes, BytesMut};
 use link_protocol::announcement::ChannelMode;
 use link_protocol::data_channel::{Channel, FEEDBACK_CHANNEL, MOTION_CHANNEL, SUBPROTOCOL};
 use link_protocol::limits::MAX_MESSAGE_BYTES;
-use link_voice::MAX_PACKET_BYTES;
 use rtc::ice::mdns::MulticastDnsMode;
 use rtc::peer_connection::transport::RTCDtlsRole;
 use std::net::SocketAddr;
@@ -26,8 +25,9 @@ use webrtc::peer_connection::{
 /// newest on a slow network.
 const SEND_BUFFER: usize = 4_000;
 
-/// Messages that may wait to be read; more are dropped.
+/// Messages that may wait to be read, and packets of voice beside them; more are dropped. A flood of one does not touch the other.
 const MAX_WAITING: usize = 256;
+const MAX_VOICE_WAITING: usize = 64;
 
 /// ICE: silence until a connection counts as disconnected, until it has failed, and between keep-alives. The absence of
 /// motion or feedback shows sooner that a peer is gone, so these may be slow: keep-alives every half second take 5 kbit/s each way.
@@ -54,12 +54,7 @@ pub(crate) enum PeerEvent {
     /// A message arrived.
     Message(Bytes),
     /// A packet of voice arrived.
-    Voice {
-        /// RTP's, in samples of 48 kHz.
-        timestamp: u32,
-        /// An Opus frame.
-        opus: Bytes,
-    },
+    Voice(VoicePacket),
     /// The other side closed the channel, or the connection failed.
     Closed,
 }
@@ -83,6 +78,7 @@ pub(crate) struct Peer {
     /// Of the side that answers, if the other side asked for it.
     voice: Option<OutgoingVoice>,
     events: mpsc::Receiver<PeerEvent>,
+    heard: mpsc::Receiver<VoicePacket>,
     gathered: mpsc::Receiver<()>,
 }
 
@@ -97,7 +93,7 @@ struct Handler {
     failed: watch::Sender<bool>,
     gathered: mpsc::Sender<()>,
     /// Where the other side's voice goes: of the side that asked for one, until its track is there.
-    voice: Mutex<Option<mpsc::Sender<PeerEvent>>>,
+    voice: Mutex<Option<mpsc::Sender<VoicePacket>>>,
 }
 
 #[async_trait::async_trait]
@@ -124,8 +120,8 @@ impl PeerConnectionEventHandler for Handler {
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .take();
-        if let Some(events) = voice {
-            tokio::spawn(listen_to_voice(track, events));
+        if let Some(voice) = voice {
+            tokio::spawn(listen_to_voice(track, voice));
         }
     }
 }
@@ -190,6 +186,7 @@ impl Peer {
         let (fail, failed) = watch::channel(false);
         let (gathered_now, gathered) = mpsc::channel(1);
         let (events, received) = mpsc::channel(MAX_WAITING);
+        let (hear, heard) = mpsc::channel(MAX_VOICE_WAITING);
         let connection = PeerConnectionBuilder::new()
             .with_configuration(RTCConfigurationBuilder::new().build())
             .with_setting_engine(settings)
@@ -197,7 +194,7 @@ impl Peer {
             .with_handler(Arc::new(Handler {
                 failed: fail,
                 gathered: gathered_now,
-                voice: Mutex::new((incoming == MOTION_CHANNEL).then(|| events.clone())),
+                voice: Mutex::new((incoming == MOTION_CHANNEL).then_some(hear)),
             }))
             .with_udp_addrs(local)
             .with_data_channel_send_buffer_limit(SEND_BUFFER)
@@ -212,6 +209,7 @@ impl Peer {
             outgoing,
             voice: None,
             events: received,
+            heard,
             gathered,
         })
     }
@@ -231,14 +229,22 @@ impl Peer {
             match self.next().await {
                 PeerEvent::Open => return Ok(()),
                 PeerEvent::Closed => return Err(CallError::NotConnected),
-                PeerEvent::Message(_) | PeerEvent::Voice { .. } => {}
+                PeerEvent::Message(_) | PeerEvent::Voice(_) => {}
             }
         }
     }
 
     /// The next event. After [`PeerEvent::Closed`] there is nothing more.
     pub(crate) async fn next(&mut self) -> PeerEvent {
-        self.events.recv().await.unwrap_or(PeerEvent::Closed)
+        tokio::select! {
+            event = self.events.recv() => event.unwrap_or(PeerEvent::Closed),
+            Some(voice) = self.heard.recv() => PeerEvent::Voice(voice),
+        }
+    }
+
+    /// A packet of voice that has arrived, if there is one.
+    pub(crate) fn voice_that_waits(&mut self) -> Option<VoicePacket> {
+        self.heard.try_recv().ok()
     }
 
     /// Sends `message` unless too many bytes wait to be sent.
@@ -339,21 +345,16 @@ async fn listen(
     }
 }
 
-/// Hands over the packets of the other side's voice, until its track or the receiver of events ends.
-async fn listen_to_voice(track: Arc<dyn TrackRemote>, events: mpsc::Sender<PeerEvent>) {
+/// Hands over the packets of the other side's voice, until its track or their receiver ends.
+async fn listen_to_voice(track: Arc<dyn TrackRemote>, voice: mpsc::Sender<VoicePacket>) {
     while let Some(event) = track.poll().await {
         let TrackRemoteEvent::OnRtpPacket(packet) = event else {
             continue;
         };
-        if packet.payload.is_empty() || packet.payload.len() > MAX_PACKET_BYTES {
-            log::debug!("{} bytes are no packet of voice", packet.payload.len());
+        let Some(packet) = VoicePacket::of(packet) else {
             continue;
-        }
-        let voice = PeerEvent::Voice {
-            timestamp: packet.header.timestamp,
-            opus: packet.payload,
         };
-        match events.try_send(voice) {
+        match voice.try_send(packet) {
             Ok(()) => {}
             Err(mpsc::error::TrySendError::Full(_)) => {
                 log::debug!("a packet of voice is dropped: too much waits");
@@ -396,7 +397,7 @@ mod tests {
             let mut heard = None;
             for _ in 0..100 {
                 sender.send_voice(960, Bytes::from_static(b"opus")).await;
-                if let Ok(PeerEvent::Voice { timestamp, opus }) =
+                if let Ok(PeerEvent::Voice(VoicePacket { timestamp, opus })) =
                     tokio::time::timeout(Duration::from_millis(20), viewer.next()).await
                 {
                     heard = Some((timestamp, opus));
@@ -404,6 +405,30 @@ mod tests {
                 }
             }
             assert_eq!(heard, Some((960, Bytes::from_static(b"opus"))), "{mode}");
+            // Neither pushes out the other where none is read for a while.
+            let pause = || tokio::time::sleep(Duration::from_millis(300));
+            for _ in 0..2 * MAX_WAITING {
+                sender.send_voice(960, Bytes::from_static(b"opus")).await;
+                tokio::task::yield_now().await;
+            }
+            pause().await;
+            assert_eq!(sender.try_send(b"after").await, SendOutcome::Queued);
+            pause().await;
+            let (mut voices, mut messages) = (0, 0);
+            while let Ok(event) =
+                tokio::time::timeout(Duration::from_millis(100), viewer.next()).await
+            {
+                match event {
+                    PeerEvent::Voice(_) => voices += 1,
+                    PeerEvent::Message(_) => messages += 1,
+                    event => panic!("{event:?}"),
+                }
+            }
+            assert!(
+                (1..=MAX_VOICE_WAITING).contains(&voices),
+                "{voices} packets"
+            );
+            assert_eq!(messages, 1, "the message came, behind {voices} packets");
             viewer.close().await;
             let last = tokio::time::timeout(Duration::from_secs(4), sender.next()).await;
             assert!(matches!(last, Ok(PeerEvent::Closed)), "{last:?}");

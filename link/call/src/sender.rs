@@ -292,7 +292,7 @@ async fn serve_viewer(
                     }
                 }
                 PeerEvent::Closed => return Err(CallError::NotConnected),
-                PeerEvent::Open | PeerEvent::Voice { .. } => {}
+                PeerEvent::Open | PeerEvent::Voice(_) => {}
             }
         }
     });
@@ -385,7 +385,7 @@ async fn send_motion(
                 let arrived = shared.clock.now();
                 let bytes = match event {
                     PeerEvent::Message(bytes) => bytes,
-                    PeerEvent::Open | PeerEvent::Voice { .. } => continue,
+                    PeerEvent::Open | PeerEvent::Voice(_) => continue,
                     PeerEvent::Closed => return "its connection is closed",
                 };
                 match Message::read(&bytes, session) {

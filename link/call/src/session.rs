@@ -53,7 +53,7 @@ impl Session {
         announcement: &Announcement,
         clock: Clock,
     ) -> Result<Self, CallError> {
-        let id = getrandom::u32().map_err(|error| CallError::Random(error.to_string()))?;
+        let id = getrandom::u32()?;
         let local = local_addresses(room.server());
         let (mut peer, offer) = Peer::offer(local, announcement.channel).await?;
         let answer = client.offer(room, &offer).await?;

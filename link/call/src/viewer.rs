@@ -2,8 +2,8 @@
 
 use crate::peer::PeerEvent;
 use crate::session::Session;
+use crate::voice_track::VoicePacket;
 use crate::{Backoff, CallError, answer_bye, is_set, send_bye};
-use bytes::Bytes;
 use link_codec::decode_error::DecodeErrorCounts;
 use link_codec::{Micros, MotionFrame};
 use link_http::Client;
@@ -11,7 +11,7 @@ use link_playout::Clock;
 use link_playout::clock::Exchange;
 use link_protocol::data_channel::Message;
 use link_protocol::{Announcement, RoomLink};
-use link_voice::{Voice, timestamp};
+use link_voice::{Voice, VoiceQueue, timestamp};
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -61,13 +61,6 @@ pub enum CallEvent {
         /// When it arrived, by this side's clock.
         arrived: Micros,
     },
-    /// A packet of the person's voice.
-    Voice {
-        /// What was said, its time by the sender's clock.
-        voice: Voice,
-        /// When it arrived, by this side's clock.
-        arrived: Micros,
-    },
     /// The sender hung up; the last event.
     HungUp,
     /// The call cannot go on; the last event.
@@ -81,7 +74,7 @@ pub struct ViewerStatistics {
     pub sessions: u32,
     /// Frames that passed every check.
     pub frames: u64,
-    /// Frames and packets of voice dropped because too many waited for [`Viewer::next`].
+    /// Frames dropped because too many waited for [`Viewer::next`].
     pub overrun: u64,
     /// Bytes of all messages, without any header.
     pub payload_bytes: u64,
@@ -108,9 +101,10 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Joins `room` in tasks of the current tokio runtime, and joins again after every outage until either side hangs up.
+    /// Joins `room` in tasks of the current tokio runtime, and joins again after every outage until either side hangs up. What is said goes
+    /// to `voice` as it arrives; it does not wait for [`Self::next`], nor motion for it.
     #[must_use]
-    pub fn join(client: Client, room: RoomLink, clock: Clock) -> Self {
+    pub fn join(client: Client, room: RoomLink, clock: Clock, voice: VoiceQueue) -> Self {
         let (sender, events) = channel();
         let waiting = Arc::<AtomicUsize>::default();
         let (stop, stopped) = watch::channel(false);
@@ -119,6 +113,7 @@ impl Viewer {
             client,
             room,
             clock,
+            voice,
             events: sender,
             waiting: Arc::clone(&waiting),
             stop: stopped,
@@ -165,6 +160,7 @@ struct Call {
     client: Client,
     room: RoomLink,
     clock: Clock,
+    voice: VoiceQueue,
     events: Sender<CallEvent>,
     waiting: Arc<AtomicUsize>,
     stop: watch::Receiver<bool>,
@@ -200,8 +196,11 @@ impl Call {
                     session.last_heard = Instant::now();
                     backoff.reset();
                     if self.handle(session, &bytes, &mut out).await {
-                        self.emit(CallEvent::HungUp);
                         answer_bye(&session.peer, session.id).await;
+                        while let Some(voice) = session.peer.voice_that_waits() {
+                            self.hear(session, voice);
+                        }
+                        self.emit(CallEvent::HungUp);
                         self.finish(current.as_ref(), joining).await;
                         return;
                     }
@@ -210,9 +209,9 @@ impl Call {
                         second.abort();
                     }
                 }
-                Turn::Event(PeerEvent::Voice { timestamp, opus }) => {
+                Turn::Event(PeerEvent::Voice(voice)) => {
                     if let Some(session) = &current {
-                        self.hear(session, timestamp, opus);
+                        self.hear(session, voice);
                     }
                 }
                 Turn::Event(PeerEvent::Closed) => {
@@ -229,6 +228,7 @@ impl Call {
                     current = Some(session);
                     self.announce(announcement);
                     self.with_statistics(|s| s.sessions += 1);
+                    self.voice.begin_connection();
                     self.emit(CallEvent::Joined);
                 }
                 // A connection that is only silent may recover, whatever the server answers.
@@ -296,7 +296,7 @@ impl Call {
         tokio::select! {
             () = is_set(&mut self.stop) => Turn::Stop,
             event = event => Turn::Event(event),
-            joined = joined => Turn::Joined(joined.unwrap_or_else(|error| Err(CallError::Task(error.to_string())))),
+            joined = joined => Turn::Joined(joined.unwrap_or_else(|error| Err(error.into()))),
             _ = ticks.tick() => Turn::Tick,
         }
     }
@@ -376,7 +376,7 @@ impl Call {
     }
 
     /// Handles a packet of voice. It is no sign of life: a sender whose motion fails is joined again.
-    fn hear(&self, session: &Session, timestamp: u32, opus: Bytes) {
+    fn hear(&self, session: &Session, VoicePacket { timestamp, opus }: VoicePacket) {
         // Motion tells the sender's time, of which a time stamp is only a part; the first of it comes before long.
         let Some(near) = session.newest_captured else {
             return;
@@ -386,15 +386,12 @@ impl Call {
             s.voice_bytes += opus.len() as u64;
         });
         let captured = timestamp::to_time(timestamp, near);
-        self.emit(CallEvent::Voice {
-            voice: Voice { captured, opus },
-            arrived: self.clock.now(),
-        });
+        self.voice.push(Voice { captured, opus }, self.clock.now());
     }
 
     fn emit(&self, event: CallEvent) {
-        // Frames and voice may be dropped where the caller is slow; other events may not.
-        let droppable = matches!(event, CallEvent::Frame { .. } | CallEvent::Voice { .. });
+        // Frames may be dropped where the caller is slow; other events may not.
+        let droppable = matches!(event, CallEvent::Frame { .. });
         if droppable && self.waiting.load(Relaxed) >= MAX_WAITING {
             self.with_statistics(|s| s.overrun += 1);
             return;

@@ -79,6 +79,30 @@ fn in_audio_section(section: &str) -> Option<u8> {
     opus.filter(|_| is_used && may_receive)
 }
 
+/// A packet that arrived, as far as RTP tells.
+#[derive(Debug)]
+pub(crate) struct VoicePacket {
+    /// In samples of 48 kHz.
+    pub(crate) timestamp: u32,
+    /// An Opus frame, or what a stranger sent for one.
+    pub(crate) opus: Bytes,
+}
+
+impl VoicePacket {
+    /// Of RTP, unless it cannot be Opus by its size.
+    pub(crate) fn of(packet: rtp::Packet) -> Option<Self> {
+        let bytes = packet.payload.len();
+        if bytes == 0 || bytes > link_voice::MAX_PACKET_BYTES {
+            log::debug!("{bytes} bytes are no packet of voice");
+            return None;
+        }
+        Some(Self {
+            timestamp: packet.header.timestamp,
+            opus: packet.payload,
+        })
+    }
+}
+
 /// The sending end.
 pub(crate) struct OutgoingVoice {
     track: Arc<TrackLocalStaticRTP>,
@@ -93,8 +117,7 @@ impl OutgoingVoice {
         connection: &Arc<dyn PeerConnection>,
         payload_type: u8,
     ) -> Result<Self, CallError> {
-        let random = || getrandom::u32().map_err(|error| CallError::Random(error.to_string()));
-        let ssrc = random()?;
+        let ssrc = getrandom::u32()?;
         let track = Arc::new(TrackLocalStaticRTP::new(MediaStreamTrack::new(
             "mon3tr".to_owned(),
             "voice".to_owned(),
@@ -117,7 +140,7 @@ impl OutgoingVoice {
             payload_type,
             ssrc,
             // Below half the range: a wrap soon after the start would confuse SRTP (RFC 3711, section 3.3.1).
-            sequence: AtomicU16::new((random()? & 0x7fff) as u16),
+            sequence: AtomicU16::new((getrandom::u32()? & 0x7fff) as u16),
         })
     }
 
@@ -145,6 +168,12 @@ impl OutgoingVoice {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use link_codec::Micros;
+    use link_voice::{
+        FRAME, FRAME_US, RATE, Voice, VoiceEncoder, VoicePlayer, VoiceQueue, timestamp,
+    };
+    use rtc::shared::marshal::{Marshal, Unmarshal};
+    use std::time::Duration;
 
     #[test]
     fn an_offer_says_whether_it_asks_for_a_voice_and_by_which_number() {
@@ -166,5 +195,131 @@ mod tests {
         }
         assert_eq!(asked_for("v=0\r\nm=application 9 x y\r\n"), None, "none");
         assert_eq!(asked_for("\nm="), None, "no sense");
+    }
+
+    /// What a stranger may do to a packet on its way: bits turned, cut short, made longer.
+    fn spoilt(packet: &[u8], random: &mut fastrand::Rng) -> Vec<u8> {
+        let mut bytes = packet.to_vec();
+        match random.u8(0..4) {
+            0 => bytes.truncate(random.usize(0..=packet.len())),
+            1 => bytes.extend(vec![random.u8(..); random.usize(1..2_000)]),
+            2 => bytes[random.usize(0..12)] = random.u8(..),
+            _ => {
+                for _ in 0..random.usize(1..10) {
+                    bytes[random.usize(0..packet.len())] ^= 1 << random.u8(0..8);
+                }
+            }
+        }
+        bytes
+    }
+
+    /// 20 ms of a voice.
+    fn spoken(random: &mut fastrand::Rng) -> [f32; FRAME] {
+        std::array::from_fn(|k| (k as f32 * 0.03).sin() * random.f32())
+    }
+
+    /// RTP of a frame's packet, or of a byte where the encoder has none.
+    fn rtp_of(opus: Option<Bytes>, number: u64, captured: Micros) -> Vec<u8> {
+        let packet = rtp::Packet {
+            header: rtp::Header {
+                version: 2,
+                payload_type: PAYLOAD_TYPE,
+                sequence_number: (number & 0xffff) as u16,
+                timestamp: timestamp::from_time(captured),
+                ssrc: 7,
+                ..rtp::Header::default()
+            },
+            payload: opus.unwrap_or_else(|| Bytes::from_static(&[8])),
+        };
+        packet.marshal().expect("a packet").to_vec()
+    }
+
+    /// What a viewer does with bytes that arrive; whether they were taken for a packet of voice.
+    fn arrive(bytes: Vec<u8>, now: Micros, queue: &VoiceQueue) -> bool {
+        let packet = rtp::Packet::unmarshal(&mut Bytes::from(bytes)).ok();
+        let Some(VoicePacket { timestamp, opus }) = packet.and_then(VoicePacket::of) else {
+            return false;
+        };
+        let captured = timestamp::to_time(timestamp, now);
+        queue.push(Voice { captured, opus }, now);
+        true
+    }
+
+    /// Plays 20 ms; the loudest sample of them.
+    fn loudest(player: &mut VoicePlayer, now: Micros) -> f32 {
+        let mut out = [0.0; FRAME];
+        player.play(now, Duration::ZERO, &mut out);
+        assert!(out.iter().all(|sample| sample.is_finite()), "at {now:?}");
+        out.iter().fold(0.0, |most, sample| most.max(sample.abs()))
+    }
+
+    #[test]
+    fn spoilt_rtp_is_no_trouble_for_who_listens() {
+        let mut encoder = VoiceEncoder::new().expect("an encoder");
+        let queue = VoiceQueue::default();
+        let mut player = queue.listen().expect("a player");
+        let mut random = fastrand::Rng::with_seed(4);
+        let (mut refused, mut taken) = (0, 0);
+        let mut held_up = Vec::new();
+        for number in 0..10_000u64 {
+            let now = Micros(60_000_000 + number * FRAME_US);
+            let opus = encoder.encode(&spoken(&mut random)).expect("a packet");
+            let mut bytes = rtp_of(opus, number, now);
+            if random.u8(0..3) > 0 {
+                bytes = spoilt(&bytes, &mut random);
+            }
+            held_up.push(bytes);
+            // Some wait for others, and are overtaken by them.
+            if random.bool() {
+                random.shuffle(&mut held_up);
+                for bytes in held_up.drain(..) {
+                    if arrive(bytes, now, &queue) {
+                        taken += 1;
+                    } else {
+                        refused += 1;
+                    }
+                }
+            }
+            loudest(&mut player, now);
+        }
+        let counts = queue.statistics().expect("it is played");
+        println!("{taken} taken, {refused} refused, {counts:?}");
+        assert!(refused > 300 && taken > 3_000, "{refused} and {taken}");
+        assert!(counts.refused > 50 && counts.decoded > 2_000, "{counts:?}");
+    }
+
+    #[test]
+    fn a_voice_goes_on_after_its_times_have_jumped() {
+        let second_us = 1_000_000i64;
+        let round_us = (1i64 << 32) * second_us / i64::from(RATE);
+        for jump_us in [second_us, -second_us, 3_600 * second_us, round_us / 2 - 1] {
+            // A stray packet, as many as are believed, and a second of them.
+            for strays in [1, 6, 50] {
+                let mut encoder = VoiceEncoder::new().expect("an encoder");
+                let queue = VoiceQueue::default();
+                let mut player = queue.listen().expect("a player");
+                let mut random = fastrand::Rng::with_seed(4);
+                let mut heard = 0;
+                for number in 0..700u64 {
+                    let now = Micros(90_000_000_000 + number * FRAME_US);
+                    let strays = (100..100 + strays).contains(&number);
+                    let captured = now
+                        .0
+                        .saturating_add_signed(if strays { jump_us } else { 0 });
+                    let opus = encoder.encode(&spoken(&mut random)).expect("a packet");
+                    arrive(rtp_of(opus, number, Micros(captured)), now, &queue);
+                    let is_heard = loudest(&mut player, now) > 0.05;
+                    heard += u32::from(is_heard && number >= 500);
+                }
+                println!(
+                    "{jump_us} us, {strays} packets: {heard} of 200 heard; {:?}",
+                    queue.statistics()
+                );
+                assert!(
+                    heard > 190,
+                    "{jump_us} us, {strays} packets: {heard} of 200"
+                );
+            }
+        }
     }
 }

@@ -6,6 +6,17 @@ use spmm3::MotionParams;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct Micros(pub u64);
 
+impl Micros {
+    /// Times from here on (146 000 years) are refused: differences of earlier ones fit an `i64`.
+    pub const LATEST: Self = Self(1 << 62);
+
+    /// To compute differences with; of a time beyond [`Self::LATEST`], that one.
+    #[must_use]
+    pub fn signed(self) -> i64 {
+        self.0.min(Self::LATEST.0).cast_signed()
+    }
+}
+
 /// What the sender captured at one moment.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct MotionFrame {

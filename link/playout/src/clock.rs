@@ -16,8 +16,6 @@ const DRIFT_PPM: i64 = 60;
 const TOLERANCE_US: i64 = 500;
 /// A pong later than this is ignored.
 const OLDEST_US: i64 = 10_000_000;
-/// Times beyond this (146 000 years) are refused.
-const LATEST_US: u64 = 1 << 62;
 /// After so many exchanges in a row that contradict the window, the sender's clock counts as replaced.
 const CONTRADICTIONS: u32 = 8;
 /// Nothing is slewed for this many exchanges: the first one may have met a spike of delay.
@@ -95,7 +93,7 @@ pub struct Exchange {
 #[non_exhaustive]
 pub enum ExchangeError {
     /// A time is out of range.
-    #[error("a time is beyond {LATEST_US} us")]
+    #[error("a time is beyond {} us", Micros::LATEST.0)]
     Range,
     /// The pong arrived before its feedback was sent, or was sent before its feedback arrived.
     #[error("a pong cannot come before its feedback")]
@@ -188,11 +186,8 @@ impl ClockOffset {
             exchange.left,
             exchange.returned,
         ]
-        .map(|time| i64::try_from(time.0.min(LATEST_US)).unwrap_or(i64::MAX));
-        if exchange.arrived.0 >= LATEST_US
-            || exchange.left.0 >= LATEST_US
-            || exchange.returned.0 >= LATEST_US
-        {
+        .map(Micros::signed);
+        if [arrived, left, returned].contains(&Micros::LATEST.signed()) {
             return Err(ExchangeError::Range);
         }
         let (took_us, held_us) = (returned - sent, left - arrived);

@@ -19,7 +19,7 @@ const RISE: f64 = 0.5;
 const FALL: f64 = 0.25;
 const FALL_LEAST: f64 = 10_000.0;
 /// Longer steps between two frames count as this.
-const SPAN_US: i64 = 100_000;
+pub(crate) const SPAN_US: i64 = 100_000;
 /// Frames late by more than [`MOST_US`] for this long are no stall: the path has become longer.
 const STALL_US: i64 = 1_000_000;
 

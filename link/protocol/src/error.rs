@@ -12,6 +12,11 @@ pub enum ProtocolError {
         "this is no room link: {0}; a link looks like https://HOST[:PORT]/rooms/ROOM#TOKEN, in quotes on a command line"
     )]
     Link(String),
+    /// This text is no link of a call.
+    #[error(
+        "this is no call's link: {0}; one looks like https://HOST[:PORT]/calls/ROOM/ROOM#TOKEN,TOKEN, in quotes on a command line"
+    )]
+    CallLink(String),
     /// This text is no server's address.
     #[error("this is no server's address: {0}; an address looks like https://HOST[:PORT]")]
     Address(String),

@@ -21,6 +21,7 @@
 //! ```
 
 pub mod announcement;
+mod call_link;
 pub mod data_channel;
 mod error;
 pub mod limits;
@@ -31,6 +32,7 @@ pub mod room_link;
 pub mod rooms;
 
 pub use announcement::Announcement;
+pub use call_link::CallLink;
 pub use error::ProtocolError;
 pub use name::Name;
 pub use package_id::PackageId;

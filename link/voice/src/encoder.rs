@@ -20,8 +20,6 @@ const SILENT_BYTES: usize = 2;
 pub struct VoiceEncoder {
     opus: Encoder,
     packet: [u8; MAX_PACKET_BYTES],
-    /// The frame before was silent.
-    silent: bool,
     /// Packets that have said so, since a person spoke last.
     told: u32,
 }
@@ -29,7 +27,7 @@ pub struct VoiceEncoder {
 impl std::fmt::Debug for VoiceEncoder {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("VoiceEncoder")
-            .field("silent", &self.silent)
+            .field("told", &self.told)
             .finish_non_exhaustive()
     }
 }
@@ -40,21 +38,17 @@ impl VoiceEncoder {
     /// # Errors
     /// If Opus refuses these settings.
     pub fn new() -> Result<Self, VoiceError> {
-        let failed = |why: String| VoiceError::Encoder(why);
-        let bitrate = Bitrate::try_bits(BITRATE).map_err(|error| failed(error.to_string()))?;
         let opus = Encoder::builder(RATE, Channels::Mono, Application::Voip)
-            .bitrate(bitrate)
+            .bitrate(Bitrate::Bits(BITRATE))
             .complexity(COMPLEXITY)
             .vbr(true)
             .inband_fec(InbandFec::Enabled)
             .packet_loss_perc(EXPECTED_LOSS)
             .dtx(true)
-            .build()
-            .map_err(|error| failed(error.to_string()))?;
+            .build()?;
         Ok(Self {
             opus,
             packet: [0; MAX_PACKET_BYTES],
-            silent: false,
             told: 0,
         })
     }
@@ -65,19 +59,15 @@ impl VoiceEncoder {
     /// # Errors
     /// If Opus refuses the frame.
     pub fn encode(&mut self, samples: &[f32; FRAME]) -> Result<Option<Bytes>, VoiceError> {
-        let bytes = self
-            .opus
-            .encode_float(samples, &mut self.packet)
-            .map_err(|error| VoiceError::Encode(error.to_string()))?;
+        let bytes = self.opus.encode_float(samples, &mut self.packet)?;
         let packet = self.packet.get(..bytes).unwrap_or_default();
         let silent = is_silent(packet);
         if silent {
             self.told += 1;
-        } else if !self.silent {
-            // Two in a row are speech; a single one refreshes the noise.
+        } else if is_active(packet) {
+            // Others refresh the noise.
             self.told = 0;
         }
-        self.silent = silent;
         let is_sent = !silent || self.told <= TELLINGS;
         Ok(is_sent.then(|| Bytes::copy_from_slice(packet)))
     }
@@ -94,4 +84,16 @@ impl VoiceEncoder {
 /// Whether a packet says only that silence goes on.
 pub(crate) fn is_silent(packet: &[u8]) -> bool {
     packet.len() <= SILENT_BYTES
+}
+
+/// Whether the encoder found a voice in a packet's frame, or does not say: the first bit of SILK's part does (RFC 6716, section 4.2.3),
+/// and CELT alone has none.
+pub(crate) fn is_active(packet: &[u8]) -> bool {
+    const CELT_ALONE: u8 = 0x80;
+    const FRAMES: u8 = 0x03;
+    match packet {
+        [toc, ..] if toc & (CELT_ALONE | FRAMES) != 0 => true,
+        [_, first, ..] => first & 0x80 != 0,
+        _ => false,
+    }
 }

@@ -3,12 +3,12 @@
 #[non_exhaustive]
 pub enum VoiceError {
     /// Opus refused its settings.
-    #[error("the voice's encoder cannot be made: {0}")]
-    Encoder(String),
+    #[error("the voice's encoder cannot be made")]
+    Encoder(#[from] ropus::EncoderBuildError),
     /// Opus refused its settings.
-    #[error("the voice's decoder cannot be made: {0}")]
-    Decoder(String),
+    #[error("the voice's decoder cannot be made")]
+    Decoder(#[from] ropus::DecoderInitError),
     /// Opus refused a frame.
-    #[error("20 ms of voice cannot be encoded: {0}")]
-    Encode(String),
+    #[error("20 ms of voice cannot be encoded")]
+    Encode(#[from] ropus::EncodeError),
 }

@@ -1,5 +1,6 @@
 //! A person's voice on its way: samples become Opus packets ([`VoiceEncoder`]), and packets become samples again at the time at which
-//! they are to be heard ([`VoicePlayout`]), with losses concealed and the lips' time kept. Time is an argument; nothing here talks to a
+//! they are to be heard ([`VoicePlayout`]), with losses concealed and the lips' time kept; a [`VoiceQueue`] is between a connection and the
+//! thread that plays. Time is an argument; nothing here talks to a
 //! network or to a sound card.
 //!
 //! Everything is one channel of 48 kHz, in frames of 20 ms ([`FRAME`] samples from -1 to 1).
@@ -30,13 +31,17 @@
 
 mod encoder;
 mod error;
+mod pace;
 mod playout;
+mod queue;
 mod stretch;
 pub mod timestamp;
 
 pub use encoder::VoiceEncoder;
 pub use error::VoiceError;
+pub use pace::Pace;
 pub use playout::{VoicePlayout, VoiceStatistics};
+pub use queue::{VoicePlayer, VoiceQueue};
 
 use bytes::Bytes;
 use link_codec::Micros;

@@ -4,7 +4,7 @@
 //! later one. While the offset changes, speech runs slower or faster by single periods. What is lost is taken from the
 //! coarse copy in the next packet, where that has arrived, and else concealed by Opus.
 
-use crate::encoder::is_silent;
+use crate::encoder::{is_active, is_silent};
 use crate::{FRAME, FRAME_US, MAX_PACKET_BYTES, RATE, Voice, VoiceError, stretch};
 use bytes::Bytes;
 use link_codec::Micros;
@@ -24,15 +24,11 @@ const JUMP: i64 = 9_600;
 /// Frames without a packet after which the voice has stopped: while a person speaks, and in a silence, which Opus refreshes after 20.
 const LONGEST_GAP: u32 = 10;
 const LONGEST_SILENCE: u32 = 50;
-/// Frames without a packet in a silence after which a single packet only refreshes it.
-const REFRESHED: u32 = 5;
 /// How much later than voice alone would be it may be for the sake of motion, microseconds.
 const LONGEST_WAIT_US: i64 = 500_000;
 /// A packet that would be heard later than this after its arrival, microseconds, is of another clock; so many in a row are believed.
 const FUTURE_US: i64 = 2_000_000;
 const BELIEVED: u32 = 5;
-/// Times beyond this (146 000 years) are refused, microseconds.
-const LATEST_US: u64 = 1 << 62;
 const FRAME_SAMPLES: i64 = FRAME as i64;
 
 /// Counts since the start.
@@ -86,12 +82,14 @@ pub struct VoicePlayout {
     newest: Option<i64>,
     /// Packets in a row that came from the future.
     from_future: u32,
-    /// The last packet said that silence goes on.
+    /// A packet said that silence goes on, and none with a voice came after it.
     silent: bool,
     /// Frames without a packet, up to now.
     gap: u32,
     /// How much of them was made up while no packet was there at all, samples: whether it was lost or is late shows when one comes.
     made_up: i64,
+    /// [`Self::heard_offset_us`].
+    heard_offset: Option<i64>,
     counts: VoiceStatistics,
 }
 
@@ -112,7 +110,7 @@ impl VoicePlayout {
     /// If Opus cannot decode here.
     pub fn new() -> Result<Self, VoiceError> {
         Ok(Self {
-            opus: decoder()?,
+            opus: Decoder::new(RATE, Channels::Mono)?,
             delay: PlayoutDelay::new(),
             waiting: VecDeque::with_capacity(WAITING),
             ready: Vec::with_capacity(4 * FRAME),
@@ -122,19 +120,18 @@ impl VoicePlayout {
             silent: false,
             gap: 0,
             made_up: 0,
+            heard_offset: None,
             counts: VoiceStatistics::default(),
         })
     }
 
-    /// Begins another connection, whose times begin anew: forgets packets and delay, keeps the counts.
+    /// Begins another connection, whose times begin anew: forgets packets and delay, keeps the counts. The decoder stays: it is the same
+    /// person's encoder as a rule, and of another one's packets the first is enough to go on from.
     pub fn reset(&mut self) {
         self.delay.reset();
         self.waiting.clear();
         self.newest = None;
         self.from_future = 0;
-        if let Ok(opus) = decoder() {
-            self.opus = opus;
-        }
         self.stop();
     }
 
@@ -142,13 +139,13 @@ impl VoicePlayout {
     pub fn push(&mut self, voice: Voice, arrived: Micros) {
         self.counts.received += 1;
         let Voice { captured, opus } = voice;
-        let out_of_range = captured.0 >= LATEST_US || arrived.0 >= LATEST_US;
+        let out_of_range = captured >= Micros::LATEST || arrived >= Micros::LATEST;
         if out_of_range || opus.is_empty() || opus.len() > MAX_PACKET_BYTES {
             self.counts.refused += 1;
             return;
         }
         let future = (self.delay.offset_us())
-            .is_some_and(|offset| signed(captured) + offset > signed(arrived) + FUTURE_US);
+            .is_some_and(|offset| captured.signed() + offset > arrived.signed() + FUTURE_US);
         if future {
             self.from_future += 1;
             if self.from_future < BELIEVED {
@@ -158,11 +155,11 @@ impl VoicePlayout {
             self.reset();
         }
         self.from_future = 0;
-        let position = position(signed(captured));
+        let position = position(captured.signed());
         let newest = self.newest.is_none_or(|newest| position > newest);
         self.newest = self.newest.max(Some(position));
         self.delay
-            .observe(signed(captured), signed(arrived), newest);
+            .observe(captured.signed(), arrived.signed(), newest);
         let place = self.waiting.partition_point(|w| w.position < position);
         let twice = (self.waiting.get(place)).is_some_and(|w| w.position == position);
         let passed = (self.next).is_some_and(|next| position < next - FRAME_SAMPLES / 2);
@@ -183,12 +180,12 @@ impl VoicePlayout {
     /// sender's, microseconds.
     pub fn play(&mut self, now: Micros, at_least: Option<i64>, out: &mut [f32]) {
         out.fill(0.0);
-        let Some(own) = self.delay.offset_us() else {
+        self.heard_offset = None;
+        let Some(own) = self.offset_us(out.len()) else {
             return;
         };
-        let own = own + micros(out.len());
         let offset = at_least.unwrap_or(own).clamp(own, own + LONGEST_WAIT_US);
-        let wanted = position(signed(now).saturating_sub(offset));
+        let wanted = position(now.signed().saturating_sub(offset));
         let off = self.heard().map_or(0, |heard| (wanted - heard).abs());
         if off > JUMP + self.made_up {
             self.counts.jumps += 1;
@@ -205,6 +202,23 @@ impl VoicePlayout {
         for (out, sample) in out.iter_mut().zip(self.ready.drain(..count)) {
             *out = sample;
         }
+        let is_heard = self.gap == 0 && !self.silent;
+        let ended = self.heard().filter(|_| is_heard);
+        self.heard_offset = ended.map(|ended| now.signed() - time(ended) + micros(out.len()));
+    }
+
+    /// When the last sample that was asked for was played, by this side's clock, minus its capture by the sender's, microseconds; `None` where
+    /// no one spoke then, or it was made up.
+    #[must_use]
+    pub fn heard_offset_us(&self) -> Option<i64> {
+        self.heard_offset
+    }
+
+    /// When a sample can be played by this side's clock, where so many are asked for at a time, minus its capture by the sender's,
+    /// microseconds; `None` before the first packet.
+    #[must_use]
+    pub fn offset_us(&self, count: usize) -> Option<i64> {
+        self.delay.offset_us().map(|own| own + micros(count))
     }
 
     /// Counts since the start.
@@ -214,6 +228,12 @@ impl VoicePlayout {
             delay_us: self.delay.added_us(),
             ..self.counts
         }
+    }
+
+    /// Whether something that was said is still to be heard; what would be made up from here on is not.
+    #[must_use]
+    pub fn has_more(&self) -> bool {
+        !self.waiting.is_empty() || (self.gap == 0 && !self.ready.is_empty())
     }
 
     /// Position of the sample that is heard next.
@@ -276,7 +296,7 @@ impl VoicePlayout {
         let here = ahead.is_some_and(|ahead| ahead < FRAME_SAMPLES / 2);
         let mut frame = [0.0; FRAME];
         if here && let Some(packet) = self.waiting.pop_front() {
-            self.silent = is_silent(&packet.opus) || (self.silent && self.gap >= REFRESHED);
+            self.silent = is_silent(&packet.opus) || (self.silent && !is_active(&packet.opus));
             self.gap = 0;
             if self.decode(&packet.opus, DecodeMode::Normal, &mut frame) {
                 self.counts.decoded += 1;
@@ -354,10 +374,6 @@ impl VoicePlayout {
     }
 }
 
-fn decoder() -> Result<Decoder, VoiceError> {
-    Decoder::new(RATE, Channels::Mono).map_err(|error| VoiceError::Decoder(error.to_string()))
-}
-
 /// Whether a packet has a coarse copy of the frame before it: decoding one without would conceal, and say that it did not.
 fn has_copy(packet: &[u8]) -> bool {
     let length = i32::try_from(packet.len()).unwrap_or(0);
@@ -371,14 +387,20 @@ fn position(micros: i64) -> i64 {
     frames * FRAME_SAMPLES + rest * FRAME_SAMPLES / per_frame
 }
 
+/// In microseconds, of a position.
+fn time(position: i64) -> i64 {
+    let per_frame = FRAME_US.cast_signed();
+    let (frames, rest) = (
+        position.div_euclid(FRAME_SAMPLES),
+        position.rem_euclid(FRAME_SAMPLES),
+    );
+    frames * per_frame + rest * per_frame / FRAME_SAMPLES
+}
+
 /// In microseconds, of so many samples.
 fn micros(samples: usize) -> i64 {
     i64::try_from(samples)
         .unwrap_or(0)
         .saturating_mul(1_000_000)
         / i64::from(RATE)
-}
-
-fn signed(time: Micros) -> i64 {
-    i64::try_from(time.0).unwrap_or(i64::MAX)
 }

@@ -20,15 +20,20 @@ pub(crate) fn shorten(samples: &mut Vec<f32>) -> usize {
     period
 }
 
-/// Repeats one period at the start of `samples`; returns its length, 0 where there are too few.
+/// Repeats one period at the start of `samples`; returns its length, 0 where there are too few. Allocates only where `samples` has no room
+/// for it.
 pub(crate) fn lengthen(samples: &mut Vec<f32>) -> usize {
     let Some(period) = period(samples) else {
         return 0;
     };
-    let repeated: Vec<f32> = (0..period)
-        .map(|k| samples[k + period] + (samples[k] - samples[k + period]) * weight(k, period))
-        .collect();
-    samples.splice(period..period, repeated);
+    let length = samples.len();
+    samples.resize(length + period, 0.0);
+    samples.copy_within(period..length, 2 * period);
+    // From the end of the first period into the second, and back into its end, from where the second follows.
+    for k in 0..period {
+        let (first, second) = (samples[k], samples[k + 2 * period]);
+        samples[k + period] = second + (first - second) * weight(k, period);
+    }
     period
 }
 
@@ -39,7 +44,9 @@ fn weight(k: usize, period: usize) -> f32 {
 /// The lag at which the start of `samples` is most like what follows it. There are twice as many samples.
 fn period(samples: &[f32]) -> Option<usize> {
     let longest = LONGEST.min(samples.len() / 2);
-    (SHORTEST..=longest).max_by(|a, b| likeness(samples, *a).total_cmp(&likeness(samples, *b)))
+    let alike = (SHORTEST..=longest).map(|lag| (lag, likeness(samples, lag)));
+    let (best, _) = alike.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(best)
 }
 
 /// Normalised correlation of the first half of `samples` with what is `lag` after it; 0 in silence. Windows of one length for all lags: in a

@@ -2,8 +2,11 @@
 
 use bytes::Bytes;
 use link_codec::Micros;
-use link_voice::{FRAME, FRAME_US, RATE, Voice, VoiceEncoder, VoicePlayout, VoiceStatistics};
+use link_voice::{
+    FRAME, FRAME_US, RATE, Voice, VoiceEncoder, VoicePlayout, VoiceQueue, VoiceStatistics,
+};
 use std::f32::consts::TAU;
+use std::time::Duration;
 
 /// The way without jitter, microseconds.
 const WAY: u64 = 30_000;
@@ -215,6 +218,105 @@ fn a_path_that_becomes_longer_and_shorter_is_followed_without_a_gap() {
 }
 
 #[test]
+fn a_queue_hands_over_what_was_said_and_knows_when_it_was_heard() {
+    let queue = VoiceQueue::default();
+    let at = |ms: u64| Micros(1_000_000 + ms * 1_000);
+    let mut encoder = VoiceEncoder::new().expect("an encoder");
+    let spoken = speech(2);
+    let (frames, _) = spoken.as_chunks::<FRAME>();
+    let mut packets = Vec::new();
+    for (number, frame) in frames.iter().enumerate() {
+        let captured = at(number as u64 * 20);
+        packets.extend(
+            (encoder.encode(frame).expect("a packet")).map(|opus| Voice { captured, opus }),
+        );
+    }
+    queue.push(packets[0].clone(), at(30));
+    assert!(
+        queue.statistics().is_none() && queue.is_played(),
+        "no one listens"
+    );
+    let mut player = queue.listen().expect("a player");
+    // Motion is shown 100 ms after its capture.
+    queue.follow(Some(100_000));
+    let mut out = [0.0; ASKED];
+    let (mut first_heard, mut under_way) = (None, packets[20..60].iter().peekable());
+    let loudest = |out: &[f32]| {
+        out.iter()
+            .fold(0.0f32, |most, sample| most.max(sample.abs()))
+    };
+    for ms in (400..).step_by(10) {
+        while let Some(voice) = under_way.next_if(|voice| voice.captured.0 + 30_000 <= at(ms).0) {
+            queue.push(voice.clone(), at(ms));
+        }
+        player.play(at(ms), Duration::ZERO, &mut out);
+        if loudest(&out) > 0.02 {
+            first_heard.get_or_insert(ms);
+        }
+        if under_way.peek().is_none() {
+            break;
+        }
+        assert!(
+            !queue.is_played() || ms < 430,
+            "after {ms} ms something waits"
+        );
+    }
+    assert!(
+        first_heard.is_some_and(|ms| (500..540).contains(&ms)),
+        "{first_heard:?}"
+    );
+    // The last of them was captured 30 ms ago: 70 ms are still to be heard.
+    assert!(!queue.is_played(), "something waits");
+    for ms in (1_220..1_320).step_by(10) {
+        player.play(at(ms), Duration::ZERO, &mut out);
+    }
+    assert!(queue.is_played(), "all was heard");
+    let counts = queue.statistics().expect("it is played");
+    assert_eq!(
+        (counts.received, counts.decoded, counts.late),
+        (40, 40, 0),
+        "{counts:?}"
+    );
+    // A packet took 30 ms, and 10 ms are asked for at a time: so much is needed, and what a device needs besides.
+    let device = Duration::from_millis(25);
+    player.play(at(1_320), device, &mut out);
+    assert_eq!(
+        queue.offset_us(),
+        Some(65_000),
+        "as motion would wait for it"
+    );
+    // More than a ring holds is dropped, and counted.
+    for voice in &packets {
+        queue.push(voice.clone(), at(2_000));
+    }
+    player.play(at(2_000), Duration::ZERO, &mut out);
+    let counts = queue.statistics().expect("it is played");
+    let sent = 40 + packets.len() as u64;
+    assert_eq!(counts.received, sent, "{counts:?}");
+    assert_eq!(counts.overflowed, packets.len() as u64 - 64, "{counts:?}");
+    // Another connection has other times, which are not compared with these.
+    queue.begin_connection();
+    queue.follow(None);
+    let captured = Micros(77_000_000_000);
+    queue.push(
+        Voice {
+            captured,
+            ..packets[30].clone()
+        },
+        at(5_000),
+    );
+    player.play(at(5_000), Duration::ZERO, &mut out);
+    let counts = queue.statistics().expect("it is played");
+    assert_eq!(
+        (counts.refused, counts.received),
+        (0, sent + 1),
+        "{counts:?}"
+    );
+    drop(player);
+    assert!(queue.is_played(), "no one plays any longer");
+}
+
+#[test]
 fn silence_costs_next_to_nothing() {
     let seconds = 30;
     let mut random = fastrand::Rng::with_seed(5);
@@ -246,19 +348,77 @@ fn silence_costs_next_to_nothing() {
 }
 
 #[test]
+fn the_onset_of_speech_after_a_silence_is_speech() {
+    let mut random = fastrand::Rng::with_seed(9);
+    let quiet = std::iter::repeat_with(|| (random.f32() - 0.5) * 2e-4);
+    let onset = 3 * RATE as usize;
+    // Without the pause that it begins with.
+    let words = speech(3).split_off(RATE as usize / 5);
+    let spoken: Vec<f32> = quiet.take(onset).chain(words).collect();
+    // The network holds up all packets from one on for a moment: from the second, the third ...
+    for held in onset / FRAME + 1..onset / FRAME + 5 {
+        let mut held_up = |number: usize| {
+            let waits = (held + 3).saturating_sub(number).min(3) as u64;
+            Some(WAY + if number < held { 0 } else { waits * FRAME_US })
+        };
+        let (heard, counts, _) = over(&spoken, None, &mut held_up);
+        let (from, to) = (held * FRAME, onset + RATE as usize);
+        let (lag, alike) = compared(&spoken[from..to], &heard[from..to + RATE as usize / 5]);
+        println!("{held} and later are held up: {lag} ms, {alike} alike, {counts:?}");
+        // They are waited for, as in the middle of speech, and heard from the first one on.
+        assert_eq!(counts.late, 0, "{counts:?}");
+        assert!(counts.concealed > 0, "{counts:?}");
+        assert!(alike > 0.9, "{held}: {alike} alike");
+    }
+}
+
+fn noise(random: &mut fastrand::Rng, lengths: std::ops::Range<usize>) -> Vec<u8> {
+    let mut bytes = vec![0; random.usize(lengths)];
+    random.fill(&mut bytes);
+    bytes
+}
+
+/// A packet as a network or a stranger may spoil it.
+fn spoilt(packet: &[u8], random: &mut fastrand::Rng) -> Vec<u8> {
+    let mut bytes = packet.to_vec();
+    match random.u8(0..5) {
+        0 => {}
+        1 => bytes.truncate(random.usize(0..=packet.len())),
+        2 => bytes.extend(noise(random, 1..2_000)),
+        3 => {
+            // What comes first says how the rest is read.
+            let place = random.usize(0..packet.len().min(3));
+            bytes[place] = random.u8(..);
+        }
+        _ => {
+            for _ in 0..random.usize(1..8) {
+                let place = random.usize(0..packet.len());
+                bytes[place] ^= 1 << random.u8(0..8);
+            }
+        }
+    }
+    bytes
+}
+
+#[test]
 fn packets_without_sense_are_refused_and_nothing_grows() {
     let mut playout = VoicePlayout::new().expect("a decoder");
+    let mut encoder = VoiceEncoder::new().expect("an encoder");
     let mut random = fastrand::Rng::with_seed(11);
     let mut out = [0.0; FRAME];
+    let spoken = speech(10);
+    let (said, _) = spoken.as_chunks::<FRAME>();
+    let good: Vec<Bytes> = (said.iter())
+        .filter_map(|frame| encoder.encode(frame).expect("a packet"))
+        .collect();
+    let mut good = good.iter().flat_map(|packet| [packet; 2]).cycle();
     for number in 0..20_000u64 {
-        let length = if random.u8(..) == 0 {
-            3_000
+        let good = good.next().expect("packets of speech");
+        let opus: Vec<u8> = if random.u8(0..4) == 0 {
+            noise(&mut random, 0..3_000)
         } else {
-            random.usize(0..200)
+            spoilt(good, &mut random)
         };
-        let opus: Vec<u8> = std::iter::repeat_with(|| random.u8(..))
-            .take(length)
-            .collect();
         // At first only what they hold has no sense, then their times too.
         let wild = number >= 10_000;
         let captured = match random.u8(0..20) {

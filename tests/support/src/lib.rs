@@ -9,6 +9,7 @@ pub mod monado;
 pub mod onnx;
 pub mod picture_check;
 pub mod program;
+pub mod pulse;
 pub mod service;
 pub mod splat_reference;
 pub mod splat_scenes;

@@ -32,4 +32,5 @@ pub mod stills;
 mod until;
 pub mod up;
 pub mod viewpoint;
+mod voice_options;
 mod window;

@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use link_http::Client;
+use link_playout::Clock;
 use std::future::Future;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -65,6 +66,29 @@ pub(crate) async fn asked_to_end() -> std::io::Result<()> {
     }
     #[cfg(not(unix))]
     tokio::signal::ctrl_c().await
+}
+
+/// What a command needs to talk to others.
+#[derive(Debug)]
+pub(crate) struct Line {
+    pub(crate) network: Network,
+    pub(crate) client: Client,
+    pub(crate) clock: Clock,
+    /// It is time to leave.
+    pub(crate) stop: Arc<AtomicBool>,
+}
+
+impl Line {
+    /// Until Ctrl-C, or the process is asked to end.
+    pub(crate) fn open(trust: &Trust) -> anyhow::Result<Self> {
+        let network = Network::start()?;
+        Ok(Self {
+            client: trust.client()?,
+            clock: Clock::start(),
+            stop: network.stop_on_signal(),
+            network,
+        })
+    }
 }
 
 /// Whose certificates are trusted.

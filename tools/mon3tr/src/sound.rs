@@ -1,19 +1,127 @@
-//! People's voices in a file, as a sound card would play them.
+//! People's voices together: from the loudspeaker, or in a file as a loudspeaker would play them.
 
+use crate::report::file_of_format;
 use anyhow::Context;
-use app_session::call::CallVoice;
-use link_codec::Micros;
 use link_playout::Clock;
-use link_voice::RATE;
+use link_voice::{Pace, RATE, VoiceError, VoicePlayer, VoiceQueue};
+use sound_devices::{Loudspeaker, SoundServer};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Samples that are asked for at a time, as a sound card does: 10 ms.
+/// Samples that are made at a time: 10 ms.
 const ASKED: usize = 480;
 const ASKED_US: u64 = 10_000;
+
+/// Options of commands that play voices.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct SoundOptions {
+    /// Write what is heard of all people together, as the loudspeaker would play it, and play nothing
+    #[arg(long, value_name = "FILE.wav", value_parser = file_of_format("wav"))]
+    sound: Option<PathBuf>,
+    /// The loudspeaker, by the name that the sound server gives it [default: the server's own choice]
+    #[arg(long, value_name = "NAME", conflicts_with = "sound")]
+    loudspeaker: Option<String>,
+}
+
+impl SoundOptions {
+    /// The file that is written.
+    pub(crate) fn file(&self) -> Option<&Path> {
+        self.sound.as_deref()
+    }
+
+    /// Plays these voices from now on. Where there is no loudspeaker and none was asked for, it says so, and they are not heard.
+    ///
+    /// # Errors
+    /// If the file cannot be written, the loudspeaker asked for is not there, or voice cannot be decoded here.
+    pub(crate) fn begin(&self, voices: &[VoiceQueue], clock: Clock) -> anyhow::Result<Sound> {
+        if let Some(path) = &self.sound {
+            return Ok(Sound::File(SoundFile::begin(path, voices, clock)?));
+        }
+        let asked = self.loudspeaker.as_deref();
+        match begin_loudspeaker(asked, voices, clock) {
+            Ok(loudspeaker) => Ok(Sound::Loudspeaker(loudspeaker)),
+            Err(why) if asked.is_some() => Err(why.context("no loudspeaker")),
+            Err(why) => {
+                println!("no voice is heard: {why:#}; --sound FILE.wav writes it");
+                Ok(Sound::Unheard)
+            }
+        }
+    }
+}
+
+fn begin_loudspeaker(
+    name: Option<&str>,
+    voices: &[VoiceQueue],
+    clock: Clock,
+) -> anyhow::Result<Loudspeaker> {
+    let server = SoundServer::find()?;
+    let mut mixer = Mixer::listen(voices)?;
+    let fill = move |at: Instant, device: Duration, out: &mut [f32]| {
+        let (pieces, _) = out.as_chunks_mut();
+        for (piece, number) in pieces.iter_mut().zip(0..) {
+            let at = at + number * Duration::from_micros(ASKED_US);
+            mixer.play(clock, at, device, piece);
+        }
+    };
+    Ok(Loudspeaker::begin(&server, name, Box::new(fill))?)
+}
+
+/// What plays.
+#[derive(Debug)]
+pub(crate) enum Sound {
+    /// A file.
+    File(SoundFile),
+    /// The loudspeaker, until this is dropped.
+    Loudspeaker(#[allow(dead_code, reason = "it plays while it is there")] Loudspeaker),
+    /// There is no loudspeaker.
+    Unheard,
+}
+
+impl Sound {
+    /// Ends it.
+    ///
+    /// # Errors
+    /// If the file could not be written.
+    pub(crate) fn end(self) -> anyhow::Result<()> {
+        match self {
+            Self::File(file) => file.end(),
+            Self::Loudspeaker(_) | Self::Unheard => Ok(()),
+        }
+    }
+}
+
+/// All voices as one.
+#[derive(Debug)]
+struct Mixer {
+    voices: Vec<VoicePlayer>,
+    one: [f32; ASKED],
+}
+
+impl Mixer {
+    fn listen(voices: &[VoiceQueue]) -> Result<Self, VoiceError> {
+        let voices = voices.iter().map(VoiceQueue::listen);
+        Ok(Self {
+            voices: voices.collect::<Result<_, _>>()?,
+            one: [0.0; ASKED],
+        })
+    }
+
+    fn play(&mut self, clock: Clock, at: Instant, device: Duration, out: &mut [f32; ASKED]) {
+        out.fill(0.0);
+        for voice in &mut self.voices {
+            voice.play(clock.at(at), device, &mut self.one);
+            for (mixed, sample) in out.iter_mut().zip(&self.one) {
+                *mixed += sample;
+            }
+        }
+        for sample in out {
+            *sample = sample.clamp(-1.0, 1.0);
+        }
+    }
+}
 
 /// A WAV file that is written while it is there: 48 kHz, one channel, 16 bits.
 #[derive(Debug)]
@@ -24,11 +132,7 @@ pub(crate) struct SoundFile {
 }
 
 impl SoundFile {
-    /// Begins to write what is heard of these voices together, from now on.
-    ///
-    /// # Errors
-    /// If the file cannot be written, or voice cannot be decoded here.
-    pub(crate) fn begin(path: &Path, voices: Vec<CallVoice>, clock: Clock) -> anyhow::Result<Self> {
+    fn begin(path: &Path, voices: &[VoiceQueue], clock: Clock) -> anyhow::Result<Self> {
         let cannot = || format!("cannot write {}", path.display());
         let spec = hound::WavSpec {
             channels: 1,
@@ -37,14 +141,12 @@ impl SoundFile {
             sample_format: hound::SampleFormat::Int,
         };
         let wav = hound::WavWriter::create(path, spec).with_context(cannot)?;
-        for voice in &voices {
-            voice.listen()?;
-        }
+        let mixer = Mixer::listen(voices)?;
         let stop = Arc::<AtomicBool>::default();
         let stopped = Arc::clone(&stop);
         let thread = std::thread::Builder::new()
             .name("sound".to_owned())
-            .spawn(move || play(wav, &voices, clock, &stopped))
+            .spawn(move || write(wav, mixer, clock, &stopped))
             .context("cannot start a thread for the sound")?;
         Ok(Self {
             path: path.to_owned(),
@@ -53,11 +155,7 @@ impl SoundFile {
         })
     }
 
-    /// Ends the file.
-    ///
-    /// # Errors
-    /// If it could not be written.
-    pub(crate) fn end(self) -> anyhow::Result<()> {
+    fn end(self) -> anyhow::Result<()> {
         self.stop.store(true, Relaxed);
         let written = self.thread.join();
         let written = written.map_err(|_| anyhow::anyhow!("the thread of the sound has failed"))?;
@@ -65,30 +163,19 @@ impl SoundFile {
     }
 }
 
-/// Asks for sound at an even pace; where this thread is late, it asks for what it has missed.
-fn play<W: std::io::Write + std::io::Seek>(
+/// Asks for sound at an even pace; where this thread is a little late, it asks for what it has missed.
+fn write<W: std::io::Write + std::io::Seek>(
     mut wav: hound::WavWriter<W>,
-    voices: &[CallVoice],
+    mut mixer: Mixer,
     clock: Clock,
     stop: &AtomicBool,
 ) -> Result<(), hound::Error> {
-    let begun = Instant::now();
-    let Micros(begun_us) = clock.at(begun);
-    let (mut mixed, mut one) = ([0.0f32; ASKED], [0.0f32; ASKED]);
-    for number in 0u64.. {
-        let after = Duration::from_micros(number.saturating_mul(ASKED_US));
-        std::thread::sleep((begun + after).saturating_duration_since(Instant::now()));
-        if stop.load(Relaxed) {
-            break;
-        }
-        mixed.fill(0.0);
-        let now = Micros(begun_us.saturating_add(number.saturating_mul(ASKED_US)));
-        for voice in voices {
-            voice.play(now, &mut one);
-            for (mixed, sample) in mixed.iter_mut().zip(&one) {
-                *mixed += sample;
-            }
-        }
+    let mut pace = Pace::begin(Instant::now(), Duration::from_micros(ASKED_US));
+    let mut mixed = [0.0f32; ASKED];
+    while !stop.load(Relaxed) {
+        let heard = pace.next(Instant::now());
+        std::thread::sleep(heard.saturating_duration_since(Instant::now()));
+        mixer.play(clock, heard, Duration::ZERO, &mut mixed);
         for sample in mixed {
             wav.write_sample(as_16_bits(sample))?;
         }
@@ -98,5 +185,5 @@ fn play<W: std::io::Write + std::io::Seek>(
 
 #[allow(clippy::cast_possible_truncation, reason = "it is within 16 bits")]
 fn as_16_bits(sample: f32) -> i16 {
-    (sample.clamp(-1.0, 1.0) * f32::from(i16::MAX)).round() as i16
+    (sample * f32::from(i16::MAX)).round() as i16
 }

@@ -1,7 +1,8 @@
 //! What can stop a sender.
 
 use link_call::CallError;
-use std::path::{Path, PathBuf};
+use link_voice::{RATE, VoiceError};
+use std::path::PathBuf;
 
 /// An error on the sending side.
 #[derive(Debug, thiserror::Error)]
@@ -20,21 +21,31 @@ pub enum SendError {
     /// The source of motion failed, as it says itself.
     #[error(transparent)]
     Capture(Box<dyn std::error::Error + Send + Sync>),
-    /// The file of a voice cannot be said.
-    #[error("{} is no voice to send: {why}", path.display())]
-    Voice {
+    /// The file of a voice cannot be read.
+    #[error("{} is no voice to send", path.display())]
+    VoiceFile {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
-        why: String,
+        source: hound::Error,
     },
-}
-
-impl SendError {
-    pub(crate) fn voice(path: &Path, why: String) -> Self {
-        Self::Voice {
-            path: path.to_owned(),
-            why,
-        }
-    }
+    /// The file of a voice has another format.
+    #[error(
+        "{} is no voice to send: it has {samples} samples of {rate_hz} Hz in {channels} channels, and voice has {RATE} Hz and one channel or two: \
+         ffmpeg -i FILE -ar {RATE} -ac 1 voice.wav makes it so",
+        path.display()
+    )]
+    VoiceFormat {
+        /// The file.
+        path: PathBuf,
+        /// Of each channel.
+        samples: u32,
+        /// Samples a second.
+        rate_hz: u32,
+        /// How many there are.
+        channels: u16,
+    },
+    /// The voice cannot be encoded.
+    #[error(transparent)]
+    Voice(#[from] VoiceError),
 }

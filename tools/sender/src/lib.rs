@@ -1,4 +1,4 @@
-//! The sending side of a call as a library: motion from a [`Capture`] to every viewer that has joined the room.
+//! The sending side of a call as a library: motion from a [`Capture`] and voice from a [`VoiceSource`] to every viewer that has joined the room.
 
 mod capture;
 mod clip;
@@ -12,4 +12,4 @@ pub use clip::ClipCapture;
 pub use error::SendError;
 pub use room::{Desk, Entered, Place, enter};
 pub use send::send;
-pub use voice::VoiceFile;
+pub use voice::{VoiceFile, VoiceSource, say};

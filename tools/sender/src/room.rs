@@ -87,7 +87,7 @@ pub async fn enter(
     let file = desk.avatar.clone();
     let avatar = tokio::task::spawn_blocking(move || AvatarRef::of_file(&file))
         .await
-        .map_err(|error| CallError::Task(error.to_string()))?
+        .map_err(CallError::from)?
         .map_err(CallError::from)?;
     if let Some(token) = desk.place.owner_token() {
         let server = desk.place.server();

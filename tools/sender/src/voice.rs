@@ -1,20 +1,76 @@
-//! A voice from a file, said as if it were spoken now.
+//! Sources of voice: a file, said as if it were spoken now, and a microphone.
 
 use crate::SendError;
 use link_call::Sender;
 use link_playout::Clock;
-use link_voice::{FRAME, FRAME_US, RATE, Voice, VoiceEncoder};
+use link_voice::{FRAME, FRAME_US, Pace, RATE, Voice, VoiceEncoder};
+use sound_devices::Microphone;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+/// A microphone is waited for no longer at a time: between two waits is looked whether it is time to stop.
+const LONGEST_WAIT: Duration = Duration::from_millis(100);
+
+/// A source of voice that sets the pace.
+pub trait VoiceSource: Send {
+    /// Forgets what was said before now: no one was there to hear it.
+    fn begin(&mut self) {}
+
+    /// Waits for the next 20 ms, a tenth of a second at most; when their first sample was spoken. `None` if there are none.
+    ///
+    /// # Errors
+    /// If the source fails for good.
+    fn next(&mut self, frame: &mut [f32; FRAME]) -> Result<Option<Instant>, SendError>;
+}
+
+/// Says to every viewer what comes from `source`, until `stop` is set. Blocks: a voice has a thread of its own.
+///
+/// # Errors
+/// If the source fails, or it cannot be encoded.
+pub fn say(
+    source: &mut dyn VoiceSource,
+    host: &Sender,
+    clock: Clock,
+    stop: &AtomicBool,
+) -> Result<(), SendError> {
+    let mut encoder = VoiceEncoder::new()?;
+    let mut frame = [0.0; FRAME];
+    source.begin();
+    while !stop.load(Relaxed) {
+        let Some(spoken) = source.next(&mut frame)? else {
+            continue;
+        };
+        if let Some(opus) = encoder.encode(&frame)? {
+            let captured = encoder.captured(clock.at(spoken));
+            host.say(Voice { captured, opus });
+        }
+    }
+    Ok(())
+}
+
+impl VoiceSource for Microphone {
+    fn begin(&mut self) {
+        self.skip();
+    }
+
+    fn next(&mut self, frame: &mut [f32; FRAME]) -> Result<Option<Instant>, SendError> {
+        Ok(Self::next(self, frame, LONGEST_WAIT))
+    }
+}
+
+const _: () = assert!(
+    RATE == sound_devices::RATE,
+    "a microphone's rate is voice's"
+);
+
 /// A WAV file of speech, again and again.
 pub struct VoiceFile {
     path: PathBuf,
     wav: hound::WavReader<BufReader<File>>,
-    encoder: VoiceEncoder,
+    pace: Option<Pace>,
 }
 
 impl std::fmt::Debug for VoiceFile {
@@ -31,87 +87,67 @@ impl VoiceFile {
     /// # Errors
     /// If it cannot be read, or is none.
     pub fn open(path: &Path) -> Result<Self, SendError> {
-        let wav = hound::WavReader::open(path)
-            .map_err(|source| SendError::voice(path, source.to_string()))?;
+        let broken = |source| SendError::VoiceFile {
+            path: path.to_owned(),
+            source,
+        };
+        let wav = hound::WavReader::open(path).map_err(broken)?;
         let spec = wav.spec();
         let fits = spec.sample_rate == RATE && matches!(spec.channels, 1 | 2);
         if !fits || wav.duration() == 0 {
-            return Err(SendError::voice(
-                path,
-                format!(
-                    "it has {} samples of {} Hz in {} channels, and voice has {RATE} Hz and one channel or two: \
-                     ffmpeg -i FILE -ar {RATE} -ac 1 voice.wav makes it so",
-                    wav.duration(),
-                    spec.sample_rate,
-                    spec.channels
-                ),
-            ));
+            return Err(SendError::VoiceFormat {
+                path: path.to_owned(),
+                samples: wav.duration(),
+                rate_hz: spec.sample_rate,
+                channels: spec.channels,
+            });
         }
         Ok(Self {
             path: path.to_owned(),
             wav,
-            encoder: VoiceEncoder::new()
-                .map_err(|source| SendError::voice(path, source.to_string()))?,
+            pace: None,
         })
     }
 
-    /// Says it to every viewer until `stop` is set, each 20 ms when they would have been spoken. Blocks: it has a thread of its own.
-    ///
-    /// # Errors
-    /// If the file cannot be read any longer.
-    pub fn say(&mut self, host: &Sender, clock: Clock, stop: &AtomicBool) -> Result<(), SendError> {
-        let begun = Instant::now();
-        let mut frame = [0.0; FRAME];
-        let mut number = 0u64;
-        while !stop.load(Relaxed) {
-            self.read(&mut frame)?;
-            let spoken = begun + Duration::from_micros(number * FRAME_US);
-            number += 1;
-            // It is known when its last sample is.
-            let known = begun + Duration::from_micros(number * FRAME_US);
-            std::thread::sleep(known.saturating_duration_since(Instant::now()));
-            let opus = self.encoder.encode(&frame);
-            let opus = opus.map_err(|source| SendError::voice(&self.path, source.to_string()))?;
-            if let Some(opus) = opus {
-                let captured = self.encoder.captured(clock.at(spoken));
-                host.say(Voice { captured, opus });
-            }
-        }
-        Ok(())
-    }
-
     /// The next frame; from the start again after the end.
-    fn read(&mut self, frame: &mut [f32; FRAME]) -> Result<(), SendError> {
-        let failed = |path: &Path, why: String| SendError::voice(path, why);
-        let channels = usize::from(self.wav.spec().channels);
-        let mut filled = 0;
-        while filled < FRAME {
-            while filled < FRAME {
-                let sample = next(&mut self.wav).map_err(|why| failed(&self.path, why))?;
-                let Some(mut sample) = sample else {
-                    break;
-                };
-                if channels == 2 {
-                    let right = next(&mut self.wav).map_err(|why| failed(&self.path, why))?;
-                    sample = f32::midpoint(sample, right.unwrap_or(sample));
-                }
-                if let Some(slot) = frame.get_mut(filled) {
-                    *slot = sample;
-                }
-                filled += 1;
+    fn read(&mut self, frame: &mut [f32; FRAME]) -> Result<(), hound::Error> {
+        let is_stereo = self.wav.spec().channels == 2;
+        for slot in frame {
+            let mut sample = next(&mut self.wav)?;
+            if sample.is_none() {
+                self.wav.seek(0)?;
+                sample = next(&mut self.wav)?;
             }
-            if filled < FRAME {
-                self.wav
-                    .seek(0)
-                    .map_err(|source| failed(&self.path, source.to_string()))?;
-            }
+            let sample = sample.unwrap_or_default();
+            *slot = if is_stereo {
+                f32::midpoint(sample, next(&mut self.wav)?.unwrap_or(sample))
+            } else {
+                sample
+            };
         }
         Ok(())
     }
 }
 
+impl VoiceSource for VoiceFile {
+    fn next(&mut self, frame: &mut [f32; FRAME]) -> Result<Option<Instant>, SendError> {
+        let piece = Duration::from_micros(FRAME_US);
+        self.read(frame).map_err(|source| SendError::VoiceFile {
+            path: self.path.clone(),
+            source,
+        })?;
+        let now = Instant::now();
+        let pace = self.pace.get_or_insert_with(|| Pace::begin(now, piece));
+        let spoken = pace.next(now);
+        // It is known when its last sample is.
+        let known = spoken + piece;
+        std::thread::sleep(known.saturating_duration_since(now));
+        Ok(Some(spoken))
+    }
+}
+
 /// The next sample from -1 to 1, whatever its kind; nothing at the end.
-fn next(wav: &mut hound::WavReader<BufReader<File>>) -> Result<Option<f32>, String> {
+fn next(wav: &mut hound::WavReader<BufReader<File>>) -> Result<Option<f32>, hound::Error> {
     let spec = wav.spec();
     let sample = match spec.sample_format {
         hound::SampleFormat::Float => wav.samples::<f32>().next(),
@@ -121,8 +157,7 @@ fn next(wav: &mut hound::WavReader<BufReader<File>>) -> Result<Option<f32>, Stri
             sample.map(|sample| sample.map(|sample| sample as f32 / full))
         }
     };
-    let sample = sample.transpose().map_err(|source| source.to_string())?;
-    Ok(sample.map(|sample| {
+    Ok(sample.transpose()?.map(|sample| {
         if sample.is_finite() {
             sample.clamp(-1.0, 1.0)
         } else {

@@ -6,7 +6,7 @@ use super::states::{Heads, StateHead};
 use super::triple_buffer::Reader;
 use crate::concealment::between;
 use crate::error::ReceiverError;
-use crate::timeline::{LatencyMode, Timeline};
+use crate::timeline::{DisplayLag, LatencyMode, Timeline};
 use renderer_splat::drawing::Foreground;
 use renderer_splat::posing::{PosedInput, StateId};
 use renderer_splat::renderer::SplatRenderer;
@@ -28,12 +28,12 @@ pub(super) struct DevicePosing {
 }
 
 impl DevicePosing {
-    pub(super) fn new(inferred: Reader<Inferred>, latency: LatencyMode) -> Self {
+    pub(super) fn new(inferred: Reader<Inferred>, latency: LatencyMode, lag: DisplayLag) -> Self {
         Self {
             inferred,
             heads: Heads::new(),
             ids: [None; Heads::PLACES],
-            timeline: Timeline::new(latency),
+            timeline: Timeline::new(latency, lag),
             shown: None,
         }
     }

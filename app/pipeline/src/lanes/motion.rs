@@ -4,6 +4,7 @@ use super::triple_buffer::Writer;
 use crate::concealment::ConcealmentState;
 use crate::profile::{FrameTimes, Recorder};
 use crate::stage::Stage;
+use crate::timeline::DisplayLag;
 use spmm3::{MotionParams, Skeleton, SkinningTransforms};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -27,6 +28,11 @@ pub trait MotionSource: Send + 'static {
 
     /// Whether there will be no more.
     fn is_over(&self) -> bool;
+
+    /// Where it is told how much later than due its poses are displayed.
+    fn display_lag(&self) -> DisplayLag {
+        DisplayLag::default()
+    }
 }
 
 /// A pose with its kinematics, on its way to the deform graph.

@@ -2,6 +2,7 @@
 
 use super::{MotionSource, Pose};
 use crate::control::Control;
+use crate::timeline::DisplayLag;
 use std::time::Duration;
 
 /// A source whose poses are dropped during a pause: they are taken, since the call goes on, and neither NPU nor CPU works in the
@@ -38,6 +39,10 @@ impl<S: MotionSource> MotionSource for PausableSource<S> {
 
     fn is_over(&self) -> bool {
         self.source.is_over()
+    }
+
+    fn display_lag(&self) -> DisplayLag {
+        self.source.display_lag()
     }
 }
 

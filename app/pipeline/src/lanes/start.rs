@@ -90,7 +90,11 @@ impl<S: MotionSource> Person<S> {
         let changes = inference.changes();
         let mut threads = Threads::new([npu_bell.clone(), cpu_bell.clone()]);
         let supply = if plan == Plan::Gpu {
-            Supply::Device(DevicePosing::new(inferred_reader, latency))
+            Supply::Device(DevicePosing::new(
+                inferred_reader,
+                latency,
+                source.display_lag(),
+            ))
         } else {
             let (requests, requests_reader) = triple_buffer([Request::none(); 3], &cpu_bell);
             let posing = Posing::new(avatar, plan)?;
@@ -104,7 +108,7 @@ impl<S: MotionSource> Person<S> {
                 states: States::new(posing.gaussians()),
                 posing,
                 heads: Heads::new(),
-                timeline: Timeline::new(latency),
+                timeline: Timeline::new(latency, source.display_lag()),
                 inferred: inferred_reader,
                 requests: requests_reader,
                 pictures,

@@ -67,6 +67,12 @@ pub struct LatencyFigures {
     pub added: Option<Percentiles>,
     /// From capture to the deform stage, all told.
     pub capture_to_deform: Option<Percentiles>,
+    /// From the mouth to the ear, where a voice was heard: from the sound's capture to the air.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mouth_to_ear: Option<Percentiles>,
+    /// How far apart what was heard and what was seen of one moment were, whichever was the later, where a voice was heard.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voice_apart: Option<Percentiles>,
     /// The jitter buffer's delay at the end.
     pub jitter_buffer_depth_ms: f64,
 }
@@ -92,6 +98,8 @@ pub(super) struct Log {
     hand_over: Vec<f64>,
     added: Vec<f64>,
     whole: Vec<f64>,
+    mouth_to_ear: Vec<f64>,
+    apart: Vec<f64>,
     gaps: Vec<Gap>,
     shown: [u64; ConcealmentState::ALL.len()],
 }
@@ -109,13 +117,16 @@ impl Log {
             hand_over: samples(),
             added: samples(),
             whole: samples(),
+            mouth_to_ear: samples(),
+            apart: samples(),
             gaps: Vec::with_capacity(MOST_GAPS),
             shown: [0; ConcealmentState::ALL.len()],
         }
     }
 
-    /// A frame has left the jitter buffer for the deform stage.
-    pub(super) fn released(&mut self, timing: &Timing) {
+    /// A frame has left the jitter buffer for the deform stage. It is seen `lag_us` after it is due; `heard_us` is from a sound's capture, by
+    /// the sender's clock, to the air, by this side's, where one was heard just now.
+    pub(super) fn released(&mut self, timing: &Timing, lag_us: i64, heard_us: Option<i64>) {
         self.released += 1;
         self.first.get_or_insert(timing.released);
         if let Some(last) = self.last.replace(timing.released) {
@@ -133,6 +144,15 @@ impl Log {
         let hand_over = ms_between(ready, timing.released);
         self.held.push(held);
         self.hand_over.push(hand_over);
+        if let Some(heard_us) = heard_us {
+            let seen_us = timing.due.signed() + lag_us - timing.captured.signed();
+            self.apart
+                .push((heard_us - seen_us).unsigned_abs() as f64 / 1e3);
+            if let Some(here) = timing.captured_local {
+                let clocks_us = here.signed() - timing.captured.signed();
+                self.mouth_to_ear.push((heard_us - clocks_us) as f64 / 1e3);
+            }
+        }
         if let Some(network_us) = timing.network_us() {
             let network = network_us as f64 / 1e3;
             self.network.push(network);
@@ -185,6 +205,8 @@ impl Log {
                 hand_over: Percentiles::of(&self.hand_over),
                 added: Percentiles::of(&self.added),
                 capture_to_deform: Percentiles::of(&self.whole),
+                mouth_to_ear: Percentiles::of(&self.mouth_to_ear),
+                voice_apart: Percentiles::of(&self.apart),
                 jitter_buffer_depth_ms: playout.delay.as_secs_f64() * 1e3,
             },
             gaps: self.gaps.clone(),

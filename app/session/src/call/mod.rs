@@ -1,28 +1,31 @@
 //! The receiver's end of a call: what arrives goes through the jitter buffer and motion concealment, and becomes the motion to show now.
 
 mod figures;
-mod voice;
 mod watch;
 
 pub use figures::{CallFigures, Gap, LatencyFigures};
-pub use voice::CallVoice;
 pub use watch::{CallCounts, CallWatch};
 
 use app_pipeline::concealment::{ConcealmentState, MotionConcealment};
 use app_pipeline::lanes::{MotionSource, Pose};
 use app_pipeline::profile::FrameTimes;
+use app_pipeline::timeline::DisplayLag;
 use figures::Log;
 use link_call::{CallError, CallEvent, Viewer};
 use link_codec::Micros;
 use link_playout::jitter_buffer::{Played, Timing};
 use link_playout::{Clock, JitterBuffer};
 use link_protocol::Announcement;
+use link_voice::VoiceQueue;
 use spmm3::Skeleton;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 /// Between two tellings of what was counted: it is looked at twice a second.
 const TELLING: Duration = Duration::from_millis(100);
+
+/// After a goodbye, what was said before is heard for so long.
+const LAST_WORDS: Duration = Duration::from_secs(1);
 
 /// Why a call is over.
 #[derive(Debug)]
@@ -45,10 +48,14 @@ pub struct Call {
     concealment: MotionConcealment,
     log: Log,
     watch: CallWatch,
-    voice: CallVoice,
+    voice: VoiceQueue,
+    /// Of the pictures that show it.
+    lag: DisplayLag,
     /// When it was last told what was counted.
     told: Micros,
     end: Option<CallEnd>,
+    /// When the sender said goodbye.
+    hung_up: Micros,
     /// When a pose is to be made up if no frame has come by then.
     made_up: Micros,
     /// Whether the last pose was of a person at ease, which stays as it is.
@@ -56,14 +63,14 @@ pub struct Call {
 }
 
 impl Call {
-    /// Follows `viewer`, who was told `announced` before, for an avatar of this `skeleton`; what is said goes to `voice`.
+    /// Follows `viewer`, who was told `announced` before, for an avatar of this `skeleton`; what is said arrives in `voice`, and waits for the motion.
     #[must_use]
     pub fn new(
         viewer: Viewer,
         announced: Announcement,
         skeleton: &Skeleton,
         clock: Clock,
-        voice: CallVoice,
+        voice: VoiceQueue,
     ) -> Self {
         Self {
             viewer,
@@ -74,8 +81,10 @@ impl Call {
             log: Log::new(clock.now()),
             watch: CallWatch::default(),
             voice,
+            lag: DisplayLag::default(),
             told: Micros(0),
             end: None,
+            hung_up: Micros(0),
             made_up: Micros(u64::MAX),
             resting: true,
         }
@@ -132,9 +141,15 @@ impl Call {
     #[must_use]
     pub fn is_over(&self) -> bool {
         match &self.end {
-            Some(CallEnd::HungUp) => self.buffer.waiting() == 0,
+            Some(CallEnd::HungUp) => self.buffer.waiting() == 0 && self.is_heard(),
             end => end.is_some(),
         }
+    }
+
+    /// Whether nothing that was said is still to be played, or who should play it does not.
+    fn is_heard(&self) -> bool {
+        let since = self.clock.now().0.saturating_sub(self.hung_up.0);
+        self.voice.is_played() || since > micros(LAST_WORDS)
     }
 
     /// What was measured so far.
@@ -170,7 +185,7 @@ impl Call {
             }
             CallEvent::Joined => {
                 self.buffer.reset();
-                self.voice.reset();
+                self.voice.follow(None);
             }
             CallEvent::Frame {
                 frame,
@@ -178,19 +193,38 @@ impl Call {
                 arrived,
             } => {
                 self.buffer.push(frame, arrived, captured);
-                self.voice.follow(self.buffer.offset_us());
+                self.keep_together();
             }
-            CallEvent::Voice { voice, arrived } => self.voice.push(voice, arrived),
-            CallEvent::HungUp => self.end = Some(CallEnd::HungUp),
+            CallEvent::HungUp => {
+                self.end = Some(CallEnd::HungUp);
+                self.hung_up = self.clock.now();
+            }
             CallEvent::Failed(error) => self.end = Some(CallEnd::Failed(error)),
         }
+    }
+
+    /// What is seen and what is heard of one moment come together: whichever is ready first waits.
+    fn keep_together(&mut self) {
+        let lag = self.lag_us();
+        let seen = self.buffer.offset_us();
+        self.voice.follow(seen.map(|seen| seen.saturating_add(lag)));
+        let heard = self.voice.offset_us();
+        self.buffer
+            .wait_for(heard.map(|heard| heard.saturating_sub(lag)));
+    }
+
+    /// From when a frame is due to when it is seen; nothing where it is not drawn.
+    fn lag_us(&self) -> i64 {
+        let lag = self.lag.get().unwrap_or_default();
+        i64::try_from(lag.as_micros()).unwrap_or(i64::MAX)
     }
 
     /// Gives concealment all that is due; returns the newest frame's way, if there was any.
     fn release(&mut self, now: Micros) -> Option<Timing> {
         let mut newest = None;
+        let (lag, heard) = (self.lag_us(), self.voice.heard_offset_us());
         for Played { frame, timing } in self.buffer.take(now) {
-            self.log.released(&timing);
+            self.log.released(&timing, lag, heard);
             self.concealment.push(&frame);
             newest = Some(timing);
         }
@@ -254,6 +288,10 @@ impl MotionSource for Call {
 
     fn is_over(&self) -> bool {
         Self::is_over(self)
+    }
+
+    fn display_lag(&self) -> DisplayLag {
+        self.lag.clone()
     }
 }
 

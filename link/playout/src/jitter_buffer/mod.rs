@@ -10,8 +10,8 @@ use std::{collections::VecDeque, time::Duration};
 
 /// Frames kept at most: more than twice what [`JitterBuffer::MAX_DELAY`] holds at 120 Hz.
 const WAITING: usize = 64;
-/// Times beyond this (146 000 years) are refused.
-const LATEST_US: u64 = 1 << 62;
+/// What frames wait for something else grows and shrinks by one microsecond in so many: motion runs at half or one and a half times its speed.
+const SLEW: i64 = 2;
 
 /// What [`JitterBuffer::push`] did with a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +48,7 @@ impl Timing {
     #[must_use]
     pub fn network_us(&self) -> Option<i64> {
         let captured = self.captured_local?;
-        Some(signed(self.arrived).saturating_sub(signed(captured)))
+        Some(self.arrived.signed().saturating_sub(captured.signed()))
     }
 
     /// Arrival to release.
@@ -152,6 +152,10 @@ pub struct JitterBuffer {
     waiting: VecDeque<Waiting>,
     delay: PlayoutDelay,
     sequences: Sequences,
+    /// Until then frames wait for something else: as [`Self::offset_us`], and how much later that is than they would be due, now.
+    at_least: Option<i64>,
+    waits: i64,
+    last_arrived: i64,
     /// The newest sequence that has left.
     shown: Option<u32>,
     counts: PlayoutStatistics,
@@ -174,6 +178,9 @@ impl JitterBuffer {
             waiting: VecDeque::with_capacity(WAITING),
             delay: PlayoutDelay::new(),
             sequences: Sequences::default(),
+            at_least: None,
+            waits: 0,
+            last_arrived: 0,
             shown: None,
             counts: PlayoutStatistics::default(),
         }
@@ -185,7 +192,14 @@ impl JitterBuffer {
         self.waiting.clear();
         self.delay.reset();
         self.sequences = Sequences::default();
+        (self.at_least, self.waits) = (None, 0);
         self.shown = None;
+    }
+
+    /// Frames are not due before something else of the same capture: when that is there by the viewer's clock, minus its capture by the
+    /// sender's, microseconds. The motion runs a little slower or faster until it fits.
+    pub fn wait_for(&mut self, at_least: Option<i64>) {
+        self.at_least = at_least;
     }
 
     /// Takes a frame that arrived at `arrived`. `captured_local` is its capture time by the viewer's clock, if the offset
@@ -197,7 +211,7 @@ impl JitterBuffer {
         captured_local: Option<Micros>,
     ) -> Arrival {
         self.counts.received += 1;
-        if frame.sequence == 0 || frame.captured.0 >= LATEST_US || arrived.0 >= LATEST_US {
+        if frame.sequence == 0 || frame.captured >= Micros::LATEST || arrived >= Micros::LATEST {
             self.counts.refused += 1;
             return Arrival::Refused;
         }
@@ -206,9 +220,10 @@ impl JitterBuffer {
             return Arrival::Duplicate;
         };
         self.counts.reordered += u64::from(!newest);
-        let (captured, here) = (signed(frame.captured), signed(arrived));
-        let late = here > self.delay.due(captured, here) + LATE_US;
+        let (captured, here) = (frame.captured.signed(), arrived.signed());
+        let late = here > self.due_us(captured, here) + LATE_US;
         self.delay.observe(captured, here, newest);
+        self.follow(here);
         if self.shown.is_some_and(|shown| frame.sequence < shown) {
             self.counts.passed += 1;
             return Arrival::Passed;
@@ -238,10 +253,24 @@ impl JitterBuffer {
     }
 
     fn due(&self, waiting: &Waiting) -> Micros {
-        let due = self
-            .delay
-            .due(signed(waiting.frame.captured), signed(waiting.arrived));
+        let due = self.due_us(waiting.frame.captured.signed(), waiting.arrived.signed());
         Micros(due.max(0).unsigned_abs())
+    }
+
+    fn due_us(&self, captured: i64, arrived: i64) -> i64 {
+        later(&self.delay, self.waits, captured, arrived)
+    }
+
+    /// Goes on towards what [`Self::wait_for`] asked for.
+    fn follow(&mut self, arrived: i64) {
+        let own = self.delay.offset_us();
+        let wanted =
+            (self.at_least.zip(own)).map_or(0, |(at_least, own)| at_least.saturating_sub(own));
+        let wanted = wanted.clamp(0, delay::MOST_US);
+        let span = (arrived - self.last_arrived).clamp(0, delay::SPAN_US);
+        let most = span / SLEW;
+        self.waits += (wanted - self.waits).clamp(-most, most);
+        self.last_arrived = self.last_arrived.max(arrived);
     }
 
     /// Removes and returns all frames that are due at `now`, oldest first: the last is the one to show, those before it serve velocities and
@@ -258,9 +287,9 @@ impl JitterBuffer {
         if let Some(newest) = due.checked_sub(1).and_then(|k| self.waiting.get(k)) {
             self.shown = self.shown.max(Some(newest.frame.sequence));
         }
-        let delay = &self.delay;
+        let (delay, waits) = (&self.delay, self.waits);
         self.waiting.drain(..due).map(move |w| {
-            let due = delay.due(signed(w.frame.captured), signed(w.arrived));
+            let due = later(delay, waits, w.frame.captured.signed(), w.arrived.signed());
             Played {
                 timing: Timing {
                     captured: w.frame.captured,
@@ -283,7 +312,7 @@ impl JitterBuffer {
     /// When a frame is due by the viewer's clock, minus its capture by the sender's, microseconds; `None` before the first frame.
     #[must_use]
     pub fn offset_us(&self) -> Option<i64> {
-        self.delay.offset_us()
+        self.delay.offset_us().map(|own| own + self.waits)
     }
 
     /// How many frames wait.
@@ -295,7 +324,7 @@ impl JitterBuffer {
     /// What is added to the shortest transit, now.
     #[must_use]
     pub fn delay(&self) -> Duration {
-        Duration::from_micros(self.delay.added_us())
+        Duration::from_micros(self.delay.added_us() + self.waits.unsigned_abs())
     }
 
     /// Counts since the buffer was made, delay and jitter now.
@@ -314,9 +343,9 @@ impl JitterBuffer {
     }
 }
 
-/// Times are checked against [`LATEST_US`] in [`JitterBuffer::push`].
-fn signed(time: Micros) -> i64 {
-    i64::try_from(time.0).unwrap_or(i64::MAX)
+/// When a frame is due that waits for something else besides; it is held back no longer than any other.
+fn later(delay: &PlayoutDelay, waits: i64, captured: i64, arrived: i64) -> i64 {
+    (delay.due(captured, arrived) + waits).min(arrived + delay::MOST_US)
 }
 
 #[cfg(test)]

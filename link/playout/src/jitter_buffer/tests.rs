@@ -79,6 +79,44 @@ fn a_frame_waits_until_it_is_due() {
 }
 
 #[test]
+fn frames_wait_for_what_comes_later_and_no_longer_than_any_frame() {
+    let mut buffer = JitterBuffer::new();
+    push(&mut buffer, 1, 0);
+    let own = buffer.offset_us().expect("there was a frame");
+    // Something else is there 60 ms later: frames are due later by half of the time that passes, then with it.
+    buffer.wait_for(Some(own + 60_000));
+    let mut offsets = Vec::new();
+    for sequence in 2..40 {
+        push(&mut buffer, sequence, 0);
+        offsets.push(buffer.offset_us().expect("there was a frame") - own);
+        let _shown = taken(&mut buffer, START + u64::from(sequence) * 10_000);
+    }
+    assert_eq!(offsets[..3], [5_000, 10_000, 15_000], "{offsets:?}");
+    assert_eq!(offsets[offsets.len() - 1], 60_000, "{offsets:?}");
+    assert_eq!(
+        buffer.delay(),
+        Duration::from_millis(60),
+        "it is part of the delay"
+    );
+    let (next, due) = buffer.next().expect("some wait");
+    let wanted = next.captured.signed() + own + 60_000;
+    assert_eq!(due.signed(), wanted, "due");
+    // It is not waited for without end, nor when it is gone.
+    buffer.wait_for(Some(i64::MAX));
+    for sequence in 40..200 {
+        push(&mut buffer, sequence, 0);
+        let _shown = taken(&mut buffer, START + u64::from(sequence) * 10_000);
+    }
+    assert_eq!(buffer.delay(), JitterBuffer::MAX_DELAY, "the longest");
+    buffer.wait_for(None);
+    for sequence in 200..300 {
+        push(&mut buffer, sequence, 0);
+        let _shown = taken(&mut buffer, START + u64::from(sequence) * 10_000);
+    }
+    assert_eq!(buffer.offset_us(), Some(own), "as before");
+}
+
+#[test]
 fn a_sender_that_begins_again_is_shown_after_reset() {
     let mut buffer = JitterBuffer::new();
     for sequence in 1..50 {

@@ -9,7 +9,7 @@ use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use mon3tr::children::{LocalServer, Output, Process};
 use mon3tr::network::Network;
-use netlab::report::{BitrateSeries, CallRow, Frames, LatencyMs};
+use netlab::report::{BitrateSeries, CallRow, Frames, LatencyMs, VoiceRow};
 use netlab::{Lab, LabConfig};
 use serde_json::Value;
 use std::ffi::OsString;
@@ -67,20 +67,21 @@ impl Bench<'_> {
             self.sender_arguments(&sender_link, variant, seconds, &sent),
             &self.server.owner_token,
         )?;
-        let receiver = Process::start(
-            "receive",
-            [
-                OsString::from(through_lab.to_string()),
-                "--display".into(),
-                "none".into(),
-                "--json".into(),
-                received.clone().into(),
-                // Where the sender's goodbye does not come through.
-                "--seconds".into(),
-                (seconds + LONGER).as_secs_f64().to_string().into(),
-            ],
-            Output::Dropped,
-        )?;
+        let mut receiving = vec![
+            OsString::from(through_lab.to_string()),
+            "--display".into(),
+            "none".into(),
+            "--json".into(),
+            received.clone().into(),
+            // Where the sender's goodbye does not come through.
+            "--seconds".into(),
+            (seconds + LONGER).as_secs_f64().to_string().into(),
+        ];
+        if self.options.voice.is_some() {
+            // So that it is played.
+            receiving.extend(["--sound".into(), self.folder.join("heard.wav").into()]);
+        }
+        let receiver = Process::start("receive", receiving, Output::Dropped)?;
         if let Some(outage) = condition.outage {
             self.wait_for_traffic(&lab);
             std::thread::sleep(OUTAGE_AT);
@@ -93,7 +94,8 @@ impl Bench<'_> {
         let sent = &read(&sent)?;
         let live = number(call, "live_seconds")?.max(1e-3);
         let kbit_s = |bytes: u64| bytes as f64 * 8e-3 / live;
-        let latency = &call["latency"]["added"];
+        let latency = &call["latency"];
+        let voice = self.options.voice.as_ref().map(|_| voice(call));
         let recover_s = condition.outage.map(|outage| recovery(call, outage));
         let row = CallRow {
             codec: variant.codec.to_string(),
@@ -101,20 +103,13 @@ impl Bench<'_> {
             condition: condition.name.clone(),
             down_kbit_s: kbit_s(statistics.down.offered.bytes),
             up_kbit_s: kbit_s(statistics.up.offered.bytes),
-            latency_ms: (!latency.is_null())
-                .then(|| -> anyhow::Result<LatencyMs> {
-                    Ok(LatencyMs {
-                        p50: number(latency, "p50_ms")?,
-                        p95: number(latency, "p95_ms")?,
-                        p99: number(latency, "p99_ms")?,
-                    })
-                })
-                .transpose()?,
+            latency_ms: percentiles(&latency["added"])?,
             frames: Frames {
                 sent: count(sent, "captured")?,
                 shown: count(call, "released")?,
             },
             recover_s: recover_s.flatten(),
+            voice: voice.transpose()?,
         };
         let name = format!("{}, {}", variant.codec, variant.channel);
         Ok((row, BitrateSeries::offered(&name, &statistics.down)))
@@ -144,6 +139,9 @@ impl Bench<'_> {
         .to_vec();
         arguments.extend(options.motion.arguments());
         arguments.extend(["--avatar".into(), options.avatar.clone().into()]);
+        if let Some(voice) = &options.voice {
+            arguments.extend(["--voice".into(), voice.clone().into()]);
+        }
         arguments.extend(["--json".into(), json.into()]);
         arguments
     }
@@ -167,6 +165,31 @@ fn recovery(call: &Value, outage: Duration) -> Option<f64> {
     // What is not as long as the outage is something else; none that is means that the call did not come back.
     let after = gaps.map(|ms| ms / 1e3 - outage.as_secs_f64());
     after.filter(|after| *after >= 0.0).reduce(f64::max)
+}
+
+/// What became of the voice.
+fn voice(call: &Value) -> anyhow::Result<VoiceRow> {
+    let (latency, counts) = (&call["latency"], &call["voice"]);
+    Ok(VoiceRow {
+        mouth_to_ear_ms: percentiles(&latency["mouth_to_ear"])?,
+        apart_ms: percentiles(&latency["voice_apart"])?,
+        heard: count(counts, "decoded")?,
+        recovered: count(counts, "recovered")?,
+        concealed: count(counts, "concealed")?,
+        longest_gap_ms: count(counts, "longest_gap")? * 20,
+    })
+}
+
+/// Percentiles of a report; nothing where there was nothing to measure.
+fn percentiles(times: &Value) -> anyhow::Result<Option<LatencyMs>> {
+    if times.is_null() {
+        return Ok(None);
+    }
+    Ok(Some(LatencyMs {
+        p50: number(times, "p50_ms")?,
+        p95: number(times, "p95_ms")?,
+        p99: number(times, "p99_ms")?,
+    }))
 }
 
 fn read(file: &Path) -> anyhow::Result<Value> {

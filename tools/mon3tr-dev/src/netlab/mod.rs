@@ -32,6 +32,9 @@ pub(crate) struct Options {
     /// Motions a second
     #[arg(long, value_name = "HZ", default_value = "30", value_parser = send::parse_rate)]
     rate: f64,
+    /// Say what is in this WAV file (48 kHz) in each call, and tell how it was heard
+    #[arg(long, value_name = "FILE.wav", conflicts_with = "download")]
+    voice: Option<PathBuf>,
     /// How long each call takes
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = network::parse_seconds)]
     seconds: Duration,

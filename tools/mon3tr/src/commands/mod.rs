@@ -1,6 +1,7 @@
 //! One file per sub-command.
 
 pub mod bake;
+pub(crate) mod call;
 pub(crate) mod demo;
 pub(crate) mod inspect;
 pub(crate) mod profile;
@@ -29,6 +30,8 @@ pub enum Command {
     Render(render::Options),
     /// Run the server that introduces callers and keeps avatars
     Serve(serve::Options),
+    /// Talk with someone: both are seen and heard
+    Call(Box<call::Options>),
     /// Send what a camera sees a person do, or a motion from a file, to everyone who joins
     Send(send::Options),
     /// Join a call and show who is there
@@ -52,6 +55,7 @@ impl Command {
             Self::Inspect(options) => inspect::run(options),
             Self::Render(options) => render::run(options, device),
             Self::Serve(options) => serve::run(options),
+            Self::Call(options) => call::run(options, device),
             Self::Send(options) => send::run(options, device),
             Self::Receive(options) => receive::run(options, device),
             Self::Profile(options) => profile::run(options, device),

@@ -4,19 +4,20 @@ use crate::camera::{CameraCapture, CameraFigures, CameraOptions, OpenCamera};
 use crate::commands::send_memory::{SenderMemory, Watched};
 use crate::commands::serve::owner_token_file;
 use crate::device_options::DeviceOptions;
-use crate::network::{self, Network};
+use crate::network::{self, Line};
 use crate::performance::MotionOptions;
 use crate::preview::Preview;
 use crate::progress;
 use crate::report::{check_writable, write_json};
 use crate::stills::load_avatar;
+use crate::until::SetAtEnd;
+use crate::voice_options::VoiceOptions;
 use anyhow::{Context, anyhow, bail};
 use link_codec::Codec;
-use link_playout::Clock;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::room_link::ServerUrl;
-use sender::{Capture, ClipCapture, Desk, Place, VoiceFile};
+use sender::{Capture, ClipCapture, Desk, Place, VoiceSource};
 use serde::Serialize;
 use spmm3::Avatar;
 use std::path::PathBuf;
@@ -37,39 +38,39 @@ const LOOK: Duration = Duration::from_millis(5);
 /// Options of `send`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
+    #[command(flatten)]
+    pub(crate) person: PersonOptions,
+    #[command(flatten)]
+    pub(crate) host: HostOptions,
+    /// The sender's link of a room that is open already, as `send` prints it
+    #[arg(long, value_name = "LINK", conflicts_with = "server")]
+    pub(crate) room: Option<RoomLink>,
+    /// Show, in a window, the camera's picture with what is seen in it, and the avatar that follows: mirrored, as one expects of a picture
+    /// of oneself. It is there before the first viewer comes; Escape closes it, and the call goes on
+    #[arg(long, requires = "camera")]
+    pub(crate) preview: bool,
+    /// Leave so many seconds after the first viewer has come [default: on Ctrl-C]
+    #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
+    pub(crate) seconds: Option<Duration>,
+    #[command(flatten)]
+    pub(crate) trust: network::Trust,
+    /// Write every figure as JSON
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+}
+
+/// Who is sent, and how.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct PersonOptions {
     /// The avatar's package; put into the server's store if it is not there
     #[arg(long, value_name = "PACKAGE")]
     avatar: PathBuf,
-    /// The server on which to open a room
-    #[arg(
-        long,
-        value_name = "URL",
-        default_value = "http://127.0.0.1:8080",
-        conflicts_with = "room"
-    )]
-    server: ServerUrl,
-    /// The sender's link of a room that is open already, as `send` prints it
-    #[arg(long, value_name = "LINK")]
-    room: Option<RoomLink>,
-    /// The owner's token: what is in the file that `serve` names [default: that of a server on this machine]
-    #[arg(
-        long,
-        value_name = "TOKEN",
-        env = "MON3TR_OWNER_TOKEN",
-        hide_env_values = true
-    )]
-    owner_token: Option<String>,
     #[command(flatten)]
     motion: MotionOptions,
     #[command(flatten)]
     camera: CameraOptions,
-    /// Say what is in this WAV file (48 kHz), again and again, from when the first viewer comes
-    #[arg(long, value_name = "FILE.wav")]
-    voice: Option<PathBuf>,
-    /// Show, in a window, the camera's picture with what is seen in it, and the avatar that follows: mirrored, as one expects of a picture
-    /// of oneself. It is there before the first viewer comes; Escape closes it, and the call goes on
-    #[arg(long, requires = "camera")]
-    preview: bool,
+    #[command(flatten)]
+    voice: VoiceOptions,
     /// Motions a second; a camera has its own rate
     #[arg(long, value_name = "HZ", default_value = "30", conflicts_with = "camera", value_parser = parse_rate)]
     rate: f64,
@@ -79,19 +80,27 @@ pub struct Options {
     /// What becomes of lost frames: unreliable (they stay lost) or reliable (as in the paper: everything waits for them)
     #[arg(long, value_name = "MODE", default_value = "unreliable")]
     channel: ChannelMode,
-    /// Leave so many seconds after the first viewer has come [default: on Ctrl-C]
-    #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
-    seconds: Option<Duration>,
-    #[command(flatten)]
-    trust: network::Trust,
-    /// Write every figure as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+}
+
+/// The server, and the right to open rooms there.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct HostOptions {
+    /// The server on which to open a room
+    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:8080")]
+    server: ServerUrl,
+    /// The owner's token: what is in the file that `serve` names [default: that of a server on this machine]
+    #[arg(
+        long,
+        value_name = "TOKEN",
+        env = "MON3TR_OWNER_TOKEN",
+        hide_env_values = true
+    )]
+    pub(crate) owner_token: Option<String>,
 }
 
 /// What the command measured.
 #[derive(Debug, Serialize)]
-struct Report {
+pub(crate) struct Report {
     motion: String,
     codec: Codec,
     channel: ChannelMode,
@@ -106,12 +115,39 @@ struct Report {
 
 /// Runs `send`.
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
-    options.motion.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
-    let mut voice = options.voice.as_deref().map(VoiceFile::open).transpose()?;
     let preview = (options.preview.then(|| Preview::open(device))).transpose()?;
-    let (avatar, _) = load_avatar(&options.avatar)?;
-    let (mut motion, name, rate_hz) = options.motion(&avatar, device)?;
+    let performer = Performer::open(&options.person, options.seconds, device)?;
+    let line = Line::open(&options.trust)?;
+    let report = perform(options, performer, preview, &line)?;
+    report.print();
+    write_json(options.json.as_deref(), &report)
+}
+
+/// Sends what `performer` does to whoever joins, until it is over.
+///
+/// # Errors
+/// If the room cannot be entered, or motion or voice fail.
+pub(crate) fn perform(
+    options: &Options,
+    performer: Performer,
+    preview: Option<Preview>,
+    line: &Line,
+) -> anyhow::Result<Report> {
+    let Performer {
+        avatar,
+        mut motion,
+        name,
+        rate_hz,
+        mut voice,
+    } = performer;
+    let Line {
+        network,
+        client,
+        clock,
+        stop,
+    } = line;
+    let clock = *clock;
     let shown = match (&preview, &mut motion) {
         (Some(preview), Motion::Camera(capture)) => {
             capture.show_in(preview.shots());
@@ -119,18 +155,15 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         }
         _ => None,
     };
-    let network = Network::start()?;
-    let client = options.trust.client()?;
-    let clock = Clock::start();
     let desk = Desk {
         place: options.place()?,
-        avatar: options.avatar.clone(),
-        codec: options.codec,
-        channel: options.channel,
+        avatar: options.person.avatar.clone(),
+        codec: options.person.codec,
+        channel: options.person.channel,
         rate_hz,
     };
     let bar = progress::bytes("uploading the avatar");
-    let entered = network.block_on(sender::enter(&client, &desk, clock, {
+    let entered = network.block_on(sender::enter(client, &desk, clock, {
         let bar = bar.clone();
         move |done, total| bar.show(done, total)
     }));
@@ -148,7 +181,6 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             entered.sender
         );
     }
-    let stop = network.stop_on_signal();
     let mut perform = || -> anyhow::Result<(Instant, Option<u64>)> {
         // A performance begins when a viewer is there.
         while entered.host.statistics().viewers == 0 && !stop.load(Relaxed) {
@@ -167,9 +199,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let silent = AtomicBool::new(false);
         std::thread::scope(|scope| {
             let said = voice.as_mut().map(|voice| {
-                let (host, silent, stop) = (&entered.host, &silent, &stop);
+                let (host, silent) = (&entered.host, &silent);
                 scope.spawn(move || {
-                    let said = voice.say(host, clock, silent);
+                    let said = sender::say(&mut **voice, host, clock, silent);
                     if said.is_err() {
                         // A call that has lost its voice ends, and says why.
                         stop.store(true, Relaxed);
@@ -179,7 +211,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             });
             let sent = {
                 let _ends_with = SetAtEnd(&silent);
-                sender::send(&entered.host, &mut capture, clock, &stop)
+                sender::send(&entered.host, &mut capture, clock, stop)
             };
             let said = said.map_or(Ok(Ok(())), ScopedJoinHandle::join);
             sent?;
@@ -195,8 +227,8 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let settled = performed.as_ref().ok().and_then(|(_, settled)| *settled);
     let report = Report {
         motion: name,
-        codec: options.codec,
-        channel: options.channel,
+        codec: options.person.codec,
+        channel: options.person.channel,
         rate_hz,
         seconds: (performed.as_ref()).map_or(0.0, |(begun, _)| begun.elapsed().as_secs_f64()),
         camera: motion.figures(),
@@ -204,17 +236,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         sent: network.block_on(entered.host.hang_up()),
     };
     performed?;
-    report.print();
-    write_json(options.json.as_deref(), &report)
-}
-
-/// Sets a flag when it is dropped, also by a panic: another thread ends with it.
-struct SetAtEnd<'a>(&'a AtomicBool);
-
-impl Drop for SetAtEnd<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Relaxed);
-    }
+    Ok(report)
 }
 
 /// Where the motion comes from.
@@ -240,58 +262,110 @@ impl Motion {
     }
 }
 
-impl Options {
+/// What is sent: a motion, and maybe a voice.
+pub(crate) struct Performer {
+    avatar: Arc<Avatar>,
+    motion: Motion,
+    /// What the motion is called.
+    name: String,
+    rate_hz: f64,
+    voice: Option<Box<dyn VoiceSource>>,
+}
+
+impl Performer {
+    /// What was asked for, for `length` or without end.
+    ///
+    /// # Errors
+    /// If something of it is not there.
+    pub(crate) fn open(
+        options: &PersonOptions,
+        length: Option<Duration>,
+        device: &DeviceOptions,
+    ) -> anyhow::Result<Self> {
+        options.motion.check()?;
+        let voice = options.voice.open()?;
+        let (avatar, _) = load_avatar(&options.avatar)?;
+        let (motion, name, rate_hz) = options.motion(&avatar, length, device)?;
+        Ok(Self {
+            avatar,
+            motion,
+            name,
+            rate_hz,
+            voice,
+        })
+    }
+}
+
+impl PersonOptions {
     /// The motion, what it is called, and its rate in Hz.
     fn motion(
         &self,
         avatar: &Arc<Avatar>,
+        length: Option<Duration>,
         device: &DeviceOptions,
     ) -> anyhow::Result<(Motion, String, f64)> {
         let Some(choice) = &self.camera.camera else {
             let clip = self.motion.clip(avatar, self.rate)?;
             let name = clip.name.clone();
-            let capture = ClipCapture::new(clip, self.rate, self.seconds);
+            let capture = ClipCapture::new(clip, self.rate, length);
             return Ok((Motion::Clip(capture), name, self.rate));
         };
         let open = OpenCamera::live(choice, &self.camera.capture, device)?;
-        let capture = CameraCapture::new(open, avatar, self.seconds);
+        let capture = CameraCapture::new(open, avatar, length);
         let info = capture.source().info();
         let rate = info.rate_hz.unwrap_or(CAMERA_RATE);
         let (name, rate) = (info.name.clone(), rate.clamp(*RATES.start(), *RATES.end()));
         Ok((Motion::Camera(Box::new(capture)), name, rate))
     }
+}
 
+impl HostOptions {
+    /// The server.
+    pub(crate) fn server(&self) -> &ServerUrl {
+        &self.server
+    }
+
+    /// The right to open rooms.
+    ///
+    /// # Errors
+    /// If it was not given, and the server is not on this machine.
+    pub(crate) fn owner_token(&self) -> anyhow::Result<String> {
+        if let Some(token) = &self.owner_token {
+            return Ok(token.clone());
+        }
+        if !self.server.is_here() {
+            bail!(
+                "no owner's token: give --owner-token: what is in the file that `mon3tr serve` named where it runs"
+            );
+        }
+        let file = owner_token_file(None)?;
+        match std::fs::read_to_string(&file) {
+            Ok(token) => Ok(token.trim().to_owned()),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(anyhow!(
+                "no owner's token: start `mon3tr serve` on this machine first, or give --owner-token: what is in the file that `mon3tr serve` named"
+            )),
+            Err(error) => Err(error).with_context(|| format!("cannot read {}", file.display())),
+        }
+    }
+}
+
+impl Options {
     fn place(&self) -> anyhow::Result<Place> {
-        let token_here = || -> anyhow::Result<Option<String>> {
-            let file = owner_token_file(None)?;
-            match std::fs::read_to_string(&file) {
-                Ok(token) => Ok(Some(token.trim().to_owned())),
-                Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-                Err(error) => Err(error).with_context(|| format!("cannot read {}", file.display())),
-            }
-        };
         if let Some(link) = &self.room {
             return Ok(Place::Room {
                 link: link.clone(),
-                owner_token: self.owner_token.clone(),
+                owner_token: self.host.owner_token.clone(),
             });
         }
-        let owner_token = match &self.owner_token {
-            Some(token) => token.clone(),
-            None if self.server.is_here() => token_here()?.ok_or_else(|| {
-                anyhow!("no owner's token: start `mon3tr serve` on this machine first, or give --owner-token: what is in the file that `mon3tr serve` named")
-            })?,
-            None => bail!("no owner's token: give --owner-token: what is in the file that `mon3tr serve` named where it runs"),
-        };
         Ok(Place::Server {
-            server: self.server.clone(),
-            owner_token,
+            server: self.host.server.clone(),
+            owner_token: self.host.owner_token()?,
         })
     }
 }
 
 impl Report {
-    fn print(&self) {
+    pub(crate) fn print(&self) {
         let sent = &self.sent;
         // Without a viewer, pictures are not looked at as a rule.
         let camera = self.camera.as_ref().filter(|camera| camera.pictures > 0);

@@ -57,7 +57,7 @@ impl Program {
         Self::start_as(
             house,
             cache,
-            command(arguments).env("RUST_LOG", "link=info"),
+            command(arguments).env("RUST_LOG", "link=info,sound_devices=info"),
         )
     }
 
@@ -80,6 +80,7 @@ impl Program {
     fn spawn(house: &House, cache: &Path, command: &mut Command, stdin: Stdio) -> Self {
         let mut child = command
             .env("MON3TR_CACHE", cache)
+            .env("PULSE_SERVER", format!("unix:{}", house.sound.display()))
             .env_remove("MON3TR_OWNER_TOKEN")
             .stdin(stdin)
             .stdout(Stdio::piped())
@@ -230,6 +231,8 @@ pub(crate) struct House {
     server: Option<Program>,
     reports: Cell<u32>,
     pub(crate) runtime: Runtime,
+    /// The sound server of the programs that are started from now on; there is none at first.
+    pub(crate) sound: PathBuf,
 }
 
 impl House {
@@ -242,6 +245,7 @@ impl House {
             .expect("a runtime for the lab");
         let mut house = Self {
             avatar: puppet(&folder),
+            sound: folder.path().join("no-sound-server"),
             folder,
             address: ([127, 0, 0, 1], 0).into(),
             server: None,

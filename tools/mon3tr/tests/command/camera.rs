@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use link_call::{CallEvent, Viewer};
 use link_http::Client;
 use link_playout::Clock;
+use link_voice::VoiceQueue;
 use spmm3::{
     Avatar, Joint, LOOP_SECONDS, LoadOptions, MotionClip, MotionParams, Playback, Skeleton,
 };
@@ -159,7 +160,7 @@ fn received(house: &House, link: &str) -> Vec<MotionParams> {
     let _entered = house.runtime.enter();
     let client = Client::new(None).expect("a client");
     let link = link.parse().expect("a room's link");
-    let viewer = Viewer::join(client, link, Clock::start());
+    let viewer = Viewer::join(client, link, Clock::start(), VoiceQueue::default());
     let (mut arrived, began) = (Vec::new(), Instant::now());
     while arrived.len() < ARRIVE {
         assert!(began.elapsed() < LONGEST, "{} motions came", arrived.len());

@@ -8,7 +8,7 @@ mod table;
 
 pub use bitrate_chart::bitrate_chart;
 pub use call_chart::call_chart;
-pub use rows::{BitrateSeries, CallRow, Frames, LatencyMs, Report, percentile};
+pub use rows::{BitrateSeries, CallRow, Frames, LatencyMs, Report, VoiceRow, percentile};
 
 #[cfg(test)]
 pub(crate) mod samples;

@@ -69,6 +69,34 @@ pub struct CallRow {
     pub frames: Frames,
     /// From the end of the (last) outage to the first frame shown after it; `None` where there was none, or no recovery.
     pub recover_s: Option<f64>,
+    /// Where one was sent and heard.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub voice: Option<VoiceRow>,
+}
+
+/// The voice of a call.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct VoiceRow {
+    /// From the mouth to the ear; `None` if nothing was heard.
+    pub mouth_to_ear_ms: Option<LatencyMs>,
+    /// How far apart what was heard and what was seen of one moment were.
+    pub apart_ms: Option<LatencyMs>,
+    /// Frames of 20 ms that were heard as they were sent, taken from copies, and concealed.
+    pub heard: u64,
+    /// See [`Self::heard`].
+    pub recovered: u64,
+    /// See [`Self::heard`].
+    pub concealed: u64,
+    /// The most that were concealed in a row, milliseconds.
+    pub longest_gap_ms: u64,
+}
+
+impl VoiceRow {
+    /// The share that was concealed, in percent.
+    pub fn concealed_percent(&self) -> f64 {
+        let all = self.heard + self.recovered + self.concealed;
+        self.concealed as f64 * 100.0 / all.max(1) as f64
+    }
 }
 
 impl CallRow {

@@ -33,6 +33,7 @@ pub(crate) fn report() -> Report {
                         },
                     },
                     recover_s: (condition == "5 % lost").then_some(0.84),
+                    voice: None,
                 });
             }
         }

@@ -78,6 +78,7 @@ impl fmt::Display for Report {
                 writeln!(f, "{more}")?;
             }
         }
+        self.write_voices(f)?;
         if !self.notes.is_empty() {
             writeln!(f)?;
         }
@@ -85,6 +86,45 @@ impl fmt::Display for Report {
             for line in wrap(note, WIDTH) {
                 writeln!(f, "{line}")?;
             }
+        }
+        Ok(())
+    }
+}
+
+impl Report {
+    /// A table of the calls with a voice.
+    fn write_voices(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let voices = self
+            .calls
+            .iter()
+            .filter_map(|call| Some((call, call.voice?)));
+        for (number, (call, voice)) in voices.enumerate() {
+            if number == 0 {
+                writeln!(
+                    f,
+                    "\n{:<44}  {:>13}  {:>9}  {:>8}  {:>13}",
+                    "voice", "mouth to ear", "concealed", "gap", "heard and seen"
+                )?;
+                writeln!(
+                    f,
+                    "{:<44}  {:>6} {:>6}  {:>9}  {:>8}  {:>13}",
+                    "", "p50 ms", "p95 ms", "%", "ms", "apart p95 ms"
+                )?;
+            }
+            let of = |times: Option<super::LatencyMs>, at: fn(super::LatencyMs) -> f64| {
+                times.map_or_else(|| "-".to_owned(), |times| format!("{:.1}", at(times)))
+            };
+            let ear = voice.mouth_to_ear_ms;
+            writeln!(
+                f,
+                "{:<44}  {:>6} {:>6}  {:>9.1}  {:>8}  {:>13}",
+                format!("{}, {}", call.condition, call.variant()),
+                of(ear, |ear| ear.p50),
+                of(ear, |ear| ear.p95),
+                voice.concealed_percent(),
+                voice.longest_gap_ms,
+                of(voice.apart_ms, |apart| apart.p95),
+            )?;
         }
         Ok(())
     }
@@ -138,6 +178,48 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use crate::report::samples;
+
+    #[test]
+    fn a_voice_has_a_line_of_its_own() {
+        let mut report = samples::report();
+        assert!(
+            !report.to_string().contains("mouth to ear"),
+            "without a voice"
+        );
+        let times = |p50, p95| crate::report::LatencyMs {
+            p50,
+            p95,
+            p99: 99.9,
+        };
+        report.calls[3].voice = Some(crate::report::VoiceRow {
+            mouth_to_ear_ms: Some(times(61.2, 83.4)),
+            apart_ms: Some(times(5.0, 12.3)),
+            heard: 480,
+            recovered: 8,
+            concealed: 12,
+            longest_gap_ms: 40,
+        });
+        let table = report.to_string();
+        let line = table
+            .lines()
+            .find(|line| line.contains("83.4"))
+            .expect("its line");
+        let cells: Vec<&str> = line.split_whitespace().collect();
+        assert_eq!(
+            cells,
+            [
+                "clean,",
+                "compact,",
+                "unreliable",
+                "61.2",
+                "83.4",
+                "2.4",
+                "40",
+                "12.3"
+            ],
+            "{table}"
+        );
+    }
 
     #[test]
     fn the_table_is_aligned_and_at_most_a_hundred_columns() {

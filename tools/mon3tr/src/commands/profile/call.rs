@@ -5,11 +5,11 @@ use crate::children::{LocalServer, Process};
 use crate::commands::receive::wait_for_sender;
 use crate::network::Network;
 use anyhow::Context;
-use app_session::call::CallVoice;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::{Announcement, RoomLink};
+use link_voice::VoiceQueue;
 use serde_json::Value;
 use spmm3::Avatar;
 use std::ffi::OsString;
@@ -83,7 +83,7 @@ impl Room {
                 link: self.link.clone(),
                 announced: self.announced,
                 network: self.context.clone(),
-                voice: CallVoice::default(),
+                voice: VoiceQueue::default(),
             },
         }
     }

@@ -12,20 +12,19 @@ pub(crate) use people::wait_for_sender;
 use crate::device_options::DeviceOptions;
 use crate::gaze::GazeChoice;
 use crate::lanes::LaneChoices;
-use crate::network::{self, Network};
-use crate::report::{check_writable, file_of_format, write_json};
+use crate::network::{self, Line};
+use crate::report::{check_writable, write_json};
 use crate::scenery::SceneryOptions;
 use crate::size::{Size, Views};
-use crate::sound::SoundFile;
+use crate::sound::{Sound, SoundOptions};
 use crate::until::Until;
 use crate::viewpoint::Viewpoint;
-use app_session::call::CallVoice;
 use app_session::participant::NetworkContext;
 use clap::ValueEnum;
-use link_playout::Clock;
 use link_protocol::RoomLink;
-use report::Report;
-use screen::Screen;
+use link_voice::VoiceQueue;
+pub(crate) use report::Report;
+pub(crate) use screen::Screen;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -34,7 +33,25 @@ use std::time::Duration;
 pub struct Options {
     /// The viewers' link, as `send` prints it; of several rooms, 7 at most, the people are shown together
     #[arg(value_name = "LINK", required = true)]
-    rooms: Vec<RoomLink>,
+    pub(crate) rooms: Vec<RoomLink>,
+    /// Leave after so many pictures
+    #[arg(long, value_name = "N")]
+    pub(crate) frames: Option<u64>,
+    /// Leave so many seconds after joining [default: when the sender hangs up, or on Ctrl-C]
+    #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
+    pub(crate) seconds: Option<Duration>,
+    #[command(flatten)]
+    pub(crate) show: ShowOptions,
+    #[command(flatten)]
+    pub(crate) trust: network::Trust,
+    /// Write every figure as JSON
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+}
+
+/// How people are shown and heard.
+#[derive(Debug, Clone, clap::Args)]
+pub(crate) struct ShowOptions {
     /// Where people are shown: in a headset (xr), in a window, offscreen as pictures on disk, in the first of these that there
     /// is (auto), or not at all (none), to measure the network alone
     #[arg(long, value_name = "WHERE", default_value = "window")]
@@ -43,15 +60,9 @@ pub struct Options {
     /// it is given [default: out/call]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// Leave after so many pictures
-    #[arg(long, value_name = "N")]
-    frames: Option<u64>,
     /// Have people sit, on a chair of 0.45 m
     #[arg(long)]
     seat: bool,
-    /// Leave so many seconds after joining [default: when the sender hangs up, or on Ctrl-C]
-    #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
-    seconds: Option<Duration>,
     /// Size of one picture in pixels, or of the window at first [default: 1024x1024, or what the headset recommends]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
@@ -71,23 +82,28 @@ pub struct Options {
     /// tracker's samples, lines of `seconds,x,y` or {"seconds":S,"x":X,"y":Y}, seconds from the first picture, x (to the right) and y (down) from 0 to 1
     #[arg(long, value_name = "mouse|FILE")]
     gaze: Option<GazeChoice>,
-    /// Write what is heard, all people together, as a WAV file
-    #[arg(long, value_name = "FILE.wav", value_parser = file_of_format("wav"))]
-    sound: Option<PathBuf>,
+    #[command(flatten)]
+    sound: SoundOptions,
     #[command(flatten)]
     lanes: LaneChoices,
     #[command(flatten)]
     scenery: SceneryOptions,
-    #[command(flatten)]
-    trust: network::Trust,
-    /// Write every figure as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+}
+
+impl ShowOptions {
+    /// What can be said without a call.
+    ///
+    /// # Errors
+    /// If options contradict one another, or a file cannot be written.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        self.scenery.check()?;
+        self.sound.file().map_or(Ok(()), check_writable)
+    }
 }
 
 /// Where people are shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Display {
+pub(crate) enum Display {
     Auto,
     Xr,
     Window,
@@ -97,30 +113,49 @@ enum Display {
 
 /// Runs `receive`.
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
-    options.scenery.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
-    options.sound.as_deref().map_or(Ok(()), check_writable)?;
+    options.show.check()?;
     // What may be missing on this machine comes before any wait.
-    let mut screen = Screen::open(options, device)?;
-    let network = Network::start()?;
+    let screen = Screen::open(options, device)?;
+    let line = Line::open(&options.trust)?;
+    let (report, outcome) = show(options, screen, &line)?;
+    if let Some(report) = report {
+        report.print();
+        write_json(options.json.as_deref(), &report)?;
+    }
+    outcome
+}
+
+/// Shows the people of the rooms until it is over. Returns what was measured, where anyone came, and whether it came to a good end.
+///
+/// # Errors
+/// If they cannot be shown.
+pub(crate) fn show(
+    options: &Options,
+    mut screen: Screen,
+    line: &Line,
+) -> anyhow::Result<(Option<Report>, anyhow::Result<()>)> {
     let context = NetworkContext {
-        network: network.handle(),
-        client: options.trust.client()?,
-        clock: Clock::start(),
+        network: line.network.handle(),
+        client: line.client.clone(),
+        clock: line.clock,
     };
-    let stop = network.stop_on_signal();
     // Of the people, in the order of their rooms; they stay the same where one comes back.
-    let voices: Vec<CallVoice> = options.rooms.iter().map(|_| CallVoice::default()).collect();
+    let voices: Vec<VoiceQueue> = options
+        .rooms
+        .iter()
+        .map(|_| VoiceQueue::default())
+        .collect();
     let mut sound = None;
     let mut again = None;
     loop {
-        let gathered = people::gather(options, &network, &context.client, &stop, again, &voices)?;
+        let gathered = people::gather(options, line, again, &voices)?;
         let Some(people) = gathered else {
-            return Ok(());
+            return Ok((None, Ok(())));
         };
-        let until = Until::new(&stop, options.seconds, options.frames);
-        if let (Some(file), None) = (&options.sound, &sound) {
-            sound = Some(SoundFile::begin(file, voices.clone(), context.clock)?);
+        let until = Until::new(&line.stop, options.seconds, options.frames);
+        if sound.is_none() {
+            sound = Some(options.show.sound.begin(&voices, line.clock)?);
         }
         let shown = screen.show(options, &people, &context, &until)?;
         if let (true, Some(announced)) = (screen.can_go_on(), shown.came_back()) {
@@ -129,14 +164,12 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             continue;
         }
         let (report, outcome) = Report::new(people, shown)?;
-        report.print();
-        write_json(options.json.as_deref(), &report)?;
-        sound.map_or(Ok(()), SoundFile::end)?;
-        return outcome;
+        sound.map_or(Ok(()), Sound::end)?;
+        return Ok((Some(report), outcome));
     }
 }
 
-impl Options {
+impl ShowOptions {
     /// The folder for pictures.
     fn folder(&self) -> PathBuf {
         let asked = self.out.clone();

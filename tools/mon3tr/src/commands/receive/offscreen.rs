@@ -40,9 +40,9 @@ impl<'a> Pictures<'a> {
     ) -> Self {
         Self {
             until,
-            viewpoint: options.view,
+            viewpoint: options.show.view,
             size,
-            views: options.views(),
+            views: options.show.views(),
             gaze,
             film: Film::start(folder.join("animation.webp")),
             moments: Moments::default(),

@@ -2,15 +2,15 @@
 
 use super::Options;
 use crate::device_options::cache;
-use crate::network::Network;
+use crate::network::{Line, Network};
 use crate::progress;
 use crate::stills::load_avatar;
 use anyhow::Context;
 use app_session::arrival::{self, Waiting};
-use app_session::call::CallVoice;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use link_http::{Client, PackageCache};
 use link_protocol::{Announcement, RoomLink};
+use link_voice::VoiceQueue;
 use profile_report::AvatarFigures;
 use spmm3::Avatar;
 use std::path::PathBuf;
@@ -27,7 +27,7 @@ pub(super) struct Person {
     pub(super) figures: AvatarFigures,
     pub(super) download: Download,
     /// What they say, to be played.
-    pub(super) voice: CallVoice,
+    pub(super) voice: VoiceQueue,
 }
 
 /// How an avatar came here.
@@ -58,12 +58,16 @@ impl Person {
 /// come back, `again` is known what was announced. What they say goes to `voices`, in the order of the rooms.
 pub(super) fn gather(
     options: &Options,
-    network: &Network,
-    client: &Client,
-    stop: &AtomicBool,
+    line: &Line,
     again: Option<Announcement>,
-    voices: &[CallVoice],
+    voices: &[VoiceQueue],
 ) -> anyhow::Result<Option<Vec<Person>>> {
+    let Line {
+        network,
+        client,
+        stop,
+        ..
+    } = line;
     let mut people = Vec::new();
     for (room, voice) in options.rooms.iter().zip(voices) {
         let announced = match again {

@@ -20,7 +20,7 @@ const CAME_BACK: &str = "the sender has come back with another avatar: join agai
 
 /// Everything `receive` prints.
 #[derive(Debug, Serialize)]
-pub(super) struct Report {
+pub(crate) struct Report {
     avatar: AvatarFigures,
     download: Download,
     call: CallFigures,
@@ -159,7 +159,7 @@ impl Report {
         Ok((report, last.map_or(Ok(()), Err)))
     }
 
-    pub(super) fn print(&self) {
+    pub(crate) fn print(&self) {
         let (call, a) = (&self.call, &self.avatar);
         println!(
             "\navatar   {}: {} Gaussians, {:.1} MB, {}",
@@ -213,6 +213,8 @@ impl Report {
                 "capture to deform stage, all told",
                 latency.capture_to_deform,
             ),
+            ("mouth to ear", latency.mouth_to_ear),
+            ("heard and seen apart", latency.voice_apart),
         ] {
             let Some(Percentiles {
                 p50_ms,

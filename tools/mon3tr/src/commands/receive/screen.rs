@@ -37,7 +37,7 @@ const HERTZ: f64 = 60.0;
 const BEFORE: Vec3 = Vec3::new(0.0, 0.0, -DISTANCE);
 
 /// What shows people here.
-pub(super) enum Screen {
+pub(crate) enum Screen {
     Headset {
         /// Until it is shown.
         headset: Option<Box<HeadsetHandle>>,
@@ -57,7 +57,7 @@ pub(super) enum Screen {
 }
 
 /// What flat displays draw with.
-pub(super) struct Flat {
+pub(crate) struct Flat {
     gpu: Arc<Gpu>,
     runtime: Runtime,
 }
@@ -92,8 +92,8 @@ pub(super) struct Drawn {
 
 impl Screen {
     /// Opens what was asked for; with `auto` the first of a headset, a window and pictures on disk that there is.
-    pub(super) fn open(options: &Options, device: &DeviceOptions) -> anyhow::Result<Self> {
-        match options.display {
+    pub(crate) fn open(options: &Options, device: &DeviceOptions) -> anyhow::Result<Self> {
+        match options.show.display {
             Display::Auto => match open_headset(options) {
                 Ok(headset) => Self::headset(options, device, headset),
                 Err(why) => {
@@ -112,7 +112,7 @@ impl Screen {
             Display::Window => Self::window(options, Flat::open(device)?, open_events()?),
             Display::Offscreen => Self::offscreen(options, Flat::open(device)?),
             Display::None => {
-                let what = match (options.rooms.len(), options.frames, options.seat) {
+                let what = match (options.rooms.len(), options.frames, options.show.seat) {
                     (2.., ..) => Some("several links"),
                     (_, Some(_), _) => Some("--frames"),
                     (.., true) => Some("--seat"),
@@ -134,7 +134,7 @@ impl Screen {
         device: &DeviceOptions,
         headset: HeadsetHandle,
     ) -> anyhow::Result<Self> {
-        if let Some(folder) = &options.out {
+        if let Some(folder) = &options.show.out {
             make_folder(folder)?;
         }
         Ok(Self::Headset {
@@ -152,7 +152,7 @@ impl Screen {
     }
 
     fn offscreen(options: &Options, flat: Flat) -> anyhow::Result<Self> {
-        make_folder(&options.folder())?;
+        make_folder(&options.show.folder())?;
         Ok(Self::Offscreen {
             gaze: open_gaze(options, Sight::Offscreen)?,
             flat,
@@ -176,14 +176,14 @@ impl Screen {
         let session = |runtime: &Runtime, quality, display: &mut dyn display::Display| {
             let backends = inference_backends(runtime, &compiled);
             let participants = (people.iter())
-                .map(|person| person.participant(options.seat, network))
+                .map(|person| person.participant(options.show.seat, network))
                 .collect();
-            let config = options.lanes.session(backends, quality);
+            let config = options.show.lanes.session(backends, quality);
             Session::new(config, participants, Control::default()).run(display)
         };
-        let size = options.size.unwrap_or(DEFAULT_SIZE);
-        let views = options.views();
-        let background = || flat::background(&options.scenery);
+        let size = options.show.size.unwrap_or(DEFAULT_SIZE);
+        let views = options.show.views();
+        let background = || flat::background(&options.show.scenery);
         let drawn = match self {
             Self::Undrawn => {
                 let person = people.first().context("there is no link")?;
@@ -192,9 +192,9 @@ impl Screen {
                 ))));
             }
             Self::Offscreen { gaze, flat } => {
-                let folder = options.folder();
+                let folder = options.show.folder();
                 let mut pictures = Pictures::new(options, size, &folder, gaze.clone(), until);
-                let needs = flat::needs(&flat.gpu, size, views, &options.view, HERTZ);
+                let needs = flat::needs(&flat.gpu, size, views, &options.show.view, HERTZ);
                 let mut display = OffscreenDisplay::new(needs, background(), &mut pictures);
                 // Pictures on disk are as good as they can be.
                 let session = session(&flat.runtime, QualityMode::Fixed(0), &mut display)?;
@@ -213,10 +213,10 @@ impl Screen {
             Self::Window { events, gaze, flat } => {
                 let mut display = WindowDisplay {
                     events: events.take().map(|events| *events),
-                    needs: flat::needs(&flat.gpu, size, views, &options.view, HERTZ),
+                    needs: flat::needs(&flat.gpu, size, views, &options.show.view, HERTZ),
                     background: background(),
                     views,
-                    viewpoint: options.view,
+                    viewpoint: options.show.view,
                     gaze: gaze.take(),
                     until,
                     size,
@@ -236,20 +236,20 @@ impl Screen {
             }
             Self::Headset { headset, runtime } => {
                 let headset = headset.take().context("the headset was shown a session")?;
-                let scenery = options.scenery.around(None, BEFORE, Quat::IDENTITY)?;
+                let scenery = options.show.scenery.around(None, BEFORE, Quat::IDENTITY)?;
                 let present = PresentOptions {
                     scene: (scenery.as_ref())
                         .map(|scenery| (Arc::clone(&scenery.background), Scenery::filter(scenery))),
-                    read_back: options.out.is_some(),
+                    read_back: options.show.out.is_some(),
                     display_hz: None,
                 };
                 // Pictures on disk are as good as they can be; the eyes' are to come in time.
-                let quality = if options.out.is_some() {
+                let quality = if options.show.out.is_some() {
                     QualityMode::Fixed(0)
                 } else {
                     QualityMode::Adapt
                 };
-                let mut album = Album::new(until, options.out.is_some());
+                let mut album = Album::new(until, options.show.out.is_some());
                 let mut display = HeadsetDisplay::new(*headset, present, &mut album);
                 let session = session(runtime, quality, &mut display)?;
                 let figures = display.into_figures();
@@ -262,7 +262,7 @@ impl Screen {
                     display_period: figures.display_period(),
                     gaze: None,
                     headset: Some(figures),
-                    pictures: match &options.out {
+                    pictures: match &options.show.out {
                         Some(folder) => album.write(folder)?,
                         None => Vec::new(),
                     },
@@ -274,11 +274,11 @@ impl Screen {
 }
 
 fn open_headset(options: &Options) -> anyhow::Result<HeadsetHandle> {
-    if options.gaze.is_some() {
+    if options.show.gaze.is_some() {
         bail!("--gaze moves a camera, and in a headset the head does: leave it out");
     }
     let headset = HeadsetOptions {
-        eye_size: options.size.map(|size| [size.width, size.height]),
+        eye_size: options.show.size.map(|size| [size.width, size.height]),
         validation: false,
     };
     let runtime = renderer_openxr::runtime::Runtime::load()?;
@@ -290,7 +290,7 @@ fn open_events() -> anyhow::Result<EventLoop<()>> {
 }
 
 fn open_gaze(options: &Options, sight: Sight) -> anyhow::Result<Option<Gaze>> {
-    let gaze = options.gaze.as_ref();
+    let gaze = options.show.gaze.as_ref();
     gaze.map(|gaze| gaze.open(sight)).transpose()
 }
 

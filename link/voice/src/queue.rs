@@ -1,0 +1,224 @@
+//! From the connection that brings a person's packets to the thread that plays them, which never waits: packets go through a bounded ring
+//! without a lock, the delay through an atomic.
+
+use crate::{Voice, VoiceError, VoicePlayout, VoiceStatistics};
+use link_codec::Micros;
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Packets that may wait for the player: 1.3 s.
+const PACKETS: usize = 64;
+/// Says that there is nothing to wait for.
+const NOTHING: i64 = i64::MIN;
+
+/// One person's voice as it arrives. Shared by the connection, by who knows when motion is shown, and by who reports.
+#[derive(Debug, Clone, Default)]
+pub struct VoiceQueue(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    /// There where the voice is played; else packets are dropped as they come. The player never takes this lock.
+    entrance: Mutex<Option<Entrance>>,
+    told: Arc<Told>,
+}
+
+#[derive(Debug)]
+struct Entrance {
+    packets: rtrb::Producer<Queued>,
+    counts: triple_buffer::Output<VoiceStatistics>,
+    connection: u32,
+}
+
+/// What both ends tell each other beside the packets.
+#[derive(Debug)]
+struct Told {
+    /// [`VoiceQueue::follow`]'s.
+    motion_offset_us: AtomicI64,
+    /// [`VoiceQueue::offset_us`]'s.
+    voice_offset_us: AtomicI64,
+    /// [`VoiceQueue::heard_offset_us`]'s.
+    heard_offset_us: AtomicI64,
+    /// Packets for which the ring had no room.
+    overflowed: AtomicU64,
+    /// The player has something left that was said.
+    has_more: AtomicBool,
+}
+
+impl Default for Told {
+    fn default() -> Self {
+        Self {
+            motion_offset_us: AtomicI64::new(NOTHING),
+            voice_offset_us: AtomicI64::new(NOTHING),
+            heard_offset_us: AtomicI64::new(NOTHING),
+            overflowed: AtomicU64::new(0),
+            has_more: AtomicBool::new(false),
+        }
+    }
+}
+
+impl Told {
+    fn no_voice(&self) {
+        self.voice_offset_us.store(NOTHING, Relaxed);
+        self.heard_offset_us.store(NOTHING, Relaxed);
+    }
+}
+
+#[derive(Debug)]
+struct Queued {
+    voice: Voice,
+    arrived: Micros,
+    connection: u32,
+}
+
+impl VoiceQueue {
+    /// From now on packets are kept for the player, which is to play regularly. A second one takes the place of the first.
+    ///
+    /// # Errors
+    /// If voice cannot be decoded here.
+    pub fn listen(&self) -> Result<VoicePlayer, VoiceError> {
+        let playout = VoicePlayout::new()?;
+        let (packets, queued) = rtrb::RingBuffer::new(PACKETS);
+        let (counts, counted) = triple_buffer::TripleBuffer::default().split();
+        *self.entrance() = Some(Entrance {
+            packets,
+            counts: counted,
+            connection: 0,
+        });
+        Ok(VoicePlayer {
+            playout,
+            queued,
+            counts,
+            told: Arc::clone(&self.0.told),
+            connection: 0,
+        })
+    }
+
+    /// A packet of this connection has arrived at `arrived`, by this side's clock.
+    pub fn push(&self, voice: Voice, arrived: Micros) {
+        let mut entrance = self.entrance();
+        // One who has stopped playing must not hold up the end of the call.
+        if entrance.as_ref().is_some_and(|e| e.packets.is_abandoned()) {
+            *entrance = None;
+        }
+        if let Some(entrance) = &mut *entrance {
+            let queued = Queued {
+                voice,
+                arrived,
+                connection: entrance.connection,
+            };
+            if entrance.packets.push(queued).is_err() {
+                self.0.told.overflowed.fetch_add(1, Relaxed);
+            }
+        }
+    }
+
+    /// Another connection has begun: what is pushed from now on has times of its own.
+    pub fn begin_connection(&self) {
+        if let Some(entrance) = &mut *self.entrance() {
+            entrance.connection = entrance.connection.wrapping_add(1);
+        }
+        self.0.told.no_voice();
+    }
+
+    /// Voice is not to be heard before what is seen: when a frame is shown, by this side's clock, minus its capture by the sender's,
+    /// microseconds.
+    pub fn follow(&self, motion_offset_us: Option<i64>) {
+        let offset = motion_offset_us.unwrap_or(NOTHING);
+        self.0.told.motion_offset_us.store(offset, Relaxed);
+    }
+
+    /// When a sample could be heard, by this side's clock, minus its capture by the sender's, microseconds: what is seen is not to be shown
+    /// before it. Nothing while no voice comes or is played.
+    #[must_use]
+    pub fn offset_us(&self) -> Option<i64> {
+        let offset = self.0.told.voice_offset_us.load(Relaxed);
+        (offset != NOTHING).then_some(offset)
+    }
+
+    /// When what was heard last was in the air, by this side's clock, minus its capture by the sender's, microseconds. Nothing in a silence.
+    #[must_use]
+    pub fn heard_offset_us(&self) -> Option<i64> {
+        let offset = self.0.told.heard_offset_us.load(Relaxed);
+        (offset != NOTHING).then_some(offset)
+    }
+
+    /// Whether all that arrived has been heard, or is played by no one.
+    #[must_use]
+    pub fn is_played(&self) -> bool {
+        match &*self.entrance() {
+            Some(entrance) if !entrance.packets.is_abandoned() => {
+                // In this order: the player says that it has more before it takes it.
+                entrance.packets.slots() == PACKETS && !self.0.told.has_more.load(Relaxed)
+            }
+            _ => true,
+        }
+    }
+
+    /// What became of its packets; nothing where it is not played.
+    #[must_use]
+    pub fn statistics(&self) -> Option<VoiceStatistics> {
+        let mut entrance = self.entrance();
+        let counts = *entrance.as_mut()?.counts.read();
+        let dropped = self.0.told.overflowed.load(Relaxed);
+        Some(VoiceStatistics {
+            received: counts.received + dropped,
+            overflowed: counts.overflowed + dropped,
+            ..counts
+        })
+    }
+
+    fn entrance(&self) -> MutexGuard<'_, Option<Entrance>> {
+        // Packets stay packets after a panic elsewhere.
+        self.0
+            .entrance
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The playing end of a [`VoiceQueue`], for one thread. Playing takes no lock and allocates nothing.
+#[derive(Debug)]
+pub struct VoicePlayer {
+    playout: VoicePlayout,
+    queued: rtrb::Consumer<Queued>,
+    counts: triple_buffer::Input<VoiceStatistics>,
+    told: Arc<Told>,
+    connection: u32,
+}
+
+impl VoicePlayer {
+    /// The sound that is handed at `now`, by this side's clock, to a device that needs `device` to make it heard; 48 kHz. It is heard
+    /// together with what is seen, if that takes longer.
+    pub fn play(&mut self, now: Micros, device: Duration, out: &mut [f32]) {
+        if !self.queued.is_empty() {
+            self.told.has_more.store(true, Relaxed);
+        }
+        while let Ok(queued) = self.queued.pop() {
+            if queued.connection != self.connection {
+                self.connection = queued.connection;
+                self.playout.reset();
+            }
+            self.playout.push(queued.voice, queued.arrived);
+        }
+        let device = i64::try_from(device.as_micros()).unwrap_or(i64::MAX);
+        let offset = self.told.motion_offset_us.load(Relaxed);
+        let offset = (offset != NOTHING).then(|| offset.saturating_sub(device));
+        self.playout.play(now, offset, out);
+        let has_more = self.playout.has_more();
+        self.told.has_more.store(has_more, Relaxed);
+        let own = self.playout.offset_us(out.len());
+        let own = own.map_or(NOTHING, |own| own.saturating_add(device));
+        self.told.voice_offset_us.store(own, Relaxed);
+        let heard = self.playout.heard_offset_us();
+        let heard = heard.map_or(NOTHING, |heard| heard.saturating_add(device));
+        self.told.heard_offset_us.store(heard, Relaxed);
+        self.counts.write(self.playout.statistics());
+    }
+}
+
+impl Drop for VoicePlayer {
+    fn drop(&mut self) {
+        self.told.no_voice();
+    }
+}

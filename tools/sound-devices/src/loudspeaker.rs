@@ -1,0 +1,261 @@
+//! The loudspeaker.
+
+use crate::SoundError;
+use crate::clock::DeviceClock;
+use crate::connection::{Connection, Message, SoundServer};
+use crate::stream::{self, LOOKING, MEASURING, PIECE, PIECE_BYTES, SAMPLE_BYTES};
+use pulseaudio::protocol::stream::{BufferAttr, StreamFlags};
+use pulseaudio::protocol::{
+    ChannelMap, ChannelVolume, Command, CreatePlaybackStreamReply, LatencyParams, PlaybackLatency,
+    PlaybackStreamParams, ServerInfo, SinkInfoList,
+};
+use std::ffi::CString;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime};
+
+/// What the server and the device hold together: as little as plays without a gap.
+const AHEAD_BYTES: u32 = 4 * PIECE_BYTES;
+/// Between two looks whether it is to stop.
+const STOPPING: Duration = Duration::from_millis(100);
+
+/// Makes the next samples: of a moment by an even clock, which are heard so much later. It is called by the loudspeaker's own thread.
+pub type Fill = Box<dyn FnMut(Instant, Duration, &mut [f32]) + Send>;
+
+/// A loudspeaker that plays while this is there, again after it was away.
+#[derive(Debug)]
+pub struct Loudspeaker {
+    name: String,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Loudspeaker {
+    /// Plays what `fill` makes on the loudspeaker of that name, as the server calls it (`pactl list short sinks`), or on the server's own choice.
+    ///
+    /// # Errors
+    /// If the server does not answer, or has no such loudspeaker.
+    pub fn begin(server: &SoundServer, name: Option<&str>, fill: Fill) -> Result<Self, SoundError> {
+        let asked = name.map(str::to_owned);
+        let (playing, name) = find(server, asked.as_deref())?;
+        let stop = Arc::<AtomicBool>::default();
+        let thread = Player {
+            server: server.clone(),
+            asked,
+            name: name.clone(),
+            fill,
+            stop: Arc::clone(&stop),
+        };
+        let thread = std::thread::Builder::new()
+            .name("loudspeaker".to_owned())
+            .spawn(move || thread.run(playing))?;
+        Ok(Self {
+            name,
+            stop,
+            thread: Some(thread),
+        })
+    }
+
+    /// What the server calls it.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl Drop for Loudspeaker {
+    fn drop(&mut self) {
+        self.stop.store(true, Relaxed);
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            log::error!("the thread of the loudspeaker has failed");
+        }
+    }
+}
+
+fn find(server: &SoundServer, asked: Option<&str>) -> Result<(Playing, String), SoundError> {
+    let mut connection = Connection::open(server)?;
+    let name = choose(&mut connection, asked)?;
+    Ok((Playing::begin(connection, &name)?, name))
+}
+
+/// What the server calls the loudspeaker that is meant.
+fn choose(connection: &mut Connection, asked: Option<&str>) -> Result<String, SoundError> {
+    const KIND: &str = "loudspeaker";
+    let sinks: SinkInfoList = connection.ask(&Command::GetSinkInfoList)?;
+    let names: Vec<String> = sinks
+        .iter()
+        .map(|sink| sink.name.to_string_lossy().into_owned())
+        .collect();
+    let server: ServerInfo = connection.ask(&Command::GetServerInfo)?;
+    let chosen = server
+        .default_sink_name
+        .map(|name| name.to_string_lossy().into_owned());
+    let is_there = |name: &&str| names.iter().any(|one| one == name);
+    match (asked, chosen.as_deref().filter(is_there)) {
+        (Some(name), _) if is_there(&name) => Ok(name.to_owned()),
+        (Some(name), _) => Err(SoundError::NoSuchDevice {
+            kind: KIND,
+            name: name.to_owned(),
+            others: names,
+        }),
+        (None, Some(name)) => Ok(name.to_owned()),
+        (None, None) => names.first().cloned().ok_or(SoundError::NoDevice {
+            kind: KIND,
+            others: Vec::new(),
+        }),
+    }
+}
+
+/// The thread's own.
+struct Player {
+    server: SoundServer,
+    asked: Option<String>,
+    name: String,
+    fill: Fill,
+    stop: Arc<AtomicBool>,
+}
+
+impl Player {
+    fn run(mut self, playing: Playing) {
+        let mut playing = Some(playing);
+        while !self.stop.load(Relaxed) {
+            match &mut playing {
+                Some(open) => {
+                    if let Err(error) = open.go_on(&mut self.fill) {
+                        log::warn!(
+                            "the loudspeaker {} is away ({error}): the call goes on unheard until it is back",
+                            self.name
+                        );
+                        playing = None;
+                    }
+                }
+                None => {
+                    std::thread::sleep(LOOKING);
+                    match find(&self.server, self.asked.as_deref()) {
+                        Ok((found, name)) => {
+                            log::info!("the loudspeaker {name} is back");
+                            (playing, self.name) = (Some(found), name);
+                        }
+                        Err(error) => log::debug!("no loudspeaker yet: {error}"),
+                    }
+                }
+            }
+        }
+    }
+}
+
+struct Playing {
+    connection: Connection,
+    channel: u32,
+    clock: DeviceClock,
+    /// Samples sent.
+    count: u64,
+    /// Bytes that the server has asked for.
+    asked: u32,
+    measured: Instant,
+    /// Of the measurement that is under way.
+    measuring: Option<u32>,
+}
+
+impl Playing {
+    fn begin(mut connection: Connection, name: &str) -> Result<Self, SoundError> {
+        let stream: CreatePlaybackStreamReply =
+            connection.ask(&Command::CreatePlaybackStream(PlaybackStreamParams {
+                sample_spec: stream::format(),
+                channel_map: ChannelMap::mono(),
+                sink_name: CString::new(name).ok(),
+                buffer_attr: BufferAttr {
+                    max_length: 8 * AHEAD_BYTES,
+                    target_length: AHEAD_BYTES,
+                    pre_buffering: 0,
+                    minimum_request_length: PIECE_BYTES,
+                    ..BufferAttr::default()
+                },
+                cvolume: Some(ChannelVolume::norm(1)),
+                flags: StreamFlags {
+                    adjust_latency: true,
+                    ..StreamFlags::default()
+                },
+                ..PlaybackStreamParams::default()
+            }))?;
+        let mut playing = Self {
+            connection,
+            channel: stream.channel,
+            clock: DeviceClock::new(),
+            count: 0,
+            asked: 0,
+            measured: Instant::now(),
+            measuring: None,
+        };
+        // What fills the buffers at first is no one's voice.
+        let silence = [0.0; PIECE];
+        for _ in 0..stream.requested_bytes.div_ceil(PIECE_BYTES) {
+            playing.send(&silence)?;
+        }
+        Ok(playing)
+    }
+
+    fn send(&mut self, samples: &[f32]) -> Result<(), SoundError> {
+        self.count += samples.len() as u64;
+        self.connection.play(self.channel, samples)
+    }
+
+    /// Does what the server says next, if it says something.
+    fn go_on(&mut self, fill: &mut Fill) -> Result<(), SoundError> {
+        let now = Instant::now();
+        if now > self.measured + MEASURING {
+            self.measured = now;
+            self.measuring = Some(self.connection.send(&Command::GetPlaybackLatency(
+                LatencyParams {
+                    channel: self.channel,
+                    now: SystemTime::now(),
+                },
+            ))?);
+        }
+        match self.connection.next(now + STOPPING)? {
+            Some(Message::Command(Command::Request(request))) => {
+                self.asked = self
+                    .asked
+                    .saturating_add(request.length)
+                    .min(16 * AHEAD_BYTES);
+                self.clock.observe(self.count, Instant::now());
+                self.give(fill)
+            }
+            Some(Message::Command(Command::PlaybackStreamKilled(_))) => Err(SoundError::TakenAway),
+            Some(Message::Reply { sequence, bytes }) if self.measuring == Some(sequence) => {
+                self.measuring = None;
+                let latency: PlaybackLatency = self.connection.read(bytes)?;
+                if !latency.playing {
+                    return Ok(());
+                }
+                let ahead = latency.write_offset.saturating_sub(latency.read_offset);
+                self.clock.will_be_in_the_air(
+                    stream::samples(latency.write_offset),
+                    Instant::now(),
+                    stream::seconds(ahead, latency.sink_usec),
+                );
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Sends what the server has asked for, in whole pieces.
+    fn give(&mut self, fill: &mut Fill) -> Result<(), SoundError> {
+        let mut piece = [0.0; PIECE];
+        while self.asked >= PIECE_BYTES {
+            self.asked -= PIECE_BYTES;
+            fill(self.clock.at(self.count), self.clock.delay(), &mut piece);
+            self.send(&piece)?;
+        }
+        Ok(())
+    }
+}
+
+const _: () = assert!(
+    PIECE_BYTES as usize == PIECE * SAMPLE_BYTES as usize,
+    "of one piece"
+);
