@@ -7,7 +7,7 @@
 use glam::DVec3;
 use reconstruct::BareBody;
 use renderer_vulkan::choice::GpuChoice;
-use scan_rig::body::{BodyModel, Observed, register};
+use scan_rig::body::{BodyModel, Observed, error_of, register};
 use scan_rig::prepare::{Networks, Options, prepare};
 use scan_rig::sight::Sight;
 use scan_rig::surface::survey;
@@ -87,7 +87,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             .collect();
         for (error, sure) in errors.iter().zip(registered.confidence).take(BODY) {
             real += error * error;
-            expected += 30.0_f64.powi(2) * (1.0 / sure - 1.0);
+            expected += (1e3 * error_of(sure)).powi(2);
         }
         let front = placed.rotation * DVec3::new(truth.yaw.sin(), 0.0, truth.yaw.cos());
         let turned = registered.rotations[Joint::Pelvis.index()].z_axis;

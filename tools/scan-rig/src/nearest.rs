@@ -4,6 +4,7 @@
 //! [`oriented`] joins both to six numbers.
 
 use glam::Vec3;
+use std::ops::ControlFlow;
 
 /// Points that a leaf of the tree holds at most.
 const LEAF: usize = 12;
@@ -79,8 +80,14 @@ impl<const D: usize> Nearest<D> {
         self.search(query, out)
     }
 
-    /// Tells `visit` the squared distance and the name of each point that is nearer than `radius`, in no particular order; none if the query is not finite.
-    pub fn within(&self, query: &[f32; D], radius: f32, mut visit: impl FnMut(f32, u32)) {
+    /// Tells `visit` the squared distance and the name of each point that is nearer than `radius`, in no particular order, until it breaks; none if the query is
+    /// not finite.
+    pub fn within(
+        &self,
+        query: &[f32; D],
+        radius: f32,
+        mut visit: impl FnMut(f32, u32) -> ControlFlow<()>,
+    ) {
         if self.names.is_empty() || query.iter().any(|x| !x.is_finite()) {
             return;
         }
@@ -95,8 +102,8 @@ impl<const D: usize> Nearest<D> {
                     Node::Leaf { from, until } => {
                         for at in from as usize..until as usize {
                             let squared = squared_distance(query, &self.points[at]);
-                            if squared < most {
-                                visit(squared, self.names[at]);
+                            if squared < most && visit(squared, self.names[at]).is_break() {
+                                return;
                             }
                         }
                         break;
@@ -276,7 +283,10 @@ mod tests {
             assert_eq!(one, Some(all[0].1 as usize), "not the nearest one");
             let radius = all[40].0.sqrt();
             let mut within = Vec::new();
-            tree.within(&query, radius, |squared, at| within.push((squared, at)));
+            tree.within(&query, radius, |squared, at| {
+                within.push((squared, at));
+                ControlFlow::Continue(())
+            });
             within.sort_by(|a, b| a.partial_cmp(b).expect("finite"));
             let near = all.iter().filter(|(squared, _)| *squared < radius * radius);
             assert_eq!(within, near.copied().collect::<Vec<_>>(), "within {radius}");

@@ -27,8 +27,8 @@ const USUAL_RESIDUAL: f64 = 0.018;
 /// A surface that was not seen may be this far from the model, metres.
 const UNSEEN: f64 = 0.04;
 
-/// What the deviation that the fit's own equations leave open counts. With all doubts together the joints of eight synthetic people err by 0.44 of what
-/// the confidence stands for (`examples/registration`): it is cautious.
+/// What the deviation that the fit's own equations leave open counts. With all doubts together the joints of eight synthetic people err by less than half
+/// of what the confidence stands for (`examples/registration`): it is cautious.
 const CERTAINTY: f64 = 0.5;
 
 /// The joints that have words for the user, of SMPL-X's: those before the jaw.
@@ -94,7 +94,7 @@ pub(super) fn confidence(
     let mut doubts = [Doubt::default(); JOINTS];
     by_equations(model, fitted, &mut doubts);
     by_landmarks(points, targets, fitted, &mut doubts);
-    by_surface(model, fitted, displaced, &mut doubts);
+    by_surface(model, displaced, &mut doubts);
     // What has no evidence of its own is no surer than what carries it; what the user placed is sure.
     let hinted: Vec<Place> = (targets.all.iter())
         .filter(|target| target.source == Source::Hint)
@@ -124,6 +124,12 @@ pub(super) fn confidence(
         })
         .collect();
     (confidence, warnings)
+}
+
+/// The error, metres, that such a confidence (0..=1) stands for.
+#[must_use]
+pub fn error_of(confidence: f64) -> f64 {
+    DOUBTFUL * (1.0 / confidence - 1.0).max(0.0).sqrt()
 }
 
 /// How sure a joint with such an error is, metres.
@@ -211,15 +217,11 @@ fn by_landmarks(
     }
 }
 
-fn by_surface(
-    model: &BodyModel,
-    fitted: &Fitted,
-    displaced: &Displaced,
-    doubts: &mut [Doubt; JOINTS],
-) {
+/// What other skin closes in was not seen either.
+fn by_surface(model: &BodyModel, displaced: &Displaced, doubts: &mut [Doubt; JOINTS]) {
     let mut sums = [(0.0_f64, 0.0_f64, 0.0_f64); JOINTS];
     for (vertex, distance) in displaced.offsets.iter().enumerate() {
-        if !model.outer[vertex] || fitted.closed_in[vertex] {
+        if !model.outer[vertex] {
             continue;
         }
         let (all, seen, squared) = &mut sums[strongest(&model.weights[vertex])];

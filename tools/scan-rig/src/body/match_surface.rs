@@ -112,11 +112,15 @@ pub(super) fn add(
     sums.iter().for_each(|sum| equations.merge(sum));
 }
 
-/// Weighted root mean square distance of the points from the model along its normals, metres.
+/// Weighted root mean square distance of the points from the model along its normals, metres; infinite if none was matched.
 pub(super) fn residual(pulls: &[Pull]) -> f64 {
     let weight: f64 = pulls.iter().map(|pull| pull.weight).sum();
     let squared: f64 = pulls.iter().map(|pull| pull.squared).sum();
-    (squared / weight.max(1e-9)).sqrt()
+    if weight > 0.0 {
+        (squared / weight).sqrt()
+    } else {
+        f64::INFINITY
+    }
 }
 
 impl BodyModel {

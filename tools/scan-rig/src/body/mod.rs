@@ -20,7 +20,7 @@ pub mod state;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use confidence::{Heeded, UNSURE};
+pub use confidence::{Heeded, UNSURE, error_of};
 pub use model::{BodyModel, BodyPart, SkinRow};
 pub use register::{FitReport, Observed, register};
 

@@ -12,13 +12,14 @@ use crate::nearest::Nearest;
 use crate::scan::Scan;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::collections::HashSet;
 
 /// Bounds as those of [`CLOSED_IN`] for the edges of an opening: no view looked well there either, but skin may have been seen aslant, metres.
 const EDGE: (f32, f32) = (0.09, 0.05);
 
-/// Of a thing, one in so many Gaussians of more opacity than this is looked at: a surface, and no more of it than tells where the thing is.
-const THINNED: usize = 3;
+/// Of a thing, Gaussians of more opacity than this are looked at, one in each cube of such a side, metres: no more than tells where its surface is.
 const SOLID: f32 = 0.3;
+const CUBE: f32 = 0.006;
 
 /// How far from its triangle a Gaussian may be in an opening, metres: cloth is nearer. A Gaussian that its neighbours moved to
 /// another part of the body is beside its triangle and not over it, so its height and how far it is outside of all skin are asked too, each with
@@ -76,7 +77,7 @@ struct Seat {
     off: f32,
     /// Its height over its triangle in T-pose.
     height: f32,
-    /// How far it is outside of the nearest skin as the scan stands, and in T-pose; negative inside.
+    /// How far it is outside of the nearest skin as the scan stands, and in T-pose, negative inside.
     outside: [f32; 2],
     /// Its second longest standard deviation.
     width: f32,
@@ -85,11 +86,12 @@ struct Seat {
 impl Seat {
     /// Whether it hung in the opening: over its triangle or outside of all skin, or mist. What lies under the skin in both poses does not show.
     fn is_left_out(&self) -> bool {
-        let [_, outside] = self.outside;
+        let [here, outside] = self.outside;
+        let surfaces = self.off > DEEP && (here < 0.0) != (outside < 0.0);
         let is_outside = outside > OUTSIDE * OFF;
         let hangs = (self.closed_in && (is_outside || self.height > OVER * OFF))
             || (self.at_edge && is_outside && self.width > MIST_AT_EDGE);
-        let is_mist = self.closed_in && self.width > MIST && (self.stands_off() || self.off > DEEP);
+        let is_mist = self.closed_in && self.width > MIST && (self.stands_off() || surfaces);
         (hangs && self.off > OFF) || is_mist
     }
 
@@ -119,7 +121,11 @@ pub(crate) fn tidy(
     let there: Vec<Vec3> = rest.vertices.iter().map(|v| v.as_vec3()).collect();
     let carried = bound.carried();
     let posed = carried.posed(&bound.scan, &bound.triangles, &bound.mesh.faces, &there);
-    let opening = Opening::new(bound, model, &posed, [&here, &there]);
+    let opening = {
+        #[expect(clippy::cast_possible_truncation, reason = "about 1")]
+        let scale = registered.scale as f32;
+        Opening::new(bound, model, scale, &posed, [&here, &there])
+    };
     let outside = [(&bound.scan, &here), (&posed, &there)]
         .map(|(scan, skin)| outside(model, &scan.positions, skin));
     let seats: Vec<Option<Seat>> = (0..bound.scan.len())
@@ -194,26 +200,36 @@ struct Opening {
 }
 
 impl Opening {
-    /// `posed`: the scan in T-pose; `here` and `there`: the mesh as the scan stands, and in T-pose.
-    fn new(bound: &Bound, model: &BodyModel, posed: &Scan, [here, there]: [&[Vec3]; 2]) -> Self {
+    /// `scale`: the body's; `posed`: the scan in T-pose; `here` and `there`: the mesh as the scan stands, and in T-pose.
+    fn new(
+        bound: &Bound,
+        model: &BodyModel,
+        scale: f32,
+        posed: &Scan,
+        [here, there]: [&[Vec3]; 2],
+    ) -> Self {
         let outer: Vec<usize> = (0..model.body_vertices)
             .filter(|v| model.outer[*v])
             .collect();
+        // A thing that is held closes in what is beside it as well, and mist is on both sides of a thin limb: from any side.
         let skin: Vec<InTwoPoses> = (outer.iter())
             .map(|v| InTwoPoses {
+                outwards: Vec3::ZERO,
                 scanned: here[*v],
                 straight: there[*v],
             })
             .collect();
+        let mut taken = HashSet::new();
         let things: Vec<InTwoPoses> = (0..bound.scan.len())
             .filter(|at| bound.accessory[*at] != 0 && bound.scan.opacities[*at] > SOLID)
-            .step_by(THINNED)
+            .filter(|at| taken.insert((bound.scan.positions[*at] / CUBE).floor().as_ivec3()))
             .map(|at| InTwoPoses {
+                outwards: Vec3::ZERO,
                 scanned: bound.scan.positions[at],
                 straight: posed.positions[at],
             })
             .collect();
-        let bounds = [CLOSED_IN, EDGE];
+        let bounds = [CLOSED_IN, EDGE].map(|(within, farther)| (within * scale, farther * scale));
         let from_skin = come_apart(&skin, &skin, bounds);
         let from_things = come_apart(&skin, &things, bounds);
         let mut opening = Self {

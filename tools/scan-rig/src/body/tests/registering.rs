@@ -11,6 +11,18 @@ use glam::{DMat3, DVec3, Vec3};
 use motion_fit::landmarks::BODY_LANDMARKS;
 use spmm3::{JOINTS, Joint};
 
+/// The faces that can be seen, those of no area left out.
+fn outer_faces(model: &BodyModel) -> impl Iterator<Item = [usize; 3]> {
+    let is_outer = |v: usize| v < model.body_vertices && model.outer[v];
+    let has_area = |[a, b, c]: [usize; 3]| {
+        let [a, b, c] = [a, b, c].map(|v| model.rest[v]);
+        (b - a).cross(c - a).length() > 1e-12
+    };
+    (model.faces.iter())
+        .map(|face| face.map(|v| v as usize))
+        .filter(move |face| face.iter().all(|v| is_outer(*v)) && has_area(*face))
+}
+
 /// What a perfect observer sees of a pose: landmarks and the middle of each outer face.
 fn seen(
     model: &BodyModel,
@@ -40,18 +52,10 @@ fn seen(
             };
     }
     let (mut middles, mut outwards) = (Vec::new(), Vec::new());
-    for face in &model.faces {
-        if face
-            .iter()
-            .all(|v| (*v as usize) < model.body_vertices && model.outer[*v as usize])
-        {
-            let [a, b, c] = face.map(|v| vertices[v as usize]);
-            let normal = (b - a).cross(c - a).normalize_or_zero();
-            if normal != DVec3::ZERO {
-                middles.push(((a + b + c) / 3.0).as_vec3());
-                outwards.push(normal.as_vec3());
-            }
-        }
+    for face in outer_faces(model) {
+        let [a, b, c] = face.map(|v| vertices[v]);
+        middles.push(((a + b + c) / 3.0).as_vec3());
+        outwards.push((b - a).cross(c - a).normalize().as_vec3());
     }
     (points, middles, outwards, joints)
 }
@@ -114,11 +118,13 @@ fn arms_down(model: &BodyModel) -> (State, Vec<bool>) {
     let outer: Vec<usize> = (0..model.body_vertices)
         .filter(|v| model.outer[*v] && model.finger_share(*v) < 0.1)
         .collect();
+    let normals = vertex_normals(&here, &model.faces, DVec3::ZERO);
     let mut closed_in = vec![false; model.body_vertices];
     for v in &outer {
         closed_in[*v] = outer.iter().any(|other| {
             let apart = here[*v].distance(here[*other]);
-            apart < 0.04 && there[*v].distance(there[*other]) > apart + 0.1
+            let is_before = (here[*other] - here[*v]).dot(normals[*v]) > 0.2 * apart;
+            is_before && apart < 0.04 && there[*v].distance(there[*other]) > apart + 0.1
         });
     }
     (state, closed_in)
@@ -145,17 +151,16 @@ fn a_sheet_between_arm_and_flank_is_neither() {
     let clean = register_it(&middles, &outwards);
     // What depth shows there: nothing of the skin, but a surface 20 mm before it.
     let normals = vertex_normals(&truth, &model.faces, DVec3::ZERO);
-    for face in &model.faces {
-        let [a, b, c] = face.map(|v| v as usize);
-        if [a, b, c].iter().all(|v| closed_in.get(*v) == Some(&true)) {
-            let middle = ((truth[a] + truth[b] + truth[c]) / 3.0).as_vec3();
-            if let Some(at) = middles.iter().position(|point| *point == middle) {
-                let normal = ((normals[a] + normals[b] + normals[c]) / 3.0).normalize();
-                middles[at] += 0.02 * normal.as_vec3();
-                outwards[at] = normal.as_vec3();
-            }
+    let mut moved = 0;
+    for (at, face) in outer_faces(model).enumerate() {
+        if face.iter().all(|v| closed_in[*v]) {
+            let normal = face.iter().map(|v| normals[*v]).sum::<DVec3>().normalize();
+            middles[at] += 0.02 * normal.as_vec3();
+            outwards[at] = normal.as_vec3();
+            moved += 1;
         }
     }
+    assert!(moved > 300, "the sheet has {moved} points");
     let found = register_it(&middles, &outwards);
     let off = |found: &Registered| {
         let mut off: Vec<f64> = (0..model.body_vertices)

@@ -165,8 +165,8 @@ fn what_hung_between_arm_and_flank_goes_and_what_lies_on_the_skin_stays() {
     );
 }
 
-/// Faces of the skin that other skin closes in, faces at the edge of such an opening, and faces far from any, all flat enough that 25 mm above them nothing
-/// else is near in T-pose. By a search through all pairs.
+/// Faces of the skin that other skin closes in, faces at the edge of such an opening, and faces far from any, all flat and on parts so thick that 25 mm above
+/// and under them nothing else is near in T-pose. By a search through all pairs.
 fn faces_by_opening(model: &BodyModel, here: &[DVec3], there: &[DVec3]) -> [Vec<usize>; 3] {
     let outer: Vec<usize> = (0..model.body_vertices)
         .filter(|v| model.outer[*v] && model.head_share(*v) < 0.1)
@@ -179,8 +179,12 @@ fn faces_by_opening(model: &BodyModel, here: &[DVec3], there: &[DVec3]) -> [Vec<
     };
     let is_flat = |corners: [usize; 3]| {
         let [a, b, c] = corners.map(|v| there[v]);
-        let above = (a + b + c) / 3.0 + 0.025 * (b - a).cross(c - a).normalize_or_zero();
-        outer.iter().all(|v| there[*v].distance(above) > 0.024)
+        let (middle, normal) = ((a + b + c) / 3.0, (b - a).cross(c - a).normalize_or_zero());
+        let is_free = |height: f64, least: f64| {
+            let place = middle + height * normal;
+            outer.iter().all(|v| there[*v].distance(place) > least)
+        };
+        is_free(0.025, 0.024) && is_free(-0.023, 0.022)
     };
     let mut found = [const { Vec::new() }; 3];
     for (face, corners) in model.faces.iter().enumerate().step_by(5) {
@@ -229,6 +233,8 @@ fn mist_in_an_opening_goes_and_cloth_and_what_is_elsewhere_stays() {
         (closed_in, 8.0, 2.0, 0.6, false, true),
         (closed_in, 8.0, 2.0, 0.5, false, false),
         (closed_in, 3.0, 2.0, 0.9, false, false),
+        // Under the skin in both poses.
+        (closed_in, -23.0, 6.0, 0.4, false, false),
         // Loose cloth.
         (edge, 15.0, 3.0, 0.4, false, false),
         (edge, 15.0, 9.0, 0.4, true, false),
@@ -237,7 +243,7 @@ fn mist_in_an_opening_goes_and_cloth_and_what_is_elsewhere_stays() {
         (elsewhere, 25.0, 12.0, 1.0, false, false),
     ] {
         let faces = &faces[place];
-        assert!(faces.len() > 10, "{} faces of kind {place}", faces.len());
+        assert!(faces.len() > 30, "{} faces of kind {place}", faces.len());
         let found = tidied(&|scene: &mut Scene| {
             for face in faces {
                 let [a, b, c] = model.faces[*face].map(|v| scene.bound.mesh.vertices[v as usize]);
@@ -256,12 +262,17 @@ fn mist_in_an_opening_goes_and_cloth_and_what_is_elsewhere_stays() {
             }
         });
         let case = format!("{over} mm over, {wide} mm wide, {light} light, place {place}");
-        let all = |is: bool| if is { faces.len() } else { 0 };
-        assert_eq!(found.dropped - usual.dropped, all(goes), "left out: {case}");
-        assert_eq!(
-            found.repainted - usual.repainted,
-            all(repainted),
-            "repainted: {case}"
-        );
+        // Where a part of the body bends, a face or two are ambiguous.
+        let check = |what: &str, found: usize, expected: bool| {
+            let expected = if expected { faces.len() } else { 0 };
+            let off = found.abs_diff(expected);
+            assert!(
+                off <= 1,
+                "{found} of {} {what}: {case}",
+                faces.len()
+            );
+        };
+        check("left out", found.dropped - usual.dropped, goes);
+        check("repainted", found.repainted - usual.repainted, repainted);
     }
 }
