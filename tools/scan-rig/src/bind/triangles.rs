@@ -11,7 +11,8 @@ use spmm3::{JOINTS, Joint};
 /// other.
 const ON_MESH: f32 = 0.08;
 const BESIDE: f32 = 0.03;
-/// A face whose normal fits may be so much farther than the nearest, metres: mist under a chin has the collar's normal, and is not the shoulder's.
+/// A face whose normal fits, or of the part of the body that neighbours are on, may be so much farther than the nearest, metres. What is deep under the
+/// chin has the collar's normal: by normals alone it would hang on the collar, and come out of the throat when a shoulder is lifted.
 const FARTHER: f32 = 0.03;
 /// Faces whose middles are nearest that are compared.
 const TRIED: usize = 16;
@@ -79,17 +80,16 @@ impl Faces {
         Some(self.names[self.best(position, normal)?])
     }
 
-    /// The face that fits a place with this normal best, and the nearest where that is much farther.
+    /// The face that fits a place with this normal best, and the one whose middle is nearest where that is much farther.
     fn best(&self, position: Vec3, normal: Vec3) -> Option<usize> {
         let best = self.in_tree(&self.tree, |at| at, position, normal)?;
         let nearest = self.middles.one(&position.to_array())?.at;
-        let [fits, is_near] =
-            [best, nearest].map(|at| nearest_point(position, self.corners[at]).distance(position));
-        Some(if fits < is_near + FARTHER {
-            best
-        } else {
-            nearest
-        })
+        let is_far = self.distance(position, best) > self.distance(position, nearest) + FARTHER;
+        Some(if is_far { nearest } else { best })
+    }
+
+    fn distance(&self, position: Vec3, at: usize) -> f32 {
+        nearest_point(position, self.corners[at]).distance(position)
     }
 
     /// Of the faces in a tree whose middles are nearest, the one that is nearest itself; `name` says which face a point of the tree is.
@@ -144,7 +144,9 @@ impl Faces {
             let tree = Nearest::new(&points);
             for at in outvoted {
                 let found = self.in_tree(&tree, |at| members[at], positions[at], normals[at]);
-                if let Some(face) = found {
+                let most = self.distance(positions[at], chosen[at]) + FARTHER;
+                let is_near = |face: &usize| self.distance(positions[at], *face) <= most;
+                if let Some(face) = found.filter(is_near) {
                     chosen[at] = face;
                     moved += 1;
                 }
@@ -229,23 +231,38 @@ fn whole(joint: Joint) -> Joint {
 mod tests {
     use super::*;
 
+    /// A square of 4 x 4 quads.
+    fn square(corner: Vec3, u: Vec3, v: Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+        let (mut vertices, mut faces) = (Vec::new(), Vec::new());
+        for at in 0..25_u16 {
+            let (i, j) = (f32::from(at % 5), f32::from(at / 5));
+            vertices.push(corner + u * (i / 4.0) + v * (j / 4.0));
+            if at % 5 < 4 && at / 5 < 4 {
+                let at = u32::from(at);
+                faces.extend([[at, at + 1, at + 6], [at, at + 6, at + 5]]);
+            }
+        }
+        (vertices, faces)
+    }
+
     #[test]
     fn a_face_whose_normal_fits_is_not_taken_from_far_away() {
-        // A square that faces +z, and one that faces +x beside it.
-        let square =
-            |corner: Vec3, u: Vec3, v: Vec3| [corner, corner + u, corner + u + v, corner + v];
         let side = 0.02;
-        let up = square(Vec3::new(-0.01, -0.01, 0.0), Vec3::X * side, Vec3::Y * side);
-        let aside = |x: f32| square(Vec3::new(x, -0.01, -0.02), Vec3::Y * side, Vec3::Z * side);
-        for (x, face) in [(0.1, 0), (0.03, 2)] {
-            let vertices = [up, aside(x)].concat();
-            let faces = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+        // More faces than are compared face +x, beside some that face +z.
+        for (x, is_aside) in [(0.1, false), (0.03, true)] {
+            let (mut vertices, mut faces) =
+                square(Vec3::new(-0.01, -0.01, 0.0), Vec3::X * side, Vec3::Y * side);
+            let (own, of_first) = (vertices.len(), faces.len());
+            let (others, far) = square(Vec3::new(x, -0.01, -0.02), Vec3::Y * side, Vec3::Z * side);
+            vertices.extend(others);
+            let first = u32::try_from(own).expect("few");
+            faces.extend(far.iter().map(|face| face.map(|v| v + first)));
             let mut row = [0.0; JOINTS];
             row[0] = 1.0;
             let faces = Faces::new(&vertices, &faces, &vec![row; vertices.len()], |_| true);
             let found = faces.nearest(Vec3::new(0.002, -0.004, -0.01), Vec3::X);
-            let found = found.map(|found| found / 2 * 2);
-            assert_eq!(found, Some(face), "beside a face {x} m away");
+            let found = found.map(|found| found as usize >= of_first);
+            assert_eq!(found, Some(is_aside), "beside faces {x} m away");
         }
     }
 }
