@@ -70,8 +70,13 @@ pub(crate) struct Face {
     pub(crate) cheek: DVec3,
 }
 
-/// `[N_g]` which of the scan's Gaussians are in the mouth: an open mouth would show them before its back.
-fn in_mouth(model: &BodyModel, head: &Head, vertices: &[DVec3], scan: &Scan) -> Vec<bool> {
+/// `[N_g]` which of the scan's Gaussians are in the mouth: an open mouth would show them before its back. `normals` are the skin's.
+fn in_mouth(
+    model: &BodyModel,
+    head: &Head,
+    (vertices, normals): (&[DVec3], &[DVec3]),
+    scan: &Scan,
+) -> Vec<bool> {
     let mut teeth = (DVec3::ZERO, 0.0);
     for (face, _) in (model.faces.iter().zip(&model.parts)).filter(|(_, p)| **p == BodyPart::Teeth)
     {
@@ -79,16 +84,22 @@ fn in_mouth(model: &BodyModel, head: &Head, vertices: &[DVec3], scan: &Scan) -> 
         teeth.1 += 3.0;
     }
     let middle = teeth.0 / f64::max(teeth.1, 1.0);
-    let places: Vec<[f32; 3]> = (0..model.body_vertices)
+    let skin: Vec<usize> = (0..model.body_vertices)
         .filter(|v| model.outer[*v] && vertices[*v].distance(middle) < 2.0 * CAVITY * head.scale)
-        .map(|v| vertices[v].as_vec3().to_array())
         .collect();
-    let skin = Nearest::new(&places);
-    let deep = (IN_CAVITY * head.scale).powi(2);
+    let places: Vec<[f32; 3]> = (skin.iter())
+        .map(|v| vertices[*v].as_vec3().to_array())
+        .collect();
+    let tree = Nearest::new(&places);
+    let depth = |at: DVec3| {
+        let nearest = skin[tree.one(&at.as_vec3().to_array())?.at];
+        Some((vertices[nearest] - at).dot(normals[nearest]))
+    };
     (scan.positions.iter())
         .map(|at| {
-            let near = at.as_dvec3().distance(middle) < CAVITY * head.scale;
-            near && (skin.one(&at.to_array())).is_some_and(|skin| f64::from(skin.squared) > deep)
+            let at = at.as_dvec3();
+            at.distance(middle) < CAVITY * head.scale
+                && depth(at).is_some_and(|depth| depth > IN_CAVITY * head.scale)
         })
         .collect()
 }
@@ -102,12 +113,6 @@ pub(crate) fn cover(
     triangles: &[u32],
 ) -> Face {
     let reach = REACH * head.scale;
-    let drop: Vec<bool> = (triangles.iter().zip(in_mouth(model, head, vertices, scan)))
-        .map(|(face, in_mouth)| {
-            let face = *face as usize;
-            face < model.faces.len() && (in_mouth || head.is_core(model, face / 2))
-        })
-        .collect();
     let own = |face: usize| {
         model.faces[face]
             .iter()
@@ -116,6 +121,14 @@ pub(crate) fn cover(
     let normals = normals(vertices, &model.faces, |face| {
         own(face) && is_skin(model, face)
     });
+    let drop: Vec<bool> = (triangles
+        .iter()
+        .zip(in_mouth(model, head, (vertices, &normals), scan)))
+    .map(|(face, in_mouth)| {
+        let face = *face as usize;
+        face < model.faces.len() && (in_mouth || head.is_core(model, face / 2))
+    })
+    .collect();
     let painter = Painter::new(head, scan, &drop);
     let skin = painter.skin(model, vertices, &normals);
     let outside: Vec<usize> = (0..model.body_vertices)
@@ -292,7 +305,7 @@ impl Painter<'_> {
             additions.push(cell, -under, colour, OPACITY);
             as_scanned.resize(
                 additions.len(),
-                // Pictures show lashes and shade where lids close: only what would be stretched over the eye then keeps its skin.
+                // Pictures show lashes, and the eye itself beside its place, near its opening; and shade where lids close: neither is skin.
                 outer > 0.95
                     && beside_eye < 0.5
                     && (folded < WHOLE || lid < 0.15 && eye_shows < 0.1),

@@ -92,13 +92,15 @@ impl Pictures {
         }
     }
 
-    /// Changes the colours of the Gaussians that `may` chooses, of those from `first_added` on, which the shell adds, such that pictures of `scan` are these.
+    /// Changes the colours of the Gaussians that `may` chooses, which are of those from `first_added` on, the shell's, such that pictures of `scan` are these.
     pub(crate) fn repaint(&self, scan: &mut Scan, first_added: usize, may: &[bool]) {
         let near = near(scan, self.centre, self.reach);
         let own = scan.filtered(&near);
         let members: Vec<usize> = (0..scan.len()).filter(|at| near[*at]).collect();
         let added: Vec<bool> = members.iter().map(|at| *at >= first_added).collect();
-        let free: Vec<bool> = members.iter().map(|at| may[*at]).collect();
+        let free: Vec<bool> = (members.iter())
+            .map(|at| may[*at] && *at >= first_added)
+            .collect();
         let systems: Vec<System> = (self.views.par_iter())
             .map(|(view, wanted)| {
                 let unpainted = raster::draw_unpainted(&own, view, &added);

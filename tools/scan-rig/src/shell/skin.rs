@@ -29,7 +29,7 @@ const LID_FORM: f64 = 0.35;
 /// How much of the cheeks' hue lids have.
 const LID_HUE: f64 = 0.4;
 
-/// Within this of an eye's joint only what looks like skin colours the lids, metres.
+/// Within this of an eye's joint, at its opening, only what looks like skin colours the lids, metres.
 pub(super) const AROUND_EYE: f64 = 0.034;
 
 /// Colours are looked for this far from the middle of the eyes, metres: beyond all that the shell covers.
@@ -136,7 +136,7 @@ impl<'a> Painter<'a> {
         let mut colours = vec![DVec3::ZERO; vertices.len()];
         let mut known = vec![false; vertices.len()];
         for (v, (colour, trust)) in near.iter().zip(self.look(&lines, &own)) {
-            let at_lid = head.lid[*v] > 0.2 && head.rim[*v] < 0.005 * head.scale;
+            let at_lid = head.lid[*v] > 0.2 && head.rim[*v] < OPENING * head.scale;
             if model.outer[*v] && trust > 0.6 && !at_lid {
                 colours[*v] = colour;
                 known[*v] = true;
