@@ -230,7 +230,7 @@ pub fn check_writable(path: &Path) -> anyhow::Result<()> {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
             bail!(
-                "cannot write {}: there is no folder {}",
+                "cannot write {}: there is no folder {}; make it first",
                 path.display(),
                 folder.display()
             )

@@ -167,6 +167,8 @@ pub struct SceneFigures {
     pub(crate) bounds: Option<[[f32; 3]; 2]>,
     /// The same without the first and the last hundredth on each axis.
     pub(crate) robust_bounds: Option<[[f32; 3]; 2]>,
+    /// As `bounds`, in the file's own axes: those of `rig --box`.
+    bounds_in_file: Option<[[f32; 3]; 2]>,
     pub(crate) dropped: DroppedFigures,
     /// The same in words.
     #[serde(skip)]
@@ -204,6 +206,13 @@ impl SceneFigures {
             sh_degree: scene.sh_degree(),
             bounds: scene.bounds().map(corners),
             robust_bounds: scene.robust_bounds().map(corners),
+            bounds_in_file: scene.bounds().map(|bounds| {
+                let ends = corners(bounds).map(|end| scene.point_in_file(Vec3::from(end)));
+                [
+                    ends[0].min(ends[1]).to_array(),
+                    ends[0].max(ends[1]).to_array(),
+                ]
+            }),
             dropped: DroppedFigures {
                 position: dropped.position,
                 rotation: dropped.rotation,
@@ -227,7 +236,11 @@ impl SceneFigures {
         println!("Gaussians    {}", self.gaussians);
         println!("SH degree    {}", self.sh_degree);
         println!("up           {} ({})", self.up.up, self.up.up_from);
-        for (name, corners) in [("bounds", self.bounds), ("1 to 99 %", self.robust_bounds)] {
+        for (name, corners, axes_of) in [
+            ("bounds", self.bounds, "y up"),
+            ("1 to 99 %", self.robust_bounds, "y up"),
+            ("in the file", self.bounds_in_file, "its own axes"),
+        ] {
             let Some([low, high]) = corners else {
                 continue;
             };
@@ -235,7 +248,7 @@ impl SceneFigures {
             let axes: Vec<String> = axes
                 .map(|(axis, (low, high))| format!("{axis} {low:.2} to {high:.2}"))
                 .collect();
-            println!("{name:<12} {} (y up)", axes.join(", "));
+            println!("{name:<12} {} ({axes_of})", axes.join(", "));
         }
         println!("left out     {}", self.left_out);
         println!(
@@ -332,7 +345,8 @@ impl Scenery {
 /// Says of a path what it is, if it is no file with anything in it.
 pub(crate) fn check_file(file: &Path) -> anyhow::Result<()> {
     let name = file.display();
-    let about = std::fs::metadata(file).with_context(|| format!("cannot read {name}"))?;
+    let about = std::fs::metadata(file)
+        .with_context(|| format!("cannot read {name}: check the path and its permissions"))?;
     ensure!(!about.is_dir(), "{name} is a folder; name a file");
     ensure!(about.len() > 0, "{name} is empty; fetch or write it again");
     Ok(())
@@ -355,7 +369,7 @@ pub(crate) fn is_scene(file: &Path) -> bool {
 pub(crate) fn load_drawable(file: &Path) -> anyhow::Result<Scene> {
     ensure!(
         !is_zip(file) || splat_scene::is_sog(file),
-        "{} looks like an avatar package: give it by itself, not as a scene",
+        "{} looks like an avatar package, which is no scan or scene: ./run render shows it",
         file.display()
     );
     let scene = load(file)?;

@@ -53,6 +53,10 @@ const NAMED: [(&str, Viewpoint); 7] = [
     ),
 ];
 
+/// How tall the demo person is in T-pose, with hair and shoes, metres: what [`NAMED`] is made for; and by what share another may differ for the same views.
+const USUAL_HEIGHT: f32 = 1.77;
+const SAME_HEIGHT: f32 = 0.01;
+
 impl Viewpoint {
     const fn new(eye: [f32; 3], target: [f32; 3], fov_degrees: f32) -> Self {
         Self {
@@ -74,6 +78,19 @@ impl Viewpoint {
             width,
             height,
         )
+    }
+
+    /// The same picture of an avatar that is so tall in T-pose, metres, as this is of one of usual size.
+    pub(crate) fn of_height(self, metres: f32) -> Self {
+        let scale = metres / USUAL_HEIGHT;
+        if (scale - 1.0).abs() < SAME_HEIGHT || !scale.is_finite() {
+            return self;
+        }
+        Self {
+            eye: self.eye * scale,
+            target: self.target * scale,
+            ..self
+        }
     }
 
     /// The direction it looks along, for a person who faces +z.

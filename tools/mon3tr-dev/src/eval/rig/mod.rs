@@ -397,7 +397,7 @@ fn print_report(report: &RigReport) {
         .collect();
     println!("  seconds: {}", steps.join(", "));
     println!(
-        "  {} of {} Gaussians; fit: surface {:.1} mm, landmarks {:.1}, displaced {:.1}; longest axis {:.0} mm",
+        "  {} of {} Gaussians; fit: surface {:.1} mm, key points of the body {:.1}, displaced {:.1}; longest axis {:.0} mm",
         report.gaussians,
         report.scene_gaussians,
         report.fit.surface * 1e3,

@@ -40,10 +40,16 @@ pub(super) fn run(options: &Options, package: &Path, device: &DeviceOptions) -> 
         background: scenery.as_ref().map(|scenery| scenery.background.clone()),
         filter: options.filter.map_or(default_filter, Into::into),
     };
+    let heights = || avatar.template.vertices().iter().map(|v| v[1]);
+    let tall =
+        heights().fold(f32::NEG_INFINITY, f32::max) - heights().fold(f32::INFINITY, f32::min);
     let mut stills = Vec::new();
     for (motion, floor) in performance.followed(&avatar) {
         let camera = match (&options.view, fixed) {
-            (CameraChoice::Named(viewpoint) | CameraChoice::Exact(viewpoint), _) => {
+            (CameraChoice::Named(viewpoint), _) => {
+                (viewpoint.of_height(tall)).camera(floor, heading, size.width, size.height)
+            }
+            (CameraChoice::Exact(viewpoint), _) => {
                 viewpoint.camera(floor, heading, size.width, size.height)
             }
             (CameraChoice::File(_), fixed) => fixed.context("the scene's camera is missing")?,
