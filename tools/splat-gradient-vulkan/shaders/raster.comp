@@ -28,11 +28,12 @@ void main() {
             Splat s = staged[findLSB(left)];
             left &= left - 1u;
             vec3 colour = vec3(s.red, s.green, s.blue);
-            float dx = float(at.x) + 0.5 - s.mean_x;
-            float dy = float(at.y) + 0.5 - s.mean_y;
+            precise float first = float(at.x) + 0.5 - s.mean_x;
+            precise float dy = float(at.y) + 0.5 - s.mean_y;
             float most = 0.0;
             [[unroll]] for (uint i = 0u; i < RUN; ++i) {
-                float alpha = alpha_of(log2_alpha_at(s, dx + float(i), dy), through[i]);
+                precise float dx = first + float(i);
+                float alpha = alpha_of(log2_alpha_at(s, dx, dy), through[i]);
                 precise float weight = alpha * through[i];
                 through[i] = through[i] - weight;
                 shown[i] += weight * colour;

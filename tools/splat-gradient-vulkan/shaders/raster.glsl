@@ -50,8 +50,8 @@ uint runs_of(Splat s) {
     return left | right;
 }
 
-// log2 of alpha, where it is not cut and something still shines through. The same in both passes, to the last bit, so that both
-// see the same splats.
+// log2 of alpha, where it is not cut and something still shines through. Both passes compute it in the same steps, none of
+// them reordered, so that both see the same splats.
 float log2_alpha_at(Splat s, float dx, float dy) {
     precise float across = s.w * dy;
     precise float along = s.ux * dx + s.uy * dy;

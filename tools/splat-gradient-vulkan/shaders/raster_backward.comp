@@ -61,13 +61,13 @@ void main() {
             Splat s = staged[k];
             float h0 = 0.0, h1 = 0.0, h2 = 0.0;
             vec3 by_splat = vec3(0.0);
-            float dy = float(at.y) + 0.5 - s.mean_y;
+            precise float dy = float(at.y) + 0.5 - s.mean_y;
             if (live) {
                 vec3 colour = vec3(s.red, s.green, s.blue);
-                float first = float(at.x) + 0.5 - s.mean_x;
+                precise float first = float(at.x) + 0.5 - s.mean_x;
                 float most = 0.0;
                 [[unroll]] for (uint i = 0u; i < RUN; ++i) {
-                    float dx = first + float(i);
+                    precise float dx = first + float(i);
                     float log2_alpha = log2_alpha_at(s, dx, dy);
                     float alpha = alpha_of(log2_alpha, through[i]);
                     precise float weight = alpha * through[i];
