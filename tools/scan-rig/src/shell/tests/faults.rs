@@ -266,11 +266,7 @@ fn mist_in_an_opening_goes_and_cloth_and_what_is_elsewhere_stays() {
         let check = |what: &str, found: usize, expected: bool| {
             let expected = if expected { faces.len() } else { 0 };
             let off = found.abs_diff(expected);
-            assert!(
-                off <= 1,
-                "{found} of {} {what}: {case}",
-                faces.len()
-            );
+            assert!(off <= 1, "{found} of {} {what}: {case}", faces.len());
         };
         check("left out", found.dropped - usual.dropped, goes);
         check("repainted", found.repainted - usual.repainted, repainted);
