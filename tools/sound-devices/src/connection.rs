@@ -5,11 +5,13 @@ use pulseaudio::protocol::{
     self, AuthParams, AuthReply, Command, CommandReply, DESCRIPTOR_SIZE, Descriptor,
     DescriptorFlags, Prop, Props, ProtocolError, SetClientNameReply,
 };
+use socket2::{Domain, SockAddr, Socket, Type};
 use std::ffi::CString;
 use std::io::{Cursor, ErrorKind, Read, Write};
 use std::ops::Range;
+use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// For a reply, and for the server to take what is written.
@@ -63,6 +65,14 @@ impl SoundServer {
     }
 }
 
+/// Connects within [`PATIENCE`]: a server that hangs lets connections wait once its queue is full. What is written has as long.
+fn connect(path: &Path) -> std::io::Result<UnixStream> {
+    let socket = Socket::new(Domain::UNIX, Type::STREAM, None)?;
+    socket.set_write_timeout(Some(PATIENCE))?;
+    socket.connect(&SockAddr::unix(path)?)?;
+    Ok(OwnedFd::from(socket).into())
+}
+
 /// A connection that is ready for commands.
 #[derive(Debug)]
 pub(crate) struct Connection {
@@ -82,10 +92,7 @@ impl Connection {
             path: server.0.clone(),
             source,
         };
-        let socket = UnixStream::connect(&server.0).map_err(unreachable)?;
-        socket
-            .set_write_timeout(Some(PATIENCE))
-            .map_err(unreachable)?;
+        let socket = connect(&server.0).map_err(unreachable)?;
         let mut connection = Self::over(socket);
         // A server on this machine may know its user without it.
         let cookie = pulseaudio::cookie_path_from_env().and_then(|path| std::fs::read(path).ok());

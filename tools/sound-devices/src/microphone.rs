@@ -17,6 +17,9 @@ use std::time::{Duration, Instant, SystemTime};
 /// Samples that may wait: what is older is of no use in a call.
 const WAITING: usize = 48_000;
 
+/// A stream that nothing was taken from for so long is begun anew where what was said does not matter.
+const STALE: Duration = Duration::from_secs(1);
+
 /// A microphone, and what becomes of it.
 #[derive(Debug)]
 pub struct Microphone {
@@ -69,6 +72,14 @@ impl Microphone {
     /// Forgets what was said up to now.
     pub fn skip(&mut self) {
         let now = Instant::now();
+        // Where nothing was taken for a while, much waits: a new stream instead.
+        let is_stale = |recording: &Recording| now > recording.last + STALE;
+        if self.recording.as_ref().is_some_and(is_stale) {
+            self.recording = None;
+            if let Err(error) = self.find() {
+                self.lose(&error);
+            }
+        }
         while let Some(recording) = &mut self.recording {
             recording.waiting.clear();
             match recording.receive(now) {
@@ -93,7 +104,10 @@ impl Microphone {
                     let now = Instant::now();
                     if now >= self.look {
                         self.look = now + LOOKING;
-                        self.find();
+                        match self.find() {
+                            Ok(()) => log::info!("the microphone {} is back", self.name),
+                            Err(error) => log::debug!("no microphone yet: {error}"),
+                        }
                     } else if now >= until {
                         return None;
                     } else {
@@ -113,18 +127,12 @@ impl Microphone {
         self.look = Instant::now() + LOOKING;
     }
 
-    fn find(&mut self) {
-        let found = Connection::open(&self.server).and_then(|mut connection| {
-            let name = choose(&mut connection, self.asked.as_deref())?;
-            Ok((Recording::begin(connection, &name)?, name))
-        });
-        match found {
-            Ok((recording, name)) => {
-                log::info!("the microphone {name} is back");
-                (self.recording, self.name) = (Some(recording), name);
-            }
-            Err(error) => log::debug!("no microphone yet: {error}"),
-        }
+    fn find(&mut self) -> Result<(), SoundError> {
+        let mut connection = Connection::open(&self.server)?;
+        let name = choose(&mut connection, self.asked.as_deref())?;
+        self.recording = Some(Recording::begin(connection, &name)?);
+        self.name = name;
+        Ok(())
     }
 }
 
@@ -220,9 +228,6 @@ impl Recording {
     /// Takes what comes next; whether anything did.
     fn receive(&mut self, until: Instant) -> Result<bool, SoundError> {
         let now = Instant::now();
-        if now > self.last + LONGEST_SILENCE {
-            return Err(SoundError::Slow);
-        }
         if now > self.measured + MEASURING {
             self.measured = now;
             self.measuring = Some(self.connection.send(&Command::GetRecordLatency(
@@ -232,10 +237,10 @@ impl Recording {
                 },
             ))?);
         }
-        match self
-            .connection
-            .next(until.min(self.last + LONGEST_SILENCE))?
-        {
+        // What has come is read first: nobody may have asked for a long time.
+        let silent = (self.last + LONGEST_SILENCE).max(now);
+        match self.connection.next(until.min(silent))? {
+            None if Instant::now() > self.last + LONGEST_SILENCE => return Err(SoundError::Slow),
             None => return Ok(false),
             Some(Message::Samples(bytes)) => self.take(bytes),
             Some(Message::Reply { sequence, bytes }) if self.measuring == Some(sequence) => {

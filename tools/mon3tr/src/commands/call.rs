@@ -17,7 +17,7 @@ use std::time::Duration;
 pub struct Options {
     /// The link that the first one in was told; without one, this is the first one in, and the link is printed
     #[arg(value_name = "LINK", conflicts_with = "server")]
-    link: Option<CallLink>,
+    link: Option<String>,
     #[command(flatten)]
     person: send::PersonOptions,
     #[command(flatten)]
@@ -49,7 +49,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let line = Line::open(&options.trust)?;
     let mut host = options.host.clone();
     let (own, theirs) = match &options.link {
-        Some(link) => (link.own().clone(), link.theirs().clone()),
+        Some(link) => {
+            // Not by the command line's own parser, which repeats what it refuses: it has tokens.
+            let link: CallLink = link.parse()?;
+            (link.own().clone(), link.theirs().clone())
+        }
         None => {
             // Also to put the avatar there.
             let token = host.owner_token()?;
