@@ -215,29 +215,48 @@ fn skin_faces(model: &BodyModel) -> usize {
 /// None that a finished rig could cause.
 pub fn measure(rigged: &Rigged) -> Result<Quality, RigError> {
     let poser = Poser::new(&rigged.avatar)?;
-    let views = six_views(rigged.height);
     let again = poser.scan(&rigged.scan_motion)?;
+    Ok(Quality {
+        scan_db: person_psnr(&rigged.scan, &again, &six_views(rigged.height)),
+        scan_pose: covers(rigged, &poser, &rigged.scan_motion)?,
+        t_pose: covers(rigged, &poser, &MotionParams::default())?,
+    })
+}
+
+/// How an avatar covers its body in motion, the mean over `motions`. Takes a second for each.
+///
+/// # Errors
+/// None that a finished rig could cause.
+pub fn measure_motion(rigged: &Rigged, motions: &[MotionParams]) -> Result<Coverage, RigError> {
+    let poser = Poser::new(&rigged.avatar)?;
+    let mut sum = Coverage::default();
+    for motion in motions {
+        let one = covers(rigged, &poser, motion)?;
+        sum.spill += one.spill;
+        sum.holes += one.holes;
+    }
+    let count = motions.len().max(1) as f64;
+    Ok(Coverage {
+        spill: sum.spill / count,
+        holes: sum.holes / count,
+    })
+}
+
+fn covers(rigged: &Rigged, poser: &Poser<'_>, motion: &MotionParams) -> Result<Coverage, RigError> {
+    let scan = poser.scan(motion)?;
     let faces = rigged.avatar.template.faces();
     let faces = faces.get(..rigged.body_faces).unwrap_or(faces);
     // What is held stands beside the body, and has every right to; what it hides is no hole.
     let of_body: Vec<bool> = (rigged.avatar.gaussians.triangles().iter())
         .map(|triangle| (*triangle as usize) < rigged.model_faces)
         .collect();
-    let covers = |scan: &Scan, motion: &MotionParams| {
-        let vertices: Vec<DVec3> = (poser.vertices(motion).iter())
-            .map(|v| v.as_dvec3())
-            .collect();
-        let views = coverage::views(&vertices, 6);
-        let body = coverage(&scan.filtered(&of_body), &vertices, faces, &views);
-        Coverage {
-            holes: coverage(scan, &vertices, faces, &views).holes,
-            ..body
-        }
-    };
-    let straight = MotionParams::default();
-    Ok(Quality {
-        scan_db: person_psnr(&rigged.scan, &again, &views),
-        scan_pose: covers(&again, &rigged.scan_motion),
-        t_pose: covers(&poser.scan(&straight)?, &straight),
+    let vertices: Vec<DVec3> = (poser.vertices(motion).iter())
+        .map(|v| v.as_dvec3())
+        .collect();
+    let views = coverage::views(&vertices, 6);
+    let body = coverage(&scan.filtered(&of_body), &vertices, faces, &views);
+    Ok(Coverage {
+        holes: coverage(&scan, &vertices, faces, &views).holes,
+        ..body
     })
 }

@@ -11,6 +11,7 @@ use mon3tr::report::{check_writable, write_json};
 use pictures::beside;
 use reconstruct::BareBody;
 use scan_rig::RigError;
+use scan_rig::figures::coverage::Coverage;
 use scan_rig::figures::likeness::six_views;
 use scan_rig::finish::{FinishOptions, Poser};
 use scan_rig::pinhole::Pinhole;
@@ -22,7 +23,7 @@ use scan_rig::sight::Sight;
 use scan_rig::synthetic::{PEOPLE, ScanOptions, Surroundings, SyntheticPerson, SyntheticScan};
 use serde::Serialize;
 use splat_scene::Scene;
-use spmm3::Joint;
+use spmm3::{Joint, LoadOptions, MotionClip, MotionParams, Playback};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -45,6 +46,9 @@ pub(super) struct Options {
     /// The height of the people in real scans, metres
     #[arg(long, value_name = "METRES", requires = "scan")]
     height: Option<f64>,
+    /// Motions that avatars of real scans are tried in, in eight moments each; may be given several times
+    #[arg(long, value_name = "FILE", requires = "scan")]
+    motion: Vec<PathBuf>,
     /// Write the synthetic scans into this folder, as .ply, and the truth about them as .json; then nothing is measured
     #[arg(long, value_name = "FOLDER", conflicts_with = "scan")]
     write_scans: Option<PathBuf>,
@@ -89,7 +93,18 @@ struct RealRow {
     scan: PathBuf,
     seconds: f64,
     report: RigReport,
+    motions: Vec<MotionRow>,
 }
+
+/// How an avatar covers its body in a motion.
+#[derive(Debug, Serialize)]
+struct MotionRow {
+    motion: PathBuf,
+    coverage: Coverage,
+}
+
+/// Moments of a motion in which an avatar is measured, spread over all of it.
+const MOMENTS: usize = 8;
 
 /// A body that could not be rigged, and why.
 #[derive(Debug, Serialize)]
@@ -223,7 +238,24 @@ fn real(file: &Path, options: &Options, tools: &mut Tools) -> anyhow::Result<Rea
             write_png(&file, &beside(&rigged.scan, &again, view)?)?;
         }
     }
+    let mut motions = Vec::new();
+    for file in &options.motion {
+        let clip = MotionClip::load(file, &rigged.avatar.skeleton, &LoadOptions::default())
+            .with_context(|| format!("cannot use the motion {}", file.display()))?;
+        let moments: Vec<MotionParams> = (0..MOMENTS)
+            .map(|at| {
+                let moment = clip.frame_seconds * clip.frames.len() as f64 * (at as f64 + 0.5)
+                    / MOMENTS as f64;
+                clip.sample(moment, Playback::Clamp)
+            })
+            .collect();
+        motions.push(MotionRow {
+            motion: file.clone(),
+            coverage: pipeline::measure_motion(&rigged, &moments)?,
+        });
+    }
     Ok(RealRow {
+        motions,
         scan: file.to_path_buf(),
         seconds: seconds(&rigged.report),
         report: rigged.report,
@@ -388,6 +420,14 @@ impl RealRow {
     fn print(&self) {
         println!("{}: {:.0} s", self.scan.display(), self.seconds);
         print_report(&self.report);
+        for MotionRow { motion, coverage } in &self.motions {
+            println!(
+                "  in {MOMENTS} moments of {}: spill {:.2} %, holes {:.2} %",
+                motion.display(),
+                coverage.spill * 100.0,
+                coverage.holes * 100.0
+            );
+        }
     }
 }
 
