@@ -88,63 +88,53 @@ impl<const D: usize> Nearest<D> {
         radius: f32,
         mut visit: impl FnMut(f32, u32) -> ControlFlow<()>,
     ) {
-        if self.names.is_empty() || query.iter().any(|x| !x.is_finite()) {
-            return;
-        }
         let most = radius * radius;
-        let mut stack = [0_u32; 64];
-        let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let mut node = stack[height];
-            loop {
-                match self.nodes[node as usize] {
-                    Node::Leaf { from, until } => {
-                        for at in from as usize..until as usize {
-                            let squared = squared_distance(query, &self.points[at]);
-                            if squared < most && visit(squared, self.names[at]).is_break() {
-                                return;
-                            }
-                        }
-                        break;
-                    }
-                    Node::Split {
-                        axis,
-                        value,
-                        low,
-                        high,
-                    } => {
-                        let beyond = query[usize::from(axis)] - value;
-                        let (near, far) = if beyond < 0.0 {
-                            (low, high)
-                        } else {
-                            (high, low)
-                        };
-                        if beyond * beyond < most {
-                            stack[height] = far;
-                            height += 1;
-                        }
-                        node = near;
-                    }
-                }
+        self.walk(query, most, |squared, name| {
+            if squared < most && visit(squared, name).is_break() {
+                None
+            } else {
+                Some(most)
             }
-        }
+        });
     }
 
     /// Squared distances and names in `best`, nearest first; how many are filled.
     fn search(&self, query: &[f32; D], best: &mut [(f32, u32)]) -> usize {
-        if best.is_empty() || self.names.is_empty() || query.iter().any(|x| !x.is_finite()) {
+        let Some(last) = best.len().checked_sub(1) else {
             return 0;
-        }
+        };
         let mut count = 0;
+        self.walk(query, best[last].0, |squared, name| {
+            let candidate = (squared, name);
+            if candidate < best[last] {
+                let place = best.partition_point(|b| *b < candidate);
+                best[place..].rotate_right(1);
+                best[place] = candidate;
+                count = (count + 1).min(best.len());
+            }
+            Some(best[last].0)
+        });
+        count
+    }
+
+    /// Tells `visit` squared distances and names, those of all points within the root of `reach` of the query among them, near ones rather first. It says what
+    /// `reach` is from then on, or `None` to end. Nothing if the query is not finite.
+    fn walk(
+        &self,
+        query: &[f32; D],
+        mut reach: f32,
+        mut visit: impl FnMut(f32, u32) -> Option<f32>,
+    ) {
+        if self.names.is_empty() || query.iter().any(|x| !x.is_finite()) {
+            return;
+        }
         // A balanced tree of 2^32 points is no deeper than 32; each step leaves one behind.
         let mut stack = [(0_u32, 0.0_f32); 64];
         let mut height = 1;
         while height > 0 {
             height -= 1;
             let (mut node, least) = stack[height];
-            let last = best.len() - 1;
-            if least > best[last].0 {
+            if least > reach {
                 continue;
             }
             loop {
@@ -152,12 +142,9 @@ impl<const D: usize> Nearest<D> {
                     Node::Leaf { from, until } => {
                         for at in from as usize..until as usize {
                             let squared = squared_distance(query, &self.points[at]);
-                            let candidate = (squared, self.names[at]);
-                            if candidate < best[last] {
-                                let place = best.partition_point(|b| *b < candidate);
-                                best[place..].rotate_right(1);
-                                best[place] = candidate;
-                                count = (count + 1).min(best.len());
+                            match visit(squared, self.names[at]) {
+                                Some(within) => reach = within,
+                                None => return,
                             }
                         }
                         break;
@@ -182,7 +169,6 @@ impl<const D: usize> Nearest<D> {
                 }
             }
         }
-        count
     }
 }
 

@@ -142,6 +142,7 @@ mod tests {
             }
         }
     }
+
     #[test]
     fn what_lies_on_the_skin_stays_where_the_skin_bends_from_convex_to_concave() {
         // A strip of large faces, bent up or down along its middle.

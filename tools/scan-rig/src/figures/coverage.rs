@@ -46,6 +46,17 @@ pub fn views(vertices: &[DVec3], azimuths: usize) -> Vec<Pinhole> {
         .collect()
 }
 
+impl Coverage {
+    /// The mean of some.
+    pub(crate) fn mean(all: &[Self]) -> Self {
+        let count = all.len().max(1) as f64;
+        Self {
+            spill: all.iter().map(|one| one.spill).sum::<f64>() / count,
+            holes: all.iter().map(|one| one.holes).sum::<f64>() / count,
+        }
+    }
+}
+
 /// How a scan covers a body in the same pose, the mean over views.
 #[must_use]
 pub fn coverage(
@@ -54,17 +65,10 @@ pub fn coverage(
     faces: &[[u32; 3]],
     views: &[Pinhole],
 ) -> Coverage {
-    let mut sum = Coverage::default();
-    for view in views {
-        let one = in_view(scan, vertices, faces, view);
-        sum.spill += one.spill;
-        sum.holes += one.holes;
-    }
-    let count = views.len().max(1) as f64;
-    Coverage {
-        spill: sum.spill / count,
-        holes: sum.holes / count,
-    }
+    let of_views: Vec<Coverage> = (views.iter())
+        .map(|view| in_view(scan, vertices, faces, view))
+        .collect();
+    Coverage::mean(&of_views)
 }
 
 fn in_view(scan: &Scan, vertices: &[DVec3], faces: &[[u32; 3]], view: &Pinhole) -> Coverage {

@@ -216,10 +216,11 @@ fn skin_faces(model: &BodyModel) -> usize {
 pub fn measure(rigged: &Rigged) -> Result<Quality, RigError> {
     let poser = Poser::new(&rigged.avatar)?;
     let again = poser.scan(&rigged.scan_motion)?;
+    let straight = MotionParams::default();
     Ok(Quality {
         scan_db: person_psnr(&rigged.scan, &again, &six_views(rigged.height)),
-        scan_pose: covers(rigged, &poser, &rigged.scan_motion)?,
-        t_pose: covers(rigged, &poser, &MotionParams::default())?,
+        scan_pose: covers(rigged, &poser, &again, &rigged.scan_motion),
+        t_pose: covers(rigged, &poser, &poser.scan(&straight)?, &straight),
     })
 }
 
@@ -229,21 +230,14 @@ pub fn measure(rigged: &Rigged) -> Result<Quality, RigError> {
 /// None that a finished rig could cause.
 pub fn measure_motion(rigged: &Rigged, motions: &[MotionParams]) -> Result<Coverage, RigError> {
     let poser = Poser::new(&rigged.avatar)?;
-    let mut sum = Coverage::default();
-    for motion in motions {
-        let one = covers(rigged, &poser, motion)?;
-        sum.spill += one.spill;
-        sum.holes += one.holes;
-    }
-    let count = motions.len().max(1) as f64;
-    Ok(Coverage {
-        spill: sum.spill / count,
-        holes: sum.holes / count,
-    })
+    let of_motions: Vec<Coverage> = (motions.iter())
+        .map(|motion| Ok(covers(rigged, &poser, &poser.scan(motion)?, motion)))
+        .collect::<Result<_, RigError>>()?;
+    Ok(Coverage::mean(&of_motions))
 }
 
-fn covers(rigged: &Rigged, poser: &Poser<'_>, motion: &MotionParams) -> Result<Coverage, RigError> {
-    let scan = poser.scan(motion)?;
+/// How an avatar covers its body in a motion; `scan` are its Gaussians in it.
+fn covers(rigged: &Rigged, poser: &Poser<'_>, scan: &Scan, motion: &MotionParams) -> Coverage {
     let faces = rigged.avatar.template.faces();
     let faces = faces.get(..rigged.body_faces).unwrap_or(faces);
     // What is held stands beside the body, and has every right to; what it hides is no hole.
@@ -255,8 +249,8 @@ fn covers(rigged: &Rigged, poser: &Poser<'_>, motion: &MotionParams) -> Result<C
         .collect();
     let views = coverage::views(&vertices, 6);
     let body = coverage(&scan.filtered(&of_body), &vertices, faces, &views);
-    Ok(Coverage {
-        holes: coverage(&scan, &vertices, faces, &views).holes,
+    Coverage {
+        holes: coverage(scan, &vertices, faces, &views).holes,
         ..body
-    })
+    }
 }
