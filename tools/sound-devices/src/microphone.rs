@@ -52,10 +52,9 @@ impl Microphone {
     /// If the server does not answer, or has no such microphone.
     pub fn open(server: &SoundServer, name: Option<&str>) -> Result<Self, SoundError> {
         let asked = name.map(str::to_owned);
-        let mut connection = Connection::open(server)?;
-        let name = choose(&mut connection, asked.as_deref())?;
+        let (recording, name) = find(server, asked.as_deref())?;
         Ok(Self {
-            recording: Some(Recording::begin(connection, &name)?),
+            recording: Some(recording),
             server: server.clone(),
             asked,
             name,
@@ -128,12 +127,16 @@ impl Microphone {
     }
 
     fn find(&mut self) -> Result<(), SoundError> {
-        let mut connection = Connection::open(&self.server)?;
-        let name = choose(&mut connection, self.asked.as_deref())?;
-        self.recording = Some(Recording::begin(connection, &name)?);
-        self.name = name;
+        let (recording, name) = find(&self.server, self.asked.as_deref())?;
+        (self.recording, self.name) = (Some(recording), name);
         Ok(())
     }
+}
+
+fn find(server: &SoundServer, asked: Option<&str>) -> Result<(Recording, String), SoundError> {
+    let mut connection = Connection::open(server)?;
+    let name = choose(&mut connection, asked)?;
+    Ok((Recording::begin(connection, &name)?, name))
 }
 
 /// What the server calls the microphone that is meant.
