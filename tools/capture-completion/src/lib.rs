@@ -1,4 +1,5 @@
-//! What a capture lacks, made: [`Videos`] become pictures, a network makes masks, and one fit over all cameras' landmarks makes the motion.
+//! What a capture lacks, made: [`Videos`] become pictures, a network makes masks, which what a camera sees without the person
+//! brings to the person's outlines, and one fit over all cameras' landmarks makes the motion.
 //!
 //! [`complete`] does all of it and writes our own layout. [`check`] says what is wrong with a capture; [`draw`] shows it.
 //!
@@ -6,12 +7,15 @@
 
 pub mod check;
 mod complete;
+mod cut_out;
 pub mod draw;
 mod error;
+mod grid;
 mod look;
 mod matte;
 mod motion;
 mod pictures;
+mod plate;
 mod videos;
 
 pub use complete::{Completed, complete};

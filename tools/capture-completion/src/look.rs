@@ -47,6 +47,8 @@ pub struct Look {
     pub frame: usize,
     /// With a mask: its own, or the network's; none where no person was seen and it had none.
     pub photograph: Photograph,
+    /// If the mask is the network's: the side of one of its values, pixels.
+    pub grain: Option<f32>,
     /// What was seen.
     pub observation: Observation,
 }
@@ -87,11 +89,12 @@ pub fn look(
         };
         photograph.rgb = Arc::unwrap_or_clone(picture).rgb;
         if photograph.mask.is_none() {
-            photograph.mask = coarse.map(|coarse| refine(&photograph, &coarse));
+            photograph.mask = (coarse.as_ref()).map(|coarse| refine(&photograph, coarse));
         }
         take(Look {
             frame,
             photograph,
+            grain: coarse.map(|coarse| coarse.grain),
             observation,
         })
     })

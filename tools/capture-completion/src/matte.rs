@@ -3,6 +3,7 @@
 //! The largest connected part is kept, then a guided filter (He, Sun and Tang, "Guided image filtering", 2010) brings its edge to where the picture has
 //! one, within the network's grain.
 
+use crate::grid::{box_mean, parts};
 use capture::Photograph;
 use tracker::mediapipe::Mask;
 
@@ -67,49 +68,17 @@ pub fn refine(photograph: &Photograph, coarse: &Mask) -> Vec<u8> {
     out
 }
 
-/// Sets everything to 0 that is not connected to the largest part above [`PART`].
-fn keep_largest(shares: &mut [f32], [width, height]: [usize; 2]) {
-    // Below PART a soft edge belongs to the part it touches: parts are grown down to nothing.
+/// Sets everything to 0 that is not connected to the largest part above [`PART`]. Below that a soft edge belongs to the part it touches.
+fn keep_largest(shares: &mut [f32], size: [usize; 2]) {
     const EDGE: f32 = 0.02;
-    let mut label = vec![0_u32; shares.len()];
-    let (mut next, mut best) = (0, (0, 0));
-    let mut stack = Vec::new();
-    for seed in 0..shares.len() {
-        if label[seed] != 0 || shares[seed] <= PART {
-            continue;
-        }
-        next += 1;
-        let mut size = 0;
-        label[seed] = next;
-        stack.push(seed);
-        while let Some(k) = stack.pop() {
-            size += usize::from(shares[k] > PART);
-            let (x, y) = (k % width, k / width);
-            let mut visit = |other: usize| {
-                if label[other] == 0 && shares[other] > EDGE {
-                    label[other] = next;
-                    stack.push(other);
-                }
-            };
-            if x > 0 {
-                visit(k - 1);
-            }
-            if x + 1 < width {
-                visit(k + 1);
-            }
-            if y > 0 {
-                visit(k - width);
-            }
-            if y + 1 < height {
-                visit(k + width);
-            }
-        }
-        if size > best.0 {
-            best = (size, next);
-        }
+    let (label, sizes) = parts(|k| shares[k] > EDGE, size);
+    let mut sure = vec![0_usize; sizes.len()];
+    for (share, label) in shares.iter().zip(&label) {
+        sure[*label as usize] += usize::from(*label != 0 && *share > PART);
     }
+    let most = (1..sure.len()).max_by_key(|part| sure[*part]);
     for (share, label) in shares.iter_mut().zip(label) {
-        if label != best.1 || best.1 == 0 {
+        if label == 0 || Some(label as usize) != most {
             *share = 0.0;
         }
     }
@@ -131,38 +100,6 @@ fn guided(guide: &[f32], input: &[f32], size: [usize; 2], reach: usize) -> Vec<f
     }
     let (a, b) = (mean(&a), mean(&b));
     (0..guide.len()).map(|k| a[k] * guide[k] + b[k]).collect()
-}
-
-/// Means over squares of `2 * reach + 1` pixels, as far as they are within.
-fn box_mean(values: &[f32], [width, height]: [usize; 2], reach: usize) -> Vec<f32> {
-    let mut rows = vec![0.0_f32; values.len()];
-    let mut sums = vec![0.0_f64; width.max(height) + 1];
-    for (row, out) in values.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
-        for (x, value) in row.iter().enumerate() {
-            sums[x + 1] = sums[x] + f64::from(*value);
-        }
-        spread(&sums, width, reach, |x, mean| out[x] = mean);
-    }
-    let mut out = vec![0.0; values.len()];
-    for x in 0..width {
-        for y in 0..height {
-            sums[y + 1] = sums[y] + f64::from(rows[y * width + x]);
-        }
-        spread(&sums, height, reach, |y, mean| out[y * width + x] = mean);
-    }
-    out
-}
-
-fn spread(sums: &[f64], length: usize, reach: usize, mut set: impl FnMut(usize, f32)) {
-    for k in 0..length {
-        let (from, to) = (k.saturating_sub(reach), (k + reach + 1).min(length));
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_precision_loss,
-            reason = "a mean of single precision"
-        )]
-        set(k, ((sums[to] - sums[from]) / (to - from) as f64) as f32);
-    }
 }
 
 #[cfg(test)]
