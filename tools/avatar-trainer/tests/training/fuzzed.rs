@@ -37,7 +37,7 @@ fn resumed(bytes: &[u8]) -> Result<(), TrainError> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("checkpoint.safetensors");
     std::fs::write(&path, bytes).expect("written");
-    let (mut trainer, note) = Trainer::resume::<f64>(&good().0, &path)?;
+    let (mut trainer, note) = Trainer::resume::<f64>(&good().0, &path, None)?;
     assert!(note.is_finite(), "JSON has no other numbers");
     trainer.step(0.31).map(|_| ())
 }
@@ -135,6 +135,6 @@ proptest! {
 #[test]
 fn a_checkpoint_that_is_none_is_an_error() {
     assert!(resumed(b"").is_err(), "nothing");
-    let missing = Trainer::resume::<f64>(&good().0, Path::new("/nowhere/checkpoint"));
+    let missing = Trainer::resume::<f64>(&good().0, Path::new("/nowhere/checkpoint"), None);
     assert!(missing.is_err(), "no file");
 }

@@ -13,7 +13,9 @@ use length::{Clock, Length, Note};
 use mon3tr::device_options::{DeviceOptions, describe, make_folder};
 use mon3tr::film::write_png;
 use mon3tr::network::Network;
+use perceptual_loss::Lpips;
 use progress_line::ProgressLine;
+use splat_gradient::loss::PerceptualLoss;
 use splat_gradient_vulkan::VulkanSplatter;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
@@ -49,6 +51,9 @@ pub(crate) struct Options {
     /// Correct each camera's colours: for real cameras, whose exposures differ
     #[arg(long)]
     colour_correction: bool,
+    /// Learn from LPIPS as well: a network as ONNX, the same file that eval avatar takes; with --resume, the one that the training was begun with
+    #[arg(long, value_name = "FILE.onnx")]
+    lpips: Option<PathBuf>,
     /// Leave a part out, to see what it is worth; may be given several times
     #[arg(long, value_name = "PART")]
     without: Vec<Part>,
@@ -107,6 +112,18 @@ impl Options {
     }
 }
 
+/// The network that judges pictures as well, where there is one.
+fn perceptual(
+    options: &Options,
+    device: &DeviceOptions,
+) -> anyhow::Result<Option<Box<dyn PerceptualLoss>>> {
+    let Some(path) = &options.lpips else {
+        return Ok(None);
+    };
+    let network = Lpips::open(path, &device.runtime()?, DeviceOptions::threads())?;
+    Ok(Some(Box::new(network)))
+}
+
 /// Of a training whose length nobody says, minutes.
 const DEFAULT_MINUTES: f64 = 60.0;
 
@@ -120,9 +137,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     if let Some(folder) = options.out.parent().filter(|p| !p.as_os_str().is_empty()) {
         make_folder(folder)?;
     }
+    // Before the first avatar, which takes minutes.
+    let perceptual = perceptual(options, device)?;
     let checkpoint = options.work.join("checkpoint.safetensors");
     let (mut trainer, before) = if options.resume {
-        let (trainer, note) = Trainer::resume::<Note>(&capture, &checkpoint)?;
+        let (trainer, note) = Trainer::resume::<Note>(&capture, &checkpoint, perceptual)?;
         ensure!(
             note.length.is_possible(),
             "{} is damaged: its training was to be {:?} long",
@@ -148,7 +167,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                 poses: options.learns(Part::Poses),
             },
         };
-        (begin(&capture, first, options.training())?, None)
+        let mut trainer = begin(&capture, first, options.training())?;
+        if let Some(perceptual) = perceptual {
+            trainer.judge_with(perceptual)?;
+        }
+        (trainer, None)
     };
     let drawn_on = match options.device {
         Device::Cpu => CPU.to_owned(),
