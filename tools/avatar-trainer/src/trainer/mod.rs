@@ -254,7 +254,8 @@ impl Trainer<'_> {
             l1_share -= weights.lpips;
             let chance = (self.options.seed, self.step);
             let pictures = (&shown, &wanted);
-            loss += perceptual.add(chance, pictures, &backdrop, weights.lpips, by_pixel)?;
+            loss += (perceptual.add(chance, pictures, &backdrop, weights.lpips, by_pixel))
+                .map_err(TrainError::Perceptual)?;
         }
         let l1 = colour_l1(&shown, &wanted, l1_share, by_pixel)?;
         let dissimilar = ssim.loss(&shown, &wanted, weights.ssim, by_pixel)?;

@@ -106,3 +106,41 @@ impl Features {
         Ok(self.0.run(&[picture], part, |value| value)?.to_vec())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use perceptual_loss::Lpips as Loss;
+    use splat_gradient::loss::PerceptualLoss;
+    use test_support::{lpips, onnx};
+
+    #[test]
+    fn the_file_that_a_training_takes_gives_the_same_distance_here() {
+        let Some(runtime) = onnx::runtime() else {
+            return;
+        };
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("lpips.onnx");
+        let net = lpips::alexnet(17, 64, [6, 8, 8, 6, 6]);
+        std::fs::write(&path, net.file()).expect("written");
+        let mut rng = fastrand::Rng::with_seed(3);
+        let canvases = [(); 2].map(|()| {
+            let pixels = (0..64 * 64).map(|_| [(); 3].map(|()| rng.f32())).collect();
+            Canvas::new(64, pixels)
+        });
+        let planes = canvases.each_ref().map(|canvas| -> Vec<f32> {
+            let planes = [0, 1, 2].map(|channel| canvas.pixels.iter().map(move |p| p[channel]));
+            planes.into_iter().flatten().collect()
+        });
+        let mut loss = Loss::open(&path, &runtime, 1).expect("a network");
+        let mut unused = vec![0.0; planes[0].len()];
+        let expected = (loss.compare(&planes[0], &planes[1], &mut unused)).expect("compared");
+        let mut judge = Lpips::open(&path, &runtime).expect("the same");
+        let [a, b] = &canvases;
+        let found = judge.distance(a, b, [0, 0, 64, 64]).expect("compared");
+        assert!(found > 0.0, "they differ");
+        assert!((found / expected - 1.0).abs() < 1e-6, "{found}, {expected}");
+        let features = Features::open(&path, &runtime).expect_err("it takes two pictures");
+        assert!(format!("{features:#}").contains("1 inputs"), "{features:#}");
+    }
+}
