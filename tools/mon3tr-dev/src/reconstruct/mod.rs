@@ -15,8 +15,10 @@ use mon3tr::film::write_png;
 use mon3tr::network::Network;
 use perceptual_loss::Lpips;
 use progress_line::ProgressLine;
+use splat_gradient::error::GradientError;
 use splat_gradient::loss::PerceptualLoss;
 use splat_gradient_vulkan::VulkanSplatter;
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -127,8 +129,18 @@ fn perceptual(
 /// Of a training whose length nobody says, minutes.
 const DEFAULT_MINUTES: f64 = 60.0;
 
+/// Refuses options that would be of no effect.
+fn check(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
+    ensure!(
+        options.device == Device::Gpu || !device.names_gpu(),
+        "--gpu names a Vulkan device, but the CPU draws: add --device gpu, or leave --gpu out"
+    );
+    Ok(())
+}
+
 /// Runs `reconstruct`.
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
+    check(options, device)?;
     let capture = Capture::open(&options.capture)?;
     for note in capture.notes() {
         eprintln!("{note}");
@@ -189,6 +201,10 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let outcome = train(&mut trainer, &mut clock, &files);
     // Whatever ended it, all that was learnt is kept.
     let saved = trainer.save(&checkpoint, &clock.note());
+    let outcome = match &saved {
+        Ok(()) => outcome.map_err(go_on_elsewhere),
+        Err(_) => outcome,
+    };
     let validation = both(outcome, saved.map_err(Into::into))?;
     println!(
         "{}: {:.2} dB PSNR within the masks of {} pictures that were {}, {} Gaussians, {} steps, {:.1} minutes, drawn on {drawn_on}",
@@ -232,6 +248,19 @@ fn draw_on_gpu(trainer: &mut Trainer<'_>, device: &DeviceOptions) -> String {
             CPU.to_owned()
         }
     }
+}
+
+/// Says how to go on where a device ended a training whose state is kept: it may have too little memory, which the CPU has.
+fn go_on_elsewhere(error: anyhow::Error) -> anyhow::Error {
+    let of_device = |cause: &(dyn Error + 'static)| {
+        matches!(cause.downcast_ref(), Some(GradientError::Device(_)))
+    };
+    if error.chain().any(of_device) {
+        return error.context(
+            "the Vulkan device ended the training; all that was learnt is kept, and --resume --device cpu goes on with it",
+        );
+    }
+    error
 }
 
 /// What came of the training, if its state could be kept as well. Where both failed, the first failure is what to mend.
@@ -309,6 +338,48 @@ fn show(validation: &Validation, path: &Path) -> anyhow::Result<()> {
 mod tests {
     use super::*;
     use anyhow::anyhow;
+    use avatar_trainer::TrainError;
+    use clap::Parser;
+
+    /// The options of `reconstruct`, as a command line has them.
+    #[derive(Debug, Parser)]
+    struct CommandLine {
+        #[command(flatten)]
+        options: Options,
+        #[command(flatten)]
+        device: DeviceOptions,
+    }
+
+    #[test]
+    fn a_vulkan_device_that_would_draw_nothing_is_refused() {
+        let checked = |more: &[&str]| {
+            let line = ["reconstruct", "capture", "-o", "me.m3a"]
+                .iter()
+                .chain(more);
+            let line = CommandLine::parse_from(line);
+            check(&line.options, &line.device)
+        };
+        let said = checked(&["--gpu", "lavapipe"]).expect_err("the CPU draws");
+        assert!(said.to_string().contains("add --device gpu"), "{said}");
+        assert!(checked(&[]).is_ok(), "the CPU draws");
+        let named = checked(&["--gpu", "lavapipe", "--device", "gpu"]);
+        assert!(named.is_ok(), "it draws");
+    }
+
+    #[test]
+    fn a_training_that_its_device_ended_says_how_to_go_on_and_others_do_not() {
+        let ended = |error: GradientError| {
+            let error = anyhow!(TrainError::from(error));
+            format!("{:#}", go_on_elsewhere(error))
+        };
+        let said = ended(GradientError::Device("out of memory".into()));
+        assert!(
+            said.contains("--resume --device cpu") && said.contains("out of memory"),
+            "{said}"
+        );
+        let said = ended(GradientError::View("a camera"));
+        assert!(!said.contains("--resume"), "{said}");
+    }
 
     #[test]
     fn what_ended_a_training_is_said_although_its_state_could_not_be_kept() {
