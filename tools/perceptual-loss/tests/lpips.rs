@@ -94,20 +94,26 @@ fn threads_do_not_change_a_bit() {
     let Some(runtime) = onnx::runtime() else {
         return;
     };
-    let (_folder, path) = written(&lpips::alexnet(17, 128, lpips::ALEXNET).file());
-    let numbers = 3 * 128 * 128;
-    let (drawn, wanted) = (picture(numbers, 1), picture(numbers, 2));
-    let on = |threads: usize| {
-        let mut network = Lpips::open(&path, &runtime, threads).expect("opened");
-        let mut by = vec![0.0; numbers];
-        let distance = network.compare(&drawn, &wanted, &mut by).expect("compared");
-        let bits: Vec<u32> = by.iter().map(|by| by.to_bits()).collect();
-        (distance.to_bits(), bits)
-    };
-    let alone = on(1);
-    assert!(on(1) == alone, "again");
-    for threads in [2, 3, 4] {
-        assert!(on(threads) == alone, "{threads} threads");
+    for (name, side, net) in [
+        ("AlexNet", 128, lpips::alexnet(17, 128, lpips::ALEXNET)),
+        ("SqueezeNet", 256, lpips::squeezenet(17, 256, 4)),
+        ("VGG16", 256, lpips::vgg(17, 256, [8; 5])),
+    ] {
+        let (_folder, path) = written(&net.file());
+        let numbers = 3 * side * side;
+        let (drawn, wanted) = (picture(numbers, 1), picture(numbers, 2));
+        let on = |threads: usize| {
+            let mut network = Lpips::open(&path, &runtime, threads).expect("opened");
+            let mut by = vec![0.0; numbers];
+            let distance = network.compare(&drawn, &wanted, &mut by).expect("compared");
+            let bits: Vec<u32> = by.iter().map(|by| by.to_bits()).collect();
+            (distance.to_bits(), bits)
+        };
+        let alone = on(1);
+        assert!(on(1) == alone, "{name}: again");
+        for threads in [2, 3, 4] {
+            assert!(on(threads) == alone, "{name}: {threads} threads");
+        }
     }
 }
 
