@@ -1,4 +1,5 @@
-//! Compiles `shaders/*.comp` to SPIR-V 1.3, for Vulkan 1.1, and writes a Rust constant for each: as `shaders-spirv` does with the renderer's.
+//! Compiles `shaders/*.comp` to SPIR-V 1.3, for Vulkan 1.1, and writes a Rust constant for each: as `shaders-spirv` does with the renderer's. `TILE` is
+//! written as well, for Rust to compare.
 
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
 use glslang::{
@@ -38,9 +39,31 @@ fn build() -> Result<(), String> {
         )
         .map_err(|why| why.to_string())?;
     }
+    let tile = tile()?;
+    writeln!(
+        generated,
+        "/// `TILE` in `shaders/numbers.glsl`.\npub(crate) const TILE: u32 = {tile};"
+    )
+    .map_err(|why| why.to_string())?;
     let out = env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR for build scripts")?;
     let out = Path::new(&out).join("shaders.rs");
     fs::write(&out, generated).map_err(|why| format!("{}: {why}", out.display()))
+}
+
+/// Pixels along a tile's sides, as the shaders have it.
+fn tile() -> Result<u32, String> {
+    let path = Path::new(FOLDER).join("numbers.glsl");
+    let text = fs::read_to_string(&path).map_err(|why| format!("{}: {why}", path.display()))?;
+    let lines = text.lines();
+    let number = lines
+        .filter_map(|line| line.strip_prefix("const uint TILE = "))
+        .find_map(|rest| rest.split_once("u;")?.0.parse().ok());
+    number.ok_or_else(|| {
+        format!(
+            "{}: it has no line `const uint TILE = 16u;`",
+            path.display()
+        )
+    })
 }
 
 fn compile(path: &Path) -> Result<Vec<u32>, String> {

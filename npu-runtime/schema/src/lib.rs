@@ -15,14 +15,23 @@ pub mod data_type {
     pub const INT32: i32 = 6;
     /// Signed 64-bit integers.
     pub const INT64: i32 = 7;
+    /// Truth values.
+    pub const BOOL: i32 = 9;
     /// 16-bit floats.
     pub const FLOAT16: i32 = 10;
+}
+
+/// Where a stored tensor's elements are: `TensorProto.DataLocation`.
+pub mod data_location {
+    /// In another file, beside the model's.
+    pub const EXTERNAL: i32 = 1;
 }
 
 /// `AttributeProto.AttributeType`.
 mod attribute_type {
     pub(super) const INT: i32 = 2;
     pub(super) const STRING: i32 = 3;
+    pub(super) const TENSOR: i32 = 4;
     pub(super) const INTS: i32 = 7;
 }
 
@@ -92,6 +101,9 @@ pub struct Node {
     /// Its settings.
     #[prost(message, repeated, tag = "5")]
     pub attribute: Vec<Attribute>,
+    /// Whose operator: empty for ONNX's own.
+    #[prost(string, optional, tag = "7")]
+    pub domain: Option<String>,
 }
 
 /// A setting of a node: `AttributeProto`.
@@ -100,12 +112,21 @@ pub struct Attribute {
     /// Its name.
     #[prost(string, optional, tag = "1")]
     pub name: Option<String>,
+    /// A number.
+    #[prost(float, optional, tag = "2")]
+    pub f: Option<f32>,
     /// An integer.
     #[prost(int64, optional, tag = "3")]
     pub i: Option<i64>,
     /// A string.
     #[prost(bytes = "vec", optional, tag = "4")]
     pub s: Option<Vec<u8>>,
+    /// A tensor.
+    #[prost(message, optional, tag = "5")]
+    pub t: Option<Tensor>,
+    /// Numbers.
+    #[prost(float, repeated, packed = "false", tag = "7")]
+    pub floats: Vec<f32>,
     /// Integers.
     #[prost(int64, repeated, packed = "false", tag = "8")]
     pub ints: Vec<i64>,
@@ -137,6 +158,17 @@ impl Attribute {
         }
     }
 
+    /// A tensor.
+    #[must_use]
+    pub fn tensor(name: &str, value: Tensor) -> Self {
+        Self {
+            name: Some(name.into()),
+            t: Some(value),
+            r#type: Some(attribute_type::TENSOR),
+            ..Self::default()
+        }
+    }
+
     /// A string.
     #[must_use]
     pub fn string(name: &str, value: &str) -> Self {
@@ -158,12 +190,45 @@ pub struct Tensor {
     /// Of [`data_type`].
     #[prost(int32, optional, tag = "2")]
     pub data_type: Option<i32>,
+    /// Its elements, if they are floats and not in `raw_data`.
+    #[prost(float, repeated, tag = "4")]
+    pub float_data: Vec<f32>,
+    /// Its elements, if they are 64-bit integers and not in `raw_data`.
+    #[prost(int64, repeated, tag = "7")]
+    pub int64_data: Vec<i64>,
     /// The value's name.
     #[prost(string, optional, tag = "8")]
     pub name: Option<String>,
     /// Its elements, little-endian.
     #[prost(bytes = "vec", optional, tag = "9")]
     pub raw_data: Option<Vec<u8>>,
+    /// Of [`data_location`]; in the file itself where nothing is said.
+    #[prost(int32, optional, tag = "14")]
+    pub data_location: Option<i32>,
+}
+
+impl Tensor {
+    /// Floats.
+    #[must_use]
+    pub fn floats(dims: &[i64], values: &[f32]) -> Self {
+        Self {
+            dims: dims.to_vec(),
+            data_type: Some(data_type::FLOAT),
+            raw_data: Some(values.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            ..Self::default()
+        }
+    }
+
+    /// A list of 64-bit integers.
+    #[must_use]
+    pub fn ints(values: &[i64]) -> Self {
+        Self {
+            dims: vec![i64::try_from(values.len()).unwrap_or(i64::MAX)],
+            data_type: Some(data_type::INT64),
+            raw_data: Some(values.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            ..Self::default()
+        }
+    }
 }
 
 /// An input or output: `ValueInfoProto`.

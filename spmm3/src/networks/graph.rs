@@ -290,6 +290,7 @@ impl Writer<'_> {
             name: Some(format!("{output}.{op}")),
             op_type: Some(op.to_owned()),
             attribute: attributes.to_vec(),
+            ..Node::default()
         });
         output.to_owned()
     }
@@ -324,6 +325,7 @@ impl Writer<'_> {
             data_type: Some(kind),
             name: Some(name.to_owned()),
             raw_data: Some(raw),
+            ..Tensor::default()
         });
         name.to_owned()
     }

@@ -31,6 +31,11 @@ impl Backdrop {
         Self([(); 3].map(|()| rng.f32()))
     }
 
+    /// Its red, green and blue.
+    pub(crate) fn colour(&self) -> [f32; 3] {
+        self.0
+    }
+
     /// The picture before it; its alpha stays.
     ///
     /// # Errors

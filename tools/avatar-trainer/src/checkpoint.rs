@@ -14,7 +14,9 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Raised whenever a checkpoint means something else.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
+/// The oldest version that can be read: 4 has no perceptual loss.
+pub const OLDEST: u32 = 4;
 
 /// The text's key in the metadata.
 const TEXT: &str = "mon3tr-training";

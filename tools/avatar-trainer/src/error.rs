@@ -16,6 +16,9 @@ pub enum TrainError {
     /// A camera by which nothing can be drawn, or sizes that contradict each other.
     #[error("drawing the avatar")]
     Gradient(#[from] GradientError),
+    /// The perceptual loss failed.
+    #[error("judging the drawn picture")]
+    Perceptual(#[source] GradientError),
     /// The first avatar's parts do not fit each other.
     #[error("the avatar's model")]
     Model(#[from] ModelError),

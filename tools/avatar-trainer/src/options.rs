@@ -56,13 +56,16 @@ impl Default for Options {
     }
 }
 
-/// Shares of the losses: (1 - `ssim`) L_1 + `ssim` L_SSIM + `alpha` L1 of alpha + the regularising terms of the paper's section
+/// Shares of the losses: (1 - `ssim` - `lpips`) L_1 + `ssim` L_SSIM + `lpips` L_LPIPS + `alpha` L1 of alpha + the regularising terms of the paper's section
 /// IV-C, which states none of the shares. The sums over Gaussians or pairs of controllers are taken as means, so that the shares do not depend on
 /// how many there are.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Weights {
     /// alpha of L_photo: the share of 1 - SSIM, 0..=1.
     pub ssim: f32,
+    /// beta of L_photo: the share of LPIPS, where a network for it is given, 0..=1 with alpha. Checkpoints of before there was one have none.
+    #[serde(default)]
+    pub lpips: f32,
     /// The share of the silhouette's L1.
     pub alpha: f32,
     /// lambda_g: of the guide coherence loss, by square metres.
@@ -81,6 +84,8 @@ impl Default for Weights {
     fn default() -> Self {
         Self {
             ssim: 0.2,
+            // As in MMLPHuman's training.
+            lpips: 0.1,
             alpha: 0.1,
             guide: 20.0,
             scale: 1.0,
@@ -107,6 +112,7 @@ impl Options {
         }
         let Weights {
             ssim,
+            lpips,
             alpha,
             guide,
             scale,
@@ -116,6 +122,10 @@ impl Options {
         } = self.weights;
         if !(0.0..=1.0).contains(&ssim) {
             return refused("the share of SSIM", ssim.to_string(), "0 to 1");
+        }
+        if !(0.0..=1.0 - ssim).contains(&lpips) {
+            let range = "0 to 1 less the share of SSIM";
+            return refused("the share of LPIPS", lpips.to_string(), range);
         }
         for (what, share) in [
             ("the share of alpha", alpha),
@@ -159,6 +169,13 @@ mod tests {
         wild.weights.bind = f32::NAN;
         let said = wild.check().expect_err("no number").to_string();
         assert!(said.contains("binding loss is NaN"), "{said}");
+        let mut photo = Options::default();
+        photo.weights.lpips = 0.9;
+        let said = photo
+            .check()
+            .expect_err("L1 has less than none")
+            .to_string();
+        assert!(said.contains("LPIPS is 0.9"), "{said}");
     }
 
     #[test]
@@ -178,5 +195,9 @@ mod tests {
         let text = serde_json::to_string(&Options::default()).expect("text");
         let back: Options = serde_json::from_str(&text).expect("read");
         assert_eq!(back, Options::default(), "the same");
+        let before = text.replace(r#""lpips":0.1,"#, "");
+        assert_ne!(before, text, "as it was before there was LPIPS");
+        let back: Options = serde_json::from_str(&before).expect("read");
+        assert_eq!(back.weights.lpips, 0.0, "it had no share");
     }
 }

@@ -13,15 +13,9 @@ use tracker::networks::NetworkSet;
 /// Options every sub-command that draws or deforms shares.
 #[derive(Debug, Clone, clap::Args)]
 pub struct DeviceOptions {
-    /// Vulkan device: auto (the fastest kind there is), lavapipe, or part of a device's name
-    #[arg(
-        long,
-        value_name = "DEVICE",
-        env = "MON3TR_GPU",
-        default_value = "auto",
-        global = true
-    )]
-    gpu: GpuChoice,
+    /// Vulkan device: auto (the fastest kind there is), lavapipe, or part of a device's name [default: $MON3TR_GPU, else auto]
+    #[arg(long, value_name = "DEVICE", global = true)]
+    gpu: Option<GpuChoice>,
     /// ONNX Runtime library of release 1.24 or newer [default: $ORT_DYLIB_PATH, else the system's]
     #[arg(long, value_name = "FILE", global = true)]
     ort: Option<PathBuf>,
@@ -30,9 +24,19 @@ pub struct DeviceOptions {
 impl DeviceOptions {
     /// Opens the chosen Vulkan device.
     pub fn gpu(&self) -> anyhow::Result<Arc<Gpu>> {
-        let gpu = Gpu::open(&self.gpu, false).context("no usable Vulkan device")?;
+        let choice = match &self.gpu {
+            Some(choice) => choice.clone(),
+            None => std::env::var("MON3TR_GPU").unwrap_or_default().parse()?,
+        };
+        let gpu = Gpu::open(&choice, false).context("no usable Vulkan device")?;
         log::info!("drawing on {}", describe(&gpu));
         Ok(gpu)
+    }
+
+    /// Whether the command line names a Vulkan device, which `MON3TR_GPU` does for every command.
+    #[must_use]
+    pub fn names_gpu(&self) -> bool {
+        self.gpu.is_some()
     }
 
     /// Loads ONNX Runtime.

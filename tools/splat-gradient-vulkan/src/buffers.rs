@@ -38,6 +38,14 @@ pub(crate) struct Room {
 }
 
 impl Room {
+    /// For one Gaussian in a picture of one pixel.
+    pub(crate) const LEAST: Self = Self {
+        gaussians: 1,
+        pixels: 1,
+        tiles: 1,
+        pairs: 4,
+    };
+
     /// For a picture of `count` Gaussians; how many pairs there will be is not known before it is drawn.
     pub(crate) fn of(count: u64, [width, height]: [u64; 2]) -> Self {
         let side = u64::from(TILE_PIXELS);

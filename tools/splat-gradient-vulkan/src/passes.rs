@@ -14,6 +14,12 @@ use shaders_spirv::TILE_PIXELS;
 use splat_gradient::View;
 use std::sync::Arc;
 
+// A tile is here what it is in the renderer, whose numbers size the buffers.
+const _: () = assert!(
+    shaders::TILE == TILE_PIXELS,
+    "TILE in shaders/numbers.glsl is another than shaders-spirv's"
+);
+
 /// Invocations of a workgroup that makes lists; `local_size_x` in `shaders/lists.glsl`.
 const LANES: u32 = 32;
 

@@ -13,6 +13,16 @@ use shaders_spirv::{
 use std::mem::offset_of;
 use std::sync::Arc;
 
+// What `State` in shaders/project.comp has of the state.
+const _: () = assert!(
+    offset_of!(SortState, count) == 0
+        && offset_of!(SortState, least) == 4
+        && offset_of!(SortState, greatest) == 8
+        && offset_of!(SortState, fine_least) == 12
+        && offset_of!(SortState, fine_greatest) == 16,
+    "State in shaders/project.comp begins otherwise than shaders-spirv's SortState"
+);
+
 /// Invocations of a workgroup over items.
 const ITEMS: u32 = 256;
 

@@ -31,7 +31,7 @@ impl VulkanSplatter {
     /// A device that fails.
     pub fn new(gpu: &Arc<Gpu>) -> Result<Self, GradientError> {
         let made = || {
-            let buffers = Buffers::new(gpu, Room::of(1, [1, 1]))?;
+            let buffers = Buffers::new(gpu, Room::LEAST)?;
             Ok(Self {
                 gpu: Arc::clone(gpu),
                 commands: Commands::new(gpu)?,
@@ -49,13 +49,19 @@ impl VulkanSplatter {
         if room.holds(wanted) {
             return Ok(());
         }
+        // Nothing in the old ones is needed any more, and a device may have no memory for both.
+        self.exchange(Buffers::new(&self.gpu, Room::LEAST)?);
         // With some more of what is too little, where the device has it.
         let buffers = Buffers::new(&self.gpu, room.grown(wanted, true))
             .or_else(|_| Buffers::new(&self.gpu, room.grown(wanted, false)))?;
-        // The old ones are freed only after the new ones are bound: no set ever names a freed buffer.
-        let _old = std::mem::replace(&mut self.buffers, buffers);
-        self.passes.bind(&self.buffers);
+        self.exchange(buffers);
         Ok(())
+    }
+
+    /// Frees the buffers, once others are bound: no set ever names a freed buffer.
+    fn exchange(&mut self, buffers: Buffers) {
+        self.passes.bind(&buffers);
+        self.buffers = buffers;
     }
 
     fn form(

@@ -30,6 +30,9 @@ pub enum GradientError {
     /// A device that draws has too little memory, or failed.
     #[error("drawing on the device")]
     Device(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// A network that judges pictures failed.
+    #[error("the perceptual loss")]
+    Perceptual(#[source] Box<dyn std::error::Error + Send + Sync>),
 }
 
 /// Refuses an array whose length is not `expected`.

@@ -76,6 +76,7 @@ impl Builder {
             data_type: Some(data_type),
             name: Some(self.name(value)),
             raw_data: Some(raw),
+            ..Tensor::default()
         });
         value
     }
@@ -111,6 +112,7 @@ impl Builder {
             name: None,
             op_type: Some(op.into()),
             attribute,
+            ..Node::default()
         });
     }
 

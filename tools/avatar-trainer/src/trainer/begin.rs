@@ -87,6 +87,7 @@ impl<'a> Trainer<'a> {
             controllers,
             first,
             splatter: Box::new(Splatter::new()),
+            perceptual: None,
             memory: Memory::new(&model),
             model,
             parameters,

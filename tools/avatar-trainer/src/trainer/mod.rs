@@ -5,6 +5,7 @@ mod begin;
 mod gauge;
 mod jitter;
 mod optimiser;
+mod perceptual;
 mod population;
 mod regularise;
 mod smoothing;
@@ -24,9 +25,10 @@ use crate::schedule::{FIRST, Phase, SETTLED_FROM, phase};
 use crate::score::Score;
 use avatar_gradient::{Derivatives, Model, Moved, Parameters, PoseCorrection, Posed, step_bases};
 use optimiser::{FramePose, Optimiser, basis_planes};
+use perceptual::Perceptual;
 use regularise::Regularisers;
 use smoothing::Smoother;
-use splat_gradient::loss::{Ssim, Target, alpha_l1, colour_l1};
+use splat_gradient::loss::{PerceptualLoss, Ssim, Target, alpha_l1, colour_l1};
 use splat_gradient::{Attributes, Picture, SplatDevice, View};
 use spmm3::{Avatar, BoundGaussians, Controllers, MotionParams};
 
@@ -82,6 +84,8 @@ pub struct Trainer<'a> {
     best: Option<f64>,
     /// Not state either: two of them differ by rounding.
     splatter: Box<dyn SplatDevice>,
+    /// Of its state, a checkpoint has the identity.
+    perceptual: Option<Perceptual>,
     memory: Memory,
 }
 
@@ -137,6 +141,22 @@ impl Trainer<'_> {
         self.splatter = splatter;
     }
 
+    /// Adds a perceptual loss to the others, once pictures are no longer halved: the paper's LPIPS. It has to be there from the first step on.
+    ///
+    /// # Errors
+    /// Where steps were made without it.
+    pub fn judge_with(&mut self, perceptual: Box<dyn PerceptualLoss>) -> Result<(), TrainError> {
+        if self.step > 0 {
+            return Err(TrainError::Option {
+                what: "the perceptual loss",
+                value: format!("given after {} steps", self.step),
+                range: "given before the first",
+            });
+        }
+        self.perceptual = Some(Perceptual::new(perceptual));
+        Ok(())
+    }
+
     /// Learns from one picture. `progress` (0..=1) is how much of the training is done: it decides rates, resolution and stages, and should not
     /// fall.
     ///
@@ -160,7 +180,8 @@ impl Trainer<'_> {
             &self.spread,
             &mut self.model.jitter,
         );
-        let compared = self.compare(pair, &target, &view);
+        let whole = phase.halvings == 0;
+        let compared = self.compare(pair, whole, &target, &view);
         self.model.jitter.clear();
         let compared = compared?;
         let mut loss = compared.loss;
@@ -183,10 +204,12 @@ impl Trainer<'_> {
         })
     }
 
-    /// Draws the person and gathers the photometric loss' derivatives by the Gaussians and by the camera's colours.
+    /// Draws the person and gathers the photometric loss' derivatives by the Gaussians and by the camera's colours. The perceptual loss is of `whole` pictures, that
+    /// are no longer halved.
     fn compare(
         &mut self,
         pair: Pair,
+        whole: bool,
         target: &Target,
         view: &View,
     ) -> Result<Compared, TrainError> {
@@ -225,11 +248,20 @@ impl Trainer<'_> {
         let weights = &self.options.weights;
         let backdrop = Backdrop::of_step(self.options.seed, self.step);
         let (shown, wanted) = (backdrop.behind(picture)?, backdrop.behind_target(target)?);
-        let l1 = colour_l1(&shown, &wanted, 1.0 - weights.ssim, by_pixel)?;
+        let mut loss = 0.0;
+        let mut l1_share = 1.0 - weights.ssim;
+        if let Some(perceptual) = self.perceptual.as_mut().filter(|_| whole) {
+            l1_share -= weights.lpips;
+            let chance = (self.options.seed, self.step);
+            let pictures = (&shown, &wanted);
+            loss += (perceptual.add(chance, pictures, &backdrop, weights.lpips, by_pixel))
+                .map_err(TrainError::Perceptual)?;
+        }
+        let l1 = colour_l1(&shown, &wanted, l1_share, by_pixel)?;
         let dissimilar = ssim.loss(&shown, &wanted, weights.ssim, by_pixel)?;
         backdrop.pull_back(by_pixel);
         let silhouette = alpha_l1(picture, target, weights.alpha, by_pixel)?;
-        let loss = f64::from(1.0 - weights.ssim) * l1
+        loss += f64::from(l1_share) * l1
             + f64::from(weights.ssim) * dissimilar
             + f64::from(weights.alpha) * silhouette;
         if !loss.is_finite() {

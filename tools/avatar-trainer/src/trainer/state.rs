@@ -1,7 +1,7 @@
 //! A training written down, and taken up again.
 
 use super::Trainer;
-use crate::checkpoint::{Reader, Stored, VERSION, Writer};
+use crate::checkpoint::{OLDEST, Reader, Stored, VERSION, Writer};
 use crate::colour::NUMBERS;
 use crate::error::TrainError;
 use crate::options::Options;
@@ -9,12 +9,14 @@ use crate::pictures::Split;
 use crate::source::Source;
 use crate::trainer::begin::check_motions;
 use crate::trainer::optimiser::BASES;
+use crate::trainer::perceptual::Perceptual;
 use avatar_gradient::{CORRECTION, Networks, Parameters, PoseCorrection, Sizes};
 use capture::Capture;
 use glam::Vec3;
 use half::f16;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use splat_gradient::loss::PerceptualLoss;
 use spmm3::networks::{AttributeNetwork, Dense, MeshNetwork, QuantisedBases, QuantisedDecoder};
 use spmm3::package::{MAX_CONTROLLERS, MAX_GAUSSIANS};
 use spmm3::{ATTRIBUTES, Avatar, BoundGaussians, Controllers, MotionParams, NEIGHBOURS, PARAMS};
@@ -34,6 +36,9 @@ struct Text<N> {
     /// A training goes on with its own capture.
     source: Source,
     options: Options,
+    /// The identity of the perceptual loss; nothing of a training without one.
+    #[serde(default)]
+    perceptual: Option<String>,
     gaussians: usize,
     controller_hidden: usize,
     bases: usize,
@@ -70,6 +75,7 @@ impl<'a> Trainer<'a> {
             version: VERSION,
             source: Source::of(self.pictures.capture()),
             options: self.options.clone(),
+            perceptual: (self.perceptual.as_ref()).map(|loss| loss.identity().to_owned()),
             gaussians: sizes.gaussians,
             controller_hidden: sizes.controller_hidden,
             bases: sizes.bases,
@@ -142,17 +148,24 @@ impl<'a> Trainer<'a> {
         writer.write(path, &text)
     }
 
-    /// Takes up a training of `capture` where it was written down; also returns the note that was kept with it.
+    /// Takes up a training of `capture` where it was written down, with the `perceptual` loss that it was begun with; also returns the note that was
+    /// kept with it.
     ///
     /// # Errors
-    /// A file that cannot be read, is damaged, or is of a training of another capture, or of this one before it was changed.
+    /// A file that cannot be read, is damaged, or is of a training of another capture, or of this one before it was changed; another perceptual loss, or none where
+    /// there was one.
     pub fn resume<N: DeserializeOwned>(
         capture: &'a Capture,
         path: &Path,
+        perceptual: Option<Box<dyn PerceptualLoss>>,
     ) -> Result<(Self, N), TrainError> {
         let stored = Stored::read(path)?;
         let (reader, text) = stored.open::<Text<N>>()?;
         check(&text, capture, &reader)?;
+        let given = perceptual.as_ref().map(|loss| loss.identity());
+        if let Some(change) = other_loss(text.perceptual.as_deref(), given) {
+            return Err(reader.refused(change));
+        }
         text.options.check()?;
         let first = Avatar::read(Cursor::new(reader.bytes("first")?))?;
         let motions: Vec<MotionParams> = reader
@@ -203,6 +216,7 @@ impl<'a> Trainer<'a> {
             split,
             text.options.clone(),
         )?;
+        trainer.perceptual = perceptual.map(Perceptual::new);
         trainer.had_attributes = text.had_attributes;
         trainer.parameters = parameters;
         trainer.step = text.step;
@@ -267,9 +281,9 @@ const KINDS: [&str; 3] = ["numbers", "first", "second"];
 
 /// Refuses a checkpoint of another program or capture, or whose sizes and counts are no training's.
 fn check<N>(text: &Text<N>, capture: &Capture, reader: &Reader<'_>) -> Result<(), TrainError> {
-    if text.version != VERSION {
+    if !(OLDEST..=VERSION).contains(&text.version) {
         return Err(reader.refused(format!(
-            "it is of version {}, this program reads {VERSION}; begin anew without --resume",
+            "it is of version {}, this program reads {OLDEST} to {VERSION}; begin anew without --resume",
             text.version
         )));
     }
@@ -295,6 +309,22 @@ fn check<N>(text: &Text<N>, capture: &Capture, reader: &Reader<'_>) -> Result<()
         Ok(())
     } else {
         Err(reader.refused("its sizes are no avatar's"))
+    }
+}
+
+/// Why a training cannot go on with the perceptual loss that is given, and what to do. Both are told by their identities.
+fn other_loss(begun: Option<&str>, given: Option<&str>) -> Option<String> {
+    match (begun, given) {
+        (Some(begun), None) => Some(format!(
+            "it was begun with a perceptual loss, the network of SHA-256 {begun}: name its file as well (--lpips)"
+        )),
+        (None, Some(_)) => Some(
+            "it was begun without a perceptual loss: go on without one (leave --lpips out), or train anew".to_owned(),
+        ),
+        (Some(begun), Some(given)) if begun != given => Some(format!(
+            "it was begun with another perceptual loss, the network of SHA-256 {begun}, not {given}: name that one's file (--lpips), or train anew"
+        )),
+        _ => None,
     }
 }
 

@@ -63,7 +63,7 @@ fn a_picture_that_breaks_mid_way_is_named_and_the_best_package_stays() {
         .save(&checkpoint, &())
         .expect("the state can be kept");
     std::fs::write(&picture, &bytes).expect("mended");
-    let (mut trainer, ()) = Trainer::resume(&capture, &checkpoint).expect("taken up");
+    let (mut trainer, ()) = Trainer::resume(&capture, &checkpoint, None).expect("taken up");
     trainer.step(0.1).expect("it goes on");
 }
 
@@ -82,7 +82,7 @@ fn a_checkpoint_of_another_capture_or_damaged_is_refused() {
     let path = folder.path().join("checkpoint.safetensors");
     trainer.save(&path, &()).expect("written");
     let refused = |capture: &Capture, path: &Path| {
-        let error = Trainer::resume::<()>(capture, path).map(|_| ());
+        let error = Trainer::resume::<()>(capture, path, None).map(|_| ());
         error.expect_err("refused").to_string()
     };
     let said = refused(&other, &path);
@@ -94,7 +94,7 @@ fn a_checkpoint_of_another_capture_or_damaged_is_refused() {
         assert!(said.contains("checkpoint"), "{length} bytes: {said}");
     }
     std::fs::write(&path, &bytes).expect("mended");
-    Trainer::resume::<()>(&one, &path).expect("its own capture");
+    Trainer::resume::<()>(&one, &path, None).expect("its own capture");
 
     // The same folder, changed since.
     let manifest = folder.path().join("one").join("capture.json");
@@ -163,7 +163,7 @@ fn a_package_that_is_not_there_is_written_although_a_better_one_was() {
     );
     let checkpoint = folder.path().join("checkpoint.safetensors");
     trainer.save(&checkpoint, &()).expect("kept");
-    let (mut trainer, ()) = Trainer::resume(&capture, &checkpoint).expect("taken up");
+    let (mut trainer, ()) = Trainer::resume(&capture, &checkpoint, None).expect("taken up");
     validation.psnr -= 1.0;
     let kept = trainer.keep_best(&validation, &package).expect("compared");
     assert!(!kept, "the better one stays");

@@ -37,7 +37,7 @@ fn resumed(bytes: &[u8]) -> Result<(), TrainError> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("checkpoint.safetensors");
     std::fs::write(&path, bytes).expect("written");
-    let (mut trainer, note) = Trainer::resume::<f64>(&good().0, &path)?;
+    let (mut trainer, note) = Trainer::resume::<f64>(&good().0, &path, None)?;
     assert!(note.is_finite(), "JSON has no other numbers");
     trainer.step(0.31).map(|_| ())
 }
@@ -97,6 +97,22 @@ fn sizes_that_no_tensor_has_are_refused_before_memory_is_taken_for_them() {
     assert!(matches!(said, TrainError::Checkpoint { .. }), "{said}");
 }
 
+#[test]
+fn a_checkpoint_of_before_there_was_a_perceptual_loss_is_taken_up_and_one_of_another_version_is_not()
+ {
+    let (header, mut text, rest) = parts(&good().1);
+    assert_eq!(text["version"], 5, "as it is written now");
+    let photo = text["options"]["weights"].as_object_mut().expect("shares");
+    photo.remove("lpips").expect("it is written now");
+    let all = text.as_object_mut().expect("an object");
+    all.remove("perceptual").expect("it is written now");
+    for (version, sound) in [(3, false), (4, true), (6, false)] {
+        text["version"] = version.into();
+        let taken = resumed(&joined(header.clone(), &text, rest));
+        assert_eq!(taken.is_ok(), sound, "version {version}: {taken:?}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
@@ -135,6 +151,6 @@ proptest! {
 #[test]
 fn a_checkpoint_that_is_none_is_an_error() {
     assert!(resumed(b"").is_err(), "nothing");
-    let missing = Trainer::resume::<f64>(&good().0, Path::new("/nowhere/checkpoint"));
+    let missing = Trainer::resume::<f64>(&good().0, Path::new("/nowhere/checkpoint"), None);
     assert!(missing.is_err(), "no file");
 }

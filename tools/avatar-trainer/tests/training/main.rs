@@ -3,6 +3,7 @@
 mod broken;
 mod fuzzed;
 mod overfit;
+mod perceptual;
 mod repeated;
 mod studio;
 mod vulkan;

@@ -66,7 +66,7 @@ fn any_number_of_threads_and_an_interruption_give_the_same_bytes() {
         trainer.save(&path, &17.25).expect("written");
         drop(trainer);
         let note: f64;
-        (trainer, note) = Trainer::resume(&capture, &path).expect("taken up");
+        (trainer, note) = Trainer::resume(&capture, &path, None).expect("taken up");
         assert!((note - 17.25).abs() < 1e-12, "the note is kept");
         assert_eq!(trainer.steps(), u64::from(interrupted), "where it was");
         done = interrupted;

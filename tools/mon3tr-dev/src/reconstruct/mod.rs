@@ -13,8 +13,12 @@ use length::{Clock, Length, Note};
 use mon3tr::device_options::{DeviceOptions, describe, make_folder};
 use mon3tr::film::write_png;
 use mon3tr::network::Network;
+use perceptual_loss::Lpips;
 use progress_line::ProgressLine;
+use splat_gradient::error::GradientError;
+use splat_gradient::loss::PerceptualLoss;
 use splat_gradient_vulkan::VulkanSplatter;
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -49,6 +53,9 @@ pub(crate) struct Options {
     /// Correct each camera's colours: for real cameras, whose exposures differ
     #[arg(long)]
     colour_correction: bool,
+    /// Learn from LPIPS as well: a network as ONNX, the same file that eval avatar takes; with --resume, the one that the training was begun with
+    #[arg(long, value_name = "FILE.onnx")]
+    lpips: Option<PathBuf>,
     /// Leave a part out, to see what it is worth; may be given several times
     #[arg(long, value_name = "PART")]
     without: Vec<Part>,
@@ -107,11 +114,33 @@ impl Options {
     }
 }
 
+/// The network that judges pictures as well, where there is one.
+fn perceptual(
+    options: &Options,
+    device: &DeviceOptions,
+) -> anyhow::Result<Option<Box<dyn PerceptualLoss>>> {
+    let Some(path) = &options.lpips else {
+        return Ok(None);
+    };
+    let network = Lpips::open(path, &device.runtime()?, DeviceOptions::threads())?;
+    Ok(Some(Box::new(network)))
+}
+
 /// Of a training whose length nobody says, minutes.
 const DEFAULT_MINUTES: f64 = 60.0;
 
+/// Refuses options that would be of no effect.
+fn check(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
+    ensure!(
+        options.device == Device::Gpu || !device.names_gpu(),
+        "--gpu names a Vulkan device, but the CPU draws: add --device gpu, or leave --gpu out"
+    );
+    Ok(())
+}
+
 /// Runs `reconstruct`.
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
+    check(options, device)?;
     let capture = Capture::open(&options.capture)?;
     for note in capture.notes() {
         eprintln!("{note}");
@@ -120,9 +149,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     if let Some(folder) = options.out.parent().filter(|p| !p.as_os_str().is_empty()) {
         make_folder(folder)?;
     }
+    // Before the first avatar, which takes minutes.
+    let perceptual = perceptual(options, device)?;
     let checkpoint = options.work.join("checkpoint.safetensors");
     let (mut trainer, before) = if options.resume {
-        let (trainer, note) = Trainer::resume::<Note>(&capture, &checkpoint)?;
+        let (trainer, note) = Trainer::resume::<Note>(&capture, &checkpoint, perceptual)?;
         ensure!(
             note.length.is_possible(),
             "{} is damaged: its training was to be {:?} long",
@@ -148,7 +179,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                 poses: options.learns(Part::Poses),
             },
         };
-        (begin(&capture, first, options.training())?, None)
+        let mut trainer = begin(&capture, first, options.training())?;
+        if let Some(perceptual) = perceptual {
+            trainer.judge_with(perceptual)?;
+        }
+        (trainer, None)
     };
     let drawn_on = match options.device {
         Device::Cpu => CPU.to_owned(),
@@ -166,6 +201,10 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let outcome = train(&mut trainer, &mut clock, &files);
     // Whatever ended it, all that was learnt is kept.
     let saved = trainer.save(&checkpoint, &clock.note());
+    let outcome = match &saved {
+        Ok(()) => outcome.map_err(go_on_elsewhere),
+        Err(_) => outcome,
+    };
     let validation = both(outcome, saved.map_err(Into::into))?;
     println!(
         "{}: {:.2} dB PSNR within the masks of {} pictures that were {}, {} Gaussians, {} steps, {:.1} minutes, drawn on {drawn_on}",
@@ -209,6 +248,19 @@ fn draw_on_gpu(trainer: &mut Trainer<'_>, device: &DeviceOptions) -> String {
             CPU.to_owned()
         }
     }
+}
+
+/// Says how to go on where a device ended a training whose state is kept: it may have too little memory, which the CPU has.
+fn go_on_elsewhere(error: anyhow::Error) -> anyhow::Error {
+    let of_device = |cause: &(dyn Error + 'static)| {
+        matches!(cause.downcast_ref(), Some(GradientError::Device(_)))
+    };
+    if error.chain().any(of_device) {
+        return error.context(
+            "the Vulkan device ended the training; all that was learnt is kept, and --resume --device cpu goes on with it",
+        );
+    }
+    error
 }
 
 /// What came of the training, if its state could be kept as well. Where both failed, the first failure is what to mend.
@@ -286,6 +338,48 @@ fn show(validation: &Validation, path: &Path) -> anyhow::Result<()> {
 mod tests {
     use super::*;
     use anyhow::anyhow;
+    use avatar_trainer::TrainError;
+    use clap::Parser;
+
+    /// The options of `reconstruct`, as a command line has them.
+    #[derive(Debug, Parser)]
+    struct CommandLine {
+        #[command(flatten)]
+        options: Options,
+        #[command(flatten)]
+        device: DeviceOptions,
+    }
+
+    #[test]
+    fn a_vulkan_device_that_would_draw_nothing_is_refused() {
+        let checked = |more: &[&str]| {
+            let line = ["reconstruct", "capture", "-o", "me.m3a"]
+                .iter()
+                .chain(more);
+            let line = CommandLine::parse_from(line);
+            check(&line.options, &line.device)
+        };
+        let said = checked(&["--gpu", "lavapipe"]).expect_err("the CPU draws");
+        assert!(said.to_string().contains("add --device gpu"), "{said}");
+        assert!(checked(&[]).is_ok(), "the CPU draws");
+        let named = checked(&["--gpu", "lavapipe", "--device", "gpu"]);
+        assert!(named.is_ok(), "it draws");
+    }
+
+    #[test]
+    fn a_training_that_its_device_ended_says_how_to_go_on_and_others_do_not() {
+        let ended = |error: GradientError| {
+            let error = anyhow!(TrainError::from(error));
+            format!("{:#}", go_on_elsewhere(error))
+        };
+        let said = ended(GradientError::Device("out of memory".into()));
+        assert!(
+            said.contains("--resume --device cpu") && said.contains("out of memory"),
+            "{said}"
+        );
+        let said = ended(GradientError::View("a camera"));
+        assert!(!said.contains("--resume"), "{said}");
+    }
 
     #[test]
     fn what_ended_a_training_is_said_although_its_state_could_not_be_kept() {

@@ -11,7 +11,8 @@ use crate::pictures::Pair;
 use avatar_gradient::{CORRECTION, Derivatives, Parameters, PoseCorrection};
 use capture::HeldOut;
 use splat_gradient::View;
-use splat_gradient::loss::Target;
+use splat_gradient::error::GradientError;
+use splat_gradient::loss::{PerceptualLoss, Target};
 use synthetic_person::Random;
 
 const PAIR: Pair = Pair {
@@ -24,8 +25,40 @@ const STEPS: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
 /// Greatest error, as a share.
 const MOST: f64 = 0.1;
 
+/// The mean square of two pictures' differences: a perceptual loss whose derivatives can be written down.
+#[derive(Debug)]
+struct Squares;
+
+impl PerceptualLoss for Squares {
+    fn size(&self) -> [usize; 2] {
+        [40, 110]
+    }
+
+    fn identity(&self) -> &'static str {
+        "squares"
+    }
+
+    fn compare(
+        &mut self,
+        drawn: &[f32],
+        wanted: &[f32],
+        by_drawn: &mut [f32],
+    ) -> Result<f64, GradientError> {
+        let (mut sum, mean) = (0.0, 1.0 / drawn.len() as f32);
+        for (by, (drawn, wanted)) in by_drawn.iter_mut().zip(drawn.iter().zip(wanted)) {
+            let apart = drawn - wanted;
+            sum += f64::from(mean * apart * apart);
+            *by = 2.0 * mean * apart;
+        }
+        Ok(sum)
+    }
+}
+
 fn loss(trainer: &mut Trainer<'_>, target: &Target, view: &View) -> f64 {
-    trainer.compare(PAIR, target, view).expect("compared").loss
+    trainer
+        .compare(PAIR, true, target, view)
+        .expect("compared")
+        .loss
 }
 
 /// Demands that the loss changes along a gradient as the gradient's square says. `nudge` moves what is learnt by so much of the gradient.
@@ -76,7 +109,7 @@ fn derivatives(
     target: &Target,
     view: &View,
 ) -> (Parameters, PoseCorrection, Option<[f32; NUMBERS]>) {
-    let compared = trainer.compare(PAIR, target, view).expect("compared");
+    let compared = trainer.compare(PAIR, true, target, view).expect("compared");
     let mut gradients = Parameters::zeros(trainer.model.sizes());
     let by = Derivatives {
         gaussians: Some(&trainer.memory.by_gaussians),
@@ -103,13 +136,16 @@ fn the_pictures_loss_falls_as_its_derivatives_say_by_everything_that_is_learnt()
             bind: 0.0,
             scale: 0.0,
             guide: 0.0,
+            // So large that most of the loss is its own.
+            lpips: 0.75,
             ..Weights::default()
         },
         ..Options::default()
     };
     let mut trainer = Trainer::new(&capture, first, frames, options).expect("a training");
-    // Away from where F_attr is silent and colours are as they are.
-    for step in 0..40u8 {
+    trainer.judge_with(Box::new(Squares)).expect("at the start");
+    // Away from where F_attr is silent and colours are as they are, to a step that takes the perceptual loss.
+    for step in 0..42u8 {
         trainer.step(0.4 + f32::from(step) / 400.0).expect("a step");
     }
     let mut random = Random::new(3);

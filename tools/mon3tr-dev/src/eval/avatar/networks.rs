@@ -2,16 +2,9 @@
 
 use super::canvas::Canvas;
 use anyhow::{Context, bail, ensure};
-use npu_runtime::{Outputs, ProviderKind, Runtime, Session, TensorSpec};
-use onnx_schema::ValueInfo;
-use prost::Message;
+use npu_runtime::{Outputs, ProviderKind, Runtime, Session};
+use perceptual_loss::NetworkFile;
 use std::path::{Path, PathBuf};
-
-/// The largest network file, bytes.
-const MOST_BYTES: u64 = 1 << 30;
-
-/// The longest side of a network's input, pixels.
-const MOST_SIDE: usize = 4096;
 
 /// A network that takes pictures `[1, 3, height, width]`.
 #[derive(Debug)]
@@ -23,89 +16,20 @@ struct Network {
     size: [usize; 2],
 }
 
-/// A float tensor's name and static shape.
-fn spec(port: &ValueInfo) -> anyhow::Result<TensorSpec> {
-    let name = port.name.as_deref().unwrap_or_default();
-    let shape = (port.r#type.as_ref())
-        .and_then(|of| of.tensor_type.as_ref())
-        .and_then(|tensor| tensor.shape.as_ref())
-        .with_context(|| format!("`{name}` has no shape"))?;
-    let sides: Option<Vec<usize>> = (shape.dim.iter())
-        .map(|side| usize::try_from(side.dim_value?).ok().filter(|s| *s > 0))
-        .collect();
-    let sides = sides.with_context(|| {
-        format!(
-            "`{name}` has an open side: export the network with static shapes and one picture a run"
-        )
-    })?;
-    Ok(TensorSpec::new(name, &sides))
-}
-
 impl Network {
     /// Opens a network of so many inputs `[1, 3, height, width]` of one size, and one output.
     fn open(path: &Path, runtime: &Runtime, pictures: usize) -> anyhow::Result<Self> {
-        let read = || -> anyhow::Result<Vec<u8>> {
-            let size = std::fs::metadata(path)?.len();
-            ensure!(
-                size <= MOST_BYTES,
-                "it has {size} bytes; {MOST_BYTES} are the most"
-            );
-            Ok(std::fs::read(path)?)
-        };
-        let file = read().with_context(|| format!("cannot read the network {}", path.display()))?;
-        let open = || -> anyhow::Result<(Session, [usize; 2])> {
-            let graph = onnx_schema::Model::decode(&file[..])
-                .context("it is no ONNX file")?
-                .graph
-                .context("it has no graph")?;
-            // Older exports list stored weights among the inputs.
-            let stored = |port: &&ValueInfo| {
-                let stored = graph
-                    .initializer
-                    .iter()
-                    .any(|tensor| tensor.name == port.name);
-                !stored
-            };
-            let inputs: Vec<TensorSpec> =
-                (graph.input.iter().filter(stored).map(spec)).collect::<Result<_, _>>()?;
-            let outputs: Vec<TensorSpec> =
-                graph.output.iter().map(spec).collect::<Result<_, _>>()?;
-            let Some(first) = inputs.first() else {
-                bail!("it has no input");
-            };
-            let &[1, 3, height, width] = &first.shape[..] else {
-                bail!(
-                    "its input `{}` has the shape {:?}; [1, 3, height, width] is needed",
-                    first.name,
-                    first.shape
-                );
-            };
-            ensure!(
-                inputs.len() == pictures && inputs.iter().all(|input| input.shape == first.shape),
-                "{pictures} inputs of one shape are needed, not {}",
-                inputs.len()
-            );
-            ensure!(
-                height.max(width) <= MOST_SIDE,
-                "its input has {width} x {height} pixels; {MOST_SIDE} a side are the most"
-            );
-            ensure!(
-                outputs.len() == 1,
-                "one output is needed, not {}",
-                outputs.len()
-            );
-            let provider =
-                ProviderKind::Cpu.with_threads(mon3tr::device_options::DeviceOptions::threads());
-            let session = Session::new(runtime, &file, provider, &inputs, &outputs)?;
-            Ok((session, [width, height]))
-        };
+        let file = NetworkFile::read(path, pictures)?;
         let cannot = || format!("cannot use the network {}", path.display());
-        let (session, size) = open().with_context(cannot)?;
+        let provider =
+            ProviderKind::Cpu.with_threads(mon3tr::device_options::DeviceOptions::threads());
+        let session = Session::new(runtime, &file.onnx, provider, &file.inputs, &[file.output])
+            .with_context(cannot)?;
         Ok(Self {
-            path: path.to_owned(),
             outputs: session.outputs().with_context(cannot)?,
+            path: file.path,
             session,
-            size,
+            size: file.size,
         })
     }
 
@@ -180,5 +104,43 @@ impl Features {
     /// The features of a picture's `part`.
     pub(super) fn of(&mut self, picture: &Canvas, part: [usize; 4]) -> anyhow::Result<Vec<f32>> {
         Ok(self.0.run(&[picture], part, |value| value)?.to_vec())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use perceptual_loss::Lpips as Loss;
+    use splat_gradient::loss::PerceptualLoss;
+    use test_support::{lpips, onnx};
+
+    #[test]
+    fn the_file_that_a_training_takes_gives_the_same_distance_here() {
+        let Some(runtime) = onnx::runtime() else {
+            return;
+        };
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("lpips.onnx");
+        let net = lpips::alexnet(17, 64, [6, 8, 8, 6, 6]);
+        std::fs::write(&path, net.file()).expect("written");
+        let mut rng = fastrand::Rng::with_seed(3);
+        let canvases = [(); 2].map(|()| {
+            let pixels = (0..64 * 64).map(|_| [(); 3].map(|()| rng.f32())).collect();
+            Canvas::new(64, pixels)
+        });
+        let planes = canvases.each_ref().map(|canvas| -> Vec<f32> {
+            let planes = [0, 1, 2].map(|channel| canvas.pixels.iter().map(move |p| p[channel]));
+            planes.into_iter().flatten().collect()
+        });
+        let mut loss = Loss::open(&path, &runtime, 1).expect("a network");
+        let mut unused = vec![0.0; planes[0].len()];
+        let expected = (loss.compare(&planes[0], &planes[1], &mut unused)).expect("compared");
+        let mut judge = Lpips::open(&path, &runtime).expect("the same");
+        let [a, b] = &canvases;
+        let found = judge.distance(a, b, [0, 0, 64, 64]).expect("compared");
+        assert!(found > 0.0, "they differ");
+        assert!((found / expected - 1.0).abs() < 1e-6, "{found}, {expected}");
+        let features = Features::open(&path, &runtime).expect_err("it takes two pictures");
+        assert!(format!("{features:#}").contains("1 inputs"), "{features:#}");
     }
 }
