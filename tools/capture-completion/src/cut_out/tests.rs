@@ -2,6 +2,7 @@ use super::*;
 use crate::plate::PlateBuilder;
 
 const SIZE: [usize; 2] = [360, 180];
+const SIDES: [u32; 2] = [360, 180];
 const GRAIN: f32 = 4.0;
 
 /// A noise of -1..=1 that differs from pixel to pixel.
@@ -62,7 +63,7 @@ fn picture(frame: usize) -> Photograph {
     };
     let pixels = 0..SIZE[0] * SIZE[1];
     Photograph {
-        size: SIZE.map(|side| side as u32),
+        size: SIDES,
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -77,7 +78,7 @@ fn picture(frame: usize) -> Photograph {
 }
 
 fn plate(frames: usize) -> Plate {
-    let mut builder = PlateBuilder::new(SIZE.map(|side| side as u32), frames);
+    let mut builder = PlateBuilder::new(SIDES, frames);
     for frame in 0..frames {
         builder.add(frame, &picture(frame), GRAIN);
     }
