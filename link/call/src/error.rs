@@ -1,5 +1,6 @@
 //! The errors of a call.
 
+use crate::plan::Relay;
 use link_http::HttpError;
 use link_protocol::ProtocolError;
 
@@ -16,11 +17,15 @@ pub enum CallError {
     /// The WebRTC library made no description of a connection.
     #[error("WebRTC made no description of the connection")]
     NoDescription,
-    /// Offer and answer were exchanged, but no channel opened.
-    #[error(
-        "no connection could be made: sender and viewer must reach each other over UDP, with no NAT or firewall between them"
-    )]
+    /// The server or the sender did not answer in time, or the connection ended before it was open.
+    #[error("no connection could be made in time")]
     NotConnected,
+    /// Offer and answer were exchanged, but no packets pass between the two sides.
+    #[error("no connection could be made: {}", no_way(relay.as_ref()))]
+    NoWay {
+        /// The relay that this side had.
+        relay: Option<Relay>,
+    },
     /// The sender is not in its room.
     #[error("the sender is not in the room now")]
     SenderAbsent,
@@ -30,6 +35,18 @@ pub enum CallError {
     /// A task panicked.
     #[error("a task of the call failed")]
     Task(#[from] tokio::task::JoinError),
+}
+
+/// What was tried, and what to do.
+fn no_way(relay: Option<&Relay>) -> String {
+    match relay {
+        Some(relay) => format!(
+            "neither directly nor relayed by {relay}; is the other side's network up, and does it let packets through to that server?"
+        ),
+        None => "a NAT or firewall lets nothing through between sender and viewer, and the server offers no relay that answers; \
+                 its operator can start it with --turn"
+            .to_owned(),
+    }
 }
 
 impl CallError {

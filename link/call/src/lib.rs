@@ -33,21 +33,25 @@
 //! # }
 //! ```
 
+mod addresses;
 mod error;
+pub mod path;
 mod peer;
+mod plan;
 pub mod sender;
 mod session;
+mod tunnel;
 pub mod viewer;
 mod voice_track;
 
 pub use error::CallError;
+pub use path::Path;
+pub use plan::{Relay, RelayTransport};
 pub use sender::Sender;
 pub use viewer::{CallEvent, Viewer};
 
 use link_protocol::data_channel::Message;
-use link_protocol::room_link::ServerUrl;
 use peer::{Peer, PeerEvent, SendOutcome};
-use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 use tokio::sync::watch;
 
@@ -89,16 +93,6 @@ async fn answer_bye(peer: &Peer, session: u32) {
     Message::Bye.write(session, &mut bye);
     peer.try_send(&bye).await;
     tokio::time::sleep(BETWEEN_BYES).await;
-}
-
-/// The addresses that a connection binds: every network of this machine, and its loopback if the server is reached by it, because then both
-/// ends may be on this machine.
-fn local_addresses(server: &ServerUrl) -> Vec<SocketAddr> {
-    let mut addresses = vec![SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0))];
-    if server.is_loopback() {
-        addresses.push((Ipv4Addr::LOCALHOST, 0).into());
-    }
-    addresses
 }
 
 /// Waits until the flag is set or its owner is dropped.

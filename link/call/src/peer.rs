@@ -1,5 +1,7 @@
 //! One WebRTC connection with its two data channels and the voice's track. This file and `voice_track.rs` alone use the `webrtc` crate.
 
+use crate::path::{CandidateKind, Path, PathEnd};
+use crate::plan::{Plan, Relay};
 use crate::voice_track::{self, OutgoingVoice, VoicePacket};
 use crate::{CallError, is_set};
 use bytes::{Bytes, BytesMut};
@@ -7,6 +9,7 @@ use link_protocol::announcement::ChannelMode;
 use link_protocol::data_channel::{Channel, FEEDBACK_CHANNEL, MOTION_CHANNEL, SUBPROTOCOL};
 use link_protocol::limits::MAX_MESSAGE_BYTES;
 use rtc::ice::mdns::MulticastDnsMode;
+use rtc::mdns::MulticastSocket;
 use rtc::peer_connection::transport::RTCDtlsRole;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,8 +20,8 @@ use webrtc::error::Error;
 use webrtc::media_stream::track_remote::{TrackRemote, TrackRemoteEvent};
 use webrtc::peer_connection::{
     CipherSuiteId, PeerConnection, PeerConnectionBuilder, PeerConnectionEventHandler,
-    RTCConfigurationBuilder, RTCIceGatheringState, RTCPeerConnectionState, RTCSessionDescription,
-    SettingEngineBuilder,
+    RTCConfigurationBuilder, RTCIceCandidateType, RTCIceGatheringState, RTCIceServer,
+    RTCPeerConnectionIceEvent, RTCPeerConnectionState, RTCSessionDescription, SettingEngineBuilder,
 };
 
 /// Bytes that may wait to be sent: some eight motion frames. The default, no limit, would let seconds of old motion wait before the
@@ -43,8 +46,15 @@ const CIPHERS: [CipherSuiteId; 2] = [
     CipherSuiteId::Tls_Ecdhe_Ecdsa_With_Aes_128_Gcm_Sha256,
 ];
 
-/// Candidates are this machine's own addresses, so gathering takes milliseconds.
+/// How long servers may take to tell this side's addresses, or to lend it one; what a server tells of one of this machine's addresses, it
+/// tells of all of them that lead anywhere within the shorter time.
 const GATHER_TIMEOUT: Duration = Duration::from_secs(2);
+const GATHER_REST: Duration = Duration::from_millis(200);
+
+/// How long the side that chooses waits for a better path than one through a NAT, and one by a relay: a direct one is found in the time of
+/// two round trips.
+const NAT_WAIT: Duration = Duration::from_millis(200);
+const RELAY_WAIT: Duration = Duration::from_millis(600);
 
 /// What happens on a connection.
 #[derive(Debug)]
@@ -79,7 +89,18 @@ pub(crate) struct Peer {
     voice: Option<OutgoingVoice>,
     events: mpsc::Receiver<PeerEvent>,
     heard: mpsc::Receiver<VoicePacket>,
-    gathered: mpsc::Receiver<()>,
+    gathered: watch::Receiver<Gathered>,
+    /// The relay among its servers.
+    relay: Option<Relay>,
+}
+
+/// How far the search for this side's addresses is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Gathered {
+    /// There is an address as a server sees it; one that a server lends.
+    reflexive: bool,
+    lent: bool,
+    complete: bool,
 }
 
 impl std::fmt::Debug for Peer {
@@ -91,7 +112,7 @@ impl std::fmt::Debug for Peer {
 /// Receives the callbacks of the connection's driver. Never waits, because it runs in the driver's own task.
 struct Handler {
     failed: watch::Sender<bool>,
-    gathered: mpsc::Sender<()>,
+    gathered: watch::Sender<Gathered>,
     /// Where the other side's voice goes: of the side that asked for one, until its track is there.
     voice: Mutex<Option<mpsc::Sender<VoicePacket>>>,
 }
@@ -100,8 +121,18 @@ struct Handler {
 impl PeerConnectionEventHandler for Handler {
     async fn on_ice_gathering_state_change(&self, state: RTCIceGatheringState) {
         if state == RTCIceGatheringState::Complete {
-            let _ = self.gathered.try_send(());
+            self.gathered
+                .send_modify(|gathered| gathered.complete = true);
         }
+    }
+
+    async fn on_ice_candidate(&self, event: RTCPeerConnectionIceEvent) {
+        self.gathered
+            .send_modify(|gathered| match event.candidate.typ {
+                RTCIceCandidateType::Srflx => gathered.reflexive = true,
+                RTCIceCandidateType::Relay => gathered.lent = true,
+                _ => {}
+            });
     }
 
     async fn on_connection_state_change(&self, state: RTCPeerConnectionState) {
@@ -127,12 +158,10 @@ impl PeerConnectionEventHandler for Handler {
 }
 
 impl Peer {
-    /// Begins a call as a viewer: returns the offer with all candidates. `local` are the addresses to bind.
-    pub(crate) async fn offer(
-        local: Vec<SocketAddr>,
-        mode: ChannelMode,
-    ) -> Result<(Self, String), CallError> {
-        let mut peer = Self::new(local, mode, FEEDBACK_CHANNEL, MOTION_CHANNEL).await?;
+    /// Begins a call as a viewer: returns the offer with all candidates.
+    pub(crate) async fn offer(plan: Plan, mode: ChannelMode) -> Result<(Self, String), CallError> {
+        let mdns = MulticastDnsMode::Disabled;
+        let mut peer = Self::new(plan, mode, FEEDBACK_CHANNEL, MOTION_CHANNEL, mdns).await?;
         voice_track::ask_for(&peer.connection).await?;
         let offer = peer.connection.create_offer(None).await?;
         let sdp = peer.describe(offer).await?;
@@ -141,11 +170,12 @@ impl Peer {
 
     /// Answers an offer as a sender.
     pub(crate) async fn answer(
-        local: Vec<SocketAddr>,
+        plan: Plan,
         mode: ChannelMode,
         offer: String,
     ) -> Result<(Self, String), CallError> {
-        let mut peer = Self::new(local, mode, MOTION_CHANNEL, FEEDBACK_CHANNEL).await?;
+        let mdns = mdns_for(&offer);
+        let mut peer = Self::new(plan, mode, MOTION_CHANNEL, FEEDBACK_CHANNEL, mdns).await?;
         let voice = voice_track::asked_for(&offer);
         let offer = RTCSessionDescription::offer(offer)?;
         peer.connection.set_remote_description(offer).await?;
@@ -167,36 +197,49 @@ impl Peer {
     }
 
     async fn new(
-        local: Vec<SocketAddr>,
+        plan: Plan,
         mode: ChannelMode,
         outgoing: Channel,
         incoming: Channel,
+        mdns: MulticastDnsMode,
     ) -> Result<Self, CallError> {
         let [disconnected, failed, keep_alive] = ICE_TIMEOUTS.map(Some);
         let settings = SettingEngineBuilder::new()
-            // It needs port 5353, and a `.local` name is of no use on another network.
-            .with_multicast_dns_mode(MulticastDnsMode::Disabled)
+            .with_multicast_dns_mode(mdns)
             .with_ice_timeouts(disconnected, failed, keep_alive)
             .with_dtls_cipher_suites(CIPHERS.to_vec())
             .with_host_acceptance_min_wait(None)
+            .with_srflx_acceptance_min_wait(Some(NAT_WAIT))
+            .with_prflx_acceptance_min_wait(Some(NAT_WAIT))
+            .with_relay_acceptance_min_wait(Some(RELAY_WAIT))
             // In this library the DTLS client starts SCTP, in others (aiortc) the offering side does. With the answering side as DTLS
             // server, the viewer is both.
             .with_answering_dtls_role(RTCDtlsRole::Server)
             .build();
         let (fail, failed) = watch::channel(false);
-        let (gathered_now, gathered) = mpsc::channel(1);
+        let (gather, gathered) = watch::channel(Gathered::default());
+        let servers: Vec<RTCIceServer> = plan
+            .servers
+            .into_iter()
+            .map(|server| RTCIceServer {
+                urls: server.urls,
+                username: server.username.unwrap_or_default(),
+                credential: server.credential.unwrap_or_default(),
+            })
+            .collect();
+        let configuration = RTCConfigurationBuilder::new().with_ice_servers(servers);
         let (events, received) = mpsc::channel(MAX_WAITING);
         let (hear, heard) = mpsc::channel(MAX_VOICE_WAITING);
         let connection = PeerConnectionBuilder::new()
-            .with_configuration(RTCConfigurationBuilder::new().build())
+            .with_configuration(configuration.build())
             .with_setting_engine(settings)
             .with_media_engine(voice_track::media_engine()?)
             .with_handler(Arc::new(Handler {
                 failed: fail,
-                gathered: gathered_now,
+                gathered: gather,
                 voice: Mutex::new((incoming == MOTION_CHANNEL).then_some(hear)),
             }))
-            .with_udp_addrs(local)
+            .with_udp_addrs(plan.local)
             .with_data_channel_send_buffer_limit(SEND_BUFFER)
             .build()
             .await?;
@@ -211,6 +254,7 @@ impl Peer {
             events: received,
             heard,
             gathered,
+            relay: plan.relay,
         })
     }
 
@@ -218,7 +262,16 @@ impl Peer {
     async fn describe(&mut self, description: RTCSessionDescription) -> Result<String, CallError> {
         self.connection.set_local_description(description).await?;
         // After the timeout the candidates gathered so far are offered.
-        let _ = tokio::time::timeout(GATHER_TIMEOUT, self.gathered.recv()).await;
+        let (relay, mut gathered) = (self.relay.is_some(), self.gathered.clone());
+        let enough = async {
+            let first = |it: &Gathered| it.complete || it.lent || (it.reflexive && !relay);
+            let found = gathered.wait_for(first).await.is_ok_and(|it| it.complete);
+            if !found {
+                let rest = gathered.wait_for(|it| it.complete);
+                let _ = tokio::time::timeout(GATHER_REST, rest).await;
+            }
+        };
+        let _ = tokio::time::timeout(GATHER_TIMEOUT, enough).await;
         let description = self.connection.local_description().await;
         Ok(description.ok_or(CallError::NoDescription)?.sdp)
     }
@@ -232,6 +285,34 @@ impl Peer {
                 PeerEvent::Message(_) | PeerEvent::Voice(_) => {}
             }
         }
+    }
+
+    /// The way that the connection takes; nothing before it is open.
+    pub(crate) async fn path(&self) -> Option<Path> {
+        let transport = self.connection.sctp().await?.transport().ice_transport();
+        let pair = transport.get_selected_candidate_pair().await.ok()??;
+        let [local, remote] = [pair.local(), pair.remote()].map(|candidate| {
+            let kind = match candidate.typ {
+                RTCIceCandidateType::Srflx => CandidateKind::ServerReflexive,
+                RTCIceCandidateType::Prflx => CandidateKind::PeerReflexive,
+                RTCIceCandidateType::Relay => CandidateKind::Relay,
+                _ => CandidateKind::Host,
+            };
+            let ip = candidate.address.parse().ok()?;
+            let address = SocketAddr::new(ip, candidate.port);
+            Some(PathEnd { kind, address })
+        });
+        let local = local?;
+        // A host's own address has no other beneath it.
+        let base = pair.local().related_address.parse();
+        let relay = self.relay.clone();
+        Some(Path {
+            local,
+            remote: remote?,
+            base: base.unwrap_or(local.address.ip()),
+            relay_offered: relay.is_some(),
+            relay: relay.filter(|_| local.kind == CandidateKind::Relay),
+        })
     }
 
     /// The next event. After [`PeerEvent::Closed`] there is nothing more.
@@ -279,6 +360,19 @@ impl Drop for Peer {
         if let Ok(runtime) = tokio::runtime::Handle::try_current() {
             runtime.spawn(async move { connection.close().await });
         }
+    }
+}
+
+/// Whether names of a browser that hides its addresses behind `.local` are to be looked up. That needs the port of multicast DNS, which a
+/// bare network may not have, and is of no use where the other side has no such name.
+fn mdns_for(offer: &str) -> MulticastDnsMode {
+    let named = offer
+        .lines()
+        .any(|line| line.starts_with("a=candidate:") && line.contains(".local "));
+    if named && MulticastSocket::new().into_std().is_ok() {
+        MulticastDnsMode::QueryOnly
+    } else {
+        MulticastDnsMode::Disabled
     }
 }
 
@@ -367,9 +461,95 @@ async fn listen_to_voice(track: Arc<dyn TrackRemote>, voice: mpsc::Sender<VoiceP
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::{Planner, RelayTransport};
+    use link_protocol::IceServers;
+    use link_protocol::ice::IceServer;
+    use std::net::UdpSocket;
 
-    fn loopback() -> Vec<SocketAddr> {
-        vec![([127, 0, 0, 1], 0).into()]
+    fn loopback() -> Plan {
+        Plan {
+            local: vec![([127, 0, 0, 1], 0).into()],
+            ..Plan::default()
+        }
+    }
+
+    /// A description with the candidates of one kind only.
+    fn only(kind: &str, sdp: &str) -> String {
+        sdp.lines()
+            .filter(|line| !line.starts_with("a=candidate:") || line.contains(kind))
+            .map(|line| format!("{line}\r\n"))
+            .collect()
+    }
+
+    #[tokio::test]
+    async fn two_peers_with_no_other_way_are_relayed_over_udp_and_over_tcp() {
+        let key = turn_server::Key::new([5; 32]);
+        let listen = ([127, 0, 0, 1], 0).into();
+        let server = turn_server::TurnServer::start(turn_server::Config::new(listen, key.clone()))
+            .expect("a relay");
+        let issued = key.issue("room", 4_000_000_000);
+        let here = "http://127.0.0.1:1".parse().expect("an address");
+        // To a port where nothing listens UDP is as good as blocked.
+        let nowhere = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+        for (transport, udp) in [
+            (RelayTransport::Udp, server.address()),
+            (
+                RelayTransport::Tcp,
+                nowhere.local_addr().expect("an address"),
+            ),
+        ] {
+            let servers = IceServers::try_from(vec![IceServer {
+                urls: vec![
+                    format!("turn:{udp}?transport=udp"),
+                    format!("turn:{}?transport=tcp", server.address()),
+                ],
+                username: Some(issued.username.clone()),
+                credential: Some(issued.password.clone()),
+            }]);
+            let planner = Planner::default();
+            let plan = planner.plan(&here, &servers.expect("servers")).await;
+            let relay = plan.relay.clone().expect("a relay");
+            assert_eq!(relay.transport, transport, "as far as UDP leads");
+            let mode = ChannelMode::Unreliable;
+            let (mut viewer, offer) = Peer::offer(plan.clone(), mode).await.expect("an offer");
+            let offer = only("typ relay", &offer);
+            assert!(offer.contains("typ relay"), "{offer}");
+            let (mut sender, answer) = Peer::answer(plan, mode, offer).await.expect("an answer");
+            let answer = only("typ relay", &answer);
+            viewer.accept(answer).await.expect("a good answer");
+            for peer in [&mut viewer, &mut sender] {
+                peer.opened().await.expect("an open channel");
+                let path = peer.path().await.expect("a path");
+                assert!(path.is_relayed(), "{path:?}");
+                assert_eq!(path.relay, Some(relay.clone()), "{path:?}");
+                assert!(!path.is_cut(), "{path:?}");
+            }
+            sender.try_send(b"motion").await;
+            let message = viewer.next().await;
+            assert!(
+                matches!(&message, PeerEvent::Message(bytes) if bytes[..] == *b"motion"),
+                "{message:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn only_a_browser_that_hides_its_addresses_has_them_looked_up() {
+        let candidate = |address: &str| {
+            format!("v=0\r\na=candidate:1 1 udp 2113937151 {address} 5000 typ host\r\n")
+        };
+        assert_eq!(
+            mdns_for(&candidate("192.168.1.2")),
+            MulticastDnsMode::Disabled,
+            "an address"
+        );
+        let hidden = mdns_for(&candidate("0f5f33ad-68fd-4d2f-9ec2-6b0fc5c3ba0f.local"));
+        let possible = MulticastSocket::new().into_std().is_ok();
+        assert_eq!(
+            hidden == MulticastDnsMode::QueryOnly,
+            possible,
+            "{hidden:?}"
+        );
     }
 
     #[tokio::test]

@@ -2,8 +2,10 @@
 //!
 //! Each viewer has a task, a connection and an encoder of its own, so that a viewer's bad network does not affect the others.
 
+use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
-use crate::{Backoff, CallError, answer_bye, is_set, local_addresses, send_bye};
+use crate::plan::Planner;
+use crate::{Backoff, CallError, addresses, answer_bye, is_set, send_bye};
 use link_codec::{Codec, Encoder, Micros, MotionFrame};
 use link_http::presence::Presence;
 use link_http::{Client, HttpError};
@@ -11,13 +13,13 @@ use link_playout::Clock;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::data_channel::{Message, Pong};
 use link_protocol::presence::PresenceEvent;
-use link_protocol::{Announcement, Name, RoomLink};
+use link_protocol::{Announcement, IceServers, Name, RoomLink};
 use link_voice::{Voice, timestamp};
 use serde::Serialize;
 use spmm3::MotionParams;
 use std::collections::HashMap;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{broadcast, watch};
 use tokio::task::JoinSet;
@@ -46,7 +48,7 @@ pub struct Sender {
 }
 
 /// What has been sent so far, to all viewers together.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct SenderStatistics {
     /// Frames captured.
     pub captured: u32,
@@ -68,10 +70,13 @@ pub struct SenderStatistics {
     pub voice_sent: u64,
     /// Bytes of the same, without any header.
     pub voice_bytes: u64,
+    /// The ways that the last viewers' connections took, the newest last.
+    pub paths: Vec<Path>,
 }
 
 #[derive(Debug, Default)]
 struct Counts {
+    paths: Mutex<Vec<Path>>,
     viewers: AtomicUsize,
     joined: AtomicU64,
     sent: AtomicU64,
@@ -83,10 +88,27 @@ struct Counts {
     voice_bytes: AtomicU64,
 }
 
+impl Counts {
+    fn paths(&self) -> MutexGuard<'_, Vec<Path>> {
+        self.paths.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn took(&self, path: Path) {
+        let mut paths = self.paths();
+        if paths.len() >= MAX_VIEWERS {
+            paths.remove(0);
+        }
+        paths.push(path);
+    }
+}
+
 /// What the tasks share.
 #[derive(Debug, Clone)]
 struct Shared {
     client: Client,
+    planner: Planner,
+    /// What the server told last.
+    ice_servers: IceServers,
     room: RoomLink,
     codec: Codec,
     channel: ChannelMode,
@@ -116,6 +138,8 @@ impl Sender {
         let counts = Arc::<Counts>::default();
         let shared = Shared {
             client,
+            planner: Planner::default(),
+            ice_servers: IceServers::default(),
             room,
             codec: announcement.codec,
             channel: announcement.channel,
@@ -167,6 +191,7 @@ impl Sender {
             encode_ns: counts.encode_ns.load(Relaxed),
             voice_sent: counts.voice_sent.load(Relaxed),
             voice_bytes: counts.voice_bytes.load(Relaxed),
+            paths: counts.paths().clone(),
         }
     }
 
@@ -185,15 +210,27 @@ impl Sender {
 }
 
 /// Keeps up the presence and starts a task for every viewer's offer.
-async fn answer_viewers(shared: Shared, announcement: Announcement, presence: Presence) {
+async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence: Presence) {
     let mut stop = shared.stop.clone();
     let mut presence = Some(presence);
     let mut viewers = JoinSet::new();
     let mut leaving: HashMap<Name, watch::Sender<bool>> = HashMap::new();
     let mut backoff = Backoff::default();
+    let mut here = addresses::Watch::begin();
     loop {
         let event = tokio::select! {
             () = is_set(&mut stop) => break,
+            () = here.lost() => {
+                // The stream may have begun at an address that is gone, and would be silent for long: a new one replaces it.
+                log::info!("this machine's address has changed: entering the room again");
+                match shared.client.with_new_connections() {
+                    Ok(client) => shared.client = client,
+                    Err(error) => log::debug!("the client keeps its connections: {error}"),
+                }
+                presence = None;
+                backoff.reset();
+                continue;
+            }
             event = next_event(&shared, &announcement, &mut presence, &mut backoff) => event,
             Some(_) = viewers.join_next(), if !viewers.is_empty() => {
                 leaving.retain(|_, leave| !leave.is_closed());
@@ -215,6 +252,7 @@ async fn answer_viewers(shared: Shared, announcement: Announcement, presence: Pr
                     }
                 });
             }
+            PresenceEvent::IceServers(servers) => shared.ice_servers = servers,
             PresenceEvent::Leave { session } => {
                 if let Some(leave) = leaving.remove(&session) {
                     leave.send_replace(true);
@@ -278,8 +316,10 @@ async fn serve_viewer(
     offer: String,
     mut left: watch::Receiver<bool>,
 ) -> Result<(), CallError> {
-    let local = local_addresses(shared.room.server());
-    let (mut peer, answer) = Peer::answer(local, shared.channel, offer).await?;
+    let server = shared.room.server();
+    let plan = shared.planner.plan(server, &shared.ice_servers).await;
+    let relay = plan.relay.clone();
+    let (mut peer, answer) = Peer::answer(plan, shared.channel, offer).await?;
     // The viewer's first feedback has the session's number.
     let introduced = timeout(OPEN_TIMEOUT, async {
         shared.client.answer(&shared.room, session, &answer).await?;
@@ -298,7 +338,7 @@ async fn serve_viewer(
     });
     let mut stop = shared.stop.clone();
     let session = tokio::select! {
-        session = introduced => session.map_err(|_| CallError::NotConnected)??,
+        session = introduced => session.map_err(|_| CallError::NoWay { relay })??,
         () = is_set(&mut left) => return Ok(()),
         () = is_set(&mut stop) => return Ok(()),
     };
@@ -307,7 +347,14 @@ async fn serve_viewer(
     let counts = Arc::clone(&shared.counts);
     counts.viewers.fetch_add(1, Relaxed);
     counts.joined.fetch_add(1, Relaxed);
-    log::info!("a viewer has joined (session {session:08x})");
+    let path = peer.path().await;
+    log::info!(
+        "a viewer has joined (session {session:08x}): {}",
+        Path::told(path.as_ref())
+    );
+    if let Some(path) = path {
+        counts.took(path);
+    }
     let why = send_motion(&mut shared, before, &mut peer, session, &mut left).await;
     counts.viewers.fetch_sub(1, Relaxed);
     log::info!("a viewer has left (session {session:08x}): {why}");

@@ -1,7 +1,9 @@
 //! A viewer's connection while it is open, and the feedback that it gives.
 
+use crate::CallError;
+use crate::path::Path;
 use crate::peer::Peer;
-use crate::{CallError, local_addresses};
+use crate::plan::Plan;
 use link_codec::{Decoder, Micros};
 use link_http::Client;
 use link_playout::Clock;
@@ -9,7 +11,7 @@ use link_playout::clock::ClockOffset;
 use link_protocol::data_channel::{Feedback, Message};
 use link_protocol::{Announcement, Name, RoomLink};
 use std::time::Duration;
-use tokio::time::Instant;
+use tokio::time::{Instant, timeout};
 
 /// Silence of the sender after which every feedback asks for a pong.
 const QUIET: Duration = Duration::from_millis(300);
@@ -28,6 +30,8 @@ const FIRST_PINGS: u32 = 10;
 #[derive(Debug)]
 pub(crate) struct Session {
     pub(crate) peer: Peer,
+    /// The way that it takes.
+    pub(crate) path: Option<Path>,
     /// The session's number in messages.
     pub(crate) id: u32,
     /// The session's name on the server.
@@ -46,22 +50,31 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    /// Offers a connection, takes the answer and waits for the open channel.
+    /// Offers a connection, takes the answer and waits for the open channel, for `limit` at most.
     pub(crate) async fn open(
         client: &Client,
         room: &RoomLink,
         announcement: &Announcement,
+        plan: Plan,
         clock: Clock,
+        limit: Duration,
     ) -> Result<Self, CallError> {
         let id = getrandom::u32()?;
-        let local = local_addresses(room.server());
-        let (mut peer, offer) = Peer::offer(local, announcement.channel).await?;
-        let answer = client.offer(room, &offer).await?;
+        let relay = plan.relay.clone();
+        let (mut peer, offer) = Peer::offer(plan, announcement.channel).await?;
+        let answer = timeout(limit, client.offer(room, &offer)).await;
+        let answer = answer.map_err(|_| CallError::NotConnected)??;
         peer.accept(answer.sdp).await?;
-        peer.opened().await?;
+        match timeout(limit, peer.opened()).await {
+            Ok(Ok(())) => {}
+            Ok(Err(CallError::NotConnected)) | Err(_) => return Err(CallError::NoWay { relay }),
+            Ok(Err(error)) => return Err(error),
+        }
+        let path = peer.path().await;
         let now = Instant::now();
         let mut session = Self {
             peer,
+            path,
             id,
             name: answer.session,
             decoder: Decoder::new(id),

@@ -1,9 +1,11 @@
 //! The receiving side of a call: joins a room and hands over what arrives, through outages and restarts, until either side hangs up.
 
+use crate::path::Path;
 use crate::peer::PeerEvent;
+use crate::plan::Planner;
 use crate::session::Session;
 use crate::voice_track::VoicePacket;
-use crate::{Backoff, CallError, answer_bye, is_set, send_bye};
+use crate::{Backoff, CallError, addresses, answer_bye, is_set, send_bye};
 use link_codec::decode_error::DecodeErrorCounts;
 use link_codec::{Micros, MotionFrame};
 use link_http::Client;
@@ -88,6 +90,8 @@ pub struct ViewerStatistics {
     pub clock_offset_us: Option<i64>,
     /// Shortest round trip of the last 16 s, microseconds.
     pub round_trip_us: Option<u64>,
+    /// The way that the last connection took.
+    pub path: Option<Path>,
 }
 
 /// A viewer's place in a room.
@@ -111,6 +115,7 @@ impl Viewer {
         let statistics = Arc::<Mutex<ViewerStatistics>>::default();
         let call = Call {
             client,
+            planner: Planner::default(),
             room,
             clock,
             voice,
@@ -158,6 +163,7 @@ impl Viewer {
 #[derive(Debug)]
 struct Call {
     client: Client,
+    planner: Planner,
     room: RoomLink,
     clock: Clock,
     voice: VoiceQueue,
@@ -176,6 +182,8 @@ enum Turn {
     Event(PeerEvent),
     Joined(Result<Box<(Announcement, Session)>, CallError>),
     Tick,
+    /// This machine has lost an address.
+    Moved,
     Stop,
 }
 
@@ -185,10 +193,12 @@ impl Call {
         let mut joining: Option<Joining> = Some(self.start_joining(Duration::ZERO));
         let mut backoff = Backoff::default();
         let mut out = Vec::with_capacity(64);
+        let mut here = addresses::Watch::begin();
         let mut ticks = interval(TICK);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
-            match self.turn(&mut current, &mut joining, &mut ticks).await {
+            let turn = self.turn(&mut current, &mut joining, &mut ticks, &mut here);
+            match turn.await {
                 Turn::Event(PeerEvent::Message(bytes)) => {
                     let Some(session) = &mut current else {
                         continue;
@@ -224,10 +234,18 @@ impl Call {
                 Turn::Joined(Ok(joined)) => {
                     let (announcement, session) = *joined;
                     joining = None;
-                    log::info!("joined (session {:08x})", session.id);
+                    let path = session.path.clone();
+                    log::info!(
+                        "joined (session {:08x}): {}",
+                        session.id,
+                        Path::told(path.as_ref())
+                    );
                     current = Some(session);
                     self.announce(announcement);
-                    self.with_statistics(|s| s.sessions += 1);
+                    self.with_statistics(|s| {
+                        s.sessions += 1;
+                        s.path = path;
+                    });
                     self.voice.begin_connection();
                     self.emit(CallEvent::Joined);
                 }
@@ -237,7 +255,11 @@ impl Call {
                     break;
                 }
                 Turn::Joined(Err(error)) => {
-                    log::debug!("not joined yet: {error}");
+                    match error {
+                        // Trying again may help, and so may who reads this.
+                        CallError::NoWay { .. } if current.is_none() => log::warn!("{error}"),
+                        _ => log::debug!("not joined yet: {error}"),
+                    }
                     joining = Some(self.start_joining(backoff.next()));
                 }
                 Turn::Tick => {
@@ -249,6 +271,18 @@ impl Call {
                         joining = Some(self.start_joining(Duration::ZERO));
                     }
                     session.send_feedback(self.clock, &mut out).await;
+                }
+                Turn::Moved => {
+                    // Connections to the server that began at an address which is gone lead nowhere.
+                    self.renew_client();
+                    let path = current.as_ref().and_then(|session| session.path.as_ref());
+                    if path.is_some_and(Path::is_cut) {
+                        log::warn!("this machine's address has changed: connecting again");
+                        if let Some(stale) = joining.take() {
+                            stale.abort();
+                        }
+                        joining = Some(self.start_joining(Duration::ZERO));
+                    }
                 }
                 Turn::Stop => break,
             }
@@ -280,6 +314,7 @@ impl Call {
         current: &mut Option<Session>,
         joining: &mut Option<Joining>,
         ticks: &mut tokio::time::Interval,
+        here: &mut addresses::Watch,
     ) -> Turn {
         let event = async {
             match current {
@@ -298,11 +333,20 @@ impl Call {
             event = event => Turn::Event(event),
             joined = joined => Turn::Joined(joined.unwrap_or_else(|error| Err(error.into()))),
             _ = ticks.tick() => Turn::Tick,
+            () = here.lost() => Turn::Moved,
+        }
+    }
+
+    fn renew_client(&mut self) {
+        match self.client.with_new_connections() {
+            Ok(client) => self.client = client,
+            Err(error) => log::debug!("the client keeps its connections: {error}"),
         }
     }
 
     fn start_joining(&self, after: Duration) -> Joining {
         let (client, room, clock) = (self.client.clone(), self.room.clone(), self.clock);
+        let planner = self.planner.clone();
         let limit = match self.with_statistics(|s| s.round_trip_us) {
             // Some ten messages cross until the channel is open.
             Some(us) => RECONNECT_TIMEOUT + 10 * Duration::from_micros(us),
@@ -311,12 +355,13 @@ impl Call {
         tokio::spawn(async move {
             tokio::time::sleep(after).await;
             // An idle connection to the server may be dead, which shows in a timeout only.
-            let announcement = timeout(ANNOUNCEMENT_TIMEOUT, client.announcement(&room))
+            let status = timeout(ANNOUNCEMENT_TIMEOUT, client.room_status(&room))
                 .await
                 .map_err(|_| CallError::NotConnected)??
                 .ok_or(CallError::SenderAbsent)?;
-            let session = timeout(limit, Session::open(&client, &room, &announcement, clock));
-            let session = session.await.map_err(|_| CallError::NotConnected)??;
+            let announcement = status.announcement;
+            let plan = planner.plan(room.server(), &status.ice_servers).await;
+            let session = Session::open(&client, &room, &announcement, plan, clock, limit).await?;
             Ok(Box::new((announcement, session)))
         })
     }

@@ -65,6 +65,8 @@ impl Default for Timeouts {
 pub struct Client {
     http: reqwest::Client,
     timeouts: Timeouts,
+    /// Certificates that are trusted beside the system's.
+    extra: Vec<Certificate>,
 }
 
 /// A response that was read whole.
@@ -98,6 +100,19 @@ impl Client {
             .map(root_certificates)
             .transpose()?
             .unwrap_or_default();
+        Self::build(extra, timeouts)
+    }
+
+    /// The same client without the connections that it has: they may lead nowhere after this machine's address has changed, which shows in
+    /// timeouts only.
+    ///
+    /// # Errors
+    /// [`HttpError::Setup`] if TLS cannot be set up.
+    pub fn with_new_connections(&self) -> Result<Self, HttpError> {
+        Self::build(self.extra.clone(), self.timeouts)
+    }
+
+    fn build(extra: Vec<Certificate>, timeouts: Timeouts) -> Result<Self, HttpError> {
         let builder = || {
             reqwest::Client::builder()
                 .connect_timeout(timeouts.connect)
@@ -117,11 +132,12 @@ impl Client {
                 "only http and servers with a given root certificate can be reached: {}",
                 error_text(&error)
             );
-            builder().tls_certs_only(extra).build()
+            builder().tls_certs_only(extra.clone()).build()
         });
         Ok(Self {
             http: http.map_err(HttpError::Setup)?,
             timeouts,
+            extra,
         })
     }
 

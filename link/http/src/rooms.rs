@@ -17,7 +17,7 @@ use crate::{
 use link_protocol::{
     Announcement, Name, RoomLink,
     room_link::{ServerUrl, Token},
-    rooms::{OpenRoom, OpenedRoom, SDP_MEDIA_TYPE},
+    rooms::{OpenRoom, OpenedRoom, RoomStatus, SDP_MEDIA_TYPE},
 };
 
 /// A room that was opened.
@@ -88,6 +88,15 @@ impl Client {
     /// # Errors
     /// [`HttpError::Unauthorized`] or [`HttpError::NotFound`] if the link is wrong or has expired, and those of any request.
     pub async fn announcement(&self, viewer: &RoomLink) -> Result<Option<Announcement>, HttpError> {
+        let status = self.room_status(viewer).await?;
+        Ok(status.map(|status| status.announcement))
+    }
+
+    /// What there is to know of a room before joining it; nothing while its sender is absent.
+    ///
+    /// # Errors
+    /// As [`Client::announcement`].
+    pub async fn room_status(&self, viewer: &RoomLink) -> Result<Option<RoomStatus>, HttpError> {
         let server = viewer.server();
         let request = self.request(
             Method::GET,

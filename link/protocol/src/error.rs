@@ -32,6 +32,14 @@ pub enum ProtocolError {
     /// An announcement has a value out of bounds.
     #[error("this announcement is out of bounds: {0}")]
     Announcement(String),
+    /// A room's STUN and TURN servers are out of bounds.
+    #[error("the room has too many STUN and TURN servers, or one with too long an address")]
+    IceServers,
+    /// This text is no address of a STUN or TURN server.
+    #[error(
+        "this is no address of a STUN or TURN server: {0}; one looks like stun:HOST[:PORT] or turn:HOST[:PORT]?transport=udp"
+    )]
+    IceUrl(String),
     /// This word is no channel mode.
     #[error("there is no channel `{0}`: choose unreliable or reliable")]
     ChannelMode(String),

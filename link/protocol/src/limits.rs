@@ -24,6 +24,13 @@ pub const MAX_TOKEN: usize = 4096;
 /// Characters of a room link or a server's address.
 pub const MAX_LINK: usize = 8192;
 
+/// STUN and TURN servers of a room, addresses of one, and bytes of an address, a user's name or a credential.
+pub const MAX_ICE_SERVERS: usize = 8;
+/// See [`MAX_ICE_SERVERS`].
+pub const MAX_ICE_URLS: usize = 8;
+/// See [`MAX_ICE_SERVERS`].
+pub const MAX_ICE_TEXT: usize = 512;
+
 /// Motion frames a second.
 pub const FRAME_RATE_HZ: RangeInclusive<f64> = 1.0..=240.0;
 

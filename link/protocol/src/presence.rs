@@ -1,6 +1,6 @@
 //! The events of a sender's presence stream.
 
-use crate::Name;
+use crate::{IceServers, Name};
 use serde::Deserialize;
 use serde_json::json;
 use std::fmt;
@@ -20,8 +20,15 @@ pub enum PresenceEvent {
         /// The session's name on the server.
         session: Name,
     },
+    /// The STUN and TURN servers to use from now on.
+    IceServers(IceServers),
     /// Another sender has entered with the same token. It is the last event.
     Replaced,
+}
+
+#[derive(Deserialize)]
+struct IceData {
+    ice_servers: IceServers,
 }
 
 #[derive(Deserialize)]
@@ -50,6 +57,10 @@ impl PresenceEvent {
                 let LeaveData { session } = serde_json::from_str(data)?;
                 Self::Leave { session }
             }
+            "ice" => {
+                let IceData { ice_servers } = serde_json::from_str(data)?;
+                Self::IceServers(ice_servers)
+            }
             "replaced" => Self::Replaced,
             _ => return Ok(None),
         }))
@@ -61,6 +72,7 @@ impl PresenceEvent {
         let (name, data) = match self {
             Self::Offer { session, sdp } => ("offer", json!({ "session": session, "sdp": sdp })),
             Self::Leave { session } => ("leave", json!({ "session": session })),
+            Self::IceServers(servers) => ("ice", json!({ "ice_servers": servers })),
             Self::Replaced => ("replaced", json!({})),
         };
         (name, data.to_string())
@@ -76,6 +88,7 @@ impl fmt::Debug for PresenceEvent {
                 .field("session", session)
                 .finish_non_exhaustive(),
             Self::Leave { session } => f.debug_struct("Leave").field("session", session).finish(),
+            Self::IceServers(servers) => f.debug_tuple("IceServers").field(servers).finish(),
             Self::Replaced => f.write_str("Replaced"),
         }
     }
@@ -99,6 +112,13 @@ mod tests {
                 "leave",
                 r#"{"session":"S1"}"#,
             ),
+            (
+                PresenceEvent::IceServers(
+                    serde_json::from_str(r#"[{"urls":["stun:a"]}]"#).expect("servers"),
+                ),
+                "ice",
+                r#"{"ice_servers":[{"urls":["stun:a"]}]}"#,
+            ),
             (PresenceEvent::Replaced, "replaced", "{}"),
         ];
         for (event, name, data) in written {
@@ -112,6 +132,7 @@ mod tests {
             ("offer", r#"{"session":"S1"}"#),
             ("leave", r#"{"session":"../S1"}"#),
             ("leave", "nonsense"),
+            ("ice", r#"{"ice_servers":[{}]}"#),
         ] {
             assert!(PresenceEvent::read(name, data).is_err(), "{name} {data}");
         }

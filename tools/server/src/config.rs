@@ -1,8 +1,9 @@
 //! A server's configuration, with every bound it keeps.
 
 use crate::Secret;
+use link_protocol::ice::IceUrl;
 use link_protocol::limits::{ANSWER_WITHIN, MAX_SDP_BYTES};
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -19,6 +20,10 @@ pub struct Config {
     /// write to it can answer for any sender: keep it in the instances' own network.
     #[cfg(feature = "nats")]
     pub nats: Option<String>,
+    /// Addresses of STUN servers of others that senders and viewers are told.
+    pub stun: Vec<IceUrl>,
+    /// Relay calls that find no direct way.
+    pub turn: Option<TurnConfig>,
     /// Certificate chain and private key, PEM files; without them the server speaks plain HTTP.
     #[cfg(feature = "tls")]
     pub tls: Option<(PathBuf, PathBuf)>,
@@ -36,9 +41,37 @@ impl Config {
             secret,
             #[cfg(feature = "nats")]
             nats: None,
+            stun: Vec::new(),
+            turn: None,
             #[cfg(feature = "tls")]
             tls: None,
             limits: Limits::default(),
+        }
+    }
+}
+
+/// A TURN server beside the signaling, for whoever has a room's token. Clients find it by the name that they reach the signaling by.
+#[derive(Clone, Debug)]
+pub struct TurnConfig {
+    /// Where to listen, with UDP and TCP; port 0 takes a free one. With a certificate ([`Config::tls`]) its TCP connections may speak TLS.
+    pub listen: SocketAddr,
+    /// The address by which the world reaches this machine, where it is not one of its own.
+    pub external: Option<IpAddr>,
+    /// Whether packets may be relayed into private networks.
+    pub private_peers: bool,
+    /// Bounds.
+    pub limits: turn_server::Limits,
+}
+
+impl TurnConfig {
+    /// One that relays to the internet only.
+    #[must_use]
+    pub fn new(listen: SocketAddr) -> Self {
+        Self {
+            listen,
+            external: None,
+            private_peers: false,
+            limits: turn_server::Limits::default(),
         }
     }
 }

@@ -88,6 +88,9 @@ pub enum ServerError {
         /// Why, without the address, which may hold a password.
         reason: String,
     },
+    /// Calls cannot be relayed.
+    #[error(transparent)]
+    Turn(#[from] turn_server::TurnError),
     /// The server stopped by itself.
     #[error("the server stopped by itself")]
     Stopped {

@@ -8,6 +8,7 @@ mod config;
 mod connections;
 mod error;
 mod http;
+mod ice;
 mod id;
 mod metrics;
 mod packages;
@@ -19,7 +20,7 @@ mod server;
 mod tls;
 mod token;
 
-pub use config::{Config, Limits, StoreConfig};
+pub use config::{Config, Limits, StoreConfig, TurnConfig};
 pub use error::ServerError;
 pub use id::Id;
 pub use secret::Secret;

@@ -2,6 +2,7 @@
 
 use crate::connections::Gate;
 use crate::http::{App, Cached, RateLimit, router};
+use crate::ice::Ice;
 use crate::metrics::Metrics;
 use crate::packages::Packages;
 #[cfg(feature = "nats")]
@@ -17,6 +18,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::{JoinError, JoinHandle};
 use tokio_util::sync::CancellationToken;
+use turn_server::TurnServer;
 
 /// How long requests under way may take when the server stops.
 const STOP_WITHIN: Duration = Duration::from_secs(10);
@@ -28,6 +30,7 @@ const CONNECTION_BUFFER: usize = 64 << 10;
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
+    turn: Option<TurnServer>,
     handle: Handle<SocketAddr>,
     stopping: CancellationToken,
     serving: JoinHandle<std::io::Result<()>>,
@@ -73,11 +76,17 @@ impl Server {
             limits.pause,
             Arc::clone(&metrics),
         );
+        let (ice, turn) = Ice::start(
+            &config,
+            #[cfg(feature = "tls")]
+            tls.clone(),
+        )?;
         let stopping = CancellationToken::new();
         let app = Arc::new(App {
             secret: config.secret,
             rooms: Arc::new(Rooms::new(room_limits, Arc::clone(&metrics))),
             relay,
+            ice,
             packages,
             metrics,
             rate: RateLimit::new(limits.requests_per_second, limits.request_burst),
@@ -114,6 +123,7 @@ impl Server {
         log::info!("listening on {address}");
         Ok(Self {
             address,
+            turn,
             handle,
             stopping,
             serving,
@@ -123,6 +133,11 @@ impl Server {
     /// Where it listens, with the port it was given.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Where it relays calls, with the port it was given, over UDP and TCP.
+    pub fn turn_address(&self) -> Option<SocketAddr> {
+        self.turn.as_ref().map(TurnServer::address)
     }
 
     /// Ends the senders' streams and takes no new connections, and waits a while for what is under way.

@@ -112,13 +112,28 @@ impl Secret {
     }
 }
 
+/// The key of TURN credentials: of one purpose only, so that it tells nothing of the secret, nor of tokens.
+pub(crate) fn turn_key(secret: &Secret) -> turn_server::Key {
+    turn_server::Key::new(
+        mac_of(secret, b"mon3tr turn\0")
+            .finalize()
+            .into_bytes()
+            .into(),
+    )
+}
+
 fn mac(secret: &Secret, claims: &[u8]) -> Hmac<Sha256> {
+    let mut mac = mac_of(secret, b"mon3tr token\0");
+    mac.update(claims);
+    mac
+}
+
+fn mac_of(secret: &Secret, purpose: &[u8]) -> Hmac<Sha256> {
     // HMAC fills a key up to the hash's block with zeros; done here, there is no length to go wrong.
     let mut key = [0; 64];
     key[..32].copy_from_slice(secret.key());
     let mut mac = Hmac::<Sha256>::new(&key.into());
-    mac.update(b"mon3tr token\0");
-    mac.update(claims);
+    mac.update(purpose);
     mac
 }
 

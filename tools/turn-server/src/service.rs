@@ -336,16 +336,25 @@ impl Service {
             return (listen.is_ipv4() == family.is_ipv4()).then_some(listen);
         }
         let documentation = Ipv6Addr::new(0x2001, 0xdb8, 0, 0, 0, 0, 0, 1);
-        let to = match (client.address.ip(), family) {
-            (IpAddr::V4(v4), IpAddr::V4(_)) => v4.into(),
-            (IpAddr::V6(v6), IpAddr::V6(_)) => v6.into(),
-            // Nothing is sent: connecting a UDP socket only chooses a route.
-            (_, IpAddr::V4(_)) => Ipv4Addr::new(192, 0, 2, 1).into(),
-            (_, IpAddr::V6(_)) => IpAddr::V6(documentation),
+        let world: IpAddr = match family {
+            IpAddr::V4(_) => Ipv4Addr::new(192, 0, 2, 1).into(),
+            IpAddr::V6(_) => documentation.into(),
         };
-        let socket = std::net::UdpSocket::bind((family, 0)).ok()?;
-        socket.connect((to, 9)).ok()?;
-        Some(socket.local_addr().ok()?.ip())
+        let client = client.address.ip();
+        let on_this_machine = client.is_loopback();
+        let same = client.is_ipv4() == family.is_ipv4();
+        // A client on this machine talks with others who are not. Nothing is sent: connecting a UDP socket only chooses a route.
+        let towards = |to: IpAddr| {
+            let socket = std::net::UdpSocket::bind((family, 0)).ok()?;
+            socket.connect((to, 9)).ok()?;
+            Some(socket.local_addr().ok()?.ip())
+        };
+        let first = if same && !on_this_machine {
+            client
+        } else {
+            world
+        };
+        towards(first).or_else(|| same.then(|| towards(client)).flatten())
     }
 
     /// Where packets from `allocation` to `peer` would go, if they may.
@@ -354,7 +363,7 @@ impl Service {
         if ip.is_ipv4() != relayed.is_ipv4() {
             return Err(PEER_FAMILY);
         }
-        if ip == relayed || Some(ip) == self.config.external {
+        if self.table().lends(ip) || Some(ip) == self.config.external {
             return Ok(Side::Inside);
         }
         let reach = if self.config.private_peers {

@@ -16,6 +16,8 @@ pub(crate) struct Table {
     by_lent: HashMap<SocketAddr, Arc<Allocation>>,
     of_subject: HashMap<String, usize>,
     of_address: HashMap<IpAddr, usize>,
+    /// By the IP address that was lent.
+    of_lent: HashMap<IpAddr, usize>,
     limit: usize,
     per_subject: usize,
     per_address: usize,
@@ -46,6 +48,7 @@ impl Table {
             by_lent: HashMap::new(),
             of_subject: HashMap::new(),
             of_address: HashMap::new(),
+            of_lent: HashMap::new(),
             limit: limits.allocations,
             per_subject: limits.allocations_per_subject,
             per_address: limits.allocations_per_address,
@@ -59,6 +62,11 @@ impl Table {
     /// The allocation that was lent this address.
     pub(crate) fn lent(&self, address: SocketAddr) -> Option<Arc<Allocation>> {
         self.by_lent.get(&address).cloned()
+    }
+
+    /// Whether any allocation was lent an address of this IP address.
+    pub(crate) fn lends(&self, ip: IpAddr) -> bool {
+        self.of_lent.contains_key(&ip)
     }
 
     pub(crate) fn all(&self) -> impl Iterator<Item = &Arc<Allocation>> {
@@ -91,6 +99,7 @@ impl Table {
             .entry(allocation.subject.clone())
             .or_default() += 1;
         *self.of_address.entry(prefix).or_default() += 1;
+        *self.of_lent.entry(allocation.relayed.ip()).or_default() += 1;
         self.by_lent
             .insert(allocation.relayed, Arc::clone(&allocation));
         self.by_client.insert(allocation.client, allocation);
@@ -106,6 +115,7 @@ impl Table {
         self.by_lent.remove(&allocation.relayed);
         self.by_client.remove(&allocation.client);
         one_less(&mut self.of_subject, &allocation.subject);
+        one_less(&mut self.of_lent, &allocation.relayed.ip());
         one_less(
             &mut self.of_address,
             &network_prefix(allocation.client.address.ip()),

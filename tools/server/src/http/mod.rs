@@ -8,6 +8,7 @@ mod presence;
 mod rate_limit;
 mod rooms;
 
+use crate::ice::Ice;
 use crate::metrics::Metrics;
 use crate::packages::Packages;
 use crate::relay::Relay;
@@ -34,6 +35,7 @@ pub(crate) struct App {
     pub(crate) secret: Secret,
     pub(crate) rooms: Arc<Rooms>,
     pub(crate) relay: Option<Relay>,
+    pub(crate) ice: Ice,
     pub(crate) packages: Packages,
     pub(crate) metrics: Arc<Metrics>,
     pub(crate) rate: RateLimit,
@@ -59,7 +61,7 @@ pub(crate) fn router(app: Arc<App>) -> Router {
     let sdp = app.limits.sdp_bytes;
     let short = Router::new()
         .route("/v1/rooms", post(rooms::open))
-        .route("/v1/rooms/{room}", get(rooms::announcement))
+        .route("/v1/rooms/{room}", get(rooms::status))
         .route(
             "/v1/rooms/{room}/sessions/{session}",
             axum::routing::delete(rooms::leave),

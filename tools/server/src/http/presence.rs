@@ -2,11 +2,14 @@
 
 use super::rooms::{random, room_of};
 use super::{App, HttpError};
+use crate::Id;
+use crate::ice::TELL_ICE_EVERY;
 use crate::rooms::PresenceGuard;
 use crate::token::{Claims, Role, now};
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
 use axum::extract::{Extension, Path, State};
+use axum::http::HeaderMap;
 use axum::response::sse::{Event as SseEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
@@ -29,6 +32,7 @@ pub(super) async fn enter(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
     Path(room): Path<String>,
+    headers: HeaderMap,
     body: Result<Bytes, BytesRejection>,
 ) -> Result<Response, HttpError> {
     let room = room_of(&claims, &[Role::Sender], &room)?;
@@ -61,6 +65,11 @@ pub(super) async fn enter(
         _guard: guard,
         events,
         next: Next::Comment,
+        app: Arc::clone(&app),
+        headers,
+        room,
+        expires: claims.expires,
+        tell_ice: Instant::now(),
     };
     let keep_alive = KeepAlive::new().interval(COMMENT_EVERY);
     Ok(Sse::new(stream::unfold(stream, EventStream::next))
@@ -77,6 +86,14 @@ struct EventStream {
     ends: Instant,
     next: Next,
     _guard: PresenceGuard,
+    app: Arc<App>,
+    /// Of the request, which say by what name the sender reaches this server.
+    headers: HeaderMap,
+    room: Id,
+    /// As [`Self::ends`], Unix seconds.
+    expires: u64,
+    /// When the sender is told the STUN and TURN servers next.
+    tell_ice: Instant,
 }
 
 /// What the stream writes next.
@@ -103,6 +120,11 @@ impl EventStream {
                 }
                 () = self.stopping.cancelled() => return None,
                 () = tokio::time::sleep_until(self.ends) => return None,
+                () = tokio::time::sleep_until(self.tell_ice), if self.app.ice.has_any() => {
+                    self.tell_ice = Instant::now() + TELL_ICE_EVERY;
+                    let servers = self.app.ice.servers(&self.headers, self.room, self.expires);
+                    sse(&PresenceEvent::IceServers(servers))
+                }
                 event = self.events.recv() => sse(&event?),
             },
             Next::Nothing => return None,

@@ -11,7 +11,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::{Json, http::HeaderValue};
 use link_protocol::limits::DEFAULT_ROOM_LIFETIME;
-use link_protocol::rooms::{OpenRoom, OpenedRoom, SDP_MEDIA_TYPE};
+use link_protocol::rooms::{OpenRoom, OpenedRoom, RoomStatus, SDP_MEDIA_TYPE};
 use std::sync::Arc;
 
 type Body = Result<Bytes, BytesRejection>;
@@ -48,16 +48,21 @@ pub(super) async fn open(
     Ok((StatusCode::CREATED, no_store, Json(opened)).into_response())
 }
 
-pub(super) async fn announcement(
+pub(super) async fn status(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
     Path(room): Path<String>,
+    headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let room = room_of(&claims, &[Role::Viewer, Role::Sender], &room)?;
     match app.ask(room, RoomRequest::Announcement).await {
         RoomReply::Announcement { announcement } => {
             let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
-            Ok((no_store, Json(announcement)).into_response())
+            let status = RoomStatus {
+                announcement,
+                ice_servers: app.ice.servers(&headers, room, claims.expires),
+            };
+            Ok((no_store, Json(status)).into_response())
         }
         other => Err(refused(&other)),
     }

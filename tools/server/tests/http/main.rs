@@ -3,6 +3,7 @@
 mod abuse;
 mod access;
 mod child;
+mod ice;
 mod link_client;
 mod packages;
 mod processes;

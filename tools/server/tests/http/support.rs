@@ -112,6 +112,8 @@ pub(crate) fn config(store: StoreConfig) -> Outcome<Config> {
         store,
         secret: Secret::random()?,
         nats: None,
+        stun: Vec::new(),
+        turn: None,
         tls: None,
         limits: server::Limits::default(),
     })
@@ -182,11 +184,22 @@ impl Caller {
         self.empty_room(owner).await
     }
 
+    /// As [`Self::room`], for this many seconds.
+    pub(crate) async fn room_for(&self, owner: &str, seconds: u64) -> Outcome<Room> {
+        self.put_package(package(), &self.owner(owner)).await?;
+        self.open(owner, &json!({ "lifetime_s": seconds })).await
+    }
+
     /// Opens a room and puts no package.
     pub(crate) async fn empty_room(&self, owner: &str) -> Outcome<Room> {
+        self.open(owner, &json!({})).await
+    }
+
+    async fn open(&self, owner: &str, order: &Value) -> Outcome<Room> {
         let token = self.owner(owner);
         let answer = self
             .request(Method::POST, "/v1/rooms", &token)
+            .json(order)
             .send()
             .await?;
         assert_eq!(answer.status(), StatusCode::CREATED, "a room is opened");
@@ -341,6 +354,13 @@ impl Presence {
             self.text = rest.to_owned();
         }
         Ok(true)
+    }
+
+    /// The servers of the next event, which has to tell some.
+    pub(crate) async fn ice_servers(&mut self) -> Outcome<Value> {
+        let (name, mut data) = self.next().await?.ok_or("the stream ended")?;
+        assert_eq!(name, "ice", "{data}");
+        Ok(data["ice_servers"].take())
     }
 
     /// The session of the next event, which has to be an offer.

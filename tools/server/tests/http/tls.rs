@@ -3,9 +3,12 @@
 use crate::support::{Outcome, PATIENCE, TestServer, config};
 use rcgen::{CertifiedKey, generate_simple_self_signed};
 use reqwest::StatusCode;
-use server::{Server, StoreConfig};
-use tokio::io::AsyncReadExt;
+use rustls::{ClientConfig, RootCertStore};
+use server::{Server, StoreConfig, TurnConfig};
+use std::sync::Arc;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::TcpStream;
+use tokio_rustls::TlsConnector;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn with_a_certificate_the_server_speaks_tls_and_nothing_else() -> Outcome {
@@ -17,6 +20,7 @@ async fn with_a_certificate_the_server_speaks_tls_and_nothing_else() -> Outcome 
     let server = TestServer::start_with(|c| {
         c.tls = Some((certificate, key));
         c.limits.head_within = std::time::Duration::from_secs(1);
+        c.turn = Some(TurnConfig::new(([127, 0, 0, 1], 0).into()));
     })
     .await?;
     let port = server.server.address().port();
@@ -37,12 +41,39 @@ async fn with_a_certificate_the_server_speaks_tls_and_nothing_else() -> Outcome 
     );
     let plain = server.caller.get("/healthz", "").await;
     assert!(plain.is_err(), "no plain HTTP on the same port");
+    // So does the relay, beside plain TCP on the same port: both tell a client its own address.
+    let relay = server.server.turn_address().ok_or("no relay")?;
+    let mut roots = RootCertStore::empty();
+    roots.add(cert.der().clone())?;
+    let client = ClientConfig::builder()
+        .with_root_certificates(roots)
+        .with_no_client_auth();
+    let connector = TlsConnector::from(Arc::new(client));
+    let secure = connector
+        .connect("localhost".try_into()?, TcpStream::connect(relay).await?)
+        .await?;
+    asks_stun(secure).await?;
+    asks_stun(TcpStream::connect(relay).await?).await?;
     // A connection that never shakes hands is closed.
     let mut silent = TcpStream::connect(server.server.address()).await?;
     let mut nothing = Vec::new();
     let read = tokio::time::timeout(PATIENCE, silent.read_to_end(&mut nothing)).await?;
     assert!(read.is_err() || nothing.is_empty(), "closed");
     server.server.stop().await;
+    Ok(())
+}
+
+/// Asks for this side's address as STUN does.
+async fn asks_stun(mut stream: impl AsyncRead + AsyncWrite + Unpin) -> Outcome {
+    let transaction = *b"one of twelve".first_chunk::<12>().ok_or("twelve bytes")?;
+    let mut request = vec![0, 1, 0, 0, 0x21, 0x12, 0xA4, 0x42];
+    request.extend(transaction);
+    stream.write_all(&request).await?;
+    stream.flush().await?;
+    let mut answer = [0; 20];
+    tokio::time::timeout(PATIENCE, stream.read_exact(&mut answer)).await??;
+    assert_eq!(answer[..2], [1, 1], "a success");
+    assert_eq!(answer[8..], transaction, "of this request");
     Ok(())
 }
 

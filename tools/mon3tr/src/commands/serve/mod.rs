@@ -6,7 +6,8 @@ mod operator;
 use crate::device_options::{cache, make_folder};
 use crate::network::{Network, asked_to_end};
 use anyhow::Context;
-use server::{Config, Secret, Server, StoreConfig};
+use link_protocol::ice::IceUrl;
+use server::{Config, Secret, Server, StoreConfig, TurnConfig};
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -32,6 +33,19 @@ pub struct Options {
     /// Folder for the server's secret, the owner's token, and packages [default: `server` in the cache folder]
     #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
+    /// Relay calls whose two sides find no direct way, on this address and port, over UDP and TCP (and TLS, where there is a certificate):
+    /// 0.0.0.0:3478 is usual
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    turn: Option<SocketAddr>,
+    /// The address by which the world reaches this machine, where a router stands between
+    #[arg(long, value_name = "IP", requires = "turn")]
+    turn_external: Option<IpAddr>,
+    /// Relay into private networks too: for a server whose users are all in one
+    #[arg(long, requires = "turn")]
+    turn_private: bool,
+    /// A STUN server of others, which tells senders and viewers their own addresses; may be given several times. `--turn` has one
+    #[arg(long, value_name = "URL")]
+    stun: Vec<IceUrl>,
     #[cfg(feature = "operator")]
     #[command(flatten)]
     operator: operator::OperatorOptions,
@@ -65,12 +79,17 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let token_file = folder.join("owner-token");
     write_private(&folder, &token_file, &token)
         .with_context(|| format!("cannot write {}", token_file.display()))?;
-    #[allow(unused_mut, reason = "an operator's options change it")]
     let mut config = Config::new(
         options.listen,
         StoreConfig::Local(folder.join("packages")),
         secret,
     );
+    config.stun.clone_from(&options.stun);
+    config.turn = options.turn.map(|listen| TurnConfig {
+        external: options.turn_external,
+        private_peers: options.turn_private,
+        ..TurnConfig::new(listen)
+    });
     #[cfg(feature = "operator")]
     options.operator.set(&mut config);
     #[cfg(feature = "operator")]
@@ -82,6 +101,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         let mut server = Server::start(config).await.context("cannot serve")?;
         let address = SocketAddr::new(reachable(options.listen.ip()), server.address().port());
         println!("serving on {scheme}://{address}");
+        if let Some(relay) = server.turn_address() {
+            println!(
+                "relaying calls that find no direct way on port {}, UDP and TCP",
+                relay.port()
+            );
+        }
         println!(
             "the owner's token, which opens rooms and puts avatars, is in {}: keep it to yourself",
             token_file.display()

@@ -1,0 +1,251 @@
+//! How a connection is to find its way: the addresses to bind, and those of the room's STUN and TURN servers that answer from here. A
+//! server is asked once, not for every connection, and again after this machine's addresses have changed.
+
+use crate::addresses;
+use crate::tunnel::Tunnel;
+use link_protocol::IceServers;
+use link_protocol::ice::{IceKind, IceServer, IceUrl};
+use link_protocol::room_link::ServerUrl;
+use rtc::stun::message::{
+    BINDING_REQUEST, BINDING_SUCCESS, Message, TransactionId, is_stun_message,
+};
+use serde::Serialize;
+use std::collections::{BTreeSet, HashMap};
+use std::fmt;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::{UdpSocket, lookup_host};
+use tokio::sync::Mutex;
+use tokio::task::JoinSet;
+use tokio::time::{Instant, timeout};
+
+/// When a server is asked, after the first time, and when it counts as unreachable over UDP.
+const ASK_AGAIN: [Duration; 2] = [Duration::from_millis(200), Duration::from_millis(400)];
+const UNREACHABLE: Duration = Duration::from_millis(900);
+/// How long what was found holds: a server that was restarted, or a network that lets more through, is noticed after this.
+const HOLDS: Duration = Duration::from_secs(60);
+
+/// What a relay is reached over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RelayTransport {
+    /// UDP.
+    Udp,
+    /// TCP, because the network lets no UDP through to it.
+    Tcp,
+}
+
+impl fmt::Display for RelayTransport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Udp => "UDP",
+            Self::Tcp => "TCP",
+        })
+    }
+}
+
+/// The relay that a connection may use.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Relay {
+    /// Its host's name or address.
+    pub host: String,
+    /// Its port.
+    pub port: u16,
+    /// How it is reached.
+    pub transport: RelayTransport,
+}
+
+impl fmt::Display for Relay {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} over {}", self.host, self.transport)
+    }
+}
+
+/// A connection's way to be found.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Plan {
+    /// The addresses to bind.
+    pub(crate) local: Vec<SocketAddr>,
+    /// The servers to ask, all over UDP.
+    pub(crate) servers: Vec<IceServer>,
+    /// The relay among them.
+    pub(crate) relay: Option<Relay>,
+}
+
+/// Makes plans. Clones share what was found.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Planner(Arc<Mutex<Known>>);
+
+#[derive(Debug, Default)]
+struct Known {
+    /// This machine's addresses when it was found.
+    here: BTreeSet<IpAddr>,
+    answers: HashMap<(String, u16), (bool, Instant)>,
+    tunnels: HashMap<(String, u16), Tunnel>,
+}
+
+impl Planner {
+    /// The plan for a room on `server`, whose servers are `servers`.
+    pub(crate) async fn plan(&self, server: &ServerUrl, servers: &IceServers) -> Plan {
+        let mut plan = Plan {
+            local: addresses::to_bind(server),
+            ..Plan::default()
+        };
+        // Connections that are made at the same time wait for one finding.
+        let mut known = self.0.lock().await;
+        known.ask(servers).await;
+        for server in servers.as_slice() {
+            known.add(&mut plan, server).await;
+        }
+        plan
+    }
+}
+
+impl Known {
+    /// Finds out which of the servers answer over UDP.
+    async fn ask(&mut self, servers: &IceServers) {
+        let here = addresses::usable();
+        if here != self.here {
+            self.answers.clear();
+            self.tunnels.clear();
+            self.here = here;
+        }
+        self.answers.retain(|_, (_, since)| since.elapsed() < HOLDS);
+        let mut asked = JoinSet::new();
+        let urls = servers.as_slice().iter().flat_map(IceServer::addresses);
+        let over_udp = |url: &IceUrl| matches!(url.kind, IceKind::Stun | IceKind::TurnUdp);
+        let unknown: BTreeSet<_> = urls
+            .filter(over_udp)
+            .map(|url| (url.host, url.port))
+            .filter(|place| !self.answers.contains_key(place))
+            .collect();
+        for place in unknown {
+            asked.spawn(async move {
+                let answers = answers(&place.0, place.1).await;
+                (place, answers)
+            });
+        }
+        while let Some(found) = asked.join_next().await {
+            if let Ok((place, answers)) = found {
+                if !answers {
+                    log::info!("{}:{} does not answer over UDP", place.0, place.1);
+                }
+                self.answers.insert(place, (answers, Instant::now()));
+            }
+        }
+    }
+
+    /// Adds what is of use of a server: over UDP where it answers, else its relay over TCP.
+    async fn add(&mut self, plan: &mut Plan, server: &IceServer) {
+        let mut urls = Vec::new();
+        for url in server.addresses() {
+            let place = (url.host.clone(), url.port);
+            let answers = self
+                .answers
+                .get(&place)
+                .is_some_and(|(answers, _)| *answers);
+            // The library cannot name a relay by an IPv6 address.
+            let nameable = url.kind == IceKind::Stun || !url.host.contains(':');
+            if answers && nameable && matches!(url.kind, IceKind::Stun | IceKind::TurnUdp) {
+                if url.kind == IceKind::TurnUdp && plan.relay.is_none() {
+                    plan.relay = Some(relay(&url, RelayTransport::Udp));
+                }
+                urls.push(url.to_string());
+            }
+        }
+        let over_tcp = server.addresses().find(|url| url.kind == IceKind::TurnTcp);
+        if let Some(url) = over_tcp
+            && plan.relay.is_none()
+        {
+            match self.tunnel(&url).await {
+                Ok(address) => {
+                    urls.push(format!("turn:{address}?transport=udp"));
+                    plan.relay = Some(relay(&url, RelayTransport::Tcp));
+                }
+                Err(error) => log::warn!("the relay {url} cannot be used: {error}"),
+            }
+        }
+        if !urls.is_empty() {
+            plan.servers.push(IceServer {
+                urls,
+                ..server.clone()
+            });
+        }
+    }
+
+    async fn tunnel(&mut self, url: &IceUrl) -> std::io::Result<SocketAddr> {
+        let place = (url.host.clone(), url.port);
+        if let Some(tunnel) = self.tunnels.get(&place) {
+            return Ok(tunnel.address());
+        }
+        let tunnel = Tunnel::open(&url.host, url.port).await?;
+        let address = tunnel.address();
+        self.tunnels.insert(place, tunnel);
+        Ok(address)
+    }
+}
+
+fn relay(url: &IceUrl, transport: RelayTransport) -> Relay {
+    Relay {
+        host: url.host.clone(),
+        port: url.port,
+        transport,
+    }
+}
+
+/// Whether a server answers STUN over UDP, on any of its addresses.
+async fn answers(host: &str, port: u16) -> bool {
+    let asked = async {
+        let found = lookup_host((host, port)).await.ok()?;
+        let (v4, v6): (Vec<_>, Vec<_>) = found.partition(SocketAddr::is_ipv4);
+        let mut asked = JoinSet::new();
+        for address in [v4.first(), v6.first()].into_iter().flatten() {
+            asked.spawn(ask(*address));
+        }
+        while let Some(answer) = asked.join_next().await {
+            if let Ok(Ok(())) = answer {
+                return Some(());
+            }
+        }
+        None
+    };
+    matches!(timeout(UNREACHABLE, asked).await, Ok(Some(())))
+}
+
+async fn ask(server: SocketAddr) -> std::io::Result<()> {
+    let any: IpAddr = if server.is_ipv4() {
+        Ipv4Addr::UNSPECIFIED.into()
+    } else {
+        Ipv6Addr::UNSPECIFIED.into()
+    };
+    let socket = UdpSocket::bind((any, 0)).await?;
+    // A connected socket takes packets of the server only.
+    socket.connect(server).await?;
+    let mut request = Message::new();
+    let build = request.build(&[Box::<TransactionId>::default(), Box::new(BINDING_REQUEST)]);
+    build.map_err(std::io::Error::other)?;
+    let mut buffer = [0; 1500];
+    let mut pauses = ASK_AGAIN.into_iter();
+    loop {
+        socket.send(&request.raw).await?;
+        let pause = pauses.next().unwrap_or(UNREACHABLE);
+        let begun = Instant::now();
+        while let Ok(received) = timeout(
+            pause.saturating_sub(begun.elapsed()),
+            socket.recv(&mut buffer),
+        )
+        .await
+        {
+            let bytes = buffer.get(..received?).unwrap_or_default();
+            let mut answer = Message::new();
+            if is_stun_message(bytes)
+                && answer.unmarshal_binary(bytes).is_ok()
+                && answer.typ == BINDING_SUCCESS
+                && answer.transaction_id == request.transaction_id
+            {
+                return Ok(());
+            }
+        }
+    }
+}

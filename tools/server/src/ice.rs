@@ -1,0 +1,127 @@
+//! The STUN and TURN servers that a room's bearers are told: those of others that the operator named, and this server's own, with
+//! credentials for the room.
+
+use crate::token::{now, turn_key};
+use crate::{Config, Id, ServerError};
+use axum::http::uri::Authority;
+use axum::http::{HeaderMap, header};
+use link_protocol::IceServers;
+use link_protocol::ice::{IceKind, IceServer, IceUrl};
+#[cfg(feature = "tls")]
+use std::sync::Arc;
+use std::time::Duration;
+use turn_server::{Key, TurnServer};
+
+/// How long a credential allows new relays. A relay that a call uses lives on.
+const CREDENTIAL_LIFETIME: Duration = Duration::from_secs(3600);
+/// How often a sender is told anew: well before its credential ends.
+pub(crate) const TELL_ICE_EVERY: Duration = Duration::from_secs(1800);
+
+/// What bearers are told.
+#[derive(Debug)]
+pub(crate) struct Ice {
+    stun: Vec<String>,
+    own: Option<Own>,
+}
+
+/// This server's own relay.
+#[derive(Debug)]
+struct Own {
+    port: u16,
+    key: Key,
+    tls: bool,
+}
+
+impl Ice {
+    /// Starts the relay, if there should be one.
+    pub(crate) fn start(
+        config: &Config,
+        #[cfg(feature = "tls")] tls: Option<Arc<rustls::ServerConfig>>,
+    ) -> Result<(Self, Option<TurnServer>), ServerError> {
+        let stun = config.stun.iter().map(ToString::to_string).collect();
+        let Some(turn) = &config.turn else {
+            return Ok((Self { stun, own: None }, None));
+        };
+        let key = turn_key(&config.secret);
+        let mut settings = turn_server::Config::new(turn.listen, key.clone());
+        settings.external = turn.external;
+        settings.private_peers = turn.private_peers;
+        settings.limits = turn.limits.clone();
+        #[cfg(not(feature = "tls"))]
+        let tls = false;
+        #[cfg(feature = "tls")]
+        let tls = {
+            settings.tls = tls.map(for_turn);
+            settings.tls.is_some()
+        };
+        let server = TurnServer::start(settings)?;
+        let port = server.address().port();
+        let own = Some(Own { port, key, tls });
+        Ok((Self { stun, own }, Some(server)))
+    }
+
+    /// Whether there is any server to tell.
+    pub(crate) fn has_any(&self) -> bool {
+        self.own.is_some() || !self.stun.is_empty()
+    }
+
+    /// What the bearer of a token that ends at `expires` (Unix seconds) is told. This server's own relay has the name by which the bearer
+    /// reached this server, from the request's headers: what is told there to a bearer that lies reaches nobody else.
+    pub(crate) fn servers(&self, headers: &HeaderMap, room: Id, expires: u64) -> IceServers {
+        let mut servers = Vec::new();
+        if !self.stun.is_empty() {
+            servers.push(IceServer {
+                urls: self.stun.clone(),
+                username: None,
+                credential: None,
+            });
+        }
+        if let Some(own) = &self.own
+            && let Some(host) = host(headers)
+        {
+            let url = |kind| {
+                IceUrl {
+                    kind,
+                    host: host.clone(),
+                    port: own.port,
+                }
+                .to_string()
+            };
+            servers.push(IceServer {
+                urls: vec![url(IceKind::Stun)],
+                username: None,
+                credential: None,
+            });
+            let mut urls = vec![url(IceKind::TurnUdp), url(IceKind::TurnTcp)];
+            if own.tls {
+                urls.push(url(IceKind::TurnTls));
+            }
+            let expires = expires.min(now().saturating_add(CREDENTIAL_LIFETIME.as_secs()));
+            let issued = own.key.issue(&room.to_string(), expires);
+            servers.push(IceServer {
+                urls,
+                username: Some(issued.username),
+                credential: Some(issued.password),
+            });
+        }
+        IceServers::try_from(servers).unwrap_or_else(|error| {
+            // A name of the bearer's own making may be too long.
+            log::debug!("a sender or viewer is told no STUN and TURN servers: {error}");
+            IceServers::default()
+        })
+    }
+}
+
+/// The certificate without HTTP's protocols, which a TURN client does not offer.
+#[cfg(feature = "tls")]
+fn for_turn(tls: Arc<rustls::ServerConfig>) -> Arc<rustls::ServerConfig> {
+    let mut tls = Arc::unwrap_or_clone(tls);
+    tls.alpn_protocols = vec![b"stun.turn".to_vec()];
+    Arc::new(tls)
+}
+
+/// The name or address by which a request came, an IPv6 address without brackets.
+fn host(headers: &HeaderMap) -> Option<String> {
+    let host: Authority = headers.get(header::HOST)?.to_str().ok()?.parse().ok()?;
+    Some(host.host().trim_matches(['[', ']']).to_owned())
+}
