@@ -3,7 +3,10 @@
 
 use crate::{Voice, VoiceError, VoicePlayout, VoiceStatistics};
 use link_codec::Micros;
-use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{
+    AtomicBool, AtomicI64, AtomicU64,
+    Ordering::{Acquire, Relaxed, Release},
+};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -11,6 +14,8 @@ use std::time::Duration;
 const PACKETS: usize = 64;
 /// Says that there is nothing to wait for.
 const NOTHING: i64 = i64::MIN;
+/// What was told so long ago does not hold any longer, microseconds: the device that plays is away.
+const STALE_US: u64 = 500_000;
 
 /// One person's voice as it arrives. Shared by the connection, by who knows when motion is shown, and by who reports.
 #[derive(Debug, Clone, Default)]
@@ -27,12 +32,15 @@ struct Shared {
 struct Entrance {
     packets: rtrb::Producer<Queued>,
     counts: triple_buffer::Output<VoiceStatistics>,
-    connection: u32,
 }
 
 /// What both ends tell each other beside the packets.
 #[derive(Debug)]
 struct Told {
+    /// The number of the connection that packets come from.
+    connection: AtomicU64,
+    /// When was played last, by this side's clock, microseconds.
+    played_us: AtomicU64,
     /// [`VoiceQueue::follow`]'s.
     motion_offset_us: AtomicI64,
     /// [`VoiceQueue::offset_us`]'s.
@@ -48,6 +56,8 @@ struct Told {
 impl Default for Told {
     fn default() -> Self {
         Self {
+            connection: AtomicU64::new(0),
+            played_us: AtomicU64::new(0),
             motion_offset_us: AtomicI64::new(NOTHING),
             voice_offset_us: AtomicI64::new(NOTHING),
             heard_offset_us: AtomicI64::new(NOTHING),
@@ -62,13 +72,20 @@ impl Told {
         self.voice_offset_us.store(NOTHING, Relaxed);
         self.heard_offset_us.store(NOTHING, Relaxed);
     }
+
+    /// What the player told in `of`, if it still plays.
+    fn still(&self, of: &AtomicI64, now: Micros) -> Option<i64> {
+        let age = now.0.saturating_sub(self.played_us.load(Relaxed));
+        let offset = of.load(Relaxed);
+        (offset != NOTHING && age < STALE_US).then_some(offset)
+    }
 }
 
 #[derive(Debug)]
 struct Queued {
     voice: Voice,
     arrived: Micros,
-    connection: u32,
+    connection: u64,
 }
 
 impl VoiceQueue {
@@ -83,14 +100,13 @@ impl VoiceQueue {
         *self.entrance() = Some(Entrance {
             packets,
             counts: counted,
-            connection: 0,
         });
         Ok(VoicePlayer {
             playout,
             queued,
             counts,
+            connection: self.0.told.connection.load(Acquire),
             told: Arc::clone(&self.0.told),
-            connection: 0,
         })
     }
 
@@ -105,7 +121,7 @@ impl VoiceQueue {
             let queued = Queued {
                 voice,
                 arrived,
-                connection: entrance.connection,
+                connection: self.0.told.connection.load(Acquire),
             };
             if entrance.packets.push(queued).is_err() {
                 self.0.told.overflowed.fetch_add(1, Relaxed);
@@ -113,11 +129,9 @@ impl VoiceQueue {
         }
     }
 
-    /// Another connection has begun: what is pushed from now on has times of its own.
+    /// Another connection has begun: what is pushed from now on has times of its own, and what was pushed before is not played any longer.
     pub fn begin_connection(&self) {
-        if let Some(entrance) = &mut *self.entrance() {
-            entrance.connection = entrance.connection.wrapping_add(1);
-        }
+        self.0.told.connection.fetch_add(1, Release);
         self.0.told.no_voice();
     }
 
@@ -129,18 +143,17 @@ impl VoiceQueue {
     }
 
     /// When a sample could be heard, by this side's clock, minus its capture by the sender's, microseconds: what is seen is not to be shown
-    /// before it. Nothing while no voice comes or is played.
+    /// before it. Nothing while no voice comes, or none is played at `now`, by this side's clock.
     #[must_use]
-    pub fn offset_us(&self) -> Option<i64> {
-        let offset = self.0.told.voice_offset_us.load(Relaxed);
-        (offset != NOTHING).then_some(offset)
+    pub fn offset_us(&self, now: Micros) -> Option<i64> {
+        self.0.told.still(&self.0.told.voice_offset_us, now)
     }
 
-    /// When what was heard last was in the air, by this side's clock, minus its capture by the sender's, microseconds. Nothing in a silence.
+    /// When what was heard last was in the air, by this side's clock, minus its capture by the sender's, microseconds. Nothing in a silence, or
+    /// where nothing is played at `now`.
     #[must_use]
-    pub fn heard_offset_us(&self) -> Option<i64> {
-        let offset = self.0.told.heard_offset_us.load(Relaxed);
-        (offset != NOTHING).then_some(offset)
+    pub fn heard_offset_us(&self, now: Micros) -> Option<i64> {
+        self.0.told.still(&self.0.told.heard_offset_us, now)
     }
 
     /// Whether all that arrived has been heard, or is played by no one.
@@ -149,7 +162,7 @@ impl VoiceQueue {
         match &*self.entrance() {
             Some(entrance) if !entrance.packets.is_abandoned() => {
                 // In this order: the player says that it has more before it takes it.
-                entrance.packets.slots() == PACKETS && !self.0.told.has_more.load(Relaxed)
+                entrance.packets.slots() == PACKETS && !self.0.told.has_more.load(Acquire)
             }
             _ => true,
         }
@@ -177,43 +190,54 @@ impl VoiceQueue {
     }
 }
 
-/// The playing end of a [`VoiceQueue`], for one thread. Playing takes no lock and allocates nothing.
+/// The playing end of a [`VoiceQueue`], for one thread. Playing takes no lock; it frees the packets that it has decoded.
 #[derive(Debug)]
 pub struct VoicePlayer {
     playout: VoicePlayout,
     queued: rtrb::Consumer<Queued>,
     counts: triple_buffer::Input<VoiceStatistics>,
     told: Arc<Told>,
-    connection: u32,
+    connection: u64,
 }
 
 impl VoicePlayer {
     /// The sound that is handed at `now`, by this side's clock, to a device that needs `device` to make it heard; 48 kHz. It is heard
     /// together with what is seen, if that takes longer.
     pub fn play(&mut self, now: Micros, device: Duration, out: &mut [f32]) {
-        if !self.queued.is_empty() {
-            self.told.has_more.store(true, Relaxed);
-        }
-        while let Ok(queued) = self.queued.pop() {
-            if queued.connection != self.connection {
-                self.connection = queued.connection;
-                self.playout.reset();
+        self.begin(self.told.connection.load(Acquire));
+        while !self.queued.is_empty() {
+            // Before each is taken: one that came in the meantime is no less to be heard.
+            self.told.has_more.store(true, Release);
+            let Ok(queued) = self.queued.pop() else {
+                break;
+            };
+            self.begin(queued.connection);
+            if queued.connection == self.connection {
+                self.playout.push(queued.voice, queued.arrived);
             }
-            self.playout.push(queued.voice, queued.arrived);
         }
         let device = i64::try_from(device.as_micros()).unwrap_or(i64::MAX);
         let offset = self.told.motion_offset_us.load(Relaxed);
         let offset = (offset != NOTHING).then(|| offset.saturating_sub(device));
         self.playout.play(now, offset, out);
         let has_more = self.playout.has_more();
-        self.told.has_more.store(has_more, Relaxed);
+        self.told.has_more.store(has_more, Release);
         let own = self.playout.offset_us(out.len());
         let own = own.map_or(NOTHING, |own| own.saturating_add(device));
         self.told.voice_offset_us.store(own, Relaxed);
         let heard = self.playout.heard_offset_us();
         let heard = heard.map_or(NOTHING, |heard| heard.saturating_add(device));
         self.told.heard_offset_us.store(heard, Relaxed);
+        self.told.played_us.store(now.0, Relaxed);
         self.counts.write(self.playout.statistics());
+    }
+
+    /// Forgets what is left of the connections before this one, whether or not it brings a voice.
+    fn begin(&mut self, connection: u64) {
+        if connection > self.connection {
+            self.connection = connection;
+            self.playout.reset();
+        }
     }
 }
 

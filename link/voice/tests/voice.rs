@@ -281,9 +281,14 @@ fn a_queue_hands_over_what_was_said_and_knows_when_it_was_heard() {
     let device = Duration::from_millis(25);
     player.play(at(1_320), device, &mut out);
     assert_eq!(
-        queue.offset_us(),
+        queue.offset_us(at(1_330)),
         Some(65_000),
         "as motion would wait for it"
+    );
+    assert_eq!(
+        (queue.offset_us(at(2_000)), queue.heard_offset_us(at(2_000))),
+        (None, None),
+        "the device has been away for 680 ms: motion waits for nothing"
     );
     // More than a ring holds is dropped, and counted.
     for voice in &packets {
@@ -297,6 +302,13 @@ fn a_queue_hands_over_what_was_said_and_knows_when_it_was_heard() {
     // Another connection has other times, which are not compared with these.
     queue.begin_connection();
     queue.follow(None);
+    player.play(at(2_010), Duration::ZERO, &mut out);
+    assert_eq!(
+        queue.offset_us(at(2_010)),
+        None,
+        "a connection that brings no voice delays no motion"
+    );
+    assert!(queue.is_played(), "what the last one left is not played");
     let captured = Micros(77_000_000_000);
     queue.push(
         Voice {

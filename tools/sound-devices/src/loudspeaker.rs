@@ -3,7 +3,7 @@
 use crate::SoundError;
 use crate::clock::DeviceClock;
 use crate::connection::{Connection, Message, SoundServer};
-use crate::stream::{self, LOOKING, MEASURING, PIECE, PIECE_BYTES, SAMPLE_BYTES};
+use crate::stream::{self, LONGEST_SILENCE, LOOKING, MEASURING, PIECE, PIECE_BYTES, SAMPLE_BYTES};
 use pulseaudio::protocol::stream::{BufferAttr, StreamFlags};
 use pulseaudio::protocol::{
     ChannelMap, ChannelVolume, Command, CreatePlaybackStreamReply, LatencyParams, PlaybackLatency,
@@ -17,6 +17,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// What the server and the device hold together: as little as plays without a gap.
 const AHEAD_BYTES: u32 = 4 * PIECE_BYTES;
+/// The most that a server may ask for at a time.
+const MOST_ASKED: u32 = 16 * AHEAD_BYTES;
 /// Between two looks whether it is to stop.
 const STOPPING: Duration = Duration::from_millis(100);
 
@@ -155,6 +157,8 @@ struct Playing {
     count: u64,
     /// Bytes that the server has asked for.
     asked: u32,
+    /// When the server said something last: it answers measurements also where it needs no sound.
+    heard: Instant,
     measured: Instant,
     /// Of the measurement that is under way.
     measuring: Option<u32>,
@@ -187,12 +191,13 @@ impl Playing {
             clock: DeviceClock::new(),
             count: 0,
             asked: 0,
+            heard: Instant::now(),
             measured: Instant::now(),
             measuring: None,
         };
         // What fills the buffers at first is no one's voice.
         let silence = [0.0; PIECE];
-        for _ in 0..stream.requested_bytes.div_ceil(PIECE_BYTES) {
+        for _ in 0..stream.requested_bytes.min(MOST_ASKED).div_ceil(PIECE_BYTES) {
             playing.send(&silence)?;
         }
         Ok(playing)
@@ -215,12 +220,15 @@ impl Playing {
                 },
             ))?);
         }
-        match self.connection.next(now + STOPPING)? {
+        let message = self.connection.next(now + STOPPING)?;
+        if message.is_some() {
+            self.heard = Instant::now();
+        } else if Instant::now() > self.heard + LONGEST_SILENCE {
+            return Err(SoundError::Slow);
+        }
+        match message {
             Some(Message::Command(Command::Request(request))) => {
-                self.asked = self
-                    .asked
-                    .saturating_add(request.length)
-                    .min(16 * AHEAD_BYTES);
+                self.asked = self.asked.saturating_add(request.length).min(MOST_ASKED);
                 self.clock.observe(self.count, Instant::now());
                 self.give(fill)
             }

@@ -208,7 +208,7 @@ impl Call {
         let lag = self.lag_us();
         let seen = self.buffer.offset_us();
         self.voice.follow(seen.map(|seen| seen.saturating_add(lag)));
-        let heard = self.voice.offset_us();
+        let heard = self.voice.offset_us(self.clock.now());
         self.buffer
             .wait_for(heard.map(|heard| heard.saturating_sub(lag)));
     }
@@ -222,7 +222,7 @@ impl Call {
     /// Gives concealment all that is due; returns the newest frame's way, if there was any.
     fn release(&mut self, now: Micros) -> Option<Timing> {
         let mut newest = None;
-        let (lag, heard) = (self.lag_us(), self.voice.heard_offset_us());
+        let (lag, heard) = (self.lag_us(), self.voice.heard_offset_us(now));
         for Played { frame, timing } in self.buffer.take(now) {
             self.log.released(&timing, lag, heard);
             self.concealment.push(&frame);
