@@ -50,6 +50,7 @@ pub use plan::{Relay, RelayTransport};
 pub use sender::Sender;
 pub use viewer::{CallEvent, Viewer};
 
+use link_http::Client;
 use link_protocol::data_channel::Message;
 use peer::{Peer, PeerEvent, SendOutcome};
 use std::time::Duration;
@@ -93,6 +94,14 @@ async fn answer_bye(peer: &Peer, session: u32) {
     Message::Bye.write(session, &mut bye);
     peer.try_send(&bye).await;
     tokio::time::sleep(BETWEEN_BYES).await;
+}
+
+/// Drops the client's connections to the server: those that began at an address which this machine no longer has lead nowhere.
+fn renew(client: &mut Client) {
+    match client.with_new_connections() {
+        Ok(renewed) => *client = renewed,
+        Err(error) => log::debug!("the client keeps its connections: {error}"),
+    }
 }
 
 /// Waits until the flag is set or its owner is dropped.

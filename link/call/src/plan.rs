@@ -114,9 +114,8 @@ impl Known {
         self.answers.retain(|_, (_, since)| since.elapsed() < HOLDS);
         let mut asked = JoinSet::new();
         let urls = servers.as_slice().iter().flat_map(IceServer::addresses);
-        let over_udp = |url: &IceUrl| matches!(url.kind, IceKind::Stun | IceKind::TurnUdp);
         let unknown: BTreeSet<_> = urls
-            .filter(over_udp)
+            .filter(is_over_udp)
             .map(|url| (url.host, url.port))
             .filter(|place| !self.answers.contains_key(place))
             .collect();
@@ -147,7 +146,7 @@ impl Known {
                 .is_some_and(|(answers, _)| *answers);
             // The library cannot name a relay by an IPv6 address.
             let nameable = url.kind == IceKind::Stun || !url.host.contains(':');
-            if answers && nameable && matches!(url.kind, IceKind::Stun | IceKind::TurnUdp) {
+            if answers && nameable && is_over_udp(&url) {
                 if url.kind == IceKind::TurnUdp && plan.relay.is_none() {
                     plan.relay = Some(relay(&url, RelayTransport::Udp));
                 }
@@ -184,6 +183,10 @@ impl Known {
         self.tunnels.insert(place, tunnel);
         Ok(address)
     }
+}
+
+fn is_over_udp(url: &IceUrl) -> bool {
+    matches!(url.kind, IceKind::Stun | IceKind::TurnUdp)
 }
 
 fn relay(url: &IceUrl, transport: RelayTransport) -> Relay {

@@ -5,7 +5,7 @@
 use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::plan::Planner;
-use crate::{Backoff, CallError, addresses, answer_bye, is_set, send_bye};
+use crate::{Backoff, CallError, addresses, answer_bye, is_set, renew, send_bye};
 use link_codec::{Codec, Encoder, Micros, MotionFrame};
 use link_http::presence::Presence;
 use link_http::{Client, HttpError};
@@ -223,10 +223,7 @@ async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence
             () = here.lost() => {
                 // The stream may have begun at an address that is gone, and would be silent for long: a new one replaces it.
                 log::info!("this machine's address has changed: entering the room again");
-                match shared.client.with_new_connections() {
-                    Ok(client) => shared.client = client,
-                    Err(error) => log::debug!("the client keeps its connections: {error}"),
-                }
+                renew(&mut shared.client);
                 presence = None;
                 backoff.reset();
                 continue;

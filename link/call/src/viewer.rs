@@ -5,7 +5,7 @@ use crate::peer::PeerEvent;
 use crate::plan::Planner;
 use crate::session::Session;
 use crate::voice_track::VoicePacket;
-use crate::{Backoff, CallError, addresses, answer_bye, is_set, send_bye};
+use crate::{Backoff, CallError, addresses, answer_bye, is_set, renew, send_bye};
 use link_codec::decode_error::DecodeErrorCounts;
 use link_codec::{Micros, MotionFrame};
 use link_http::Client;
@@ -274,7 +274,7 @@ impl Call {
                 }
                 Turn::Moved => {
                     // Connections to the server that began at an address which is gone lead nowhere.
-                    self.renew_client();
+                    renew(&mut self.client);
                     let path = current.as_ref().and_then(|session| session.path.as_ref());
                     if path.is_some_and(Path::is_cut) {
                         log::warn!("this machine's address has changed: connecting again");
@@ -334,13 +334,6 @@ impl Call {
             joined = joined => Turn::Joined(joined.unwrap_or_else(|error| Err(error.into()))),
             _ = ticks.tick() => Turn::Tick,
             () = here.lost() => Turn::Moved,
-        }
-    }
-
-    fn renew_client(&mut self) {
-        match self.client.with_new_connections() {
-            Ok(client) => self.client = client,
-            Err(error) => log::debug!("the client keeps its connections: {error}"),
         }
     }
 

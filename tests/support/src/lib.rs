@@ -3,6 +3,7 @@
 
 pub mod allocations;
 pub mod bound_person;
+pub mod errors;
 pub mod headset_reference;
 pub mod load;
 pub mod lpips;

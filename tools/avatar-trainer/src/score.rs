@@ -5,7 +5,7 @@ use splat_gradient::Picture;
 use splat_gradient::loss::Target;
 
 /// Pixels whose mask is at least this are the person's.
-const PERSON: f32 = 0.5;
+pub(crate) const PERSON: f32 = 0.5;
 
 /// Sums of squared differences over a person's pixels, of one picture or several.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

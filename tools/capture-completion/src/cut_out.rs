@@ -12,6 +12,9 @@ use capture::Photograph;
 /// How far the network may be wrong, in its grains: what lies deeper inside its mask is the person's, what is farther outside is not.
 const SURE_INSIDE: f32 = 4.0;
 const SURE_OUTSIDE: f32 = 8.0;
+/// The person's own colour is that of the pixels at least so deep inside the network's mask, within a reach, both in its grains.
+const OWN_DEPTH: f32 = 2.4;
+const OWN_REACH: f32 = 6.0;
 /// Log-odds that the network is right, by grains of depth, and at most.
 const NETWORK: f32 = 1.0;
 const NETWORK_MOST: f32 = 5.0;
@@ -37,8 +40,8 @@ const DISTINCT: f32 = 30.0;
 /// Shares below the first are noise, above the second as well.
 const SHARE: (f32, f32) = (0.1, 0.9);
 
-/// The mask of a photograph, 255 = person, from the one that it has, which is a network's of this `grain`, and the camera's plate. The photograph's own where it
-/// does not fit the plate.
+/// The mask of a photograph, 255 = person, from the one that it has, which is a network's of this `grain`, and the camera's plate. Nothing of a
+/// photograph that does not fit the plate, or whose mask is empty.
 pub(crate) fn cut_out(photograph: &Photograph, grain: f32, plate: &Plate) -> Option<Vec<u8>> {
     let mask = photograph.mask.as_ref()?;
     if photograph.check().is_err() || plate.size != photograph.size {
@@ -162,14 +165,19 @@ fn around(k: usize, [width, height]: [usize; 2]) -> impl Iterator<Item = usize> 
 /// Each pixel's log-odds of being the person's, before neighbours are asked.
 fn odds(colours: &Colours, depth: &[f32], grain: f32, size: [usize; 2]) -> Vec<f32> {
     let surely: Vec<bool> = (depth.iter())
-        .map(|depth| *depth > 0.6 * SURE_INSIDE * grain)
+        .map(|depth| *depth > OWN_DEPTH * grain)
         .collect();
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a grain was clamped"
     )]
-    let own = means(&colours.seen, &surely, size, (6.0 * grain).ceil() as usize);
+    let own = means(
+        &colours.seen,
+        &surely,
+        size,
+        (OWN_REACH * grain).ceil() as usize,
+    );
     (0..depth.len())
         .map(|k| {
             let grains = depth[k] / grain;
@@ -242,20 +250,19 @@ fn agreed(colours: &Colours, odds: Vec<f32>, size: [usize; 2]) -> Vec<f32> {
         .map(|(k, _)| k)
         .collect();
     let width = size[0];
-    // Eight slots of a 3 x 3 neighbourhood, none of them outside.
-    let weights: Vec<Vec<(usize, f32)>> = open
-        .iter()
+    // Eight neighbours; at the edges those that there are not weigh nothing.
+    let weights: Vec<[(usize, f32); 8]> = (open.iter().copied())
         .map(|k| {
-            let others = around(*k, size).filter(|other| other != k);
-            others
-                .map(|other| {
-                    let difference = minus(colours.seen[*k], colours.seen[other]);
-                    let contrast = dot(difference, difference) / (6.0 * CONTRAST * CONTRAST);
-                    let aside = k % width != other % width && k / width != other / width;
-                    let step = if aside { std::f32::consts::SQRT_2 } else { 1.0 };
-                    (other, COUPLING * (-contrast).exp() / step)
-                })
-                .collect()
+            let mut weights = [(k, 0.0); 8];
+            let others = around(k, size).filter(|other| *other != k);
+            for (weight, other) in weights.iter_mut().zip(others) {
+                let difference = minus(colours.seen[k], colours.seen[other]);
+                let contrast = dot(difference, difference) / (6.0 * CONTRAST * CONTRAST);
+                let aside = k % width != other % width && k / width != other / width;
+                let step = if aside { std::f32::consts::SQRT_2 } else { 1.0 };
+                *weight = (other, COUPLING * (-contrast).exp() / step);
+            }
+            weights
         })
         .collect();
     let mut expected: Vec<f32> = odds.iter().map(|odds| (0.5 * odds).tanh()).collect();

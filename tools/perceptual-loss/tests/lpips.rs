@@ -3,9 +3,9 @@
 use npu_runtime::Runtime;
 use perceptual_loss::{Lpips, NetworkFile};
 use splat_gradient::loss::PerceptualLoss;
-use std::error::Error;
 use std::path::PathBuf;
 use tempfile::TempDir;
+use test_support::errors::whole_message;
 use test_support::network::Net;
 use test_support::{lpips, onnx};
 
@@ -16,16 +16,6 @@ fn written(bytes: &[u8]) -> (TempDir, PathBuf) {
     let path = folder.path().join("lpips.onnx");
     std::fs::write(&path, bytes).expect("written");
     (folder, path)
-}
-
-fn whole_message(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut next = error.source();
-    while let Some(cause) = next {
-        text = format!("{text}: {cause}");
-        next = cause.source();
-    }
-    text
 }
 
 fn refused(bytes: &[u8], runtime: &Runtime) -> String {

@@ -53,7 +53,7 @@ impl Config {
 /// A TURN server beside the signaling, for whoever has a room's token. Clients find it by the name that they reach the signaling by.
 #[derive(Clone, Debug)]
 pub struct TurnConfig {
-    /// Where to listen, with UDP and TCP; port 0 takes a free one. With a certificate (of the server itself) its TCP connections may speak TLS.
+    /// Where to listen, with UDP and TCP; port 0 takes a free one. Where the server has a certificate, its TCP connections may speak TLS.
     pub listen: SocketAddr,
     /// The address by which the world reaches this machine, where it is not one of its own.
     pub external: Option<IpAddr>,

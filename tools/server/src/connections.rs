@@ -7,7 +7,7 @@ use axum_server::accept::Accept;
 use std::collections::HashMap;
 use std::future::{Ready, ready};
 use std::io::{self, ErrorKind, IoSlice};
-use std::net::{IpAddr, Ipv6Addr};
+use std::net::IpAddr;
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, ready};
@@ -15,6 +15,7 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::Sleep;
+use turn_server::network_prefix;
 
 /// Admits a number of connections in all, and a number from one address.
 #[derive(Clone, Debug)]
@@ -97,14 +98,6 @@ impl<S> Accept<TcpStream, S> for Gate {
 
     fn accept(&self, stream: TcpStream, service: S) -> Self::Future {
         ready(self.enter(stream).map(|stream| (stream, service)))
-    }
-}
-
-/// The address that limits count by: an IPv6 address's /64, all of which belong to one client.
-pub(crate) fn network_prefix(address: IpAddr) -> IpAddr {
-    match address.to_canonical() {
-        IpAddr::V6(v6) => IpAddr::V6(Ipv6Addr::from_bits(v6.to_bits() & !u128::from(u64::MAX))),
-        v4 => v4,
     }
 }
 

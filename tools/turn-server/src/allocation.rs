@@ -61,20 +61,11 @@ pub(crate) enum Side {
 /// An allocation.
 #[derive(Debug)]
 pub(crate) struct Allocation {
-    pub(crate) client: Client,
-    pub(crate) way: Way,
-    pub(crate) username: String,
-    pub(crate) subject: String,
-    /// The address that is lent, as peers see it.
-    pub(crate) relayed: SocketAddr,
-    pub(crate) socket: UdpSocket,
-    /// The transaction that made it.
-    pub(crate) transaction: Transaction,
+    pub(crate) terms: Terms,
     pub(crate) born: Instant,
     pub(crate) ended: CancellationToken,
     /// It expires at another time now.
     pub(crate) refreshed: Notify,
-    limit: usize,
     state: Mutex<State>,
 }
 
@@ -93,16 +84,19 @@ struct Channel {
     expires: Instant,
 }
 
-/// What an allocation is made from.
+/// What an allocation is made from, and does not change.
 #[derive(Debug)]
-pub(crate) struct Order {
+pub(crate) struct Terms {
     pub(crate) client: Client,
     pub(crate) way: Way,
     pub(crate) username: String,
     pub(crate) subject: String,
+    /// The address that is lent, as peers see it.
     pub(crate) relayed: SocketAddr,
     pub(crate) socket: UdpSocket,
+    /// The transaction that made it.
     pub(crate) transaction: Transaction,
+    /// How long it lasts unless it is refreshed.
     pub(crate) lifetime: Duration,
     /// Peers and channels.
     pub(crate) limit: usize,
@@ -117,25 +111,18 @@ pub(crate) enum Refused {
 }
 
 impl Allocation {
-    pub(crate) fn new(order: Order, now: Instant) -> Self {
+    pub(crate) fn new(terms: Terms, now: Instant) -> Self {
         Self {
-            client: order.client,
-            way: order.way,
-            username: order.username,
-            subject: order.subject,
-            relayed: order.relayed,
-            socket: order.socket,
-            transaction: order.transaction,
             born: now,
             ended: CancellationToken::new(),
             refreshed: Notify::new(),
-            limit: order.limit,
             state: Mutex::new(State {
-                expires: now + order.lifetime,
+                expires: now + terms.lifetime,
                 permissions: HashMap::new(),
                 channels: Vec::new(),
-                budget: Budget::new(order.bytes_per_second, now),
+                budget: Budget::new(terms.bytes_per_second, now),
             }),
+            terms,
         }
     }
 
@@ -150,7 +137,7 @@ impl Allocation {
 
     /// Lets packets pass to and from `ip` for five minutes.
     pub(crate) fn permit(&self, ip: IpAddr, side: Side, now: Instant) -> Result<(), Refused> {
-        self.state().permit(ip, side, now, self.limit)
+        self.state().permit(ip, side, now, self.terms.limit)
     }
 
     /// Gives `peer` a channel for ten minutes, and a permission.
@@ -163,7 +150,7 @@ impl Allocation {
     ) -> Result<(), Refused> {
         let mut state = self.state();
         state.channels.retain(|channel| channel.expires > now);
-        let full = state.channels.len() >= self.limit;
+        let full = state.channels.len() >= self.terms.limit;
         let expires = now + CHANNEL;
         let mut channels = state.channels.iter_mut();
         match channels.find(|channel| channel.number == number || channel.peer == peer) {
@@ -178,7 +165,7 @@ impl Allocation {
                 expires,
             }),
         }
-        state.permit(peer.ip(), side, now, self.limit)
+        state.permit(peer.ip(), side, now, self.terms.limit)
     }
 
     /// The peer of a channel.
@@ -213,7 +200,7 @@ impl Allocation {
                 .find(|channel| channel.peer == from && channel.expires > now)
                 .map(|channel| channel.number)
         };
-        self.way.send(match channel {
+        self.terms.way.send(match channel {
             Some(number) => channel_data(number, data),
             None => {
                 let mut transaction = [0; 12];

@@ -31,3 +31,4 @@ mod table;
 pub use config::{Config, Limits};
 pub use credentials::Key;
 pub use server::{TurnError, TurnServer};
+pub use table::network_prefix;

@@ -1,6 +1,6 @@
 //! What the server does with each packet: RFC 8656 for relays over UDP, and STUN's Binding.
 
-use crate::allocation::{Allocation, CHANNELS, Client, Order, Refused, Side, Way};
+use crate::allocation::{Allocation, CHANNELS, Client, Refused, Side, Terms, Way};
 use crate::budget::Budget;
 use crate::config::Config;
 use crate::credentials::{Name, REALM, hmac};
@@ -183,7 +183,7 @@ impl Service {
                 .expires()
                 .saturating_duration_since(Instant::now());
             return Ok(answer
-                .address(attribute::XOR_RELAYED_ADDRESS, allocation.relayed)
+                .address(attribute::XOR_RELAYED_ADDRESS, allocation.terms.relayed)
                 .address(attribute::XOR_MAPPED_ADDRESS, client.address)
                 .add(attribute::LIFETIME, &seconds(left)));
         }
@@ -251,7 +251,9 @@ impl Service {
         }
         match self.allocation(client) {
             // An allocation lives on with the credentials that made it; they allow no other.
-            Some(allocation) if allocation.username != username => return Err(WRONG_CREDENTIALS),
+            Some(allocation) if allocation.terms.username != username => {
+                return Err(WRONG_CREDENTIALS);
+            }
             Some(_) => {}
             None if name.expires <= unix_now() => return Err(UNAUTHORIZED),
             None => {}
@@ -272,7 +274,7 @@ impl Service {
     ) -> Result<Arc<Allocation>, Refusal> {
         if let Some(allocation) = self.allocation(client) {
             // The client repeats a request whose answer it did not get.
-            if allocation.transaction == message.transaction() {
+            if allocation.terms.transaction == message.transaction() {
                 return Ok(allocation);
             }
             return Err(MISMATCH);
@@ -307,7 +309,7 @@ impl Service {
             .filter(|it| it.is_ipv4() == ip.is_ipv4());
         let limits = &self.config.limits;
         let now = Instant::now();
-        let order = Order {
+        let terms = Terms {
             client,
             way: way.clone(),
             username: bearer.username.to_owned(),
@@ -322,9 +324,9 @@ impl Service {
             limit: limits.peers_per_allocation,
             bytes_per_second: limits.allocation_bytes_per_second,
         };
-        let allocation = Arc::new(Allocation::new(order, now));
+        let allocation = Arc::new(Allocation::new(terms, now));
         self.table().insert(Arc::clone(&allocation))?;
-        log::debug!("{} is lent {}", client.address, allocation.relayed);
+        log::debug!("{} is lent {}", client.address, allocation.terms.relayed);
         tokio::spawn(relay(Arc::clone(self), Arc::clone(&allocation)));
         Ok(allocation)
     }
@@ -359,7 +361,7 @@ impl Service {
 
     /// Where packets from `allocation` to `peer` would go, if they may.
     fn side_of(&self, allocation: &Allocation, peer: SocketAddr) -> Result<Side, Refusal> {
-        let (ip, relayed) = (peer.ip().to_canonical(), allocation.relayed.ip());
+        let (ip, relayed) = (peer.ip().to_canonical(), allocation.terms.relayed.ip());
         if ip.is_ipv4() != relayed.is_ipv4() {
             return Err(PEER_FAMILY);
         }
@@ -421,11 +423,11 @@ impl Service {
                 if let Some(other) = other
                     && self.spend(&other, data.len(), now)
                 {
-                    other.deliver(allocation.relayed, data, now);
+                    other.deliver(allocation.terms.relayed, data, now);
                 }
             }
             Side::Outside => {
-                if let Err(error) = allocation.socket.try_send_to(data, peer) {
+                if let Err(error) = allocation.terms.socket.try_send_to(data, peer) {
                     log::trace!("a packet to {peer} is dropped: {error}");
                 }
             }
@@ -556,7 +558,7 @@ async fn relay(service: Arc<Service>, allocation: Arc<Allocation>) {
             () = allocation.ended.cancelled() => break,
             () = tokio::time::sleep_until(expires.into()) => continue,
             () = allocation.refreshed.notified() => continue,
-            received = allocation.socket.recv_from(&mut buffer) => received,
+            received = allocation.terms.socket.recv_from(&mut buffer) => received,
         };
         match received {
             Ok((length, from)) => {
@@ -571,13 +573,13 @@ async fn relay(service: Arc<Service>, allocation: Arc<Allocation>) {
                 }
             }
             Err(error) => {
-                log::debug!("receiving on {}: {error}", allocation.relayed);
+                log::debug!("receiving on {}: {error}", allocation.terms.relayed);
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         }
     }
     service.end(&allocation);
-    log::debug!("{} is no longer lent", allocation.relayed);
+    log::debug!("{} is no longer lent", allocation.terms.relayed);
 }
 
 /// A socket on a port at random.

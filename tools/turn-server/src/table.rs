@@ -92,33 +92,36 @@ impl Table {
 
     /// Takes an allocation in. Its client has no other, and no other was lent its address.
     pub(crate) fn insert(&mut self, allocation: Arc<Allocation>) -> Result<(), Full> {
-        self.has_room(&allocation.client, &allocation.subject)?;
-        let prefix = network_prefix(allocation.client.address.ip());
+        self.has_room(&allocation.terms.client, &allocation.terms.subject)?;
+        let prefix = network_prefix(allocation.terms.client.address.ip());
         *self
             .of_subject
-            .entry(allocation.subject.clone())
+            .entry(allocation.terms.subject.clone())
             .or_default() += 1;
         *self.of_address.entry(prefix).or_default() += 1;
-        *self.of_lent.entry(allocation.relayed.ip()).or_default() += 1;
+        *self
+            .of_lent
+            .entry(allocation.terms.relayed.ip())
+            .or_default() += 1;
         self.by_lent
-            .insert(allocation.relayed, Arc::clone(&allocation));
-        self.by_client.insert(allocation.client, allocation);
+            .insert(allocation.terms.relayed, Arc::clone(&allocation));
+        self.by_client.insert(allocation.terms.client, allocation);
         Ok(())
     }
 
     /// Removes an allocation, if it is still there.
     pub(crate) fn remove(&mut self, allocation: &Allocation) {
-        let found = self.by_lent.get(&allocation.relayed);
+        let found = self.by_lent.get(&allocation.terms.relayed);
         if !found.is_some_and(|found| std::ptr::eq(&raw const **found, allocation)) {
             return;
         }
-        self.by_lent.remove(&allocation.relayed);
-        self.by_client.remove(&allocation.client);
-        one_less(&mut self.of_subject, &allocation.subject);
-        one_less(&mut self.of_lent, &allocation.relayed.ip());
+        self.by_lent.remove(&allocation.terms.relayed);
+        self.by_client.remove(&allocation.terms.client);
+        one_less(&mut self.of_subject, &allocation.terms.subject);
+        one_less(&mut self.of_lent, &allocation.terms.relayed.ip());
         one_less(
             &mut self.of_address,
-            &network_prefix(allocation.client.address.ip()),
+            &network_prefix(allocation.terms.client.address.ip()),
         );
     }
 }
@@ -137,7 +140,8 @@ where
 }
 
 /// The address that limits count by: an IPv6 address's /64, all of which belong to one client.
-pub(crate) fn network_prefix(address: IpAddr) -> IpAddr {
+#[must_use]
+pub fn network_prefix(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(v6) => IpAddr::V6(Ipv6Addr::from_bits(v6.to_bits() & !u128::from(u64::MAX))),
         v4 => v4,

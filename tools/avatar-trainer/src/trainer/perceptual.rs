@@ -2,6 +2,7 @@
 
 use crate::backdrop::Backdrop;
 use crate::random::mixed;
+use crate::score::PERSON;
 use splat_gradient::Picture;
 use splat_gradient::error::GradientError;
 use splat_gradient::loss::{PerceptualLoss, Target};
@@ -12,9 +13,6 @@ const WINDOW: u64 = u64::MAX - 4;
 /// The term costs as much as the rest of a step: it is taken in one step of so many, with a weight as many times as large. Backdrops take turns of four, so
 /// that it meets all of them.
 const EVERY: u8 = 3;
-
-/// Pixels whose mask is at least this are the person's.
-const PERSON: f32 = 0.5;
 
 /// A network and its pictures' memory.
 #[derive(Debug)]

@@ -3,18 +3,8 @@
 use crate::studio::{capture, motions, poses, puppet, stranger};
 use avatar_trainer::{Options, TrainError, Trainer};
 use capture::{Capture, HeldOut};
-use std::error::Error;
 use std::path::Path;
-
-fn whole_message(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut next = error.source();
-    while let Some(cause) = next {
-        text = format!("{text}: {cause}");
-        next = cause.source();
-    }
-    text
-}
+use test_support::errors::whole_message;
 
 #[test]
 fn a_picture_that_breaks_mid_way_is_named_and_the_best_package_stays() {

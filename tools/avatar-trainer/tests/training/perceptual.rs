@@ -24,6 +24,14 @@ fn network(folder: &Path, features: i64) -> PathBuf {
     path
 }
 
+/// A capture of two cameras and two frames, and a first avatar.
+fn captured(folder: &Path) -> (Capture, Avatar) {
+    let truth = puppet();
+    let pictures = folder.join("capture");
+    let capture = capture(&pictures, &truth, 2, &motions(2), &HeldOut::default());
+    (capture, stranger(&truth))
+}
+
 fn open(path: &Path, runtime: &Runtime, threads: usize) -> Box<dyn PerceptualLoss> {
     Box::new(Lpips::open(path, runtime, threads).expect("a network"))
 }
@@ -80,10 +88,7 @@ fn the_distance_falls_further_where_it_is_learnt_from_and_only_whole_pictures_ar
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");
-    let truth = puppet();
-    let pictures = folder.path().join("capture");
-    let capture = capture(&pictures, &truth, 2, &motions(2), &HeldOut::default());
-    let first = stranger(&truth);
+    let (capture, first) = captured(folder.path());
     let path = network(folder.path(), 6);
     let learnt = |share: f32| {
         let distances = Arc::new(Mutex::new(Vec::new()));
@@ -122,10 +127,7 @@ fn an_interrupted_training_goes_on_with_the_same_network_alone_and_ends_with_the
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");
-    let truth = puppet();
-    let pictures = folder.path().join("capture");
-    let capture = capture(&pictures, &truth, 2, &motions(2), &HeldOut::default());
-    let first = stranger(&truth);
+    let (capture, first) = captured(folder.path());
     let path = network(folder.path(), 6);
     let other = network(folder.path(), 7);
     let checkpoint = folder.path().join("checkpoint.safetensors");

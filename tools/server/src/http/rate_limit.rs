@@ -1,11 +1,11 @@
 //! Requests a second by address, by the generic cell rate algorithm (ATM Forum, Traffic Management 4.0, 4.4.2): of each address only
 //! the time is kept at which the next of its requests would be due, if they came evenly.
 
-use crate::connections::network_prefix;
 use std::collections::HashMap;
 use std::net::IpAddr;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use turn_server::network_prefix;
 
 /// Requests a second by address.
 #[derive(Debug)]
