@@ -38,6 +38,7 @@ mod joint;
 mod motion;
 pub mod networks;
 pub mod package;
+mod range;
 mod skeleton;
 mod template;
 
@@ -57,5 +58,6 @@ pub use importance::{Importance, KeptLevel};
 pub use joint::{JOINTS, Joint};
 pub use motion::{BODY, EXPRESSION, HANDS, MotionParams, PARAMS};
 pub use package::{Avatar, PackageError};
+pub use range::{PoseRange, ROTATIONS};
 pub use skeleton::{JointTransforms, Skeleton, SkinningTransforms};
 pub use template::{INFLUENCES, SkinWeights, Template};

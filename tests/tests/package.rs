@@ -1,7 +1,8 @@
 //! Avatar packages: what is saved is what is loaded.
 
+use glam::Vec3;
 use spmm3::package::Manifest;
-use spmm3::{Avatar, ExpressionBasis, Importance, PackageError};
+use spmm3::{Avatar, ExpressionBasis, Importance, MotionParams, PARAMS, PackageError, PoseRange};
 use std::io::Cursor;
 use synthetic_person::Puppet;
 
@@ -13,7 +14,12 @@ fn avatar() -> Avatar {
 fn a_saved_avatar_loads_as_it_was_and_saves_to_the_same_bytes() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("puppet.m3a");
-    let avatar = avatar();
+    let turned = MotionParams::new([0.1; PARAMS], Vec3::ZERO);
+    let avatar = Avatar {
+        pose_range: PoseRange::of([&turned, &MotionParams::default()]),
+        ..avatar()
+    };
+    assert!(avatar.pose_range.is_some(), "a range to keep");
     let size = avatar.save(&path).expect("the puppet saves");
     let first = std::fs::read(&path).expect("the package is there");
     assert_eq!(first.len() as u64, size, "the size that save reports");

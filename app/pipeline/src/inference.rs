@@ -204,6 +204,9 @@ impl Inference {
         self.session
             .input_mut(MOTION)
             .copy_from_slice(motion.values());
+        if let Some(range) = &self.avatar.pose_range {
+            range.clamp(self.session.input_mut(MOTION));
+        }
         if self.graph != GraphParts::Networks {
             self.session
                 .input_mut(SKINNING)

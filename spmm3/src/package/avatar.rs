@@ -7,8 +7,8 @@ use super::manifest::{MANIFEST, Manifest};
 use super::members::{self, MEMBERS};
 use crate::networks::CompiledGraph;
 use crate::{
-    BoundGaussians, Controllers, ExpressionBasis, Expressions, Importance, KeptLevel, Skeleton,
-    Template,
+    BoundGaussians, Controllers, ExpressionBasis, Expressions, Importance, KeptLevel, PoseRange,
+    Skeleton, Template,
 };
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek};
@@ -43,6 +43,8 @@ pub struct Avatar {
     pub expressions: Expressions,
     /// F_mesh, LBS and F_attr as one ONNX graph ([`crate::networks::DeformGraph::to_onnx`]).
     pub deform_graph: Vec<u8>,
+    /// What the graph sees of a motion is clamped to this range, where the builder states one: [`PoseRange::clamp`].
+    pub pose_range: Option<PoseRange>,
     /// The same graph compiled for chips, if it was.
     pub compiled: Vec<CompiledGraph>,
     /// What the builder measured (errors), free in form.
@@ -91,6 +93,7 @@ impl Avatar {
         let manifest = Manifest::from_archive(&mut archive)?;
         let expression_basis = manifest.basis();
         let expressions = manifest.presets()?;
+        let pose_range = manifest.range()?;
         let (skeleton, template) = members::unpack_template(&mut archive, &manifest)?;
         let (gaussians, importance) =
             members::unpack_gaussians(&mut archive, &manifest, &template)?;
@@ -114,6 +117,7 @@ impl Avatar {
             expression_basis,
             expressions,
             deform_graph,
+            pose_range,
             compiled,
             report: manifest.report,
         })

@@ -7,6 +7,7 @@ use super::PackageError;
 use super::error::is_unprintable;
 use crate::{
     EXPRESSION, ExpressionBasis, ExpressionPreset, Expressions, JOINTS, PARAMS, PersonError,
+    PoseRange,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -71,6 +72,9 @@ pub struct Manifest {
     /// Named expressions.
     #[serde(default)]
     pub expressions: BTreeMap<String, ExpressionEntry>,
+    /// Where the networks have learnt: what the graph sees of a motion is clamped to it. Programs older than it leave it out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose_range: Option<PoseRangeEntry>,
     /// What the builder measured (errors), free in form.
     #[serde(default)]
     pub report: serde_json::Value,
@@ -148,6 +152,15 @@ pub struct ExpressionEntry {
     pub jaw: f32,
 }
 
+/// A [`PoseRange`]: 165 values each, radians, in the order body | hands.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PoseRangeEntry {
+    /// The least rotations.
+    pub low: Vec<f32>,
+    /// The greatest.
+    pub high: Vec<f32>,
+}
+
 /// The part of a manifest that every version has, read first.
 #[derive(Deserialize)]
 struct Header {
@@ -222,6 +235,15 @@ impl Manifest {
         })
     }
 
+    /// The range of poses, checked.
+    pub(super) fn range(&self) -> Result<Option<PoseRange>, PackageError> {
+        let entry = self.pose_range.as_ref();
+        entry
+            .map(|entry| PoseRange::new(&entry.low, &entry.high))
+            .transpose()
+            .map_err(PackageError::contents(MANIFEST))
+    }
+
     /// The named expressions, checked.
     pub(super) fn presets(&self) -> Result<Expressions, PackageError> {
         if self.expressions.len() > MAX_EXPRESSIONS {
@@ -258,6 +280,15 @@ impl Manifest {
             Ok((name.clone(), ExpressionPreset { coefficients, jaw }))
         };
         self.expressions.iter().map(preset).collect()
+    }
+}
+
+impl From<&PoseRange> for PoseRangeEntry {
+    fn from(range: &PoseRange) -> Self {
+        Self {
+            low: range.low().to_vec(),
+            high: range.high().to_vec(),
+        }
     }
 }
 
@@ -306,6 +337,11 @@ pub(super) fn conventions() -> BTreeMap<String, String> {
         (
             "expression",
             "coefficients of the basis that expression_basis names; a motion's are mapped onto it or left out",
+        ),
+        (
+            "pose_range",
+            "the rotations (body 75 | hands 90) that the networks have learnt from: what the graph's motion input gets is \
+             clamped to it, joint transforms are not",
         ),
         (
             "skinning",
@@ -364,6 +400,31 @@ mod tests {
         let others = r#", "generator": "another 2.0""#;
         assert_eq!(basis(others), ExpressionBasis::FLAME_2020, "SMPL-X's");
         assert_eq!(basis(""), ExpressionBasis::FLAME_2020, "no writer named");
+    }
+
+    #[test]
+    fn a_pose_range_is_read_back_left_out_where_there_is_none_and_refused_where_it_is_broken() {
+        let none = parse("").expect("a good manifest");
+        assert_eq!(none.range().expect("none"), None, "none stated");
+        let text = serde_json::to_string(&none).expect("text");
+        assert!(!text.contains(r#""pose_range":"#), "as it was read");
+        let range = PoseRange::new(&[-0.25; 165], &[0.5; 165]).expect("in order");
+        let entry = serde_json::to_string(&PoseRangeEntry::from(&range)).expect("text");
+        let read = |entry: &str| parse(&format!(r#", "pose_range": {entry}"#));
+        let stated = read(&entry).expect("a good manifest");
+        assert_eq!(stated.range().expect("good"), Some(range), "the same");
+        let exchanged = entry.replace("low", "x").replace("high", "low");
+        let exchanged = exchanged.replace('x', "high");
+        let short = entry.replacen("-0.25,", "", 1);
+        for (broken, said) in [(exchanged, "high number 0"), (short, "low has 164")] {
+            let refused = read(&broken).expect("it parses").range();
+            let refused = refused.expect_err("broken");
+            assert!(refused.to_string().contains("manifest.json"), "{refused}");
+            let why = std::error::Error::source(&refused).expect("a reason");
+            assert!(why.to_string().contains(said), "{why}");
+        }
+        let refused = read(r#"{"low": [null], "high": []}"#).expect_err("no number");
+        assert!(refused.to_string().contains("manifest.json"), "{refused}");
     }
 
     #[test]

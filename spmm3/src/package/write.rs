@@ -100,6 +100,7 @@ impl Avatar {
                 .iter()
                 .map(|(name, preset)| (name.clone(), preset.into()))
                 .collect(),
+            pose_range: self.pose_range.as_ref().map(Into::into),
             report: self.report.clone(),
         };
         let text = serde_json::to_vec_pretty(&manifest)

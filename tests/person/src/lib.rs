@@ -178,6 +178,7 @@ impl Puppet {
                 .graph()
                 .to_onnx(GraphParts::Whole)
                 .expect("the networks fit"),
+            pose_range: None,
             compiled: Vec::new(),
             report: serde_json::json!({ "vertices": self.template.vertices().len(), "error_mm": 0.1 + 0.2 }),
         }

@@ -120,6 +120,7 @@ pub(crate) fn assemble(material: Material<'_>) -> Result<Assembled, PersonError>
             expression_basis: ExpressionBasis::MAKEHUMAN_1,
             expressions: material.presets,
             deform_graph,
+            pose_range: None,
             compiled: Vec::new(),
             report: serde_json::Value::Null,
         },

@@ -122,6 +122,7 @@ impl Baked {
                 .to_owned(),
             licence: "CC0-1.0 for the MakeHuman Team's core assets as released in 2020".to_owned(),
             deform_graph: graph.to_onnx(GraphParts::Whole)?,
+            pose_range: None,
             compiled: Vec::new(),
             report: serde_json::to_value(&self.report).unwrap_or_default(),
             skeleton: self.skeleton,

@@ -5,6 +5,7 @@ mod headset;
 mod people;
 mod pictures;
 mod placing;
+mod pose_range;
 mod slow;
 mod stage;
 mod steady;

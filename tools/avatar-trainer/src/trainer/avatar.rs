@@ -8,7 +8,7 @@ use crate::score::Score;
 use avatar_gradient::{Networks, Parameters, Parts};
 use reconstruct::bake::{Weights as ImportanceWeights, importance};
 use spmm3::networks::{DeformGraph, GraphParts};
-use spmm3::{Avatar, package::PackageError};
+use spmm3::{Avatar, MotionParams, PoseRange, package::PackageError};
 use std::path::Path;
 
 /// Pictures that a preview shows.
@@ -97,6 +97,23 @@ impl Trainer<'_> {
         Ok(Preview::new(&target, picture))
     }
 
+    /// The poses that the networks were shown, as captured and as refined, and those that the first avatar's had learnt from.
+    fn pose_range(&self) -> Option<PoseRange> {
+        let pairs = self.split.training.iter().chain(&self.split.validation);
+        let shown: Vec<MotionParams> = pairs
+            .flat_map(|pair| {
+                let captured = &self.motions[pair.frame];
+                let refined = self.poses[pair.frame].correction.applied(captured);
+                [captured.clone(), refined]
+            })
+            .collect();
+        let shown = PoseRange::of(&shown)?;
+        Some(match &self.first.pose_range {
+            Some(first) => shown.joined(first),
+            None => shown,
+        })
+    }
+
     /// The avatar as it is now. Its report says how it was trained.
     ///
     /// # Errors
@@ -132,6 +149,7 @@ impl Trainer<'_> {
             importance: Some(order),
             compiled: Vec::new(),
             deform_graph,
+            pose_range: self.pose_range(),
             report,
             ..self.first.clone()
         })

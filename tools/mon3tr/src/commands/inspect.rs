@@ -107,6 +107,9 @@ impl Inspection {
             expressions.join(", "),
             manifest.basis()
         );
+        if manifest.pose_range.is_some() {
+            println!("pose range   stated: beyond it, networks see its nearest pose");
+        }
         for graph in &manifest.compiled {
             println!(
                 "compiled     for {} by QNN {} and ONNX Runtime {}",

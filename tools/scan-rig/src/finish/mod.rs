@@ -159,6 +159,7 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
             expression_basis: ExpressionBasis::MAKEHUMAN_1,
             expressions: material.presets.clone(),
             deform_graph,
+            pose_range: None,
             compiled: Vec::new(),
             report: serde_json::Value::Null,
         },

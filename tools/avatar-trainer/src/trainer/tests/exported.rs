@@ -8,7 +8,8 @@ use glam::Vec3;
 use npu_runtime::{Provider, Session};
 use spmm3::networks::{Dense, MeshNetwork};
 use spmm3::{
-    ATTRIBUTES, Avatar, GaussianSet, JOINTS, MotionParams, PlanarVertices, SkinningTransforms,
+    ATTRIBUTES, Avatar, BODY, GaussianSet, JOINTS, MotionParams, PARAMS, PlanarVertices,
+    SkinningTransforms,
 };
 use test_support::onnx;
 
@@ -141,6 +142,22 @@ fn the_packages_vertices_and_gaussians_are_the_trainings_to_a_twentieth_of_a_mil
     let avatar = Avatar::load(&path).expect("read again");
     let number = avatar.gaussians.len();
     assert!((201..=260).contains(&number), "{number} Gaussians");
+    let range = avatar.pose_range.as_ref().expect("what it was shown");
+    for motion in &frames {
+        let mut seen = *motion.values();
+        range.clamp(&mut seen);
+        assert_eq!(&seen, motion.values(), "a pose that was learnt from stays");
+    }
+    let mut far = [3.0; PARAMS];
+    range.clamp(&mut far);
+    let widest = frames
+        .iter()
+        .flat_map(|motion| motion.body())
+        .fold(0.0f32, |most, x| most.max(x.abs()));
+    assert!(
+        far[..BODY].iter().all(|x| *x < widest + 0.2),
+        "others do not"
+    );
     let order = avatar.importance.as_ref().expect("an order of importance");
     let mut all = order.order().to_vec();
     all.sort_unstable();
