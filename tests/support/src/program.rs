@@ -85,13 +85,18 @@ impl Program {
         word.trim_matches('\'').to_owned()
     }
 
-    /// Asks it to end, as Ctrl-C does, and waits for that.
+    /// Asks it to end, as Ctrl-C does.
+    pub fn ask_to_end(&self) {
+        // It may have ended by itself.
+        let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
+    }
+
+    /// The same, and waits for its end.
     ///
     /// # Panics
     /// If it does not end within [`LONGEST_WAIT`].
     pub fn end(&mut self) -> ExitStatus {
-        // It may have ended by itself.
-        let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
+        self.ask_to_end();
         self.ended_within(LONGEST_WAIT)
             .unwrap_or_else(|| panic!("it does not end:\n{}", self.said()))
     }

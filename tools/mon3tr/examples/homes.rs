@@ -18,6 +18,9 @@ const AT_ONCE: usize = 4;
 /// When a viewer that has not joined counts as one that cannot.
 const LONGEST: Duration = Duration::from_secs(30);
 
+/// What a viewer says once it has joined.
+const JOINED: &str = "joined (session";
+
 const USAGE: &str = "usage: homes joins N | homes moves N";
 
 fn main() {
@@ -43,38 +46,63 @@ fn mon3tr() -> PathBuf {
     mon3tr
 }
 
+/// A viewer that is to join, see motion for a second, and leave.
+struct Visit {
+    viewer: Receiving,
+    begun: Instant,
+    /// When it was asked to end.
+    asked: Option<Instant>,
+}
+
+impl Visit {
+    /// How it went, once it is over.
+    fn outcome(&mut self) -> Option<Result<Value, String>> {
+        if let Some(over) = self.viewer.outcome(Duration::ZERO) {
+            return Some(over);
+        }
+        let late = self.begun.elapsed() > LONGEST;
+        match self.asked {
+            None if late || self.viewer.program.said().contains(JOINED) => {
+                self.asked = Some(Instant::now());
+            }
+            Some(asked) if asked.elapsed() > Duration::from_secs(1) => {
+                self.viewer.program.ask_to_end();
+                self.asked = Some(Instant::now());
+            }
+            _ => {}
+        }
+        None
+    }
+}
+
 /// Viewers behind a symmetric NAT join a sender behind another one, some at a time, each with a process and a cache of its own.
 fn joins(world: &mut CallWorld, number: usize) {
     let [here, there] = [(); 2].map(|()| world.internet().home(HomeKind::Symmetric));
     let mut sending = world.send(&here, &[]);
-    let link = sending.link.clone();
-    let mut running: Vec<(Instant, Receiving)> = Vec::new();
-    let (mut begun, mut failed, mut relayed) = (0, 0, 0);
+    let mut visits: Vec<Visit> = Vec::new();
+    let (mut begun, mut relayed) = (0, 0);
     let mut first_ms = Vec::new();
-    while begun < number || !running.is_empty() {
-        while begun < number && running.len() < AT_ONCE {
-            let viewer = world.receive(&there, &link, &["--seconds", "1"]);
-            running.push((Instant::now(), viewer));
+    while begun < number || !visits.is_empty() {
+        while begun < number && visits.len() < AT_ONCE {
+            visits.push(Visit {
+                viewer: world.receive(&there, &sending.link, &[]),
+                begun: Instant::now(),
+                asked: None,
+            });
             begun += 1;
         }
-        running.retain_mut(|(since, viewer)| {
-            let call = match viewer.outcome(Duration::ZERO) {
+        visits.retain_mut(|visit| {
+            let call = match visit.outcome() {
+                None => return true,
                 Some(Ok(call)) => call,
-                None if since.elapsed() < LONGEST => return true,
                 Some(Err(why)) => {
-                    failed += 1;
                     eprintln!("{why}");
-                    return false;
-                }
-                None => {
-                    failed += 1;
-                    eprintln!("not joined after {LONGEST:?}:\n{}", viewer.program.said());
                     return false;
                 }
             };
             match call["first_frame_ms"].as_f64() {
                 Some(ms) => first_ms.push(ms),
-                None => failed += 1,
+                None => eprintln!("no motion came:\n{}", visit.viewer.program.said()),
             }
             let path = &call["received"]["path"];
             let relay = ["local", "remote"].map(|end| path[end]["kind"] == "relay");
@@ -85,7 +113,7 @@ fn joins(world: &mut CallWorld, number: usize) {
     }
     sending.hang_up();
     println!(
-        "{number} joins, {AT_ONCE} at a time, symmetric NAT on both sides: {} saw motion ({relayed} relayed), {failed} did not; to the first motion {}",
+        "{number} joins, {AT_ONCE} at a time, symmetric NAT on both sides: {} saw motion, {relayed} by the relay; to the first motion {}",
         first_ms.len(),
         spread(&mut first_ms)
     );
@@ -141,12 +169,12 @@ impl Case {
     fn gap(&self, world: &CallWorld, homes: &mut [Home; 2]) -> Option<f64> {
         let mut sending = world.send(&homes[0], &[]);
         let mut receiving = world.receive(&homes[1], &sending.link, &[]);
-        receiving.program.says("joined (session", 1);
+        receiving.program.says(JOINED, 1);
         sending.program.says("a viewer has joined", 1);
         std::thread::sleep(Duration::from_secs(2));
         (self.moves)(&mut homes[usize::from(self.viewer)]);
         let begun = Instant::now();
-        let joined = |said: &str| said.matches("joined (session").count() > 1;
+        let joined = |said: &str| said.matches(JOINED).count() > 1;
         while begun.elapsed() < LONGEST && !joined(&receiving.program.said()) {
             std::thread::sleep(Duration::from_millis(20));
         }

@@ -137,16 +137,20 @@ fn ten_viewers_behind_a_symmetric_nat_see_one_sender_behind_another() {
     let Some(mut world) = world() else { return };
     let [here, there] = two(&mut world, HomeKind::Symmetric);
     let mut sending = world.send(&here, &[]);
-    let viewers: Vec<_> = (0..10)
-        .map(|_| world.receive(&there, &sending.link, &["--seconds", "2"]))
-        .collect();
+    let mut viewers = [(); 10].map(|()| world.receive(&there, &sending.link, &[]));
+    for viewer in &mut viewers {
+        viewer.program.says("joined (session", 1);
+    }
+    sending.program.says("a viewer has joined", viewers.len());
+    std::thread::sleep(Duration::from_secs(1));
+    let sent = sending.hang_up();
+    assert_eq!(count(&sent, "joined"), 10, "each of them once: {sent:#}");
     for mut viewer in viewers {
         let call = ended(&mut viewer);
         assert!(count(&call, "released") > 0, "no motion came: {call:#}");
         let line = line_of(&viewer.program.said(), "joined (session");
         assert_path(&call["received"]["path"], &line, there.kind(), here.kind());
     }
-    assert_eq!(count(&sending.hang_up(), "joined"), 10, "each of them once");
 }
 
 /// A call whose one end moves in the middle of it.
