@@ -185,6 +185,18 @@ fn a_call_goes_on_when_the_senders_machine_gets_another_address() {
 }
 
 #[test]
-fn a_call_goes_on_when_a_routers_address_changes() {
+fn a_call_goes_on_when_the_viewers_router_gets_another_address() {
     call_through([HomeKind::Symmetric; 2], |[_, viewer]| viewer.move_router());
+}
+
+#[test]
+fn a_call_goes_on_when_the_senders_router_gets_another_address() {
+    call_through([HomeKind::Cone; 2], |[sender, _]| sender.move_router());
+}
+
+#[test]
+fn a_call_over_tcp_goes_on_when_the_viewers_machine_gets_another_address() {
+    call_through([HomeKind::UdpBlocked; 2], |[_, viewer]| {
+        viewer.move_machine();
+    });
 }
