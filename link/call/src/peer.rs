@@ -1,4 +1,5 @@
-//! One WebRTC connection with its two data channels and the voice's track. This file and `voice_track.rs` alone use the `webrtc` crate.
+//! One WebRTC connection with its two data channels and the voice's track. This file, `nudge.rs` and `voice_track.rs` alone use
+//! the `webrtc` crate.
 
 use crate::nudge::Nudge;
 use crate::path::{CandidateKind, Path, PathEnd};

@@ -35,7 +35,7 @@ const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(4);
 
 /// A silence after which this side's own way to the server is doubted, too: its router may have another address now, of which this machine is
-/// told nothing. The viewer offers a new connection after a second ([`crate::viewer`]), which has to find this side in the room. And how
+/// told nothing. The viewer offers a new connection a little later ([`crate::viewer`]), which has to find this side in the room. And how
 /// often that is done.
 const DOUBT: Duration = Duration::from_millis(600);
 const DOUBT_AGAIN: Duration = Duration::from_secs(3);
@@ -235,6 +235,12 @@ async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence
                 // The stream may have begun at an address that is gone, and would be silent for long: a new one replaces it.
                 log::info!("this machine's address has changed: entering the room again");
                 renew(&mut shared.client);
+                // What the new network lets through is found out before the viewers' new offers come.
+                let ahead = shared.clone();
+                tokio::spawn(async move {
+                    let server = ahead.room.server();
+                    ahead.planner.plan(server, &ahead.ice_servers).await;
+                });
                 presence = None;
                 backoff.reset();
                 continue;

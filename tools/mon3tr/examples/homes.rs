@@ -2,9 +2,9 @@
 //! an address changes. For the figures in `docs/calls.md`:
 //!
 //! ```sh
-//! eval "$(./run env)"; cargo build --release -p mon3tr --bin mon3tr --example homes
-//! target/release/examples/homes joins 1000
-//! target/release/examples/homes moves 5
+//! eval "$(./run env)"; cargo build -p mon3tr --bin mon3tr --example homes
+//! target/debug/examples/homes joins 1000
+//! target/debug/examples/homes moves 5
 //! ```
 
 use serde_json::Value;
