@@ -34,10 +34,12 @@ const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
 /// A viewer sends feedback at least five times a second; after a silence this long it is dropped.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(4);
 
-/// A silence after which this side's own way to the server is doubted, too: its router may have another address now, of which this machine is
-/// told nothing. The viewer offers a new connection a little later ([`crate::viewer`]), which has to find this side in the room. And how
-/// often that is done.
+/// A viewer's silence after which this side's own way to the server is doubted, too: its router may have another address now, of which
+/// this machine is told nothing. The viewer offers a new connection a little later ([`crate::viewer`]), which has to find this side in the
+/// room.
 const DOUBT: Duration = Duration::from_millis(600);
+
+/// The shortest time from one doubt to the next: while the room is entered again, newcomers find it empty for a moment.
 const DOUBT_AGAIN: Duration = Duration::from_secs(3);
 
 /// Packets of voice that may wait for a viewer's task: a fifth of a second.
