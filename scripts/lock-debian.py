@@ -5,7 +5,7 @@ For maintainers, when a prefix is to be renewed; `./run` only reads the lock fil
 It follows Depends/Pre-Depends of a prefix's roots in the suites' indices, taking the first alternative that exists. It does
 not check an index's signature: review the diff.
 
-    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [pulseaudio] [monado] [android-tools] [java] [clang] [arm64] [adreno]    (all without a name; from https://deb.debian.org/debian)
+    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [pulseaudio] [ip] [nft] [monado] [android-tools] [java] [clang] [arm64] [adreno]    (all without a name; from https://deb.debian.org/debian)
 
 Where only a few files of the roots are wanted, a prefix names them (`linked`), and of the packages it keeps those with a
 library that these files link, directly or through others; this fetches all of them, and needs dpkg-deb and readelf.
@@ -72,6 +72,22 @@ PREFIXES = {
         "roots": ["pulseaudio"],
         # Devices, desktops and networks, which a test's server does without.
         "linked": ["pulseaudio", "module-native-protocol-unix.so", "module-null-sink.so", "module-remap-source.so"],
+    },
+    "ip": {
+        "what": "iproute2's ip, which makes the networks of a test, and what it needs",
+        "lock": "scripts/ip-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        "roots": ["iproute2"],
+        # Neither questions at installation nor accounts.
+        "left_out": ["debconf", "adduser"],
+        "linked": ["ip"],
+    },
+    "nft": {
+        "what": "nftables' nft, which makes the NATs of a test, and what it needs",
+        "lock": "scripts/nft-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        "roots": ["nftables"],
+        "linked": ["nft"],
     },
     "monado": {
         "what": "Monado, OpenXR's loader, an X server without a screen, and what they need",

@@ -15,6 +15,7 @@
 #   MON3TR_ADRENO                             the folder of a compiler for the Quest 3's GPU, only where it was asked for
 #   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
 #   MON3TR_PULSEAUDIO                         the sound server PulseAudio, only where it was asked for
+#   MON3TR_IP MON3TR_NFT                      ip and nft, which make networks with NAT, only where they were asked for
 #   MON3TR_ANDROID_PARTS MON3TR_CLANG         others' libraries in the headset's package and, without an NDK, a clang, only where
 #   MON3TR_ANDROID_PARTS_QNN                  they were asked for
 #   MON3TR_ANDROID_PARTS_REHEARSAL            what of that is for this machine's processor, only where it was asked for
@@ -62,6 +63,8 @@ export MON3TR_CACHE
 . "$repo/scripts/nats-server.sh"
 # shellcheck source=scripts/pulseaudio.sh
 . "$repo/scripts/pulseaudio.sh"
+# shellcheck source=scripts/network-programs.sh
+. "$repo/scripts/network-programs.sh"
 # shellcheck source=scripts/monado.sh
 . "$repo/scripts/monado.sh"
 # shellcheck source=scripts/android-tools.sh
@@ -263,6 +266,12 @@ find_todo() {
 		if ! pulseaudio_is_there && command -v dpkg-deb >/dev/null; then
 			todo+=("install_pulseaudio|pulseaudio $(locked_version "$pulseaudio_lock" pulseaudio) with its libraries, from Debian ($(lock_megabytes "$pulseaudio_lock") MB): tests speak and listen through its devices, which play and record nothing")
 		fi
+		if ! ip_is_there && command -v dpkg-deb >/dev/null; then
+			todo+=("install_ip|ip $(locked_version "$ip_lock" iproute2) with its libraries, from Debian ($(lock_megabytes "$ip_lock") MB): tests make networks of their own with it")
+		fi
+		if ! nft_is_there && command -v dpkg-deb >/dev/null; then
+			todo+=("install_nft|nft $(locked_version "$nft_lock" nftables) with its libraries, from Debian ($(lock_megabytes "$nft_lock") MB): tests make routers with NAT with it")
+		fi
 		if ! python_is_there && [ -n "$python_found" ]; then
 			todo+=("install_python|aiortc and moto with what they need, from PyPI, for $python_found ($(python_megabytes) MB): tests call with the one and store into the other")
 		fi
@@ -385,6 +394,8 @@ export_environment() {
 	if [ "$with_interop" = 1 ]; then
 		if nats_server_is_there; then export_nats_server; fi
 		if pulseaudio_is_there; then export_pulseaudio; fi
+		if ip_is_there; then export_ip; fi
+		if nft_is_there; then export_nft; fi
 		if python_is_there; then export_python; else explain_no_python; fi
 	fi
 	if [ "$with_xr" = 1 ]; then

@@ -1,5 +1,7 @@
-//! One WebRTC connection with its two data channels and the voice's track. This file and `voice_track.rs` alone use the `webrtc` crate.
+//! One WebRTC connection with its two data channels and the voice's track. This file, `nudge.rs` and `voice_track.rs` alone use
+//! the `webrtc` crate.
 
+use crate::nudge::Nudge;
 use crate::path::{CandidateKind, Path, PathEnd};
 use crate::plan::{Plan, Relay};
 use crate::voice_track::{self, OutgoingVoice, VoicePacket};
@@ -92,6 +94,8 @@ pub(crate) struct Peer {
     gathered: watch::Receiver<Gathered>,
     /// The relay among its servers.
     relay: Option<Relay>,
+    /// While packets may go by it.
+    nudge: Option<Nudge>,
 }
 
 /// How far the search for this side's addresses is.
@@ -247,6 +251,7 @@ impl Peer {
         let outgoing = open(&connection, mode, outgoing).await?;
         let incoming = open(&connection, mode, incoming).await?;
         tokio::spawn(listen(Arc::clone(&outgoing), incoming, failed, events));
+        let nudge = (plan.relay.as_ref()).map(|_| Nudge::begin(Arc::clone(&outgoing)));
         Ok(Self {
             connection,
             outgoing,
@@ -254,6 +259,7 @@ impl Peer {
             events: received,
             heard,
             gathered,
+            nudge,
             relay: plan.relay,
         })
     }
@@ -280,7 +286,13 @@ impl Peer {
     pub(crate) async fn opened(&mut self) -> Result<(), CallError> {
         loop {
             match self.next().await {
-                PeerEvent::Open => return Ok(()),
+                PeerEvent::Open => {
+                    let path = self.path().await;
+                    if path.is_some_and(|path| path.relay.is_none()) {
+                        self.nudge = None;
+                    }
+                    return Ok(());
+                }
                 PeerEvent::Closed => return Err(CallError::NotConnected),
                 PeerEvent::Message(_) | PeerEvent::Voice(_) => {}
             }

@@ -21,7 +21,7 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use tokio::sync::{broadcast, watch};
+use tokio::sync::{Notify, broadcast, watch};
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep_until, timeout};
 
@@ -33,6 +33,14 @@ const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A viewer sends feedback at least five times a second; after a silence this long it is dropped.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(4);
+
+/// A viewer's silence after which this side's own way to the server is doubted, too: its router may have another address now, of which
+/// this machine is told nothing. The viewer offers a new connection a little later ([`crate::viewer`]), which has to find this side in the
+/// room.
+const DOUBT: Duration = Duration::from_millis(600);
+
+/// The shortest time from one doubt to the next: while the room is entered again, newcomers find it empty for a moment.
+const DOUBT_AGAIN: Duration = Duration::from_secs(3);
 
 /// Packets of voice that may wait for a viewer's task: a fifth of a second.
 const VOICE_WAITING: usize = 10;
@@ -116,6 +124,8 @@ struct Shared {
     frames: watch::Receiver<Arc<MotionFrame>>,
     voice: broadcast::Sender<Voice>,
     stop: watch::Receiver<bool>,
+    /// Tells of a viewer that is silent.
+    doubt: Arc<Notify>,
     counts: Arc<Counts>,
 }
 
@@ -147,6 +157,7 @@ impl Sender {
             frames: newest,
             voice: voice.clone(),
             stop: stopped,
+            doubt: Arc::default(),
             counts: Arc::clone(&counts),
         };
         let task = tokio::spawn(answer_viewers(shared, announcement, presence));
@@ -217,6 +228,8 @@ async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence
     let mut leaving: HashMap<Name, watch::Sender<bool>> = HashMap::new();
     let mut backoff = Backoff::default();
     let mut here = addresses::Watch::begin();
+    let doubt = Arc::clone(&shared.doubt);
+    let mut doubted: Option<Instant> = None;
     loop {
         let event = tokio::select! {
             () = is_set(&mut stop) => break,
@@ -224,8 +237,24 @@ async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence
                 // The stream may have begun at an address that is gone, and would be silent for long: a new one replaces it.
                 log::info!("this machine's address has changed: entering the room again");
                 renew(&mut shared.client);
+                // What the new network lets through is found out before the viewers' new offers come.
+                let ahead = shared.clone();
+                tokio::spawn(async move {
+                    let server = ahead.room.server();
+                    ahead.planner.plan(server, &ahead.ice_servers).await;
+                });
                 presence = None;
                 backoff.reset();
+                continue;
+            }
+            () = doubt.notified() => {
+                if doubted.is_none_or(|last| last.elapsed() > DOUBT_AGAIN) {
+                    log::info!("a viewer is silent: entering the room again");
+                    doubted = Some(Instant::now());
+                    renew(&mut shared.client);
+                    presence = None;
+                    backoff.reset();
+                }
                 continue;
             }
             event = next_event(&shared, &announcement, &mut presence, &mut backoff) => event,
@@ -370,6 +399,7 @@ async fn send_motion(
     let mut encoder = Encoder::new(shared.codec, session);
     let mut out = Vec::with_capacity(1024);
     let mut silent_at = Instant::now() + SILENCE_TIMEOUT;
+    let mut doubt_at = Some(Instant::now() + DOUBT);
     let mut last = before;
     // What was said before is over.
     let mut voice = shared.voice.subscribe();
@@ -435,6 +465,7 @@ async fn send_motion(
                 match Message::read(&bytes, session) {
                     Some(Message::Feedback(feedback)) => {
                         silent_at = Instant::now() + SILENCE_TIMEOUT;
+                        doubt_at = Some(Instant::now() + DOUBT);
                         encoder.acknowledge(feedback.newest, feedback.received);
                         if feedback.sent != Micros(0) {
                             let pong = Pong { asked: feedback.sent, arrived, left: shared.clock.now() };
@@ -448,6 +479,10 @@ async fn send_motion(
                     }
                     Some(Message::Pong(_)) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
                 }
+            }
+            () = sleep_until(doubt_at.unwrap_or(silent_at)), if doubt_at.is_some() => {
+                doubt_at = None;
+                shared.doubt.notify_one();
             }
             () = sleep_until(silent_at) => return "it sent nothing for 4 s",
         }

@@ -24,7 +24,7 @@ use tokio::task::JoinHandle;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 
 /// Silence after which a second connection is made beside the silent one: SCTP alone takes 15 s to recover from an outage of 10 s.
-const SILENCE: Duration = Duration::from_secs(1);
+const SILENCE: Duration = Duration::from_millis(800);
 
 /// From the offer to the open channel, on a path whose round trip is unknown ...
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);

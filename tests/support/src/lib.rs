@@ -5,6 +5,7 @@ pub mod allocations;
 pub mod bound_person;
 pub mod errors;
 pub mod headset_reference;
+pub mod internet;
 pub mod load;
 pub mod lpips;
 pub mod monado;

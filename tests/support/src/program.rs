@@ -85,26 +85,38 @@ impl Program {
         word.trim_matches('\'').to_owned()
     }
 
-    /// Asks it to end, as Ctrl-C does, and waits for that.
+    /// Asks it to end, as Ctrl-C does.
+    pub fn ask_to_end(&self) {
+        // It may have ended by itself.
+        let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
+    }
+
+    /// The same, and waits for its end.
     ///
     /// # Panics
     /// If it does not end within [`LONGEST_WAIT`].
     pub fn end(&mut self) -> ExitStatus {
-        // It may have ended by itself.
-        let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
+        self.ask_to_end();
+        self.ended_within(LONGEST_WAIT)
+            .unwrap_or_else(|| panic!("it does not end:\n{}", self.said()))
+    }
+
+    /// Waits for its end; nothing if it has not come by then.
+    ///
+    /// # Panics
+    /// If that cannot be found out.
+    pub fn ended_within(&mut self, longest: Duration) -> Option<ExitStatus> {
         let begun = Instant::now();
         loop {
             if let Some(status) = self.child.try_wait().expect("a child can be asked") {
                 for listener in self.listeners.drain(..) {
                     let _ = listener.join();
                 }
-                return status;
+                return Some(status);
             }
-            assert!(
-                begun.elapsed() < LONGEST_WAIT,
-                "it does not end:\n{}",
-                self.said()
-            );
+            if begun.elapsed() >= longest {
+                return None;
+            }
             std::thread::sleep(Duration::from_millis(20));
         }
     }

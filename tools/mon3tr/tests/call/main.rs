@@ -10,6 +10,7 @@ mod demo;
 mod headset;
 mod house;
 mod interop;
+mod nat;
 mod network;
 mod outage;
 mod people;
