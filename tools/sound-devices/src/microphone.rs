@@ -215,7 +215,9 @@ impl Recording {
             }
         }
         let first = self.count - self.waiting.len() as u64;
-        for (out, sample) in out.iter_mut().zip(self.waiting.drain(..)) {
+        // What was received beyond them waits for the next call.
+        let taken = self.waiting.drain(..out.len());
+        for (out, sample) in out.iter_mut().zip(taken) {
             *out = if sample.is_finite() {
                 sample.clamp(-1.0, 1.0)
             } else {
@@ -253,8 +255,9 @@ impl Recording {
                     return Ok(true);
                 }
                 let behind = latency.write_offset.saturating_sub(latency.read_offset);
+                // What the server had sent before its answer has been read before it. Its own count may hold samples that it had to drop.
                 self.clock.was_in_the_air(
-                    stream::samples(latency.read_offset),
+                    self.count,
                     Instant::now(),
                     stream::seconds(behind, latency.source_usec),
                 );
