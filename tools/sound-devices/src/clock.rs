@@ -213,7 +213,7 @@ mod tests {
         // Less than the delay is measured as a shorter one.
         let mut script = begun();
         script.piece(true);
-        script.pieces(1_000);
+        script.pieces(2_000);
         let off = script.off();
         assert!(off.abs() < 2.0, "{off} ms off after one piece");
     }
@@ -251,7 +251,10 @@ mod tests {
         script.pieces(1_050);
         let delay = script.clock.delay();
         // The answer was read 60 ms after it was given.
-        let now = after(&script.clock, script.captured_ms() + Script::DELAY_MS + 60.0);
+        let now = after(
+            &script.clock,
+            script.captured_ms() + Script::DELAY_MS + 60.0,
+        );
         script
             .clock
             .was_in_the_air(script.count, now, Script::DELAY_MS / 1e3);

@@ -354,7 +354,7 @@ mod tests {
         connection.taken = connection.received.len();
         let asked: Result<LookupReply, _> = connection.ask(&Command::LookupSink(c"x".into()));
         refuse.join().expect("it only writes");
-        assert!(matches!(asked, Err(SoundError::Protocol(_))), "{asked:?}");
+        assert!(matches!(asked, Err(SoundError::Refused(_))), "{asked:?}");
         // A message that has no end.
         protocol::write_descriptor(&mut server, &descriptor(u32::MAX, 3)).expect("bytes");
         let next = connection.next(soon());

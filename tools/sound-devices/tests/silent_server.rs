@@ -168,7 +168,10 @@ fn a_server_that_accepts_and_says_nothing_is_given_up() {
     let server = SilentServer::start(Until::Accepted);
     let address = server.address();
     let microphone = within(move || Microphone::open(&address, None).map(drop));
-    assert!(matches!(microphone, Err(SoundError::Slow)), "{microphone:?}");
+    assert!(
+        matches!(microphone, Err(SoundError::Slow)),
+        "{microphone:?}"
+    );
     server.sees(&Seen::Connected);
     let address = server.address();
     let silence = Box::new(|_, _, out: &mut [f32]| out.fill(0.0));
