@@ -35,6 +35,7 @@
 
 mod addresses;
 mod error;
+mod losses;
 pub mod path;
 mod peer;
 mod plan;

@@ -2,6 +2,7 @@
 //!
 //! Each viewer has a task, a connection and an encoder of its own, so that a viewer's bad network does not affect the others.
 
+use crate::losses::WantedCopies;
 use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::plan::Planner;
@@ -42,6 +43,7 @@ const VOICE_WAITING: usize = 10;
 pub struct Sender {
     frames: watch::Sender<Arc<MotionFrame>>,
     voice: broadcast::Sender<Voice>,
+    copies: WantedCopies,
     stop: watch::Sender<bool>,
     task: tokio::task::JoinHandle<()>,
     counts: Arc<Counts>,
@@ -115,6 +117,7 @@ struct Shared {
     clock: Clock,
     frames: watch::Receiver<Arc<MotionFrame>>,
     voice: broadcast::Sender<Voice>,
+    copies: WantedCopies,
     stop: watch::Receiver<bool>,
     counts: Arc<Counts>,
 }
@@ -136,6 +139,7 @@ impl Sender {
         let voice = broadcast::Sender::new(VOICE_WAITING);
         let (stop, stopped) = watch::channel(false);
         let counts = Arc::<Counts>::default();
+        let copies = WantedCopies::default();
         let shared = Shared {
             client,
             planner: Planner::default(),
@@ -146,6 +150,7 @@ impl Sender {
             clock,
             frames: newest,
             voice: voice.clone(),
+            copies: copies.clone(),
             stop: stopped,
             counts: Arc::clone(&counts),
         };
@@ -153,6 +158,7 @@ impl Sender {
         Ok(Self {
             frames,
             voice,
+            copies,
             stop,
             task,
             counts,
@@ -174,6 +180,12 @@ impl Sender {
     pub fn say(&self, voice: Voice) {
         // Without a viewer no task listens.
         let _ = self.voice.send(voice);
+    }
+
+    /// Whether a viewer's network loses packets, or may: voice is to be sent with copies then. They take bits, so it is without them else.
+    #[must_use]
+    pub fn wants_copies(&self) -> bool {
+        self.copies.any()
     }
 
     /// What has been sent so far.
@@ -373,6 +385,7 @@ async fn send_motion(
     let mut last = before;
     // What was said before is over.
     let mut voice = shared.voice.subscribe();
+    let mut losses = shared.copies.join(shared.channel);
     loop {
         tokio::select! {
             // In this order: the last frame before the bye, the bye before any flood of the viewer's, and its messages before the
@@ -398,6 +411,7 @@ async fn send_motion(
                 shared.counts.encode_ns.fetch_add(took, Relaxed);
                 match peer.try_send(&out).await {
                     SendOutcome::Queued => {
+                        losses.sent(frame.sequence);
                         shared.counts.sent.fetch_add(1, Relaxed);
                         shared.counts.payload_bytes.fetch_add(out.len() as u64, Relaxed);
                     }
@@ -436,6 +450,7 @@ async fn send_motion(
                     Some(Message::Feedback(feedback)) => {
                         silent_at = Instant::now() + SILENCE_TIMEOUT;
                         encoder.acknowledge(feedback.newest, feedback.received);
+                        losses.report(feedback);
                         if feedback.sent != Micros(0) {
                             let pong = Pong { asked: feedback.sent, arrived, left: shared.clock.now() };
                             Message::Pong(pong).write(session, &mut out);
