@@ -58,7 +58,7 @@ impl VoiceEncoder {
     }
 
     /// Whether each packet holds a coarse copy of the frame before, from the next packet on. At first it does. Without losses a copy is of no
-    /// use, and takes a quarter of the packet.
+    /// use, and takes a third of the bits.
     ///
     /// # Errors
     /// If Opus refuses these settings.
