@@ -35,6 +35,7 @@
 
 mod addresses;
 mod error;
+mod losses;
 mod nudge;
 pub mod path;
 mod peer;

@@ -2,6 +2,7 @@
 //!
 //! Each viewer has a task, a connection and an encoder of its own, so that a viewer's bad network does not affect the others.
 
+use crate::losses::WantedCopies;
 use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::plan::Planner;
@@ -50,6 +51,7 @@ const VOICE_WAITING: usize = 10;
 pub struct Sender {
     frames: watch::Sender<Arc<MotionFrame>>,
     voice: broadcast::Sender<Voice>,
+    copies: WantedCopies,
     stop: watch::Sender<bool>,
     task: tokio::task::JoinHandle<()>,
     counts: Arc<Counts>,
@@ -123,6 +125,7 @@ struct Shared {
     clock: Clock,
     frames: watch::Receiver<Arc<MotionFrame>>,
     voice: broadcast::Sender<Voice>,
+    copies: WantedCopies,
     stop: watch::Receiver<bool>,
     /// Tells of a viewer that is silent.
     doubt: Arc<Notify>,
@@ -146,6 +149,7 @@ impl Sender {
         let voice = broadcast::Sender::new(VOICE_WAITING);
         let (stop, stopped) = watch::channel(false);
         let counts = Arc::<Counts>::default();
+        let copies = WantedCopies::default();
         let shared = Shared {
             client,
             planner: Planner::default(),
@@ -156,6 +160,7 @@ impl Sender {
             clock,
             frames: newest,
             voice: voice.clone(),
+            copies: copies.clone(),
             stop: stopped,
             doubt: Arc::default(),
             counts: Arc::clone(&counts),
@@ -164,6 +169,7 @@ impl Sender {
         Ok(Self {
             frames,
             voice,
+            copies,
             stop,
             task,
             counts,
@@ -185,6 +191,12 @@ impl Sender {
     pub fn say(&self, voice: Voice) {
         // Without a viewer no task listens.
         let _ = self.voice.send(voice);
+    }
+
+    /// Whether a viewer's network loses packets, or may: voice is to be sent with copies then. They take bits, so it is without them else.
+    #[must_use]
+    pub fn wants_copies(&self) -> bool {
+        self.copies.any()
     }
 
     /// What has been sent so far.
@@ -403,6 +415,7 @@ async fn send_motion(
     let mut last = before;
     // What was said before is over.
     let mut voice = shared.voice.subscribe();
+    let mut losses = shared.copies.join(shared.channel);
     loop {
         tokio::select! {
             // In this order: the last frame before the bye, the bye before any flood of the viewer's, and its messages before the
@@ -428,6 +441,7 @@ async fn send_motion(
                 shared.counts.encode_ns.fetch_add(took, Relaxed);
                 match peer.try_send(&out).await {
                     SendOutcome::Queued => {
+                        losses.sent(frame.sequence);
                         shared.counts.sent.fetch_add(1, Relaxed);
                         shared.counts.payload_bytes.fetch_add(out.len() as u64, Relaxed);
                     }
@@ -467,6 +481,7 @@ async fn send_motion(
                         silent_at = Instant::now() + SILENCE_TIMEOUT;
                         doubt_at = Some(Instant::now() + DOUBT);
                         encoder.acknowledge(feedback.newest, feedback.received);
+                        losses.report(feedback);
                         if feedback.sent != Micros(0) {
                             let pong = Pong { asked: feedback.sent, arrived, left: shared.clock.now() };
                             Message::Pong(pong).write(session, &mut out);

@@ -487,3 +487,31 @@ fn packets_without_sense_are_refused_and_nothing_grows() {
     }
     assert!(loudest > 0.05, "{loudest}");
 }
+
+/// Bits a second with all headers, and how many of a hundred packets have a copy of the frame before (RFC 6716, section 4.2.3).
+fn bits_and_copies(spoken: &[f32], copies: bool) -> (usize, usize) {
+    let mut encoder = VoiceEncoder::new().expect("an encoder");
+    encoder.set_copies(copies).expect("settings");
+    let (frames, _) = spoken.as_chunks::<FRAME>();
+    let packets: Vec<Bytes> = (frames.iter())
+        .filter_map(|frame| encoder.encode(frame).expect("a packet"))
+        .collect();
+    let bytes: usize = packets.iter().map(|packet| packet.len() + HEADERS).sum();
+    let copied =
+        |packet: &&Bytes| packet[0] & 0x80 == 0 && packet.len() > 2 && packet[1] & 0x40 != 0;
+    let copied = packets.iter().filter(copied).count();
+    let seconds = spoken.len() / RATE as usize;
+    (bytes * 8 / seconds, copied * 100 / packets.len())
+}
+
+#[test]
+fn copies_are_left_out_where_nothing_is_lost_and_take_bits() {
+    let spoken = speech(20);
+    let (with, copied) = bits_and_copies(&spoken, true);
+    println!("with copies {with} bit/s with all headers, {copied} % copied");
+    assert!(copied > 50, "{copied} % of the packets");
+    let (without, copied) = bits_and_copies(&spoken, false);
+    println!("without {without} bit/s, {copied} % copied");
+    assert_eq!(copied, 0, "percent of the packets");
+    assert!(without < with, "{without} and {with} bit/s");
+}

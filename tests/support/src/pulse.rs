@@ -60,6 +60,9 @@ impl Pulse {
     /// A connection of the test's own, on which commands can be sent from number 2 on.
     fn connected(&self) -> BufReader<UnixStream> {
         let socket = UnixStream::connect(self.socket()).expect("a server");
+        for set in [UnixStream::set_read_timeout, UnixStream::set_write_timeout] {
+            set(&socket, Some(LONGEST_WAIT)).expect("a time");
+        }
         let mut socket = BufReader::new(socket);
         let auth = Command::Auth(protocol::AuthParams {
             version: VERSION,

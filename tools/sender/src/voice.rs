@@ -7,6 +7,7 @@ use link_voice::{FRAME, FRAME_US, Pace, RATE, Voice, VoiceEncoder};
 use sound_devices::Microphone;
 use std::fs::File;
 use std::io::BufReader;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -26,11 +27,32 @@ pub trait VoiceSource: Send {
     fn next(&mut self, frame: &mut [f32; FRAME]) -> Result<Option<Instant>, SendError>;
 }
 
-/// Says to every viewer what comes from `source`, until `stop` is set. Blocks: a voice has a thread of its own.
+/// Says to every viewer what comes from `source`, until `stop` is set. Blocks: a voice has a thread of its own. A panic in it is told, and
+/// the call goes on in silence.
 ///
 /// # Errors
 /// If the source fails, or it cannot be encoded.
 pub fn say(
+    source: &mut dyn VoiceSource,
+    host: &Sender,
+    clock: Clock,
+    stop: &AtomicBool,
+) -> Result<(), SendError> {
+    or_silence(|| speak(source, host, clock, stop))
+}
+
+/// Ends as `voice` does; of a panic it only tells.
+fn or_silence(voice: impl FnOnce() -> Result<(), SendError>) -> Result<(), SendError> {
+    // Nothing that the closure refers to is used after a panic but counts and queues, which stay valid.
+    catch_unwind(AssertUnwindSafe(voice)).unwrap_or_else(|_| {
+        log::error!(
+            "the voice has failed, which is a defect of this program: the call goes on in silence"
+        );
+        Ok(())
+    })
+}
+
+fn speak(
     source: &mut dyn VoiceSource,
     host: &Sender,
     clock: Clock,
@@ -43,6 +65,7 @@ pub fn say(
         let Some(spoken) = source.next(&mut frame)? else {
             continue;
         };
+        encoder.set_copies(host.wants_copies())?;
         if let Some(opus) = encoder.encode(&frame)? {
             let captured = encoder.captured(clock.at(spoken));
             host.say(Voice { captured, opus });
@@ -164,4 +187,21 @@ fn next(wav: &mut hound::WavReader<BufReader<File>>) -> Result<Option<f32>, houn
             0.0
         }
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_voice_that_panics_ends_in_silence_and_one_that_fails_says_why() {
+        assert!(or_silence(|| panic!("a defect, for this test")).is_ok());
+        let path = Path::new("no such voice.wav");
+        let failed = or_silence(|| VoiceFile::open(path).map(drop));
+        assert!(
+            matches!(failed, Err(SendError::VoiceFile { .. })),
+            "{failed:?}"
+        );
+        assert!(or_silence(|| Ok(())).is_ok());
+    }
 }

@@ -11,6 +11,8 @@ const STOOD_STILL: f64 = 0.2;
 const NEW: f64 = 0.25;
 /// More than this is no delay of a device.
 const LONGEST: f64 = 0.5;
+/// A microphone's delay that is measured below zero by more than this, seconds, is no noise: samples were lost on their way.
+const NOISE: f64 = 0.01;
 
 /// A device's count of samples, as instants.
 #[derive(Debug, Clone)]
@@ -52,8 +54,16 @@ impl DeviceClock {
     }
 
     /// At a microphone, sample `count` was in the air so many seconds before `now`.
+    ///
+    /// After a loss of samples the line is early by their length, and would rise to its place at [`RISE`]. No sample is handed over before
+    /// it was in the air: a measurement below zero shows the loss, and moves the line so that the last known delay holds again.
     pub(crate) fn was_in_the_air(&mut self, count: u64, now: Instant, before: f64) {
-        self.measured(before - signed_seconds(self.at(count), now));
+        let delay = before - signed_seconds(self.at(count), now);
+        if delay >= -NOISE {
+            self.measured(delay);
+        } else if let Some((line, _)) = &mut self.line {
+            *line += self.delay.unwrap_or(0.0) - delay;
+        }
     }
 
     /// At a loudspeaker, sample `count` will be in the air so many seconds after `now`.
@@ -125,6 +135,133 @@ mod tests {
         clock.observe(10_000 * 480, after(&clock, 160_000.0));
         let still = off(&clock, 10_000 * 480, 160_000.0);
         assert!(still.abs() < 0.1, "{still} ms off");
+    }
+
+    /// A microphone by a script: pieces of 10 ms, 25 ms after they were in the air and up to 6 ms late, and a measurement every second.
+    struct Script {
+        clock: DeviceClock,
+        /// Pieces that the device has captured, and samples that were handed over.
+        captured: u32,
+        count: u64,
+        answers: bool,
+    }
+
+    impl Script {
+        const DELAY_MS: f64 = 25.0;
+
+        fn captured_ms(&self) -> f64 {
+            f64::from(self.captured) * 10.0
+        }
+
+        /// The next piece, or its loss.
+        fn piece(&mut self, lost: bool) {
+            self.captured += 1;
+            if lost {
+                return;
+            }
+            self.count += 480;
+            let handed = self.captured_ms() + Self::DELAY_MS;
+            let late = f64::from(self.captured % 4) * 2.0;
+            let now = after(&self.clock, handed + late);
+            self.clock.observe(self.count, now);
+            if self.captured.is_multiple_of(100) && self.answers {
+                self.clock
+                    .was_in_the_air(self.count, now, (Self::DELAY_MS + late) / 1e3);
+            }
+        }
+
+        fn pieces(&mut self, number: u32) {
+            for _ in 0..number {
+                self.piece(false);
+            }
+        }
+
+        /// Milliseconds by which the last sample's time in the air is late.
+        fn off(&self) -> f64 {
+            let off = off(&self.clock, self.count, self.captured_ms());
+            off - self.clock.delay().as_secs_f64() * 1e3
+        }
+    }
+
+    #[test]
+    fn samples_that_were_lost_move_the_line_with_the_next_measurement() {
+        let begun = || {
+            let clock = DeviceClock::new();
+            let mut script = Script {
+                clock,
+                captured: 0,
+                count: 0,
+                answers: true,
+            };
+            script.pieces(1_050);
+            let off = script.off();
+            assert!(off.abs() < 2.0, "{off} ms off before any loss");
+            script
+        };
+        // More than the delay, so that the measurement is below zero.
+        for lost in [5, 15] {
+            let mut script = begun();
+            let delay = script.clock.delay();
+            for _ in 0..lost {
+                script.piece(true);
+            }
+            script.pieces(90);
+            let off = script.off();
+            assert!(off.abs() < 2.0, "{off} ms off after {lost} pieces");
+            assert_eq!(script.clock.delay(), delay, "the last known");
+        }
+        // Less than the delay is measured as a shorter one.
+        let mut script = begun();
+        script.piece(true);
+        script.pieces(2_000);
+        let off = script.off();
+        assert!(off.abs() < 2.0, "{off} ms off after one piece");
+    }
+
+    #[test]
+    fn the_last_known_delay_is_kept_where_no_measurement_is_answered() {
+        let mut script = Script {
+            clock: DeviceClock::new(),
+            captured: 0,
+            count: 0,
+            answers: true,
+        };
+        script.pieces(1_050);
+        let delay = script.clock.delay();
+        assert!(delay.as_secs_f64() > 0.015, "{delay:?}");
+        script.answers = false;
+        // So many that the line begins anew.
+        for _ in 0..30 {
+            script.piece(true);
+        }
+        script.pieces(500);
+        assert_eq!(script.clock.delay(), delay, "without an answer");
+        let off = script.off();
+        assert!(off.abs() < 2.0, "{off} ms off");
+    }
+
+    #[test]
+    fn a_measurement_that_is_late_itself_spoils_nothing_for_long() {
+        let mut script = Script {
+            clock: DeviceClock::new(),
+            captured: 0,
+            count: 0,
+            answers: true,
+        };
+        script.pieces(1_050);
+        let delay = script.clock.delay();
+        // The answer was read 60 ms after it was given.
+        let now = after(
+            &script.clock,
+            script.captured_ms() + Script::DELAY_MS + 60.0,
+        );
+        script
+            .clock
+            .was_in_the_air(script.count, now, Script::DELAY_MS / 1e3);
+        script.pieces(4);
+        assert_eq!(script.clock.delay(), delay, "the last known");
+        let off = script.off();
+        assert!(off.abs() < 2.0, "{off} ms off");
     }
 
     #[test]

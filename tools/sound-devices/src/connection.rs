@@ -73,6 +73,14 @@ fn connect(path: &Path) -> std::io::Result<UnixStream> {
     Ok(OwnedFd::from(socket).into())
 }
 
+/// A server that takes nothing within [`PATIENCE`] is as slow as one that does not answer.
+fn failed(error: std::io::Error) -> SoundError {
+    match error.kind() {
+        ErrorKind::WouldBlock | ErrorKind::TimedOut => SoundError::Slow,
+        _ => error.into(),
+    }
+}
+
 /// A connection that is ready for commands.
 #[derive(Debug)]
 pub(crate) struct Connection {
@@ -130,7 +138,9 @@ impl Connection {
     /// Sends a command; returns its number, which its reply has.
     pub(crate) fn send(&mut self, command: &Command) -> Result<u32, SoundError> {
         self.sequence = self.sequence.wrapping_add(1);
-        protocol::write_command_message(&mut self.socket, self.sequence, command, self.version)?;
+        self.out.clear();
+        protocol::write_command_message(&mut self.out, self.sequence, command, self.version)?;
+        self.socket.write_all(&self.out).map_err(failed)?;
         Ok(self.sequence)
     }
 
@@ -164,7 +174,7 @@ impl Connection {
         for sample in samples {
             self.out.extend_from_slice(&sample.to_le_bytes());
         }
-        Ok(self.socket.write_all(&self.out)?)
+        self.socket.write_all(&self.out).map_err(failed)
     }
 
     /// The next message; nothing if there is none `until` then. What the one before referred to is gone.
@@ -344,7 +354,7 @@ mod tests {
         connection.taken = connection.received.len();
         let asked: Result<LookupReply, _> = connection.ask(&Command::LookupSink(c"x".into()));
         refuse.join().expect("it only writes");
-        assert!(matches!(asked, Err(SoundError::Protocol(_))), "{asked:?}");
+        assert!(matches!(asked, Err(SoundError::Refused(_))), "{asked:?}");
         // A message that has no end.
         protocol::write_descriptor(&mut server, &descriptor(u32::MAX, 3)).expect("bytes");
         let next = connection.next(soon());

@@ -1,6 +1,6 @@
 //! Why there is no sound.
 
-use pulseaudio::protocol::ProtocolError;
+use pulseaudio::protocol::{ProtocolError, PulseError};
 use std::path::PathBuf;
 
 /// Why a device cannot be used.
@@ -54,12 +54,27 @@ pub enum SoundError {
     /// The server does not answer in time.
     #[error("the sound server does not answer")]
     Slow,
-    /// The server says something that makes no sense, or refuses.
-    #[error("the sound server refuses")]
-    Protocol(#[from] ProtocolError),
+    /// The server refuses what it is asked for.
+    #[error("the sound server refuses: {0}")]
+    Refused(PulseError),
+    /// The server says something that makes no sense.
+    #[error("the sound server and this program do not understand each other")]
+    Protocol(#[source] ProtocolError),
     /// The connection has failed.
     #[error("the connection to the sound server has failed")]
     Connection(#[from] std::io::Error),
+}
+
+impl From<ProtocolError> for SoundError {
+    /// A cause that the protocol's error repeats in its own message becomes this error's cause itself.
+    fn from(error: ProtocolError) -> Self {
+        match error {
+            ProtocolError::ServerError(why) => Self::Refused(why),
+            ProtocolError::Io(why) => Self::Connection(why),
+            ProtocolError::Timeout => Self::Slow,
+            other => Self::Protocol(other),
+        }
+    }
 }
 
 fn or_none(names: &[String]) -> String {

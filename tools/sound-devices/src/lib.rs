@@ -5,6 +5,7 @@
 
 mod clock;
 mod connection;
+mod device;
 mod error;
 mod loudspeaker;
 mod microphone;

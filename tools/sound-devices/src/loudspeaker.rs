@@ -3,7 +3,8 @@
 use crate::SoundError;
 use crate::clock::DeviceClock;
 use crate::connection::{Connection, Message, SoundServer};
-use crate::stream::{self, LONGEST_SILENCE, LOOKING, MEASURING, PIECE, PIECE_BYTES, SAMPLE_BYTES};
+use crate::device::{Device, Stream};
+use crate::stream::{self, LONGEST_SILENCE, MEASURING, PIECE, PIECE_BYTES, SAMPLE_BYTES};
 use pulseaudio::protocol::stream::{BufferAttr, StreamFlags};
 use pulseaudio::protocol::{
     ChannelMap, ChannelVolume, Command, CreatePlaybackStreamReply, LatencyParams, PlaybackLatency,
@@ -39,19 +40,15 @@ impl Loudspeaker {
     /// # Errors
     /// If the server does not answer, or has no such loudspeaker.
     pub fn begin(server: &SoundServer, name: Option<&str>, fill: Fill) -> Result<Self, SoundError> {
-        let asked = name.map(str::to_owned);
-        let (playing, name) = find(server, asked.as_deref())?;
+        let device = Device::open(server, name)?;
+        let name = device.name().to_owned();
         let stop = Arc::<AtomicBool>::default();
-        let thread = Player {
-            server: server.clone(),
-            asked,
-            name: name.clone(),
-            fill,
-            stop: Arc::clone(&stop),
-        };
         let thread = std::thread::Builder::new()
             .name("loudspeaker".to_owned())
-            .spawn(move || thread.run(playing))?;
+            .spawn({
+                let stop = Arc::clone(&stop);
+                move || play(device, fill, &stop)
+            })?;
         Ok(Self {
             name,
             stop,
@@ -77,74 +74,16 @@ impl Drop for Loudspeaker {
     }
 }
 
-fn find(server: &SoundServer, asked: Option<&str>) -> Result<(Playing, String), SoundError> {
-    let mut connection = Connection::open(server)?;
-    let name = choose(&mut connection, asked)?;
-    Ok((Playing::begin(connection, &name)?, name))
-}
-
-/// What the server calls the loudspeaker that is meant.
-fn choose(connection: &mut Connection, asked: Option<&str>) -> Result<String, SoundError> {
-    const KIND: &str = "loudspeaker";
-    let sinks: SinkInfoList = connection.ask(&Command::GetSinkInfoList)?;
-    let names: Vec<String> = sinks
-        .iter()
-        .map(|sink| sink.name.to_string_lossy().into_owned())
-        .collect();
-    let server: ServerInfo = connection.ask(&Command::GetServerInfo)?;
-    let chosen = server
-        .default_sink_name
-        .map(|name| name.to_string_lossy().into_owned());
-    let is_there = |name: &&str| names.iter().any(|one| one == name);
-    match (asked, chosen.as_deref().filter(is_there)) {
-        (Some(name), _) if is_there(&name) => Ok(name.to_owned()),
-        (Some(name), _) => Err(SoundError::NoSuchDevice {
-            kind: KIND,
-            name: name.to_owned(),
-            others: names,
-        }),
-        (None, Some(name)) => Ok(name.to_owned()),
-        (None, None) => names.first().cloned().ok_or(SoundError::NoDevice {
-            kind: KIND,
-            others: Vec::new(),
-        }),
-    }
-}
-
-/// The thread's own.
-struct Player {
-    server: SoundServer,
-    asked: Option<String>,
-    name: String,
-    fill: Fill,
-    stop: Arc<AtomicBool>,
-}
-
-impl Player {
-    fn run(mut self, playing: Playing) {
-        let mut playing = Some(playing);
-        while !self.stop.load(Relaxed) {
-            match &mut playing {
-                Some(open) => {
-                    if let Err(error) = open.go_on(&mut self.fill) {
-                        log::warn!(
-                            "the loudspeaker {} is away ({error}): the call goes on unheard until it is back",
-                            self.name
-                        );
-                        playing = None;
-                    }
-                }
-                None => {
-                    std::thread::sleep(LOOKING);
-                    match find(&self.server, self.asked.as_deref()) {
-                        Ok((found, name)) => {
-                            log::info!("the loudspeaker {name} is back");
-                            (playing, self.name) = (Some(found), name);
-                        }
-                        Err(error) => log::debug!("no loudspeaker yet: {error}"),
-                    }
+/// Plays until it is to stop.
+fn play(mut device: Device<Playing>, mut fill: Fill, stop: &AtomicBool) {
+    while !stop.load(Relaxed) {
+        match device.stream() {
+            Some(playing) => {
+                if let Err(error) = playing.go_on(&mut fill) {
+                    device.lose(&error);
                 }
             }
+            None => device.look(Instant::now() + STOPPING),
         }
     }
 }
@@ -164,7 +103,36 @@ struct Playing {
     measuring: Option<u32>,
 }
 
-impl Playing {
+impl Stream for Playing {
+    const KIND: &'static str = "loudspeaker";
+    const WITHOUT: &'static str = "the call goes on unheard";
+
+    fn choose(connection: &mut Connection, asked: Option<&str>) -> Result<String, SoundError> {
+        let sinks: SinkInfoList = connection.ask(&Command::GetSinkInfoList)?;
+        let names: Vec<String> = sinks
+            .iter()
+            .map(|sink| sink.name.to_string_lossy().into_owned())
+            .collect();
+        let server: ServerInfo = connection.ask(&Command::GetServerInfo)?;
+        let chosen = server
+            .default_sink_name
+            .map(|name| name.to_string_lossy().into_owned());
+        let is_there = |name: &&str| names.iter().any(|one| one == name);
+        match (asked, chosen.as_deref().filter(is_there)) {
+            (Some(name), _) if is_there(&name) => Ok(name.to_owned()),
+            (Some(name), _) => Err(SoundError::NoSuchDevice {
+                kind: Self::KIND,
+                name: name.to_owned(),
+                others: names,
+            }),
+            (None, Some(name)) => Ok(name.to_owned()),
+            (None, None) => names.first().cloned().ok_or(SoundError::NoDevice {
+                kind: Self::KIND,
+                others: Vec::new(),
+            }),
+        }
+    }
+
     fn begin(mut connection: Connection, name: &str) -> Result<Self, SoundError> {
         let stream: CreatePlaybackStreamReply =
             connection.ask(&Command::CreatePlaybackStream(PlaybackStreamParams {
@@ -202,7 +170,9 @@ impl Playing {
         }
         Ok(playing)
     }
+}
 
+impl Playing {
     fn send(&mut self, samples: &[f32]) -> Result<(), SoundError> {
         self.count += samples.len() as u64;
         self.connection.play(self.channel, samples)

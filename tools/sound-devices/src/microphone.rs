@@ -3,7 +3,8 @@
 use crate::SoundError;
 use crate::clock::DeviceClock;
 use crate::connection::{Connection, Message, SoundServer};
-use crate::stream::{self, LONGEST_SILENCE, LOOKING, MEASURING, PIECE_BYTES, SAMPLE_BYTES};
+use crate::device::{Device, Stream};
+use crate::stream::{self, LONGEST_SILENCE, MEASURING, PIECE_BYTES, SAMPLE_BYTES};
 use pulseaudio::protocol::stream::{BufferAttr, StreamFlags};
 use pulseaudio::protocol::{
     ChannelMap, Command, CreateRecordStreamReply, LatencyParams, RecordLatency, RecordStreamParams,
@@ -22,14 +23,7 @@ const STALE: Duration = Duration::from_secs(1);
 
 /// A microphone, and what becomes of it.
 #[derive(Debug)]
-pub struct Microphone {
-    server: SoundServer,
-    asked: Option<String>,
-    name: String,
-    recording: Option<Recording>,
-    /// When it is looked for again.
-    look: Instant,
-}
+pub struct Microphone(Device<Recording>);
 
 #[derive(Debug)]
 struct Recording {
@@ -51,21 +45,13 @@ impl Microphone {
     /// # Errors
     /// If the server does not answer, or has no such microphone.
     pub fn open(server: &SoundServer, name: Option<&str>) -> Result<Self, SoundError> {
-        let asked = name.map(str::to_owned);
-        let (recording, name) = find(server, asked.as_deref())?;
-        Ok(Self {
-            recording: Some(recording),
-            server: server.clone(),
-            asked,
-            name,
-            look: Instant::now(),
-        })
+        Device::open(server, name).map(Self)
     }
 
     /// What the server calls it.
     #[must_use]
     pub fn name(&self) -> &str {
-        &self.name
+        self.0.name()
     }
 
     /// Forgets what was said up to now.
@@ -73,18 +59,15 @@ impl Microphone {
         let now = Instant::now();
         // Where nothing was taken for a while, much waits: a new stream instead.
         let is_stale = |recording: &Recording| now > recording.last + STALE;
-        if self.recording.as_ref().is_some_and(is_stale) {
-            self.recording = None;
-            if let Err(error) = self.find() {
-                self.lose(&error);
-            }
+        if self.0.stream().is_some_and(|recording| is_stale(recording)) {
+            self.0.begin_anew();
         }
-        while let Some(recording) = &mut self.recording {
+        while let Some(recording) = self.0.stream() {
             recording.waiting.clear();
             match recording.receive(now) {
                 Ok(true) => {}
                 Ok(false) => return,
-                Err(error) => self.lose(&error),
+                Err(error) => self.0.lose(&error),
             }
         }
     }
@@ -94,89 +77,57 @@ impl Microphone {
     pub fn next(&mut self, out: &mut [f32], longest: Duration) -> Option<Instant> {
         let until = Instant::now() + longest;
         loop {
-            match &mut self.recording {
+            match self.0.stream() {
                 Some(recording) => match recording.next(out, until) {
                     Ok(spoken) => return spoken,
-                    Err(error) => self.lose(&error),
+                    Err(error) => self.0.lose(&error),
                 },
-                None => {
-                    let now = Instant::now();
-                    if now >= self.look {
-                        self.look = now + LOOKING;
-                        match self.find() {
-                            Ok(()) => log::info!("the microphone {} is back", self.name),
-                            Err(error) => log::debug!("no microphone yet: {error}"),
-                        }
-                    } else if now >= until {
-                        return None;
-                    } else {
-                        std::thread::sleep(self.look.min(until).saturating_duration_since(now));
-                    }
-                }
+                None if Instant::now() >= until => return None,
+                None => self.0.look(until),
             }
         }
     }
-
-    fn lose(&mut self, error: &SoundError) {
-        log::warn!(
-            "the microphone {} is away ({error}): the call goes on without it, and takes it up again when it is back",
-            self.name
-        );
-        self.recording = None;
-        self.look = Instant::now() + LOOKING;
-    }
-
-    fn find(&mut self) -> Result<(), SoundError> {
-        let (recording, name) = find(&self.server, self.asked.as_deref())?;
-        (self.recording, self.name) = (Some(recording), name);
-        Ok(())
-    }
 }
 
-fn find(server: &SoundServer, asked: Option<&str>) -> Result<(Recording, String), SoundError> {
-    let mut connection = Connection::open(server)?;
-    let name = choose(&mut connection, asked)?;
-    Ok((Recording::begin(connection, &name)?, name))
-}
+impl Stream for Recording {
+    const KIND: &'static str = "microphone";
+    const WITHOUT: &'static str = "the call goes on without it";
 
-/// What the server calls the microphone that is meant.
-fn choose(connection: &mut Connection, asked: Option<&str>) -> Result<String, SoundError> {
-    const KIND: &str = "microphone";
-    let sources: SourceInfoList = connection.ask(&Command::GetSourceInfoList)?;
-    let names: Vec<String> = sources
-        .iter()
-        .map(|source| source.name.to_string_lossy().into_owned())
-        .collect();
-    if let Some(name) = asked {
-        return if names.iter().any(|one| one == name) {
-            Ok(name.to_owned())
-        } else {
-            Err(SoundError::NoSuchDevice {
-                kind: KIND,
-                name: name.to_owned(),
+    fn choose(connection: &mut Connection, asked: Option<&str>) -> Result<String, SoundError> {
+        let sources: SourceInfoList = connection.ask(&Command::GetSourceInfoList)?;
+        let names: Vec<String> = sources
+            .iter()
+            .map(|source| source.name.to_string_lossy().into_owned())
+            .collect();
+        if let Some(name) = asked {
+            return if names.iter().any(|one| one == name) {
+                Ok(name.to_owned())
+            } else {
+                Err(SoundError::NoSuchDevice {
+                    kind: Self::KIND,
+                    name: name.to_owned(),
+                    others: names,
+                })
+            };
+        }
+        let server: ServerInfo = connection.ask(&Command::GetServerInfo)?;
+        let chosen = server.default_source_name;
+        // What is heard on a loudspeaker is no one's voice.
+        let is_real =
+            |source: &&pulseaudio::protocol::SourceInfo| source.monitor_of_sink_index.is_none();
+        let mut real = sources.iter().filter(is_real);
+        let default = real
+            .clone()
+            .find(|source| Some(&source.name) == chosen.as_ref());
+        match default.or_else(|| real.next()) {
+            Some(source) => Ok(source.name.to_string_lossy().into_owned()),
+            None => Err(SoundError::NoDevice {
+                kind: Self::KIND,
                 others: names,
-            })
-        };
+            }),
+        }
     }
-    let server: ServerInfo = connection.ask(&Command::GetServerInfo)?;
-    let chosen = server.default_source_name;
-    // What is heard on a loudspeaker is no one's voice.
-    let is_real =
-        |source: &&pulseaudio::protocol::SourceInfo| source.monitor_of_sink_index.is_none();
-    let mut real = sources.iter().filter(is_real);
-    let default = real
-        .clone()
-        .find(|source| Some(&source.name) == chosen.as_ref());
-    match default.or_else(|| real.next()) {
-        Some(source) => Ok(source.name.to_string_lossy().into_owned()),
-        None => Err(SoundError::NoDevice {
-            kind: KIND,
-            others: names,
-        }),
-    }
-}
 
-impl Recording {
     fn begin(mut connection: Connection, name: &str) -> Result<Self, SoundError> {
         let stream: CreateRecordStreamReply =
             connection.ask(&Command::CreateRecordStream(RecordStreamParams {
@@ -207,7 +158,9 @@ impl Recording {
             measuring: None,
         })
     }
+}
 
+impl Recording {
     fn next(&mut self, out: &mut [f32], until: Instant) -> Result<Option<Instant>, SoundError> {
         while self.waiting.len() < out.len() {
             if !self.receive(until)? && Instant::now() >= until {
@@ -215,7 +168,9 @@ impl Recording {
             }
         }
         let first = self.count - self.waiting.len() as u64;
-        for (out, sample) in out.iter_mut().zip(self.waiting.drain(..)) {
+        // What was received beyond them waits for the next call.
+        let taken = self.waiting.drain(..out.len());
+        for (out, sample) in out.iter_mut().zip(taken) {
             *out = if sample.is_finite() {
                 sample.clamp(-1.0, 1.0)
             } else {
@@ -253,8 +208,9 @@ impl Recording {
                     return Ok(true);
                 }
                 let behind = latency.write_offset.saturating_sub(latency.read_offset);
+                // What the server had sent before its answer has been read before it. Its own count may hold samples that it had to drop.
                 self.clock.was_in_the_air(
-                    stream::samples(latency.read_offset),
+                    self.count,
                     Instant::now(),
                     stream::seconds(behind, latency.source_usec),
                 );

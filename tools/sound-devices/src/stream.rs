@@ -14,8 +14,6 @@ pub(crate) const PIECE_BYTES: u32 = 480 * SAMPLE_BYTES;
 pub(crate) const MEASURING: Duration = Duration::from_secs(1);
 /// A stream that does nothing for so long is of a device that is no longer there; PulseAudio's null sink takes two seconds to begin.
 pub(crate) const LONGEST_SILENCE: Duration = Duration::from_secs(4);
-/// Between two looks whether a device has come back.
-pub(crate) const LOOKING: Duration = Duration::from_millis(500);
 
 /// One channel of 48 kHz.
 pub(crate) fn format() -> SampleSpec {

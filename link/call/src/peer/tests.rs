@@ -1,0 +1,163 @@
+//! Two peers in one process, directly and by a relay.
+
+use super::*;
+use crate::plan::{Planner, RelayTransport};
+use link_protocol::IceServers;
+use link_protocol::ice::IceServer;
+use std::net::UdpSocket;
+
+fn loopback() -> Plan {
+    Plan {
+        local: vec![([127, 0, 0, 1], 0).into()],
+        ..Plan::default()
+    }
+}
+
+/// A description with the candidates of one kind only.
+fn only(kind: &str, sdp: &str) -> String {
+    sdp.lines()
+        .filter(|line| !line.starts_with("a=candidate:") || line.contains(kind))
+        .map(|line| format!("{line}\r\n"))
+        .collect()
+}
+
+#[tokio::test]
+async fn two_peers_with_no_other_way_are_relayed_over_udp_and_over_tcp() {
+    let key = turn_server::Key::new([5; 32]);
+    let listen = ([127, 0, 0, 1], 0).into();
+    let server = turn_server::TurnServer::start(turn_server::Config::new(listen, key.clone()))
+        .expect("a relay");
+    let issued = key.issue("room", 4_000_000_000);
+    let here = "http://127.0.0.1:1".parse().expect("an address");
+    // To a port where nothing listens UDP is as good as blocked.
+    let nowhere = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    for (transport, udp) in [
+        (RelayTransport::Udp, server.address()),
+        (
+            RelayTransport::Tcp,
+            nowhere.local_addr().expect("an address"),
+        ),
+    ] {
+        let servers = IceServers::try_from(vec![IceServer {
+            urls: vec![
+                format!("turn:{udp}?transport=udp"),
+                format!("turn:{}?transport=tcp", server.address()),
+            ],
+            username: Some(issued.username.clone()),
+            credential: Some(issued.password.clone()),
+        }]);
+        let planner = Planner::default();
+        let plan = planner.plan(&here, &servers.expect("servers")).await;
+        let relay = plan.relay.clone().expect("a relay");
+        assert_eq!(relay.transport, transport, "as far as UDP leads");
+        let mode = ChannelMode::Unreliable;
+        let (mut viewer, offer) = Peer::offer(plan.clone(), mode).await.expect("an offer");
+        let offer = only("typ relay", &offer);
+        assert!(offer.contains("typ relay"), "{offer}");
+        let (mut sender, answer) = Peer::answer(plan, mode, offer).await.expect("an answer");
+        let answer = only("typ relay", &answer);
+        viewer.accept(answer).await.expect("a good answer");
+        for peer in [&mut viewer, &mut sender] {
+            peer.opened().await.expect("an open channel");
+            let path = peer.path().await.expect("a path");
+            assert!(path.is_relayed(), "{path:?}");
+            assert_eq!(path.relay, Some(relay.clone()), "{path:?}");
+            assert!(!path.is_cut(), "{path:?}");
+        }
+        sender.try_send(b"motion").await;
+        let message = viewer.next().await;
+        assert!(
+            matches!(&message, PeerEvent::Message(bytes) if bytes[..] == *b"motion"),
+            "{message:?}"
+        );
+    }
+}
+
+#[test]
+fn only_a_browser_that_hides_its_addresses_has_them_looked_up() {
+    let candidate = |address: &str| {
+        format!("v=0\r\na=candidate:1 1 udp 2113937151 {address} 5000 typ host\r\n")
+    };
+    assert_eq!(
+        mdns_for(&candidate("192.168.1.2")),
+        MulticastDnsMode::Disabled,
+        "an address"
+    );
+    let hidden = mdns_for(&candidate("0f5f33ad-68fd-4d2f-9ec2-6b0fc5c3ba0f.local"));
+    let possible = MulticastSocket::new().into_std().is_ok();
+    assert_eq!(
+        hidden == MulticastDnsMode::QueryOnly,
+        possible,
+        "{hidden:?}"
+    );
+}
+
+#[tokio::test]
+async fn two_peers_connect_and_disconnect() {
+    for mode in [ChannelMode::Unreliable, ChannelMode::Reliable] {
+        let (mut viewer, offer) = Peer::offer(loopback(), mode).await.expect("an offer");
+        let (mut sender, answer) = Peer::answer(loopback(), mode, offer)
+            .await
+            .expect("an answer");
+        viewer.accept(answer).await.expect("a good answer");
+        for peer in [&mut viewer, &mut sender] {
+            peer.opened().await.expect("an open channel");
+        }
+        assert_eq!(
+            sender.try_send(b"motion").await,
+            SendOutcome::Queued,
+            "{mode}"
+        );
+        let message = viewer.next().await;
+        assert!(
+            matches!(&message, PeerEvent::Message(bytes) if bytes[..] == *b"motion"),
+            "{message:?} on a {mode} channel"
+        );
+        // A voice goes the same way; its track may open a moment later than the channels.
+        let packet = |number: u32| (number * 960, Bytes::from(format!("opus {number}")));
+        let mut heard = None;
+        for number in 0..100 {
+            let (timestamp, opus) = packet(number);
+            sender.send_voice(timestamp, opus).await;
+            if let Ok(PeerEvent::Voice(VoicePacket { timestamp, opus })) =
+                tokio::time::timeout(Duration::from_millis(20), viewer.next()).await
+            {
+                heard = Some((timestamp, opus));
+                break;
+            }
+        }
+        let (timestamp, opus) = heard.expect("a packet of voice");
+        assert_eq!((timestamp, opus), packet(timestamp / 960), "{mode}");
+        // Neither pushes out the other where none is read for a while.
+        let pause = || tokio::time::sleep(Duration::from_millis(300));
+        for number in 100..100 + 2 * MAX_WAITING as u32 {
+            let (timestamp, opus) = packet(number);
+            assert!(sender.send_voice(timestamp, opus).await, "it is taken");
+            tokio::task::yield_now().await;
+        }
+        pause().await;
+        assert_eq!(sender.try_send(b"after").await, SendOutcome::Queued);
+        pause().await;
+        let (mut voices, mut messages) = (Vec::new(), 0);
+        while let Ok(event) = tokio::time::timeout(Duration::from_millis(100), viewer.next()).await
+        {
+            match event {
+                PeerEvent::Voice(VoicePacket { timestamp, opus }) => {
+                    assert_eq!((timestamp, opus), packet(timestamp / 960), "as it was sent");
+                    voices.push(timestamp);
+                }
+                PeerEvent::Message(bytes) => {
+                    assert_eq!(bytes, b"after"[..]);
+                    messages += 1;
+                }
+                event => panic!("{event:?}"),
+            }
+        }
+        assert_eq!(voices.len(), MAX_VOICE_WAITING, "what may wait: {voices:?}");
+        assert!(voices.is_sorted_by(|a, b| a < b), "in order: {voices:?}");
+        assert_eq!(messages, 1, "the message came, behind the voice");
+        viewer.close().await;
+        let last = tokio::time::timeout(Duration::from_secs(4), sender.next()).await;
+        assert!(matches!(last, Ok(PeerEvent::Closed)), "{last:?}");
+    }
+}
