@@ -130,7 +130,7 @@ async fn two_peers_connect_and_disconnect() {
         assert_eq!((timestamp, opus), packet(timestamp / 960), "{mode}");
         // Neither pushes out the other where none is read for a while.
         let pause = || tokio::time::sleep(Duration::from_millis(300));
-        for number in 100..100 + 2 * MAX_WAITING as u32 {
+        for number in (100u32..).take(2 * MAX_WAITING) {
             let (timestamp, opus) = packet(number);
             assert!(sender.send_voice(timestamp, opus).await, "it is taken");
             tokio::task::yield_now().await;
