@@ -83,7 +83,7 @@ pub struct CameraReport {
     pub lag: isize,
     /// Frames with a mask that is empty although a person is seen.
     pub empty_masks: usize,
-    /// Frames with a mask that is cut off at the left, right or top edge.
+    /// Frames with a mask that is cut off at an edge of the picture.
     pub cut_masks: usize,
 }
 

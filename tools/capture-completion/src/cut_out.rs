@@ -41,7 +41,7 @@ const DISTINCT: f32 = 30.0;
 const SHARE: (f32, f32) = (0.1, 0.9);
 
 /// The mask of a photograph, 255 = person, from the one that it has, which is a network's of this `grain`, and the camera's plate. Nothing of a
-/// photograph that does not fit the plate, or whose mask is empty.
+/// photograph that does not fit the plate, whose mask is empty or would become so, or around whose person nothing of the plate is known: it keeps the mask that it has.
 pub(crate) fn cut_out(photograph: &Photograph, grain: f32, plate: &Plate) -> Option<Vec<u8>> {
     let mask = photograph.mask.as_ref()?;
     if photograph.check().is_err() || plate.size != photograph.size {
@@ -52,8 +52,14 @@ pub(crate) fn cut_out(photograph: &Photograph, grain: f32, plate: &Plate) -> Opt
     let inside: Vec<bool> = crop.indices().map(|at| mask[at] >= 128).collect();
     let depth = signed_distance(&inside, crop.size);
     let colours = crop.colours(photograph, plate);
+    if colours.noise.iter().all(Option::is_none) {
+        return None;
+    }
     let odds = odds(&colours, &depth, grain, crop.size);
     let decided = cleaned(&agreed(&colours, odds, crop.size), crop.size);
+    if !decided.contains(&true) {
+        return None;
+    }
     let shares = shares(&colours, &decided, crop.size);
     let mut out = vec![0; mask.len()];
     for (at, share) in crop.indices().zip(shares) {

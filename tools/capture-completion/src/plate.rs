@@ -6,7 +6,7 @@ use capture::Photograph;
 /// Pictures that a plate is made of, if memory allows, and at least.
 const MOST_SAMPLES: usize = 48;
 const LEAST_SAMPLES: usize = 8;
-/// Bytes of pictures kept for it.
+/// Bytes of pictures kept for it, where these are enough for the least number of pictures.
 const MEMORY: usize = 512 << 20;
 /// A pixel is known from so many pictures, and from this share of them: the person's shadow and what a mask missed are fewer.
 const LEAST_SEEN: usize = 4;
@@ -149,13 +149,21 @@ mod tests {
     fn what_a_person_uncovers_is_known_and_what_he_always_hides_is_not() {
         let mut builder = PlateBuilder::new([60, 40], 16);
         for frame in 0..16 {
-            // Half of the time at 10, then at 40; columns 12 to 17 are always hidden.
-            let left = if frame < 8 { 10 } else { 12 };
+            // Half of the time at 10, then at 14: columns 14 to 17 are always hidden, those beside them in turn.
+            let left = if frame < 8 { 10 } else { 14 };
             builder.add(frame, &picture(left, 0), 1.0);
         }
         let plate = builder.finish();
         let at = |x: usize, y: usize| (plate.rgb[3 * (60 * y + x)], plate.noise[60 * y + x]);
         assert_eq!(at(50, 30), (100, Some(LEAST_NOISE)), "the room");
+        for (x, room) in [(6, 60), (24, 20)] {
+            let known = (room, Some(LEAST_NOISE));
+            assert_eq!(
+                at(x, 30),
+                known,
+                "column {x}, near the person half of the time"
+            );
+        }
         assert_eq!(at(15, 30).1, None, "behind the person");
         assert_eq!(at(15, 5), (140, Some(LEAST_NOISE)), "above the person");
     }

@@ -87,6 +87,8 @@ struct Between<'a, 'm> {
 
 impl<'a, 'm> Between<'a, 'm> {
     fn of(network: &'a Network<'m>, input: &'a str) -> Self {
+        // An optional port that is left out has an empty name, and is no value.
+        let named = |name: &&str| !name.is_empty();
         let mut dependent = HashSet::from([input]);
         for Step { node, .. } in &network.nodes {
             if node
@@ -94,7 +96,7 @@ impl<'a, 'm> Between<'a, 'm> {
                 .iter()
                 .any(|name| dependent.contains(name.as_str()))
             {
-                dependent.extend(node.output.iter().map(String::as_str));
+                dependent.extend(node.output.iter().map(String::as_str).filter(named));
             }
         }
         let mut needed = HashSet::from([network.output]);
@@ -102,7 +104,7 @@ impl<'a, 'm> Between<'a, 'm> {
         for step in network.nodes.iter().rev() {
             let gives = |name: &String| needed.contains(name.as_str());
             if step.node.output.iter().any(gives) {
-                needed.extend(step.node.input.iter().map(String::as_str));
+                needed.extend(step.node.input.iter().map(String::as_str).filter(named));
                 let takes = |name: &String| dependent.contains(name.as_str());
                 if step.node.input.iter().any(takes) {
                     steps.push(step);

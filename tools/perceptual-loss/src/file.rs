@@ -2,8 +2,9 @@
 
 use crate::error::{NetworkError, NetworkFault};
 use npu_runtime::TensorSpec;
-use onnx_schema::{Graph, Model, ValueInfo};
+use onnx_schema::{Model, ValueInfo};
 use prost::Message;
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -72,7 +73,13 @@ fn ports(
 ) -> Result<(Vec<TensorSpec>, TensorSpec, [usize; 2]), String> {
     let graph = model.graph.as_ref().ok_or("it has no graph")?;
     // Files of old versions list stored tensors among the inputs.
-    let free = graph.input.iter().filter(|port| !is_stored(graph, port));
+    let stored: HashSet<&str> = (graph.initializer.iter())
+        .map(|tensor| tensor.name())
+        .collect();
+    let free = graph
+        .input
+        .iter()
+        .filter(|port| !stored.contains(port.name()));
     let inputs: Vec<TensorSpec> = free.map(spec).collect::<Result<_, _>>()?;
     let first = inputs.first().ok_or("it has no input")?;
     let &[1, 3, height, width] = &first.shape[..] else {
@@ -81,10 +88,16 @@ fn ports(
             first.name, first.shape
         ));
     };
-    if inputs.len() != pictures || inputs.iter().any(|input| input.shape != first.shape) {
+    if inputs.len() != pictures {
         return Err(format!(
-            "{pictures} inputs of one shape are needed; it has {}",
+            "{pictures} inputs are needed; it has {}",
             inputs.len()
+        ));
+    }
+    if let Some(other) = inputs.iter().find(|input| input.shape != first.shape) {
+        return Err(format!(
+            "its input {} has the shape {:?} and its input {} {:?}; export it for pictures of one size",
+            first.name, first.shape, other.name, other.shape
         ));
     }
     if height.max(width) > MOST_SIDE {
@@ -100,13 +113,6 @@ fn ports(
     };
     let output = spec(output)?;
     Ok((inputs, output, [width, height]))
-}
-
-fn is_stored(graph: &Graph, port: &ValueInfo) -> bool {
-    graph
-        .initializer
-        .iter()
-        .any(|tensor| tensor.name == port.name)
 }
 
 /// A tensor's name and static shape.

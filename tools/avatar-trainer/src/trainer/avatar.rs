@@ -97,21 +97,22 @@ impl Trainer<'_> {
         Ok(Preview::new(&target, picture))
     }
 
-    /// The poses that the networks were shown, as captured and as refined, and those that the first avatar's had learnt from.
+    /// The poses that the networks were shown, as captured and as refined, and those that the first avatar's had learnt from. Nothing where it had learnt,
+    /// and states none: its networks may know more than the capture shows.
     fn pose_range(&self) -> Option<PoseRange> {
-        let pairs = self.split.training.iter().chain(&self.split.validation);
-        let shown: Vec<MotionParams> = pairs
-            .flat_map(|pair| {
-                let captured = &self.motions[pair.frame];
-                let refined = self.poses[pair.frame].correction.applied(captured);
-                [captured.clone(), refined]
+        let refined: Vec<MotionParams> = (self.frames.iter())
+            .map(|frame| {
+                let correction = &self.poses[*frame].correction;
+                correction.applied(&self.motions[*frame])
             })
             .collect();
-        let shown = PoseRange::of(&shown)?;
-        Some(match &self.first.pose_range {
-            Some(first) => shown.joined(first),
-            None => shown,
-        })
+        let captured = self.frames.iter().map(|frame| &self.motions[*frame]);
+        let shown = PoseRange::of(captured.chain(&refined))?;
+        match &self.first.pose_range {
+            Some(first) => Some(shown.joined(first)),
+            None if self.had_attributes => None,
+            None => Some(shown),
+        }
     }
 
     /// The avatar as it is now. Its report says how it was trained.

@@ -96,7 +96,10 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let unmasked = (0..cameras.len()).filter(|camera| !capture.has_masks(*camera));
     let unmasked = unmasked.count();
     if unmasked > 0 {
-        println!("  {unmasked} of {} cameras have no masks", cameras.len());
+        println!(
+            "  {unmasked} of {} cameras have no masks: `reconstruct` needs those of all that are not held out",
+            cameras.len()
+        );
     }
     print(&report(&cameras, &shown, &poses, &skeleton));
     let pages = Pages {

@@ -87,6 +87,20 @@ impl Clock {
         (((done * marks + 1e-6).floor() + 1.0) / marks) as f32
     }
 
+    /// The progress at which pictures are looked at first, after `steps` steps: at once, so that a package is there whatever comes. A training by
+    /// steps that is taken up waits for its next mark, as looks decide which package stays: it has those of a training that was not interrupted.
+    pub(super) fn first_look(&self, steps: u64) -> f32 {
+        match self.length {
+            Length::Steps(_) if steps > 0 => self.next_mark(steps),
+            Length::Steps(_) | Length::Minutes(_) => self.progress(steps),
+        }
+    }
+
+    /// Whether looks between marks may decide which package stays.
+    pub(super) fn decides_between_marks(&self) -> bool {
+        matches!(self.length, Length::Minutes(_))
+    }
+
     /// Seconds left, if steps go on as fast as they went here; nothing before it is known.
     #[expect(clippy::cast_precision_loss, reason = "counts of steps")]
     pub(super) fn left(&self, steps: u64, steps_here: u64) -> Option<f64> {
@@ -128,6 +142,12 @@ mod tests {
         assert!((clock.progress(50) - 0.25).abs() < 1e-6, "a quarter");
         assert!((clock.next_mark(50) - 0.3125).abs() < 1e-6, "the next mark");
         assert!(clock.used() >= 5.0, "with what was used before");
+        assert!(clock.first_look(0) <= 0.0, "at once");
+        assert!(
+            (clock.first_look(51) - 0.3125).abs() < 1e-6,
+            "taken up, at the mark that it would have had"
+        );
+        assert!(!clock.decides_between_marks(), "and no other counts");
     }
 
     #[test]

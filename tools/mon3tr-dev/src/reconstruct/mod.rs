@@ -164,7 +164,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     } else {
         ensure!(
             !checkpoint.exists(),
-            "there is a training in {} already, which this one would write over: go on with it (--resume), name another folder (--work), or delete {}",
+            "there is a training in {} already, which this one would write over: go on with it (--resume, which keeps its options), name another folder (--work), or delete {}",
             options.work.display(),
             checkpoint.display()
         );
@@ -290,15 +290,16 @@ fn train(
     let network = Network::start()?;
     let stop = network.stop_on_signal();
     let mut line = ProgressLine::new();
-    // At once, so that a package is there whatever comes.
-    let mut next = clock.progress(trainer.steps());
+    let mut next = clock.first_look(trainer.steps());
     let mut last = None;
     loop {
         let progress = clock.progress(trainer.steps());
         let ends = progress >= 1.0 || stop.load(Relaxed);
         if ends || progress >= next {
             let validation = trainer.validate()?;
-            let better = trainer.keep_best(&validation, files.package)?;
+            let decides =
+                progress >= next || clock.decides_between_marks() || !files.package.exists();
+            let better = decides && trainer.keep_best(&validation, files.package)?;
             let hundredths = (progress.clamp(0.0, 1.0) * 100.0).round();
             show(
                 &validation,
@@ -320,7 +321,8 @@ fn train(
     line.finish();
     if stop.load(Relaxed) {
         eprintln!(
-            "Ended: the best package and all that was learnt are written; go on with --resume"
+            "Ended: the package and all that was learnt are written. To go on: --resume, with the same CAPTURE, -o and --work, and without --gaussians, --template, \
+             --colour-correction and --without, which the training keeps"
         );
     }
     last.context("no picture was looked at")

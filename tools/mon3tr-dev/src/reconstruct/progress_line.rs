@@ -53,7 +53,9 @@ impl ProgressLine {
             .left(steps, self.steps_here)
             .map_or_else(String::new, |seconds| format!(", {} left", spoken(seconds)));
         let held_back = match (self.validated, self.best) {
-            (Some(now), Some(best)) => format!(", held back {now:.2} dB (best {best:.2})"),
+            (Some(now), Some(best)) => {
+                format!(", held back {now:.2} dB (in the package {best:.2})")
+            }
             _ => String::new(),
         };
         let text = format!(

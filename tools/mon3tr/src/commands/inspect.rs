@@ -108,7 +108,7 @@ impl Inspection {
             manifest.basis()
         );
         if manifest.pose_range.is_some() {
-            println!("pose range   stated: beyond it, networks see its nearest pose");
+            println!("pose range   stated: what networks see of a motion is clamped to it");
         }
         for graph in &manifest.compiled {
             println!(
