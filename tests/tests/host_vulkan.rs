@@ -13,6 +13,7 @@ use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use tempfile::TempDir;
 use test_support::monado::{Compositor, Driver, Monado};
+use test_support::program::through_runner;
 use test_support::service::{self, attended};
 use test_support::vulkan::or_skip;
 
@@ -201,14 +202,7 @@ fn open_device<'a>(
     environment: impl IntoIterator<Item = (&'a OsStr, &'a OsStr)>,
 ) -> std::process::Output {
     let this = std::env::args_os().next().expect("a program's name");
-    let mut command = match std::env::var_os("MON3TR_RUNNER") {
-        Some(runner) if !runner.is_empty() => {
-            let mut command = Command::new(runner);
-            command.arg(this);
-            command
-        }
-        _ => Command::new(this),
-    };
+    let mut command = through_runner(this);
     command
         .args([OPENS, "--exact", "--ignored", "--nocapture"])
         .envs(environment);

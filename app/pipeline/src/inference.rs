@@ -201,11 +201,10 @@ impl Inference {
         if self.fault.0.swap(false, Relaxed) {
             return Err(ReceiverError::Struck);
         }
-        self.session
-            .input_mut(MOTION)
-            .copy_from_slice(motion.values());
+        let seen = self.session.input_mut(MOTION);
+        seen.copy_from_slice(motion.values());
         if let Some(range) = &self.avatar.pose_range {
-            range.clamp(self.session.input_mut(MOTION));
+            range.clamp(seen);
         }
         if self.graph != GraphParts::Networks {
             self.session

@@ -232,6 +232,19 @@ impl Sender {
     }
 }
 
+/// Has the room entered anew: the stream may have begun at an address that is gone, and would be silent for long.
+fn enter_again(
+    why: &str,
+    client: &mut Client,
+    presence: &mut Option<Presence>,
+    backoff: &mut Backoff,
+) {
+    log::info!("{why}: entering the room again");
+    renew(client);
+    *presence = None;
+    backoff.reset();
+}
+
 /// Keeps up the presence and starts a task for every viewer's offer.
 async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence: Presence) {
     let mut stop = shared.stop.clone();
@@ -246,26 +259,19 @@ async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence
         let event = tokio::select! {
             () = is_set(&mut stop) => break,
             () = here.lost() => {
-                // The stream may have begun at an address that is gone, and would be silent for long: a new one replaces it.
-                log::info!("this machine's address has changed: entering the room again");
-                renew(&mut shared.client);
+                enter_again("this machine's address has changed", &mut shared.client, &mut presence, &mut backoff);
                 // What the new network lets through is found out before the viewers' new offers come.
                 let ahead = shared.clone();
                 tokio::spawn(async move {
                     let server = ahead.room.server();
                     ahead.planner.plan(server, &ahead.ice_servers).await;
                 });
-                presence = None;
-                backoff.reset();
                 continue;
             }
             () = doubt.notified() => {
                 if doubted.is_none_or(|last| last.elapsed() > DOUBT_AGAIN) {
-                    log::info!("a viewer is silent: entering the room again");
+                    enter_again("a viewer is silent", &mut shared.client, &mut presence, &mut backoff);
                     doubted = Some(Instant::now());
-                    renew(&mut shared.client);
-                    presence = None;
-                    backoff.reset();
                 }
                 continue;
             }

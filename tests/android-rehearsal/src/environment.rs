@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use synthetic_person::{Puppet, PuppetSize};
 use test_support::monado::{Compositor, Driver, Monado};
-use test_support::program::Program;
+use test_support::program::{Program, through_runner};
 
 /// Names the folder of Android's own ONNX Runtime for this machine's processor; set by `./run`.
 const PARTS: &str = "MON3TR_ANDROID_PARTS_REHEARSAL";
@@ -185,14 +185,7 @@ impl Scene<'_> {
 
 /// The command `mon3tr`, as it is started here.
 fn mon3tr(environment: &Environment, cache: &Path) -> Command {
-    let mut command = match std::env::var_os("MON3TR_RUNNER") {
-        Some(runner) if !runner.is_empty() => {
-            let mut command = Command::new(runner);
-            command.arg(&environment.mon3tr);
-            command
-        }
-        _ => Command::new(&environment.mon3tr),
-    };
+    let mut command = through_runner(&environment.mon3tr);
     command
         .env("MON3TR_CACHE", cache)
         .env("RUST_LOG", "link=info")

@@ -15,6 +15,7 @@ use std::process::{Command, Stdio};
 use rustix::process::Signal;
 use tempfile::TempDir;
 
+use crate::program::through_runner;
 use crate::service::{self, Death, Service};
 use display::Display;
 pub use head::{Controller, Eye, Head, Pose, Scripted};
@@ -170,14 +171,7 @@ impl Monado {
     /// caller's.
     #[must_use]
     pub fn client(&self, program: impl AsRef<OsStr>) -> Command {
-        let mut command = match std::env::var_os("MON3TR_RUNNER") {
-            Some(runner) if !runner.is_empty() => {
-                let mut command = Command::new(runner);
-                command.arg(program);
-                command
-            }
-            _ => Command::new(program),
-        };
+        let mut command = through_runner(program);
         command
             .env("XDG_RUNTIME_DIR", self.runtime_directory())
             .env("XDG_CONFIG_HOME", self.place.path().join("config"))

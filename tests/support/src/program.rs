@@ -1,5 +1,6 @@
 //! A program as a child process: its output is kept, and it ends with its owner.
 
+use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,6 +10,20 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::service::LONGEST_WAIT;
+
+/// `program` as programs with a Vulkan device are started: through what `MON3TR_RUNNER` names, if it names something, where the machine's C library
+/// is too old for the driver.
+#[must_use]
+pub fn through_runner(program: impl AsRef<OsStr>) -> Command {
+    match std::env::var_os("MON3TR_RUNNER") {
+        Some(runner) if !runner.is_empty() => {
+            let mut command = Command::new(runner);
+            command.arg(program);
+            command
+        }
+        _ => Command::new(program),
+    }
+}
 
 /// A program that runs; killed where it has not ended before.
 #[derive(Debug)]

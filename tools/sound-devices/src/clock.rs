@@ -149,6 +149,20 @@ mod tests {
     impl Script {
         const DELAY_MS: f64 = 25.0;
 
+        /// After ten seconds in which nothing was lost.
+        fn begun() -> Self {
+            let mut script = Self {
+                clock: DeviceClock::new(),
+                captured: 0,
+                count: 0,
+                answers: true,
+            };
+            script.pieces(1_050);
+            let off = script.off();
+            assert!(off.abs() < 2.0, "{off} ms off before any loss");
+            script
+        }
+
         fn captured_ms(&self) -> f64 {
             f64::from(self.captured) * 10.0
         }
@@ -185,22 +199,9 @@ mod tests {
 
     #[test]
     fn samples_that_were_lost_move_the_line_with_the_next_measurement() {
-        let begun = || {
-            let clock = DeviceClock::new();
-            let mut script = Script {
-                clock,
-                captured: 0,
-                count: 0,
-                answers: true,
-            };
-            script.pieces(1_050);
-            let off = script.off();
-            assert!(off.abs() < 2.0, "{off} ms off before any loss");
-            script
-        };
         // More than the delay, so that the measurement is below zero.
         for lost in [5, 15] {
-            let mut script = begun();
+            let mut script = Script::begun();
             let delay = script.clock.delay();
             for _ in 0..lost {
                 script.piece(true);
@@ -211,7 +212,7 @@ mod tests {
             assert_eq!(script.clock.delay(), delay, "the last known");
         }
         // Less than the delay is measured as a shorter one.
-        let mut script = begun();
+        let mut script = Script::begun();
         script.piece(true);
         script.pieces(2_000);
         let off = script.off();
@@ -220,13 +221,7 @@ mod tests {
 
     #[test]
     fn the_last_known_delay_is_kept_where_no_measurement_is_answered() {
-        let mut script = Script {
-            clock: DeviceClock::new(),
-            captured: 0,
-            count: 0,
-            answers: true,
-        };
-        script.pieces(1_050);
+        let mut script = Script::begun();
         let delay = script.clock.delay();
         assert!(delay.as_secs_f64() > 0.015, "{delay:?}");
         script.answers = false;
@@ -242,13 +237,7 @@ mod tests {
 
     #[test]
     fn a_measurement_that_is_late_itself_spoils_nothing_for_long() {
-        let mut script = Script {
-            clock: DeviceClock::new(),
-            captured: 0,
-            count: 0,
-            answers: true,
-        };
-        script.pieces(1_050);
+        let mut script = Script::begun();
         let delay = script.clock.delay();
         // The answer was read 60 ms after it was given.
         let now = after(

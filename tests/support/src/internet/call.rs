@@ -1,7 +1,7 @@
 //! Calls between homes: a server with a relay, senders and viewers, all of them real processes.
 
 use super::{Home, Internet, Namespace, SERVER};
-use crate::program::Program;
+use crate::program::{Program, through_runner};
 use serde_json::Value;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -160,14 +160,7 @@ impl Receiving {
 
 /// `mon3tr` through `MON3TR_RUNNER`, if there is one, with files below `folder` and without sound.
 fn mon3tr_command(mon3tr: &Path, folder: &Path) -> Command {
-    let mut command = match std::env::var_os("MON3TR_RUNNER") {
-        Some(runner) if !runner.is_empty() => {
-            let mut command = Command::new(runner);
-            command.arg(mon3tr);
-            command
-        }
-        _ => Command::new(mon3tr),
-    };
+    let mut command = through_runner(mon3tr);
     command
         .env("MON3TR_CACHE", folder.join("cache"))
         .env("PULSE_SERVER", "unix:/no-sound-server")

@@ -299,13 +299,15 @@ fn train(
             let validation = trainer.validate()?;
             let decides =
                 progress >= next || clock.decides_between_marks() || !files.package.exists();
-            let better = decides && trainer.keep_best(&validation, files.package)?;
+            if decides {
+                trainer.keep_best(&validation, files.package)?;
+            }
             let hundredths = (progress.clamp(0.0, 1.0) * 100.0).round();
             show(
                 &validation,
                 &files.work.join(format!("preview-{hundredths:03}.png")),
             )?;
-            line.validated(validation.psnr, better);
+            line.validated(validation.psnr, trainer.best());
             next = clock.next_mark(trainer.steps());
             last = Some(validation);
             if !ends {

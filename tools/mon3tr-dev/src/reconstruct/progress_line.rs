@@ -16,7 +16,7 @@ pub(super) struct ProgressLine {
     loss: Option<f64>,
     psnr: f64,
     validated: Option<f64>,
-    best: Option<f64>,
+    in_package: Option<f64>,
     steps_here: u64,
 }
 
@@ -28,7 +28,7 @@ impl ProgressLine {
             loss: None,
             psnr: 0.0,
             validated: None,
-            best: None,
+            in_package: None,
             steps_here: 0,
         }
     }
@@ -52,9 +52,9 @@ impl ProgressLine {
         let left = clock
             .left(steps, self.steps_here)
             .map_or_else(String::new, |seconds| format!(", {} left", spoken(seconds)));
-        let held_back = match (self.validated, self.best) {
-            (Some(now), Some(best)) => {
-                format!(", held back {now:.2} dB (in the package {best:.2})")
+        let held_back = match (self.validated, self.in_package) {
+            (Some(now), Some(package)) => {
+                format!(", held back {now:.2} dB (in the package {package:.2})")
             }
             _ => String::new(),
         };
@@ -73,12 +73,10 @@ impl ProgressLine {
         self.steps_here as f64 / clock.used_here().max(1e-3)
     }
 
-    /// Pictures that were held back were looked at.
-    pub(super) fn validated(&mut self, psnr: f64, better: bool) {
+    /// Pictures that were held back were looked at; how well the package meets them, if that is known.
+    pub(super) fn validated(&mut self, psnr: f64, in_package: Option<f64>) {
         self.validated = Some(psnr);
-        if better || self.best.is_none() {
-            self.best = Some(psnr);
-        }
+        self.in_package = in_package;
     }
 
     fn say(&self, text: &str) {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use synthetic_person::Puppet;
 use tempfile::TempDir;
+use test_support::program::through_runner;
 
 /// How the command ended.
 pub(crate) struct Outcome {
@@ -14,15 +15,7 @@ pub(crate) struct Outcome {
 
 /// `mon3tr` with `arguments`, through `MON3TR_RUNNER` where the machine's C library is too old for the Vulkan driver.
 pub(crate) fn command(arguments: &[&str]) -> Command {
-    let program = crate::PROGRAM;
-    let mut command = match std::env::var_os("MON3TR_RUNNER") {
-        Some(runner) if !runner.is_empty() => {
-            let mut command = Command::new(runner);
-            command.arg(program);
-            command
-        }
-        _ => Command::new(program),
-    };
+    let mut command = through_runner(crate::PROGRAM);
     command.args(arguments);
     command
 }
