@@ -56,6 +56,12 @@ impl CallError {
         matches!(self, Self::Http(error) if error.is_final())
     }
 
+    /// Whether the seat of a call is another person's.
+    #[must_use]
+    pub fn is_seat_taken(&self) -> bool {
+        matches!(self, Self::Http(HttpError::SeatTaken))
+    }
+
     /// Whether the room or package does not exist for this token.
     #[must_use]
     pub fn is_not_found(&self) -> bool {

@@ -40,8 +40,10 @@ mod nudge;
 pub mod path;
 mod peer;
 mod plan;
+mod privacy;
 pub mod sender;
 mod session;
+mod telling;
 mod tunnel;
 pub mod viewer;
 mod voice_track;
@@ -49,6 +51,7 @@ mod voice_track;
 pub use error::CallError;
 pub use path::Path;
 pub use plan::{Relay, RelayTransport};
+pub use privacy::Privacy;
 pub use sender::Sender;
 pub use viewer::{CallEvent, Viewer};
 

@@ -6,15 +6,18 @@ use crate::losses::WantedCopies;
 use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::plan::Planner;
+use crate::privacy::Privacy;
+use crate::telling::Telling;
 use crate::{Backoff, CallError, addresses, answer_bye, is_set, renew, send_bye};
 use link_codec::{Codec, Encoder, Micros, MotionFrame};
 use link_http::presence::Presence;
 use link_http::{Client, HttpError};
 use link_playout::Clock;
 use link_protocol::announcement::ChannelMode;
-use link_protocol::data_channel::{Message, Pong};
+use link_protocol::calls::EnterRoom;
+use link_protocol::data_channel::{Message, Pong, State};
 use link_protocol::presence::PresenceEvent;
-use link_protocol::{Announcement, IceServers, Name, RoomLink};
+use link_protocol::{IceServers, Name, RoomLink};
 use link_voice::{Voice, timestamp};
 use serde::Serialize;
 use spmm3::MotionParams;
@@ -51,7 +54,9 @@ const VOICE_WAITING: usize = 10;
 pub struct Sender {
     frames: watch::Sender<Arc<MotionFrame>>,
     voice: broadcast::Sender<Voice>,
+    privacy: Privacy,
     copies: WantedCopies,
+    offered: Arc<Notify>,
     stop: watch::Sender<bool>,
     task: tokio::task::JoinHandle<()>,
     counts: Arc<Counts>,
@@ -125,7 +130,9 @@ struct Shared {
     clock: Clock,
     frames: watch::Receiver<Arc<MotionFrame>>,
     voice: broadcast::Sender<Voice>,
+    privacy: Privacy,
     copies: WantedCopies,
+    offered: Arc<Notify>,
     stop: watch::Receiver<bool>,
     /// Tells of a viewer that is silent.
     doubt: Arc<Notify>,
@@ -141,12 +148,15 @@ impl Sender {
     pub async fn enter(
         client: Client,
         room: RoomLink,
-        announcement: Announcement,
+        entering: EnterRoom,
         clock: Clock,
     ) -> Result<Self, CallError> {
-        let presence = client.open_presence(&room, &announcement).await?;
+        let presence = client.open_presence(&room, &entering).await?;
+        let announcement = entering.announcement;
         let (frames, newest) = watch::channel(Arc::default());
         let voice = broadcast::Sender::new(VOICE_WAITING);
+        let privacy = Privacy::default();
+        let offered = Arc::<Notify>::default();
         let (stop, stopped) = watch::channel(false);
         let counts = Arc::<Counts>::default();
         let copies = WantedCopies::default();
@@ -160,25 +170,32 @@ impl Sender {
             clock,
             frames: newest,
             voice: voice.clone(),
+            privacy: privacy.clone(),
             copies: copies.clone(),
+            offered: Arc::clone(&offered),
             stop: stopped,
             doubt: Arc::default(),
             counts: Arc::clone(&counts),
         };
-        let task = tokio::spawn(answer_viewers(shared, announcement, presence));
+        let task = tokio::spawn(answer_viewers(shared, entering, presence));
         Ok(Self {
             frames,
             voice,
+            privacy,
             copies,
+            offered,
             stop,
             task,
             counts,
         })
     }
 
-    /// Sends `motion`, captured at `captured` by the sender's clock, to every viewer. Never waits: a viewer's task that is still busy with
-    /// the frame before skips it.
+    /// Sends `motion`, captured at `captured` by the sender's clock, to every viewer, unless the person is hidden. Never waits: a viewer's task
+    /// that is still busy with the frame before skips it.
     pub fn publish(&self, captured: Micros, motion: &MotionParams) {
+        if self.privacy.state().hidden {
+            return;
+        }
         let sequence = self.frames.borrow().sequence + 1;
         self.frames.send_replace(Arc::new(MotionFrame {
             sequence,
@@ -191,6 +208,19 @@ impl Sender {
     pub fn say(&self, voice: Voice) {
         // Without a viewer no task listens.
         let _ = self.voice.send(voice);
+    }
+
+    /// Whether the person is heard and seen, which every viewer is told, now and later ones. While they are hidden no motion is sent; what is said is
+    /// silenced where it is encoded.
+    #[must_use]
+    pub fn privacy(&self) -> Privacy {
+        self.privacy.clone()
+    }
+
+    /// Is notified of every viewer's offer: in a call of several it tells of a newcomer.
+    #[must_use]
+    pub fn offers(&self) -> Arc<Notify> {
+        Arc::clone(&self.offered)
     }
 
     /// Whether a viewer's network loses packets, or may: voice is to be sent with copies then. They take bits, so it is without them else.
@@ -246,7 +276,7 @@ fn enter_again(
 }
 
 /// Keeps up the presence and starts a task for every viewer's offer.
-async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence: Presence) {
+async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Presence) {
     let mut stop = shared.stop.clone();
     let mut presence = Some(presence);
     let mut viewers = JoinSet::new();
@@ -275,7 +305,7 @@ async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence
                 }
                 continue;
             }
-            event = next_event(&shared, &announcement, &mut presence, &mut backoff) => event,
+            event = next_event(&shared, &entering, &mut presence, &mut backoff) => event,
             Some(_) = viewers.join_next(), if !viewers.is_empty() => {
                 leaving.retain(|_, leave| !leave.is_closed());
                 continue;
@@ -283,6 +313,7 @@ async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence
         };
         match event {
             PresenceEvent::Offer { session, sdp } => {
+                shared.offered.notify_one();
                 if viewers.len() >= MAX_VIEWERS {
                     log::warn!("a viewer is refused: there are {MAX_VIEWERS} already");
                     continue;
@@ -317,7 +348,7 @@ async fn answer_viewers(mut shared: Shared, announcement: Announcement, presence
 /// The presence's next event, after as many new presences as it takes.
 async fn next_event(
     shared: &Shared,
-    announcement: &Announcement,
+    entering: &EnterRoom,
     presence: &mut Option<Presence>,
     backoff: &mut Backoff,
 ) -> PresenceEvent {
@@ -332,11 +363,7 @@ async fn next_event(
             }
         }
         tokio::time::sleep(backoff.next()).await;
-        match shared
-            .client
-            .open_presence(&shared.room, announcement)
-            .await
-        {
+        match shared.client.open_presence(&shared.room, entering).await {
             Ok(open) => {
                 log::info!("in the room again");
                 backoff.reset();
@@ -422,6 +449,7 @@ async fn send_motion(
     // What was said before is over.
     let mut voice = shared.voice.subscribe();
     let mut losses = shared.copies.join(shared.channel);
+    let mut telling = Telling::begin(&shared.privacy);
     loop {
         tokio::select! {
             // In this order: the last frame before the bye, the bye before any flood of the viewer's, and its messages before the
@@ -470,6 +498,11 @@ async fn send_motion(
                 }
                 Err(broadcast::error::RecvError::Closed) => return "the sender has ended",
             },
+            person = telling.due() => {
+                let sent = shared.clock.now();
+                Message::State(State { person, sent }).write(session, &mut out);
+                peer.try_send(&out).await;
+            }
             () = is_set(left) => return "it left",
             () = is_set(&mut shared.stop) => {
                 send_bye(peer, session).await;
@@ -498,7 +531,7 @@ async fn send_motion(
                         answer_bye(peer, session).await;
                         return "it hung up";
                     }
-                    Some(Message::Pong(_)) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
+                    Some(Message::Pong(_) | Message::State(_)) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
                 }
             }
             () = sleep_until(doubt_at.unwrap_or(silent_at)), if doubt_at.is_some() => {

@@ -11,7 +11,7 @@ use link_codec::{Micros, MotionFrame};
 use link_http::Client;
 use link_playout::Clock;
 use link_playout::clock::Exchange;
-use link_protocol::data_channel::Message;
+use link_protocol::data_channel::{Message, PersonState, State};
 use link_protocol::{Announcement, RoomLink};
 use link_voice::{Voice, VoiceQueue, timestamp};
 use serde::Serialize;
@@ -63,6 +63,8 @@ pub enum CallEvent {
         /// When it arrived, by this side's clock.
         arrived: Micros,
     },
+    /// Whether the person is heard and seen, when it becomes known and after each change.
+    State(PersonState),
     /// The sender hung up; the last event.
     HungUp,
     /// The call cannot go on; the last event.
@@ -124,6 +126,7 @@ impl Viewer {
             stop: stopped,
             statistics: Arc::clone(&statistics),
             announced: None,
+            state: None,
         };
         Self {
             events,
@@ -172,6 +175,7 @@ struct Call {
     stop: watch::Receiver<bool>,
     statistics: Arc<Mutex<ViewerStatistics>>,
     announced: Option<Announcement>,
+    state: Option<PersonState>,
 }
 
 /// The task that opens a connection.
@@ -367,7 +371,7 @@ impl Call {
     }
 
     /// Handles one message; returns whether it was a bye.
-    async fn handle(&self, session: &mut Session, bytes: &[u8], out: &mut Vec<u8>) -> bool {
+    async fn handle(&mut self, session: &mut Session, bytes: &[u8], out: &mut Vec<u8>) -> bool {
         let arrived = self.clock.now();
         self.with_statistics(|s| s.payload_bytes += bytes.len() as u64);
         match Message::read(bytes, session.id) {
@@ -389,6 +393,13 @@ impl Call {
                         .round_trip()
                         .and_then(|time| u64::try_from(time.as_micros()).ok());
                 });
+            }
+            Some(Message::State(State { person, sent })) => {
+                // Voice without motion needs the sender's time, too.
+                session.newest_captured = session.newest_captured.max(Some(sent));
+                if self.state.replace(person) != Some(person) {
+                    self.emit(CallEvent::State(person));
+                }
             }
             Some(Message::Feedback(_)) => log::debug!("ignored a feedback from the sender"),
             None => match session.decoder.decode(bytes) {

@@ -313,6 +313,7 @@ impl Reply {
                 what,
                 advice: advice(what),
             },
+            409 => HttpError::SeatTaken,
             413 => HttpError::TooLarge { server, what },
             429 => HttpError::RateLimited {
                 server,
@@ -390,6 +391,8 @@ impl Reply {
 
 fn advice(what: &'static str) -> &'static str {
     match what {
+        CALL => "the call is over or the link is another call's; ask for a new link",
+        OPEN_CALL => "check that the token is the owner's, and that the server is of this version",
         ROOM | PRESENCE | OFFER => {
             "the room is gone or the link is another room's; ask for a new link"
         }
@@ -401,6 +404,8 @@ fn advice(what: &'static str) -> &'static str {
 
 /// The requests, as error messages name them: `SERVER did not answer within 10 s to {what}`.
 pub(crate) const OPEN_ROOM: &str = "open a room";
+pub(crate) const OPEN_CALL: &str = "open a call";
+pub(crate) const CALL: &str = "tell who is in the call";
 pub(crate) const ROOM: &str = "tell about the room";
 pub(crate) const OFFER: &str = "pass on an offer";
 pub(crate) const LEAVE: &str = "end the session";

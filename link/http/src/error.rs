@@ -81,6 +81,9 @@ pub enum HttpError {
         /// What to do.
         advice: &'static str,
     },
+    /// 409: the seat of a call is another person's.
+    #[error("someone else sits there: take another seat")]
+    SeatTaken,
     /// 503 to an offer: the sender is absent.
     #[error("the sender is not in the room now: wait until it is")]
     SenderAbsent {

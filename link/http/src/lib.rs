@@ -23,6 +23,7 @@
 //! ```
 
 pub mod cache;
+mod calls;
 pub mod client;
 pub mod download;
 mod error;

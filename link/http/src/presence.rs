@@ -14,7 +14,7 @@ use crate::{
     client::{PRESENCE, Timeouts, invalid_response, next_piece},
     sse::{Event, Parser},
 };
-use link_protocol::{Announcement, RoomLink, presence::PresenceEvent, room_link::ServerUrl};
+use link_protocol::{RoomLink, calls::EnterRoom, presence::PresenceEvent, room_link::ServerUrl};
 
 /// An open presence. Dropping it ends it.
 #[derive(Debug)]
@@ -34,13 +34,13 @@ impl Client {
     ///
     /// # Errors
     /// [`ProtocolError::Announcement`](link_protocol::ProtocolError::Announcement) if it is out of bounds, [`HttpError::NotFound`] if the room is gone or its owner has no such
-    /// package (upload it first), and those of any request.
+    /// package (upload it first), [`HttpError::SeatTaken`] if it is the seat of a call and another's, and those of any request.
     pub async fn open_presence(
         &self,
         sender: &RoomLink,
-        announcement: &Announcement,
+        entering: &EnterRoom,
     ) -> Result<Presence, HttpError> {
-        let announcement = announcement.checked()?;
+        entering.announcement.checked()?;
         let server = sender.server();
         let request = self
             .request(
@@ -50,7 +50,7 @@ impl Client {
                 &["rooms", sender.room().as_str(), "presence"],
             )?
             .header(ACCEPT, "text/event-stream")
-            .json(&announcement);
+            .json(entering);
         let stream = self.open(server, PRESENCE, request).await?;
         if stream.status() != StatusCode::OK {
             return Err(self.refusal(server, sender.token(), PRESENCE, stream).await);

@@ -1,46 +1,63 @@
-//! The link to a call both ways: the place that is free in it (`docs/protocol.md`, "Tokens and links").
+//! The link to a call of several (`docs/protocol.md`, "Calls").
 
 use crate::limits::MAX_LINK;
-use crate::room_link::{RoomLink, ServerUrl};
+use crate::room_link::{RoomLink, ServerUrl, Token};
 use crate::{Name, ProtocolError};
 use std::fmt;
 use std::str::FromStr;
 
-/// `http(s)://HOST[:PORT][/PREFIX]/calls/THEIRS/OWN#VIEWER,SENDER`: two rooms, with the viewer's token of the one that the other side is present
-/// in, and the sender's of the one that is kept for whoever has the link.
+/// `http(s)://HOST[:PORT][/PREFIX]/calls/CALL#TOKEN`: a call, and the right to take a seat in it. It is the same for everyone who joins.
 ///
-/// [`Display`](fmt::Display) gives the whole link, tokens and all; [`Debug`] hides them.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// [`Display`](fmt::Display) gives the whole link, token and all; [`Debug`] hides the token.
+#[derive(Clone, PartialEq, Eq)]
 pub struct CallLink {
-    theirs: RoomLink,
-    own: RoomLink,
+    server: ServerUrl,
+    call: Name,
+    token: Token,
 }
 
 impl CallLink {
-    /// Of the other side's room, by its viewers' link, and of the one to be present in, by its sender's.
+    /// The call of this name on a server, with a member's token for it.
     ///
     /// # Errors
-    /// [`ProtocolError::CallLink`] if the rooms are of two servers, or one.
-    pub fn of(theirs: RoomLink, own: RoomLink) -> Result<Self, ProtocolError> {
-        if theirs.server() != own.server() {
-            return Err(wrong("its rooms are of two servers"));
-        }
-        if theirs.room() == own.room() {
-            return Err(wrong("both its rooms are one"));
-        }
-        Ok(Self { theirs, own })
+    /// [`ProtocolError::CallLink`] if `call` is no [`Name`] or `token` no [`Token`].
+    pub fn of(server: ServerUrl, call: &str, token: &str) -> Result<Self, ProtocolError> {
+        let call = call
+            .parse()
+            .map_err(|_| wrong("the call's name is missing or has a character that none has"))?;
+        let token = Token::new(token).map_err(|error| match error {
+            ProtocolError::Token(why) => wrong(&format!("what follows the `#` is no token: {why}")),
+            other => other,
+        })?;
+        Ok(Self {
+            server,
+            call,
+            token,
+        })
     }
 
-    /// The other side's room, to be seen and heard, by its viewers' link.
+    /// The server that has the call.
     #[must_use]
-    pub fn theirs(&self) -> &RoomLink {
-        &self.theirs
+    pub fn server(&self) -> &ServerUrl {
+        &self.server
     }
 
-    /// The room to be present in, by its sender's link.
+    /// The call's name.
     #[must_use]
-    pub fn own(&self) -> &RoomLink {
-        &self.own
+    pub fn call(&self) -> &Name {
+        &self.call
+    }
+
+    /// The member's token.
+    #[must_use]
+    pub fn token(&self) -> &Token {
+        &self.token
+    }
+
+    /// The room that is a seat of the call: with a member's token one may enter it, and join whoever is in it.
+    #[must_use]
+    pub fn seat(&self, room: &Name) -> RoomLink {
+        RoomLink::with(self.server.clone(), room.clone(), self.token.clone())
     }
 }
 
@@ -52,32 +69,31 @@ impl FromStr for CallLink {
         if text.len() > MAX_LINK {
             return Err(wrong("it is too long"));
         }
-        let (address, tokens) = text
+        let (address, token) = text
             .split_once('#')
-            .ok_or_else(|| wrong("the `#TOKENS` at its end are missing (an unquoted # begins a comment in some shells)"))?;
-        let (server, rooms) = address
+            .ok_or_else(|| wrong("the `#TOKEN` at its end is missing (an unquoted # begins a comment in some shells)"))?;
+        let (server, call) = address
             .rsplit_once("/calls/")
-            .ok_or_else(|| wrong("it has no `/calls/`"))?;
-        let (theirs, own) = rooms
-            .split_once('/')
-            .ok_or_else(|| wrong("it names one room, not two"))?;
-        let (viewer, sender) = tokens
-            .split_once(',')
-            .ok_or_else(|| wrong("it has one token, not two"))?;
-        let server: ServerUrl = server.parse()?;
-        Self::of(
-            RoomLink::of(server.clone(), theirs, viewer)?,
-            RoomLink::of(server, own, sender)?,
-        )
+            .ok_or_else(|| wrong("it has no `/calls/CALL`"))?;
+        Self::of(server.parse()?, call, token)
     }
 }
 
 impl fmt::Display for CallLink {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [theirs, own]: [&Name; 2] = [self.theirs.room(), self.own.room()];
-        let [viewer, sender] = [&self.theirs, &self.own].map(|link| link.token().secret());
-        let server = self.own.server();
-        write!(f, "{server}/calls/{theirs}/{own}#{viewer},{sender}")
+        write!(
+            f,
+            "{}/calls/{}#{}",
+            self.server,
+            self.call,
+            self.token.secret()
+        )
+    }
+}
+
+impl fmt::Debug for CallLink {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/calls/{}#...", self.server, self.call)
     }
 }
 
@@ -89,39 +105,36 @@ fn wrong(why: &str) -> ProtocolError {
 mod tests {
     use super::*;
 
-    const LINK: &str = "https://call.example/at/calls/r7/r8#abc,def";
+    const LINK: &str = "https://call.example/at/calls/c7#abc";
 
     #[test]
-    fn a_link_is_two_rooms_and_comes_back_as_it_was() {
+    fn a_link_comes_back_as_it_was_and_its_seats_are_rooms() {
         let link: CallLink = LINK.parse().expect("a link");
         assert_eq!(link.to_string(), LINK);
+        assert_eq!(link.call().as_str(), "c7");
+        let seat = link.seat(&"r1".parse().expect("a name"));
+        assert_eq!(seat.to_string(), "https://call.example/at/rooms/r1#abc");
         assert_eq!(
-            link.theirs().to_string(),
-            "https://call.example/at/rooms/r7#abc"
+            format!("{link:?}"),
+            "https://call.example/at/calls/c7#...",
+            "a log shows no token"
         );
-        assert_eq!(
-            link.own().to_string(),
-            "https://call.example/at/rooms/r8#def"
-        );
-        let shown = format!("{link:?}");
-        assert!(!shown.contains("abc") && !shown.contains("def"), "{shown}");
     }
 
     #[test]
-    fn what_is_no_link_is_refused_without_its_tokens() {
+    fn what_is_no_link_is_refused_without_its_token() {
         for (text, words) in [
-            ("https://call.example/rooms/r7#abc", "/calls/"),
-            ("https://call.example/calls/r7/r8", "#TOKENS"),
-            ("https://call.example/calls/r7#abc,def", "one room"),
-            ("https://call.example/calls/r7/r8#abc", "one token"),
-            ("https://call.example/calls/r7/r7#abc,def", "both"),
-            ("https://call.example/calls/r7/r8/r9#abc,def", "character"),
-            ("ftp://call.example/calls/r7/r8#abc,def", "https"),
-            ("", "#TOKENS"),
+            ("https://call.example/rooms/r7#secret", "/calls/"),
+            ("https://call.example/calls/c7", "#TOKEN"),
+            ("https://call.example/calls/#secret", "name is missing"),
+            ("https://call.example/calls/c/7#secret", "character"),
+            ("https://call.example/calls/c7#", "empty"),
+            ("ftp://call.example/calls/c7#secret", "https"),
+            ("", "#TOKEN"),
         ] {
             let error = text.parse::<CallLink>().expect_err("no link").to_string();
             assert!(
-                error.contains(words) && !error.contains("def"),
+                error.contains(words) && !error.contains("secret"),
                 "{text}: {error}"
             );
         }

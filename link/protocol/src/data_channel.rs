@@ -1,6 +1,7 @@
 //! The data channels and the messages on them beside motion frames: feedback, pong, bye (`docs/protocol.md`, "The data channels").
 
 use link_codec::Micros;
+use serde::Serialize;
 
 /// The subprotocol of both channels.
 pub const SUBPROTOCOL: &str = "mon3tr.1";
@@ -29,6 +30,7 @@ pub const FEEDBACK_CHANNEL: Channel = Channel {
 /// The first byte of each message; those of motion frames are the codec's.
 const FEEDBACK: u8 = 16;
 const PONG: u8 = 17;
+const STATE: u8 = 18;
 const BYE: u8 = 31;
 
 /// A message that is no motion frame.
@@ -38,8 +40,28 @@ pub enum Message {
     Feedback(Feedback),
     /// A sender answers a feedback that has a time.
     Pong(Pong),
+    /// A sender tells whether it is heard and seen.
+    State(State),
     /// The side that sends it leaves the call.
     Bye,
+}
+
+/// Whether a person in a call is heard and seen, as they chose.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct PersonState {
+    /// Nothing is said: the microphone is off.
+    pub muted: bool,
+    /// No motion is sent: the person is not to be drawn.
+    pub hidden: bool,
+}
+
+/// What a sender tells of itself, again and again, for one message may be lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct State {
+    /// Whether it is heard and seen.
+    pub person: PersonState,
+    /// When this was sent, by the sender's clock: without motion nothing else tells its time, which voice needs.
+    pub sent: Micros,
 }
 
 /// What a viewer has received so far.
@@ -71,6 +93,7 @@ impl Message {
         out.push(match self {
             Self::Feedback(_) => FEEDBACK,
             Self::Pong(_) => PONG,
+            Self::State(_) => STATE,
             Self::Bye => BYE,
         });
         out.extend(session.to_le_bytes());
@@ -84,6 +107,10 @@ impl Message {
                 for time in [pong.asked, pong.arrived, pong.left] {
                     out.extend(time.0.to_le_bytes());
                 }
+            }
+            Self::State(State { person, sent }) => {
+                out.push(u8::from(person.muted) | u8::from(person.hidden) << 1);
+                out.extend(sent.0.to_le_bytes());
             }
             Self::Bye => {}
         }
@@ -123,6 +150,17 @@ impl Message {
                     left: time(rest.try_into().ok()?),
                 }))
             }
+            STATE => {
+                // Bits of later versions are passed over.
+                let (flags, rest) = rest.split_first()?;
+                Some(Self::State(State {
+                    person: PersonState {
+                        muted: flags & 1 != 0,
+                        hidden: flags & 2 != 0,
+                    },
+                    sent: time(rest.try_into().ok()?),
+                }))
+            }
             BYE if rest.is_empty() => Some(Self::Bye),
             _ => None,
         }
@@ -133,7 +171,7 @@ impl Message {
 mod tests {
     use super::*;
 
-    const ALL: [Message; 3] = [
+    const ALL: [Message; 4] = [
         Message::Feedback(Feedback {
             newest: 7,
             received: u64::MAX - 5,
@@ -143,6 +181,13 @@ mod tests {
             asked: Micros(1),
             arrived: Micros(2),
             left: Micros(u64::MAX),
+        }),
+        Message::State(State {
+            person: PersonState {
+                muted: false,
+                hidden: true,
+            },
+            sent: Micros(1 << 40),
         }),
         Message::Bye,
     ];

@@ -1,5 +1,6 @@
 //! Why a text or a value is not one of the protocol's, with what to do about it. No message holds a token.
 
+use crate::limits::MAX_PERSON_NAME;
 use std::io;
 use std::path::PathBuf;
 
@@ -14,7 +15,7 @@ pub enum ProtocolError {
     Link(String),
     /// This text is no link of a call.
     #[error(
-        "this is no call's link: {0}; one looks like https://HOST[:PORT]/calls/ROOM/ROOM#TOKEN,TOKEN, in quotes on a command line"
+        "this is no call's link: {0}; one looks like https://HOST[:PORT]/calls/CALL#TOKEN, in quotes on a command line"
     )]
     CallLink(String),
     /// This text is no server's address.
@@ -29,6 +30,11 @@ pub enum ProtocolError {
     /// This text is no room's or session's name.
     #[error("this is no name of a room or a session: it must be 1 to 128 letters, digits and -._~")]
     Name,
+    /// This text is no person's name.
+    #[error(
+        "this is no person's name: it must be 1 to {MAX_PERSON_NAME} characters on one line, without control characters"
+    )]
+    PersonName,
     /// An announcement has a value out of bounds.
     #[error("this announcement is out of bounds: {0}")]
     Announcement(String),

@@ -22,12 +22,14 @@
 
 pub mod announcement;
 mod call_link;
+pub mod calls;
 pub mod data_channel;
 mod error;
 pub mod ice;
 pub mod limits;
 mod name;
 pub mod package_id;
+mod person_name;
 pub mod presence;
 pub mod room_link;
 pub mod rooms;
@@ -38,4 +40,5 @@ pub use error::ProtocolError;
 pub use ice::IceServers;
 pub use name::Name;
 pub use package_id::PackageId;
+pub use person_name::PersonName;
 pub use room_link::RoomLink;

@@ -18,6 +18,12 @@ pub const MAX_MESSAGE_BYTES: usize = 4 << 10;
 /// Characters of a room's or a session's name.
 pub const MAX_NAME: usize = 128;
 
+/// Characters of a person's name.
+pub const MAX_PERSON_NAME: usize = 40;
+
+/// People in one call.
+pub const MAX_PEOPLE: usize = 8;
+
 /// Characters of a token.
 pub const MAX_TOKEN: usize = 4096;
 

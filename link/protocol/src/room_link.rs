@@ -125,6 +125,15 @@ impl RoomLink {
         })
     }
 
+    /// The room of this name, with a token that was checked.
+    pub(crate) fn with(server: ServerUrl, room: Name, token: Token) -> Self {
+        Self {
+            server,
+            room,
+            token,
+        }
+    }
+
     /// The server that has the room.
     #[must_use]
     pub fn server(&self) -> &ServerUrl {

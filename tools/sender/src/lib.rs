@@ -3,6 +3,7 @@
 mod capture;
 mod clip;
 mod error;
+mod mute;
 mod room;
 mod send;
 mod voice;

@@ -1,4 +1,4 @@
-//! Enters a room: uploads the avatar if the store lacks it, and opens a room if none was given.
+//! Enters a room or a seat of a call: uploads the avatar if the store lacks it, and opens a room if none was given.
 
 use crate::SendError;
 use link_call::{CallError, Sender};
@@ -6,9 +6,14 @@ use link_codec::Codec;
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::announcement::{AvatarRef, ChannelMode};
+use link_protocol::calls::EnterRoom;
+use link_protocol::limits::MAX_PEOPLE;
 use link_protocol::room_link::ServerUrl;
-use link_protocol::{Announcement, RoomLink};
+use link_protocol::{Announcement, CallLink, Name, PersonName, RoomLink};
 use std::path::PathBuf;
+
+/// Seats that are tried: others may take one at the same moment.
+const ATTEMPTS: usize = 2 * MAX_PEOPLE;
 
 /// What a sender needs to enter.
 #[derive(Debug, Clone)]
@@ -25,9 +30,16 @@ pub struct Desk {
     pub rate_hz: f64,
 }
 
-/// An open room, or a server to open one on.
+/// A seat of a call, an open room, or a server to open one on.
 #[derive(Debug, Clone)]
 pub enum Place {
+    /// The first free seat of a call, by the link that everyone has who joins. Its members may put their avatars.
+    Call {
+        /// The call's link.
+        link: CallLink,
+        /// What the others read.
+        name: Option<PersonName>,
+    },
     /// A room by its sender's link. The owner's token is needed only where the store lacks the avatar.
     Room {
         /// The sender's link.
@@ -49,13 +61,16 @@ impl Place {
     #[must_use]
     pub fn server(&self) -> &ServerUrl {
         match self {
+            Self::Call { link, .. } => link.server(),
             Self::Room { link, .. } => link.server(),
             Self::Server { server, .. } => server,
         }
     }
 
-    fn owner_token(&self) -> Option<&str> {
+    /// A token with which packages may be put.
+    fn store_token(&self) -> Option<&str> {
         match self {
+            Self::Call { link, .. } => Some(link.token().secret()),
             Self::Room { owner_token, .. } => owner_token.as_deref(),
             Self::Server { owner_token, .. } => Some(owner_token),
         }
@@ -89,7 +104,7 @@ pub async fn enter(
         .await
         .map_err(CallError::from)?
         .map_err(CallError::from)?;
-    if let Some(token) = desk.place.owner_token() {
+    if let Some(token) = desk.place.store_token() {
         let server = desk.place.server();
         if !client
             .has_package(server, token, &avatar.sha256)
@@ -102,36 +117,70 @@ pub async fn enter(
                 .map_err(CallError::from)?;
         }
     }
-    let (sender, viewers) = match &desk.place {
-        Place::Room { link, .. } => (link.clone(), None),
-        Place::Server {
-            server,
-            owner_token,
-        } => {
-            let room = client
-                .open_room(server, owner_token, None)
-                .await
-                .map_err(CallError::from)?;
-            (room.sender, Some(room.viewer))
-        }
-    };
     let announcement = Announcement {
         avatar,
         channel: desk.channel,
         codec: desk.codec,
         rate_hz: desk.rate_hz,
     };
-    let entered = Sender::enter(client.clone(), sender.clone(), announcement, clock).await;
-    let host = match entered {
-        // The room is there, for its token is good: it is the avatar that the store lacks.
-        Err(error) if error.is_not_found() => {
-            return Err(SendError::NotUploaded(desk.avatar.clone()));
-        }
-        entered => entered?,
+    let enter = async |room: &RoomLink, entering: EnterRoom| {
+        Sender::enter(client.clone(), room.clone(), entering, clock).await
     };
-    Ok(Entered {
-        host,
-        sender,
-        viewers,
-    })
+    match &desk.place {
+        Place::Call { link, name } => {
+            let entering = EnterRoom {
+                announcement,
+                person: name.clone(),
+                occupant: Some(occupant()?),
+            };
+            for _ in 0..ATTEMPTS {
+                let status = client.call_status(link).await.map_err(CallError::from)?;
+                let free = status.seats.iter().find(|seat| seat.taken.is_none());
+                let Some(seat) = free else {
+                    return Err(SendError::CallFull);
+                };
+                let sender = link.seat(&seat.room);
+                match enter(&sender, entering.clone()).await {
+                    // Another one was faster.
+                    Err(error) if error.is_seat_taken() => {}
+                    entered => {
+                        return Ok(Entered {
+                            host: entered?,
+                            sender,
+                            viewers: None,
+                        });
+                    }
+                }
+            }
+            Err(SendError::CallFull)
+        }
+        Place::Room { link, .. } => match enter(link, announcement.into()).await {
+            // The room is there, for its token is good: it is the avatar that the store lacks.
+            Err(error) if error.is_not_found() => Err(SendError::NotUploaded(desk.avatar.clone())),
+            entered => Ok(Entered {
+                host: entered?,
+                sender: link.clone(),
+                viewers: None,
+            }),
+        },
+        Place::Server {
+            server,
+            owner_token,
+        } => {
+            let room = client.open_room(server, owner_token, None).await;
+            let room = room.map_err(CallError::from)?;
+            Ok(Entered {
+                host: enter(&room.sender, announcement.into()).await?,
+                sender: room.sender,
+                viewers: Some(room.viewer),
+            })
+        }
+    }
+}
+
+/// Nobody else knows it.
+fn occupant() -> Result<Name, SendError> {
+    let mut id = [0; 16];
+    getrandom::fill(&mut id).map_err(CallError::from)?;
+    Ok(Name::of_id(id))
 }

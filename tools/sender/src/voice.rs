@@ -1,6 +1,7 @@
 //! Sources of voice: a file, said as if it were spoken now, and a microphone.
 
 use crate::SendError;
+use crate::mute::Mute;
 use link_call::Sender;
 use link_playout::Clock;
 use link_voice::{FRAME, FRAME_US, Pace, RATE, Voice, VoiceEncoder};
@@ -59,12 +60,14 @@ fn speak(
     stop: &AtomicBool,
 ) -> Result<(), SendError> {
     let mut encoder = VoiceEncoder::new()?;
+    let (privacy, mut mute) = (host.privacy(), Mute::default());
     let mut frame = [0.0; FRAME];
     source.begin();
     while !stop.load(Relaxed) {
         let Some(spoken) = source.next(&mut frame)? else {
             continue;
         };
+        mute.apply(privacy.state().muted, &mut frame);
         encoder.set_copies(host.wants_copies())?;
         if let Some(opus) = encoder.encode(&frame)? {
             let captured = encoder.captured(clock.at(spoken));

@@ -3,8 +3,9 @@
 
 use crate::Id;
 use crate::metrics::Metrics;
-use link_protocol::Announcement;
+use link_protocol::calls::EnterRoom;
 use link_protocol::presence::PresenceEvent;
+use link_protocol::{Announcement, Name, PersonName};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -32,7 +33,15 @@ pub(crate) enum RoomRequest {
 #[serde(tag = "reply", rename_all = "lowercase")]
 pub(crate) enum RoomReply {
     /// The sender's announcement.
-    Announcement { announcement: Announcement },
+    Announcement {
+        announcement: Announcement,
+        /// What it is called.
+        #[serde(default)]
+        person: Option<PersonName>,
+        /// What it said to take a seat; never told to a client.
+        #[serde(default)]
+        occupant: Option<Name>,
+    },
     /// The sender's answer.
     Answer { sdp: String },
     /// The request was passed on.
@@ -59,7 +68,7 @@ pub(crate) struct Presence {
     )]
     connection: Id,
     owner: Id,
-    announcement: Announcement,
+    sender: EnterRoom,
     events: mpsc::Sender<PresenceEvent>,
     waiting: Mutex<HashMap<Id, oneshot::Sender<String>>>,
     waiting_limit: usize,
@@ -94,7 +103,9 @@ impl Presence {
     pub(crate) async fn ask(&self, request: RoomRequest) -> RoomReply {
         match request {
             RoomRequest::Announcement => RoomReply::Announcement {
-                announcement: self.announcement,
+                announcement: self.sender.announcement,
+                person: self.sender.person.clone(),
+                occupant: self.sender.occupant.clone(),
             },
             RoomRequest::Offer { session, sdp } => self.offer(session, sdp).await,
             RoomRequest::Answer { session, sdp } => {
@@ -176,9 +187,14 @@ pub(crate) struct RoomLimits {
     pub(crate) answer_within: Duration,
 }
 
-/// The error of a sender that cannot enter: there are too many rooms, of its owner or of all.
+/// The error of a sender that cannot enter.
 #[derive(Debug)]
-pub(crate) struct TooManyRooms;
+pub(crate) enum NotEntered {
+    /// There are too many rooms, of its owner or of all.
+    TooManyRooms,
+    /// The seat is another's.
+    Taken,
+}
 
 impl Rooms {
     pub(crate) fn new(limits: RoomLimits, metrics: Arc<Metrics>) -> Self {
@@ -189,20 +205,20 @@ impl Rooms {
         }
     }
 
-    /// Lets a sender in. The room's sender before is replaced.
+    /// Lets a sender in. The room's sender before is replaced, unless it sits there as another occupant.
     pub(crate) fn enter(
         self: &Arc<Self>,
         room: Id,
         connection: Id,
         owner: Id,
-        announcement: Announcement,
-    ) -> Result<(PresenceGuard, mpsc::Receiver<PresenceEvent>), TooManyRooms> {
+        sender: EnterRoom,
+    ) -> Result<(PresenceGuard, mpsc::Receiver<PresenceEvent>), NotEntered> {
         // An offer and a leave for each viewer that may wait at once.
         let (events, received) = mpsc::channel(2 * self.limits.waiting_per_room.max(1));
         let presence = Arc::new(Presence {
             connection,
             owner,
-            announcement,
+            sender,
             events,
             waiting: Mutex::default(),
             waiting_limit: self.limits.waiting_per_room,
@@ -211,10 +227,14 @@ impl Rooms {
             gone: CancellationToken::new(),
         });
         let mut present = lock(&self.present);
-        if !present.contains_key(&room) {
+        if let Some(before) = present.get(&room) {
+            if is_of_another(before.sender.occupant.as_ref(), &presence.sender) {
+                return Err(NotEntered::Taken);
+            }
+        } else {
             let of_owner = present.values().filter(|p| p.owner == owner).count();
             if present.len() >= self.limits.rooms || of_owner >= self.limits.rooms_per_owner {
-                return Err(TooManyRooms);
+                return Err(NotEntered::TooManyRooms);
             }
         }
         if let Some(before) = present.insert(room, Arc::clone(&presence)) {
@@ -240,6 +260,11 @@ impl Rooms {
             .rooms
             .set(i64::try_from(present.len()).unwrap_or(i64::MAX));
     }
+}
+
+/// Whether the seat of `occupant` is not that of who wants to enter.
+pub(crate) fn is_of_another(occupant: Option<&Name>, entering: &EnterRoom) -> bool {
+    occupant.is_some() && occupant != entering.occupant.as_ref()
 }
 
 /// Ends a sender's presence when it is dropped.

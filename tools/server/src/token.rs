@@ -23,6 +23,8 @@ pub(crate) enum Role {
     Sender = 2,
     /// Joins one room.
     Viewer = 3,
+    /// Takes a seat of one call, and joins whoever has another.
+    Member = 4,
 }
 
 /// The content of a genuine token.
@@ -31,7 +33,7 @@ pub(crate) struct Claims {
     pub(crate) role: Role,
     /// The owner, or the room's owner.
     pub(crate) owner: Id,
-    /// All zero for an owner's token; no handler looks at it then.
+    /// The room, or the call; all zero for an owner's token, and no handler looks at it then.
     room: Id,
     /// Unix seconds.
     pub(crate) expires: u64,
@@ -47,7 +49,7 @@ impl Claims {
         }
     }
 
-    /// `role` is a sender's or a viewer's.
+    /// `role` is a sender's or a viewer's, or a member's, whose `room` is the call.
     pub(crate) fn in_room(role: Role, owner: Id, room: Id, expires: u64) -> Self {
         Self {
             role,
@@ -55,6 +57,11 @@ impl Claims {
             room,
             expires,
         }
+    }
+
+    /// The room, or a member's call.
+    pub(crate) fn room(&self) -> Id {
+        self.room
     }
 
     /// Whether the bearer is one of `roles` in just this room.
@@ -93,6 +100,7 @@ impl Claims {
             (VERSION, 1) => Role::Owner,
             (VERSION, 2) => Role::Sender,
             (VERSION, 3) => Role::Viewer,
+            (VERSION, 4) => Role::Member,
             _ => return None,
         };
         let claims = Self {
@@ -106,6 +114,17 @@ impl Claims {
 }
 
 impl Secret {
+    /// The room that is a call's seat of this number: whoever knows one of them, or the call, knows no other.
+    pub(crate) fn seat(&self, call: Id, number: usize) -> Id {
+        let mut mac = mac_of(self, b"mon3tr seat\0");
+        mac.update(call.as_bytes());
+        mac.update(&(number as u64).to_le_bytes());
+        let digest: [u8; MAC_BYTES] = mac.finalize().into_bytes().into();
+        let mut seat = [0; 16];
+        seat.copy_from_slice(&digest[..16]);
+        Id::from_bytes(seat)
+    }
+
     /// A token with which the owner called `name` opens rooms and puts packages until `expires` (Unix seconds).
     pub fn owner_token(&self, name: &str, expires: u64) -> String {
         Claims::owner(Id::of_owner(name), expires).sign(self)

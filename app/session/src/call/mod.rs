@@ -195,6 +195,7 @@ impl Call {
                 self.buffer.push(frame, arrived, captured);
                 self.keep_together();
             }
+            CallEvent::State(state) => self.watch.tell_state(state),
             CallEvent::HungUp => {
                 self.end = Some(CallEnd::HungUp);
                 self.hung_up = self.clock.now();

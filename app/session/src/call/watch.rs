@@ -1,7 +1,8 @@
 //! What a call counts, for who shows it meanwhile: the call itself belongs to a lane then.
 
+use link_protocol::data_channel::PersonState;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
 /// What came and what did not, since the call was begun.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -24,6 +25,8 @@ struct Counts {
     payload_bytes: AtomicU64,
     frames: AtomicU64,
     lost: AtomicU64,
+    muted: AtomicBool,
+    hidden: AtomicBool,
 }
 
 impl CallWatch {
@@ -35,6 +38,20 @@ impl CallWatch {
             frames: self.0.frames.load(Relaxed),
             lost: self.0.lost.load(Relaxed),
         }
+    }
+
+    /// Whether the person is heard and seen, as they chose.
+    #[must_use]
+    pub fn state(&self) -> PersonState {
+        PersonState {
+            muted: self.0.muted.load(Relaxed),
+            hidden: self.0.hidden.load(Relaxed),
+        }
+    }
+
+    pub(crate) fn tell_state(&self, state: PersonState) {
+        self.0.muted.store(state.muted, Relaxed);
+        self.0.hidden.store(state.hidden, Relaxed);
     }
 
     pub(crate) fn tell(&self, counts: CallCounts) {

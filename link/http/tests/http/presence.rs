@@ -71,7 +71,7 @@ async fn present() -> (Presence, mpsc::Sender<Bytes>) {
     tokio::spawn(async move { axum::serve(listener, router).await });
     (
         client()
-            .open_presence(&link, &announcement())
+            .open_presence(&link, &announcement().into())
             .await
             .expect("present"),
         say,
@@ -180,7 +180,7 @@ async fn a_refused_presence_says_why() {
     for (code, right) in [(401_u16, "accept"), (404, "link"), (500, "log")] {
         let server = Server::without_package([Fault::Status(code, "no")]).await;
         let error = client()
-            .open_presence(&server.link(), &announcement())
+            .open_presence(&server.link(), &announcement().into())
             .await
             .expect_err("refused")
             .to_string();
@@ -188,7 +188,7 @@ async fn a_refused_presence_says_why() {
     }
     let server = Server::without_package([Fault::Status(200, "not a stream")]).await;
     let error = client()
-        .open_presence(&server.link(), &announcement())
+        .open_presence(&server.link(), &announcement().into())
         .await
         .expect_err("no stream");
     assert!(

@@ -52,6 +52,12 @@ pub(crate) enum HttpError {
     AvatarSize { found: u64, announced: u64 },
     #[error("too many senders are connected")]
     TooManySenders,
+    #[error("someone else sits there; take another seat")]
+    SeatTaken,
+    #[error("whoever takes a seat of a call has to name an `occupant`")]
+    NoOccupant,
+    #[error("this call's members have put {most} packages, and may put no more; its owner may")]
+    CallUploads { most: u32 },
 
     #[error(transparent)]
     Upload(#[from] UploadError),
@@ -90,7 +96,10 @@ impl HttpError {
             | Self::RoomLifetime { .. }
             | Self::NoSdp
             | Self::NoAnnouncement(_)
+            | Self::NoOccupant
             | Self::AvatarSize { .. } => StatusCode::UNPROCESSABLE_ENTITY,
+            Self::SeatTaken => StatusCode::CONFLICT,
+            Self::CallUploads { .. } => StatusCode::FORBIDDEN,
             Self::NoSdpType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
             Self::SenderSilent => StatusCode::GATEWAY_TIMEOUT,
             Self::Range { .. } => StatusCode::RANGE_NOT_SATISFIABLE,

@@ -1,8 +1,10 @@
 //! The routes. Every request passes, from outside in: CORS, the counters, the rate limit, its token, its timeout.
 
+mod calls;
 mod error;
 mod guard;
 mod health;
+mod member_uploads;
 mod packages;
 mod presence;
 mod rate_limit;
@@ -22,6 +24,7 @@ use axum::routing::{get, post, put};
 use error::HttpError;
 pub(crate) use health::Cached;
 use link_protocol::limits::MAX_JSON_BYTES;
+pub(crate) use member_uploads::MemberUploads;
 pub(crate) use rate_limit::RateLimit;
 use std::sync::Arc;
 use std::time::Duration;
@@ -37,6 +40,7 @@ pub(crate) struct App {
     pub(crate) relay: Option<Relay>,
     pub(crate) ice: Ice,
     pub(crate) packages: Packages,
+    pub(crate) member_uploads: MemberUploads,
     pub(crate) metrics: Arc<Metrics>,
     pub(crate) rate: RateLimit,
     pub(crate) health: Cached,
@@ -62,6 +66,8 @@ pub(crate) fn router(app: Arc<App>) -> Router {
     let short = Router::new()
         .route("/v1/rooms", post(rooms::open))
         .route("/v1/rooms/{room}", get(rooms::status))
+        .route("/v1/calls", post(calls::open))
+        .route("/v1/calls/{call}", get(calls::status))
         .route(
             "/v1/rooms/{room}/sessions/{session}",
             axum::routing::delete(rooms::leave),

@@ -3,7 +3,7 @@
 use super::guard::discard;
 use super::{App, HttpError};
 use crate::packages::{ByteRange, Conditions, UploadError};
-use crate::token::{Claims, Role};
+use crate::token::{Claims, Role, now};
 use axum::body::Body;
 use axum::extract::{Extension, Path, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
@@ -22,13 +22,12 @@ pub(super) async fn store(
     Path(hash): Path<String>,
     request: Request,
 ) -> Result<StatusCode, HttpError> {
-    let hash = hash
-        .parse::<PackageId>()
-        .ok()
-        .filter(|_| claims.role == Role::Owner);
-    let Some(hash) = hash else {
-        discard(request.into_body());
-        return Err(HttpError::NotFound);
+    let hash = match may_put(&app, &claims, &hash).await {
+        Ok(hash) => hash,
+        Err(refusal) => {
+            discard(request.into_body());
+            return Err(refusal);
+        }
     };
     let declared = request.headers().get(header::CONTENT_LENGTH);
     let declared = declared.and_then(|value| value.to_str().ok()?.parse().ok());
@@ -65,6 +64,24 @@ pub(super) async fn store(
             app.metrics.upload_refused(e.reason());
             Err(logged(e).into())
         }
+    }
+}
+
+/// The package that the bearer may put: an owner any, a call's member so many that the owner does not have yet.
+async fn may_put(app: &App, claims: &Claims, hash: &str) -> Result<PackageId, HttpError> {
+    let hash = hash.parse().map_err(|_| HttpError::NotFound)?;
+    match claims.role {
+        Role::Owner => Ok(hash),
+        Role::Member => {
+            if in_time(app.packages.size(claims.owner, hash))
+                .await?
+                .is_none()
+            {
+                app.member_uploads.begin(claims, now())?;
+            }
+            Ok(hash)
+        }
+        Role::Sender | Role::Viewer => Err(HttpError::NotFound),
     }
 }
 

@@ -4,7 +4,7 @@ use super::rooms::{random, room_of};
 use super::{App, HttpError};
 use crate::Id;
 use crate::ice::TELL_ICE_EVERY;
-use crate::rooms::PresenceGuard;
+use crate::rooms::{NotEntered, PresenceGuard, RoomReply, RoomRequest, is_of_another};
 use crate::token::{Claims, Role, now};
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
@@ -13,7 +13,7 @@ use axum::http::HeaderMap;
 use axum::response::sse::{Event as SseEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
-use link_protocol::Announcement;
+use link_protocol::calls::EnterRoom;
 use link_protocol::limits::PRESENCE_COMMENT_EVERY;
 use link_protocol::presence::PresenceEvent;
 use std::convert::Infallible;
@@ -35,10 +35,12 @@ pub(super) async fn enter(
     headers: HeaderMap,
     body: Result<Bytes, BytesRejection>,
 ) -> Result<Response, HttpError> {
-    let room = room_of(&claims, &[Role::Sender], &room)?;
-    let announcement: Announcement =
-        serde_json::from_slice(&body?).map_err(HttpError::NoAnnouncement)?;
-    let avatar = announcement.avatar;
+    let room = room_of(&app, &claims, &[Role::Sender], &room)?;
+    let sender: EnterRoom = serde_json::from_slice(&body?).map_err(HttpError::NoAnnouncement)?;
+    let avatar = sender.announcement.avatar;
+    if claims.role == Role::Member {
+        check_seat(&app, room, &sender).await?;
+    }
     let size = app.packages.size(claims.owner, avatar.sha256);
     match tokio::time::timeout(ANNOUNCED_WITHIN, size).await {
         Err(_) => return Err(HttpError::StoreSlow),
@@ -52,8 +54,11 @@ pub(super) async fn enter(
     }
     let (guard, events) = app
         .rooms
-        .enter(room, random()?, claims.owner, announcement)
-        .map_err(|_| HttpError::TooManySenders)?;
+        .enter(room, random()?, claims.owner, sender)
+        .map_err(|refused| match refused {
+            NotEntered::TooManyRooms => HttpError::TooManySenders,
+            NotEntered::Taken => HttpError::SeatTaken,
+        })?;
     if let Some(relay) = &app.relay {
         relay.hold(room, Arc::clone(&guard.presence)).await;
     }
@@ -75,6 +80,20 @@ pub(super) async fn enter(
     Ok(Sse::new(stream::unfold(stream, EventStream::next))
         .keep_alive(keep_alive)
         .into_response())
+}
+
+/// That a seat is free, or its occupant comes back to it, as far as other instances know. Two newcomers at one moment on two instances are not told apart: the
+/// later one replaces the other, who takes another seat.
+async fn check_seat(app: &App, room: Id, sender: &EnterRoom) -> Result<(), HttpError> {
+    if sender.occupant.is_none() {
+        return Err(HttpError::NoOccupant);
+    }
+    match app.ask(room, RoomRequest::Announcement).await {
+        RoomReply::Announcement { occupant, .. } if is_of_another(occupant.as_ref(), sender) => {
+            Err(HttpError::SeatTaken)
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The state of the stream. The server drops it when the connection ends, which ends the sender's presence.

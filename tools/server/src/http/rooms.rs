@@ -1,5 +1,6 @@
 //! Opening rooms, joining them, leaving them, and the sender's answers.
 
+use super::calls::is_seat;
 use super::{App, HttpError};
 use crate::Id;
 use crate::rooms::{RoomReply, RoomRequest};
@@ -24,17 +25,7 @@ pub(super) async fn open(
     if claims.role != Role::Owner {
         return Err(HttpError::NotFound);
     }
-    let body = body?;
-    let order = if body.is_empty() {
-        OpenRoom::default()
-    } else {
-        serde_json::from_slice(&body).map_err(HttpError::NoRoomRequest)?
-    };
-    let longest = app.limits.room_lifetime.as_secs();
-    let lifetime = order.lifetime_s.unwrap_or(DEFAULT_ROOM_LIFETIME.as_secs());
-    if lifetime == 0 || lifetime > longest {
-        return Err(HttpError::RoomLifetime { longest });
-    }
+    let lifetime = lifetime_of(&app, &body?)?;
     let room = random()?;
     let expires = now().saturating_add(lifetime);
     let token = |role| Claims::in_room(role, claims.owner, room, expires).sign(&app.secret);
@@ -48,15 +39,30 @@ pub(super) async fn open(
     Ok((StatusCode::CREATED, no_store, Json(opened)).into_response())
 }
 
+/// The lifetime that the body of a request for a room or a call asks for, seconds.
+pub(super) fn lifetime_of(app: &App, body: &[u8]) -> Result<u64, HttpError> {
+    let order = if body.is_empty() {
+        OpenRoom::default()
+    } else {
+        serde_json::from_slice(body).map_err(HttpError::NoRoomRequest)?
+    };
+    let longest = app.limits.room_lifetime.as_secs();
+    let lifetime = order.lifetime_s.unwrap_or(DEFAULT_ROOM_LIFETIME.as_secs());
+    if lifetime == 0 || lifetime > longest {
+        return Err(HttpError::RoomLifetime { longest });
+    }
+    Ok(lifetime)
+}
+
 pub(super) async fn status(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
     Path(room): Path<String>,
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
-    let room = room_of(&claims, &[Role::Viewer, Role::Sender], &room)?;
+    let room = room_of(&app, &claims, &[Role::Viewer, Role::Sender], &room)?;
     match app.ask(room, RoomRequest::Announcement).await {
-        RoomReply::Announcement { announcement } => {
+        RoomReply::Announcement { announcement, .. } => {
             let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
             let status = RoomStatus {
                 announcement,
@@ -75,7 +81,7 @@ pub(super) async fn join(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Response, HttpError> {
-    let room = room_of(&claims, &[Role::Viewer], &room)?;
+    let room = room_of(&app, &claims, &[Role::Viewer], &room)?;
     let sdp = sdp(&headers, body)?;
     let session = random()?;
     match app.ask(room, RoomRequest::Offer { session, sdp }).await {
@@ -102,7 +108,7 @@ pub(super) async fn answer(
     headers: HeaderMap,
     body: Body,
 ) -> Result<StatusCode, HttpError> {
-    let room = room_of(&claims, &[Role::Sender], &room)?;
+    let room = room_of(&app, &claims, &[Role::Sender], &room)?;
     let session = Id::parse(&session).ok_or(HttpError::NotFound)?;
     let sdp = sdp(&headers, body)?;
     match app.ask(room, RoomRequest::Answer { session, sdp }).await {
@@ -119,7 +125,7 @@ pub(super) async fn leave(
     Extension(claims): Extension<Claims>,
     Path((room, session)): Path<(String, String)>,
 ) -> Result<StatusCode, HttpError> {
-    let room = room_of(&claims, &[Role::Viewer], &room)?;
+    let room = room_of(&app, &claims, &[Role::Viewer], &room)?;
     let session = Id::parse(&session).ok_or(HttpError::NotFound)?;
     match app.ask(room, RoomRequest::Leave { session }).await {
         RoomReply::Done => Ok(StatusCode::NO_CONTENT),
@@ -127,10 +133,15 @@ pub(super) async fn leave(
     }
 }
 
-/// The room of a path, if the bearer is one of `roles` there.
-pub(super) fn room_of(claims: &Claims, roles: &[Role], room: &str) -> Result<Id, HttpError> {
+/// The room of a path, if the bearer is one of `roles` there. A member of a call is sender and viewer in all of its seats.
+pub(super) fn room_of(
+    app: &App,
+    claims: &Claims,
+    roles: &[Role],
+    room: &str,
+) -> Result<Id, HttpError> {
     Id::parse(room)
-        .filter(|room| claims.may(roles, *room))
+        .filter(|room| claims.may(roles, *room) || is_seat(&app.secret, claims, *room))
         .ok_or(HttpError::NotFound)
 }
 

@@ -45,7 +45,9 @@ async fn our_client_puts_opens_enters_joins_fetches_and_leaves() -> Outcome {
         codec: Codec::Compact,
         rate_hz: 30.0,
     };
-    let mut presence = client.open_presence(&room.sender, &announcement).await?;
+    let mut presence = client
+        .open_presence(&room.sender, &announcement.into())
+        .await?;
     assert_eq!(
         client.announcement(&room.viewer).await?,
         Some(announcement),

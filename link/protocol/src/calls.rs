@@ -1,0 +1,115 @@
+//! The JSON bodies about calls of several: opening one, and who is in it.
+
+use crate::{Announcement, Name, PersonName};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// The answer to the request that opens a call, whose body is that of a room's ([`OpenRoom`](crate::rooms::OpenRoom)). Its [`Debug`] hides the token.
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OpenedCall {
+    /// The call's name.
+    pub call: Name,
+    /// The token of everyone who joins it.
+    pub member_token: String,
+    /// When it expires, Unix seconds.
+    pub expires: u64,
+}
+
+impl fmt::Debug for OpenedCall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("OpenedCall")
+            .field("call", &self.call)
+            .field("expires", &self.expires)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The seats of a call, always in the same order.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CallStatus {
+    /// All of them, [`MAX_PEOPLE`](crate::limits::MAX_PEOPLE) at most.
+    pub seats: Vec<Seat>,
+}
+
+/// A seat of a call: a room in which one person at a time is the sender.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Seat {
+    /// The room's name.
+    pub room: Name,
+    /// Who is there; nothing where it is free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub taken: Option<Taken>,
+}
+
+/// The person on a seat.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Taken {
+    /// What they announced.
+    pub announcement: Announcement,
+    /// What they are called.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub person: Option<PersonName>,
+}
+
+/// The body of the request that enters a room as its sender.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EnterRoom {
+    /// What the sender announces.
+    #[serde(flatten)]
+    pub announcement: Announcement,
+    /// What the sender is called; others in a call read it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub person: Option<PersonName>,
+    /// Made up by the program that takes a seat, and told to the server alone. A seat is taken again only by the program that says the same; others are refused while it is taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub occupant: Option<Name>,
+}
+
+impl From<Announcement> for EnterRoom {
+    fn from(announcement: Announcement) -> Self {
+        Self {
+            announcement,
+            person: None,
+            occupant: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AVATAR: &str = r#""avatar":{"sha256":"ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad","bytes":3},"channel":"unreliable","codec":"compact","rate_hz":30.0"#;
+
+    #[test]
+    fn a_sender_without_a_name_enters_as_before() {
+        let old = format!("{{{AVATAR}}}");
+        let enter: EnterRoom = serde_json::from_str(&old).expect("an older sender's");
+        assert_eq!(enter, EnterRoom::from(enter.announcement));
+        assert_eq!(serde_json::to_string(&enter).expect("written"), old);
+        let named = format!(r#"{{{AVATAR},"person":"Ada","occupant":"o1"}}"#);
+        let enter: EnterRoom = serde_json::from_str(&named).expect("a member's");
+        assert_eq!(enter.person.as_ref().map(PersonName::as_str), Some("Ada"));
+        let steering = format!(r#"{{{AVATAR},"person":"\u001b[2J"}}"#);
+        assert!(serde_json::from_str::<EnterRoom>(&steering).is_err());
+        let slow = named.replace("30.0", "0.5");
+        assert!(
+            serde_json::from_str::<EnterRoom>(&slow).is_err(),
+            "bounds hold"
+        );
+    }
+
+    #[test]
+    fn seats_are_read_as_written_and_a_token_is_not_shown() {
+        let text = format!(
+            r#"{{"seats":[{{"room":"r1","taken":{{"announcement":{{{AVATAR}}},"person":"Ada"}}}},{{"room":"r2"}}]}}"#
+        );
+        let status: CallStatus = serde_json::from_str(&text).expect("a status");
+        assert!(status.seats[1].taken.is_none(), "the second one is free");
+        assert_eq!(serde_json::to_string(&status).expect("written"), text);
+        let opened: OpenedCall =
+            serde_json::from_str(r#"{"call":"c1","member_token":"secret","expires":9}"#)
+                .expect("a call");
+        assert!(!format!("{opened:?}").contains("secret"));
+    }
+}

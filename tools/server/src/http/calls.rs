@@ -1,0 +1,82 @@
+//! Calls of several: a call is a name from which its seats follow, each a room of its own. Nothing is kept of a call either: its members' token says which
+//! it is, and a seat is taken while its presence stream is open.
+
+use super::rooms::{lifetime_of, random};
+use super::{App, HttpError};
+use crate::rooms::{RoomReply, RoomRequest};
+use crate::token::{Claims, Role, now};
+use crate::{Id, Secret};
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::rejection::BytesRejection;
+use axum::extract::{Extension, Path, State};
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use futures_util::future::join_all;
+use link_protocol::calls::{CallStatus, OpenedCall, Seat, Taken};
+use link_protocol::limits::MAX_PEOPLE;
+use std::sync::Arc;
+
+const NO_STORE: [(header::HeaderName, HeaderValue); 1] =
+    [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
+
+pub(super) async fn open(
+    State(app): State<Arc<App>>,
+    Extension(claims): Extension<Claims>,
+    body: Result<Bytes, BytesRejection>,
+) -> Result<Response, HttpError> {
+    if claims.role != Role::Owner {
+        return Err(HttpError::NotFound);
+    }
+    let expires = now().saturating_add(lifetime_of(&app, &body?)?);
+    let call = random()?;
+    let opened = OpenedCall {
+        call: call.into(),
+        member_token: Claims::in_room(Role::Member, claims.owner, call, expires).sign(&app.secret),
+        expires,
+    };
+    Ok((StatusCode::CREATED, NO_STORE, Json(opened)).into_response())
+}
+
+pub(super) async fn status(
+    State(app): State<Arc<App>>,
+    Extension(claims): Extension<Claims>,
+    Path(call): Path<String>,
+) -> Result<Response, HttpError> {
+    let call = Id::parse(&call)
+        .filter(|call| claims.may(&[Role::Member], *call))
+        .ok_or(HttpError::NotFound)?;
+    let seats = seats(&app.secret, call).map(|room| seat(&app, room));
+    let seats = join_all(seats).await;
+    let seats = seats.into_iter().collect::<Result<_, _>>()?;
+    Ok((NO_STORE, Json(CallStatus { seats })).into_response())
+}
+
+async fn seat(app: &App, room: Id) -> Result<Seat, HttpError> {
+    let taken = match app.ask(room, RoomRequest::Announcement).await {
+        RoomReply::Announcement {
+            announcement,
+            person,
+            ..
+        } => Some(Taken {
+            announcement,
+            person,
+        }),
+        RoomReply::Unreachable => return Err(HttpError::SenderUnreachable),
+        _ => None,
+    };
+    Ok(Seat {
+        room: room.into(),
+        taken,
+    })
+}
+
+/// The rooms that are the seats of a call, in their order.
+fn seats(secret: &Secret, call: Id) -> impl Iterator<Item = Id> {
+    (0..MAX_PEOPLE).map(move |number| secret.seat(call, number))
+}
+
+/// Whether `room` is a seat of the call that a member's claims are for.
+pub(super) fn is_seat(secret: &Secret, claims: &Claims, room: Id) -> bool {
+    claims.role == Role::Member && seats(secret, claims.room()).any(|seat| seat == room)
+}

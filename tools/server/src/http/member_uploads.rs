@@ -1,0 +1,80 @@
+//! How many packages the members of a call may put into its owner's store, who trusts them with that much and no more.
+
+use super::HttpError;
+use crate::Id;
+use crate::token::Claims;
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+
+/// Packages of one call: three for each of eight people, who may come back with another avatar.
+const PER_CALL: u32 = 24;
+
+/// Calls that are counted at once.
+const CALLS: usize = 4096;
+
+/// The packages that calls' members have put here. Each instance counts its own.
+#[derive(Debug, Default)]
+pub(crate) struct MemberUploads(Mutex<HashMap<Id, Count>>);
+
+#[derive(Debug)]
+struct Count {
+    put: u32,
+    /// When the call's token is no longer valid, Unix seconds.
+    expires: u64,
+}
+
+impl MemberUploads {
+    /// Counts one upload of a member's.
+    ///
+    /// # Errors
+    /// If the call has had all of its own.
+    pub(super) fn begin(&self, claims: &Claims, now: u64) -> Result<(), HttpError> {
+        let mut calls = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if calls.len() >= CALLS {
+            calls.retain(|_, count| count.expires > now);
+        }
+        if calls.len() >= CALLS && !calls.contains_key(&claims.room()) {
+            return Err(HttpError::CallUploads { most: PER_CALL });
+        }
+        let count = calls.entry(claims.room()).or_insert(Count {
+            put: 0,
+            expires: claims.expires,
+        });
+        if count.put >= PER_CALL {
+            return Err(HttpError::CallUploads { most: PER_CALL });
+        }
+        count.put += 1;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::token::Role;
+
+    #[test]
+    fn a_call_puts_so_many_packages_and_a_full_table_forgets_calls_that_are_over() {
+        let uploads = MemberUploads::default();
+        let owner = Id::of_owner("ada");
+        let member = |number: u64, expires| {
+            let mut call = [0; 16];
+            call[..8].copy_from_slice(&number.to_le_bytes());
+            Claims::in_room(Role::Member, owner, Id::from_bytes(call), expires)
+        };
+        let first = member(0, 100);
+        for _ in 0..PER_CALL {
+            uploads.begin(&first, 0).expect("one of its own");
+        }
+        assert!(uploads.begin(&first, 0).is_err(), "one too many");
+        for number in 1..CALLS as u64 {
+            uploads
+                .begin(&member(number, 50), 0)
+                .expect("another call's");
+        }
+        let late = member(CALLS as u64, 200);
+        assert!(uploads.begin(&late, 49).is_err(), "the table is full");
+        assert!(uploads.begin(&late, 50).is_ok(), "others are over");
+        assert!(uploads.begin(&first, 50).is_err(), "the first one is not");
+    }
+}
