@@ -10,7 +10,7 @@ use app_pipeline::placement::InferenceBackends;
 use app_pipeline::pool::in_own_pool;
 use app_pipeline::quality::QualityMode;
 use app_session::arrival::{Waiting, unless_over, wait_for_sender};
-use app_session::call::CallEnd;
+use app_session::call::{CallEnd, CallWatch};
 use app_session::headset::{
     FrameCapture, FrameObserver, HeadsetDisplay, HeadsetFigures, NoticeBoard, PresentOptions,
     show_notice,
@@ -212,6 +212,7 @@ fn wait_and_fetch(
                 announced,
                 network: network.clone(),
                 voice: VoiceQueue::default(),
+                watch: CallWatch::default(),
             },
         },
         _package: package,

@@ -54,7 +54,8 @@ pub enum ReceiverError {
 
 impl ReceiverError {
     /// The error with all that caused it, in a line.
-    pub(crate) fn in_full(&self) -> String {
+    #[must_use]
+    pub fn in_full(&self) -> String {
         in_full(self)
     }
 }

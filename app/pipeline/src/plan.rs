@@ -82,6 +82,8 @@ pub struct PlacementRequest {
     pub plan: Option<Plan>,
     /// This provider and no other.
     pub provider: Option<ProviderKind>,
+    /// For people who come and go: [`Plan::Gpu`] is left out, for the device poses one person only.
+    pub for_several: bool,
 }
 
 impl FromStr for PlacementRequest {
@@ -133,7 +135,11 @@ mod tests {
         let plans = Plan::ALL.into_iter().map(Some).chain([None]);
         for plan in plans {
             for provider in ProviderKind::ALL.into_iter().map(Some).chain([None]) {
-                let request = PlacementRequest { plan, provider };
+                let request = PlacementRequest {
+                    plan,
+                    provider,
+                    for_several: false,
+                };
                 assert_eq!(request.to_string().parse(), Ok(request), "{request}");
             }
         }

@@ -64,11 +64,13 @@
 //! ```
 
 pub mod arrival;
+mod attendance;
 pub mod call;
 pub mod clip;
 pub mod display;
 pub mod headset;
 pub mod overlay;
+pub mod own_motion;
 pub mod participant;
 pub mod pose_queue;
 pub mod presence;

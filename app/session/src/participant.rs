@@ -2,10 +2,12 @@
 
 use crate::call::{Call, CallEnd, CallFigures, CallWatch};
 use crate::clip::ClipSource;
+use crate::own_motion::OwnMotion;
 use crate::pose_queue::PoseQueue;
 use crate::presence::Seated;
 use app_pipeline::control::Control;
-use app_pipeline::lanes::{MotionSource, PausableSource, Pose};
+use app_pipeline::lanes::{MotionSource, PausableSource, Pose, Visibility};
+use app_pipeline::timeline::DisplayLag;
 use link_call::Viewer;
 use link_http::Client;
 use link_playout::Clock;
@@ -44,6 +46,8 @@ pub enum Origin {
         network: NetworkContext,
         /// What they say goes there, to be played.
         voice: VoiceQueue,
+        /// What is counted and told of the call goes there; a watch of its own for each call.
+        watch: CallWatch,
     },
     /// A clip, again and again.
     Clip {
@@ -54,6 +58,8 @@ pub enum Origin {
     },
     /// Poses that are handed to them one at a time.
     Queue(PoseQueue),
+    /// The person who looks, as in a mirror.
+    Own(OwnMotion),
 }
 
 /// What a call needs of the network.
@@ -77,7 +83,8 @@ pub struct CallReport {
 }
 
 impl NetworkContext {
-    /// Joins the room as a viewer of its sender, who announced this and has this skeleton. What is said goes to `voice`.
+    /// Joins the room as a viewer of its sender, who announced this and has this skeleton. What is said goes to `voice`, what is counted
+    /// to `watch`.
     #[must_use]
     pub fn join(
         &self,
@@ -85,13 +92,14 @@ impl NetworkContext {
         announced: Announcement,
         skeleton: &Skeleton,
         voice: VoiceQueue,
+        watch: CallWatch,
     ) -> Call {
         let viewer = {
             // Its tasks run on the network's threads.
             let _network = self.network.enter();
             Viewer::join(self.client.clone(), link.clone(), self.clock, voice.clone())
         };
-        Call::new(viewer, announced, skeleton, self.clock, voice)
+        Call::new(viewer, announced, skeleton, self.clock, voice, watch)
     }
 }
 
@@ -125,6 +133,8 @@ pub enum PersonMotion {
     Clip(ClipSource),
     /// One pose at a time.
     Queue(PoseQueue),
+    /// As this side's own capture gives it.
+    Own(OwnMotion),
 }
 
 impl MotionSource for PersonMotion {
@@ -133,6 +143,7 @@ impl MotionSource for PersonMotion {
             Self::Call { call, .. } => call.next(longest),
             Self::Clip(clip) => clip.next(longest),
             Self::Queue(poses) => poses.next(longest),
+            Self::Own(own) => own.next(longest),
         }
     }
 
@@ -141,6 +152,25 @@ impl MotionSource for PersonMotion {
             Self::Call { call, .. } => call.is_over(),
             Self::Clip(clip) => clip.is_over(),
             Self::Queue(poses) => poses.is_over(),
+            Self::Own(own) => own.is_over(),
+        }
+    }
+
+    fn display_lag(&self) -> DisplayLag {
+        match self {
+            Self::Call { call, .. } => call.display_lag(),
+            Self::Clip(clip) => clip.display_lag(),
+            Self::Queue(poses) => poses.display_lag(),
+            Self::Own(own) => own.display_lag(),
+        }
+    }
+
+    fn visibility(&self) -> Visibility {
+        match self {
+            Self::Call { call, .. } => call.visibility(),
+            Self::Clip(clip) => clip.visibility(),
+            Self::Queue(poses) => poses.visibility(),
+            Self::Own(own) => own.visibility(),
         }
     }
 }
@@ -150,7 +180,7 @@ impl PersonMotion {
     pub(crate) fn watch(&self) -> Option<CallWatch> {
         match self {
             Self::Call { call, .. } => Some(call.watch()),
-            Self::Clip(_) | Self::Queue(_) => None,
+            Self::Clip(_) | Self::Queue(_) | Self::Own(_) => None,
         }
     }
 
@@ -158,7 +188,7 @@ impl PersonMotion {
     pub(crate) fn end(self) -> Option<CallReport> {
         match self {
             Self::Call { call, network } => Some(CallReport::hang_up(*call, &network)),
-            Self::Clip(_) | Self::Queue(_) => None,
+            Self::Clip(_) | Self::Queue(_) | Self::Own(_) => None,
         }
     }
 }
@@ -173,14 +203,22 @@ impl Participant {
                 announced,
                 network,
                 voice,
+                watch,
             } => PersonMotion::Call {
-                call: Box::new(network.join(link, *announced, skeleton, voice.clone())),
+                call: Box::new(network.join(
+                    link,
+                    *announced,
+                    skeleton,
+                    voice.clone(),
+                    watch.clone(),
+                )),
                 network: network.network.clone(),
             },
             Origin::Clip { frames, rate_hz } => {
                 PersonMotion::Clip(ClipSource::new(frames.clone(), *rate_hz))
             }
             Origin::Queue(poses) => PersonMotion::Queue(poses.clone()),
+            Origin::Own(own) => PersonMotion::Own(own.clone()),
         };
         let seated = if self.sits {
             Seated::new(motion, skeleton)
@@ -190,7 +228,7 @@ impl Participant {
         let control = match &self.origin {
             // Each pose is waited for: none may be dropped.
             Origin::Queue(_) => Control::default(),
-            Origin::Room { .. } | Origin::Clip { .. } => control.clone(),
+            Origin::Room { .. } | Origin::Clip { .. } | Origin::Own(_) => control.clone(),
         };
         PausableSource::new(seated, control)
     }

@@ -57,51 +57,53 @@ impl Telling {
         }
         let state = *self.state.borrow_and_update();
         self.at_once = self.at_once.saturating_sub(1);
-        let pause = match state {
-            _ if self.at_once > 0 => Some(BETWEEN),
-            PersonState { hidden: true, .. } => Some(WHILE_HIDDEN),
-            PersonState { muted: true, .. } => Some(WHILE_MUTED),
-            PersonState { .. } => None,
-        };
-        self.next = pause.map(|pause| Instant::now() + pause);
+        self.next = pause(state, self.at_once).map(|pause| Instant::now() + pause);
         state
+    }
+}
+
+/// How long after this it is told again, with so many of [`AT_ONCE`] left; nothing where it need not be.
+fn pause(state: PersonState, at_once: u32) -> Option<Duration> {
+    match state {
+        _ if at_once > 0 => Some(BETWEEN),
+        PersonState { hidden: true, .. } => Some(WHILE_HIDDEN),
+        PersonState { muted: true, .. } => Some(WHILE_MUTED),
+        PersonState { .. } => None,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tokio::time::timeout;
 
-    #[tokio::test(start_paused = true)]
-    async fn a_state_is_told_three_times_then_as_often_as_it_is_needed() {
+    #[tokio::test]
+    async fn a_state_is_told_at_once_three_times_and_after_each_change() {
         let privacy = Privacy::default();
         let mut telling = Telling::begin(&privacy);
-        let begun = Instant::now();
-        let mut told = async |within: u64| {
-            let due = timeout(Duration::from_millis(within), telling.due()).await;
-            due.ok().map(|state| (begun.elapsed().as_millis(), state))
-        };
-        let plain = PersonState::default();
-        for at in [0, 100, 200] {
-            assert_eq!(told(150).await, Some((at, plain)));
+        for _ in 0..AT_ONCE {
+            assert_eq!(telling.due().await, PersonState::default());
         }
-        assert_eq!(told(60_000).await, None, "nothing to tell");
-        let hidden = PersonState {
-            hidden: true,
-            ..plain
-        };
-        privacy.set(hidden);
-        for at in [60_200, 60_300, 60_400, 60_600, 60_800] {
-            assert_eq!(told(300).await, Some((at, hidden)));
+        assert!(telling.next.is_none(), "nothing more to tell");
+        let hidden = privacy.toggle_hide();
+        assert_eq!(telling.due().await, hidden, "a change");
+        assert_eq!(telling.at_once, AT_ONCE - 1, "told again");
+        // Two changes before it could be told: the newest.
+        privacy.toggle_mute();
+        let seen = privacy.toggle_hide();
+        assert_eq!(telling.due().await, seen);
+        assert!(seen.muted && !seen.hidden, "{seen:?}");
+    }
+
+    #[test]
+    fn who_is_not_seen_gives_signs_of_life_and_who_is_not_heard_is_told_of_now_and_then() {
+        let state = |muted, hidden| PersonState { muted, hidden };
+        assert_eq!(pause(state(false, false), 1), Some(BETWEEN));
+        assert_eq!(pause(state(false, false), 0), None);
+        assert_eq!(pause(state(true, false), 0), Some(WHILE_MUTED));
+        for muted in [false, true] {
+            assert_eq!(pause(state(muted, true), 0), Some(WHILE_HIDDEN));
         }
-        let muted = PersonState {
-            muted: true,
-            ..plain
-        };
-        privacy.set(muted);
-        for at in [60_800, 60_900, 61_000, 62_000, 63_000] {
-            assert_eq!(told(1100).await, Some((at, muted)));
-        }
+        // Before the viewer doubts the connection, also where one is lost.
+        assert!(2 * WHILE_HIDDEN < Duration::from_millis(800));
     }
 }

@@ -23,6 +23,7 @@ mod preview;
 pub mod program;
 pub mod progress;
 mod recording;
+mod remembered;
 pub mod report;
 pub mod scenery;
 mod side_by_side;

@@ -64,6 +64,7 @@ impl RenderSettings {
 const PLACEMENT: PlacementRequest = PlacementRequest {
     plan: Some(Plan::CpuTail),
     provider: Some(ProviderKind::Cpu),
+    for_several: false,
 };
 
 /// Joints before the jaw, the eyes and the fingers.

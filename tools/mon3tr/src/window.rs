@@ -1,6 +1,7 @@
 //! A window: people live. Drag to orbit, scroll to come closer, Escape to leave.
 
 use crate::backdrop::DUSK;
+use crate::commands::call::Controls;
 use crate::flat::{self, display_error};
 use crate::gaze::Gaze;
 use crate::size::{Size, Views};
@@ -65,6 +66,8 @@ pub(crate) struct WindowDisplay<'a> {
     pub(crate) size: Size,
     /// When the first picture with people in it was begun.
     pub(crate) first: Option<Instant>,
+    /// What keys do, in a call both ways.
+    pub(crate) controls: Option<Controls>,
 }
 
 impl Display for WindowDisplay<'_> {
@@ -74,14 +77,15 @@ impl Display for WindowDisplay<'_> {
 
     fn show(&mut self, session: LiveSession<'_>) -> Result<(), SessionError> {
         let events = self.events.take().ok_or(SessionError::ShownAlready)?;
-        let people = session.avatars.len();
+        let asked = self.viewpoint;
         let hertz = self.needs.period.as_secs_f64().recip();
         let mut view = View {
-            flat: FlatView::new(people, hertz, self.background.take()),
+            flat: FlatView::new(&session, hertz, self.background.take()),
             session,
             display: self,
             open: None,
-            is_framed: false,
+            asked,
+            framed: None,
             drag: None,
             cursor: PhysicalPosition::default(),
             outcome: Ok(()),
@@ -120,8 +124,10 @@ struct View<'a, 'd> {
     flat: FlatView<'d>,
     display: &'a mut WindowDisplay<'d>,
     open: Option<Open>,
-    /// Whether the camera was put where all people are seen.
-    is_framed: bool,
+    /// The viewpoint that was asked for, of one person.
+    asked: Viewpoint,
+    /// How wide people stood when the camera was put where all of them are seen.
+    framed: Option<f32>,
     /// Where the cursor was when the last part of a drag was taken.
     drag: Option<PhysicalPosition<f64>>,
     cursor: PhysicalPosition<f64>,
@@ -144,6 +150,15 @@ impl ApplicationHandler for View<'_, '_> {
                 if event.logical_key == Key::Named(NamedKey::Escape) =>
             {
                 events.exit();
+                Ok(())
+            }
+            WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
+                let controls = self.display.controls.as_ref().filter(|_| !event.repeat);
+                if let (Some(controls), Key::Character(key)) = (controls, &event.logical_key) {
+                    key.chars().for_each(|key| {
+                        controls.press(key);
+                    });
+                }
                 Ok(())
             }
             WindowEvent::Resized(size) => self.resize(size),
@@ -265,8 +280,8 @@ impl View<'_, '_> {
             ..
         } = &mut *self.display;
         let Size { width, height } = *size;
-        if !std::mem::replace(&mut self.is_framed, true) {
-            *viewpoint = flat::around(*viewpoint, &people, *size);
+        if self.framed.replace(people.width) != Some(people.width) {
+            *viewpoint = flat::around(self.asked, &people, *size);
         }
         let viewpoint = match gaze {
             Some(gaze) => gaze.follow(*viewpoint, Instant::now()),
@@ -298,8 +313,13 @@ impl View<'_, '_> {
         open.counted.1 += 1;
         if open.counted.1 == TITLE_FRAMES {
             let rate = f64::from(TITLE_FRAMES) / open.counted.0.elapsed().as_secs_f64().max(1e-6);
+            let speakers = (self.display.controls.as_ref()).map(Controls::speakers);
+            let speakers = speakers.filter(|speakers| !speakers.is_empty());
+            let who = speakers.map_or_else(String::new, |names| {
+                format!(" - {} speaking", names.join(", "))
+            });
             open.window.set_title(&format!(
-                "Mon3tr: {rate:.0} frames/s on {}",
+                "Mon3tr: {rate:.0} frames/s on {}{who}",
                 session.lanes.renderer().gpu().info().name
             ));
             open.counted = (Instant::now(), 0);

@@ -94,6 +94,7 @@ fn every_setting_is_read_from_extras_and_from_the_file() {
         let placement = PlacementRequest {
             plan: Some(Plan::Npu),
             provider: "npu=qnn".parse::<PlacementRequest>().expect("one").provider,
+            ..PlacementRequest::default()
         };
         assert_eq!(
             settings.placement,

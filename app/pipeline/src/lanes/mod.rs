@@ -26,12 +26,14 @@ mod start;
 mod states;
 mod threads;
 mod triple_buffer;
+mod visibility;
 
 pub use display::{DisplayClock, Next, Tick};
 pub use motion::{MotionSource, Pose};
 pub use pausable::PausableSource;
 pub use people::{FinishedPerson, MOST_PEOPLE};
 pub use triple_buffer::{Reader, WakeSignal, Writer, triple_buffer};
+pub use visibility::Visibility;
 
 use crate::plan::Plan;
 use crate::profile::Collector;

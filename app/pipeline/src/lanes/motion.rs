@@ -1,5 +1,6 @@
 //! The motion lane: poses as they come, from a call or a clip, and the kinematics of each.
 
+use super::Visibility;
 use super::triple_buffer::Writer;
 use crate::concealment::ConcealmentState;
 use crate::profile::{FrameTimes, Recorder};
@@ -32,6 +33,11 @@ pub trait MotionSource: Send + 'static {
     /// Where it is told how much later than due its poses are displayed.
     fn display_lag(&self) -> DisplayLag {
         DisplayLag::default()
+    }
+
+    /// Whether the person is drawn at the moment.
+    fn visibility(&self) -> Visibility {
+        Visibility::default()
     }
 }
 

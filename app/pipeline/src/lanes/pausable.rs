@@ -1,6 +1,6 @@
 //! A source of poses that a pause holds back.
 
-use super::{MotionSource, Pose};
+use super::{MotionSource, Pose, Visibility};
 use crate::control::Control;
 use crate::timeline::DisplayLag;
 use std::time::Duration;
@@ -43,6 +43,10 @@ impl<S: MotionSource> MotionSource for PausableSource<S> {
 
     fn display_lag(&self) -> DisplayLag {
         self.source.display_lag()
+    }
+
+    fn visibility(&self) -> Visibility {
+        self.source.visibility()
     }
 }
 

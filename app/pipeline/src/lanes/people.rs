@@ -30,11 +30,15 @@ pub struct FinishedPerson<S> {
     pub provider_changes: Vec<ProviderChange>,
 }
 
-/// One person, and those who joined, in the order in which they did.
+/// One person, and those who joined, by their numbers.
 #[derive(Debug)]
 pub(super) struct People<S: MotionSource> {
     pub(super) first: Person<S>,
     others: Vec<Person<S>>,
+    /// All who joined so far.
+    joined: usize,
+    /// Those whose number another person has now, by their order of joining.
+    departed: Vec<(usize, FinishedPerson<S>)>,
 }
 
 impl<S: MotionSource> People<S> {
@@ -42,6 +46,8 @@ impl<S: MotionSource> People<S> {
         Self {
             first,
             others: Vec::new(),
+            joined: 1,
+            departed: Vec::new(),
         }
     }
 
@@ -55,6 +61,25 @@ impl<S: MotionSource> People<S> {
 
     pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut Person<S>> {
         std::iter::once(&mut self.first).chain(&mut self.others)
+    }
+
+    /// Takes in who has joined: the number of one who is gone, or else the next one. Their number.
+    fn admit(&mut self, mut person: Person<S>) -> usize {
+        person.joined = self.joined;
+        self.joined += 1;
+        let vacant = self.iter().position(|one| one.is_gone);
+        let number = vacant.unwrap_or(self.count());
+        let gone = match number.checked_sub(1) {
+            None => Some(&mut self.first),
+            Some(other) => self.others.get_mut(other),
+        };
+        if let Some(gone) = gone {
+            let gone = std::mem::replace(gone, person);
+            self.departed.push((gone.joined, gone.finish()));
+        } else {
+            self.others.push(person);
+        }
+        number
     }
 
     fn get(&self, person: usize) -> Option<&Person<S>> {
@@ -84,12 +109,12 @@ impl<S: MotionSource> People<S> {
                         "person {at} cannot be shown any longer: {}",
                         error.in_full()
                     );
-                    person.is_gone = true;
+                    person.leave();
                     person.error = Some(error);
                 }
                 Ok(()) if others_stay && person.threads.is_over() => {
                     log::info!("person {at} has left");
-                    person.is_gone = true;
+                    person.leave();
                 }
                 outcome => outcome?,
             }
@@ -99,24 +124,17 @@ impl<S: MotionSource> People<S> {
 
     /// Stops all lanes; what is left of each person, in the order in which they joined.
     pub(super) fn finish(self) -> Vec<FinishedPerson<S>> {
-        let finish = |mut person: Person<S>| {
-            let (source, error) = person.threads.finish();
-            person.collector.collect();
-            FinishedPerson {
-                source,
-                error: person.error.or(error),
-                provider_changes: person.changes.all(),
-                collector: person.collector,
-            }
-        };
-        let people = std::iter::once(self.first).chain(self.others);
-        people.map(finish).collect()
+        let there = std::iter::once(self.first).chain(self.others);
+        let mut all = self.departed;
+        all.extend(there.map(|person| (person.joined, person.finish())));
+        all.sort_by_key(|(joined, _)| *joined);
+        all.into_iter().map(|(_, person)| person).collect()
     }
 }
 
 impl<S: MotionSource> Lanes<S> {
-    /// Another person comes into the picture: lanes of their own for `avatar`, on poses from `source`. Returns their number;
-    /// that of the first is 0.
+    /// Another person comes into the picture: lanes of their own for `avatar`, on poses from `source`. Returns their number:
+    /// that of one who is gone, or else the next one; that of the first is 0.
     ///
     /// # Errors
     /// [`Plan::Gpu`], which is the first person's only; too many people, or more Gaussians together than the renderer was made for;
@@ -131,15 +149,15 @@ impl<S: MotionSource> Lanes<S> {
         if plan == Plan::Gpu {
             return Err(ReceiverError::PosedTwice);
         }
-        let number = self.people.count();
-        if number == MOST_PEOPLE {
+        if self.people.iter().filter(|one| !one.is_gone).count() >= MOST_PEOPLE {
             return Err(ReceiverError::TooManyPeople { most: MOST_PEOPLE });
         }
         let count = u32::try_from(avatar.gaussians.len()).unwrap_or(u32::MAX);
         check_room(&self.renderer, self.room_taken().saturating_add(count))?;
         let (renderer, latency) = (&self.renderer, self.latency);
         let person = Person::start(avatar, inference, renderer, source, plan, latency)?;
-        self.people.others.push(person);
+        let number = self.people.admit(person);
+        self.place(number, Affine3A::IDENTITY);
         Ok(number)
     }
 
@@ -154,6 +172,11 @@ impl<S: MotionSource> Lanes<S> {
     /// Each person's pose as it is about to be drawn, in the space of their poses; `None` for one who is not there yet, or not any more.
     pub fn poses(&self) -> impl Iterator<Item = Option<&MotionParams>> {
         (self.people.iter()).map(|person| person.view().map(|view| &view.motion))
+    }
+
+    /// Whether each person, by number, is to be seen as soon as there are Gaussians of them: not while they are hidden, nor once they are gone.
+    pub fn present(&self) -> impl Iterator<Item = bool> {
+        self.people.iter().map(Person::is_present)
     }
 
     /// The number of the newest motion frame that goes into the picture that was begun, of a person who is in it. Motion frames are
@@ -175,8 +198,9 @@ impl<S: MotionSource> Lanes<S> {
         Ok(self.scenery.set(gaussians)?)
     }
 
-    /// Gaussians that the foreground has room for already.
-    pub(super) fn room_taken(&self) -> u32 {
+    /// Gaussians that the foreground needs room for already.
+    #[must_use]
+    pub fn room_taken(&self) -> u32 {
         self.people.room().saturating_add(self.scenery.len())
     }
 

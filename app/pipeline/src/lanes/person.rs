@@ -2,11 +2,12 @@
 //!
 //! Nothing here is shared between people but the renderer that is passed in.
 
-use super::MotionSource;
 use super::cpu::{Interpolated, Request, View};
 use super::device::DevicePosing;
+use super::people::FinishedPerson;
 use super::threads::Threads;
 use super::triple_buffer::{Overwritten, Reader, WakeSignal, Writer, triple_buffer};
+use super::{MotionSource, Visibility};
 use crate::error::ReceiverError;
 use crate::inference::{Fault, ProviderChanges};
 use crate::profile::{Collector, Recorder};
@@ -34,6 +35,9 @@ pub(super) struct Person<S: MotionSource> {
     pub(super) asked: Option<Request>,
     /// Rigid.
     pub(super) world_from_person: Affine3A,
+    pub(super) visibility: Visibility,
+    /// Their number in the order of joining, of all who ever did.
+    pub(super) joined: usize,
     /// They left, or a lane of theirs ended, while another person stays.
     pub(super) is_gone: bool,
     /// What ended that lane.
@@ -70,9 +74,32 @@ pub(super) struct Counts {
 }
 
 impl<S: MotionSource> Person<S> {
-    /// What of them is to be seen; nothing before the first Gaussians, and once they are gone.
+    /// What of them is to be seen; nothing before the first Gaussians, while they are hidden, and once they are gone.
     pub(super) fn view(&self) -> Option<&View> {
-        self.view.as_ref().filter(|_| !self.is_gone)
+        self.view.as_ref().filter(|_| self.is_present())
+    }
+
+    /// Whether they are to be seen, if there are Gaussians of them.
+    pub(super) fn is_present(&self) -> bool {
+        !self.is_gone && !self.visibility.is_hidden()
+    }
+
+    /// Is not shown any longer; the lanes end by themselves.
+    pub(super) fn leave(&mut self) {
+        self.is_gone = true;
+        self.threads.ask_to_stop();
+    }
+
+    /// Stops the lanes; what is left.
+    pub(super) fn finish(mut self) -> FinishedPerson<S> {
+        let (source, error) = self.threads.finish();
+        self.collector.collect();
+        FinishedPerson {
+            source,
+            error: self.error.or(error),
+            provider_changes: self.changes.all(),
+            collector: self.collector,
+        }
     }
 
     /// Takes the newest Gaussians there are; on the device, those of `picture`.
@@ -159,6 +186,7 @@ impl<S: MotionSource> Person<S> {
     /// Gaussians that a renderer's foreground must have room for.
     pub(super) fn room(&self) -> u32 {
         match &self.supply {
+            _ if self.is_gone => 0,
             Supply::Host { room, .. } => *room,
             Supply::Device(_) => 0,
         }

@@ -70,6 +70,7 @@ impl<S: MotionSource> Person<S> {
         plan: Plan,
         latency: LatencyMode,
     ) -> Result<Self, ReceiverError> {
+        let visibility = source.visibility();
         let mut collector = Collector::default();
         let [npu_bell, cpu_bell] = [WakeSignal::default(), WakeSignal::default()];
         let none = motion::Posed::none;
@@ -156,6 +157,8 @@ impl<S: MotionSource> Person<S> {
             repeated: false,
             asked: None,
             world_from_person: Affine3A::IDENTITY,
+            visibility,
+            joined: 0,
             is_gone: false,
             error: None,
         })

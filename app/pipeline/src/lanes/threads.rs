@@ -86,10 +86,15 @@ impl<S: MotionSource> Threads<S> {
         }
     }
 
-    /// Stops them all: the source, unless its lane panicked, and the first error of a lane.
-    pub(super) fn finish(&mut self) -> (Option<S>, Option<ReceiverError>) {
+    /// Has them all end soon.
+    pub(super) fn ask_to_stop(&self) {
         self.stop.store(true, Relaxed);
         self.bells.iter().for_each(WakeSignal::ring);
+    }
+
+    /// Stops them all: the source, unless its lane panicked, and the first error of a lane.
+    pub(super) fn finish(&mut self) -> (Option<S>, Option<ReceiverError>) {
+        self.ask_to_stop();
         let source = self.motion.take().map(join).transpose();
         // All of them, whatever the first one says.
         let ends: Vec<_> = self.lanes.drain(..).map(join).collect();

@@ -26,7 +26,8 @@ pub fn place_first(
     request: PlacementRequest,
     control: &Control,
 ) -> Result<(Placed, SplatRenderer), ReceiverError> {
-    let mesh = matches!(request.plan, None | Some(Plan::Gpu))
+    let may_pose = !request.for_several && matches!(request.plan, None | Some(Plan::Gpu));
+    let mesh = may_pose
         .then(|| bound_mesh(avatar))
         .transpose()?
         .map(Arc::new);

@@ -2,8 +2,10 @@
 
 mod choice;
 mod first;
+mod later;
 mod trial;
 
 pub use choice::{Alternative, StageCosts, choose, predicted_picture_ms};
 pub use first::place_first;
+pub use later::place_like;
 pub use trial::{InferenceBackends, Placed, PlacementReport, place};

@@ -273,6 +273,9 @@ fn not_asked_for(request: PlacementRequest, kind: ProviderKind) -> Option<String
 
 fn plan_not_asked_for(request: PlacementRequest, plan: Plan, kind: ProviderKind) -> Option<String> {
     match request.plan {
+        _ if request.for_several && plan == Plan::Gpu => {
+            Some("the device poses one person only, and here people come and go".into())
+        }
         Some(asked) if asked == plan => None,
         Some(_) => Some("not asked for".into()),
         // Compiled anew for each.

@@ -7,7 +7,7 @@ pub use figures::{CallFigures, Gap, LatencyFigures};
 pub use watch::{CallCounts, CallWatch};
 
 use app_pipeline::concealment::{ConcealmentState, MotionConcealment};
-use app_pipeline::lanes::{MotionSource, Pose};
+use app_pipeline::lanes::{MotionSource, Pose, Visibility};
 use app_pipeline::profile::FrameTimes;
 use app_pipeline::timeline::DisplayLag;
 use figures::Log;
@@ -51,6 +51,7 @@ pub struct Call {
     voice: VoiceQueue,
     /// Of the pictures that show it.
     lag: DisplayLag,
+    visibility: Visibility,
     /// When it was last told what was counted.
     told: Micros,
     end: Option<CallEnd>,
@@ -64,6 +65,7 @@ pub struct Call {
 
 impl Call {
     /// Follows `viewer`, who was told `announced` before, for an avatar of this `skeleton`; what is said arrives in `voice`, and waits for the motion.
+    /// Whoever has `watch` reads what it counts, and ends it.
     #[must_use]
     pub fn new(
         viewer: Viewer,
@@ -71,6 +73,7 @@ impl Call {
         skeleton: &Skeleton,
         clock: Clock,
         voice: VoiceQueue,
+        watch: CallWatch,
     ) -> Self {
         Self {
             viewer,
@@ -79,9 +82,10 @@ impl Call {
             buffer: JitterBuffer::new(),
             concealment: MotionConcealment::new(skeleton),
             log: Log::new(clock.now()),
-            watch: CallWatch::default(),
+            watch,
             voice,
             lag: DisplayLag::default(),
+            visibility: Visibility::default(),
             told: Micros(0),
             end: None,
             hung_up: Micros(0),
@@ -140,10 +144,14 @@ impl Call {
     /// Whether there is no more to come.
     #[must_use]
     pub fn is_over(&self) -> bool {
-        match &self.end {
+        let is_over = match &self.end {
             Some(CallEnd::HungUp) => self.buffer.waiting() == 0 && self.is_heard(),
-            end => end.is_some(),
+            end => end.is_some() || self.watch.is_left(),
+        };
+        if is_over {
+            self.watch.end();
         }
+        is_over
     }
 
     /// Whether nothing that was said is still to be played, or who should play it does not.
@@ -195,7 +203,10 @@ impl Call {
                 self.buffer.push(frame, arrived, captured);
                 self.keep_together();
             }
-            CallEvent::State(state) => self.watch.tell_state(state),
+            CallEvent::State(state) => {
+                self.visibility.hide(state.hidden);
+                self.watch.tell_state(state);
+            }
             CallEvent::HungUp => {
                 self.end = Some(CallEnd::HungUp);
                 self.hung_up = self.clock.now();
@@ -293,6 +304,10 @@ impl MotionSource for Call {
 
     fn display_lag(&self) -> DisplayLag {
         self.lag.clone()
+    }
+
+    fn visibility(&self) -> Visibility {
+        self.visibility.clone()
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a call counts, for who shows it meanwhile: the call itself belongs to a lane then.
+//! What a call counts and tells, for who shows it meanwhile, and the way to leave it: the call itself belongs to a lane then.
 
 use link_protocol::data_channel::PersonState;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ pub struct CallCounts {
     pub lost: u64,
 }
 
-/// Reads a call's counts from any thread; they are a tenth of a second old at most while the call is followed.
+/// Reads a call's counts from any thread, and leaves it; they are a tenth of a second old at most while the call is followed.
 #[derive(Debug, Clone, Default)]
 pub struct CallWatch(Arc<Counts>);
 
@@ -27,6 +27,8 @@ struct Counts {
     lost: AtomicU64,
     muted: AtomicBool,
     hidden: AtomicBool,
+    leaves: AtomicBool,
+    is_over: AtomicBool,
 }
 
 impl CallWatch {
@@ -47,6 +49,31 @@ impl CallWatch {
             muted: self.0.muted.load(Relaxed),
             hidden: self.0.hidden.load(Relaxed),
         }
+    }
+
+    /// Has this side leave the call with them.
+    pub fn leave(&self) {
+        self.0.leaves.store(true, Relaxed);
+    }
+
+    /// Whether nothing more is to come of them: they said goodbye, it failed, or this side has left.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.0.is_over.load(Relaxed) || self.is_left()
+    }
+
+    /// Whether both read the same call.
+    #[must_use]
+    pub fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
+    pub(crate) fn is_left(&self) -> bool {
+        self.0.leaves.load(Relaxed)
+    }
+
+    pub(crate) fn end(&self) {
+        self.0.is_over.store(true, Relaxed);
     }
 
     pub(crate) fn tell_state(&self, state: PersonState) {

@@ -70,6 +70,7 @@ enum Arrangement {
     Together {
         lineup: Lineup,
         standing: Vec<Option<Standing>>,
+        present: Vec<bool>,
     },
 }
 
@@ -81,21 +82,27 @@ struct Followed {
 }
 
 impl<'a> FlatView<'a> {
-    /// Of so many people on a display of so many pictures a second, with the scene around them, if there is one.
+    /// Of the session's people on a display of so many pictures a second, with the scene around them, if there is one.
     #[must_use]
-    pub fn new(people: usize, hertz: f64, background: Option<LoadBackground<'a>>) -> Self {
+    pub fn new(
+        session: &LiveSession<'_>,
+        hertz: f64,
+        background: Option<LoadBackground<'a>>,
+    ) -> Self {
+        let people = session.avatars.len();
         let now = Instant::now();
         Self {
             clock: DisplayClock::new(hertz),
             begun: now,
             first: None,
             shown: 0,
-            arrangement: if people == 1 {
+            arrangement: if people == 1 && !session.is_open() {
                 Arrangement::Alone(None)
             } else {
                 Arrangement::Together {
                     lineup: Lineup::default(),
                     standing: Vec::new(),
+                    present: Vec::new(),
                 }
             },
             world_from_person: vec![Affine3A::IDENTITY; people],
@@ -132,8 +139,8 @@ impl<'a> FlatView<'a> {
         &self.world_from_person
     }
 
-    /// Begins the picture that is due now, and puts everyone in their place; `None` until there is a person to be seen. Loads the scene
-    /// before the first one.
+    /// Takes in who has come, begins the picture that is due now, and puts everyone in their place; `None` until there was a person to be seen.
+    /// Loads the scene before the first one.
     ///
     /// # Errors
     /// What ended the last person's lanes; what keeps the scene from being loaded or drawn.
@@ -141,9 +148,11 @@ impl<'a> FlatView<'a> {
         &mut self,
         session: &mut LiveSession<'_>,
     ) -> Result<Option<Standpoint>, SessionError> {
+        session.admit()?;
         self.begun = Instant::now();
         let tick = self.clock.tick(self.begun);
-        if session.lanes.begin(tick)?.is_none() {
+        // Once all are gone or hidden, their places are shown empty.
+        if session.lanes.begin(tick)?.is_none() && (self.first.is_none() || !session.is_open()) {
             return Ok(None);
         }
         let Some(standpoint) = self.arrange(session) else {
@@ -198,13 +207,19 @@ impl<'a> FlatView<'a> {
                     width: 0.0,
                 })
             }
-            Arrangement::Together { lineup, standing } => {
+            Arrangement::Together {
+                lineup,
+                standing,
+                present,
+            } => {
                 standing.clear();
                 standing.extend(
-                    (session.lanes.poses().zip(session.avatars))
+                    (session.lanes.poses().zip(session.avatars.iter()))
                         .map(|(motion, avatar)| Standing::of(&avatar.skeleton, motion?)),
                 );
-                let places = lineup.update(standing);
+                present.clear();
+                present.extend(session.lanes.present());
+                let places = lineup.update(standing, present);
                 self.world_from_person.clear();
                 self.world_from_person.extend_from_slice(places);
                 for (person, place) in self.world_from_person.iter().enumerate() {
@@ -213,7 +228,7 @@ impl<'a> FlatView<'a> {
                 Some(Standpoint {
                     floor: Vec3::ZERO,
                     heading: Quat::IDENTITY,
-                    width: APART * standing.len().saturating_sub(1) as f32,
+                    width: APART * lineup.count().saturating_sub(1) as f32,
                 })
             }
         }

@@ -12,6 +12,7 @@ pub use flat::{FlatView, LoadBackground, Standpoint};
 pub use offscreen::{DrawnPicture, OffscreenDisplay, PictureObserver};
 pub use stills::{Still, StillsDisplay};
 
+use crate::attendance::Ready;
 use crate::call::CallWatch;
 use crate::participant::PersonSource;
 use app_pipeline::control::Control;
@@ -24,6 +25,7 @@ use renderer_splat::options::RendererOptions;
 use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
 use std::sync::Arc;
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 /// Gaussians that a picture has room for beside the people's: their shadows.
@@ -65,14 +67,49 @@ pub struct DisplayNeeds {
 pub struct LiveSession<'a> {
     /// Makes the pictures, of all people.
     pub lanes: &'a mut Lanes<PersonSource>,
-    /// Each person's avatar.
-    pub avatars: &'a [Arc<Avatar>],
-    /// What runs where, for each person.
-    pub placements: &'a [PlacementReport],
+    /// Each person's avatar, by their number in the lanes.
+    pub avatars: &'a mut Vec<Arc<Avatar>>,
+    /// What runs where, for each person, in the order of joining.
+    pub placements: &'a mut Vec<PlacementReport>,
     /// What the first person's call counts, if it is one.
     pub call: Option<CallWatch>,
     /// Pauses and ends the session.
     pub control: &'a Control,
+    /// How many of the first people are the viewer themselves, as in a mirror.
+    pub(crate) own: usize,
+    /// Newcomers who are ready to be shown, where any are taken in.
+    pub(crate) arrived: Option<&'a mut Receiver<Ready>>,
+}
+
+impl LiveSession<'_> {
+    /// Takes in who has come since it was asked last, between two pictures; the number of each, which may have been another one's who is gone.
+    ///
+    /// # Errors
+    /// If nothing can be drawn any longer.
+    pub fn admit(&mut self) -> Result<Vec<usize>, SessionError> {
+        let mut numbers = Vec::new();
+        let Some(arrived) = self.arrived.as_deref() else {
+            return Ok(numbers);
+        };
+        for newcomer in arrived.try_iter() {
+            let Some((number, avatar, placement)) = newcomer.join(self.lanes)? else {
+                continue;
+            };
+            match self.avatars.get_mut(number) {
+                Some(gone) => *gone = avatar,
+                None => self.avatars.push(avatar),
+            }
+            self.placements.push(placement);
+            numbers.push(number);
+        }
+        Ok(numbers)
+    }
+
+    /// Whether people come and go.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.arrived.is_some()
+    }
 }
 
 /// What ended a session.

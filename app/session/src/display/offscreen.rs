@@ -99,7 +99,7 @@ impl Display for OffscreenDisplay<'_> {
     fn show(&mut self, mut session: LiveSession<'_>) -> Result<(), SessionError> {
         let session = &mut session;
         let hertz = self.needs.period.as_secs_f64().recip();
-        let mut view = FlatView::new(session.avatars.len(), hertz, self.background.take());
+        let mut view = FlatView::new(session, hertz, self.background.take());
         while !session.lanes.is_over()
             && !session.control.is_leaving()
             && !self.observer.is_over(session, view.first())?
@@ -120,7 +120,7 @@ impl Display for OffscreenDisplay<'_> {
                 continue;
             };
             view.displayed(session);
-            let people = (session.lanes.poses().zip(session.avatars))
+            let people = (session.lanes.poses().zip(session.avatars.iter()))
                 .zip(view.world_from_person())
                 .filter_map(|((motion, avatar), place)| Some((&**avatar, motion?.clone(), *place)))
                 .collect();

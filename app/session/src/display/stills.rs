@@ -85,6 +85,7 @@ impl Display for StillsDisplay<'_> {
         let avatar = session
             .avatars
             .first()
+            .cloned()
             .ok_or(SessionError::NoParticipants)?;
         let stills = std::mem::replace(&mut self.stills, Box::new(std::iter::empty()));
         for (number, (still, motion_frame)) in stills.into_iter().zip(1..).enumerate() {
@@ -106,7 +107,7 @@ impl Display for StillsDisplay<'_> {
                     renderer: session.lanes.renderer(),
                     cameras: &still.cameras,
                     begun,
-                    people: vec![(&**avatar, still.motion.clone(), Affine3A::IDENTITY)],
+                    people: vec![(&*avatar, still.motion.clone(), Affine3A::IDENTITY)],
                 };
                 if (self.drawn)(number, picture)? {
                     break;

@@ -228,6 +228,9 @@ impl<'a> Frames<'a> {
         session: &mut Session,
         leaving: bool,
     ) -> Result<Option<SessionEnd>, SessionError> {
+        for newcomer in self.people.admit()? {
+            self.places.forget(&self.people, newcomer);
+        }
         let frame = session.wait()?;
         let begun = Instant::now();
         let controls = session.controls(&frame)?;

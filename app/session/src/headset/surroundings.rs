@@ -31,6 +31,11 @@ impl Places {
         self.presence.recentre();
     }
 
+    /// Whoever has this number now is another person: they get a place of their own.
+    pub(super) fn forget(&mut self, people: &LiveSession<'_>, person: usize) {
+        self.presence.forget(person.saturating_sub(people.own));
+    }
+
     /// Puts all people in their places for the picture that was begun, and their shadows below them.
     pub(super) fn update(
         &mut self,
@@ -41,14 +46,16 @@ impl Places {
         let elapsed = (self.updated.replace(now))
             .map_or(Duration::ZERO, |last| now.saturating_duration_since(last));
         self.standing.clear();
-        let poses = people.lanes.poses().zip(people.avatars);
+        // The viewer does not meet themselves.
+        let poses = people.lanes.poses().zip(people.avatars.iter());
+        let others = poses.skip(people.own);
         self.standing
-            .extend(poses.map(|(motion, avatar)| Standing::of(&avatar.skeleton, motion?)));
+            .extend(others.map(|(motion, avatar)| Standing::of(&avatar.skeleton, motion?)));
         let places = self.presence.update(viewer, &self.standing, elapsed);
         self.shadows.clear();
         for (person, (floor_from_person, standing)) in places.iter().zip(&self.standing).enumerate()
         {
-            people.lanes.place(person, *floor_from_person);
+            people.lanes.place(person + people.own, *floor_from_person);
             if let Some(standing) = standing {
                 let shadow = contact_shadow(standing, floor_from_person);
                 self.shadows.extend_from_slice(shadow.gaussians());

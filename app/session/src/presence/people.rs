@@ -75,6 +75,14 @@ impl Presence {
         self.holding = Grabs::default();
     }
 
+    /// Whoever has this number now is another person: they get a place of their own at the next [`Self::update`], in nobody's hand.
+    pub fn forget(&mut self, person: usize) {
+        if let Some(place) = self.places.get_mut(person) {
+            *place = None;
+        }
+        self.holding = Grabs::default();
+    }
+
     /// Gives places to those who have none.
     fn receive(&mut self, view: View, people: &[Option<Standing>]) {
         let step = 2.0 * (APART / (2.0 * DISTANCE)).asin();

@@ -1,6 +1,7 @@
 //! Seated people: a person who is sent standing sits on a chair. Legs and pelvis are the chair's, everything above is as sent.
 
-use app_pipeline::lanes::{MotionSource, Pose};
+use app_pipeline::lanes::{MotionSource, Pose, Visibility};
+use app_pipeline::timeline::DisplayLag;
 use glam::{Quat, Vec2, Vec3, Vec3Swizzles};
 use spmm3::{Joint, LEGS, MotionParams, Skeleton, bend_leg};
 use std::time::{Duration, Instant};
@@ -70,6 +71,14 @@ impl<S: MotionSource> MotionSource for Seated<S> {
 
     fn is_over(&self) -> bool {
         self.source.is_over()
+    }
+
+    fn display_lag(&self) -> DisplayLag {
+        self.source.display_lag()
+    }
+
+    fn visibility(&self) -> Visibility {
+        self.source.visibility()
     }
 }
 

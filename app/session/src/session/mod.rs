@@ -4,8 +4,9 @@ mod report;
 
 pub use report::{PersonReport, SessionReport};
 
+use crate::attendance::{Ready, make_ready};
 use crate::display::{Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError};
-use crate::participant::{Participant, PersonSource};
+use crate::participant::{Origin, Participant, PersonSource};
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::{FinishedPerson, LaneOptions, Lanes, MOST_PEOPLE, PausableSource};
@@ -18,6 +19,8 @@ use renderer_splat::options::RendererOptions;
 use renderer_splat::renderer::SplatRenderer;
 use spmm3::Avatar;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Instant;
 
 /// How people are to be shown.
@@ -38,6 +41,7 @@ pub struct SessionConfig<'a> {
 pub struct Session<'a> {
     config: SessionConfig<'a>,
     participants: Vec<Participant>,
+    newcomers: Option<Receiver<Participant>>,
     control: Control,
 }
 
@@ -58,7 +62,18 @@ impl<'a> Session<'a> {
         Self {
             config,
             participants,
+            newcomers: None,
             control,
+        }
+    }
+
+    /// Takes in who comes while it is shown, at most [`MOST_PEOPLE`] at once. Their stages are placed as those of the first person, who is therefore
+    /// not posed by the device.
+    #[must_use]
+    pub fn with_newcomers(self, newcomers: Receiver<Participant>) -> Self {
+        Self {
+            newcomers: Some(newcomers),
+            ..self
         }
     }
 
@@ -68,38 +83,61 @@ impl<'a> Session<'a> {
     /// # Errors
     /// If nothing can run or draw them, or the display cannot go on. [`SessionError::Left`] where the control ends it before anyone is
     /// joined. That one of several people cannot be shown any longer is no error of all: [`PersonReport::error`] tells.
-    pub fn run(self, display: &mut dyn Display) -> Result<SessionReport, SessionError> {
+    pub fn run(mut self, display: &mut dyn Display) -> Result<SessionReport, SessionError> {
+        let newcomers = self.newcomers.take();
         let control = &self.control;
         if self.participants.len() > MOST_PEOPLE {
             return Err(ReceiverError::TooManyPeople { most: MOST_PEOPLE }.into());
         }
         let needs = display.needs()?;
-        let avatars: Vec<Arc<Avatar>> = (self.participants.iter())
+        let mut avatars: Vec<Arc<Avatar>> = (self.participants.iter())
             .map(|person| Arc::clone(&person.avatar))
             .collect();
-        let Prepared { placed, renderer } = self.prepare(&needs, &avatars)?;
+        let Prepared { placed, renderer } = self.prepare(&needs, &avatars, newcomers.is_some())?;
         control.checkpoint()?;
         display.prepared();
         let sources: Vec<PersonSource> = (self.participants.iter())
             .map(|person| person.join(control))
             .collect();
         let call = (sources.first()).and_then(|first| first.source().source().watch());
-        let placements: Vec<PlacementReport> = (placed.iter())
+        let mut placements: Vec<PlacementReport> = (placed.iter())
             .map(|placed| placed.report.clone())
             .collect();
+        let like = placements.first().cloned();
         // Also when it is time to leave: the calls that were joined say goodbye at their end.
         let step = control.step();
         let mut lanes = self.start(&needs, &avatars, placed, renderer, sources)?;
         drop(step);
         let began = Instant::now();
-        let shown = display.show(LiveSession {
-            lanes: &mut lanes,
-            avatars: &avatars,
-            placements: &placements,
-            call,
-            control,
+        let over = AtomicBool::new(false);
+        let (ready, mut arrived) = channel();
+        let is_open = newcomers.is_some();
+        let shown = std::thread::scope(|scope| {
+            let _over = SetAtEnd(&over);
+            if let Some((newcomers, like)) = newcomers.zip(like.as_ref()) {
+                let backends = &self.config.backends;
+                let is_over = || over.load(Relaxed);
+                std::thread::Builder::new()
+                    .name("newcomers".to_owned())
+                    .spawn_scoped(scope, move || {
+                        make_ready(&newcomers, &ready, backends, like, control, is_over);
+                    })
+                    .map_err(SessionError::Thread)?;
+            }
+            display.show(LiveSession {
+                lanes: &mut lanes,
+                avatars: &mut avatars,
+                placements: &mut placements,
+                call,
+                control,
+                own: (self.participants.iter())
+                    .take_while(|person| matches!(person.origin, Origin::Own(_)))
+                    .count(),
+                arrived: is_open.then_some(&mut arrived),
+            })
         });
         let ended = Instant::now();
+        arrived.try_iter().for_each(Ready::turn_away);
         // All that is on the device is freed now.
         let step = control.step();
         let renderer = lanes.renderer();
@@ -127,6 +165,7 @@ impl<'a> Session<'a> {
         &self,
         needs: &DisplayNeeds,
         avatars: &[Arc<Avatar>],
+        others_come: bool,
     ) -> Result<Prepared, SessionError> {
         let (first, others) = avatars.split_first().ok_or(SessionError::NoParticipants)?;
         let SessionConfig {
@@ -141,13 +180,17 @@ impl<'a> Session<'a> {
             max_foreground: gaussians,
             ..needs.renderer.clone()
         };
+        let first_placement = PlacementRequest {
+            for_several: others_come,
+            ..*placement
+        };
         let (placed, mut renderer) = place_first(
             backends,
             first,
             &needs.gpu,
             options,
             &needs.cameras,
-            *placement,
+            first_placement,
             &self.control,
         )?;
         // Only one person's Gaussians can stay on the device.
@@ -201,6 +244,15 @@ impl<'a> Session<'a> {
             Ok::<_, ReceiverError>(lanes)
         })?;
         Ok(lanes?)
+    }
+}
+
+/// Sets a flag when it is dropped, also by a panic: a thread that looks at it ends.
+struct SetAtEnd<'a>(&'a AtomicBool);
+
+impl Drop for SetAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Relaxed);
     }
 }
 

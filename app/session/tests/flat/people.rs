@@ -132,7 +132,7 @@ fn seven_people_stand_in_a_row_that_is_as_wide_as_it_says() {
     let avatar = avatar();
     let standing = |swing: f32| Standing::of(&avatar.skeleton, &pose(swing));
     let people: Vec<_> = (0..7u8).map(|k| standing(f32::from(k) * 0.1)).collect();
-    let places = lineup.update(&people);
+    let places = lineup.update(&people, &[true; 7]);
     // The puppet's pelvis is above its origin.
     let at: Vec<Vec3> = places
         .iter()
@@ -146,6 +146,27 @@ fn seven_people_stand_in_a_row_that_is_as_wide_as_it_says() {
         assert!((two[1].x - two[0].x - 0.9).abs() < 0.05, "{at:?}");
         assert!(two[0].z.abs() < 0.05, "in a row: {at:?}");
     }
+}
+
+#[test]
+fn who_stays_moves_up_when_another_one_leaves() {
+    let mut lineup = Lineup::default();
+    let avatar = avatar();
+    let standing = Standing::of(&avatar.skeleton, &pose(0.1));
+    let mut xs = |present: [bool; 3]| {
+        let people = present.map(|present| standing.filter(|_| present));
+        let places = lineup.update(&people, &present);
+        let xs: Vec<f32> = places.iter().map(|place| place.translation.x).collect();
+        (xs, lineup.count())
+    };
+    let (three, count) = xs([true; 3]);
+    assert_eq!(count, 3);
+    assert!((three[2] - three[0] - 1.8).abs() < 1e-4, "{three:?}");
+    let (two, count) = xs([true, false, true]);
+    assert_eq!(count, 2);
+    assert!((two[2] - two[0] - 0.9).abs() < 1e-4, "{two:?}");
+    let (again, _) = xs([true; 3]);
+    assert_eq!(again, three, "as before");
 }
 
 #[test]

@@ -76,6 +76,7 @@ pub(crate) fn run(
         placement: PlacementRequest {
             plan: Some(Plan::CpuTail),
             provider: Some(ProviderKind::Cpu),
+            ..PlacementRequest::default()
         },
         latency,
         quality: QualityMode::Fixed(0),

@@ -114,6 +114,7 @@ fn obey(orders: &Orders) -> serde_json::Value {
         placement: PlacementRequest {
             plan: Some(Plan::CpuTail),
             provider: None,
+            ..PlacementRequest::default()
         },
         latency: LatencyMode::Interpolate,
         quality: QualityMode::Fixed(0),

@@ -13,14 +13,16 @@ use crate::stills::load_avatar;
 use crate::until::SetAtEnd;
 use crate::voice_options::VoiceOptions;
 use anyhow::{Context, anyhow, bail};
+use app_session::own_motion::OwnMotion;
+use link_call::Sender;
 use link_codec::Codec;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::room_link::ServerUrl;
-use sender::{Capture, ClipCapture, Desk, Place, VoiceSource};
+use sender::{Capture, Captured, ClipCapture, Desk, Entered, Place, SendError, VoiceSource};
 use serde::Serialize;
 use spmm3::Avatar;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::ScopedJoinHandle;
@@ -64,7 +66,7 @@ pub struct Options {
 pub(crate) struct PersonOptions {
     /// The avatar's package; put into the server's store if it is not there
     #[arg(long, value_name = "PACKAGE")]
-    avatar: PathBuf,
+    pub(crate) avatar: Option<PathBuf>,
     #[command(flatten)]
     motion: MotionOptions,
     #[command(flatten)]
@@ -117,58 +119,13 @@ pub(crate) struct Report {
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     let preview = (options.preview.then(|| Preview::open(device))).transpose()?;
-    let performer = Performer::open(&options.person, options.seconds, device)?;
+    let avatar = options.person.avatar()?;
+    let performer = Performer::open(&options.person, avatar, options.seconds, device)?;
     let line = Line::open(&options.trust)?;
-    let report = perform(options, performer, preview, &line)?;
-    report.print();
-    write_json(options.json.as_deref(), &report)
-}
-
-/// Sends what `performer` does to whoever joins, until it is over.
-///
-/// # Errors
-/// If the room cannot be entered, or motion or voice fail.
-pub(crate) fn perform(
-    options: &Options,
-    performer: Performer,
-    preview: Option<Preview>,
-    line: &Line,
-) -> anyhow::Result<Report> {
-    let Performer {
-        avatar,
-        mut motion,
-        name,
-        rate_hz,
-        mut voice,
-    } = performer;
-    let Line {
-        network,
-        client,
-        clock,
-        stop,
-    } = line;
-    let clock = *clock;
-    let shown = match (&preview, &mut motion) {
-        (Some(preview), Motion::Camera(capture)) => {
-            capture.show_in(preview.shots());
-            Some(capture.camera())
-        }
-        _ => None,
-    };
-    let desk = Desk {
-        place: options.place()?,
-        avatar: options.person.avatar.clone(),
-        codec: options.person.codec,
-        channel: options.person.channel,
-        rate_hz,
-    };
-    let bar = progress::bytes("uploading the avatar");
-    let entered = network.block_on(sender::enter(client, &desk, clock, {
-        let bar = bar.clone();
-        move |done, total| bar.show(done, total)
-    }));
-    bar.finish();
-    let entered = entered.context("cannot enter the room")?;
+    let desk = options
+        .person
+        .desk(options.place()?, avatar, performer.rate_hz);
+    let entered = enter(&desk, &line)?;
     if let Some(viewers) = &entered.viewers {
         println!("in the room. Others join with\n  mon3tr receive '{viewers}'");
         if viewers.server().is_loopback() {
@@ -181,9 +138,66 @@ pub(crate) fn perform(
             entered.sender
         );
     }
+    let report = perform(&desk, entered.host, performer, preview, &line)?;
+    report.print();
+    write_json(options.json.as_deref(), &report)
+}
+
+/// Uploads the avatar if need be, and enters.
+///
+/// # Errors
+/// If there is no way in.
+pub(crate) fn enter(desk: &Desk, line: &Line) -> anyhow::Result<Entered> {
+    let bar = progress::bytes("uploading the avatar");
+    let entered = line
+        .network
+        .block_on(sender::enter(&line.client, desk, line.clock, {
+            let bar = bar.clone();
+            move |done, total| bar.show(done, total)
+        }));
+    bar.finish();
+    entered.context(match desk.place {
+        Place::Call { .. } => "cannot enter the call",
+        Place::Room { .. } | Place::Server { .. } => "cannot enter the room",
+    })
+}
+
+/// Sends what `performer` does to whoever joins, until it is over.
+///
+/// # Errors
+/// If motion or voice fail.
+pub(crate) fn perform(
+    desk: &Desk,
+    host: Sender,
+    performer: Performer,
+    preview: Option<Preview>,
+    line: &Line,
+) -> anyhow::Result<Report> {
+    let Performer {
+        avatar,
+        mut motion,
+        name,
+        rate_hz,
+        mut voice,
+        own,
+    } = performer;
+    let Line {
+        network,
+        clock,
+        stop,
+        ..
+    } = line;
+    let clock = *clock;
+    let shown = match (&preview, &mut motion) {
+        (Some(preview), Motion::Camera(capture)) => {
+            capture.show_in(preview.shots());
+            Some(capture.camera())
+        }
+        _ => None,
+    };
     let mut perform = || -> anyhow::Result<(Instant, Option<u64>)> {
         // A performance begins when a viewer is there.
-        while entered.host.statistics().viewers == 0 && !stop.load(Relaxed) {
+        while host.statistics().viewers == 0 && !stop.load(Relaxed) {
             match &mut motion {
                 // Before that, people who see themselves move already, and those who are to calibrate do it.
                 Motion::Camera(capture) if shown.is_some() || capture.is_calibrating() => {
@@ -195,11 +209,15 @@ pub(crate) fn perform(
             }
         }
         let begun = Instant::now();
-        let mut capture = Watched::over(motion.capture());
+        let mut mirrored = Mirrored {
+            capture: motion.capture(),
+            own: own.as_ref(),
+        };
+        let mut capture = Watched::over(&mut mirrored);
         let silent = AtomicBool::new(false);
         std::thread::scope(|scope| {
             let said = voice.as_mut().map(|voice| {
-                let (host, silent) = (&entered.host, &silent);
+                let (host, silent) = (&host, &silent);
                 scope.spawn(move || {
                     let said = sender::say(&mut **voice, host, clock, silent);
                     if said.is_err() {
@@ -211,7 +229,7 @@ pub(crate) fn perform(
             });
             let sent = {
                 let _ends_with = SetAtEnd(&silent);
-                sender::send(&entered.host, &mut capture, clock, stop)
+                sender::send(&host, &mut capture, clock, stop)
             };
             let said = said.map_or(Ok(Ok(())), ScopedJoinHandle::join);
             sent?;
@@ -227,13 +245,13 @@ pub(crate) fn perform(
     let settled = performed.as_ref().ok().and_then(|(_, settled)| *settled);
     let report = Report {
         motion: name,
-        codec: options.person.codec,
-        channel: options.person.channel,
+        codec: desk.codec,
+        channel: desk.channel,
         rate_hz,
         seconds: (performed.as_ref()).map_or(0.0, |(begun, _)| begun.elapsed().as_secs_f64()),
         camera: motion.figures(),
         memory: SenderMemory::at_the_end(settled),
-        sent: network.block_on(entered.host.hang_up()),
+        sent: network.block_on(host.hang_up()),
     };
     performed?;
     Ok(report)
@@ -262,14 +280,32 @@ impl Motion {
     }
 }
 
+/// A capture whose motion is shown to oneself, too.
+struct Mirrored<'a> {
+    capture: &'a mut dyn Capture,
+    own: Option<&'a OwnMotion>,
+}
+
+impl Capture for Mirrored<'_> {
+    fn next(&mut self) -> Result<Option<Captured>, SendError> {
+        let captured = self.capture.next()?;
+        if let (Some(captured), Some(own)) = (&captured, self.own) {
+            own.show(captured.at, &captured.motion);
+        }
+        Ok(captured)
+    }
+}
+
 /// What is sent: a motion, and maybe a voice.
 pub(crate) struct Performer {
-    avatar: Arc<Avatar>,
+    pub(crate) avatar: Arc<Avatar>,
     motion: Motion,
     /// What the motion is called.
     name: String,
-    rate_hz: f64,
+    pub(crate) rate_hz: f64,
     voice: Option<Box<dyn VoiceSource>>,
+    /// Where the motion is shown to oneself.
+    own: Option<OwnMotion>,
 }
 
 impl Performer {
@@ -279,12 +315,13 @@ impl Performer {
     /// If something of it is not there.
     pub(crate) fn open(
         options: &PersonOptions,
+        avatar: &Path,
         length: Option<Duration>,
         device: &DeviceOptions,
     ) -> anyhow::Result<Self> {
         options.motion.check()?;
         let voice = options.voice.open()?;
-        let (avatar, _) = load_avatar(&options.avatar)?;
+        let (avatar, _) = load_avatar(avatar)?;
         let (motion, name, rate_hz) = options.motion(&avatar, length, device)?;
         Ok(Self {
             avatar,
@@ -292,11 +329,37 @@ impl Performer {
             name,
             rate_hz,
             voice,
+            own: None,
         })
+    }
+
+    /// Shows the motion to `own`, too.
+    pub(crate) fn mirror(&mut self, own: &OwnMotion) {
+        self.own = Some(own.clone());
     }
 }
 
 impl PersonOptions {
+    /// The avatar's package.
+    ///
+    /// # Errors
+    /// If none was given.
+    pub(crate) fn avatar(&self) -> anyhow::Result<&Path> {
+        let avatar = self.avatar.as_deref();
+        avatar.context("no avatar: give --avatar PACKAGE; `mon3tr bake` makes one to begin with")
+    }
+
+    /// What is needed to enter a place as this person.
+    pub(crate) fn desk(&self, place: Place, avatar: &Path, rate_hz: f64) -> Desk {
+        Desk {
+            place,
+            avatar: avatar.to_owned(),
+            codec: self.codec,
+            channel: self.channel,
+            rate_hz,
+        }
+    }
+
     /// The motion, what it is called, and its rate in Hz.
     fn motion(
         &self,

@@ -17,6 +17,7 @@ mod people;
 mod place;
 mod restart;
 mod room;
+mod several;
 mod voice;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_mon3tr");

@@ -2,6 +2,7 @@
 
 mod abuse;
 mod access;
+mod calls;
 mod child;
 mod ice;
 mod link_client;

@@ -5,6 +5,7 @@ use crate::children::{LocalServer, Process};
 use crate::commands::receive::wait_for_sender;
 use crate::network::Network;
 use anyhow::Context;
+use app_session::call::CallWatch;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use link_http::Client;
 use link_playout::Clock;
@@ -84,6 +85,7 @@ impl Room {
                 announced: self.announced,
                 network: self.context.clone(),
                 voice: VoiceQueue::default(),
+                watch: CallWatch::default(),
             },
         }
     }

@@ -2,7 +2,7 @@
 
 mod album;
 mod offscreen;
-mod people;
+pub(crate) mod people;
 mod report;
 mod screen;
 mod undrawn;
@@ -19,11 +19,13 @@ use crate::size::{Size, Views};
 use crate::sound::{Sound, SoundOptions};
 use crate::until::Until;
 use crate::viewpoint::Viewpoint;
+use anyhow::bail;
 use app_session::participant::NetworkContext;
 use clap::ValueEnum;
 use link_protocol::RoomLink;
 use link_voice::VoiceQueue;
 pub(crate) use report::Report;
+use screen::NO_PICTURES;
 pub(crate) use screen::Screen;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -62,7 +64,7 @@ pub(crate) struct ShowOptions {
     out: Option<PathBuf>,
     /// Have people sit, on a chair of 0.45 m
     #[arg(long)]
-    seat: bool,
+    pub(crate) seat: bool,
     /// Size of one picture in pixels, or of the window at first [default: 1024x1024, or what the headset recommends]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
@@ -83,11 +85,23 @@ pub(crate) struct ShowOptions {
     #[arg(long, value_name = "mouse|FILE")]
     gaze: Option<GazeChoice>,
     #[command(flatten)]
-    sound: SoundOptions,
+    pub(crate) sound: SoundOptions,
     #[command(flatten)]
     lanes: LaneChoices,
     #[command(flatten)]
     scenery: SceneryOptions,
+}
+
+impl Options {
+    /// That nothing is asked for which only pictures have, where there are none.
+    fn check(&self) -> anyhow::Result<()> {
+        let what = match (self.show.display, self.rooms.len(), self.frames) {
+            (Display::None, 2.., _) => "several links",
+            (Display::None, _, Some(_)) => "--frames",
+            _ => return Ok(()),
+        };
+        bail!("--display none {NO_PICTURES}, and {what} is for pictures: leave one of them out")
+    }
 }
 
 impl ShowOptions {
@@ -116,7 +130,8 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     options.show.check()?;
     // What may be missing on this machine comes before any wait.
-    let screen = Screen::open(options, device)?;
+    options.check()?;
+    let screen = Screen::open(&options.show, device)?;
     let line = Line::open(&options.trust)?;
     let (report, outcome) = show(options, screen, &line)?;
     if let Some(report) = report {
@@ -130,7 +145,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
 ///
 /// # Errors
 /// If they cannot be shown.
-pub(crate) fn show(
+fn show(
     options: &Options,
     mut screen: Screen,
     line: &Line,
@@ -157,7 +172,7 @@ pub(crate) fn show(
         if sound.is_none() {
             sound = Some(options.show.sound.begin(&voices, line.clock)?);
         }
-        let shown = screen.show(options, &people, &context, &until)?;
+        let shown = screen.show(&options.show, &people, &context, &until)?;
         if let (true, Some(announced)) = (screen.can_go_on(), shown.came_back()) {
             println!("the sender has come back with another avatar");
             again = Some(announced);

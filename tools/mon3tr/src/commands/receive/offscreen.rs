@@ -1,6 +1,6 @@
 //! `--display offscreen`: the session as pictures on disk, as a display of 60 Hz would show it.
 
-use super::Options;
+use super::ShowOptions;
 use crate::film::{Film, write_png};
 use crate::flat::{self, display_error};
 use crate::gaze::Gaze;
@@ -32,7 +32,7 @@ pub(super) struct Pictures<'a> {
 
 impl<'a> Pictures<'a> {
     pub(super) fn new(
-        options: &Options,
+        options: &ShowOptions,
         size: Size,
         folder: &Path,
         gaze: Option<Gaze>,
@@ -40,9 +40,9 @@ impl<'a> Pictures<'a> {
     ) -> Self {
         Self {
             until,
-            viewpoint: options.show.view,
+            viewpoint: options.view,
             size,
-            views: options.show.views(),
+            views: options.views(),
             gaze,
             film: Film::start(folder.join("animation.webp")),
             moments: Moments::default(),

@@ -7,6 +7,7 @@ use crate::progress;
 use crate::stills::load_avatar;
 use anyhow::Context;
 use app_session::arrival::{self, Waiting};
+use app_session::call::CallWatch;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use link_http::{Client, PackageCache};
 use link_protocol::{Announcement, RoomLink};
@@ -20,27 +21,29 @@ use std::time::Instant;
 
 /// A person who is in a room, with the avatar here.
 #[derive(Debug)]
-pub(super) struct Person {
-    pub(super) room: RoomLink,
-    pub(super) announced: Announcement,
-    pub(super) avatar: Arc<Avatar>,
-    pub(super) figures: AvatarFigures,
-    pub(super) download: Download,
+pub(crate) struct Person {
+    pub(crate) room: RoomLink,
+    pub(crate) announced: Announcement,
+    pub(crate) avatar: Arc<Avatar>,
+    pub(crate) figures: AvatarFigures,
+    pub(crate) download: Download,
     /// What they say, to be played.
-    pub(super) voice: VoiceQueue,
+    pub(crate) voice: VoiceQueue,
+    /// What is counted and told of the call with them.
+    pub(crate) watch: CallWatch,
 }
 
 /// How an avatar came here.
 #[derive(Debug, Clone, Copy, serde::Serialize)]
-pub(super) struct Download {
+pub(crate) struct Download {
     /// Bytes that crossed the network: none where the cache had it.
-    pub(super) bytes: u64,
-    pub(super) seconds: f64,
+    pub(crate) bytes: u64,
+    pub(crate) seconds: f64,
 }
 
 impl Person {
     /// For a session.
-    pub(super) fn participant(&self, sits: bool, network: &NetworkContext) -> Participant {
+    pub(crate) fn participant(&self, sits: bool, network: &NetworkContext) -> Participant {
         Participant {
             avatar: Arc::clone(&self.avatar),
             sits,
@@ -49,6 +52,7 @@ impl Person {
                 announced: self.announced,
                 network: network.clone(),
                 voice: self.voice.clone(),
+                watch: self.watch.clone(),
             },
         }
     }
@@ -56,7 +60,7 @@ impl Person {
 
 /// Waits for all senders, one after the other, and fetches their avatars; nothing if it is time to leave before. Of a sender who has
 /// come back, `again` is known what was announced. What they say goes to `voices`, in the order of the rooms.
-pub(super) fn gather(
+pub(crate) fn gather(
     options: &Options,
     line: &Line,
     again: Option<Announcement>,
@@ -86,6 +90,7 @@ pub(super) fn gather(
             figures,
             download,
             voice: voice.clone(),
+            watch: CallWatch::default(),
         });
     }
     Ok(Some(people))
@@ -106,7 +111,8 @@ pub(crate) async fn wait_for_sender(
         .context("cannot join the room")
 }
 
-fn fetch(
+/// The avatar that was announced in `room`, from this machine's cache or else from the server.
+pub(crate) fn fetch(
     network: &Network,
     client: &Client,
     room: &RoomLink,

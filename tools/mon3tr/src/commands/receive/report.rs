@@ -85,18 +85,18 @@ fn print_measured(measured: &Measured) {
 
 impl Report {
     /// Of these people, and whether it came to a good end: if all people's calls failed, the last one's trouble is an error.
-    pub(super) fn new(
+    pub(crate) fn new(
         people: Vec<Person>,
         shown: Shown,
     ) -> anyhow::Result<(Self, anyhow::Result<()>)> {
         let (drawn, calls) = match shown {
-            Shown::Undrawn(call) => {
-                let call = Ended {
-                    call: Some(*call),
+            Shown::Undrawn(calls) => {
+                let ended = |call| Ended {
+                    call: Some(call),
                     error: None,
                     measured: None,
                 };
-                (None, vec![call])
+                (None, calls.into_iter().map(ended).collect())
             }
             Shown::Drawn(drawn) => split(*drawn),
         };

@@ -3,7 +3,8 @@
 use super::album::Album;
 use super::offscreen::Pictures;
 use super::people::Person;
-use super::{Display, Options, undrawn};
+use super::{Display, ShowOptions, undrawn};
+use crate::commands::call::Guests;
 use crate::device_options::{DeviceOptions, compiled, inference_backends, make_folder};
 use crate::flat;
 use crate::gaze::{Gaze, GazeFigures, Sight};
@@ -17,7 +18,7 @@ use app_pipeline::quality::QualityMode;
 use app_session::call::CallEnd;
 use app_session::display::{self, OffscreenDisplay};
 use app_session::headset::{HeadsetDisplay, HeadsetFigures, HeadsetHandle, PresentOptions};
-use app_session::participant::{CallReport, NetworkContext};
+use app_session::participant::{CallReport, NetworkContext, Participant};
 use app_session::presence::DISTANCE;
 use app_session::session::{Session, SessionReport};
 use glam::{Quat, Vec3};
@@ -25,10 +26,15 @@ use link_protocol::Announcement;
 use npu_runtime::Runtime;
 use renderer_openxr::headset::HeadsetOptions;
 use renderer_vulkan::gpu::Gpu;
+use std::iter;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 use winit::event_loop::EventLoop;
+
+/// What `--display none` does.
+pub(super) const NO_PICTURES: &str = "draws no pictures";
 
 /// Pictures a second of a flat display, as most are.
 const HERTZ: f64 = 60.0;
@@ -72,13 +78,14 @@ impl Flat {
 }
 
 /// What a session on a display left.
-pub(super) enum Shown {
+pub(crate) enum Shown {
     Drawn(Box<Drawn>),
-    Undrawn(Box<CallReport>),
+    /// The calls, in the order in which they were joined.
+    Undrawn(Vec<CallReport>),
 }
 
 /// What a session that was drawn left.
-pub(super) struct Drawn {
+pub(crate) struct Drawn {
     pub(super) session: SessionReport,
     pub(super) views: u32,
     pub(super) size: Size,
@@ -92,8 +99,8 @@ pub(super) struct Drawn {
 
 impl Screen {
     /// Opens what was asked for; with `auto` the first of a headset, a window and pictures on disk that there is.
-    pub(crate) fn open(options: &Options, device: &DeviceOptions) -> anyhow::Result<Self> {
-        match options.show.display {
+    pub(crate) fn open(options: &ShowOptions, device: &DeviceOptions) -> anyhow::Result<Self> {
+        match options.display {
             Display::Auto => match open_headset(options) {
                 Ok(headset) => Self::headset(options, device, headset),
                 Err(why) => {
@@ -112,15 +119,9 @@ impl Screen {
             Display::Window => Self::window(options, Flat::open(device)?, open_events()?),
             Display::Offscreen => Self::offscreen(options, Flat::open(device)?),
             Display::None => {
-                let what = match (options.rooms.len(), options.frames, options.show.seat) {
-                    (2.., ..) => Some("several links"),
-                    (_, Some(_), _) => Some("--frames"),
-                    (.., true) => Some("--seat"),
-                    _ => None,
-                };
-                if let Some(what) = what {
+                if options.seat {
                     bail!(
-                        "--display none draws no pictures, and {what} is for pictures: leave one of them out"
+                        "--display none {NO_PICTURES}, and --seat is for pictures: leave one of them out"
                     );
                 }
                 open_gaze(options, Sight::Nothing)?;
@@ -130,11 +131,11 @@ impl Screen {
     }
 
     fn headset(
-        options: &Options,
+        options: &ShowOptions,
         device: &DeviceOptions,
         headset: HeadsetHandle,
     ) -> anyhow::Result<Self> {
-        if let Some(folder) = &options.show.out {
+        if let Some(folder) = &options.out {
             make_folder(folder)?;
         }
         Ok(Self::Headset {
@@ -143,7 +144,7 @@ impl Screen {
         })
     }
 
-    fn window(options: &Options, flat: Flat, events: EventLoop<()>) -> anyhow::Result<Self> {
+    fn window(options: &ShowOptions, flat: Flat, events: EventLoop<()>) -> anyhow::Result<Self> {
         Ok(Self::Window {
             events: Some(Box::new(events)),
             gaze: open_gaze(options, Sight::Window)?,
@@ -151,8 +152,8 @@ impl Screen {
         })
     }
 
-    fn offscreen(options: &Options, flat: Flat) -> anyhow::Result<Self> {
-        make_folder(&options.show.folder())?;
+    fn offscreen(options: &ShowOptions, flat: Flat) -> anyhow::Result<Self> {
+        make_folder(&options.folder())?;
         Ok(Self::Offscreen {
             gaze: open_gaze(options, Sight::Offscreen)?,
             flat,
@@ -167,34 +168,79 @@ impl Screen {
     /// Shows `people` until it is over.
     pub(super) fn show(
         &mut self,
-        options: &Options,
+        options: &ShowOptions,
         people: &[Person],
         network: &NetworkContext,
         until: &Until,
     ) -> anyhow::Result<Shown> {
+        if let Self::Undrawn = self {
+            let person = people.first().context("there is no link")?;
+            let person = person.participant(false, network);
+            return Ok(Shown::Undrawn(undrawn::run(iter::once(person), until)));
+        }
+        let participants = (people.iter())
+            .map(|person| person.participant(options.seat, network))
+            .collect();
+        let shown = self.draw(options, participants, None, until)?;
+        Ok(Shown::Drawn(Box::new(shown)))
+    }
+
+    /// Shows the people of a call as they come, and oneself, who is `own`, on demand, until it is over.
+    ///
+    /// # Errors
+    /// If nothing can be shown.
+    pub(crate) fn show_call(
+        mut self,
+        options: &ShowOptions,
+        own: Participant,
+        guests: Guests,
+        stop: &Arc<AtomicBool>,
+    ) -> anyhow::Result<Shown> {
+        let until = Until::new(stop, None, None);
+        if let Self::Undrawn = self {
+            let newcomers = guests.newcomers;
+            let next = iter::from_fn(|| undrawn::next(&newcomers, &until));
+            return Ok(Shown::Undrawn(undrawn::run(next, &until)));
+        }
+        let mut drawn = self.draw(options, vec![own], Some(guests), &until)?;
+        // The first one is oneself.
+        drop(drawn.session.people.drain(..1));
+        Ok(Shown::Drawn(Box::new(drawn)))
+    }
+
+    fn draw(
+        &mut self,
+        options: &ShowOptions,
+        participants: Vec<Participant>,
+        guests: Option<Guests>,
+        until: &Until,
+    ) -> anyhow::Result<Drawn> {
         let compiled = compiled()?;
+        let (newcomers, controls) = match guests {
+            Some(Guests {
+                newcomers,
+                controls,
+            }) => (Some(newcomers), Some(controls)),
+            None => (None, None),
+        };
         let session = |runtime: &Runtime, quality, display: &mut dyn display::Display| {
             let backends = inference_backends(runtime, &compiled);
-            let participants = (people.iter())
-                .map(|person| person.participant(options.show.seat, network))
-                .collect();
-            let config = options.show.lanes.session(backends, quality);
-            Session::new(config, participants, Control::default()).run(display)
-        };
-        let size = options.show.size.unwrap_or(DEFAULT_SIZE);
-        let views = options.show.views();
-        let background = || flat::background(&options.show.scenery);
-        let drawn = match self {
-            Self::Undrawn => {
-                let person = people.first().context("there is no link")?;
-                return Ok(Shown::Undrawn(Box::new(undrawn::run(
-                    person, network, until,
-                ))));
+            let config = options.lanes.session(backends, quality);
+            let mut session = Session::new(config, participants, Control::default());
+            if let Some(newcomers) = newcomers {
+                session = session.with_newcomers(newcomers);
             }
+            session.run(display)
+        };
+        let size = options.size.unwrap_or(DEFAULT_SIZE);
+        let views = options.views();
+        let background = || flat::background(&options.scenery);
+        Ok(match self {
+            Self::Undrawn => bail!("--display none {NO_PICTURES}"),
             Self::Offscreen { gaze, flat } => {
-                let folder = options.show.folder();
+                let folder = options.folder();
                 let mut pictures = Pictures::new(options, size, &folder, gaze.clone(), until);
-                let needs = flat::needs(&flat.gpu, size, views, &options.show.view, HERTZ);
+                let needs = flat::needs(&flat.gpu, size, views, &options.view, HERTZ);
                 let mut display = OffscreenDisplay::new(needs, background(), &mut pictures);
                 // Pictures on disk are as good as they can be.
                 let session = session(&flat.runtime, QualityMode::Fixed(0), &mut display)?;
@@ -213,14 +259,15 @@ impl Screen {
             Self::Window { events, gaze, flat } => {
                 let mut display = WindowDisplay {
                     events: events.take().map(|events| *events),
-                    needs: flat::needs(&flat.gpu, size, views, &options.show.view, HERTZ),
+                    needs: flat::needs(&flat.gpu, size, views, &options.view, HERTZ),
                     background: background(),
                     views,
-                    viewpoint: options.show.view,
+                    viewpoint: options.view,
                     gaze: gaze.take(),
                     until,
                     size,
                     first: None,
+                    controls,
                 };
                 let session = session(&flat.runtime, QualityMode::Adapt, &mut display)?;
                 Drawn {
@@ -236,20 +283,20 @@ impl Screen {
             }
             Self::Headset { headset, runtime } => {
                 let headset = headset.take().context("the headset was shown a session")?;
-                let scenery = options.show.scenery.around(None, BEFORE, Quat::IDENTITY)?;
+                let scenery = options.scenery.around(None, BEFORE, Quat::IDENTITY)?;
                 let present = PresentOptions {
                     scene: (scenery.as_ref())
                         .map(|scenery| (Arc::clone(&scenery.background), Scenery::filter(scenery))),
-                    read_back: options.show.out.is_some(),
+                    read_back: options.out.is_some(),
                     display_hz: None,
                 };
                 // Pictures on disk are as good as they can be; the eyes' are to come in time.
-                let quality = if options.show.out.is_some() {
+                let quality = if options.out.is_some() {
                     QualityMode::Fixed(0)
                 } else {
                     QualityMode::Adapt
                 };
-                let mut album = Album::new(until, options.show.out.is_some());
+                let mut album = Album::new(until, options.out.is_some());
                 let mut display = HeadsetDisplay::new(*headset, present, &mut album);
                 let session = session(runtime, quality, &mut display)?;
                 let figures = display.into_figures();
@@ -262,23 +309,22 @@ impl Screen {
                     display_period: figures.display_period(),
                     gaze: None,
                     headset: Some(figures),
-                    pictures: match &options.show.out {
+                    pictures: match &options.out {
                         Some(folder) => album.write(folder)?,
                         None => Vec::new(),
                     },
                 }
             }
-        };
-        Ok(Shown::Drawn(Box::new(drawn)))
+        })
     }
 }
 
-fn open_headset(options: &Options) -> anyhow::Result<HeadsetHandle> {
-    if options.show.gaze.is_some() {
+fn open_headset(options: &ShowOptions) -> anyhow::Result<HeadsetHandle> {
+    if options.gaze.is_some() {
         bail!("--gaze moves a camera, and in a headset the head does: leave it out");
     }
     let headset = HeadsetOptions {
-        eye_size: options.show.size.map(|size| [size.width, size.height]),
+        eye_size: options.size.map(|size| [size.width, size.height]),
         validation: false,
     };
     let runtime = renderer_openxr::runtime::Runtime::load()?;
@@ -289,16 +335,27 @@ fn open_events() -> anyhow::Result<EventLoop<()>> {
     window::events("give --display offscreen for pictures on disk")
 }
 
-fn open_gaze(options: &Options, sight: Sight) -> anyhow::Result<Option<Gaze>> {
-    let gaze = options.show.gaze.as_ref();
+fn open_gaze(options: &ShowOptions, sight: Sight) -> anyhow::Result<Option<Gaze>> {
+    let gaze = options.gaze.as_ref();
     gaze.map(|gaze| gaze.open(sight)).transpose()
 }
 
 impl Shown {
+    /// When the first picture with people in it was begun, if there was one.
+    pub(crate) fn first_picture(&self) -> Option<Instant> {
+        match self {
+            Self::Undrawn(_) => None,
+            Self::Drawn(drawn) => drawn.first,
+        }
+    }
+
     /// What the sender announced who has come back with another avatar, if it is the only one.
     pub(super) fn came_back(&self) -> Option<Announcement> {
         let call = match self {
-            Self::Undrawn(call) => call,
+            Self::Undrawn(calls) => match &calls[..] {
+                [call] => call,
+                _ => return None,
+            },
             Self::Drawn(drawn) => match &drawn.session.people[..] {
                 [person] => person.call.as_ref()?,
                 _ => return None,

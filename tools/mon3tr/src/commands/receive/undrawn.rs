@@ -1,24 +1,54 @@
 //! `--display none`: every frame is taken as soon as it is due, and nothing is drawn: what is measured is the network and the link.
 
-use super::people::Person;
 use crate::until::Until;
-use app_session::participant::{CallReport, NetworkContext};
+use app_session::participant::{CallReport, Origin, Participant};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
 /// How long to wait at most before looking whether it is time to leave.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Takes a person's frames until it is over.
-pub(super) fn run(person: &Person, network: &NetworkContext, until: &Until) -> CallReport {
+/// The next one of `newcomers`; nothing when it is over.
+pub(super) fn next(newcomers: &Receiver<Participant>, until: &Until) -> Option<Participant> {
+    while !until.is_over(0) {
+        match newcomers.recv_timeout(LOOK) {
+            Ok(newcomer) => return Some(newcomer),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return None,
+        }
+    }
+    None
+}
+
+/// Takes the frames of all `people`, each from when they come, until it is over or there are no more of them.
+pub(super) fn run(people: impl Iterator<Item = Participant>, until: &Until) -> Vec<CallReport> {
+    std::thread::scope(|scope| {
+        let calls: Vec<_> = people
+            .map(|person| scope.spawn(move || follow(&person, until)))
+            .collect();
+        calls
+            .into_iter()
+            .filter_map(|call| call.join().unwrap_or_default())
+            .collect()
+    })
+}
+
+/// Takes a person's frames until it is over; nothing of one who is in no room.
+fn follow(person: &Participant, until: &Until) -> Option<CallReport> {
+    let Origin::Room {
+        link,
+        announced,
+        network,
+        voice,
+        watch,
+    } = &person.origin
+    else {
+        return None;
+    };
     let skeleton = &person.avatar.skeleton;
-    let mut call = network.join(
-        &person.room,
-        person.announced,
-        skeleton,
-        person.voice.clone(),
-    );
+    let mut call = network.join(link, *announced, skeleton, voice.clone(), watch.clone());
     while !until.is_over(0) && !call.is_over() {
         call.wait(LOOK);
     }
-    CallReport::hang_up(call, &network.network)
+    Some(CallReport::hang_up(call, &network.network))
 }

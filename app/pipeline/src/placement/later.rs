@@ -1,0 +1,60 @@
+//! Placing the stages of who joins while others are shown: as theirs, without trials, which would hold up everyone's pictures.
+
+use super::{InferenceBackends, Placed, PlacementReport};
+use crate::control::Control;
+use crate::error::ReceiverError;
+use crate::inference::Inference;
+use crate::plan::{Plan, unit_of};
+use crate::stage::Stage;
+use npu_runtime::ProviderKind;
+use spmm3::Avatar;
+use std::sync::Arc;
+
+/// Places the stages of `avatar` as those of another person, `like`, who is shown on the same device; on the host where theirs are on the device, which
+/// poses one person only. Opens the graph's session, and draws nothing.
+///
+/// # Errors
+/// If the provider cannot take this avatar's graph. [`ReceiverError::Left`] if `control` ends it.
+pub fn place_like(
+    backends: &InferenceBackends<'_>,
+    avatar: &Arc<Avatar>,
+    like: &PlacementReport,
+    control: &Control,
+) -> Result<Placed, ReceiverError> {
+    control.checkpoint()?;
+    let runtime = backends.runtime.cancelled_by(control.cancel());
+    let plan = if like.plan == Plan::Gpu {
+        Plan::Cpu
+    } else {
+        like.plan
+    };
+    let provider = like.provider;
+    let mut inference =
+        Inference::open(&runtime, avatar, plan.graph(), &[provider], backends.cache)?;
+    inference.fall_back_on(ProviderKind::Cpu.with_threads(backends.threads));
+    if let Some(expected) = like.inference() {
+        inference.expect(expected);
+    }
+    let (landing, graph) = inference.landing();
+    let unit = unit_of(provider.kind());
+    let report = PlacementReport {
+        requested: like.requested.clone(),
+        plan,
+        provider: inference.provider(),
+        units: Stage::ALL
+            .into_iter()
+            .map(|stage| (stage, plan.unit(stage, unit)))
+            .collect(),
+        reason: "as the one who was here before".to_owned(),
+        alternatives: Vec::new(),
+        providers: like.providers.clone(),
+        landing: landing.clone(),
+        graph,
+        changes: Vec::new(),
+    };
+    Ok(Placed {
+        plan,
+        inference,
+        report,
+    })
+}

@@ -1,0 +1,142 @@
+//! What a person in a call steers: by keys of the window, or by lines on the terminal.
+
+use super::roster::Members;
+use app_session::own_motion::OwnMotion;
+use link_call::Privacy;
+use link_playout::Clock;
+use std::io::BufRead;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+/// What keys do, as it is told at the start.
+pub(crate) const KEYS: &str = "keys: m mute, h hide, s see yourself, w who is there, q hang up (in the window, or here with Enter)";
+
+/// A person's controls of a call. Clones steer the same call.
+#[derive(Debug, Clone)]
+pub(crate) struct Controls {
+    pub(super) privacy: Privacy,
+    pub(super) members: Members,
+    pub(super) clock: Clock,
+    /// A look at oneself.
+    pub(super) own: OwnMotion,
+    pub(super) stop: Arc<AtomicBool>,
+}
+
+impl Controls {
+    /// Does what `key` stands for; whether it stands for anything.
+    pub(crate) fn press(&self, key: char) -> bool {
+        match key.to_ascii_lowercase() {
+            'm' => {
+                let muted = self.privacy.toggle_mute().muted;
+                println!(
+                    "{}",
+                    if muted {
+                        "you are muted"
+                    } else {
+                        "you are heard"
+                    }
+                );
+            }
+            'h' => {
+                let hidden = self.privacy.toggle_hide().hidden;
+                println!(
+                    "{}",
+                    if hidden {
+                        "you are hidden"
+                    } else {
+                        "you are seen"
+                    }
+                );
+            }
+            's' => {
+                let seen = self.own.toggle();
+                println!(
+                    "{}",
+                    if seen {
+                        "you see yourself"
+                    } else {
+                        "you do not see yourself"
+                    }
+                );
+            }
+            'w' => self.print_who(),
+            'q' => self.stop.store(true, Relaxed),
+            _ => return false,
+        }
+        true
+    }
+
+    /// Whose voice is heard now.
+    pub(crate) fn speakers(&self) -> Vec<String> {
+        let now = self.clock.now();
+        let all = self.members.all().into_iter();
+        all.filter(|member| member.voice.heard_offset_us(now).is_some())
+            .map(|member| member.name)
+            .collect()
+    }
+
+    fn print_who(&self) {
+        let own = self.privacy.state();
+        let mut lines = vec![format!("you{}", described(own.muted, own.hidden, false))];
+        let speakers = self.speakers();
+        for member in self.members.all() {
+            let state = member.watch.state();
+            let speaks = speakers.contains(&member.name);
+            let described = described(state.muted, state.hidden, speaks);
+            lines.push(format!("{}{described}", member.name));
+        }
+        println!("in the call: {}", lines.join("; "));
+    }
+
+    /// Does what lines of `input` ask for, one key each, until it ends.
+    pub(super) fn listen(&self, input: impl BufRead) {
+        // Keys are single characters; a line that is longer is not read into memory whole.
+        let mut is_first = true;
+        for byte in input.bytes() {
+            let Ok(byte) = byte else { break };
+            let key = char::from(byte);
+            if byte == b'\n' {
+                is_first = true;
+            } else if std::mem::replace(&mut is_first, false) && !self.press(key) {
+                println!("{KEYS}");
+            }
+        }
+    }
+}
+
+fn described(muted: bool, hidden: bool, speaks: bool) -> String {
+    let words = [(muted, "muted"), (hidden, "hidden"), (speaks, "speaking")];
+    let words: Vec<&str> = words
+        .into_iter()
+        .filter_map(|(holds, word)| holds.then_some(word))
+        .collect();
+    if words.is_empty() {
+        String::new()
+    } else {
+        format!(" ({})", words.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_letter_of_a_line_is_a_key_and_the_rest_of_it_is_none() {
+        let controls = Controls {
+            privacy: Privacy::default(),
+            members: Members::default(),
+            clock: Clock::start(),
+            own: OwnMotion::default(),
+            stop: Arc::default(),
+        };
+        controls.listen(&b"mute\nH\n\nx\ns\n"[..]);
+        let state = controls.privacy.state();
+        assert!(state.muted && state.hidden, "{state:?}");
+        assert!(!controls.own.toggle(), "they saw themselves");
+        assert!(!controls.stop.load(Relaxed), "goes on");
+        controls.listen(&b"m\nq"[..]);
+        assert!(!controls.privacy.state().muted, "heard again");
+        assert!(controls.stop.load(Relaxed), "hung up");
+    }
+}

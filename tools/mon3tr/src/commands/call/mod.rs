@@ -1,0 +1,273 @@
+//! `mon3tr call`: up to eight people see and hear one another, by one link.
+
+mod controls;
+mod roster;
+
+pub(crate) use controls::Controls;
+
+use crate::commands::receive::people::Person;
+use crate::commands::{receive, send};
+use crate::device_options::DeviceOptions;
+use crate::network::{self, Line};
+use crate::remembered::Remembered;
+use crate::report::{check_writable, write_json};
+use crate::until::SetAtEnd;
+use anyhow::{Context, anyhow};
+use app_session::own_motion::OwnMotion;
+use app_session::participant::{NetworkContext, Origin, Participant};
+use controls::KEYS;
+use link_protocol::limits::MAX_PEOPLE;
+use link_protocol::{CallLink, PersonName};
+use link_voice::VoiceQueue;
+use roster::{Members, Roster, RosterFigures};
+use sender::Place;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Options of `call`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// The link that the first one in was told, the same for everyone; without one, this is the first one in, and the link is printed
+    #[arg(value_name = "LINK", conflicts_with = "server")]
+    link: Option<String>,
+    /// What the others read that you are called [default: as in the last call, or your seat's number]
+    #[arg(long, value_name = "NAME")]
+    name: Option<PersonName>,
+    #[command(flatten)]
+    person: send::PersonOptions,
+    #[command(flatten)]
+    host: send::HostOptions,
+    #[command(flatten)]
+    show: receive::ShowOptions,
+    /// Hang up so many seconds after the first other one is there [default: on q, on Ctrl-C, or when the window is closed]
+    #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
+    seconds: Option<Duration>,
+    #[command(flatten)]
+    trust: network::Trust,
+    /// Write every figure as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What was measured both ways.
+#[derive(Serialize)]
+struct Report {
+    sent: send::Report,
+    /// Nothing where no other one came.
+    received: Option<receive::Report>,
+    joining: Joining,
+}
+
+/// How long it took from the command's start until the others were there.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct Joining {
+    /// Until this side sat in the call, seconds: the avatar loaded, and put into the store if it was not there.
+    seated_s: f64,
+    /// From then until the first of the others had their avatar here.
+    first_member_s: Option<f64>,
+    /// From when the first of the others had their avatar here until the first picture of them.
+    first_picture_s: Option<f64>,
+    /// The same until the first sound of them.
+    first_sound_s: Option<f64>,
+}
+
+/// The other people of a call, as they come, for what shows them.
+pub(crate) struct Guests {
+    pub(crate) newcomers: Receiver<Participant>,
+    pub(crate) controls: Controls,
+}
+
+/// Runs `call`.
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
+    let begun = Instant::now();
+    options.json.as_deref().map_or(Ok(()), check_writable)?;
+    options.show.check()?;
+    let (me, avatar) = options.me()?;
+    let line = Line::open(&options.trust)?;
+    // Not by the command line's own parser, which repeats what it refuses: it has a token.
+    let given: Option<CallLink> = options.link.as_deref().map(str::parse).transpose()?;
+    // A window's events come to this thread only.
+    let screen = receive::Screen::open(&options.show, device)?;
+    let own = OwnMotion::default();
+    let mut performer = send::Performer::open(&options.person, &avatar, None, device)?;
+    performer.mirror(&own);
+    let link = match &given {
+        Some(link) => link.clone(),
+        None => options.open_call(&line)?,
+    };
+    let place = Place::Call {
+        link: link.clone(),
+        name: me.name.clone(),
+    };
+    let desk = options.person.desk(place, &avatar, performer.rate_hz);
+    let entered = send::enter(&desk, &line)?;
+    me.keep();
+    let seated = Instant::now();
+    if given.is_none() {
+        print_link(&link);
+    }
+    println!("you are in the call; {KEYS}");
+
+    let voices: Vec<_> = (0..MAX_PEOPLE).map(|_| VoiceQueue::default()).collect();
+    let members = Members::default();
+    let controls = Controls {
+        privacy: entered.host.privacy(),
+        members: members.clone(),
+        clock: line.clock,
+        own: own.clone(),
+        stop: Arc::clone(&line.stop),
+    };
+    let roster = Roster {
+        link,
+        own: entered.sender.clone(),
+        voices: voices.clone(),
+        members,
+        offers: entered.host.offers(),
+        longest: options.seconds,
+        line: &line,
+    };
+    let steered = controls.clone();
+    std::thread::Builder::new()
+        .name("keys".to_owned())
+        // It ends with the process: nothing ends a read of the terminal.
+        .spawn(move || steered.listen(std::io::stdin().lock()))
+        .context("cannot start a thread for the keys")?;
+    let context = NetworkContext {
+        network: line.network.handle(),
+        client: line.client.clone(),
+        clock: line.clock,
+    };
+    let sound = options.show.sound.begin(&voices, line.clock)?;
+    let came = Mutex::new(Vec::new());
+    let (admit, newcomers) = channel();
+    let guests = Guests {
+        newcomers,
+        controls,
+    };
+    let sits = options.show.seat;
+    let own = Participant {
+        avatar: Arc::clone(&performer.avatar),
+        sits,
+        origin: Origin::Own(own),
+    };
+    let (sent, shown, figures) = std::thread::scope(|scope| {
+        let sent = scope.spawn(|| {
+            let _over = SetAtEnd(&line.stop);
+            send::perform(&desk, entered.host, performer, None, &line)
+        });
+        let figures = scope.spawn(|| {
+            let _over = SetAtEnd(&line.stop);
+            roster.follow(|person: Person| {
+                let participant = person.participant(sits, &context);
+                came.lock()
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .push(person);
+                admit.send(participant).is_ok()
+            })
+        });
+        let shown = {
+            let _over = SetAtEnd(&line.stop);
+            screen.show_call(&options.show, own, guests, &line.stop)
+        };
+        (sent.join(), shown, figures.join())
+    });
+    let figures = figures.map_err(|_| anyhow!("the thread of the roster has failed"))?;
+    let sent = sent.map_err(|_| anyhow!("the thread that sends has failed"))??;
+    let shown = shown?;
+    sound.end()?;
+    sent.print();
+    let joining = Joining::new(begun, seated, &figures, shown.first_picture());
+    let came = came.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let (received, outcome) = if came.is_empty() {
+        println!("no one else came");
+        (None, Ok(()))
+    } else {
+        let (received, outcome) = receive::Report::new(came, shown)?;
+        received.print();
+        (Some(received), outcome)
+    };
+    joining.print();
+    let report = Report {
+        sent,
+        received,
+        joining,
+    };
+    write_json(options.json.as_deref(), &report)?;
+    outcome
+}
+
+impl Options {
+    /// Who this is, by options or as in the last call, and the avatar's package.
+    fn me(&self) -> anyhow::Result<(Remembered, PathBuf)> {
+        let last = Remembered::load();
+        let avatar = match &self.person.avatar {
+            // By itself, for the next call may begin in another folder.
+            Some(avatar) => std::path::absolute(avatar)
+                .with_context(|| format!("cannot find {}", avatar.display()))?,
+            None => last.avatar.context(
+                "no avatar: give --avatar PACKAGE, which is remembered; `mon3tr bake` makes one to begin with",
+            )?,
+        };
+        let me = Remembered {
+            avatar: Some(avatar.clone()),
+            name: self.name.clone().or(last.name),
+        };
+        Ok((me, avatar))
+    }
+
+    fn open_call(&self, line: &Line) -> anyhow::Result<CallLink> {
+        let token = self.host.owner_token()?;
+        let opened = line.client.open_call(self.host.server(), &token, None);
+        line.network.block_on(opened).context("cannot open a call")
+    }
+}
+
+fn print_link(link: &CallLink) {
+    println!("others join with\n  mon3tr call '{link}'");
+    if link.server().is_loopback() {
+        println!(
+            "(on this machine only: give call the server's own address with --server for a link that works elsewhere)"
+        );
+    }
+}
+
+impl Joining {
+    fn new(
+        begun: Instant,
+        seated: Instant,
+        figures: &RosterFigures,
+        first_picture: Option<Instant>,
+    ) -> Self {
+        let since =
+            |from: Instant| move |to: Instant| to.saturating_duration_since(from).as_secs_f64();
+        let from_member = |to: Option<Instant>| {
+            let from = figures.first_member?;
+            to.map(since(from))
+        };
+        Self {
+            seated_s: since(begun)(seated),
+            first_member_s: figures.first_member.map(since(seated)),
+            first_picture_s: from_member(first_picture),
+            first_sound_s: from_member(figures.first_sound),
+        }
+    }
+
+    fn print(&self) {
+        let told = |what: &str, seconds: Option<f64>| {
+            seconds.map(|seconds| format!("{what} {seconds:.2} s later"))
+        };
+        let parts: Vec<String> = [
+            Some(format!("in the call after {:.2} s", self.seated_s)),
+            told("the first of the others was there", self.first_member_s),
+            told("their first picture", self.first_picture_s),
+            told("their first sound", self.first_sound_s),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        println!("{}", parts.join("; "));
+    }
+}
