@@ -94,9 +94,7 @@ impl Ready {
             report,
         } = placed;
         // Networks are repacked for the kernels by several threads, which end with that.
-        let joined = in_own_pool("join", || lanes.join(&avatar, inference, source, plan))
-            .map_err(ReceiverError::from)
-            .flatten();
+        let joined = in_own_pool("join", || lanes.join(&avatar, inference, source, plan)).flatten();
         match joined {
             Ok(number) => Ok(Some((number, avatar, report))),
             Err(error) => {

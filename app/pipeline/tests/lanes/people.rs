@@ -286,3 +286,41 @@ fn two_people_lose_quality_together() {
     };
     assert_eq!(few, 2 * 700, "35 % of each");
 }
+
+#[test]
+fn a_newcomer_takes_the_number_of_one_who_is_gone_and_each_is_recorded() {
+    let Some(gpu) = vulkan::gpu() else { return };
+    let at_rest = || Swing::new(30.0, 1_000_000, 0.0);
+    let Some(mut stage) = Stage::new(&gpu, Plan::CpuTail, &[CPU], at_rest()) else {
+        return;
+    };
+    let taken = stage.lanes.room_taken();
+    // There is room for two: again and again another one comes and goes.
+    for round in 1..=5u64 {
+        let guest = at_rest();
+        let hangs_up = Arc::clone(&guest.hangs_up);
+        assert_eq!(stage.join(Plan::CpuTail, guest), 1, "round {round}");
+        stage.draw_until_seen(2);
+        assert!(stage.lanes.present().eq([true, true]));
+        hangs_up.store(true, Relaxed);
+        stage.draw_until_seen(1);
+        assert!(stage.lanes.present().eq([true, false]));
+        assert_eq!(stage.lanes.room_taken(), taken, "their room is free");
+    }
+    assert!(!stage.lanes.is_over(), "one has stayed");
+    let finished = stage.lanes.finish();
+    assert_eq!(finished.len(), 6, "everyone who was there");
+    for person in &finished {
+        assert!(person.source.is_some(), "their source is given back");
+        assert!(person.error.is_none(), "{:?}", person.error);
+        assert!(person.collector.pictures().count() > 0, "they were seen");
+    }
+    let longest = finished[0].collector.pictures().count();
+    let others = finished[1..].iter();
+    assert!(
+        others
+            .map(|one| one.collector.pictures().count())
+            .all(|count| count < longest),
+        "in the order of joining, the one who stayed first"
+    );
+}

@@ -1,5 +1,6 @@
 //! Sessions on displays without a headset, against pictures of the same poses that were deformed and packed here, without lanes.
 
+mod attendance;
 mod people;
 mod stage;
 mod stills;

@@ -32,7 +32,7 @@ impl Last {
     }
 }
 
-fn seen(people: &Standpoint) -> Camera {
+pub(crate) fn seen(people: &Standpoint) -> Camera {
     let (eye, target) = (Vec3::new(0.3, 1.2, 3.5), Vec3::Y * 0.9);
     let of = camera(0.0);
     let eye = people.floor + people.heading * eye;

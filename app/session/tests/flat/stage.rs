@@ -61,13 +61,9 @@ pub(crate) fn needs(gpu: &Arc<Gpu>) -> DisplayNeeds {
     }
 }
 
-pub(crate) fn run(
-    runtime: &Runtime,
-    latency: LatencyMode,
-    participants: Vec<Participant>,
-    display: &mut dyn Display,
-) -> SessionReport {
-    let config = SessionConfig {
+/// How this crate's sessions are shown in tests.
+pub(crate) fn config(runtime: &Runtime, latency: LatencyMode) -> SessionConfig<'_> {
+    SessionConfig {
         backends: InferenceBackends {
             runtime,
             threads: 1,
@@ -80,7 +76,16 @@ pub(crate) fn run(
         },
         latency,
         quality: QualityMode::Fixed(0),
-    };
+    }
+}
+
+pub(crate) fn run(
+    runtime: &Runtime,
+    latency: LatencyMode,
+    participants: Vec<Participant>,
+    display: &mut dyn Display,
+) -> SessionReport {
+    let config = config(runtime, latency);
     let session = Session::new(config, participants, Control::default());
     session.run(display).expect("a session")
 }
