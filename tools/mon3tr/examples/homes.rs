@@ -1,5 +1,5 @@
 //! Calls between homes behind NAT, in network namespaces of this machine, measured: how long joining takes, and how long motion stops when
-//! an address changes. For the figures in `docs/calls.md`:
+//! an address changes. For the figures in `docs/call-reference.md`:
 //!
 //! ```sh
 //! eval "$(./run env)"; cargo build -p mon3tr --bin mon3tr --example homes
