@@ -23,14 +23,8 @@ pub struct Viewpoint {
 
 /// Names for `--view`, with what they show.
 const NAMED: [(&str, Viewpoint); 7] = [
-    (
-        "front",
-        Viewpoint::new([0.0, 1.05, 4.1], [0.0, 0.92, 0.0], 28.0),
-    ),
-    (
-        "three-quarter",
-        Viewpoint::new([2.2, 1.25, 3.5], [0.0, 0.92, 0.0], 28.0),
-    ),
+    ("front", Viewpoint::FRONT),
+    ("three-quarter", Viewpoint::THREE_QUARTER),
     (
         "side",
         Viewpoint::new([4.1, 1.05, 0.0], [0.0, 0.92, 0.0], 28.0),
@@ -58,6 +52,11 @@ const USUAL_HEIGHT: f32 = 1.77;
 const SAME_HEIGHT: f32 = 0.01;
 
 impl Viewpoint {
+    /// From before the person.
+    pub(crate) const FRONT: Self = Self::new([0.0, 1.05, 4.1], [0.0, 0.92, 0.0], 28.0);
+    /// From before and beside.
+    pub(crate) const THREE_QUARTER: Self = Self::new([2.2, 1.25, 3.5], [0.0, 0.92, 0.0], 28.0);
+
     const fn new(eye: [f32; 3], target: [f32; 3], fov_degrees: f32) -> Self {
         Self {
             eye: Vec3::from_array(eye),

@@ -12,6 +12,7 @@ use crate::network::{self, Line};
 use crate::remembered::Remembered;
 use crate::report::{check_writable, write_json};
 use crate::until::SetAtEnd;
+use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
 use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
@@ -84,13 +85,16 @@ pub(crate) struct Guests {
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     let begun = Instant::now();
     options.json.as_deref().map_or(Ok(()), check_writable)?;
-    options.show.check()?;
+    let mut show = options.show.clone();
+    // People who talk face one another.
+    show.view.get_or_insert(Viewpoint::FRONT);
+    show.check()?;
     let (me, avatar) = options.me()?;
     let line = Line::open(&options.trust)?;
     // Not by the command line's own parser, which repeats what it refuses: it has a token.
     let given: Option<CallLink> = options.link.as_deref().map(str::parse).transpose()?;
     // A window's events come to this thread only.
-    let screen = receive::Screen::open(&options.show, device)?;
+    let screen = receive::Screen::open(&show, device)?;
     let own = OwnMotion::default();
     let mut performer = send::Performer::open(&options.person, &avatar, None, device)?;
     performer.mirror(&own);
@@ -140,14 +144,14 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         client: line.client.clone(),
         clock: line.clock,
     };
-    let sound = options.show.sound.begin(&voices, line.clock)?;
+    let sound = show.sound.begin(&voices, line.clock)?;
     let came = Mutex::new(Vec::new());
     let (admit, newcomers) = channel();
     let guests = Guests {
         newcomers,
         controls,
     };
-    let sits = options.show.seat;
+    let sits = show.seat;
     let own = Participant {
         avatar: Arc::clone(&performer.avatar),
         sits,
@@ -170,7 +174,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         });
         let shown = {
             let _over = SetAtEnd(&line.stop);
-            screen.show_call(&options.show, own, guests, &line.stop)
+            screen.show_call(&show, own, guests, &line.stop)
         };
         (sent.join(), shown, figures.join())
     });

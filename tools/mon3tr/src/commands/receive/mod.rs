@@ -72,14 +72,9 @@ pub(crate) struct ShowOptions {
     #[arg(long)]
     stereo: bool,
     /// Where people are seen from: front, three-quarter, side, back, waist-up, face, hands, or EYE:TARGET:FOV in metres and
-    /// degrees relative to the person, e.g. 0,1.6,2:0,1.4,0:30
-    #[arg(
-        long,
-        value_name = "VIEW",
-        default_value = "three-quarter",
-        allow_hyphen_values = true
-    )]
-    view: Viewpoint,
+    /// degrees relative to the person, e.g. 0,1.6,2:0,1.4,0:30 [default: three-quarter, and front in a call both ways]
+    #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
+    pub(crate) view: Option<Viewpoint>,
     /// Let the camera follow a gaze, within 25 degrees around the person: `mouse` for the mouse in the window, or a file of an eye
     /// tracker's samples, lines of `seconds,x,y` or {"seconds":S,"x":X,"y":Y}, seconds from the first picture, x (to the right) and y (down) from 0 to 1
     #[arg(long, value_name = "mouse|FILE")]
@@ -189,6 +184,10 @@ impl ShowOptions {
     fn folder(&self) -> PathBuf {
         let asked = self.out.clone();
         asked.unwrap_or_else(|| "out/call".into())
+    }
+
+    fn viewpoint(&self) -> Viewpoint {
+        self.view.unwrap_or(Viewpoint::THREE_QUARTER)
     }
 
     fn views(&self) -> Views {

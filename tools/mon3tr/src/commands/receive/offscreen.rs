@@ -40,7 +40,7 @@ impl<'a> Pictures<'a> {
     ) -> Self {
         Self {
             until,
-            viewpoint: options.view,
+            viewpoint: options.viewpoint(),
             size,
             views: options.views(),
             gaze,

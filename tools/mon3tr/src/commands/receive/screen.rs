@@ -240,7 +240,7 @@ impl Screen {
             Self::Offscreen { gaze, flat } => {
                 let folder = options.folder();
                 let mut pictures = Pictures::new(options, size, &folder, gaze.clone(), until);
-                let needs = flat::needs(&flat.gpu, size, views, &options.view, HERTZ);
+                let needs = flat::needs(&flat.gpu, size, views, &options.viewpoint(), HERTZ);
                 let mut display = OffscreenDisplay::new(needs, background(), &mut pictures);
                 // Pictures on disk are as good as they can be.
                 let session = session(&flat.runtime, QualityMode::Fixed(0), &mut display)?;
@@ -259,10 +259,10 @@ impl Screen {
             Self::Window { events, gaze, flat } => {
                 let mut display = WindowDisplay {
                     events: events.take().map(|events| *events),
-                    needs: flat::needs(&flat.gpu, size, views, &options.view, HERTZ),
+                    needs: flat::needs(&flat.gpu, size, views, &options.viewpoint(), HERTZ),
                     background: background(),
                     views,
-                    viewpoint: options.view,
+                    viewpoint: options.viewpoint(),
                     gaze: gaze.take(),
                     until,
                     size,
