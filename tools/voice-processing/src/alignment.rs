@@ -78,9 +78,7 @@ impl Alignment {
         let whole = position.floor();
         let t = (position - whole) as f32;
         let [a, b, c, d] = [-1.0, 0.0, 1.0, 2.0].map(|k| self.sample(whole + k));
-        b + 0.5
-            * t
-            * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
+        b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))
     }
 
     #[allow(
