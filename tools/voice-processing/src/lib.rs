@@ -9,6 +9,7 @@
 
 mod alignment;
 mod far_end;
+mod loud;
 mod processor;
 
 pub use far_end::FarEnd;

@@ -1,6 +1,7 @@
 //! The microphone's side.
 
 use crate::alignment::Alignment;
+use crate::loud::Attenuator;
 use crate::{FarEnd, PIECE, RATE};
 use sonora::config::{
     AdaptiveDigital, EchoCanceller, GainController2, HighPassFilter, MaxProcessingRate,
@@ -12,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Samples that are processed at a time: 20 ms, two pieces.
 pub const FRAME: usize = 2 * PIECE;
 /// What comes out was spoken so much before what goes in: the filters that split the voice into bands, and the canceller's blocks.
-pub const DELAY: Duration = Duration::from_millis(5);
+pub const DELAY: Duration = Duration::from_millis(10);
 
 const PIECE_TIME: Duration = Duration::from_millis(10);
 
@@ -23,6 +24,7 @@ const CEILING: f32 = 0.891_25;
 pub struct VoiceProcessor {
     processing: AudioProcessing,
     far_end: Option<(FarEnd, Alignment)>,
+    attenuator: Attenuator,
     reference: [f32; PIECE],
     /// What is written where nothing is to be written.
     unused: [f32; PIECE],
@@ -70,6 +72,7 @@ impl VoiceProcessor {
                 .render_config(stream)
                 .build(),
             far_end: far_end.map(|far_end| (far_end.clone(), Alignment::new())),
+            attenuator: Attenuator::new(),
             reference: [0.0; PIECE],
             unused: [0.0; PIECE],
             piece: [0.0; PIECE],
@@ -106,6 +109,7 @@ impl VoiceProcessor {
             .processing
             .process_capture_f32(&[piece.as_slice()], &mut [&mut self.piece]);
         debug_assert!(processed.is_ok(), "the format is the one it was built for");
+        self.attenuator.process(&mut self.piece);
         for (out, sample) in piece.iter_mut().zip(&self.piece) {
             *out = sample.clamp(-1.0, 1.0) * CEILING;
         }

@@ -10,8 +10,13 @@ use speech::Random;
 use std::time::{Duration, Instant};
 use voice_processing::{DELAY, FRAME, FarEnd, PIECE, VoiceProcessor};
 
+/// Of a loudspeaker whose echo is 7 dB lower than what is played.
+pub(crate) const MODERATE: f64 = 0.25;
+
 /// A loudspeaker and a microphone in a room.
 pub(crate) struct Devices {
+    /// What the loudspeaker makes of full scale, at 1 m.
+    pub(crate) loudness: f64,
     /// What they do not know of their delay, samples.
     pub(crate) hidden: usize,
     /// How much slower the microphone's clock runs than the loudspeaker's.
@@ -21,8 +26,11 @@ pub(crate) struct Devices {
 impl Devices {
     /// The echo of what is played, as the microphone hears it.
     pub(crate) fn echo(&self, far: &[f64]) -> Vec<f64> {
-        // On a table, 60 cm apart: a laptop's loudspeaker is nearer, and louder.
-        let response = impulse_response([1.0, 1.2, 0.8], [1.5, 1.5, 0.9]);
+        // On a table, 60 cm apart.
+        let mut response = impulse_response([1.0, 1.2, 0.8], [1.5, 1.5, 0.9]);
+        for value in &mut response {
+            *value *= self.loudness;
+        }
         sampled(
             &delayed(&convolve(far, &response), self.hidden),
             self.slower,
