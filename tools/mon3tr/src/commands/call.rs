@@ -61,16 +61,18 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             open_rooms(host.server(), &token, &line)?
         }
     };
+    let (mut person, mut show) = (options.person.clone(), options.show.clone());
+    show.sound.tell(person.voice.cancel_echo());
     let receiving = receive::Options {
         rooms: vec![theirs],
         frames: None,
         seconds: options.seconds,
-        show: options.show.clone(),
+        show,
         trust: options.trust.clone(),
         json: None,
     };
     let sending = send::Options {
-        person: options.person.clone(),
+        person,
         host,
         room: Some(own),
         preview: false,

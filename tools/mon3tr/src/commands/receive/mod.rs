@@ -83,7 +83,7 @@ pub(crate) struct ShowOptions {
     #[arg(long, value_name = "mouse|FILE")]
     gaze: Option<GazeChoice>,
     #[command(flatten)]
-    sound: SoundOptions,
+    pub(in crate::commands) sound: SoundOptions,
     #[command(flatten)]
     lanes: LaneChoices,
     #[command(flatten)]
