@@ -10,6 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+use voice_processing::FarEnd;
 
 /// Samples that are made at a time: 10 ms.
 const ASKED: usize = 480;
@@ -24,12 +25,20 @@ pub(crate) struct SoundOptions {
     /// The loudspeaker, by the name that the sound server gives it [default: the server's own choice]
     #[arg(long, value_name = "NAME", conflicts_with = "sound")]
     loudspeaker: Option<String>,
+    /// Who is told what the loudspeaker plays.
+    #[arg(skip)]
+    far_end: Option<FarEnd>,
 }
 
 impl SoundOptions {
     /// The file that is written.
     pub(crate) fn file(&self) -> Option<&Path> {
         self.sound.as_deref()
+    }
+
+    /// Tells `far_end` what the loudspeaker plays.
+    pub(crate) fn tell(&mut self, far_end: Option<FarEnd>) {
+        self.far_end = far_end;
     }
 
     /// Plays these voices from now on. Where there is no loudspeaker and none was asked for, it says so, and they are not heard.
@@ -41,7 +50,7 @@ impl SoundOptions {
             return Ok(Sound::File(SoundFile::begin(path, voices, clock)?));
         }
         let asked = self.loudspeaker.as_deref();
-        match begin_loudspeaker(asked, voices, clock) {
+        match begin_loudspeaker(asked, voices, clock, self.far_end.clone()) {
             Ok(loudspeaker) => Ok(Sound::Loudspeaker(loudspeaker)),
             Err(why) if asked.is_some() => Err(why.context("no loudspeaker")),
             Err(why) => {
@@ -56,6 +65,7 @@ fn begin_loudspeaker(
     name: Option<&str>,
     voices: &[VoiceQueue],
     clock: Clock,
+    far_end: Option<FarEnd>,
 ) -> anyhow::Result<Loudspeaker> {
     let server = SoundServer::find()?;
     let mut mixer = Mixer::listen(voices)?;
@@ -64,6 +74,9 @@ fn begin_loudspeaker(
         for (piece, number) in pieces.iter_mut().zip(0..) {
             let at = at + number * Duration::from_micros(ASKED_US);
             mixer.play(clock, at, device, piece);
+            if let Some(far_end) = &far_end {
+                far_end.play(at + device, piece);
+            }
         }
     };
     Ok(Loudspeaker::begin(&server, name, Box::new(fill))?)

@@ -1,9 +1,10 @@
 //! Where the voice comes from that is sent.
 
 use anyhow::Context;
-use sender::{VoiceFile, VoiceSource};
+use sender::{ProcessedMicrophone, VoiceFile, VoiceSource};
 use sound_devices::{Microphone, SoundServer};
 use std::path::PathBuf;
+use voice_processing::{FarEnd, VoiceProcessor};
 
 /// Options of commands that send a voice.
 #[derive(Debug, Clone, clap::Args)]
@@ -18,9 +19,18 @@ pub(crate) struct VoiceOptions {
         reason = "not asked for, asked for, and asked for by name"
     )]
     microphone: Option<Option<String>>,
+    /// What a loudspeaker beside the microphone plays.
+    #[arg(skip)]
+    far_end: Option<FarEnd>,
 }
 
 impl VoiceOptions {
+    /// Lets the microphone leave out what the loudspeaker plays. Returns what that is to be told; nothing where no microphone was asked for.
+    pub(crate) fn cancel_echo(&mut self) -> Option<FarEnd> {
+        self.far_end = self.microphone.is_some().then(FarEnd::default);
+        self.far_end.clone()
+    }
+
     /// The voice that was asked for.
     ///
     /// # Errors
@@ -36,6 +46,9 @@ impl VoiceOptions {
             .and_then(|server| Microphone::open(&server, name.as_deref()))
             .context("no microphone")?;
         println!("the microphone is {}", microphone.name());
-        Ok(Some(Box::new(microphone)))
+        let processor = VoiceProcessor::new(self.far_end.as_ref());
+        Ok(Some(Box::new(ProcessedMicrophone::new(
+            microphone, processor,
+        ))))
     }
 }

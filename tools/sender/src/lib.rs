@@ -13,4 +13,4 @@ pub use clip::ClipCapture;
 pub use error::SendError;
 pub use room::{Desk, Entered, Place, enter};
 pub use send::send;
-pub use voice::{VoiceFile, VoiceSource, say};
+pub use voice::{ProcessedMicrophone, VoiceFile, VoiceSource, say};

@@ -12,6 +12,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
+use voice_processing::VoiceProcessor;
 
 /// A microphone is waited for no longer at a time: between two waits is looked whether it is time to stop.
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
@@ -77,16 +78,42 @@ fn speak(
     Ok(())
 }
 
-impl VoiceSource for Microphone {
-    fn begin(&mut self) {
-        self.skip();
-    }
+/// A microphone, without echo and noise and at an even level.
+#[derive(Debug)]
+pub struct ProcessedMicrophone {
+    microphone: Microphone,
+    processor: VoiceProcessor,
+}
 
-    fn next(&mut self, frame: &mut [f32; FRAME]) -> Result<Option<Instant>, SendError> {
-        Ok(Self::next(self, frame, LONGEST_WAIT))
+impl ProcessedMicrophone {
+    /// What `microphone` hears, by way of `processor`.
+    #[must_use]
+    pub fn new(microphone: Microphone, processor: VoiceProcessor) -> Self {
+        Self {
+            microphone,
+            processor,
+        }
     }
 }
 
+impl VoiceSource for ProcessedMicrophone {
+    fn begin(&mut self) {
+        self.microphone.skip();
+    }
+
+    fn next(&mut self, frame: &mut [f32; FRAME]) -> Result<Option<Instant>, SendError> {
+        let heard = self.microphone.next(frame, LONGEST_WAIT);
+        Ok(heard.map(|heard| {
+            self.processor.process(heard, frame);
+            heard.checked_sub(voice_processing::DELAY).unwrap_or(heard)
+        }))
+    }
+}
+
+const _: () = assert!(
+    RATE == voice_processing::RATE && FRAME == voice_processing::FRAME,
+    "voice is processed as it is encoded"
+);
 const _: () = assert!(
     RATE == sound_devices::RATE,
     "a microphone's rate is voice's"

@@ -72,7 +72,7 @@ pub(crate) struct PersonOptions {
     #[command(flatten)]
     camera: CameraOptions,
     #[command(flatten)]
-    voice: VoiceOptions,
+    pub(super) voice: VoiceOptions,
     /// Motions a second; a camera has its own rate
     #[arg(long, value_name = "HZ", default_value = "30", conflicts_with = "camera", value_parser = parse_rate)]
     rate: f64,

@@ -88,6 +88,8 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let mut show = options.show.clone();
     // People who talk face one another.
     show.view.get_or_insert(Viewpoint::FRONT);
+    let mut person = options.person.clone();
+    show.sound.tell(person.voice.cancel_echo());
     show.check()?;
     let (me, avatar) = options.me()?;
     let line = Line::open(&options.trust)?;
@@ -96,7 +98,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     // A window's events come to this thread only.
     let screen = receive::Screen::open(&show, device)?;
     let own = OwnMotion::default();
-    let mut performer = send::Performer::open(&options.person, &avatar, None, device)?;
+    let mut performer = send::Performer::open(&person, &avatar, None, device)?;
     performer.mirror(&own);
     let link = match &given {
         Some(link) => link.clone(),
@@ -106,7 +108,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         link: link.clone(),
         name: me.name.clone(),
     };
-    let desk = options.person.desk(place, &avatar, performer.rate_hz);
+    let desk = person.desk(place, &avatar, performer.rate_hz);
     let entered = send::enter(&desk, &line)?;
     me.keep();
     let seated = Instant::now();
