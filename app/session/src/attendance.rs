@@ -1,6 +1,6 @@
 //! People who come while a session is shown: each is joined and made ready in the background, then taken into the picture between two frames.
 
-use crate::display::SessionError;
+use crate::display::{SCENERY_GAUSSIANS, SessionError};
 use crate::participant::{Participant, PersonSource};
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
@@ -108,7 +108,10 @@ impl Ready {
 /// Has the renderer take the Gaussians of one more person.
 fn make_room(lanes: &mut Lanes<PersonSource>, avatar: &Avatar) -> Result<(), SessionError> {
     let count = u32::try_from(avatar.gaussians.len()).unwrap_or(u32::MAX);
-    let wanted = lanes.room_taken().saturating_add(count);
+    // Each person's shadow is more scenery than there is now.
+    let wanted = (lanes.room_taken())
+        .saturating_add(count)
+        .saturating_add(SCENERY_GAUSSIANS);
     let renderer = lanes.renderer();
     if wanted <= renderer.options().max_foreground {
         return Ok(());

@@ -119,6 +119,40 @@ impl CallWorld {
         }
     }
 
+    /// `call` in a home, with these arguments, started as `command` says, with a cache of its own: the one who opens a call, or with a `link` one who joins.
+    ///
+    /// # Panics
+    /// If the owner's token is not there.
+    #[must_use]
+    pub fn call(
+        &self,
+        home: &Home,
+        link: Option<&str>,
+        arguments: &[&str],
+        command: &mut Command,
+    ) -> Receiving {
+        let number = self.files.get();
+        self.files.set(number + 1);
+        let report = self.folder.path().join(format!("call-{number}.json"));
+        as_mon3tr(command, &report.with_extension("cache"));
+        command.arg("call").arg("--json").arg(&report);
+        match link {
+            Some(link) => command.arg(link),
+            None => {
+                let token = std::fs::read_to_string(self.folder.path().join("server/owner-token"));
+                let token = token.expect("the server has left it there");
+                command
+                    .args(["--owner-token", token.trim()])
+                    .args(["--server", &format!("http://{SERVER}:8080")])
+            }
+        };
+        command.args(arguments);
+        Receiving {
+            program: start(home.machine(), command),
+            report,
+        }
+    }
+
     /// A sub-command that writes its figures, and where.
     fn command(&self, name: &str) -> (Command, PathBuf) {
         let number = self.files.get();
@@ -152,21 +186,30 @@ impl Sending {
 impl Receiving {
     /// The figures of its call, when that is over, or all that it said, where it failed; nothing if it is not over by then.
     pub fn outcome(&mut self, longest: Duration) -> Option<Result<Value, String>> {
-        let status = self.program.ended_within(longest)?;
-        let figures = figures(&self.program, status, &self.report);
+        let figures = self.all_figures(longest)?;
         Some(figures.map(|mut figures| figures["call"].take()))
+    }
+
+    /// The same with every figure.
+    pub fn all_figures(&mut self, longest: Duration) -> Option<Result<Value, String>> {
+        let status = self.program.ended_within(longest)?;
+        Some(figures(&self.program, status, &self.report))
     }
 }
 
 /// `mon3tr` through `MON3TR_RUNNER`, if there is one, with files below `folder` and without sound.
 fn mon3tr_command(mon3tr: &Path, folder: &Path) -> Command {
     let mut command = through_runner(mon3tr);
+    as_mon3tr(&mut command, &folder.join("cache"));
     command
-        .env("MON3TR_CACHE", folder.join("cache"))
+}
+
+fn as_mon3tr(command: &mut Command, cache: &Path) {
+    command
+        .env("MON3TR_CACHE", cache)
         .env("PULSE_SERVER", "unix:/no-sound-server")
         .env("RUST_LOG", "link=info")
         .env_remove("MON3TR_OWNER_TOKEN");
-    command
 }
 
 fn start(place: &Namespace, command: &Command) -> Program {
