@@ -17,8 +17,8 @@ pub const OFFSETS: [i32; 10] = [-10, -7, -5, -3, -2, -1, 0, 1, 2, 3];
 pub const AHEAD: usize = 3;
 /// Windows that are kept: from the earliest to the latest of [`OFFSETS`].
 const KEPT: usize = 14;
-/// Numbers that the network sees.
-pub const INPUTS: usize = BANDS * OFFSETS.len();
+/// Numbers that the network sees: the windows' bands, and what they are as a rule in this voice.
+pub const INPUTS: usize = BANDS * (OFFSETS.len() + 1);
 /// Points of the Fourier transform.
 const POINTS: usize = 512;
 /// The lowest and the highest band's outer ends, Hz.
@@ -29,6 +29,13 @@ const LEAST_LEVEL: f32 = -9.0;
 const FALL: f32 = 0.0025;
 /// Share by which the level rises to a louder window: within 50 ms.
 const RISE: f32 = 0.2;
+/// Windows this loud (relative to the level) tell of the voice, its microphone and its room.
+const TELLING: f32 = -2.5;
+/// What the bands of a voice are before anything was heard, how many windows that counts, and the share of each window after many: they follow
+/// in a second of speech.
+const USUAL: f32 = -2.5;
+const USUAL_COUNTS: f32 = 25.0;
+const USUAL_SHARE: f32 = 0.008;
 /// Taps of the decimator's low-pass filter, a multiple of three and one more so that it is symmetric.
 const TAPS: usize = 61;
 /// Its cut-off, Hz: the rejection is full at 8.8 kHz, which folds onto 7.2 kHz.
@@ -107,6 +114,9 @@ pub struct FrontEnd {
     /// The bands' triangles over the spectrum: band, bin and weight.
     triangles: Vec<(usize, usize, f32)>,
     level: f32,
+    /// The mean of the bands of telling windows, and how many there were.
+    usual: [f32; BANDS],
+    told: f32,
     kept: [Window; KEPT],
     newest: usize,
 }
@@ -125,6 +135,8 @@ impl Default for FrontEnd {
             turns: turns.collect(),
             triangles: triangles(),
             level: LEAST_LEVEL,
+            usual: [USUAL; BANDS],
+            told: USUAL_COUNTS,
             kept: [NO_WINDOW; KEPT],
             newest: 0,
         }
@@ -194,6 +206,14 @@ impl FrontEnd {
             bands: energies.map(|energy| ((energy + floor).ln() - self.level).clamp(-9.0, 3.0)),
             loudness: (loud - self.level).max(-9.0),
         };
+        let Window { bands, loudness } = self.kept[self.newest];
+        if loudness > TELLING {
+            self.told += 1.0;
+            let share = (1.0 / self.told).max(USUAL_SHARE);
+            for (usual, band) in self.usual.iter_mut().zip(bands) {
+                *usual += share * (band - *usual);
+            }
+        }
     }
 
     /// The window `AHEAD` before the newest: the one that is judged.
@@ -204,7 +224,9 @@ impl FrontEnd {
 
     /// What the network sees of the moment of [`Self::judged`].
     pub fn context(&self, out: &mut [f32; INPUTS]) {
-        for (offset, out) in OFFSETS.into_iter().zip(out.chunks_exact_mut(BANDS)) {
+        let (windows, usual) = out.split_at_mut(BANDS * OFFSETS.len());
+        usual.copy_from_slice(&self.usual);
+        for (offset, out) in OFFSETS.into_iter().zip(windows.chunks_exact_mut(BANDS)) {
             let back = AHEAD.saturating_add_signed(-offset as isize) % KEPT;
             let at = (self.newest + KEPT - back) % KEPT;
             out.copy_from_slice(&self.kept[at].bands);

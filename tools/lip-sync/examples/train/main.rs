@@ -14,7 +14,7 @@ use lip_sync::front_end::{AHEAD, FrontEnd, INPUTS, STEP, WINDOW};
 use lip_sync::network::{HIDDEN, Network, OUTPUTS};
 
 /// Rounds over the corpus.
-const ROUNDS: u32 = 14;
+const ROUNDS: u32 = 9;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             for round in 0..ROUNDS {
                 let loss = learner.learn(&train, round, ROUNDS);
                 println!("round {round}: loss {loss:.4}");
-                if round % 4 == 3 || round + 1 == ROUNDS {
+                if round % 3 == 2 || round + 1 == ROUNDS {
                     let bytes = learner.network().write();
                     judge(&Network::read(&bytes)?, &held);
                     std::fs::write(weights, bytes)?;

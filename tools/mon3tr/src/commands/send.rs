@@ -17,7 +17,9 @@ use link_codec::Codec;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::room_link::ServerUrl;
-use sender::{Capture, ClipCapture, Desk, Place, VoiceSource};
+use sender::{
+    Capture, ClipCapture, Desk, Lips, Overheard, Place, UnseenFace, VoiceSource,
+};
 use serde::Serialize;
 use spmm3::Avatar;
 use std::path::PathBuf;
@@ -196,12 +198,15 @@ pub(crate) fn perform(
         }
         let begun = Instant::now();
         let mut capture = Watched::over(motion.capture());
+        let lips = Lips::default();
+        let mut moved = UnseenFace::new(&mut capture, &avatar.expressions, lips.clone());
         let silent = AtomicBool::new(false);
         std::thread::scope(|scope| {
             let said = voice.as_mut().map(|voice| {
                 let (host, silent) = (&entered.host, &silent);
+                let mut voice = Overheard::new(&mut **voice, lips);
                 scope.spawn(move || {
-                    let said = sender::say(&mut **voice, host, clock, silent);
+                    let said = sender::say(&mut voice, host, clock, silent);
                     if said.is_err() {
                         // A call that has lost its voice ends, and says why.
                         stop.store(true, Relaxed);
@@ -211,7 +216,7 @@ pub(crate) fn perform(
             });
             let sent = {
                 let _ends_with = SetAtEnd(&silent);
-                sender::send(&entered.host, &mut capture, clock, stop)
+                sender::send(&entered.host, &mut moved, clock, stop)
             };
             let said = said.map_or(Ok(Ok(())), ScopedJoinHandle::join);
             sent?;
