@@ -270,6 +270,7 @@ impl Capture for CameraCapture {
         let tracked = (self.track()).map_err(|error| SendError::Capture(error.into()))?;
         Ok(tracked.map(|tracked| Captured {
             at: tracked.at,
+            face: Some(tracked.pose.face),
             motion: tracked.pose.motion,
         }))
     }

@@ -11,6 +11,8 @@ pub struct Captured {
     pub at: Instant,
     /// The captured motion.
     pub motion: MotionParams,
+    /// How sure it is of the face in the motion, 0..=1; nothing where the source has none, as a headset or a recording of a body.
+    pub face: Option<f32>,
 }
 
 /// A source of motion that sets the pace.

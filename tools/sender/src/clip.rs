@@ -1,7 +1,8 @@
 //! A motion clip as if it were captured now.
 
 use crate::{Capture, Captured, SendError};
-use spmm3::{MotionClip, Playback};
+use glam::Vec3;
+use spmm3::{Joint, MotionClip, Playback};
 use std::time::{Duration, Instant};
 
 /// Plays a clip over and over at a steady rate.
@@ -9,6 +10,8 @@ use std::time::{Duration, Instant};
 pub struct ClipCapture {
     clip: MotionClip,
     rate_hz: f64,
+    /// Of its face, if it has one.
+    face: Option<f32>,
     until: Option<Duration>,
     begun: Option<Instant>,
     count: u32,
@@ -19,6 +22,7 @@ impl ClipCapture {
     #[must_use]
     pub fn new(clip: MotionClip, rate_hz: f64, length: Option<Duration>) -> Self {
         Self {
+            face: has_face(&clip).then_some(1.0),
             clip,
             rate_hz,
             until: length,
@@ -26,6 +30,15 @@ impl ClipCapture {
             count: 0,
         }
     }
+}
+
+/// Whether a clip moves a face anywhere: its jaw or its expression.
+fn has_face(clip: &MotionClip) -> bool {
+    let mut frames = clip.frames.iter();
+    frames.any(|frame| {
+        let rests = frame.axis_angle(Joint::Jaw) == Vec3::ZERO;
+        !rests || frame.expression().iter().any(|value| *value != 0.0)
+    })
 }
 
 impl Capture for ClipCapture {
@@ -53,6 +66,7 @@ impl Capture for ClipCapture {
         Ok(Some(Captured {
             at: Instant::now(),
             motion: self.clip.sample(at.as_secs_f64(), Playback::Loop),
+            face: self.face,
         }))
     }
 }
@@ -60,7 +74,6 @@ impl Capture for ClipCapture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
     use spmm3::MotionParams;
 
     #[test]

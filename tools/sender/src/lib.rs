@@ -3,14 +3,18 @@
 mod capture;
 mod clip;
 mod error;
+mod lips;
 mod mute;
 mod room;
 mod send;
+mod unseen_face;
 mod voice;
 
 pub use capture::{Capture, Captured};
 pub use clip::ClipCapture;
 pub use error::SendError;
+pub use lips::{Lips, Overheard};
 pub use room::{Desk, Entered, Place, enter};
 pub use send::send;
+pub use unseen_face::UnseenFace;
 pub use voice::{ProcessedMicrophone, VoiceFile, VoiceSource, say};

@@ -19,7 +19,10 @@ use link_codec::Codec;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::room_link::ServerUrl;
-use sender::{Capture, Captured, ClipCapture, Desk, Entered, Place, SendError, VoiceSource};
+use sender::{
+    Capture, Captured, ClipCapture, Desk, Entered, Lips, Overheard, Place, SendError, UnseenFace,
+    VoiceSource,
+};
 use serde::Serialize;
 use spmm3::Avatar;
 use std::path::{Path, PathBuf};
@@ -209,17 +212,19 @@ pub(crate) fn perform(
             }
         }
         let begun = Instant::now();
-        let mut mirrored = Mirrored {
-            capture: motion.capture(),
+        let lips = Lips::default();
+        let mut watched = Watched::over(motion.capture());
+        let mut moved = Mirrored {
+            capture: UnseenFace::new(&mut watched, &avatar.expressions, lips.clone()),
             own: own.as_ref(),
         };
-        let mut capture = Watched::over(&mut mirrored);
         let silent = AtomicBool::new(false);
         std::thread::scope(|scope| {
             let said = voice.as_mut().map(|voice| {
                 let (host, silent) = (&host, &silent);
+                let mut voice = Overheard::new(&mut **voice, lips, host.privacy());
                 scope.spawn(move || {
-                    let said = sender::say(&mut **voice, host, clock, silent);
+                    let said = sender::say(&mut voice, host, clock, silent);
                     if said.is_err() {
                         // A call that has lost its voice ends, and says why.
                         stop.store(true, Relaxed);
@@ -229,14 +234,14 @@ pub(crate) fn perform(
             });
             let sent = {
                 let _ends_with = SetAtEnd(&silent);
-                sender::send(&host, &mut capture, clock, stop)
+                sender::send(&host, &mut moved, clock, stop)
             };
             let said = said.map_or(Ok(Ok(())), ScopedJoinHandle::join);
             sent?;
             said.map_err(|_| anyhow!("the thread of the voice has failed"))??;
             anyhow::Ok(())
         })?;
-        Ok((begun, capture.settled_bytes))
+        Ok((begun, watched.settled_bytes))
     };
     let performed = match (preview, shown) {
         (Some(preview), Some(camera)) => preview.beside(&avatar, &camera, perform)?,
@@ -281,12 +286,12 @@ impl Motion {
 }
 
 /// A capture whose motion is shown to oneself, too.
-struct Mirrored<'a> {
-    capture: &'a mut dyn Capture,
+struct Mirrored<'a, C> {
+    capture: C,
     own: Option<&'a OwnMotion>,
 }
 
-impl Capture for Mirrored<'_> {
+impl<C: Capture> Capture for Mirrored<'_, C> {
     fn next(&mut self) -> Result<Option<Captured>, SendError> {
         let captured = self.capture.next()?;
         if let (Some(captured), Some(own)) = (&captured, self.own) {
