@@ -6,8 +6,10 @@ use crate::network::{self, Line};
 use crate::report::{check_writable, write_json};
 use crate::until::SetAtEnd;
 use anyhow::{Context, anyhow};
+use app_session::headset::WearerSlot;
 use link_protocol::room_link::ServerUrl;
 use link_protocol::{CallLink, RoomLink};
+use motion_fit::wearer::Stance;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -79,8 +81,8 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         json: None,
     };
     // A window's events come to this thread only.
-    let screen = receive::Screen::open(&receiving, device)?;
-    let performer = send::Performer::open(&sending.person, None, device)?;
+    let mut screen = receive::Screen::open(&receiving, device)?;
+    let (performer, wearer) = performer(&sending.person, &receiving, &mut screen, device)?;
     let (sent, shown) = std::thread::scope(|scope| {
         let sent = scope.spawn(|| {
             let _over = SetAtEnd(&line.stop);
@@ -90,6 +92,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             let _over = SetAtEnd(&line.stop);
             receive::show(&receiving, screen, &line)
         };
+        if let Some(wearer) = wearer {
+            wearer.close();
+        }
         (sent.join(), shown)
     });
     let sent = sent.map_err(|_| anyhow!("the thread that sends has failed"))??;
@@ -100,6 +105,26 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     }
     write_json(options.json.as_deref(), &Report { sent, received })?;
     outcome
+}
+
+/// Who is sent: what was asked for, else the headset's wearer where this is shown in one, whose places come by the slot.
+fn performer(
+    person: &send::PersonOptions,
+    receiving: &receive::Options,
+    screen: &mut receive::Screen,
+    device: &DeviceOptions,
+) -> anyhow::Result<(send::Performer, Option<WearerSlot>)> {
+    let free = person.leaves_motion_open();
+    let Some(slot) = free.then(|| screen.watch_wearer()).flatten() else {
+        return Ok((send::Performer::open(person, None, device)?, None));
+    };
+    let stance = if receiving.show.seat {
+        Stance::Seated
+    } else {
+        Stance::Standing
+    };
+    let performer = send::Performer::wearer(person, slot.clone(), stance)?;
+    Ok((performer, Some(slot)))
 }
 
 /// Opens both rooms and prints the link for the other one. Returns the room to be present in, by its sender's link, and the other one's, by its

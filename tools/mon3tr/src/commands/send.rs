@@ -12,11 +12,14 @@ use crate::report::{check_writable, write_json};
 use crate::stills::load_avatar;
 use crate::until::SetAtEnd;
 use crate::voice_options::VoiceOptions;
+use crate::wearer::WearerCapture;
 use anyhow::{Context, anyhow, bail};
+use app_session::headset::WearerSlot;
 use link_codec::Codec;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::room_link::ServerUrl;
+use motion_fit::wearer::Stance;
 use sender::{Capture, ClipCapture, Desk, Place, VoiceSource};
 use serde::Serialize;
 use spmm3::Avatar;
@@ -31,6 +34,9 @@ const RATES: std::ops::RangeInclusive<f64> = 1.0..=120.0;
 
 /// Motions a second of a camera that does not say its rate.
 const CAMERA_RATE: f64 = 30.0;
+
+/// Motions a second of a headset's wearer, about: one for each frame.
+const WEARER_RATE: f64 = 72.0;
 
 /// Between two looks whether the first viewer has come.
 const LOOK: Duration = Duration::from_millis(5);
@@ -243,6 +249,7 @@ pub(crate) fn perform(
 enum Motion {
     Clip(ClipCapture),
     Camera(Box<CameraCapture>),
+    Wearer(Box<WearerCapture>),
 }
 
 impl Motion {
@@ -250,13 +257,14 @@ impl Motion {
         match self {
             Self::Clip(capture) => capture,
             Self::Camera(capture) => &mut **capture,
+            Self::Wearer(capture) => &mut **capture,
         }
     }
 
     /// What the camera's stages took.
     fn figures(&self) -> Option<CameraFigures> {
         match self {
-            Self::Clip(_) => None,
+            Self::Clip(_) | Self::Wearer(_) => None,
             Self::Camera(capture) => Some(capture.figures()),
         }
     }
@@ -294,9 +302,35 @@ impl Performer {
             voice,
         })
     }
+
+    /// The wearer of the headset whose loop fills `slot`.
+    ///
+    /// # Errors
+    /// If the avatar or the voice is not there.
+    pub(crate) fn wearer(
+        options: &PersonOptions,
+        slot: WearerSlot,
+        stance: Stance,
+    ) -> anyhow::Result<Self> {
+        let voice = options.voice.open()?;
+        let (avatar, _) = load_avatar(&options.avatar)?;
+        let capture = WearerCapture::new(slot, &avatar.skeleton, stance);
+        Ok(Self {
+            motion: Motion::Wearer(Box::new(capture)),
+            name: "the headset's wearer".to_owned(),
+            rate_hz: WEARER_RATE,
+            avatar,
+            voice,
+        })
+    }
 }
 
 impl PersonOptions {
+    /// Whether no motion was asked for, so that a headset's wearer may be sent.
+    pub(crate) fn leaves_motion_open(&self) -> bool {
+        self.camera.camera.is_none() && !self.motion.is_given()
+    }
+
     /// The motion, what it is called, and its rate in Hz.
     fn motion(
         &self,

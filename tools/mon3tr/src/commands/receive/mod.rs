@@ -62,7 +62,7 @@ pub(crate) struct ShowOptions {
     out: Option<PathBuf>,
     /// Have people sit, on a chair of 0.45 m
     #[arg(long)]
-    seat: bool,
+    pub(crate) seat: bool,
     /// Size of one picture in pixels, or of the window at first [default: 1024x1024, or what the headset recommends]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
