@@ -34,4 +34,5 @@ mod until;
 pub mod up;
 pub mod viewpoint;
 mod voice_options;
+mod wearer;
 mod window;

@@ -3,7 +3,7 @@
 //! It knows landmarks and time, but no images, networks or devices.
 //!
 //! [`MotionFit`] is the whole of it: body, hands and face of one person in one camera's pictures, smoothed. Its parts serve alone,
-//! too: [`body`], [`hands`], [`face`], [`smoother`].
+//! too: [`body`], [`hands`], [`face`], [`smoother`]. [`wearer`] has the same motion of a headset's wearer.
 //!
 //! ```
 //! use glam::Vec2;
@@ -37,6 +37,7 @@ mod motion_fit;
 mod recording;
 mod rotations;
 pub mod smoother;
+pub mod wearer;
 
 pub use landmarks::estimates;
 pub use motion_fit::{Fitted, MotionFit, Subject, Unsmoothed};

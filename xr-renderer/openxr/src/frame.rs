@@ -107,7 +107,7 @@ impl XrClock {
 
     /// This machine's clock and the runtime's at one moment. They are read one after the other; where the thread was interrupted in between,
     /// which would move the frame in time by as much, they are read again.
-    fn both_clocks(&self, instance: &XrInstance) -> Option<(Instant, Time)> {
+    pub(crate) fn both_clocks(&self, instance: &XrInstance) -> Option<(Instant, Time)> {
         if !self.converts {
             return None;
         }

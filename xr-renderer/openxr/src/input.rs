@@ -14,6 +14,7 @@ use crate::error::{XrContext, XrError};
 use crate::ext::hand_tracking::{HandTracking, TrackedHand};
 use crate::ext::or_without;
 use crate::pose::base_from_space;
+use crate::wearer::WearerHand;
 
 /// The state of both hands in one frame. Poses are in floor space: metres, y up, -z ahead.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -179,6 +180,26 @@ impl Input {
             hands,
             overlay_toggled: pressed && !was_pressed,
         })
+    }
+
+    /// The wearer's own hands at a time: joints of bare ones, grips of controllers as of the last [`Self::sync`].
+    ///
+    /// # Errors
+    /// What the runtime says.
+    pub(crate) fn wearer(&self, time: Time, floor: &Space) -> Result<[WearerHand; 2], XrError> {
+        let joints = match &self.hands {
+            Some(hands) => hands.joints(floor, time).during("xrLocateHandJointsEXT")?,
+            None => [None; 2],
+        };
+        let mut hands = joints.map(|joints| WearerHand {
+            joints,
+            floor_from_grip: None,
+        });
+        for (hand, side) in hands.iter_mut().zip(&self.sides) {
+            hand.floor_from_grip =
+                base_from_space(floor, &side.grip, time).during("xrLocateSpace")?;
+        }
+        Ok(hands)
     }
 }
 

@@ -65,3 +65,4 @@ pub mod state;
 mod swapchain;
 #[cfg(test)]
 mod tests;
+pub mod wearer;

@@ -31,6 +31,7 @@ use crate::layers::{FrameLayers, PlacedPanel};
 use crate::panel::{Panel, PanelImage};
 use crate::space::{Floor, FloorSpace};
 use crate::state::{Lifecycle, SessionAction, SessionState};
+use crate::wearer::{Wearer, WearerHead};
 
 /// The options of a session.
 #[derive(Debug, Clone, Copy)]
@@ -77,6 +78,7 @@ pub struct Session {
     panel: Option<(Panel, PlacedPanel)>,
     room: Option<Passthrough>,
     input: Input,
+    wearer: WearerHead,
     refresh: Option<RefreshRate>,
     depth: Option<DepthRange>,
     space: FloorSpace,
@@ -159,6 +161,7 @@ impl Session {
             space: FloorSpace::new(&session, enabled.ext_local_floor)?,
             clock: XrClock::new(enabled.khr_convert_timespec_time),
             input: Input::new(&session, headset.system)?,
+            wearer: WearerHead::new(&session)?,
             refresh: or_without(
                 "a choice of rates",
                 match options.display_hz {
@@ -266,6 +269,7 @@ impl Session {
                 Event::InstanceLossPending(_) => result.end = Some(SessionEnd::Lost),
                 Event::ReferenceSpaceChangePending(_) => {
                     self.space.moved();
+                    self.wearer.moved();
                     result.recentred = true;
                 }
                 Event::DisplayRefreshRateChangedFB(change) => {
@@ -349,6 +353,19 @@ impl Session {
     /// [`XrError::Lost`], or a call that fails.
     pub fn controls(&mut self, frame: &Frame) -> Result<Controls, XrError> {
         self.input.sync(frame.time, &self.space.floor)
+    }
+
+    /// Where the wearer's head and hands are now, or, of a runtime that does not tell its time, when the frame is displayed. After
+    /// [`Self::controls`] of the same frame.
+    ///
+    /// # Errors
+    /// [`XrError::Lost`], or a call that fails.
+    pub fn wearer(&self, frame: &Frame) -> Result<Wearer, XrError> {
+        let now = self.clock.both_clocks(&self.instance);
+        let now = now.unwrap_or((frame.predicted, frame.time));
+        let floor = &self.space.floor;
+        let hands = self.input.wearer(now.1, floor)?;
+        self.wearer.locate(floor, now, hands)
     }
 
     /// Waits until the device has nothing left to do for the session.

@@ -4,6 +4,7 @@ use super::figures::{HeadsetFigures, REFRESH_HZ};
 use super::frames::Frames;
 use super::handle::HeadsetHandle;
 use super::observer::FrameObserver;
+use super::wearer::WearerSlot;
 use crate::display::{Display, DisplayNeeds, LiveSession, SessionError};
 use glam::Vec3;
 use renderer_openxr::session::SessionOptions;
@@ -22,6 +23,8 @@ pub struct PresentOptions {
     pub read_back: bool,
     /// The display's rate that is asked for, and kept, Hz; without it 72, and more where frames keep up.
     pub display_hz: Option<f32>,
+    /// Where the wearer's own head and hands are put in each frame, if somebody captures them.
+    pub wearer: Option<WearerSlot>,
 }
 
 /// Shows a session in a headset.
@@ -102,7 +105,12 @@ impl Display for HeadsetDisplay<'_> {
             display_hz: self.options.display_hz,
         };
         let control = session.control;
-        let mut frames = Frames::new(session, of_open_xr, &mut *self.observer)?;
+        let mut frames = Frames::new(
+            session,
+            of_open_xr,
+            self.options.wearer.clone(),
+            &mut *self.observer,
+        )?;
         self.figures = std::thread::scope(|scope| {
             let thread = std::thread::Builder::new()
                 .name("headset frames".to_owned())

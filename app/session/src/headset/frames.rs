@@ -9,6 +9,7 @@ use super::observer::{FrameCapture, FrameObserver};
 use super::pace::Pace;
 use super::panel::FiguresPanel;
 use super::surroundings::{Places, name};
+use super::wearer::WearerSlot;
 use crate::display::{LiveSession, SessionError};
 use crate::overlay::OverlayWatch;
 use crate::presence::Viewer;
@@ -38,6 +39,7 @@ pub(super) struct Frames<'a> {
     people: LiveSession<'a>,
     observer: &'a mut dyn FrameObserver,
     session_options: SessionOptions,
+    wearer: Option<WearerSlot>,
     places: Places,
     panel: FiguresPanel,
     figures: HeadsetFigures,
@@ -52,6 +54,7 @@ impl<'a> Frames<'a> {
     pub(super) fn new(
         people: LiveSession<'a>,
         session_options: SessionOptions,
+        wearer: Option<WearerSlot>,
         observer: &'a mut dyn FrameObserver,
     ) -> Result<Self, SessionError> {
         let placement = people
@@ -63,6 +66,7 @@ impl<'a> Frames<'a> {
             people,
             observer,
             session_options,
+            wearer,
             places: Places::default(),
             panel: FiguresPanel::new(overlay),
             figures: HeadsetFigures::default(),
@@ -246,6 +250,9 @@ impl<'a> Frames<'a> {
             session.skip(frame)?;
             return Ok(None);
         };
+        if let Some(slot) = &self.wearer {
+            slot.put(session.wearer(&frame)?);
+        }
         self.note(&frame);
         let tick = self.pace.tick(&frame, begun);
         let has_people = match self.people.lanes.begin(tick) {

@@ -13,9 +13,11 @@ mod observer;
 mod pace;
 mod panel;
 mod surroundings;
+mod wearer;
 
 pub use display::{HeadsetDisplay, PresentOptions};
 pub use figures::{FrameFigures, HeadsetFigures};
 pub use handle::HeadsetHandle;
 pub use notice::{NoticeBoard, show_notice};
 pub use observer::{FrameCapture, FrameObserver};
+pub use wearer::{WearerNews, WearerSlot};

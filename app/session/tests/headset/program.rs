@@ -124,6 +124,7 @@ fn obey(orders: &Orders) -> serde_json::Value {
         scene: None,
         read_back: true,
         display_hz: None,
+        ..PresentOptions::default()
     };
     let mut display = HeadsetDisplay::new(headset, present, &mut witness);
     let session = Session::new(config, vec![dance(avatar)], Control::default());

@@ -12,13 +12,16 @@ use crate::report::{check_writable, write_json};
 use crate::stills::load_avatar;
 use crate::until::SetAtEnd;
 use crate::voice_options::VoiceOptions;
+use crate::wearer::WearerCapture;
 use anyhow::{Context, anyhow, bail};
+use app_session::headset::WearerSlot;
 use app_session::own_motion::OwnMotion;
 use link_call::Sender;
 use link_codec::Codec;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::room_link::ServerUrl;
+use motion_fit::wearer::Stance;
 use sender::{
     Capture, Captured, ClipCapture, Desk, Entered, Lips, Overheard, Place, SendError, UnseenFace,
     VoiceSource,
@@ -36,6 +39,9 @@ const RATES: std::ops::RangeInclusive<f64> = 1.0..=120.0;
 
 /// Motions a second of a camera that does not say its rate.
 const CAMERA_RATE: f64 = 30.0;
+
+/// Motions a second of a headset's wearer, at most: more would cost bits that nobody sees, for viewers interpolate.
+pub(crate) const WEARER_RATE: f64 = 36.0;
 
 /// Between two looks whether the first viewer has come.
 const LOOK: Duration = Duration::from_millis(5);
@@ -266,6 +272,7 @@ pub(crate) fn perform(
 enum Motion {
     Clip(ClipCapture),
     Camera(Box<CameraCapture>),
+    Wearer(Box<WearerCapture>),
 }
 
 impl Motion {
@@ -273,13 +280,14 @@ impl Motion {
         match self {
             Self::Clip(capture) => capture,
             Self::Camera(capture) => &mut **capture,
+            Self::Wearer(capture) => &mut **capture,
         }
     }
 
     /// What the camera's stages took.
     fn figures(&self) -> Option<CameraFigures> {
         match self {
-            Self::Clip(_) => None,
+            Self::Clip(_) | Self::Wearer(_) => None,
             Self::Camera(capture) => Some(capture.figures()),
         }
     }
@@ -338,6 +346,29 @@ impl Performer {
         })
     }
 
+    /// The wearer of the headset whose loop fills `slot`.
+    ///
+    /// # Errors
+    /// If the avatar or the voice is not there.
+    pub(crate) fn wearer(
+        options: &PersonOptions,
+        avatar: &Path,
+        slot: WearerSlot,
+        stance: Stance,
+    ) -> anyhow::Result<Self> {
+        let voice = options.voice.open()?;
+        let (avatar, _) = load_avatar(avatar)?;
+        let capture = WearerCapture::new(slot, &avatar.skeleton, stance);
+        Ok(Self {
+            motion: Motion::Wearer(Box::new(capture)),
+            name: "the headset's wearer".to_owned(),
+            rate_hz: WEARER_RATE,
+            avatar,
+            voice,
+            own: None,
+        })
+    }
+
     /// Shows the motion to `own`, too.
     pub(crate) fn mirror(&mut self, own: &OwnMotion) {
         self.own = Some(own.clone());
@@ -363,6 +394,11 @@ impl PersonOptions {
             channel: self.channel,
             rate_hz,
         }
+    }
+
+    /// Whether no motion was asked for, so that a headset's wearer may be sent.
+    pub(crate) fn leaves_motion_open(&self) -> bool {
+        self.camera.camera.is_none() && !self.motion.is_given()
     }
 
     /// The motion, what it is called, and its rate in Hz.

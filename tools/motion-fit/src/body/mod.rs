@@ -34,6 +34,7 @@ pub use fit::{BodyFit, FitConfig};
 pub use foot_lock::FootLock;
 pub use pose::{BodyPose, CameraPose, Limb};
 pub(crate) use reading::upright_axes;
+pub(crate) use soles::soles;
 pub use standing::Calibration;
 pub(crate) use standing::StandingBody;
 pub use triangulate::{Located, LocatedBody, triangulate};

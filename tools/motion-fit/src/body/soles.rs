@@ -8,7 +8,7 @@ use spmm3::{Joint, Skeleton};
 const HEEL: f64 = 0.05;
 
 /// Heel and ball of the left foot, then of the right: points of the template's floor, y = 0.
-pub(super) fn soles(skeleton: &Skeleton) -> [Attachment; 4] {
+pub(crate) fn soles(skeleton: &Skeleton) -> [Attachment; 4] {
     let at = |joint: Joint| wide(skeleton.rest_positions()[joint.index()]);
     let sole = |ankle: Joint, under: Joint, back: f64| {
         let point = Vector3::new(at(under).x, 0.0, at(under).z - back);

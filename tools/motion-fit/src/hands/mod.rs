@@ -100,7 +100,9 @@ impl Side {
         }
     }
 
-    const fn wrist(self) -> Joint {
+    /// The wrist's joint.
+    #[must_use]
+    pub const fn wrist(self) -> Joint {
         match self {
             Self::Left => Joint::LeftWrist,
             Self::Right => Joint::RightWrist,
@@ -199,6 +201,39 @@ impl HandFit {
     #[must_use]
     pub fn fit(&self, hand: &HandLandmarks) -> HandPose {
         let points = hand.metres.map(|p| p.as_dvec3());
+        let palm = self.palm_of(&points);
+        let [confidence, palm_confidence] = match palm {
+            Some(_) => [
+                confidence(hand, SIZE, SCORE) * end_on(&points),
+                confidence(hand, PALM_SIZE, PALM_SCORE),
+            ],
+            None => [0.0; 2],
+        };
+        let fingers = self.bend(&points, palm, confidence);
+        HandPose {
+            camera_from_palm: palm,
+            fingers,
+            confidence,
+            palm_confidence,
+        }
+    }
+
+    /// A hand whose joints are measured in any right-handed axes, metres: the wrist joint's rotation in them, and the finger joints'. Nothing
+    /// where they show no hand.
+    pub(crate) fn fit_points(
+        &self,
+        points: &[DVec3; HAND_LANDMARKS],
+    ) -> Option<(DQuat, [DQuat; FINGER_JOINTS])> {
+        let palm = self.palm_of(points)?;
+        Some((palm, self.bend(points, Some(palm), 1.0)))
+    }
+
+    /// The fingers of a hand that does nothing.
+    pub(crate) fn relaxed(&self) -> [DQuat; FINGER_JOINTS] {
+        self.bend(&[DVec3::ZERO; HAND_LANDMARKS], None, 0.0)
+    }
+
+    fn palm_of(&self, points: &[DVec3; HAND_LANDMARKS]) -> Option<DQuat> {
         let pairs: [Pair; 5] = std::array::from_fn(|k| {
             let landmark = if k == 0 { 0 } else { ROOTS[k - 1] };
             Pair {
@@ -207,14 +242,16 @@ impl HandFit {
                 weight: 1.0,
             }
         });
-        let palm = Similarity::fit(&pairs).map(|similarity| similarity.to_from);
-        let [confidence, palm_confidence] = match palm {
-            Some(_) => [
-                confidence(hand, SIZE, SCORE) * end_on(&points),
-                confidence(hand, PALM_SIZE, PALM_SCORE),
-            ],
-            None => [0.0; 2],
-        };
+        Similarity::fit(&pairs).map(|similarity| similarity.to_from)
+    }
+
+    /// Fingers that are `confidence` (0..=1) those of `points`, and relaxed for the rest.
+    fn bend(
+        &self,
+        points: &[DVec3; HAND_LANDMARKS],
+        palm: Option<DQuat>,
+        confidence: f64,
+    ) -> [DQuat; FINGER_JOINTS] {
         let palm_from_camera = palm.map_or(DQuat::IDENTITY, |q| q.inverse());
         let mut fingers = [DQuat::IDENTITY; FINGER_JOINTS];
         for (number, joints) in fingers.chunks_exact_mut(3).enumerate() {
@@ -230,7 +267,7 @@ impl HandFit {
                 flexion: relaxed,
                 ..Angles::default()
             };
-            let angles = directions(&points, ROOTS[number]).map_or(relaxed, |directions| {
+            let angles = directions(points, ROOTS[number]).map_or(relaxed, |directions| {
                 let mut seen = finger.angles(directions.map(|d| palm_from_camera * d));
                 if let Some(bias) = self.bias.filter(|_| number != THUMB) {
                     seen.flexion[0] = bias.undo(seen.flexion[0]);
@@ -239,12 +276,7 @@ impl HandFit {
             });
             joints.copy_from_slice(&finger.rotations(&angles));
         }
-        HandPose {
-            camera_from_palm: palm,
-            fingers,
-            confidence,
-            palm_confidence,
-        }
+        fingers
     }
 
     /// Splits the palm's turn against the forearm: the twist about the forearm's length is shared by elbow and wrist, as the two

@@ -24,6 +24,9 @@ pub struct TrackedHand {
     pub calls_overlay: bool,
 }
 
+/// `floor_from_joint` of a hand's joints in the extension's order; nothing for one that is not known.
+pub type HandJointPoses = [Option<Affine3A>; 26];
+
 /// Both hands' trackers.
 pub struct HandTracking {
     /// Left, right.
@@ -82,6 +85,27 @@ impl HandTracking {
         for (side, hand) in hands.iter_mut().enumerate() {
             let joints = floor.locate_hand_joints(&self.trackers[side], time)?;
             *hand = self.read(side, joints.as_ref());
+        }
+        Ok(hands)
+    }
+
+    /// All joints of both hands at a time, left and right; None for one that is not seen.
+    ///
+    /// # Errors
+    /// What the runtime says.
+    pub fn joints(&self, floor: &Space, time: Time) -> openxr::Result<[Option<HandJointPoses>; 2]> {
+        let mut hands = [None; 2];
+        for (tracker, hand) in self.trackers.iter().zip(&mut hands) {
+            let Some(joints) = floor.locate_hand_joints(tracker, time)? else {
+                continue;
+            };
+            let mut poses = [None; 26];
+            for (to, joint) in poses.iter_mut().zip(joints.iter()) {
+                *to = is_known(joint.location_flags)
+                    .then(|| rigid(&joint.pose))
+                    .flatten();
+            }
+            *hand = Some(poses);
         }
         Ok(hands)
     }

@@ -9,13 +9,14 @@ use renderer_splat::error::RenderError;
 use renderer_vulkan::error::VulkanError;
 
 use crate::error::XrError;
-use crate::fake::{FakeRuntime, REQUIRED};
+use crate::fake::{FakeRuntime, REQUIRED, hand, posef};
 use crate::frame::Frame;
 use crate::headset::{Headset, HeadsetOptions};
 use crate::runtime::Runtime;
 use crate::session::{Session, SessionEnd, SessionOptions, Tracks};
 use crate::space::Floor;
 use crate::state::SessionState;
+use glam::{Affine3A, Vec3};
 
 /// The headset of a stand-in; nothing where there is no Vulkan and CI does not demand one.
 fn open(fake: &FakeRuntime) -> Option<Headset> {
@@ -242,4 +243,43 @@ fn each_missing_extension_has_its_own_log_line() {
         assert!(is(&error), "{call}: {error:?}");
         assert!(error.to_string().contains(line), "{call}: {error}");
     }
+}
+
+#[test]
+fn the_wearer_has_a_head_bare_hands_and_controllers_and_begins_anew_when_recentred() {
+    let fake = everything();
+    let Some(headset) = open(&fake) else { return };
+    let mut session = begun(&headset);
+    let wearer = |session: &mut Session| {
+        let frame = session.wait().expect("waited");
+        session.controls(&frame).expect("controls");
+        session.locate_views(&frame).expect("looked");
+        let wearer = session.wearer(&frame).expect("located");
+        session.skip(frame).expect("ended");
+        wearer
+    };
+    let floor_from_palm = Affine3A::from_translation(Vec3::new(-0.2, 1.1, -0.4));
+    fake.set(|world| {
+        world.head = posef(&Affine3A::from_translation(Vec3::new(0.1, 1.5, 0.2)));
+        world.joints[0] = Some(hand(floor_from_palm, 0.06, 0.08));
+    });
+    let seen = wearer(&mut session);
+    let head = seen.floor_from_view.expect("a head").translation;
+    assert!(
+        head.abs_diff_eq(glam::Vec3A::new(0.1, 1.5, 0.2), 1e-5),
+        "{head}"
+    );
+    let joints = seen.hands[0].joints.expect("a bare hand");
+    let palm = joints[0].expect("a palm");
+    assert!(palm.abs_diff_eq(floor_from_palm, 1e-5), "{palm}");
+    assert!(joints.iter().all(Option::is_some), "all joints");
+    assert_eq!(seen.hands[1], Default::default(), "no right hand");
+    let profile = "/interaction_profiles/khr/simple_controller";
+    fake.hold_controllers(Some(profile));
+    let grip = Affine3A::from_translation(Vec3::new(0.3, 1.2, -0.3));
+    fake.put("/user/hand/right/input/grip/pose", posef(&grip));
+    let right = wearer(&mut session).hands[1];
+    let held = right.floor_from_grip.expect("a grip");
+    assert!(held.abs_diff_eq(grip, 1e-5), "{held}");
+    assert_eq!(right.joints, None, "fingers unknown");
 }

@@ -20,6 +20,7 @@ use controls::KEYS;
 use link_protocol::limits::MAX_PEOPLE;
 use link_protocol::{CallLink, PersonName};
 use link_voice::VoiceQueue;
+use motion_fit::wearer::Stance;
 use roster::{Members, Roster, RosterFigures};
 use sender::Place;
 use serde::Serialize;
@@ -96,9 +97,22 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     // Not by the command line's own parser, which repeats what it refuses: it has a token.
     let given: Option<CallLink> = options.link.as_deref().map(str::parse).transpose()?;
     // A window's events come to this thread only.
-    let screen = receive::Screen::open(&show, device)?;
+    let mut screen = receive::Screen::open(&show, device)?;
     let own = OwnMotion::default();
-    let mut performer = send::Performer::open(&person, &avatar, None, device)?;
+    // Where nothing else was asked for, a headset's wearer is sent.
+    let wearer = person.leaves_motion_open().then(|| screen.watch_wearer());
+    let wearer = wearer.flatten();
+    let mut performer = match &wearer {
+        Some(slot) => {
+            let stance = if show.seat {
+                Stance::Seated
+            } else {
+                Stance::Standing
+            };
+            send::Performer::wearer(&person, &avatar, slot.clone(), stance)?
+        }
+        None => send::Performer::open(&person, &avatar, None, device)?,
+    };
     performer.mirror(&own);
     let link = match &given {
         Some(link) => link.clone(),
@@ -178,6 +192,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             let _over = SetAtEnd(&line.stop);
             screen.show_call(&show, own, guests, &line.stop)
         };
+        if let Some(wearer) = &wearer {
+            wearer.close();
+        }
         (sent.join(), shown, figures.join())
     });
     let figures = figures.map_err(|_| anyhow!("the thread of the roster has failed"))?;

@@ -17,7 +17,9 @@ use app_pipeline::control::Control;
 use app_pipeline::quality::QualityMode;
 use app_session::call::CallEnd;
 use app_session::display::{self, OffscreenDisplay};
-use app_session::headset::{HeadsetDisplay, HeadsetFigures, HeadsetHandle, PresentOptions};
+use app_session::headset::{
+    HeadsetDisplay, HeadsetFigures, HeadsetHandle, PresentOptions, WearerSlot,
+};
 use app_session::participant::{CallReport, NetworkContext, Participant};
 use app_session::presence::DISTANCE;
 use app_session::session::{Session, SessionReport};
@@ -48,6 +50,8 @@ pub(crate) enum Screen {
         /// Until it is shown.
         headset: Option<Box<HeadsetHandle>>,
         runtime: Runtime,
+        /// Where the wearer's head and hands go, if they are captured.
+        wearer: Option<WearerSlot>,
     },
     Window {
         /// Until it is shown.
@@ -141,6 +145,7 @@ impl Screen {
         Ok(Self::Headset {
             headset: Some(Box::new(headset)),
             runtime: device.runtime()?,
+            wearer: None,
         })
     }
 
@@ -158,6 +163,14 @@ impl Screen {
             gaze: open_gaze(options, Sight::Offscreen)?,
             flat,
         })
+    }
+
+    /// Has the wearer's head and hands put somewhere, and says where; nothing where this is no headset.
+    pub(crate) fn watch_wearer(&mut self) -> Option<WearerSlot> {
+        let Self::Headset { wearer, .. } = self else {
+            return None;
+        };
+        Some(wearer.get_or_insert_default().clone())
     }
 
     /// Whether another session can be shown after this one.
@@ -281,7 +294,11 @@ impl Screen {
                     pictures: Vec::new(),
                 }
             }
-            Self::Headset { headset, runtime } => {
+            Self::Headset {
+                headset,
+                runtime,
+                wearer,
+            } => {
                 let headset = headset.take().context("the headset was shown a session")?;
                 let scenery = options.scenery.around(None, BEFORE, Quat::IDENTITY)?;
                 let present = PresentOptions {
@@ -289,6 +306,7 @@ impl Screen {
                         .map(|scenery| (Arc::clone(&scenery.background), Scenery::filter(scenery))),
                     read_back: options.out.is_some(),
                     display_hz: None,
+                    wearer: wearer.clone(),
                 };
                 // Pictures on disk are as good as they can be; the eyes' are to come in time.
                 let quality = if options.out.is_some() {

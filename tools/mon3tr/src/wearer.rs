@@ -1,0 +1,117 @@
+//! A headset's wearer as a source of motion: where the headset's loop saw head and hands, fitted to the avatar.
+
+use app_session::headset::{WearerNews, WearerSlot};
+use motion_fit::wearer::{Stance, WearerFit, WearerHand, WearerSample};
+use renderer_openxr::wearer::Wearer;
+use sender::{Capture, Captured, SendError};
+use spmm3::Skeleton;
+use std::time::{Duration, Instant};
+
+/// From one motion to the next, at least, with room for frames that come a little early.
+const SHORTEST: Duration = Duration::from_millis(24);
+
+/// Between two looks whether the headset has anything.
+const LOOK: Duration = Duration::from_millis(200);
+
+/// Follows the wearer until the headset's session is over.
+pub(crate) struct WearerCapture {
+    slot: WearerSlot,
+    fit: WearerFit,
+    /// When the next motion is sent.
+    next: Option<Instant>,
+}
+
+impl WearerCapture {
+    /// Has the wearer whom `slot` is of drive the avatar of `skeleton`.
+    pub(crate) fn new(slot: WearerSlot, skeleton: &Skeleton, stance: Stance) -> Self {
+        Self {
+            slot,
+            fit: WearerFit::new(skeleton, stance),
+            next: None,
+        }
+    }
+}
+
+impl Capture for WearerCapture {
+    fn next(&mut self) -> Result<Option<Captured>, SendError> {
+        loop {
+            let wearer = match self.slot.wait(LOOK) {
+                WearerNews::At(wearer) => wearer,
+                WearerNews::Nothing => continue,
+                WearerNews::Over => return Ok(None),
+            };
+            // Before the head is known for the first time there is nothing to send.
+            let Some(fitted) = self.fit.step(&sample(&wearer)) else {
+                continue;
+            };
+            if self.next.is_none_or(|next| wearer.at >= next) {
+                self.next = Some(wearer.at + SHORTEST);
+                return Ok(Some(Captured {
+                    at: wearer.at,
+                    motion: fitted.motion,
+                    // A headset sees no face.
+                    face: None,
+                }));
+            }
+        }
+    }
+}
+
+fn sample(wearer: &Wearer) -> WearerSample {
+    WearerSample {
+        seconds: wearer.seconds,
+        floor_from_view: wearer.floor_from_view,
+        hands: wearer.hands.map(|hand| WearerHand {
+            joints: hand.joints,
+            floor_from_grip: hand.floor_from_grip,
+        }),
+        origin: wearer.origin,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Affine3A, Vec3};
+    use spmm3::Joint;
+    use synthetic_person::Puppet;
+
+    #[test]
+    fn the_newest_place_of_the_wearer_is_sent_with_wrists_where_they_are_and_the_end_ends_it() {
+        let skeleton = Puppet::small().skeleton;
+        let rest = |joint: Joint| skeleton.rest_positions()[joint.index()];
+        let eyes = (rest(Joint::LeftEye) + rest(Joint::RightEye)) / 2.0;
+        let slot = WearerSlot::default();
+        let mut capture = WearerCapture::new(slot.clone(), &skeleton, Stance::Standing);
+        let wearer = |reach: f32| {
+            let hand = |x: f32| {
+                let mut joints = [None; 26];
+                let wrist = Vec3::new(x, 1.25, -reach);
+                joints[1] = Some(Affine3A::from_translation(wrist));
+                renderer_openxr::wearer::WearerHand {
+                    joints: Some(joints),
+                    floor_from_grip: None,
+                }
+            };
+            Wearer {
+                at: Instant::now(),
+                seconds: f64::from(reach),
+                floor_from_view: Some(Affine3A::from_translation(Vec3::Y * eyes.y)),
+                hands: [hand(-0.15), hand(0.15)],
+                origin: 0,
+            }
+        };
+        slot.put(wearer(0.2));
+        slot.put(wearer(0.35));
+        let captured = capture.next().expect("no failure").expect("a motion");
+        let joints = skeleton.pose(&captured.motion);
+        // Ahead is -z in the headset's floor space and +z in motion space.
+        for (joint, x) in [(Joint::LeftWrist, 0.15), (Joint::RightWrist, -0.15)] {
+            let at = joints.position(joint) + captured.motion.root_translation;
+            let wanted = Vec3::new(x, 1.25, 0.35);
+            assert!(at.distance(wanted) < 0.03, "{at}, not {wanted}");
+        }
+        slot.close();
+        assert_eq!(capture.next().expect("no failure"), None, "over");
+    }
+}
