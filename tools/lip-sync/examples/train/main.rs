@@ -63,15 +63,34 @@ pub(crate) fn windows(sound: &[f32], mut with: impl FnMut(&[f32; INPUTS], usize)
 /// Prints how much of each class is told right.
 fn judge(network: &Network, held: &[Utterance]) {
     let mut counts = [[0u32; OUTPUTS]; OUTPUTS];
+    // Vowels as they are said, and those of which most windows are told right.
+    let (mut said, mut right) = (0u32, 0u32);
     let mut neurons = [0.0; HIDDEN];
     for utterance in held {
         let (sound, marks) = utterance.at_16_khz(1.0);
+        let mut told = vec![[0u32; OUTPUTS]; marks.len()];
         windows(&sound, |seen, middle| {
             let outputs = network.judge(seen, &mut neurons);
             let best = (0..OUTPUTS).max_by(|a, b| outputs[*a].total_cmp(&outputs[*b]));
-            counts[corpus::class_at(&marks, middle)][best.unwrap_or(0)] += 1;
+            let best = best.unwrap_or(0);
+            counts[corpus::class_at(&marks, middle)][best] += 1;
+            let mark = marks.partition_point(|(at, _)| *at <= middle);
+            if let Some(told) = mark.checked_sub(1).and_then(|mark| told.get_mut(mark)) {
+                told[best] += 1;
+            }
         });
+        for (told, (_, class)) in told.iter().zip(&marks) {
+            if (1..=5).contains(class) && told.iter().any(|count| *count > 0) {
+                let most = (0..OUTPUTS).max_by_key(|k| told[*k]);
+                said += 1;
+                right += u32::from(most == Some(*class));
+            }
+        }
     }
+    println!(
+        "vowels of which most windows are right: {right} of {said}, {:.1} %",
+        100.0 * f64::from(right) / f64::from(said.max(1))
+    );
     for (class, row) in CLASSES.iter().zip(&counts) {
         println!("{class:>8} {row:?}");
     }
