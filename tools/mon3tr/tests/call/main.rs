@@ -7,6 +7,7 @@ mod both_ways;
 #[allow(dead_code, reason = "shared with the tests of the other sub-commands")]
 mod command;
 mod demo;
+mod echo;
 mod headset;
 mod house;
 mod interop;
