@@ -64,7 +64,6 @@
 //! ```
 
 pub mod arrival;
-mod attendance;
 pub mod call;
 pub mod clip;
 pub mod display;

@@ -7,6 +7,7 @@ mod camera;
 pub mod children;
 pub mod commands;
 mod composed;
+mod controls;
 pub mod device_options;
 pub mod film;
 mod flat;

@@ -1,7 +1,7 @@
 //! A window: people live. Drag to orbit, scroll to come closer, Escape to leave.
 
 use crate::backdrop::DUSK;
-use crate::commands::call::Controls;
+use crate::controls::Controls;
 use crate::flat::{self, display_error};
 use crate::gaze::Gaze;
 use crate::size::{Size, Views};

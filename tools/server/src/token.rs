@@ -7,6 +7,7 @@ use crate::{Id, Secret};
 use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use hmac::{Hmac, Mac};
+use link_protocol::limits::MAX_PEOPLE;
 use sha2::Sha256;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -69,6 +70,11 @@ impl Claims {
         self.role != Role::Owner && roles.contains(&self.role) && self.room == room
     }
 
+    /// Whether the bearer is a member of the call of which this room is a seat.
+    pub(crate) fn has_seat(&self, secret: &Secret, room: Id) -> bool {
+        self.role == Role::Member && secret.seats(self.room).any(|seat| seat == room)
+    }
+
     fn bytes(&self) -> [u8; CLAIMS_BYTES] {
         let mut bytes = [0; CLAIMS_BYTES];
         bytes[0] = VERSION;
@@ -114,8 +120,13 @@ impl Claims {
 }
 
 impl Secret {
-    /// The room that is a call's seat of this number: whoever knows one of them, or the call, knows no other.
-    pub(crate) fn seat(&self, call: Id, number: usize) -> Id {
+    /// The rooms that are the seats of a call, in their order.
+    pub(crate) fn seats(&self, call: Id) -> impl Iterator<Item = Id> {
+        (0..MAX_PEOPLE).map(move |number| self.seat(call, number))
+    }
+
+    /// The room that is a call's seat of this number: neither the call nor another seat tells it.
+    fn seat(&self, call: Id, number: usize) -> Id {
         let mut mac = mac_of(self, b"mon3tr seat\0");
         mac.update(call.as_bytes());
         mac.update(&(number as u64).to_le_bytes());

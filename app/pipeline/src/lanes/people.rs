@@ -1,11 +1,10 @@
 //! The people who are shown: they join, stay when another one leaves, and each has a place.
 
-use super::person::Person;
+use super::person::{FinishedPerson, Person};
 use super::{Lanes, MotionSource, Skipped};
 use crate::error::ReceiverError;
 use crate::inference::{Fault, Inference, ProviderChange};
 use crate::plan::Plan;
-use crate::profile::Collector;
 use glam::Affine3A;
 use renderer_splat::error::RenderError;
 use renderer_splat::limits::MOST_PARTS;
@@ -16,19 +15,6 @@ use std::sync::Arc;
 
 /// People that can be shown together. One part of a picture is the scenery's.
 pub const MOST_PEOPLE: usize = MOST_PARTS - 1;
-
-/// What is left of a person whose lanes were stopped.
-#[derive(Debug)]
-pub struct FinishedPerson<S> {
-    /// Where the poses came from; nothing where the lane that took them panicked.
-    pub source: Option<S>,
-    /// The error that ended a lane.
-    pub error: Option<ReceiverError>,
-    /// What the lanes recorded, and the GPU's of pictures with this person.
-    pub collector: Collector,
-    /// Providers that were given up, and for what.
-    pub provider_changes: Vec<ProviderChange>,
-}
 
 /// One person, and those who joined, by their numbers.
 #[derive(Debug)]

@@ -4,12 +4,11 @@
 
 use super::cpu::{Interpolated, Request, View};
 use super::device::DevicePosing;
-use super::people::FinishedPerson;
 use super::threads::Threads;
 use super::triple_buffer::{Overwritten, Reader, WakeSignal, Writer, triple_buffer};
 use super::{MotionSource, Visibility};
 use crate::error::ReceiverError;
-use crate::inference::{Fault, ProviderChanges};
+use crate::inference::{Fault, ProviderChange, ProviderChanges};
 use crate::profile::{Collector, Recorder};
 use glam::Affine3A;
 use renderer_splat::drawing::{Foreground, Part};
@@ -42,6 +41,19 @@ pub(super) struct Person<S: MotionSource> {
     pub(super) is_gone: bool,
     /// What ended that lane.
     pub(super) error: Option<ReceiverError>,
+}
+
+/// What is left of a person whose lanes were stopped.
+#[derive(Debug)]
+pub struct FinishedPerson<S> {
+    /// Where the poses came from; nothing where the lane that took them panicked.
+    pub source: Option<S>,
+    /// The error that ended a lane.
+    pub error: Option<ReceiverError>,
+    /// What the lanes recorded, and the GPU's of pictures with this person.
+    pub collector: Collector,
+    /// Providers that were given up, and for what.
+    pub provider_changes: Vec<ProviderChange>,
 }
 
 /// Where the Gaussians of pictures come from.

@@ -4,6 +4,7 @@
 //! [`crate::headset::HeadsetDisplay`]; [`OffscreenDisplay`] draws for pictures on disk and for measurements, [`StillsDisplay`] pose by pose; a program with a window
 //! of its own has its own, with [`FlatView`] for where people and camera are.
 
+pub(crate) mod attendance;
 mod flat;
 mod offscreen;
 mod stills;
@@ -12,13 +13,13 @@ pub use flat::{FlatView, LoadBackground, Standpoint};
 pub use offscreen::{DrawnPicture, OffscreenDisplay, PictureObserver};
 pub use stills::{Still, StillsDisplay};
 
-use crate::attendance::Ready;
 use crate::call::CallWatch;
 use crate::participant::PersonSource;
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::Lanes;
 use app_pipeline::placement::PlacementReport;
+use attendance::Ready;
 use renderer_openxr::error::XrError;
 use renderer_splat::camera::Camera;
 use renderer_splat::options::RendererOptions;

@@ -4,7 +4,7 @@ mod report;
 
 pub use report::{PersonReport, SessionReport};
 
-use crate::attendance::{Ready, make_ready};
+use crate::display::attendance::{Ready, make_ready};
 use crate::display::{Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError};
 use crate::participant::{Origin, Participant, PersonSource};
 use app_pipeline::control::Control;

@@ -113,8 +113,8 @@ fn who_speaks_to_a_person_without_headphones_does_not_hear_themselves() {
     for frame in in_the_air.chunks_mut(RATE / 50) {
         air.next(frame, std::time::Duration::from_secs(4));
     }
-    let reports = [ada, bob].map(Program::report);
-    let packets = crate::house::count(&reports[1]["sent"], "voice_sent");
+    ada.report();
+    let packets = crate::house::count(&bob.ends()["sent"], "voice_sent");
     let heard = read_wav(&heard);
     let settled = &heard[(SETTLED * RATE).min(heard.len())..];
     let echo = level(&in_the_air[3 * RATE..]);

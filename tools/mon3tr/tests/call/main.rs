@@ -11,6 +11,7 @@ mod echo;
 mod headset;
 mod house;
 mod interop;
+mod lips;
 mod nat;
 mod network;
 mod outage;

@@ -3,9 +3,9 @@
 
 use super::rooms::{lifetime_of, random};
 use super::{App, HttpError};
+use crate::Id;
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
-use crate::{Id, Secret};
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
@@ -14,7 +14,6 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::future::join_all;
 use link_protocol::calls::{CallStatus, OpenedCall, Seat, Taken};
-use link_protocol::limits::MAX_PEOPLE;
 use std::sync::Arc;
 
 const NO_STORE: [(header::HeaderName, HeaderValue); 1] =
@@ -46,7 +45,7 @@ pub(super) async fn status(
     let call = Id::parse(&call)
         .filter(|call| claims.may(&[Role::Member], *call))
         .ok_or(HttpError::NotFound)?;
-    let seats = seats(&app.secret, call).map(|room| seat(&app, room));
+    let seats = app.secret.seats(call).map(|room| seat(&app, room));
     let seats = join_all(seats).await;
     let seats = seats.into_iter().collect::<Result<_, _>>()?;
     Ok((NO_STORE, Json(CallStatus { seats })).into_response())
@@ -69,14 +68,4 @@ async fn seat(app: &App, room: Id) -> Result<Seat, HttpError> {
         room: room.into(),
         taken,
     })
-}
-
-/// The rooms that are the seats of a call, in their order.
-fn seats(secret: &Secret, call: Id) -> impl Iterator<Item = Id> {
-    (0..MAX_PEOPLE).map(move |number| secret.seat(call, number))
-}
-
-/// Whether `room` is a seat of the call that a member's claims are for.
-pub(super) fn is_seat(secret: &Secret, claims: &Claims, room: Id) -> bool {
-    claims.role == Role::Member && seats(secret, claims.room()).any(|seat| seat == room)
 }

@@ -1,6 +1,5 @@
 //! Opening rooms, joining them, leaving them, and the sender's answers.
 
-use super::calls::is_seat;
 use super::{App, HttpError};
 use crate::Id;
 use crate::rooms::{RoomReply, RoomRequest};
@@ -141,7 +140,7 @@ pub(super) fn room_of(
     room: &str,
 ) -> Result<Id, HttpError> {
     Id::parse(room)
-        .filter(|room| claims.may(roles, *room) || is_seat(&app.secret, claims, *room))
+        .filter(|room| claims.may(roles, *room) || claims.has_seat(&app.secret, *room))
         .ok_or(HttpError::NotFound)
 }
 

@@ -1,12 +1,10 @@
 //! `mon3tr call`: up to eight people see and hear one another, by one link.
 
-mod controls;
 mod roster;
-
-pub(crate) use controls::Controls;
 
 use crate::commands::receive::people::Person;
 use crate::commands::{receive, send};
+use crate::controls::{Controls, Guests, KEYS, Members};
 use crate::device_options::DeviceOptions;
 use crate::network::{self, Line};
 use crate::remembered::Remembered;
@@ -16,16 +14,15 @@ use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
 use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
-use controls::KEYS;
 use link_protocol::limits::MAX_PEOPLE;
 use link_protocol::{CallLink, PersonName};
 use link_voice::VoiceQueue;
 use motion_fit::wearer::Stance;
-use roster::{Members, Roster, RosterFigures};
+use roster::{Roster, RosterFigures};
 use sender::Place;
 use serde::Serialize;
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -74,12 +71,6 @@ struct Joining {
     first_picture_s: Option<f64>,
     /// The same until the first sound of them.
     first_sound_s: Option<f64>,
-}
-
-/// The other people of a call, as they come, for what shows them.
-pub(crate) struct Guests {
-    pub(crate) newcomers: Receiver<Participant>,
-    pub(crate) controls: Controls,
 }
 
 /// Runs `call`.

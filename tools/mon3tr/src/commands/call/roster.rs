@@ -1,6 +1,7 @@
 //! Who is in the call: asks the server for its seats, tells who comes and goes, and hands each newcomer over with the avatar fetched.
 
 use crate::commands::receive::people::{Person, fetch};
+use crate::controls::{Member, Members};
 use crate::network::Line;
 use crate::stills::load_avatar;
 use anyhow::Context;
@@ -10,9 +11,9 @@ use link_protocol::data_channel::PersonState;
 use link_protocol::{CallLink, Name, RoomLink};
 use link_voice::VoiceQueue;
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 
@@ -27,30 +28,6 @@ const SILENCE: Duration = Duration::from_secs(5);
 
 /// After a goodbye the seat may seem taken for so long.
 const FAREWELL: Duration = Duration::from_secs(3);
-
-/// Another person in the call.
-#[derive(Debug, Clone)]
-pub(crate) struct Member {
-    /// What they are called.
-    pub(crate) name: String,
-    /// What the call with them counts and tells.
-    pub(crate) watch: CallWatch,
-    pub(crate) voice: VoiceQueue,
-}
-
-/// The other people who are in the call, by their seats. Clones share it.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Members(Arc<Mutex<Vec<Member>>>);
-
-impl Members {
-    pub(crate) fn all(&self) -> Vec<Member> {
-        self.lock().clone()
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Vec<Member>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
 
 /// Follows who is in the call.
 pub(super) struct Roster<'a> {

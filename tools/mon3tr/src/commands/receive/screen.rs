@@ -4,7 +4,7 @@ use super::album::Album;
 use super::offscreen::Pictures;
 use super::people::Person;
 use super::{Display, ShowOptions, undrawn};
-use crate::commands::call::Guests;
+use crate::controls::Guests;
 use crate::device_options::{DeviceOptions, compiled, inference_backends, make_folder};
 use crate::flat;
 use crate::gaze::{Gaze, GazeFigures, Sight};

@@ -1,6 +1,6 @@
 //! People who come while a session is shown: each is joined and made ready in the background, then taken into the picture between two frames.
 
-use crate::display::{SCENERY_GAUSSIANS, SessionError};
+use super::{SCENERY_GAUSSIANS, SessionError};
 use crate::participant::{Participant, PersonSource};
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;

@@ -1,25 +1,58 @@
-//! What a person in a call steers: by keys of the window, or by lines on the terminal.
+//! A call while it is held: who else is in it, and what keys of the window, or lines on the terminal, do.
 
-use super::roster::Members;
+use app_session::call::CallWatch;
 use app_session::own_motion::OwnMotion;
+use app_session::participant::Participant;
 use link_call::Privacy;
 use link_playout::Clock;
+use link_voice::VoiceQueue;
 use std::io::BufRead;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::Receiver;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What keys do, as it is told at the start.
 pub(crate) const KEYS: &str = "keys: m mute, h hide, s see yourself, w who is there, q hang up (in the window, or here with Enter)";
 
+/// Another person in the call.
+#[derive(Debug, Clone)]
+pub(crate) struct Member {
+    /// What they are called.
+    pub(crate) name: String,
+    /// What the call with them counts and tells.
+    pub(crate) watch: CallWatch,
+    pub(crate) voice: VoiceQueue,
+}
+
+/// The other people who are in the call, by their seats. Clones share it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Members(Arc<Mutex<Vec<Member>>>);
+
+impl Members {
+    pub(crate) fn all(&self) -> Vec<Member> {
+        self.lock().clone()
+    }
+
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Vec<Member>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The other people of a call, as they come, for what shows them.
+pub(crate) struct Guests {
+    pub(crate) newcomers: Receiver<Participant>,
+    pub(crate) controls: Controls,
+}
+
 /// A person's controls of a call. Clones steer the same call.
 #[derive(Debug, Clone)]
 pub(crate) struct Controls {
-    pub(super) privacy: Privacy,
-    pub(super) members: Members,
-    pub(super) clock: Clock,
+    pub(crate) privacy: Privacy,
+    pub(crate) members: Members,
+    pub(crate) clock: Clock,
     /// A look at oneself.
-    pub(super) own: OwnMotion,
-    pub(super) stop: Arc<AtomicBool>,
+    pub(crate) own: OwnMotion,
+    pub(crate) stop: Arc<AtomicBool>,
 }
 
 impl Controls {
@@ -89,7 +122,7 @@ impl Controls {
     }
 
     /// Does what lines of `input` ask for, one key each, until it ends.
-    pub(super) fn listen(&self, input: impl BufRead) {
+    pub(crate) fn listen(&self, input: impl BufRead) {
         // Keys are single characters; a line that is longer is not read into memory whole.
         let mut is_first = true;
         for byte in input.bytes() {
