@@ -76,6 +76,7 @@ impl Alignment {
     /// Between the samples, by a cubic (Catmull and Rom, "A class of local interpolating splines", 1974).
     fn at(&self, position: f64) -> f32 {
         let whole = position.floor();
+        #[allow(clippy::cast_possible_truncation, reason = "it is from 0 to 1")]
         let t = (position - whole) as f32;
         let [a, b, c, d] = [-1.0, 0.0, 1.0, 2.0].map(|k| self.sample(whole + k));
         b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)))

@@ -22,6 +22,10 @@ struct State {
 
 /// What a [`WearerSlot`] has.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one at a time, and nearly all of them are the large one"
+)]
 pub enum WearerNews {
     /// The wearer, as of the newest frame that was not taken yet.
     At(Wearer),

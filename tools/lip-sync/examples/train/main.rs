@@ -5,6 +5,11 @@
 //!
 //! With `fixture IN OUT` it turns what `speech.py fixture` wrote into the tests' file; with `judge held.bin` it judges the built-in network.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "sizes of a corpus that fits the memory"
+)]
+
 mod corpus;
 mod learner;
 
@@ -51,11 +56,11 @@ pub(crate) fn windows(sound: &[f32], mut with: impl FnMut(&[f32; INPUTS], usize)
     let mut front = FrontEnd::default();
     let mut seen = [0.0; INPUTS];
     for (k, sample) in sound.iter().enumerate() {
-        if front.push(*sample) {
-            if let Some(middle) = (k + 1).checked_sub(WINDOW / 2 + AHEAD * STEP) {
-                front.context(&mut seen);
-                with(&seen, middle);
-            }
+        if front.push(*sample)
+            && let Some(middle) = (k + 1).checked_sub(WINDOW / 2 + AHEAD * STEP)
+        {
+            front.context(&mut seen);
+            with(&seen, middle);
         }
     }
 }

@@ -1,5 +1,10 @@
 //! A person in a room whose loudspeaker plays the other one: what is sent of it. The room, the voices and the devices are made here, in f64.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "sizes, and samples of f64 that are handed over as f32"
+)]
+
 mod acoustics;
 mod echo;
 mod level;
