@@ -16,16 +16,18 @@ import sys
 
 CLASSES = ["silence", "a", "e", "i", "o", "u", "fv", "mbp", "other"]
 
-# The first letter of a phoneme in IPA says which mouth it has. Schwa and the vowels that English and German reduce to it have
-# no shape of their own: they are "other", as the tongue's consonants are.
+# The first letter of a phoneme in IPA says which mouth it has. All open vowels are "a", also ɒ, whose lips are hardly
+# round. Schwa, short or long (ɜ), and the vowels that English and German reduce to it have no shape of their own: they are "other", as the tongue's consonants are.
 # Rounded front vowels have the lips of u and o, which is what is seen.
 SHAPES = {
-    "a": "aɑæʌɶ", "e": "eɛɜɘ", "i": "iɪɨᵻ", "o": "oɔɒɤœø", "u": "uʊɯwʉyʏɥ", "fv": "fvʋ", "mbp": "mbpβɓ",
+    "a": "aɑæʌɶɒ", "e": "eɛ", "i": "iɪɨᵻ", "o": "oɔɤœø", "u": "uʊɯwʉyʏɥ", "fv": "fvʋ", "mbp": "mbpβɓ",
 }
 
 TRAIN_VARIANTS = ["", "m1", "m2", "m3", "m5", "m7", "m8", "f1", "f2", "f4", "adam", "anika", "belinda", "boris", "caleb", "ed",
                   "gustave", "iven", "john", "linda", "max", "norbert", "pablo", "quincy", "shelby", "travis", "victor", "Alex",
-                  "Denis", "Gene", "Lee", "Mario", "Michael", "Storm", "steph2", "klatt2"]
+                  "Denis", "Gene", "Lee", "Mario", "Michael", "Storm", "steph2", "klatt2", "Andy", "Annie", "Diogo", "Henrique",
+                  "Hugo", "Jacky", "Marco", "Nguyen", "Tweaky", "RicishayMax", "aunty", "benjamin", "david", "edward", "grandma",
+                  "grandpa", "iven2", "iven3", "kaukovalta", "klatt4", "marcelo", "miguel", "pedro", "rob", "sandro", "michel"]
 HELD_OUT_VARIANTS = ["m4", "m6", "f3", "f5", "Alicia", "Andrea", "paul", "antonio", "zac", "steph"]
 VOICES = {"en": ["en-us", "en"], "de": ["de"], "fr": ["fr"], "es": ["es", "es-419"]}
 
@@ -171,7 +173,7 @@ def main(what, path):
             own = variants if what != "fixture" else [v for k, v in enumerate(variants[:8]) if k % 4 == list(texts).index(language)]
             for variant in own:
                 for voice in VOICES[language] if what != "fixture" else VOICES[language][:1]:
-                    some = chance.sample(said, min(len(said), {"train": 12, "held-out": 4, "fixture": 1}[what]))
+                    some = chance.sample(said, min(len(said), {"train": 9, "held-out": 4, "fixture": 1}[what]))
                     for sentence in some:
                         name = f"{voice}+{variant}" if variant else voice
                         file.write(speaker.say(sentence, name, chance.randint(120, 210), chance.randint(25, 75), chance.randint(30, 75)))

@@ -4,7 +4,7 @@ use crate::CLASSES;
 use crate::front_end::INPUTS;
 
 /// Neurons of the hidden layer.
-pub const HIDDEN: usize = 128;
+pub const HIDDEN: usize = 160;
 /// Its outputs.
 pub const OUTPUTS: usize = CLASSES.len();
 
