@@ -46,6 +46,11 @@ class Call:
             kind = message[0] if isinstance(message, bytes) and message else None
             if kind == wire.PAPER:
                 self.frame(arrived, message)
+            elif kind == wire.STATE:
+                flags, _ = wire.unpack(wire.STATE_MESSAGE, message, self.session)
+                if flags & 3:
+                    raise wire.Refused("state")
+                self.count("states")
             elif kind == wire.PONG:
                 sent, there, left = wire.unpack(wire.PONG_MESSAGE, message, self.session)
                 round_trip, offset = (arrived - sent) - (left - there), ((there - sent) + (left - arrived)) / 2

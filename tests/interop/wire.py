@@ -9,13 +9,14 @@ import struct
 import time
 import urllib.parse
 
-PAPER, COMPACT, FEEDBACK, PONG, BYE = 1, 2, 16, 17, 31
+PAPER, COMPACT, FEEDBACK, PONG, STATE, BYE = 1, 2, 16, 17, 18, 31
 PARAMS = 215
 PAPER_BODY = struct.Struct(f"<{PARAMS}e3f")
 BODY = PAPER_BODY.size
 PAPER_HEADER = struct.Struct("<BBIIQB")
 FEEDBACK_MESSAGE = struct.Struct("<BIIQQ")
 PONG_MESSAGE = struct.Struct("<BIQQQ")
+STATE_MESSAGE = struct.Struct("<BIBQ")
 BYE_MESSAGE = struct.Struct("<BI")
 STORED, LZ4 = 0, 1
 # The side that leaves sends byes until one is answered, but no longer than this.

@@ -88,6 +88,7 @@ fn an_avatar_and_a_name_are_remembered() {
     let link = ada.word_after("mon3tr call ");
     let mut bob = begin(&house, "bob", &voice, &[&link]);
     bob.says("ada has joined", 1);
+    ada.says("bob has joined", 1);
     bob.ends();
     ada.says("bob has left", 1);
     ada.ask_to_end();
