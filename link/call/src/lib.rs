@@ -25,6 +25,7 @@
 //!         CallEvent::Frame { frame, .. } => {
 //!             println!("frame {} at {}", frame.sequence, frame.motion.root_translation);
 //!         }
+//!         CallEvent::State(state) => println!("muted: {}, hidden: {}", state.muted, state.hidden),
 //!         CallEvent::HungUp => println!("the sender has hung up"),
 //!         CallEvent::Failed(error) => return Err(error.into()),
 //!     }
